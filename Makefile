@@ -1,0 +1,54 @@
+# On a fresh machine, `make demo` and `make test` do everything: they make .venv and install first.
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+VENV := .venv
+BIN := $(VENV)/bin
+INSTALLED := $(VENV)/.installed
+DEMO := demo
+
+.DEFAULT_GOAL := help
+.PHONY: help install demo test lint format docs bench clean
+
+help: ## Say what each target does.
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+$(INSTALLED): pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo "Python 3.11 or later is needed; name it as in: make PYTHON=/path/to/python3.11 $(MAKECMDGOALS)" >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	@echo "installing into $(VENV); the first time takes a few minutes"
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt torch
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[test]'
+	@touch $@
+
+install: $(INSTALLED) ## Make .venv and install the project with all that its tests need.
+
+demo: $(INSTALLED) ## Run the main job end to end on synthetic buildings; results in demo/.
+	rm -rf $(DEMO)
+	$(BIN)/bsg-data synth --out $(DEMO)/buildings --scenes 60 --seed 0
+	$(BIN)/bsg-data build --hm3d $(DEMO)/buildings --out $(DEMO)/dataset
+	$(BIN)/bsg-data split $(DEMO)/dataset
+	$(BIN)/bsg-data pairs $(DEMO)/dataset --draws 10
+	$(BIN)/bsg-data check $(DEMO)/dataset
+	$(BIN)/bsg-data info $(DEMO)/dataset --figure $(DEMO)/classes.png
+
+test: $(INSTALLED) lint ## Run every check: format, lint, types, tests.
+	$(BIN)/python -m pytest
+
+lint: $(INSTALLED) ## Check format, style and types.
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+format: $(INSTALLED) ## Format the code and mend what ruff can mend.
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+docs: $(INSTALLED) ## Write the generated parts of the docs anew.
+	$(BIN)/python scripts/write_docs.py
+
+bench: $(INSTALLED) ## Run the benchmarks, each beside what it is compared with.
+	$(BIN)/python -m pytest --benchmark-only --override-ini addopts="--import-mode=importlib" tests
+
+clean: ## Remove the environment, the demo and all caches.
+	rm -rf $(VENV) $(DEMO) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

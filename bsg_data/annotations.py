@@ -1,0 +1,116 @@
+"""HM3D's own annotation text: `<hash>.semantic.txt`.
+
+The first line contains `HM3D Semantic Annotations`; every other is `id,HEXRGB,"name",region`.
+Quirks of the real files: names hold commas, slashes, odd case and non-ASCII letters; colours lack
+their leading zeros; region ids of 0 and more are rooms, negative ones are the null region; ids may
+be out of order; a blank or `unknown` name is an object without a class.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from bsg_data.errors import AnnotationError, SourceError
+
+HEADER = "HM3D Semantic Annotations"
+MAX_BYTES = 64 * 2**20  # the largest real file is below 1 MiB
+_ROW = re.compile(r'([0-9]{1,9}),([0-9A-Fa-f]{1,6}),"(.*)",(-?[0-9]{1,9})')
+_EXPECTED = 'id,HEXRGB,"name",region (for example 12,0F3A9C,"chair",4)'
+
+
+@dataclass(frozen=True, slots=True)
+class Instance:
+    """One annotated instance as its source gives it.
+
+    Attributes:
+        instance_id: unique in its scene.
+        name: the free text, exactly as annotated.
+        region_id: its region; negative is the null region.
+        colour: RRGGBB, upper case, six digits; None where the source has none.
+    """
+
+    instance_id: int
+    name: str
+    region_id: int
+    colour: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Annotation:
+    """The annotation of one scene.
+
+    Attributes:
+        instances: sorted by instance id.
+        sha256: hash of the bytes that it was read from.
+    """
+
+    instances: tuple[Instance, ...]
+    sha256: str
+
+
+def read_annotation(path: Path) -> Annotation:
+    """Read one `semantic.txt`.
+
+    Raises:
+        SourceError: if the file cannot be read or is far too large.
+        AnnotationError: naming the first line that is malformed.
+    """
+    try:
+        size = path.stat().st_size
+        if size > MAX_BYTES:
+            raise SourceError(f"{path}: {size} bytes; an annotation has at most {MAX_BYTES}")
+        data = path.read_bytes()
+    except OSError as error:
+        raise SourceError(f"{path}: cannot be read ({error.strerror})") from error
+    return Annotation(parse_annotation(data, path=path), hashlib.sha256(data).hexdigest())
+
+
+def parse_annotation(data: bytes, *, path: Path) -> tuple[Instance, ...]:
+    """Parse the bytes of one `semantic.txt` into instances sorted by id.
+
+    Args:
+        data: the file's content.
+        path: named in errors.
+
+    Raises:
+        AnnotationError: for the first malformed line, wrong encoding, a repeated id or colour, or
+            a file without instances.
+    """
+    lines = _decode(data, path).split("\n")  # not splitlines(): a name may hold a U+2028
+    if HEADER not in lines[0]:
+        raise AnnotationError(path, 1, lines[0], expected=repr(HEADER))
+    instances: dict[int, Instance] = {}
+    colours: set[str] = set()
+    for number, line in enumerate(lines[1:], start=2):
+        if not line.strip():
+            continue
+        instance = _parse_row(line, path, number)
+        if instance.instance_id in instances:
+            raise AnnotationError(path, number, line, expected="an id that no earlier line has")
+        if instance.colour in colours:
+            raise AnnotationError(path, number, line, expected="a colour that no earlier line has")
+        instances[instance.instance_id] = instance
+        colours.add(str(instance.colour))
+    if not instances:
+        raise AnnotationError(path, None, "", expected="at least one annotated instance")
+    return tuple(instances[key] for key in sorted(instances))
+
+
+def _decode(data: bytes, path: Path) -> str:
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        number = data.count(b"\n", 0, error.start) + 1
+        line = data.split(b"\n")[number - 1].decode("utf-8", "backslashreplace")
+        raise AnnotationError(path, number, line, expected="UTF-8 text") from error
+
+
+def _parse_row(line: str, path: Path, number: int) -> Instance:
+    match = _ROW.fullmatch(line.rstrip())
+    if match is None:
+        raise AnnotationError(path, number, line, expected=_EXPECTED)
+    instance_id, colour, name, region = match.groups()
+    return Instance(int(instance_id), name, int(region), colour.upper().zfill(6))

@@ -1,0 +1,273 @@
+"""Build a dataset: find the scenes of a source, read each, write shards, publish.
+
+The work grows in `<out>.partial` and becomes `<out>` by one rename. A shard that is done leaves a
+report there, so that a build which was stopped goes on where it was; the bytes are the same with
+one worker or many, stopped or not.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+from collections import Counter
+from collections.abc import Callable
+from concurrent.futures import Executor
+from importlib.metadata import version
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from bsg_data.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
+from bsg_data.errors import DatasetError, SourceError, UnmappedNameError
+from bsg_data.executors import run_all
+from bsg_data.manifest import (
+    MANIFEST,
+    ClassMapEntry,
+    FileEntry,
+    Manifest,
+    SkipEntry,
+    SourceEntry,
+    Totals,
+    UnmappedEntry,
+)
+from bsg_data.publication import publish
+from bsg_data.recipes import Record
+from bsg_data.scene_graph import SceneGraph
+from bsg_data.schema import FORMAT_VERSION
+from bsg_data.shards import describe_file, write_bytes, write_shards
+from bsg_data.sources import FoundScenes, SceneRef, Source
+
+SCENES_PER_SHARD = 16
+_REPORTS = ".reports"
+
+
+class BuildRecipe(Record):
+    """All that the bytes of a build depend on; a build resumes only its own recipe."""
+
+    format_version: int = FORMAT_VERSION
+    generator: str
+    source: SourceEntry
+    class_map: ClassMapEntry
+    scenes_per_shard: int
+
+
+class ShardReport(Record):
+    """What one shard holds and what was left out of it."""
+
+    files: tuple[FileEntry, ...]
+    totals: Totals
+    skipped: tuple[SkipEntry, ...]
+    unmapped: dict[str, int]
+
+
+def build_dataset(
+    source: Source,
+    out: Path,
+    *,
+    class_map: str = DEFAULT_CLASS_MAP,
+    strict: bool = False,
+    force: bool = False,
+    scenes_per_shard: int = SCENES_PER_SHARD,
+    executor: Executor | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Manifest:
+    """Build the dataset of a source and return its manifest.
+
+    Args:
+        source: an `HM3DFolder`, an `HM3DStatistics` or your own `Source`.
+        out: folder of the dataset; absent or empty, or a dataset to replace under `force`.
+        class_map: version of a published map, or the path of your own.
+        strict: fail on the first malformed scene or unmapped name instead of reporting it.
+        force: replace a finished dataset; it stays until the new one is finished.
+        scenes_per_shard: scenes found per part of each table.
+        executor: where shards are made; None makes them one after another here.
+        progress: called with (shards done, shards in all).
+
+    Raises:
+        SourceError: if no scene is found or none can be read; under `strict`, for any.
+        UnmappedNameError: under `strict`, for a name that is not in the map.
+        DatasetError: if `out` is in the way or cannot be written.
+    """
+    out = out.absolute()
+    loaded = load_class_map(class_map)
+    _refuse_overwriting(out, force=force)
+    found = source.find()
+    recipe = _recipe(source, found, loaded, scenes_per_shard)
+    partial = _open_partial(out, recipe)
+    parts = [
+        found.scenes[start : start + scenes_per_shard]
+        for start in range(0, len(found.scenes), scenes_per_shard)
+    ]
+    tasks = [
+        (source, refs, partial, number, class_map, strict) for number, refs in enumerate(parts)
+    ]
+    reports = run_all(_make_shard, tasks, executor=executor, progress=progress)
+    manifest = _summarise(recipe, found, reports, loaded)
+    if not manifest.totals.scenes:
+        shutil.rmtree(partial)
+        reasons = "\n  ".join(f"{s.location}: {s.reason}" for s in manifest.skipped[:5])
+        raise SourceError(
+            f"{source.path}: {len(found.scenes)} scenes found and none could be read:\n  {reasons}"
+        )
+    publish(partial, manifest)
+    _move_into_place(partial, out)
+    return manifest
+
+
+def _make_shard(
+    source: Source,
+    refs: tuple[SceneRef, ...],
+    folder: Path,
+    part: int,
+    class_map: str,
+    strict: bool,
+) -> ShardReport:
+    """Make one shard, unless an earlier run of the same build did."""
+    path = folder / _REPORTS / f"part-{part:05d}.json"
+    done = _read_report(path, folder)
+    if done is not None:
+        return done
+    loaded = load_class_map(class_map)
+    graphs, skipped = [], []
+    unmapped: Counter[str] = Counter()
+    for ref in refs:
+        try:
+            graph = source.read(ref, loaded)
+        except SourceError as error:
+            if strict:
+                raise
+            skip = SkipEntry(scene_id=ref.scene_id, location=ref.location, reason=str(error))
+            skipped.append(skip)
+            continue
+        names = [obj.raw_category for obj in graph.objects if obj.category is None]
+        if names and strict:
+            raise UnmappedNameError(_unmapped_message(ref, names[0], loaded))
+        unmapped.update(names)
+        graphs.append(graph)
+    report = ShardReport(
+        files=write_shards(graphs, folder, part=part, class_map=ClassMapEntry.of(loaded)),
+        totals=_total(graphs),
+        skipped=tuple(skipped),
+        unmapped=dict(unmapped),
+    )
+    write_bytes(path, report.model_dump_json().encode())
+    return report
+
+
+def _read_report(path: Path, folder: Path) -> ShardReport | None:
+    """Return the report of a finished shard if its files are still what it says."""
+    try:
+        report = ShardReport.model_validate_json(path.read_bytes())
+        for entry in report.files:
+            if describe_file(folder, entry.path, rows=entry.rows) != entry:
+                return None
+    except (OSError, ValidationError):
+        return None
+    return report
+
+
+def _total(graphs: list[SceneGraph]) -> Totals:
+    objects = [obj for graph in graphs for obj in graph.objects]
+    return Totals(
+        scenes=len(graphs),
+        rooms=sum(len(graph.rooms) for graph in graphs),
+        objects=len(objects),
+        classified=sum(obj.class_index is not None for obj in objects),
+        unmapped=sum(obj.category is None for obj in objects),
+    )
+
+
+def _recipe(
+    source: Source, found: FoundScenes, class_map: ClassMap, scenes_per_shard: int
+) -> BuildRecipe:
+    versions = sorted({ref.source_version for ref in found.scenes if ref.source_version})
+    digest = hashlib.sha256()
+    for ref in found.scenes:
+        digest.update(f"{ref.scene_id}\t{ref.source_split}\t{ref.fingerprint}\n".encode())
+    return BuildRecipe(
+        generator=f"belief-scene-graphs {version('belief-scene-graphs')}",
+        source=SourceEntry(
+            kind=source.kind,
+            version=", ".join(versions) or None,
+            fingerprint=digest.hexdigest(),
+        ),
+        class_map=ClassMapEntry.of(class_map),
+        scenes_per_shard=scenes_per_shard,
+    )
+
+
+def _summarise(
+    recipe: BuildRecipe, found: FoundScenes, reports: list[ShardReport], class_map: ClassMap
+) -> Manifest:
+    unmapped: Counter[str] = Counter()
+    for report in reports:
+        unmapped.update(report.unmapped)
+    duplicates = [
+        SkipEntry(scene_id=skip.scene_id, location=skip.location, reason=skip.reason)
+        for skip in found.duplicates
+    ]
+    fields = Totals.model_fields
+    return Manifest(
+        generator=recipe.generator,
+        source=recipe.source,
+        class_map=recipe.class_map,
+        options={"scenes_per_shard": recipe.scenes_per_shard},
+        totals=Totals(**{f: sum(getattr(r.totals, f) for r in reports) for f in fields}),
+        files=tuple(sorted((f for r in reports for f in r.files), key=lambda f: f.path)),
+        skipped=(*(skip for r in reports for skip in r.skipped), *duplicates),
+        unmapped=tuple(
+            UnmappedEntry(name=name, instances=count, nearest=class_map.nearest(name))
+            for name, count in sorted(unmapped.items(), key=lambda item: (-item[1], item[0]))
+        ),
+    )
+
+
+def _unmapped_message(ref: SceneRef, name: str, class_map: ClassMap) -> str:
+    near = ", ".join(repr(n) for n in class_map.nearest(name)) or "none"
+    return (
+        f"{ref.location}: {name!r} is not in class map {class_map.version} (nearest: {near}); "
+        "leave --strict out to keep such objects without a class, or use a map that lists it"
+    )
+
+
+def _refuse_overwriting(out: Path, *, force: bool) -> None:
+    if not out.exists() or (out.is_dir() and not any(out.iterdir())):
+        return
+    if not (out / MANIFEST).is_file():
+        raise DatasetError(
+            f"{out}: is there and is no dataset, so it is left alone; choose another --out"
+        )
+    if not force:
+        raise DatasetError(f"{out}: is a finished dataset; --force replaces it")
+
+
+def _open_partial(out: Path, recipe: BuildRecipe) -> Path:
+    """Return the folder that the dataset grows in, keeping what the same build left there."""
+    partial = out.with_name(f"{out.name}.partial")
+    path = partial / _REPORTS / "recipe.json"
+    wanted = recipe.model_dump_json().encode()
+    if partial.exists():
+        if not path.is_file() and not (partial / MANIFEST).is_file():
+            raise DatasetError(f"{partial}: is in the way and no build of ours; move it away")
+        if path.is_file() and path.read_bytes() == wanted:
+            return partial
+        shutil.rmtree(partial)  # of a build that was stopped and is not this one
+    write_bytes(path, wanted)
+    return partial
+
+
+def _move_into_place(partial: Path, out: Path) -> None:
+    """Rename the finished dataset to its place; an old one is removed only after that."""
+    shutil.rmtree(partial / _REPORTS)
+    old = out.with_name(f".{out.name}.replaced")
+    try:
+        if old.exists():
+            shutil.rmtree(old)
+        if (out / MANIFEST).exists():
+            out.rename(old)
+        partial.rename(out)
+    except OSError as error:
+        raise DatasetError(
+            f"{out}: cannot be put in place ({error.strerror}); the finished dataset is {partial}"
+        ) from error
+    shutil.rmtree(old, ignore_errors=True)

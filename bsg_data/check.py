@@ -1,0 +1,137 @@
+"""Check that a dataset is what its manifest says, and that the tables agree with each other.
+
+Nothing here trusts the writer: every fact is read again from the files.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from bsg_data.check_pairs import (
+    check_every_scene_has_pairs,
+    check_pairs,
+    check_splits,
+    count_frames,
+)
+from bsg_data.check_tables import check_edges, check_objects, check_scenes
+from bsg_data.class_map import list_class_maps, load_class_map
+from bsg_data.errors import BSGError, ClassMapError
+from bsg_data.faults import Fault
+from bsg_data.manifest import MANIFEST, FileEntry, Manifest, read_manifest
+from bsg_data.publication import CARD, CROISSANT
+from bsg_data.schema import SPLITS, TABLES, pairs_schema
+from bsg_data.shards import check_file_metadata, describe_file
+
+
+def check_dataset(
+    dataset: Path, *, progress: Callable[[int, int], None] | None = None
+) -> tuple[Fault, ...]:
+    """Return every fault of a dataset; none for a sound one.
+
+    Raises:
+        DatasetError: if the manifest cannot be read, so that there is nothing to check against.
+    """
+    manifest = read_manifest(dataset)
+    faults = [*_check_class_map(manifest), *_check_strays(dataset, manifest)]
+    tables: dict[str, list[tuple[FileEntry, pa.Table]]] = {}
+    for done, entry in enumerate(manifest.files, start=1):
+        found, table = _check_file(dataset, entry, manifest)
+        faults += found
+        if table is not None:
+            tables.setdefault(_table_of(entry), []).append((entry, table))
+        if progress is not None:
+            progress(done, len(manifest.files))
+    if faults:  # the rows of a damaged file would only raise more of the same
+        return tuple(faults)
+    frames = {name: pa.concat_tables(t for _, t in tables[name]).to_pandas() for name in TABLES}
+    faults += check_scenes(frames, manifest)
+    if faults:
+        return tuple(faults)
+    faults += [*check_objects(frames, manifest), *check_edges(frames)]
+    if faults or manifest.split is None:
+        return tuple(faults)
+    splits = tables["splits"][0][1].to_pandas()
+    faults += check_splits(splits, frames["scenes"], manifest)
+    cells = count_frames(frames, manifest)
+    for entry, table in tables.get("pairs", []):
+        faults += check_pairs(entry, table, cells=cells, splits=splits, manifest=manifest)
+    if manifest.pairs is not None:
+        faults += check_every_scene_has_pairs(tables.get("pairs", []), splits)
+    return tuple(faults)
+
+
+def _check_class_map(manifest: Manifest) -> Iterator[Fault]:
+    ours = manifest.class_map
+    if ours.version not in list_class_maps():
+        return  # a map of the user's own: there is nothing published to compare with
+    try:
+        published = load_class_map(ours.version)
+    except ClassMapError as error:
+        yield Fault(MANIFEST, str(error))
+        return
+    if (published.sha256, published.classes) != (ours.sha256, ours.classes):
+        yield Fault(
+            MANIFEST,
+            f"class map {ours.version} is not the published one: expected sha256 "
+            f"{published.sha256}, found {ours.sha256}",
+        )
+
+
+def _check_strays(dataset: Path, manifest: Manifest) -> Iterator[Fault]:
+    known = {entry.path for entry in manifest.files} | {MANIFEST, CARD, CROISSANT}
+    for path in sorted(dataset.rglob("*")):
+        name = path.relative_to(dataset).as_posix()
+        if path.is_file() and name not in known:
+            yield Fault(name, "is not in the manifest: left by a stopped command, or put there")
+    for name in (CARD, CROISSANT):
+        if not (dataset / name).is_file():
+            yield Fault(name, "is missing; any of build, split or pairs writes it again")
+
+
+def _table_of(entry: FileEntry) -> str:
+    return entry.path.split("/")[0].removesuffix(".parquet")
+
+
+def _check_file(
+    dataset: Path, entry: FileEntry, manifest: Manifest
+) -> tuple[list[Fault], pa.Table | None]:
+    path = dataset / entry.path
+    if not path.is_file():
+        return [Fault(entry.path, "is in the manifest but not there")], None
+    faults = []
+    try:
+        found = describe_file(dataset, entry.path, rows=entry.rows)
+        if found != entry:
+            faults.append(
+                Fault(
+                    entry.path,
+                    f"was changed: expected {entry.bytes} bytes, sha256 {entry.sha256[:12]}…, "
+                    f"found {found.bytes} bytes, sha256 {found.sha256[:12]}…",
+                )
+            )
+        table = pq.ParquetFile(path).read()
+        check_file_metadata(path, table.schema, manifest)
+    except BSGError as error:
+        return [*faults, Fault(entry.path, str(error))], None
+    except (OSError, pa.ArrowInvalid) as error:
+        return [*faults, Fault(entry.path, f"is not readable parquet: {error}")], None
+    expected = {
+        **TABLES,
+        "splits": SPLITS,
+        "pairs": pairs_schema(len(manifest.class_map.classes)),
+    }[_table_of(entry)]
+    if not table.schema.equals(expected, check_metadata=False):
+        faults.append(Fault(entry.path, f"expected the columns\n{expected}\nfound\n{table.schema}"))
+        return faults, None
+    if len(table) != entry.rows:
+        faults.append(Fault(entry.path, f"expected {entry.rows} rows, found {len(table)}"))
+    faults += [
+        Fault(entry.path, f"column {field.name} has nulls and must not")
+        for field in expected
+        if not field.nullable and table[field.name].null_count
+    ]
+    return faults, table

@@ -1,0 +1,121 @@
+"""Check that scenes, rooms, objects and edges agree with each other and with the class map."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pandas as pd
+
+from bsg_data.class_map import list_class_maps, load_class_map
+from bsg_data.faults import Fault
+from bsg_data.manifest import MANIFEST, Manifest
+from bsg_data.sources import building_of
+
+
+def check_scenes(frames: dict[str, pd.DataFrame], manifest: Manifest) -> Iterator[Fault]:
+    """Check keys, orders and counts."""
+    scenes, rooms, objects = frames["scenes"], frames["rooms"], frames["objects"]
+    ids = scenes["scene_id"]
+    if ids.duplicated().any():
+        for scene in ids[ids.duplicated()]:
+            yield Fault("scenes", f"{scene} is there twice")
+        return  # nothing else can be told apart
+    if not ids.is_monotonic_increasing:
+        yield Fault("scenes", "is not sorted by scene_id")
+    buildings = ids.map(building_of)
+    for building in buildings[buildings.duplicated()]:
+        yield Fault("scenes", f"building {building} is there under two scene ids")
+    for name, frame in (("rooms", rooms), ("objects", objects), ("edges", frames["edges"])):
+        for scene in sorted(set(frame["scene_id"]) - set(ids)):
+            yield Fault(name, f"{scene} is no scene of the dataset")
+    classified = objects[objects["class_index"].notna()]
+    for column, frame in (
+        ("num_rooms", rooms),
+        ("num_objects", objects),
+        ("num_classified", classified),
+    ):
+        found = frame.groupby("scene_id").size().reindex(ids, fill_value=0)
+        for scene, said, counted in zip(ids, scenes[column], found, strict=True):
+            if said != counted:
+                yield Fault("scenes", f"{scene}: {column} is {said}, {counted} are there")
+    totals = manifest.totals
+    for what, said, counted in (
+        ("scenes", totals.scenes, len(scenes)),
+        ("rooms", totals.rooms, len(rooms)),
+        ("objects", totals.objects, len(objects)),
+        ("classified", totals.classified, len(classified)),
+        ("unmapped", totals.unmapped, int(objects["category"].isna().sum())),
+    ):
+        if said != counted:
+            yield Fault(MANIFEST, f"totals.{what} is {said}, {counted} are there")
+    for name, frame, key in (("rooms", rooms, "room_index"), ("objects", objects, "object_index")):
+        expected = frame.groupby("scene_id").cumcount() + 1
+        for scene in frame["scene_id"][frame[key] != expected].unique():
+            yield Fault(name, f"{scene}: {key} does not run 1, 2, 3, …")
+
+
+def check_objects(frames: dict[str, pd.DataFrame], manifest: Manifest) -> Iterator[Fault]:
+    """Check that every object is in a room of its scene and in the class that the map says."""
+    objects = frames["objects"]
+    classes = manifest.class_map.classes
+    rooms = frames["scenes"].set_index("scene_id")["num_rooms"]
+    limit = objects["scene_id"].map(rooms).astype(float)
+    outside = (objects["room_index"] < 0) | (objects["room_index"] > limit)
+    yield from _each(objects, outside, "room_index is not 0..R")
+    index = objects["class_index"]
+    yield from _each(objects, index >= len(classes), f"class_index is not 0..{len(classes) - 1}")
+    named = index.map(dict(enumerate(classes)))
+    wrong = (named != objects["class"]) & ~(named.isna() & objects["class"].isna())
+    yield from _each(objects, wrong, "class is not the name of class_index")
+    for column in ("instance_id", "object_index"):
+        repeated = objects.duplicated(["scene_id", column])
+        yield from _each(objects, repeated, f"{column} is there twice")
+    if manifest.class_map.version in list_class_maps():
+        published = load_class_map(manifest.class_map.version)
+        names = objects["raw_category"].unique()
+        looked_up = {name: published.lookup(name) for name in names}
+        classed = {name: np.nan if e is None else e.class_index for name, e in looked_up.items()}
+        by_map = objects["raw_category"].map(classed).astype(float)
+        differs = (by_map != index) & ~(by_map.isna() & index.isna())
+        yield from _each(objects, differs, f"class_index is not what {published.version} says")
+
+
+def _each(objects: pd.DataFrame, wrong: pd.Series[bool], what: str) -> Iterator[Fault]:
+    """Name the first objects at fault and count the rest."""
+    rows = objects[wrong.fillna(False)]
+    for row in rows.head(3).itertuples():
+        yield Fault("objects", f"{row.scene_id}, object {row.object_index}: {what}")
+    if len(rows) > 3:
+        yield Fault("objects", f"… and {len(rows) - 3} more: {what}")
+
+
+def check_edges(frames: dict[str, pd.DataFrame]) -> Iterator[Fault]:
+    """Containment is exactly what rooms and objects say; adjacency joins two rooms, once."""
+    edges = frames["edges"]
+    rooms = frames["scenes"].set_index("scene_id")["num_rooms"]
+    objects = frames["objects"]
+    to_rooms = frames["rooms"][["scene_id", "room_index"]].rename(columns={"room_index": "target"})
+    to_objects = pd.DataFrame(
+        {
+            "scene_id": objects["scene_id"],
+            "source": objects["room_index"],
+            "target": objects["object_index"] + objects["scene_id"].map(rooms).astype(float),
+        }
+    )
+    expected = pd.concat([to_rooms.assign(source=0), to_objects])
+    found = edges.loc[edges["kind"] == "contains", ["scene_id", "source", "target"]]
+    both = expected.merge(found, how="outer", indicator=True)
+    for scene in both.loc[both["_merge"] != "both", "scene_id"].unique():
+        yield Fault("edges", f"{scene}: contains edges are not what rooms and objects say")
+    if found.duplicated().any():
+        yield Fault("edges", "a contains edge is there twice")
+    adjacent = edges[edges["kind"] == "adjacent"]
+    limit = adjacent["scene_id"].map(rooms).astype(float)
+    wrong = ~((adjacent["source"] >= 1) & (adjacent["source"] < adjacent["target"]))
+    wrong |= adjacent["target"] > limit
+    wrong |= adjacent.duplicated(["scene_id", "source", "target"])
+    for scene in adjacent.loc[wrong, "scene_id"].unique():
+        yield Fault("edges", f"{scene}: an adjacent edge does not join two rooms once, low to high")
+    for kind in sorted(set(edges["kind"]) - {"contains", "adjacent"}):
+        yield Fault("edges", f"kind {kind!r} is neither contains nor adjacent")

@@ -1,0 +1,76 @@
+"""Every error that `bsg_data` raises on purpose, and the one above those of all rooms.
+
+    BSGError                   above all errors of the project, `bsg_models`' too
+    ├── SourceError            a source is not where it should be, or holds nothing
+    │   └── AnnotationError    one line of one annotation file is malformed
+    ├── ClassMapError          a class map is missing, malformed or not the published one
+    │   └── UnmappedNameError  a name is not in the class map, and the caller asked for strictness
+    ├── DatasetError           a dataset is missing, unfinished, damaged or already there
+    │   └── MismatchError      two things of different class maps or formats would be mixed
+    └── RecipeError            a mask, split or build was asked for that cannot be made
+
+A message names the file, the line or the id, what was expected, what was found, and what to do.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class BSGError(Exception):
+    """Stand above every error that the project raises on purpose."""
+
+
+class SourceError(BSGError):
+    """Report a source that is missing, unreadable or empty."""
+
+
+class AnnotationError(SourceError):
+    """Report one malformed line of an annotation file.
+
+    Attributes:
+        path: the file.
+        line_number: counted from 1, or None when the whole file is at fault.
+        line: the offending text, shortened.
+        expected: what should have stood there.
+    """
+
+    def __init__(
+        self, path: Path | str, line_number: int | None, line: str, *, expected: str
+    ) -> None:
+        self.path = Path(path)
+        self.line_number = line_number
+        self.line = line if len(line) <= 120 else line[:117] + "..."
+        self.expected = expected
+        where = f"{self.path}" if line_number is None else f"{self.path}, line {line_number}"
+        super().__init__(f"{where}: expected {expected}, found {self.line!r}")
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Survive the way back from a worker process."""
+        return _annotation_error, (self.path, self.line_number, self.line, self.expected)
+
+
+def _annotation_error(
+    path: Path, line_number: int | None, line: str, expected: str
+) -> AnnotationError:
+    return AnnotationError(path, line_number, line, expected=expected)
+
+
+class ClassMapError(BSGError):
+    """Report a class map that is missing, malformed or changed since it was published."""
+
+
+class UnmappedNameError(ClassMapError):
+    """Report a name that the class map does not know, under `--strict`."""
+
+
+class DatasetError(BSGError):
+    """Report a dataset that is missing, unfinished, damaged or in the way."""
+
+
+class MismatchError(DatasetError):
+    """Report two things of different class maps or format versions that would be mixed."""
+
+
+class RecipeError(BSGError):
+    """Report a mask, a split or a build that cannot be made as asked."""

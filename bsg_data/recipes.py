@@ -1,0 +1,54 @@
+"""Recipes: all that a split or a mask depends on, stored in the manifest of the dataset."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Strategy = Literal["uniform", "rooms", "frontier"]
+
+
+class Record(BaseModel):
+    """A frozen record that refuses unknown keys."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class SplitRecipe(Record):
+    """How buildings are assigned to splits.
+
+    Attributes:
+        method: `ratios`; `official`, the source's val as test and a val carved out of its train;
+            or `folds` for cross-validation.
+        seed: of the shuffle of the buildings.
+        ratios: shares of train, val and test; of train and val alone under `official` (the third
+            is 0); None under `folds`.
+        folds: number of folds; None otherwise.
+    """
+
+    method: Literal["ratios", "official", "folds"] = "ratios"
+    seed: int = Field(default=0, ge=0)
+    ratios: tuple[float, float, float] | None = (0.8, 0.1, 0.1)
+    folds: int | None = None
+
+
+class MaskRecipe(Record):
+    """How objects are hidden: with a scene and a draw, this is all that a mask depends on.
+
+    Attributes:
+        strategy: `uniform` (the paper's), `rooms` or `frontier`; see `bsg_data.masks`.
+        fraction: share of a building's classified objects to hide, 0..1.
+        seed: of the generator.
+    """
+
+    strategy: Strategy = "uniform"
+    fraction: float = Field(default=0.5, ge=0.0, le=1.0)
+    seed: int = Field(default=0, ge=0)
+
+
+class PairsRecipe(Record):
+    """How masked pairs are drawn: a mask, and how many draws of every building."""
+
+    mask: MaskRecipe = MaskRecipe()
+    draws: int = Field(default=10, ge=1)

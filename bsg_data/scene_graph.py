@@ -1,0 +1,141 @@
+"""The records of a 3D scene graph: one building, its rooms, their objects (paper, section II).
+
+Node indices run over the whole graph: 0 is the building, 1..R the rooms in the order of their
+region id, R+1..R+O the objects in the order of their instance id. The nodes of interest 𝒩 are the
+first 1+R. Everything is metres, Z up, right-handed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+Point = tuple[float, float, float]
+EdgeKind = Literal["contains", "adjacent"]
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """An axis-aligned box.
+
+    Attributes:
+        minimum: its lowest corner (x, y, z), metres.
+        maximum: its highest corner (x, y, z), metres.
+    """
+
+    minimum: Point
+    maximum: Point
+
+
+@dataclass(frozen=True, slots=True)
+class SceneObject:
+    """One annotated object.
+
+    Attributes:
+        object_index: 1..O in the order of the instance ids.
+        instance_id: the id that the annotation gives it.
+        room_index: its room, 1..R; `BUILDING` for an object of the null region.
+        raw_category: its name exactly as annotated.
+        category: the corrected name by the class map; None if the map does not know the name.
+        class_index: its class by the class map; None for an object without a class.
+        colour: its colour in the semantic mesh as RRGGBB; None where the source has none.
+        centroid: metres; None without geometry.
+        box: metres; None without geometry.
+    """
+
+    BUILDING: ClassVar[int] = 0
+
+    object_index: int
+    instance_id: int
+    room_index: int
+    raw_category: str
+    category: str | None
+    class_index: int | None
+    colour: str | None = None
+    centroid: Point | None = None
+    box: Box | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Room:
+    """One room: a region of the annotation with an id of 0 or more.
+
+    Attributes:
+        room_index: 1..R in the order of the region ids.
+        region_id: the annotation's own id; 0 is a real room.
+        source_label: a label that the source gives ("kitchen"); models never read it.
+        centroid: metres; None without geometry.
+        box: metres; None without geometry.
+        floor_index: the storey, from 0 at the bottom; None where unknown.
+    """
+
+    LABEL: ClassVar[str] = "room"  # paper, section III-B: one general label for all rooms
+
+    room_index: int
+    region_id: int
+    source_label: str | None = None
+    centroid: Point | None = None
+    box: Box | None = None
+    floor_index: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Edge:
+    """One edge between two nodes.
+
+    Attributes:
+        source: node index; the parent of a `contains` edge.
+        target: node index; the child of a `contains` edge. An `adjacent` edge is undirected and
+            stored once, with source < target.
+        kind: `contains` or `adjacent`.
+        method: how the edge is known ("annotation", "layout", ...).
+        distance_m: metres between the two; None where unknown.
+    """
+
+    source: int
+    target: int
+    kind: EdgeKind
+    method: str
+    distance_m: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SceneGraph:
+    """One building as a 3D scene graph 𝒢.
+
+    Attributes:
+        scene_id: e.g. `00006-HkseAnWCgqk`.
+        source: the kind of source, e.g. `hm3d`.
+        source_version: e.g. `v0.2`; None where the source does not say.
+        source_split: the split that the source puts the building in; None where it does not say.
+        annotation_sha256: hash of the annotation that the graph was read from.
+        rooms: in the order of `room_index`.
+        objects: in the order of `object_index`.
+        adjacency: the `adjacent` edges, sorted; containment follows from the objects.
+        up_axis: the axis that pointed up in the source's geometry; None without geometry.
+    """
+
+    scene_id: str
+    source: str
+    source_version: str | None
+    source_split: str | None
+    annotation_sha256: str
+    rooms: tuple[Room, ...]
+    objects: tuple[SceneObject, ...]
+    adjacency: tuple[Edge, ...] = ()
+    up_axis: str | None = None
+
+    @property
+    def has_geometry(self) -> bool:
+        """Say whether any object has a box."""
+        return any(obj.box is not None for obj in self.objects)
+
+    def edges(self) -> Iterator[Edge]:
+        """Yield building → rooms, rooms → objects, then adjacency."""
+        rooms = len(self.rooms)
+        for room in self.rooms:
+            yield Edge(0, room.room_index, "contains", "annotation")
+        for obj in self.objects:
+            yield Edge(obj.room_index, rooms + obj.object_index, "contains", "annotation")
+        yield from self.adjacency

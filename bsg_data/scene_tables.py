@@ -1,0 +1,167 @@
+"""Scene graphs as columns of the dataset's tables, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import pyarrow as pa
+
+from bsg_data.scene_graph import Box, Edge, Point, Room, SceneGraph, SceneObject
+from bsg_data.schema import TABLES
+
+_POSITION = (
+    ("centroid_x", "centroid_y", "centroid_z"),
+    ("box_min_x", "box_min_y", "box_min_z"),
+    ("box_max_x", "box_max_y", "box_max_z"),
+)
+
+
+def collect_columns(
+    graphs: Iterable[SceneGraph], *, classes: tuple[str, ...]
+) -> dict[str, dict[str, list[Any]]]:
+    """Collect scene graphs as columns: table → column → values, scenes in the order given."""
+    columns: dict[str, dict[str, list[Any]]] = {
+        name: {column: [] for column in schema.names} for name, schema in TABLES.items()
+    }
+
+    def append(table: str, **row: Any) -> None:
+        for column, values in columns[table].items():
+            values.append(row[column])
+
+    for graph in graphs:
+        append(
+            "scenes",
+            scene_id=graph.scene_id,
+            source=graph.source,
+            source_version=graph.source_version,
+            source_split=graph.source_split,
+            num_rooms=len(graph.rooms),
+            num_objects=len(graph.objects),
+            num_classified=sum(obj.class_index is not None for obj in graph.objects),
+            has_geometry=graph.has_geometry,
+            up_axis=graph.up_axis,
+            annotation_sha256=graph.annotation_sha256,
+        )
+        for room in graph.rooms:
+            append(
+                "rooms",
+                scene_id=graph.scene_id,
+                room_index=room.room_index,
+                region_id=room.region_id,
+                label=Room.LABEL,
+                source_label=room.source_label,
+                floor_index=room.floor_index,
+                **_position_columns(room),
+            )
+        for obj in graph.objects:
+            append(
+                "objects",
+                **{"class": None if obj.class_index is None else classes[obj.class_index]},
+                scene_id=graph.scene_id,
+                object_index=obj.object_index,
+                instance_id=obj.instance_id,
+                room_index=obj.room_index,
+                raw_category=obj.raw_category,
+                category=obj.category,
+                class_index=obj.class_index,
+                colour=obj.colour,
+                has_geometry=obj.box is not None,
+                **_position_columns(obj),
+            )
+        for edge in graph.edges():
+            append(
+                "edges",
+                scene_id=graph.scene_id,
+                source=edge.source,
+                target=edge.target,
+                kind=edge.kind,
+                method=edge.method,
+                distance_m=edge.distance_m,
+            )
+    return columns
+
+
+def _position_columns(node: Room | SceneObject) -> dict[str, float | None]:
+    points = (node.centroid, *((node.box.minimum, node.box.maximum) if node.box else (None, None)))
+    return {
+        name: value
+        for names, point in zip(_POSITION, points, strict=True)
+        for name, value in zip(names, point or (None, None, None), strict=True)
+    }
+
+
+def assemble_graphs(tables: dict[str, pa.Table]) -> Iterator[SceneGraph]:
+    """Assemble scene graphs from the four tables of one shard: the inverse of `collect_columns`."""
+    rows = {name: _by_scene(table) for name, table in tables.items()}
+    for scene_id, (scene,) in rows["scenes"].items():
+        yield _graph(
+            scene,
+            rooms=rows["rooms"].get(scene_id, []),
+            objects=rows["objects"].get(scene_id, []),
+            edges=rows["edges"].get(scene_id, []),
+        )
+
+
+def _by_scene(table: pa.Table) -> dict[str, list[dict[str, Any]]]:
+    rows: dict[str, list[dict[str, Any]]] = {}
+    for row in table.to_pylist():
+        rows.setdefault(row["scene_id"], []).append(row)
+    return rows
+
+
+def _graph(
+    scene: dict[str, Any],
+    *,
+    rooms: list[dict[str, Any]],
+    objects: list[dict[str, Any]],
+    edges: list[dict[str, Any]],
+) -> SceneGraph:
+    return SceneGraph(
+        scene_id=scene["scene_id"],
+        source=scene["source"],
+        source_version=scene["source_version"],
+        source_split=scene["source_split"],
+        annotation_sha256=scene["annotation_sha256"],
+        up_axis=scene["up_axis"],
+        rooms=tuple(
+            Room(
+                room_index=row["room_index"],
+                region_id=row["region_id"],
+                source_label=row["source_label"],
+                centroid=_point(row, 0),
+                box=_box(row),
+                floor_index=row["floor_index"],
+            )
+            for row in rooms
+        ),
+        objects=tuple(
+            SceneObject(
+                object_index=row["object_index"],
+                instance_id=row["instance_id"],
+                room_index=row["room_index"],
+                raw_category=row["raw_category"],
+                category=row["category"],
+                class_index=row["class_index"],
+                colour=row["colour"],
+                centroid=_point(row, 0),
+                box=_box(row),
+            )
+            for row in objects
+        ),
+        adjacency=tuple(
+            Edge(row["source"], row["target"], row["kind"], row["method"], row["distance_m"])
+            for row in edges
+            if row["kind"] == "adjacent"
+        ),
+    )
+
+
+def _point(row: dict[str, Any], which: int) -> Point | None:
+    x, y, z = (row[name] for name in _POSITION[which])
+    return None if x is None else (x, y, z)
+
+
+def _box(row: dict[str, Any]) -> Box | None:
+    minimum, maximum = _point(row, 1), _point(row, 2)
+    return None if minimum is None or maximum is None else Box(minimum, maximum)

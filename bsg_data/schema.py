@@ -1,0 +1,144 @@
+"""The dataset format, version 1: one explicit Arrow schema a table.
+
+The writer, the reader, `bsg-data check` and the tables of the docs all read these constants. The
+metadata of a field says what it means and its unit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+import pyarrow as pa
+
+FORMAT_VERSION = 1
+
+
+def _field(
+    name: str, kind: pa.DataType, meaning: str, *, unit: str = "", null: str = ""
+) -> pa.Field:
+    """Make a field; `null` says when it is null, and only then may it be."""
+    metadata = {"meaning": meaning, "unit": unit, "null": null}
+    return pa.field(
+        name, kind, nullable=bool(null), metadata={k: v for k, v in metadata.items() if v}
+    )
+
+
+def _position(what: str) -> list[pa.Field]:
+    return [
+        _field(axis, pa.float64(), f"{what}, {direction}", unit="m", null="without geometry")
+        for axis, direction in (
+            ("centroid_x", "centroid, x"),
+            ("centroid_y", "centroid, y"),
+            ("centroid_z", "centroid, z (up)"),
+            ("box_min_x", "lowest corner of its box, x"),
+            ("box_min_y", "lowest corner of its box, y"),
+            ("box_min_z", "lowest corner of its box, z (up)"),
+            ("box_max_x", "highest corner of its box, x"),
+            ("box_max_y", "highest corner of its box, y"),
+            ("box_max_z", "highest corner of its box, z (up)"),
+        )
+    ]
+
+
+_SCENE_ID = _field("scene_id", pa.string(), "the building, e.g. 00006-HkseAnWCgqk")
+
+SCENES = pa.schema(
+    [
+        _SCENE_ID,
+        _field("source", pa.string(), "kind of source: hm3d, hm3d-stats or synthetic"),
+        _field("source_version", pa.string(), "its version, e.g. v0.2", null="it does not say"),
+        _field("source_split", pa.string(), "the source's own split", null="it does not say"),
+        _field("num_rooms", pa.int32(), "rooms R"),
+        _field("num_objects", pa.int32(), "objects O, with or without a class"),
+        _field("num_classified", pa.int32(), "objects with a class"),
+        _field("has_geometry", pa.bool_(), "whether any object has a box"),
+        _field("up_axis", pa.string(), "axis that pointed up in the mesh", null="without geometry"),
+        _field("annotation_sha256", pa.string(), "hash of the annotation that it was read from"),
+    ]
+)
+
+ROOMS = pa.schema(
+    [
+        _SCENE_ID,
+        _field("room_index", pa.int32(), "node index, 1..R in the order of the region ids"),
+        _field("region_id", pa.int32(), "the annotation's region id; 0 is a real room"),
+        _field("label", pa.string(), "always `room`, the paper's one label"),
+        _field("source_label", pa.string(), "a label of the source; not for models", null="none"),
+        *_position("room"),
+        _field("floor_index", pa.int16(), "storey, 0 at the bottom", null="unknown"),
+    ]
+)
+
+OBJECTS = pa.schema(
+    [
+        _SCENE_ID,
+        _field("object_index", pa.int32(), "1..O in the order of the instance ids"),
+        _field("instance_id", pa.int32(), "the annotation's own id"),
+        _field("room_index", pa.int32(), "its room, 1..R; 0 in the null region (the building's)"),
+        _field("raw_category", pa.string(), "its name exactly as annotated"),
+        _field(
+            "category", pa.string(), "corrected name by the class map", null="name not in the map"
+        ),
+        _field("class_index", pa.uint8(), "index of its class, 0..C-1", null="outside the classes"),
+        _field("class", pa.string(), "name of its class", null="outside the classes"),
+        _field("colour", pa.string(), "RRGGBB in the semantic mesh", null="the source has none"),
+        *_position("object"),
+        _field("has_geometry", pa.bool_(), "whether the object has a box"),
+    ]
+)
+
+EDGES = pa.schema(
+    [
+        _SCENE_ID,
+        _field("source", pa.int32(), "node: 0 building, 1..R rooms, R+1..R+O objects; the parent"),
+        _field("target", pa.int32(), "node; the child, or the higher index of an adjacent pair"),
+        _field("kind", pa.string(), "contains (directed) or adjacent (undirected, stored once)"),
+        _field("method", pa.string(), "how the edge is known, e.g. annotation"),
+        _field("distance_m", pa.float64(), "distance of the two", unit="m", null="unknown"),
+    ]
+)
+
+SPLITS = pa.schema(
+    [
+        _SCENE_ID,
+        _field("split", pa.string(), "train, val or test; with --folds K: fold-0 .. fold-(K-1)"),
+    ]
+)
+
+TABLES: Mapping[str, pa.Schema] = MappingProxyType(
+    {"scenes": SCENES, "rooms": ROOMS, "objects": OBJECTS, "edges": EDGES}
+)
+
+
+def pairs_schema(num_classes: int) -> pa.Schema:
+    """Return the schema of the pairs for histograms of `num_classes` classes."""
+    histogram = pa.list_(pa.field("element", pa.uint16(), nullable=False), num_classes)
+    return pa.schema(
+        [
+            _SCENE_ID,
+            _field("draw", pa.int32(), "number of the mask, from 0"),
+            _field("node_index", pa.int32(), "node of interest: 0 building, 1..R rooms"),
+            _field("visited", pa.bool_(), "whether the mask lets the robot enter the room"),
+            _field("input", histogram, "histogram of what the mask leaves: E′ × O′"),
+            _field("target", histogram, "histogram of what is there: E × O"),
+        ]
+    )
+
+
+def describe_fields(schema: pa.Schema) -> list[tuple[str, str, str, str, str]]:
+    """Return (name, type, unit, meaning, null when) of every field, for docs and cards."""
+    rows = []
+    for field in schema:
+        words = {k.decode(): v.decode() for k, v in (field.metadata or {}).items()}
+        kind = _type_name(field.type)
+        rows.append(
+            (field.name, kind, words.get("unit", ""), words["meaning"], words.get("null", ""))
+        )
+    return rows
+
+
+def _type_name(kind: pa.DataType) -> str:
+    if pa.types.is_fixed_size_list(kind):
+        return f"list<{kind.value_type}>[{kind.list_size}]"
+    return str(kind)

@@ -1,0 +1,1 @@
+"""Beliefs: models, metrics, expectation, belief graphs and search."""

@@ -1,0 +1,422 @@
+"""`bsg-data`: from annotations to shards, splits, pairs, and proof that they are sound."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import click
+
+from bsg_data.build import build_dataset
+from bsg_data.check import check_dataset
+from bsg_data.class_map import DEFAULT_CLASS_MAP, list_class_maps, load_class_map
+from bsg_data.coverage import measure_coverage
+from bsg_data.frequencies import count_frequencies, draw_frequencies
+from bsg_data.manifest import Manifest, read_manifest
+from bsg_data.pairs import write_pairs
+from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
+from bsg_data.sources import HM3DFolder, HM3DStatistics, Source
+from bsg_data.splits import read_splits, split_dataset
+from bsg_data.synthetic import write_synthetic
+
+from .terminal import (
+    CommandGroup,
+    force_option,
+    format_table,
+    json_option,
+    print_json,
+    print_note,
+    progress_bar,
+    seed_option,
+    worker_pool,
+    workers_option,
+)
+
+dataset_argument = click.argument(
+    "dataset", type=click.Path(path_type=Path, file_okay=False), metavar="DATASET"
+)
+class_map_option = click.option(
+    "--class-map",
+    default=DEFAULT_CLASS_MAP,
+    show_default=True,
+    help="A published version, or the path of your own NAME.csv.",
+)
+
+
+@click.group(cls=CommandGroup)
+@click.version_option(package_name="belief-scene-graphs", prog_name="bsg-data")
+def main() -> None:
+    r"""Turn HM3D's annotations into datasets of 3D scene graphs.
+
+    \b
+    Example:
+      bsg-data synth --out buildings --scenes 20
+      bsg-data build --hm3d buildings --out dataset
+      bsg-data split dataset
+      bsg-data pairs dataset
+      bsg-data check dataset
+    """
+
+
+@main.command()
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder to write.")
+@click.option("--scenes", type=click.IntRange(min=1), default=20, show_default=True)
+@seed_option
+@force_option
+@json_option
+def synth(out: Path, scenes: int, seed: int, force: bool, as_json: bool) -> None:
+    r"""Write synthetic buildings in HM3D's own layout.
+
+    \b
+    Example:
+      bsg-data synth --out buildings --scenes 20 --seed 0
+    """
+    with progress_bar("synth", unit="scene") as report:
+        for done, _ in enumerate(write_synthetic(out, scenes=scenes, seed=seed, force=force), 1):
+            report(done, scenes)
+    if as_json:
+        print_json({"out": str(out), "scenes": scenes, "seed": seed})
+    else:
+        click.echo(f"{scenes} synthetic buildings in {out}")
+
+
+@main.command()
+@click.option("--hm3d", type=click.Path(path_type=Path), help="Folder above HM3D's annotations.")
+@click.option("--hm3d-stats", type=click.Path(path_type=Path), help="The public HM3DSem-*.zip.")
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="Dataset to write.")
+@class_map_option
+@workers_option
+@click.option("--strict", is_flag=True, help="Fail on a malformed scene or an unmapped name.")
+@force_option
+@json_option
+def build(
+    hm3d: Path | None,
+    hm3d_stats: Path | None,
+    out: Path,
+    class_map: str,
+    workers: int,
+    strict: bool,
+    force: bool,
+    as_json: bool,
+) -> None:
+    r"""Build a dataset of scene graphs from one source.
+
+    A build that was stopped goes on where it was when the same command runs again.
+
+    \b
+    Example:
+      bsg-data build --hm3d buildings --out dataset
+    """
+    source = _choose_source(hm3d, hm3d_stats)
+    with worker_pool(workers) as executor, progress_bar("build", unit="shard") as report:
+        manifest = build_dataset(
+            source,
+            out,
+            class_map=class_map,
+            strict=strict,
+            force=force,
+            executor=executor,
+            progress=report,
+        )
+    if as_json:
+        print_json(manifest.model_dump(mode="json", exclude={"files"}))
+        return
+    click.echo(_totals_line(manifest))
+    click.echo(_losses(manifest))
+    click.echo(f"dataset in {out}")
+
+
+@main.command()
+@dataset_argument
+@click.option(
+    "--ratios", type=float, nargs=3, metavar="TRAIN VAL TEST", help="[default: 0.8 0.1 0.1]"
+)
+@click.option(
+    "--official", is_flag=True, help="The source's val as test; val carved from its train."
+)
+@click.option("--folds", type=click.IntRange(min=2), help="K folds for cross-validation.")
+@seed_option
+@force_option
+@json_option
+def split(
+    dataset: Path,
+    ratios: tuple[float, float, float] | None,
+    official: bool,
+    folds: int | None,
+    seed: int,
+    force: bool,
+    as_json: bool,
+) -> None:
+    r"""Assign every building to train, val or test, or to a fold.
+
+    \b
+    Example:
+      bsg-data split dataset --ratios 0.8 0.1 0.1 --seed 0
+    """
+    if (ratios is not None) + (folds is not None) + official > 1:
+        raise click.UsageError("--ratios, --official and --folds exclude each other")
+    if official:
+        recipe = SplitRecipe(method="official", seed=seed, ratios=(0.9, 0.1, 0.0))
+    elif folds is not None:
+        recipe = SplitRecipe(method="folds", seed=seed, ratios=None, folds=folds)
+    else:
+        recipe = SplitRecipe(seed=seed, ratios=ratios or (0.8, 0.1, 0.1))
+    manifest = split_dataset(dataset, recipe, force=force)
+    sizes = {name: len(ids) for name, ids in read_splits(dataset, manifest=manifest).items()}
+    if as_json:
+        print_json({"recipe": recipe.model_dump(mode="json"), "scenes": sizes})
+    else:
+        click.echo(", ".join(f"{name} {size}" for name, size in sizes.items()) + " buildings")
+
+
+@main.command()
+@dataset_argument
+@click.option(
+    "--mask",
+    type=click.Choice(["uniform", "rooms", "frontier"]),
+    default="uniform",
+    show_default=True,
+    help="How objects are hidden.",
+)
+@click.option(
+    "--fraction",
+    type=click.FloatRange(0, 1),
+    default=0.5,
+    show_default=True,
+    help="Share of a building's objects to hide.",
+)
+@click.option(
+    "--draws",
+    type=click.IntRange(min=1),
+    default=10,
+    show_default=True,
+    help="Masks of every building.",
+)
+@seed_option
+@workers_option
+@force_option
+@json_option
+def pairs(
+    dataset: Path,
+    mask: str,
+    fraction: float,
+    draws: int,
+    seed: int,
+    workers: int,
+    force: bool,
+    as_json: bool,
+) -> None:
+    r"""Draw masks and write input and target histograms.
+
+    \b
+    Example:
+      bsg-data pairs dataset --mask uniform --fraction 0.5 --draws 10
+    """
+    recipe = PairsRecipe(
+        mask=MaskRecipe.model_validate({"strategy": mask, "fraction": fraction, "seed": seed}),
+        draws=draws,
+    )
+    with worker_pool(workers) as executor, progress_bar("pairs", unit="file") as report:
+        manifest = write_pairs(dataset, recipe, force=force, executor=executor, progress=report)
+    rows = sum(entry.rows for entry in manifest.files_of("pairs"))
+    if as_json:
+        print_json({"recipe": recipe.model_dump(mode="json"), "rows": rows})
+    else:
+        click.echo(f"{rows:,} pairs: {draws} draws of mask {mask}, fraction {fraction}")
+
+
+@main.command()
+@dataset_argument
+@json_option
+def check(dataset: Path, as_json: bool) -> None:
+    r"""Prove that a dataset is sound: hashes, schemas, keys, counts, splits, masks.
+
+    \b
+    Example:
+      bsg-data check dataset
+    """
+    with progress_bar("check", unit="file") as report:
+        faults = check_dataset(dataset, progress=report)
+    if as_json:
+        print_json({"faults": [{"where": f.where, "what": f.what} for f in faults]})
+    elif faults:
+        click.echo("\n".join(f"{fault.where}: {fault.what}" for fault in faults))
+    else:
+        click.echo(f"{dataset}: sound")
+    if faults:
+        print_note(f"{len(faults)} faults; what a command made, it makes again with --force")
+        raise click.exceptions.Exit(1)
+
+
+@main.command()
+@dataset_argument
+@click.option("--figure", type=click.Path(path_type=Path), help="Draw the frequencies as an image.")
+@json_option
+def info(dataset: Path, figure: Path | None, as_json: bool) -> None:
+    r"""Say what a dataset holds, with the frequency of every class.
+
+    \b
+    Example:
+      bsg-data info dataset --figure classes.png
+    """
+    manifest = read_manifest(dataset)
+    frame = count_frequencies(dataset)
+    sizes = read_splits(dataset, manifest=manifest) if manifest.split else {}
+    if figure is not None:
+        draw_frequencies(frame, figure, title=_totals_line(manifest))
+    if as_json:
+        summary = manifest.model_dump(mode="json", exclude={"files"})
+        summary["splits"] = {name: len(ids) for name, ids in sizes.items()}
+        print_json({**summary, "classes": frame.to_dict(orient="records")})
+        return
+    click.echo(_totals_line(manifest))
+    click.echo(_losses(manifest))
+    held = ", ".join(f"{name} {len(ids)}" for name, ids in sizes.items())
+    click.echo(f"splits: {held or 'none yet (bsg-data split)'}")
+    recipe = manifest.pairs
+    if recipe is None:
+        click.echo("pairs: none yet (bsg-data pairs)")
+    else:
+        mask = recipe.mask
+        click.echo(f"pairs: {recipe.draws} draws of {mask.strategy}, fraction {mask.fraction}")
+    most = max(1, int(frame["instances"].max()))
+    rows = [
+        (row["class"], row["instances"], row["rooms"], row["scenes"], _bar(row["instances"] / most))
+        for row in frame.to_dict(orient="records")
+    ]
+    click.echo("\n" + format_table(rows, header=("class", "instances", "rooms", "scenes", "")))
+    if figure is not None:
+        print_note(f"figure in {figure}")
+
+
+@main.group("map", cls=CommandGroup)
+def class_map_group() -> None:
+    r"""Look into class maps.
+
+    \b
+    Example:
+      bsg-data map show "trash can"
+    """
+
+
+@class_map_group.command("list")
+@json_option
+def map_list(as_json: bool) -> None:
+    r"""List the published class maps.
+
+    \b
+    Example:
+      bsg-data map list
+    """
+    maps = [load_class_map(version) for version in list_class_maps()]
+    if as_json:
+        fields = [{"version": m.version, "sha256": m.sha256, "classes": m.classes} for m in maps]
+        print_json(fields)
+        return
+    rows = [(m.version, len(m.classes), len(m.entries), m.sha256) for m in maps]
+    click.echo(format_table(rows, header=("version", "classes", "spellings", "sha256")))
+
+
+@class_map_group.command("show")
+@click.argument("category")
+@class_map_option
+@json_option
+def map_show(category: str, class_map: str, as_json: bool) -> None:
+    r"""Show what a category, or every spelling of a class, is mapped to.
+
+    \b
+    Example:
+      bsg-data map show "trash can"
+    """
+    loaded = load_class_map(class_map)
+    entry = loaded.lookup(category)
+    name = None if entry is None or entry.class_index is None else loaded.classes[entry.class_index]
+    index = loaded.classes.index(category) if category in loaded.classes else None
+    spellings = sorted(raw for raw, e in loaded.entries.items() if e.class_index == index)
+    answer = {
+        "name": category,
+        "mapped": entry is not None,
+        "category": entry.category if entry else None,
+        "class": name,
+        "nearest": [] if entry else list(loaded.nearest(category)),
+        "definition": None if index is None else loaded.definitions[index],
+        "spellings": [] if index is None else spellings,
+    }
+    known = entry is not None or index is not None
+    if as_json:
+        print_json(answer)
+    elif entry is not None:
+        structure = " (part of the building)" if entry.category in loaded.structure else ""
+        click.echo(f"{category!r} → {entry.category!r} → {name or f'no class{structure}'}")
+    elif not known:
+        near = ", ".join(loaded.nearest(category)) or "nothing like it"
+        click.echo(f"{category!r} is not in {loaded.version}; nearest: {near}")
+    if index is not None and not as_json:
+        click.echo(f"class {index}, {category}: {loaded.definitions[index]}")
+        click.echo(f"{len(spellings)} spellings: {', '.join(map(repr, spellings))}")
+    if not known:
+        raise click.exceptions.Exit(1)
+
+
+@class_map_group.command("coverage")
+@dataset_argument
+@class_map_option
+@json_option
+def map_coverage(dataset: Path, class_map: str, as_json: bool) -> None:
+    r"""Measure how much of a dataset a class map covers.
+
+    \b
+    Example:
+      bsg-data map coverage dataset
+    """
+    loaded = load_class_map(class_map)
+    found = measure_coverage(dataset, loaded)
+    parts = ("objects", "classified", "structure", "nameless", "unmapped", "left_out")
+    counts = {part: int(getattr(found, part)) for part in parts}
+    if as_json:
+        shares = {"share": found.share, "share_of_named": found.share_of_named}
+        print_json({**counts, **shares, "most_left_out": dict(found.most_left_out)})
+        return
+    rows = [(part.replace("_", " "), count) for part, count in counts.items()]
+    click.echo(format_table(rows, header=(loaded.version, "instances")))
+    click.echo(f"\nclassified, of what is not structure: {found.share:.1%}")
+    click.echo(f"classified, of what is not structure and has a name: {found.share_of_named:.1%}")
+    rows = list(found.most_left_out)
+    click.echo("\n" + format_table(rows, header=("most frequent left out", "instances")))
+
+
+def _choose_source(hm3d: Path | None, hm3d_stats: Path | None) -> Source:
+    if (hm3d is None) == (hm3d_stats is None):
+        raise click.UsageError("give one source: --hm3d PATH or --hm3d-stats ZIP")
+    return HM3DFolder(hm3d) if hm3d is not None else HM3DStatistics(Path(str(hm3d_stats)))
+
+
+def _totals_line(manifest: Manifest) -> str:
+    t = manifest.totals
+    return (
+        f"{t.scenes:,} scenes, {t.rooms:,} rooms, {t.objects:,} objects, "
+        f"{t.classified:,} in {len(manifest.class_map.classes)} classes of "
+        f"{manifest.class_map.version}"
+    )
+
+
+def _losses(manifest: Manifest, *, most: int = 20) -> str:
+    """Return what was skipped and what is unmapped, as readable tables."""
+    lines = [
+        f"skipped scenes: {len(manifest.skipped)}, unmapped objects: {manifest.totals.unmapped}"
+    ]
+    if manifest.skipped:
+        skips = [(s.scene_id, s.location, s.reason) for s in manifest.skipped[:most]]
+        lines.append(format_table(skips, header=("skipped scene", "location", "reason")))
+    if manifest.unmapped:
+        names = [(u.name, u.instances, ", ".join(u.nearest)) for u in manifest.unmapped[:most]]
+        lines.append(format_table(names, header=("unmapped name", "instances", "nearest")))
+    more = max(len(manifest.skipped), len(manifest.unmapped)) - most
+    if more > 0:
+        lines.append("… dataset.json lists them all")
+    return "\n".join(lines)
+
+
+def _bar(share: float) -> str:
+    width = shutil.get_terminal_size().columns
+    return "█" * round(share * max(10, min(50, width - 50)))

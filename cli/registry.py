@@ -1,0 +1,12 @@
+"""Every command line of the project, by the name that it is installed under."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+import click
+
+from . import data
+
+COMMANDS: Mapping[str, click.Command] = MappingProxyType({"bsg-data": data.main})

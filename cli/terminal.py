@@ -1,0 +1,129 @@
+"""What all commands share: exit codes, errors, progress bars, tables and the worker pool.
+
+A result goes to stdout, as text or with `--json` as JSON; progress, notes and errors go to stderr.
+Exit codes: 0 done, 1 failed or found faults, 2 wrong usage, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import contextmanager
+from multiprocessing import get_context
+from typing import Any, NoReturn
+
+import click
+import pandas as pd
+from tqdm import tqdm  # noqa: TID251 -- the command line is where bars belong
+
+from bsg_data.errors import BSGError
+
+FAILED, INTERRUPTED = 1, 130
+
+
+class ExitCodes:
+    """Mix in for a click command: turn what the libraries raise into messages and exit codes."""
+
+    def main(self, *args: Any, **kwargs: Any) -> NoReturn:
+        """Run the command and leave the process with one of the four exit codes."""
+        try:
+            kwargs["standalone_mode"] = False
+            code = super().main(*args, **kwargs)  # type: ignore[misc]
+        except click.ClickException as error:
+            error.show()
+            sys.exit(error.exit_code)
+        except BSGError as error:
+            click.echo(f"error: {error}", err=True)
+            sys.exit(FAILED)
+        except (click.Abort, KeyboardInterrupt):
+            click.echo("interrupted", err=True)
+            sys.exit(INTERRUPTED)
+        except OSError as error:
+            where = f"{error.filename}: " if error.filename else ""
+            click.echo(f"error: {where}{error.strerror or error}", err=True)
+            sys.exit(FAILED)
+        sys.exit(code if isinstance(code, int) else 0)
+
+
+class CommandGroup(ExitCodes, click.Group):
+    """A group of commands with the house's exit codes."""
+
+
+class Command(ExitCodes, click.Command):
+    """A single command with the house's exit codes."""
+
+
+json_option = click.option("as_json", "--json", is_flag=True, help="Print JSON on stdout.")
+force_option = click.option("--force", is_flag=True, help="Replace a finished result.")
+seed_option = click.option(
+    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of all chance."
+)
+workers_option = click.option(
+    "--workers",
+    type=click.IntRange(min=1),
+    default=os.cpu_count() or 1,
+    show_default="all cores",
+    help="Processes to use; the result does not depend on it.",
+)
+
+
+@contextmanager
+def progress_bar(what: str, *, unit: str) -> Iterator[Callable[[int, int], None]]:
+    """Yield a callback (done, total) that draws a bar on stderr, if that is a terminal."""
+    with tqdm(desc=what, unit=unit, disable=None, file=sys.stderr, leave=False) as bar:
+
+        def report(done: int, total: int) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
+
+        yield report
+
+
+@contextmanager
+def worker_pool(workers: int) -> Iterator[Executor | None]:
+    """Yield a pool of processes, or None for one worker: the work is then done here."""
+    if workers == 1:
+        yield None
+        return
+    with ProcessPoolExecutor(
+        workers, mp_context=get_context("spawn"), initializer=_leave_interrupts_to_the_parent
+    ) as pool:
+        yield pool
+
+
+def _leave_interrupts_to_the_parent() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def print_json(value: object) -> None:
+    """Print one JSON document on stdout."""
+    click.echo(json.dumps(value, indent=1, ensure_ascii=False))
+
+
+def print_note(text: str) -> None:
+    """Tell people something on stderr."""
+    click.echo(text, err=True)
+
+
+def format_table(rows: Sequence[Sequence[object]], *, header: Sequence[str]) -> str:
+    """Return rows as an aligned text table."""
+    frame = pd.DataFrame([[_one_line(cell) for cell in row] for row in rows], columns=list(header))
+    numeric = [i for i in range(len(header)) if rows and not isinstance(rows[0][i], str)]
+    lines = []
+    widths = [max([len(h), *frame[h].str.len()]) for h in frame.columns]
+    for cells in [list(frame.columns), *frame.to_numpy().tolist()]:
+        parts = [
+            cell.rjust(width) if i in numeric else cell.ljust(width)
+            for i, (cell, width) in enumerate(zip(cells, widths, strict=True))
+        ]
+        lines.append("  ".join(parts).rstrip())
+    return "\n".join(lines)
+
+
+def _one_line(cell: object) -> str:
+    text = f"{cell:,}" if isinstance(cell, int) else str(cell)
+    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)

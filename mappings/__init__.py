@@ -1,0 +1,1 @@
+"""Published class maps: data files only; `bsg_data.class_map` reads them."""

@@ -1,0 +1,72 @@
+"""Write the generated parts of the docs: column tables, command helps, the classes.
+
+A part stands between `<!-- generated: KIND NAME -->` and `<!-- end -->`. `make docs` runs this;
+`tests/test_docs.py` fails when a part is not what this would write.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+import click
+from bsg_cli.registry import COMMANDS
+
+from bsg_data.card import column_table
+from bsg_data.class_map import load_class_map
+from bsg_data.schema import SPLITS, TABLES, pairs_schema
+
+DOCS = Path(__file__).resolve().parent.parent
+PART = re.compile(r"(<!-- generated: (\S+) (.+?) -->\n).*?(<!-- end -->)", re.DOTALL)
+
+
+def find_documents() -> list[Path]:
+    """Return every document that may have generated parts."""
+    return [DOCS / "README.md", *sorted((DOCS / "docs").glob("*.md"))]
+
+
+def renew(text: str) -> str:
+    """Return a document with its generated parts written anew."""
+    return PART.sub(lambda m: f"{m[1]}{_generate(m[2], m[3])}\n{m[4]}", text)
+
+
+def _generate(kind: str, name: str) -> str:
+    if kind == "columns":
+        schemas = {**TABLES, "splits": SPLITS, "pairs": pairs_schema(45)}
+        return "\n".join(column_table(schemas[name]))
+    if kind == "help":
+        return f"```text\n{_help(name.split())}\n```"
+    if kind == "classes":
+        loaded = load_class_map(name)
+        rows = zip(range(len(loaded.classes)), loaded.classes, loaded.definitions, strict=True)
+        lines = [f"| {i} | {name} | {definition} |" for i, name, definition in rows]
+        return "\n".join(["| index | class | definition |", "|---|---|---|", *lines])
+    raise ValueError(f"no generated part of kind {kind!r}")
+
+
+def _help(words: list[str]) -> str:
+    command: click.Command = COMMANDS[words[0]]
+    context = click.Context(command, info_name=words[0], terminal_width=88, max_content_width=88)
+    for word in words[1:]:
+        assert isinstance(command, click.Group)
+        command = command.commands[word]
+        context = click.Context(
+            command, info_name=word, parent=context, terminal_width=88, max_content_width=88
+        )
+    return command.get_help(context).rstrip()
+
+
+def main() -> int:
+    """Renew all documents; say which changed."""
+    for path in find_documents():
+        old = path.read_text("utf-8")
+        new = renew(old)
+        if new != old:
+            path.write_text(new, "utf-8")
+            print(f"renewed {path.relative_to(DOCS)}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,199 @@
+from __future__ import annotations
+
+import resource
+import signal
+import subprocess
+import sys
+from concurrent.futures import Executor, ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+from conftest import KITCHEN, annotation_text, write_scene
+
+from bsg_data.build import build_dataset
+from bsg_data.check import check_dataset
+from bsg_data.errors import (
+    AnnotationError,
+    ClassMapError,
+    DatasetError,
+    SourceError,
+    UnmappedNameError,
+)
+from bsg_data.manifest import read_manifest
+from bsg_data.sources import HM3DFolder, HM3DStatistics
+
+
+def all_bytes(folder: Path) -> dict[str, bytes]:
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+def test_totals_and_losses_of_the_twelve(hm3d_folder: Path, tmp_path: Path) -> None:
+    write_scene(hm3d_folder, "00042-broken00000", b"not an annotation")
+    write_scene(hm3d_folder, "00005-abcdefghi05", annotation_text({0: KITCHEN}), split="minival")
+    manifest = build_dataset(HM3DFolder(hm3d_folder), tmp_path / "out")
+    totals = manifest.totals
+    bedrooms = sum(range(12))
+    assert (totals.scenes, totals.rooms) == (12, 24 + bedrooms)
+    assert totals.objects == 12 * (8 + 9 + 2) + 9 * bedrooms
+    # a cup is tableware, a book a book; in the kitchen all but wall and floor have a class
+    assert totals.classified == 12 * (6 + 5 + 2) + 6 * bedrooms
+    assert totals.unmapped == bedrooms
+    assert [(u.name, u.instances) for u in manifest.unmapped] == [("zzqx thing", bedrooms)]
+    assert manifest.skipped[0].scene_id == "00042-broken00000"
+    assert "line 1: expected 'HM3D Semantic Annotations'" in manifest.skipped[0].reason
+    assert "found before" in manifest.skipped[1].reason
+    assert check_dataset(tmp_path / "out") == ()
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+def test_the_same_bytes_with_any_number_of_workers(
+    hm3d_folder: Path, tmp_path: Path, workers: int
+) -> None:
+    build_dataset(HM3DFolder(hm3d_folder), tmp_path / "one", scenes_per_shard=2)
+    with ThreadPoolExecutor(workers) as pool:
+        build_dataset(HM3DFolder(hm3d_folder), tmp_path / "many", scenes_per_shard=2, executor=pool)
+    assert all_bytes(tmp_path / "one") == all_bytes(tmp_path / "many")
+
+
+class StoppingExecutor(ThreadPoolExecutor):
+    """Run some tasks, then behave as if the user had pressed Ctrl-C."""
+
+    def __init__(self, tasks: int) -> None:
+        super().__init__(1)
+        self.left = tasks
+
+    def submit(self, *args: object, **kwargs: object):  # type: ignore[no-untyped-def, override]
+        self.left -= 1
+        if self.left < 0:
+            self.shutdown(wait=True)
+            raise KeyboardInterrupt
+        return super().submit(*args, **kwargs)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("shards", [0, 1, 3])
+def test_a_stopped_build_resumes_to_the_same_bytes(
+    hm3d_folder: Path, tmp_path: Path, shards: int
+) -> None:
+    source = HM3DFolder(hm3d_folder)
+    build_dataset(source, tmp_path / "whole", scenes_per_shard=2)
+    out = tmp_path / "out"
+    stopped: Executor = StoppingExecutor(shards)
+    with pytest.raises(KeyboardInterrupt):
+        build_dataset(source, out, scenes_per_shard=2, executor=stopped)
+    partial = tmp_path / "out.partial"
+    done = {p: p.stat().st_mtime_ns for p in partial.glob("objects/*")}
+    assert len(done) == shards
+    assert not out.exists()
+    kept = []
+    build_dataset(
+        source,
+        out,
+        scenes_per_shard=2,
+        progress=lambda n, _: (
+            kept.append({p: p.stat().st_mtime_ns for p in done} == done)
+            if partial.exists()
+            else None
+        ),
+    )
+    assert kept == [True] * 6  # finished shards were not written again
+    assert all_bytes(out) == all_bytes(tmp_path / "whole")
+    assert not partial.exists()
+
+
+def test_a_changed_source_or_a_damaged_shard_is_made_again(
+    hm3d_folder: Path, tmp_path: Path
+) -> None:
+    out, source = tmp_path / "out", HM3DFolder(hm3d_folder)
+    with pytest.raises(KeyboardInterrupt):
+        build_dataset(source, out, scenes_per_shard=2, executor=StoppingExecutor(3))
+    (tmp_path / "out.partial" / "objects" / "part-00001.parquet").write_bytes(b"PAR1")
+    write_scene(hm3d_folder, "00000-abcdefghi00", annotation_text({0: [*KITCHEN, "bed"]}))
+    build_dataset(source, out, scenes_per_shard=2)
+    build_dataset(source, tmp_path / "whole", scenes_per_shard=2)
+    assert all_bytes(out) == all_bytes(tmp_path / "whole")
+
+
+def test_nothing_of_the_users_is_overwritten(hm3d_folder: Path, tmp_path: Path) -> None:
+    source = HM3DFolder(hm3d_folder)
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    (mine / "thesis.tex").write_text("years of work")
+    with pytest.raises(DatasetError, match="is there and is no dataset"):
+        build_dataset(source, mine, force=True)
+    assert (mine / "thesis.tex").read_text() == "years of work"
+    (tmp_path / "out.partial").mkdir()
+    with pytest.raises(DatasetError, match="no build of ours"):
+        build_dataset(source, tmp_path / "out")
+    (tmp_path / "out.partial").rmdir()
+    build_dataset(source, tmp_path / "out")
+    before = all_bytes(tmp_path / "out")
+    with pytest.raises(DatasetError, match="--force replaces it"):
+        build_dataset(source, tmp_path / "out")
+    with pytest.raises(SourceError):
+        build_dataset(HM3DFolder(tmp_path / "none"), tmp_path / "out", force=True)
+    assert all_bytes(tmp_path / "out") == before
+    build_dataset(source, tmp_path / "out", force=True)
+    assert all_bytes(tmp_path / "out") == before
+
+
+def test_strict_fails_on_the_first_loss(hm3d_folder: Path, tmp_path: Path) -> None:
+    with pytest.raises(UnmappedNameError, match=r"'zzqx thing' is not in class map hm3d45-v1"):
+        build_dataset(HM3DFolder(hm3d_folder), tmp_path / "out", strict=True)
+    other = tmp_path / "other"
+    write_scene(other, "00042-broken00000", b"HM3D Semantic Annotations\n1,AB\n")
+    with pytest.raises(AnnotationError, match="line 2"):
+        build_dataset(HM3DFolder(other), tmp_path / "out2", strict=True)
+
+
+def test_an_empty_result_is_a_failure(tmp_path: Path) -> None:
+    write_scene(tmp_path / "root", "00042-broken00000", b"")
+    with pytest.raises(SourceError, match=r"1 scenes found and none could be read:\n  train/00042"):
+        build_dataset(HM3DFolder(tmp_path / "root"), tmp_path / "out")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["root"]
+
+
+def test_an_unknown_class_map_is_named_before_anything_is_written(
+    hm3d_folder: Path, tmp_path: Path
+) -> None:
+    with pytest.raises(ClassMapError, match="hm3d45-v9"):
+        build_dataset(HM3DFolder(hm3d_folder), tmp_path / "out", class_map="hm3d45-v9")
+    assert not (tmp_path / "out.partial").exists()
+
+
+def _limit_file_size() -> None:
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (2500, 2500))
+
+
+def test_a_disk_that_fills_up_is_reported_and_the_build_goes_on_later(
+    hm3d_folder: Path, tmp_path: Path
+) -> None:
+    """A file that cannot grow stands for a full disk: the write fails in the same place."""
+    code = "from bsg_cli.data import main; main()"
+    command = [sys.executable, "-c", code, "build", "--workers", "1"]
+    command += ["--hm3d", str(hm3d_folder), "--out", str(tmp_path / "out")]
+    done = subprocess.run(command, capture_output=True, text=True, preexec_fn=_limit_file_size)
+    assert done.returncode == 1
+    assert "cannot be written" in done.stderr
+    assert "File too large" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "out").exists()
+    assert not list((tmp_path / "out.partial").rglob("*.partial"))
+    build_dataset(HM3DFolder(hm3d_folder), tmp_path / "out")
+    assert check_dataset(tmp_path / "out") == ()
+
+
+def test_the_real_scenes(shared: Path, tmp_path: Path) -> None:
+    text = build_dataset(HM3DFolder(shared / "annotations"), tmp_path / "text")
+    source = HM3DStatistics(shared / "HM3DSem-v0.2-train.zip")
+    statistics = build_dataset(source, tmp_path / "statistics")
+    for manifest in (text, statistics):
+        totals = manifest.totals
+        assert (totals.scenes, totals.rooms, totals.objects) == (145, 2066, 96110)
+        assert (totals.unmapped, manifest.skipped) == (0, ())
+    assert text.totals.classified == statistics.totals.classified
+    assert read_manifest(tmp_path / "statistics").source.version == "v0.2"

@@ -1,0 +1,140 @@
+"""Every kind of damage is found, wherever it is."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from bsg_data.check import check_dataset
+from bsg_data.manifest import encode_manifest, read_manifest
+from bsg_data.shards import describe_file
+
+
+def edit(dataset: Path, file: str, change: Callable[[pd.DataFrame], pd.DataFrame]) -> None:
+    """Change a table by hand and make the manifest agree, so that only the rows can tell."""
+    path = dataset / file
+    table = pq.read_table(path)
+    frame = change(table.to_pandas())
+    edited = pa.Table.from_pandas(frame, schema=table.schema, preserve_index=False)
+    pq.write_table(edited.replace_schema_metadata(table.schema.metadata), path)
+    manifest = read_manifest(dataset)
+    files = tuple(
+        describe_file(dataset, file, rows=len(frame)) if entry.path == file else entry
+        for entry in manifest.files
+    )
+    (dataset / "dataset.json").write_bytes(
+        encode_manifest(manifest.model_copy(update={"files": files}))
+    )
+
+
+def setting(column: str, value: object, row: int = 0) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    def change(frame: pd.DataFrame) -> pd.DataFrame:
+        values = list(frame[column])
+        values[row] = value
+        return frame.assign(**{column: pd.Series(values, dtype=frame[column].dtype)})
+
+    return change
+
+
+def test_a_sound_dataset_has_no_fault(dataset: Path) -> None:
+    assert check_dataset(dataset) == ()
+
+
+OBJECTS = "objects/part-00000.parquet"
+ROOMS = "rooms/part-00000.parquet"
+SCENES = "scenes/part-00000.parquet"
+EDGES = "edges/part-00000.parquet"
+PAIRS = "pairs/train-00000.parquet"
+
+
+@pytest.mark.parametrize(
+    ("file", "change", "expected"),
+    [
+        (SCENES, setting("num_rooms", 99), "num_rooms is 99"),
+        (SCENES, setting("num_classified", 1), "num_classified is 1"),
+        (SCENES, setting("scene_id", "00001-abcdefghi01"), "is there twice"),
+        (SCENES, setting("scene_id", "99999-abcdefghi01"), "under two scene ids"),
+        (ROOMS, setting("room_index", 7), "room_index does not run"),
+        (ROOMS, setting("scene_id", "nowhere"), "nowhere is no scene"),
+        (OBJECTS, setting("room_index", 77), "room_index is not 0..R"),
+        (OBJECTS, setting("class", "sofa", 4), "class is not the name of class_index"),
+        (OBJECTS, setting("class_index", 200, 4), "class_index is not 0..44"),
+        (OBJECTS, setting("raw_category", "toilet", 4), "class_index is not what hm3d45-v1 says"),
+        (OBJECTS, setting("instance_id", 2), "instance_id is there twice"),
+        (OBJECTS, lambda f: f.iloc[1:], "num_objects is"),
+        (EDGES, setting("target", 3), "contains edges are not what"),
+        (EDGES, setting("kind", "beside"), "'beside' is neither"),
+        (EDGES, lambda f: pd.concat([f, f.head(1)]), "is there twice"),
+        ("splits.parquet", setting("split", "training"), "'training' is none of"),
+        ("splits.parquet", lambda f: f.iloc[1:], "not in both scenes and splits"),
+        (
+            "splits.parquet",
+            lambda f: pd.concat([f, f.head(1).assign(split="test")]),
+            "in two splits",
+        ),
+        (
+            "splits.parquet",
+            lambda f: f.assign(split=f["split"].replace({"train": "val"})),
+            "is of split val, not train",
+        ),
+        (PAIRS, setting("draw", 3), "expected draws 0..3"),
+        (PAIRS, lambda f: f.iloc[:-1], "expected draws 0..3"),
+        (PAIRS, setting("input", np.full(45, 9, np.uint16)), "input is above target"),
+        (PAIRS, setting("target", np.zeros(45, np.uint16)), "target is not the histogram"),
+        (PAIRS, setting("input", np.zeros(45, np.uint16), 1), "not the sum of its rooms"),
+    ],
+)
+def test_damage_is_found(
+    dataset: Path, file: str, change: Callable[[pd.DataFrame], pd.DataFrame], expected: str
+) -> None:
+    edit(dataset, file, change)
+    found = [f"{fault.where}: {fault.what}" for fault in check_dataset(dataset)]
+    assert any(expected in line for line in found), found
+
+
+def test_a_mask_that_hides_another_number_is_found(dataset: Path) -> None:
+    def unhide(frame: pd.DataFrame) -> pd.DataFrame:
+        first = (frame["scene_id"] == frame["scene_id"][0]) & (frame["draw"] == 0)
+        inputs = [
+            t if f else i for i, t, f in zip(frame["input"], frame["target"], first, strict=True)
+        ]
+        return frame.assign(input=inputs)
+
+    edit(dataset, PAIRS, unhide)
+    assert any("draw 0: the mask hides 0 objects" in f.what for f in check_dataset(dataset))
+
+
+def test_files_that_changed_vanished_or_appeared_are_named(dataset: Path) -> None:
+    (dataset / OBJECTS).write_bytes((dataset / OBJECTS).read_bytes()[:-1] + b"X")
+    (dataset / ROOMS).unlink()
+    (dataset / "pairs" / "notes.txt").write_text("mine")
+    (dataset / "README.md").unlink()
+    found = {fault.where: fault.what for fault in check_dataset(dataset)}
+    assert found[ROOMS] == "is in the manifest but not there"
+    assert "was changed" in found[OBJECTS] or "not readable parquet" in found[OBJECTS]
+    assert "is not in the manifest" in found["pairs/notes.txt"]
+    assert "is missing" in found["README.md"]
+
+
+def test_another_schema_and_nulls_are_named(dataset: Path) -> None:
+    path = dataset / SCENES
+    table = pq.read_table(path)
+    pq.write_table(table.drop_columns(["up_axis"]), path)
+    assert any("expected the columns" in fault.what for fault in check_dataset(dataset))
+
+
+def test_a_class_map_that_is_not_the_published_one_is_named(dataset: Path) -> None:
+    path = dataset / "dataset.json"
+    manifest = json.loads(path.read_text("utf-8"))
+    manifest["class_map"]["sha256"] = "0" * 64
+    path.write_text(json.dumps(manifest), "utf-8")
+    found = [fault.what for fault in check_dataset(dataset)]
+    assert any("is not the published one" in what for what in found)
+    assert any("class map hm3d45-v1 (000000000000…)" in what for what in found)

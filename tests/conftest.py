@@ -1,0 +1,77 @@
+"""Fixtures of all tests: buildings written out by hand, and the real data where it is."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from bsg_data import HM3DFolder, PairsRecipe, SplitRecipe, build_dataset, split_dataset, write_pairs
+
+REPOSITORY = Path(__file__).resolve().parent.parent
+SHARED = REPOSITORY.parent / "shared" / "hm3d"
+
+KITCHEN = ["wall", "floor", "stove", "refrigerator", "sink", "kitchen cabinet", "chair", "chair"]
+BEDROOM = ["wall", "floor", "bed", "pillow", "pillow", "wardrobe", "lamp", "curtain", "zzqx thing"]
+BATHROOM = ["wall", "floor", "toilet", "sink", "mirror", "bathtub", "towel", "unknown", ""]
+
+
+def annotation_text(rooms: dict[int, list[str]]) -> str:
+    """Return HM3D's annotation text of one building: region id → names."""
+    rows = [(name, region) for region, names in rooms.items() for name in names]
+    lines = [f'{i},{i * 4099:06X},"{name}",{region}' for i, (name, region) in enumerate(rows, 1)]
+    return "\n".join(["HM3D Semantic Annotations", *lines]) + "\n"
+
+
+def write_scene(root: Path, scene_id: str, text: str | bytes, *, split: str = "train") -> Path:
+    """Write one building into a folder laid out as HM3D's."""
+    path = root / split / scene_id / f"{scene_id.partition('-')[2]}.semantic.txt"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+def write_twelve(root: Path) -> Path:
+    """Write twelve small buildings; number k has k bedrooms, and two objects in no room."""
+    for k in range(12):
+        rooms = {0: KITCHEN, 3: BATHROOM, -1: ["book", "cup"]}
+        rooms |= {10 + i: BEDROOM for i in range(k)}
+        split = "val" if k % 4 == 3 else "train"
+        write_scene(
+            root,
+            f"{k + (800 if split == 'val' else 0):05d}-abcdefghi{k:02d}",
+            annotation_text(rooms),
+            split=split,
+        )
+    return root
+
+
+@pytest.fixture
+def hm3d_folder(tmp_path: Path) -> Path:
+    """The twelve buildings, in a folder of the test's own."""
+    return write_twelve(tmp_path / "hm3d")
+
+
+@pytest.fixture(scope="session")
+def _dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("session")
+    out = folder / "dataset"
+    build_dataset(HM3DFolder(write_twelve(folder / "hm3d")), out, scenes_per_shard=5)
+    split_dataset(out, SplitRecipe())
+    write_pairs(out, PairsRecipe(draws=4))
+    return out
+
+
+@pytest.fixture
+def dataset(_dataset: Path, tmp_path: Path) -> Path:
+    """A dataset of the twelve buildings, split, with four draws; each test has its own copy."""
+    return Path(shutil.copytree(_dataset, tmp_path / "dataset"))
+
+
+@pytest.fixture
+def shared() -> Path:
+    """The real annotations, where this machine has them."""
+    if not SHARED.is_dir():
+        pytest.skip("../shared/hm3d is not on this machine")
+    return SHARED

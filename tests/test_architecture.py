@@ -1,0 +1,145 @@
+"""The shape of the house: who may import whom, what is public, what is never there."""
+
+from __future__ import annotations
+
+import ast
+import graphlib
+import importlib
+import subprocess
+import sys
+from collections.abc import Iterator
+
+import pytest
+from conftest import REPOSITORY
+
+FOLDERS = {"bsg_data": "bsg_data", "bsg_models": "bsg_models", "bsg_cli": "cli"}
+ROOMS = {"bsg_data": set(), "bsg_models": {"bsg_data"}, "bsg_cli": {"bsg_data", "bsg_models"}}
+
+# What each file of a room imports from its own room: exactly this, so that a new arrow is a
+# decision and not an accident.
+IMPORTS = {
+    "bsg_data": {
+        "annotations": "errors",
+        "build": (
+            "class_map errors executors manifest publication recipes scene_graph schema shards "
+            "sources"
+        ),
+        "card": "manifest schema",
+        "check": (
+            "check_pairs check_tables class_map errors faults manifest publication schema shards"
+        ),
+        "check_pairs": "faults histograms manifest masks pairs recipes sources",
+        "check_tables": "class_map faults manifest sources",
+        "class_map": "errors",
+        "coverage": "class_map shards",
+        "errors": "",
+        "executors": "",
+        "faults": "",
+        "frequencies": "errors histograms manifest",
+        "histograms": "manifest shards",
+        "manifest": "class_map errors recipes schema",
+        "masks": "histograms recipes",
+        "pairs": (
+            "errors executors histograms manifest masks publication recipes schema shards splits"
+        ),
+        "publication": "card errors manifest shards",
+        "recipes": "",
+        "scene_graph": "",
+        "scene_tables": "scene_graph schema",
+        "schema": "",
+        "shards": "errors manifest scene_graph scene_tables schema",
+        "sources": "annotations class_map errors scene_graph statistics",
+        "splits": "errors manifest publication recipes schema shards",
+        "statistics": "annotations errors",
+        "synthetic": "annotations sources synthetic_rates",
+        "synthetic_rates": "errors",
+    },
+}
+THIRD_PARTY = {
+    "bsg_data": {"matplotlib", "numpy", "pandas", "pyarrow", "pydantic"},
+    "bsg_cli": {"click", "pandas", "tqdm"},
+}
+
+
+def imported(tree: ast.AST) -> Iterator[str]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and not node.level:
+            yield str(node.module)
+
+
+def modules(room: str) -> dict[str, ast.Module]:
+    folder = REPOSITORY / FOLDERS[room]
+    files = sorted(p for p in folder.glob("*.py") if p.stem != "__init__")
+    return {path.stem: ast.parse(path.read_text("utf-8")) for path in files}
+
+
+@pytest.mark.parametrize("room", IMPORTS)
+def test_files_import_what_the_table_says(room: str) -> None:
+    prefix = f"{room}."
+    found = {
+        name: " ".join(
+            sorted({m.removeprefix(prefix) for m in imported(tree) if m.startswith(prefix)})
+        )
+        for name, tree in modules(room).items()
+    }
+    assert found == IMPORTS[room]
+
+
+@pytest.mark.parametrize("room", IMPORTS)
+def test_arrows_never_run_in_a_circle(room: str) -> None:
+    graph = {name: set(arrows.split()) for name, arrows in IMPORTS[room].items()}
+    assert len(list(graphlib.TopologicalSorter(graph).static_order())) == len(graph)
+
+
+@pytest.mark.parametrize("room", FOLDERS)
+def test_rooms_import_only_the_rooms_below(room: str) -> None:
+    for name, tree in modules(room).items():
+        others = {m.split(".")[0] for m in imported(tree)} & (set(FOLDERS) - {room})
+        assert others <= ROOMS[room], f"{room}.{name} imports {others - ROOMS[room]}"
+
+
+@pytest.mark.parametrize("room", THIRD_PARTY)
+def test_rooms_use_only_the_libraries_that_they_may(room: str) -> None:
+    for name, tree in modules(room).items():
+        roots = {m.split(".")[0] for m in imported(tree)}
+        foreign = roots - set(sys.stdlib_module_names) - set(FOLDERS)
+        assert foreign <= THIRD_PARTY[room], f"{room}.{name} imports {foreign}"
+
+
+def test_bsg_data_imports_without_torch_and_loads_no_heavy_library() -> None:
+    names = [f"bsg_data.{name}" for name in modules("bsg_data")]
+    code = (
+        "import sys, importlib\n"
+        "sys.modules['torch'] = None\n"  # any `import torch` raises now
+        f"for name in {names!r}: importlib.import_module(name)\n"
+        "heavy = {'matplotlib', 'scipy', 'torch_geometric', 'click', 'tqdm'} & set(sys.modules)\n"
+        "assert not heavy, heavy\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("room", ["bsg_data"])
+def test_public_names_are_sorted_and_exist(room: str) -> None:
+    package = importlib.import_module(room)
+    assert list(package.__all__) == sorted(package.__all__)
+    for name in package.__all__:
+        assert getattr(package, name).__doc__, f"{room}.{name} has no docstring"
+
+
+@pytest.mark.parametrize("room", FOLDERS)
+def test_no_file_is_a_drawer(room: str) -> None:
+    assert not {"utils", "util", "helpers", "common", "base", "misc"} & set(modules(room))
+
+
+def test_libraries_are_silent_and_pickle_nothing() -> None:
+    for room in ("bsg_data", "bsg_models"):
+        for name, tree in modules(room).items():
+            calls = (n.func for n in ast.walk(tree) if isinstance(n, ast.Call))
+            printed = [f for f in calls if isinstance(f, ast.Name) and f.id == "print"]
+            assert not printed, f"{room}.{name} prints"
+            assert not {"pickle", "click", "tqdm"} & {m.split(".")[0] for m in imported(tree)}

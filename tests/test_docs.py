@@ -1,0 +1,122 @@
+"""README, docs, help and code say the same thing."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import click
+import pytest
+from bsg_cli.registry import COMMANDS
+from click.testing import CliRunner
+from conftest import REPOSITORY
+
+from bsg_data.schema import SPLITS, TABLES, pairs_schema
+
+DOCS = REPOSITORY / "docs"
+
+
+def load_script(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, REPOSITORY / "scripts" / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def every_command() -> Iterator[tuple[str, click.Command]]:
+    def below(name: str, command: click.Command) -> Iterator[tuple[str, click.Command]]:
+        yield name, command
+        if isinstance(command, click.Group):
+            for child, sub in command.commands.items():
+                yield from below(f"{name} {child}", sub)
+
+    for name, command in COMMANDS.items():
+        yield from below(name, command)
+
+
+ALL_COMMANDS = list(every_command())
+IDS = [name for name, _ in ALL_COMMANDS]
+
+
+@pytest.mark.parametrize(("name", "command"), ALL_COMMANDS, ids=IDS)
+def test_command_has_help_and_an_example(name: str, command: click.Command) -> None:
+    help_text = command.help or ""
+    first = help_text.strip().splitlines()[0]
+    assert first.endswith("."), f"{name}: the first line is no sentence: {first!r}"
+    assert len(first) <= 80
+    assert "Example:" in help_text
+    root = name.split()[0]
+    assert re.search(rf"^\s+{root} ", help_text, re.MULTILINE), f"{name}: no runnable example"
+
+
+@pytest.mark.parametrize(("name", "command"), ALL_COMMANDS, ids=IDS)
+def test_command_has_a_place_in_the_docs(name: str, command: click.Command) -> None:
+    assert f"<!-- generated: help {name} -->" in (DOCS / "commands.md").read_text("utf-8")
+
+
+@pytest.mark.parametrize(("name", "command"), ALL_COMMANDS, ids=IDS)
+def test_example_parses(name: str, command: click.Command) -> None:
+    """Every line of every example is accepted by the command's own parser."""
+    for line in re.findall(r"^\s+(bsg-\S+ .*)$", command.help or "", re.MULTILINE):
+        words = shlex.split(line)
+        group = COMMANDS[words[0]]
+        result = CliRunner().invoke(group, [*words[1:], "--help"])
+        assert result.exit_code == 0, f"{line}: {result.output}"
+        for option in (word for word in words if word.startswith("--")):
+            assert option in result.output, f"{line}: {option} is not an option"
+
+
+@pytest.mark.parametrize("path", load_script("write_docs").find_documents(), ids=lambda p: p.name)
+def test_generated_parts_are_current(path: Path) -> None:
+    text = path.read_text("utf-8")
+    assert load_script("write_docs").renew(text) == text, "run `make docs`"
+
+
+@pytest.mark.parametrize("table", [*TABLES, "splits", "pairs"])
+def test_every_column_is_in_the_docs(table: str) -> None:
+    schema = {**TABLES, "splits": SPLITS, "pairs": pairs_schema(45)}[table]
+    text = (DOCS / "format.md").read_text("utf-8")
+    part = text.split(f"<!-- generated: columns {table} -->")[1].split("<!-- end -->")[0]
+    assert re.findall(r"^\| `(\w+)`", part, re.MULTILINE) == schema.names
+
+
+def test_links_between_documents_lead_somewhere() -> None:
+    for path in load_script("write_docs").find_documents():
+        for target in re.findall(r"\]\((?!https?:)([^)#]+)", path.read_text("utf-8")):
+            assert (path.parent / target).exists(), f"{path.name} links to {target}"
+
+
+def test_make_targets_explain_themselves() -> None:
+    text = (REPOSITORY / "Makefile").read_text("utf-8")
+    for target in ("demo", "test", "lint", "format", "docs", "bench", "clean"):
+        assert re.search(rf"^{target}:.*## \S", text, re.MULTILINE), target
+
+
+def test_readme_commands_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The quick start of the README, line by line, in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+    text = (REPOSITORY / "README.md").read_text("utf-8")
+    block = text.split("<!-- quick start -->")[1].split("```")[1]
+    lines = [line for line in block.splitlines() if line.startswith("bsg-")]
+    assert len(lines) >= 6
+    for line in lines:
+        name, *words = shlex.split(line, comments=True)
+        result = CliRunner().invoke(COMMANDS[name], words)
+        assert result.exit_code == 0, f"{line}: {result.output}"
+
+
+def test_loading_examples_run(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The very lines of docs/loading.md, in order, beside a folder `dataset`."""
+    monkeypatch.chdir(dataset.parent)
+    monkeypatch.setenv("HF_HOME", str(dataset.parent / "hf"))
+    text = (DOCS / "loading.md").read_text("utf-8")
+    blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    assert len(blocks) >= 5
+    for number, block in enumerate(blocks, 1):
+        exec(compile(block, f"docs/loading.md, block {number}", "exec"), {"__name__": "loading"})
