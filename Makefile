@@ -30,6 +30,11 @@ demo: $(INSTALLED) ## Run the main job end to end on synthetic buildings; result
 	$(BIN)/bsg-data pairs $(DEMO)/dataset --draws 10
 	$(BIN)/bsg-data check $(DEMO)/dataset
 	$(BIN)/bsg-data info $(DEMO)/dataset --figure $(DEMO)/classes.png
+	$(BIN)/bsg-train --config ceci-gcn --data $(DEMO)/dataset --out $(DEMO)/ceci-gcn --set training.epochs=300
+	$(BIN)/bsg-evaluate $(DEMO)/ceci-gcn --data $(DEMO)/dataset --out $(DEMO)/evaluation
+	@echo
+	@echo "Look at the figures in $(DEMO)/evaluation and at $(DEMO)/classes.png. The dataset is $(DEMO)/dataset;"
+	@echo "docs/loading.md opens it elsewhere, docs/evaluation.md says what the metrics are."
 
 test: $(INSTALLED) lint ## Run every check: format, lint, types, tests.
 	$(BIN)/python -m pytest

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import shutil
+import tempfile
 from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import Executor
@@ -20,6 +21,7 @@ from pydantic import ValidationError
 from bsg_data.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
 from bsg_data.errors import DatasetError, SourceError, UnmappedNameError
 from bsg_data.executors import run_all
+from bsg_data.lock import hold
 from bsg_data.manifest import (
     MANIFEST,
     ClassMapEntry,
@@ -29,8 +31,9 @@ from bsg_data.manifest import (
     SourceEntry,
     Totals,
     UnmappedEntry,
+    read_manifest,
 )
-from bsg_data.publication import publish
+from bsg_data.publication import REPORTS, list_strays, publish
 from bsg_data.recipes import Record
 from bsg_data.scene_graph import SceneGraph
 from bsg_data.schema import FORMAT_VERSION
@@ -38,7 +41,6 @@ from bsg_data.shards import describe_file, write_bytes, write_shards
 from bsg_data.sources import FoundScenes, SceneRef, Source
 
 SCENES_PER_SHARD = 16
-_REPORTS = ".reports"
 
 
 class BuildRecipe(Record):
@@ -88,30 +90,37 @@ def build_dataset(
         UnmappedNameError: under `strict`, for a name that is not in the map.
         DatasetError: if `out` is in the way or cannot be written.
     """
-    out = out.absolute()
+    out = out.resolve()  # a linked --out stays a link; what it leads to is replaced
     loaded = load_class_map(class_map)
     _refuse_overwriting(out, force=force)
     found = source.find()
+    if strict and found.unreadable:
+        skip = found.unreadable[0]
+        raise SourceError(f"{source.path / skip.location}: {skip.reason}")
     recipe = _recipe(source, found, loaded, scenes_per_shard)
-    partial = _open_partial(out, recipe)
-    parts = [
-        found.scenes[start : start + scenes_per_shard]
-        for start in range(0, len(found.scenes), scenes_per_shard)
-    ]
+    growing = _open_partial(out, recipe)
+    starts = range(0, len(found.scenes), scenes_per_shard)
     tasks = [
-        (source, refs, partial, number, class_map, strict) for number, refs in enumerate(parts)
+        (source, found.scenes[a : a + scenes_per_shard], growing, part, class_map, strict)
+        for part, a in enumerate(starts)
     ]
-    reports = run_all(_make_shard, tasks, executor=executor, progress=progress)
-    manifest = _summarise(recipe, found, reports, loaded)
-    if not manifest.totals.scenes:
-        shutil.rmtree(partial)
-        reasons = "\n  ".join(f"{s.location}: {s.reason}" for s in manifest.skipped[:5])
-        raise SourceError(
-            f"{source.path}: {len(found.scenes)} scenes found and none could be read:\n  {reasons}"
-        )
-    publish(partial, manifest)
-    _move_into_place(partial, out)
+    with hold(growing):
+        reports = run_all(_make_shard, tasks, executor=executor, progress=progress)
+        manifest = _summarise(recipe, found, reports, loaded)
+        if not manifest.totals.scenes:
+            shutil.rmtree(growing)
+            raise SourceError(_nothing_readable(source, manifest))
+        for name in list_strays(growing, manifest):
+            (growing / name).unlink()
+        publish(growing, manifest)
+        _refuse_overwriting(out, force=force)
+        _move_into_place(growing, out)
     return manifest
+
+
+def _nothing_readable(source: Source, manifest: Manifest) -> str:
+    reasons = "\n  ".join(f"{skip.location}: {skip.reason}" for skip in manifest.skipped[:5])
+    return f"{source.path}: scenes were found and none could be read:\n  {reasons}"
 
 
 def _make_shard(
@@ -123,9 +132,9 @@ def _make_shard(
     strict: bool,
 ) -> ShardReport:
     """Make one shard, unless an earlier run of the same build did."""
-    path = folder / _REPORTS / f"part-{part:05d}.json"
+    path = folder / REPORTS / f"part-{part:05d}.json"
     done = _read_report(path, folder)
-    if done is not None:
+    if done is not None and not (strict and (done.skipped or done.unmapped)):
         return done
     loaded = load_class_map(class_map)
     graphs, skipped = [], []
@@ -136,8 +145,10 @@ def _make_shard(
         except SourceError as error:
             if strict:
                 raise
-            skip = SkipEntry(scene_id=ref.scene_id, location=ref.location, reason=str(error))
-            skipped.append(skip)
+            # The folder above the source is this machine's business: it is no part of the bytes.
+            reason = str(error).replace(f"{source.path}/{ref.location}", "").lstrip(" ,:")
+            reason = reason.replace(f"{source.path}/", "")
+            skipped.append(SkipEntry(scene_id=ref.scene_id, location=ref.location, reason=reason))
             continue
         names = [obj.raw_category for obj in graph.objects if obj.category is None]
         if names and strict:
@@ -202,9 +213,9 @@ def _summarise(
     unmapped: Counter[str] = Counter()
     for report in reports:
         unmapped.update(report.unmapped)
-    duplicates = [
+    elsewhere = [
         SkipEntry(scene_id=skip.scene_id, location=skip.location, reason=skip.reason)
-        for skip in found.duplicates
+        for skip in (*found.duplicates, *found.unreadable)
     ]
     fields = Totals.model_fields
     return Manifest(
@@ -214,7 +225,7 @@ def _summarise(
         options={"scenes_per_shard": recipe.scenes_per_shard},
         totals=Totals(**{f: sum(getattr(r.totals, f) for r in reports) for f in fields}),
         files=tuple(sorted((f for r in reports for f in r.files), key=lambda f: f.path)),
-        skipped=(*(skip for r in reports for skip in r.skipped), *duplicates),
+        skipped=(*(skip for r in reports for skip in r.skipped), *elsewhere),
         unmapped=tuple(
             UnmappedEntry(name=name, instances=count, nearest=class_map.nearest(name))
             for name, count in sorted(unmapped.items(), key=lambda item: (-item[1], item[0]))
@@ -231,43 +242,54 @@ def _unmapped_message(ref: SceneRef, name: str, class_map: ClassMap) -> str:
 
 
 def _refuse_overwriting(out: Path, *, force: bool) -> None:
+    outer = next((folder for folder in out.parents if (folder / MANIFEST).is_file()), None)
+    if outer is not None:
+        raise DatasetError(f"{out}: is inside the dataset {outer}; choose another --out")
     if not out.exists() or (out.is_dir() and not any(out.iterdir())):
         return
     if not (out / MANIFEST).is_file():
-        raise DatasetError(
-            f"{out}: is there and is no dataset, so it is left alone; choose another --out"
-        )
+        raise DatasetError(f"{out}: is no dataset and is left alone; choose another --out")
     if not force:
         raise DatasetError(f"{out}: is a finished dataset; --force replaces it")
+    try:
+        strays = list_strays(out, read_manifest(out))
+    except DatasetError as error:
+        raise DatasetError(f"{error}. --force does not remove it; move it away") from error
+    if strays:
+        raise DatasetError(
+            f"{out}: holds {strays[0]}, which is not the dataset's; move it away, then --force"
+        )
 
 
 def _open_partial(out: Path, recipe: BuildRecipe) -> Path:
     """Return the folder that the dataset grows in, keeping what the same build left there."""
     partial = out.with_name(f"{out.name}.partial")
-    path = partial / _REPORTS / "recipe.json"
+    path = partial / REPORTS / "recipe.json"
     wanted = recipe.model_dump_json().encode()
     if partial.exists():
-        if not path.is_file() and not (partial / MANIFEST).is_file():
+        if not path.is_file():
             raise DatasetError(f"{partial}: is in the way and no build of ours; move it away")
-        if path.is_file() and path.read_bytes() == wanted:
+        if path.read_bytes() == wanted:
             return partial
-        shutil.rmtree(partial)  # of a build that was stopped and is not this one
+        with hold(partial):
+            shutil.rmtree(partial)  # of a build that was stopped and is not this one
     write_bytes(path, wanted)
     return partial
 
 
 def _move_into_place(partial: Path, out: Path) -> None:
     """Rename the finished dataset to its place; an old one is removed only after that."""
-    shutil.rmtree(partial / _REPORTS)
-    old = out.with_name(f".{out.name}.replaced")
     try:
-        if old.exists():
-            shutil.rmtree(old)
         if (out / MANIFEST).exists():
-            out.rename(old)
-        partial.rename(out)
+            aside = Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))
+            out.rename(aside / out.name)
+            partial.rename(out)
+            shutil.rmtree(aside)
+        else:
+            partial.rename(out)
+        shutil.rmtree(out / REPORTS)
     except OSError as error:
         raise DatasetError(
-            f"{out}: cannot be put in place ({error.strerror}); the finished dataset is {partial}"
+            f"{out}: cannot be put in place ({error.strerror or error}); "
+            f"the finished dataset is {partial}"
         ) from error
-    shutil.rmtree(old, ignore_errors=True)

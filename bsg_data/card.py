@@ -35,13 +35,13 @@ def write_card(manifest: Manifest) -> str:
     """Return the dataset card: Hugging Face front matter and Markdown."""
     schemas = _schemas(manifest)
     totals = manifest.totals
-    source = f"{manifest.source.kind} {manifest.source.version or '(version not stated)'}"
+    source = " ".join(filter(None, (manifest.source.kind, manifest.source.version)))
     lines = [
         *_front_matter(manifest),
         "# 3D scene graphs of buildings",
         "",
-        f"{totals.scenes} buildings, {totals.rooms} rooms, {totals.objects} objects, "
-        f"{totals.classified} of them in one of {len(manifest.class_map.classes)} classes. "
+        f"{totals.scenes:,} buildings, {totals.rooms:,} rooms, {totals.objects:,} objects, "
+        f"{totals.classified:,} of them in one of {len(manifest.class_map.classes)} classes. "
         f"Built by {manifest.generator} from {source} through the class map "
         f"`{manifest.class_map.version}`. {len(manifest.skipped)} scenes were skipped and "
         f"{totals.unmapped} objects had a name that the map does not know; `dataset.json` lists "
@@ -152,8 +152,9 @@ def _recipe_lines(manifest: Manifest) -> list[str]:
     lines = []
     if manifest.split is not None:
         split = manifest.split
-        what = f"{split.folds} folds" if split.folds else f"ratios {split.ratios}"
-        lines += [f"Split by building: {split.method}, {what}, seed {split.seed}."]
+        ratios = " / ".join(f"{ratio:g}" for ratio in split.ratios or ())
+        what = f"{split.folds} folds" if split.folds else f"{split.method} {ratios}"
+        lines += [f"Split by building: {what}, seed {split.seed}.", ""]
     if manifest.pairs is not None:
         mask = manifest.pairs.mask
         lines += [

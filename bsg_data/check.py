@@ -11,18 +11,13 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from bsg_data.check_pairs import (
-    check_every_scene_has_pairs,
-    check_pairs,
-    check_splits,
-    count_frames,
-)
-from bsg_data.check_tables import check_edges, check_objects, check_scenes
+from bsg_data.check_pairs import PairTruth, check_every_scene_has_pairs, check_splits
+from bsg_data.check_tables import check_edges, check_objects, check_parts, check_scenes
 from bsg_data.class_map import list_class_maps, load_class_map
 from bsg_data.errors import BSGError, ClassMapError
 from bsg_data.faults import Fault
 from bsg_data.manifest import MANIFEST, FileEntry, Manifest, read_manifest
-from bsg_data.publication import CARD, CROISSANT
+from bsg_data.publication import CARD, CROISSANT, list_strays
 from bsg_data.schema import SPLITS, TABLES, pairs_schema
 from bsg_data.shards import check_file_metadata, describe_file
 
@@ -37,31 +32,51 @@ def check_dataset(
     """
     manifest = read_manifest(dataset)
     faults = [*_check_class_map(manifest), *_check_strays(dataset, manifest)]
-    tables: dict[str, list[tuple[FileEntry, pa.Table]]] = {}
-    for done, entry in enumerate(manifest.files, start=1):
+    faults += _check_recipes(manifest)
+    tables: dict[str, list[pa.Table]] = {}
+    pairs = manifest.files_of("pairs")
+    for done, entry in enumerate((f for f in manifest.files if f not in pairs), start=1):
         found, table = _check_file(dataset, entry, manifest)
         faults += found
         if table is not None:
-            tables.setdefault(_table_of(entry), []).append((entry, table))
+            tables.setdefault(_table_of(entry), []).append(table)
         if progress is not None:
             progress(done, len(manifest.files))
     if faults:  # the rows of a damaged file would only raise more of the same
         return tuple(faults)
-    frames = {name: pa.concat_tables(t for _, t in tables[name]).to_pandas() for name in TABLES}
+    faults += check_parts(tables)
+    frames = {name: pa.concat_tables(tables[name]).to_pandas() for name in TABLES}
     faults += check_scenes(frames, manifest)
     if faults:
         return tuple(faults)
     faults += [*check_objects(frames, manifest), *check_edges(frames)]
     if faults or manifest.split is None:
         return tuple(faults)
-    splits = tables["splits"][0][1].to_pandas()
-    faults += check_splits(splits, frames["scenes"], manifest)
-    cells = count_frames(frames, manifest)
-    for entry, table in tables.get("pairs", []):
-        faults += check_pairs(entry, table, cells=cells, splits=splits, manifest=manifest)
+    splits = pa.concat_tables(tables["splits"]).to_pandas()
+    faults += check_splits(splits, frames["scenes"], manifest.split)
+    truth = PairTruth(frames, splits, manifest)
+    held: list[str] = []
+    for done, entry in enumerate(pairs, start=len(manifest.files) - len(pairs) + 1):
+        found, table = _check_file(dataset, entry, manifest)  # one file in memory at a time
+        faults += found
+        if table is not None:
+            faults += truth.check(entry, table)
+            held += table["scene_id"].unique().to_pylist()
+        if progress is not None:
+            progress(done, len(manifest.files))
     if manifest.pairs is not None:
-        faults += check_every_scene_has_pairs(tables.get("pairs", []), splits)
+        faults += check_every_scene_has_pairs(held, splits)
     return tuple(faults)
+
+
+def _check_recipes(manifest: Manifest) -> Iterator[Fault]:
+    """A recipe without files, or files without a recipe, would go unchecked."""
+    for table, recipe in (("splits", manifest.split), ("pairs", manifest.pairs)):
+        if bool(manifest.files_of(table)) != (recipe is not None):
+            yield Fault(MANIFEST, f"has a recipe of {table} without files, or files without one")
+    for table in TABLES:
+        if not manifest.files_of(table):
+            yield Fault(MANIFEST, f"lists no file of {table}")
 
 
 def _check_class_map(manifest: Manifest) -> Iterator[Fault]:
@@ -82,11 +97,8 @@ def _check_class_map(manifest: Manifest) -> Iterator[Fault]:
 
 
 def _check_strays(dataset: Path, manifest: Manifest) -> Iterator[Fault]:
-    known = {entry.path for entry in manifest.files} | {MANIFEST, CARD, CROISSANT}
-    for path in sorted(dataset.rglob("*")):
-        name = path.relative_to(dataset).as_posix()
-        if path.is_file() and name not in known:
-            yield Fault(name, "is not in the manifest: left by a stopped command, or put there")
+    for name in list_strays(dataset, manifest):
+        yield Fault(name, "is not in the manifest: left by a stopped command, or put there")
     for name in (CARD, CROISSANT):
         if not (dataset / name).is_file():
             yield Fault(name, "is missing; any of build, split or pairs writes it again")

@@ -6,11 +6,25 @@ from collections.abc import Iterator
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 
 from bsg_data.class_map import list_class_maps, load_class_map
 from bsg_data.faults import Fault
 from bsg_data.manifest import MANIFEST, Manifest
+from bsg_data.scene_graph import Room
 from bsg_data.sources import building_of
+
+
+def check_parts(tables: dict[str, list[pa.Table]]) -> Iterator[Fault]:
+    """Check that part k of every table holds the same scenes, rows together and in order."""
+    for number, scenes in enumerate(tables["scenes"]):
+        order = {scene: i for i, scene in enumerate(scenes["scene_id"].to_pylist())}
+        for name, parts in tables.items():
+            if name not in ("rooms", "objects", "edges"):
+                continue
+            places = [order.get(s, -1) for s in parts[number]["scene_id"].to_pylist()]
+            if -1 in places or places != sorted(places):
+                yield Fault(name, f"part {number} has rows of other scenes, or not in their order")
 
 
 def check_scenes(frames: dict[str, pd.DataFrame], manifest: Manifest) -> Iterator[Fault]:
@@ -49,6 +63,12 @@ def check_scenes(frames: dict[str, pd.DataFrame], manifest: Manifest) -> Iterato
     ):
         if said != counted:
             yield Fault(MANIFEST, f"totals.{what} is {said}, {counted} are there")
+    together = rooms["scene_id"].eq(rooms["scene_id"].shift())
+    rising = rooms["region_id"].diff() > 0
+    for scene in rooms["scene_id"][(rooms["region_id"] < 0) | (together & ~rising)].unique():
+        yield Fault("rooms", f"{scene}: region_id does not rise from 0 or more")
+    for scene in rooms["scene_id"][rooms["label"] != Room.LABEL].unique():
+        yield Fault("rooms", f"{scene}: a label is not {Room.LABEL!r}")
     for name, frame, key in (("rooms", rooms, "room_index"), ("objects", objects, "object_index")):
         expected = frame.groupby("scene_id").cumcount() + 1
         for scene in frame["scene_id"][frame[key] != expected].unique():
@@ -68,6 +88,12 @@ def check_objects(frames: dict[str, pd.DataFrame], manifest: Manifest) -> Iterat
     named = index.map(dict(enumerate(classes)))
     wrong = (named != objects["class"]) & ~(named.isna() & objects["class"].isna())
     yield from _each(objects, wrong, "class is not the name of class_index")
+    boxes = objects["box_min_x"].notna()
+    yield from _each(
+        objects, boxes != objects["has_geometry"], "has_geometry is not what the box says"
+    )
+    odd = objects["colour"].notna() & ~objects["colour"].fillna("").str.fullmatch("[0-9A-F]{6}")
+    yield from _each(objects, odd, "colour is not RRGGBB")
     for column in ("instance_id", "object_index"):
         repeated = objects.duplicated(["scene_id", column])
         yield from _each(objects, repeated, f"{column} is there twice")

@@ -21,6 +21,7 @@ from pathlib import Path
 from bsg_data.errors import ClassMapError
 
 DEFAULT_CLASS_MAP = "hm3d45-v1"
+MAX_CLASSES = 256  # the objects table has the index in a byte
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +90,15 @@ def normalise_name(name: str) -> str:
     return " ".join(unicodedata.normalize("NFC", name).casefold().split())
 
 
+def is_nameless(name: str) -> bool:
+    """Say whether a name says nothing: blank, `unknown`, or `unknown/` and something.
+
+    >>> is_nameless(" Unknown/remove")
+    True
+    """
+    return normalise_name(name).split("/")[0].strip() in ("", "unknown")
+
+
 def list_class_maps() -> tuple[str, ...]:
     """Return the versions of the published maps, sorted."""
     suffix = ".classes.csv"
@@ -103,13 +113,13 @@ def load_class_map(name: str = DEFAULT_CLASS_MAP) -> ClassMap:
     Raises:
         ClassMapError: if it is missing or malformed, or a published file was changed.
     """
-    if name.endswith(".csv"):
+    if name.casefold().endswith(".csv"):
         return _read_own_map(Path(name))
     if name not in list_class_maps():
         known = ", ".join(list_class_maps())
         raise ClassMapError(
-            f"no class map {name!r}: published are {known}; "
-            "a map of your own is named by the path of its .csv file"
+            f"no class map {name!r}: published are {known}; a map of your own is named by the "
+            "path of its .csv file (NAME.csv, with NAME.classes.csv beside it)"
         )
     folder = files("bsg_mappings")
     published = _published_hashes(folder.joinpath("SHA256SUMS").read_text("utf-8"))
@@ -126,6 +136,8 @@ def load_class_map(name: str = DEFAULT_CLASS_MAP) -> ClassMap:
 
 
 def _read_own_map(path: Path) -> ClassMap:
+    if path.stem in list_class_maps():
+        raise ClassMapError(f"{path}: {path.stem} is the name of a published map; choose another")
     parts = [path, path.with_suffix(".classes.csv"), path.with_suffix(".structure.csv")]
     for part in parts[:2]:
         if not part.is_file():
@@ -168,8 +180,8 @@ def _parse_classes(file: str, data: bytes) -> tuple[tuple[str, ...], tuple[str, 
             )
         names.append(name)
         definitions.append(definition)
-    if not names:
-        raise ClassMapError(f"{file}: expected at least one class, found none")
+    if not 1 <= len(names) <= MAX_CLASSES:
+        raise ClassMapError(f"{file}: expected 1 to {MAX_CLASSES} classes, found {len(names)}")
     return tuple(names), tuple(definitions)
 
 
@@ -197,7 +209,7 @@ def _parse_spellings(
 
 def _rows(file: str, data: bytes, header: tuple[str, ...]) -> list[tuple[int, list[str]]]:
     try:
-        reader = csv.reader(io.StringIO(data.decode("utf-8"), newline=""), strict=True)
+        reader = csv.reader(io.StringIO(data.decode("utf-8-sig"), newline=""), strict=True)
         found = next(reader, [])
         if tuple(found) != header:
             raise ClassMapError(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from bsg_data.class_map import ClassMap
+from bsg_data.class_map import ClassMap, is_nameless
 from bsg_data.shards import read_table
 
 
@@ -17,7 +17,7 @@ class Coverage:
         objects: all of them.
         classified: with a class.
         structure: parts of the building: wall, floor, door, ...
-        nameless: blank or `unknown`.
+        nameless: blank, `unknown`, or `unknown/` and something.
         unmapped: whose name the map does not know.
         left_out: named objects that are outside the classes.
         most_left_out: (category, instances) of the most frequent of these.
@@ -57,13 +57,12 @@ def measure_coverage(dataset: Path, class_map: ClassMap, *, most: int = 20) -> C
 
 
 def _part_of(name: str, class_map: ClassMap) -> tuple[str, str]:
-    if not name.strip():
-        return "nameless", ""
     entry = class_map.lookup(name)
+    category = entry.category if entry else name
+    if entry is not None and entry.class_index is not None:
+        return "classified", category
+    if is_nameless(category):
+        return "nameless", category
     if entry is None:
-        return "unmapped", name
-    if entry.class_index is not None:
-        return "classified", entry.category
-    if entry.category in class_map.structure:
-        return "structure", entry.category
-    return ("nameless" if entry.category == "unknown" else "left_out"), entry.category
+        return "unmapped", category
+    return ("structure" if category in class_map.structure else "left_out"), category

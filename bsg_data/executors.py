@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor, as_completed
+from concurrent.futures import BrokenExecutor, Executor, as_completed
 from typing import Any, TypeVar
+
+from bsg_data.errors import BSGError
 
 Result = TypeVar("Result")
 
@@ -39,6 +41,10 @@ def run_all(
         for done, future in enumerate(as_completed(futures), start=1):
             future.result()
             report(done, len(tasks))
+    except BrokenExecutor as error:
+        raise BSGError(
+            "a worker process died (killed, or out of memory?); fewer --workers need less memory"
+        ) from error
     except BaseException:
         for future in futures:
             future.cancel()

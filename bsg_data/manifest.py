@@ -7,6 +7,7 @@ dataset. It holds no date, no path and no name of a machine: the same inputs giv
 from __future__ import annotations
 
 import hashlib
+import json
 from pathlib import Path
 from typing import Literal
 
@@ -20,10 +21,17 @@ from bsg_data.schema import FORMAT_VERSION
 MANIFEST = "dataset.json"
 
 
+# Exactly the paths that the format has: a manifest edited by hand cannot point elsewhere.
+_PATHS = (
+    r"^((scenes|rooms|objects|edges)/part-[0-9]{5}\.parquet|splits\.parquet"
+    r"|pairs/(train|val|test|fold-[0-9]+)-[0-9]{5}\.parquet)$"
+)
+
+
 class FileEntry(Record):
     """One file of a dataset: its path below the dataset, rows, bytes and hash."""
 
-    path: str
+    path: str = Field(pattern=_PATHS)
     rows: int = Field(ge=0)
     bytes: int = Field(ge=0)
     sha256: str = Field(pattern=r"^[0-9a-f]{64}$")
@@ -114,6 +122,8 @@ def read_manifest(dataset: Path) -> Manifest:
     try:
         text = path.read_text("utf-8")
     except FileNotFoundError as error:
+        if not dataset.is_dir():
+            raise DatasetError(f"{dataset}: no such folder") from error
         raise DatasetError(
             f"{dataset}: no {MANIFEST} there, so it is not a finished dataset; "
             "make one with `bsg-data build --out DATASET`"
@@ -121,7 +131,15 @@ def read_manifest(dataset: Path) -> Manifest:
     except (OSError, UnicodeDecodeError) as error:
         raise DatasetError(f"{path}: cannot be read ({error})") from error
     try:
+        found = json.loads(text).get("format_version")
+        if found != FORMAT_VERSION:
+            raise MismatchError(
+                f"{path}: format version {found}, this program reads {FORMAT_VERSION}: "
+                "build the dataset again, or use the program that made it"
+            )
         manifest = Manifest.model_validate_json(text)
+    except (json.JSONDecodeError, AttributeError) as error:
+        raise DatasetError(f"{path}: not JSON ({error}); build the dataset again") from error
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"]) or "the whole file"
@@ -129,11 +147,6 @@ def read_manifest(dataset: Path) -> Manifest:
             f"{path}: {where}: {first['msg']} ({error.error_count()} faults in all); "
             "the manifest was changed by hand or by another version: build the dataset again"
         ) from error
-    if manifest.format_version != FORMAT_VERSION:
-        raise MismatchError(
-            f"{path}: format version {manifest.format_version}, "
-            f"this program reads {FORMAT_VERSION}: build the dataset again"
-        )
     return manifest
 
 

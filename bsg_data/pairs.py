@@ -15,6 +15,7 @@ import pyarrow.compute as pc
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.executors import run_all
 from bsg_data.histograms import Counts, read_adjacency, read_cells, to_histograms
+from bsg_data.lock import hold
 from bsg_data.manifest import ClassMapEntry, FileEntry, Manifest, read_manifest
 from bsg_data.masks import draw_hidden, draw_visited
 from bsg_data.publication import publish, withdraw_pairs
@@ -94,11 +95,12 @@ def write_pairs(
         raise DatasetError(f"{dataset}: has pairs already; --force replaces them")
     splits = read_splits(dataset, manifest=manifest)
     files = list(_plan(dataset, splits, manifest))
-    manifest = withdraw_pairs(dataset, manifest)
-    tasks = [(dataset, file, recipe, manifest.class_map) for file in files]
-    entries = run_all(_write_file, tasks, executor=executor, progress=progress)
-    manifest = manifest.with_table("pairs", tuple(entries), pairs=recipe)
-    publish(dataset, manifest)
+    with hold(dataset):
+        manifest = withdraw_pairs(dataset, manifest)
+        tasks = [(dataset, file, recipe, manifest.class_map) for file in files]
+        entries = run_all(_write_file, tasks, executor=executor, progress=progress)
+        manifest = manifest.with_table("pairs", tuple(entries), pairs=recipe)
+        publish(dataset, manifest)
     return manifest
 
 

@@ -12,6 +12,7 @@ from bsg_data.shards import write_bytes
 
 CARD = "README.md"
 CROISSANT = "croissant.json"
+REPORTS = ".reports"  # of a build under way; gone when it is done
 
 
 def publish(dataset: Path, manifest: Manifest) -> None:
@@ -19,6 +20,17 @@ def publish(dataset: Path, manifest: Manifest) -> None:
     write_bytes(dataset / CARD, write_card(manifest).encode())
     write_bytes(dataset / CROISSANT, write_croissant(manifest).encode())
     write_bytes(dataset / MANIFEST, encode_manifest(manifest))
+
+
+def list_strays(dataset: Path, manifest: Manifest) -> list[str]:
+    """Return the files in a dataset's folder that are not the dataset's, sorted."""
+    known = {entry.path for entry in manifest.files} | {MANIFEST, CARD, CROISSANT}
+    found = (p.relative_to(dataset) for p in dataset.rglob("*") if not p.is_dir() or p.is_symlink())
+    return sorted(
+        path.as_posix()
+        for path in found
+        if path.as_posix() not in known and path.parts[0] != REPORTS
+    )
 
 
 def withdraw_pairs(dataset: Path, manifest: Manifest) -> Manifest:

@@ -30,7 +30,7 @@ class SplitRecipe(Record):
     method: Literal["ratios", "official", "folds"] = "ratios"
     seed: int = Field(default=0, ge=0)
     ratios: tuple[float, float, float] | None = (0.8, 0.1, 0.1)
-    folds: int | None = None
+    folds: int | None = Field(default=None, ge=2, le=10_000)
 
 
 class MaskRecipe(Record):
@@ -51,4 +51,4 @@ class PairsRecipe(Record):
     """How masked pairs are drawn: a mask, and how many draws of every building."""
 
     mask: MaskRecipe = MaskRecipe()
-    draws: int = Field(default=10, ge=1)
+    draws: int = Field(default=10, ge=1, le=1_000_000)

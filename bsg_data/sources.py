@@ -15,8 +15,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Protocol
 
-from bsg_data.annotations import Annotation, Instance, read_annotation
-from bsg_data.class_map import ClassMap, normalise_name
+from bsg_data.annotations import MAX_BYTES, Annotation, Instance, read_annotation
+from bsg_data.class_map import ClassMap, is_nameless
 from bsg_data.errors import SourceError
 from bsg_data.scene_graph import Room, SceneGraph, SceneObject
 from bsg_data.statistics import digest_scene_lines, parse_scene_lines, read_scene_lines
@@ -27,7 +27,6 @@ _VERSION = re.compile(r"v[0-9]+\.[0-9]+")
 # minival is part of val: a building in both is val's. The order decides which copy is kept.
 _SPLITS = ("train", "val", "test", "minival", "example")
 SYNTHETIC_MARK = "synthetic.json"
-_NAMELESS = ("", "unknown")
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,10 +69,12 @@ class FoundScenes:
     Attributes:
         scenes: sorted by scene id, every building once.
         duplicates: further copies of the same buildings, left out.
+        unreadable: folders that could not be looked into.
     """
 
     scenes: tuple[SceneRef, ...]
-    duplicates: tuple[SkippedScene, ...]
+    duplicates: tuple[SkippedScene, ...] = ()
+    unreadable: tuple[SkippedScene, ...] = ()
 
 
 class Source(Protocol):
@@ -88,7 +89,7 @@ class Source(Protocol):
         """Return what the source reads."""
 
     def find(self) -> FoundScenes:
-        """Find the scenes without reading them.
+        """Find the scenes without parsing them.
 
         Raises:
             SourceError: if there is none, saying where it looked and what it expected.
@@ -115,16 +116,21 @@ class HM3DFolder:
     @property
     def kind(self) -> str:
         """`synthetic` for buildings of `bsg-data synth`, otherwise `hm3d`."""
+        return "synthetic" if self._marks_above() else "hm3d"
+
+    def _marks_above(self) -> list[Path]:
         above = (self.path, *self.path.resolve().parents[:2])
-        marked = any((folder / SYNTHETIC_MARK).is_file() for folder in above)
-        return "synthetic" if marked else "hm3d"
+        return [mark for folder in above if (mark := folder / SYNTHETIC_MARK).is_file()]
 
     def find(self) -> FoundScenes:
         """Find every `*.semantic.txt` and `*_semantic.txt` below the folder."""
         if not self.path.is_dir():
-            found = "a file" if self.path.exists() else "nothing"
-            raise SourceError(f"{self.path}: expected HM3D's root folder, found {found}")
-        refs = [self._refer(path) for path in _walk(self.path)]
+            zipped = "; the statistics are read with --hm3d-stats" if self.path.is_file() else ""
+            what = "is a file, not a folder" if self.path.is_file() else "no such folder"
+            raise SourceError(f"{self.path}: {what}{zipped}")
+        self._refuse_unfinished_or_mixed()
+        unreadable: list[SkippedScene] = []
+        refs = [self._refer(path) for path in _walk(self.path, unreadable)]
         if not refs:
             raise SourceError(
                 f"{self.path}: no scene found; looked in every folder below it for "
@@ -132,7 +138,8 @@ class HM3DFolder:
                 "hm3d/train/00006-HkseAnWCgqk/HkseAnWCgqk.semantic.txt. The annotations come in "
                 "HM3D's `semantic-annots` archives, which are downloaded beside the meshes"
             )
-        return _once_each(refs)
+        found = _once_each(refs)
+        return FoundScenes(found.scenes, found.duplicates, tuple(unreadable))
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> SceneGraph:
         """Read one scene from its annotation text."""
@@ -140,21 +147,28 @@ class HM3DFolder:
             read_annotation(self.path / ref.location), ref=ref, kind=self.kind, class_map=class_map
         )
 
+    def _refuse_unfinished_or_mixed(self) -> None:
+        above = self._marks_above()
+        for mark in (*above, *sorted(self.path.rglob(SYNTHETIC_MARK))):
+            if not above:
+                raise SourceError(
+                    f"{self.path}: holds synthetic buildings in {mark.parent}; point --hm3d at "
+                    "these or at the real ones alone"
+                )
+            if b'"finished": true' not in mark.read_bytes():
+                raise SourceError(f"{mark.parent}: `bsg-data synth` was stopped; run it again")
+
     def _refer(self, path: Path) -> SceneRef:
         relative = path.relative_to(self.path)
         suffix = next(suffix for suffix in _SUFFIXES if path.name.endswith(suffix))
         building = path.name.removesuffix(suffix)
-        numbered = _NUMBERED.fullmatch(path.resolve().parent.name)
+        numbered = _NUMBERED.fullmatch(path.parent.resolve().name)
         scene_id = f"{numbered[1]}-{building}" if numbered and numbered[2] == building else building
         folders = (self.path.resolve().name, *relative.parts[:-1])
-        try:
-            fingerprint = hashlib.sha256(path.read_bytes()).hexdigest()
-        except OSError as error:
-            fingerprint = f"unreadable: {error.strerror}"  # reading it is what reports it
         return SceneRef(
             scene_id=scene_id,
             location=relative.as_posix(),
-            fingerprint=fingerprint,
+            fingerprint=_fingerprint(path),
             source_split=_last(_split_of(part) for part in folders) or _split_by_number(scene_id),
             source_version=_last(_version_of(part) for part in folders),
         )
@@ -234,7 +248,7 @@ def assemble(
 def _classify(instance: Instance, index: int, room: int, class_map: ClassMap) -> SceneObject:
     entry = class_map.lookup(instance.name)
     category = entry.category if entry else None
-    if entry is None and normalise_name(instance.name) in _NAMELESS:
+    if entry is None and is_nameless(instance.name):
         category = "unknown"
     return SceneObject(
         object_index=index,
@@ -247,10 +261,15 @@ def _classify(instance: Instance, index: int, room: int, class_map: ClassMap) ->
     )
 
 
-def _walk(root: Path) -> Iterator[Path]:
+def _walk(root: Path, unreadable: list[SkippedScene]) -> Iterator[Path]:
     """Yield annotation files below `root`, through linked folders but never round a loop."""
+
+    def note(error: OSError) -> None:
+        where = Path(str(error.filename)).relative_to(root).as_posix()
+        unreadable.append(SkippedScene("-", where, f"the folder cannot be read ({error.strerror})"))
+
     seen: set[Path] = set()
-    for folder, folders, names in os.walk(root, followlinks=True):
+    for folder, folders, names in os.walk(root, followlinks=True, onerror=note):
         real = Path(folder).resolve()
         if real in seen:
             folders.clear()
@@ -259,15 +278,42 @@ def _walk(root: Path) -> Iterator[Path]:
         folders.sort()
         for name in sorted(names):
             if name.endswith(_SUFFIXES) and not name.startswith("."):
-                yield Path(folder, name)
+                reason = _why_not(Path(folder, name))
+                if reason is None:
+                    yield Path(folder, name)
+                else:
+                    where = Path(folder, name).relative_to(root).as_posix()
+                    shown = where.encode("utf-8", "backslashreplace").decode()
+                    unreadable.append(SkippedScene("-", shown, reason))
+
+
+def _why_not(path: Path) -> str | None:
+    """Return why a path cannot be an annotation; None if it can."""
+    if not path.is_file():  # a link that leads nowhere, a pipe, a device
+        return "not a file, or a link that leads nowhere"
+    if not str(path).isprintable() and any("\ud800" <= c <= "\udfff" for c in str(path)):
+        return "its path is not UTF-8"
+    return None
+
+
+def _fingerprint(path: Path) -> str:
+    """Hash a file; one that cannot be read, or is far too large, is reported when it is read."""
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            return "too large"
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError as error:
+        return f"unreadable: {error.strerror}"
 
 
 def _once_each(refs: list[SceneRef]) -> FoundScenes:
-    """Keep one copy of every building: a numbered one first, then by split, then by path."""
+    """Keep one copy of every building: numbered first, newest version, then split, then path."""
 
-    def preference(ref: SceneRef) -> tuple[bool, int, str]:
+    def preference(ref: SceneRef) -> tuple[bool, tuple[int, ...], int, str]:
         rank = _SPLITS.index(ref.source_split) if ref.source_split in _SPLITS else len(_SPLITS)
-        return (ref.scene_id == ref.building, rank, ref.location)
+        version = (ref.source_version or "v0.0").removeprefix("v").split(".")
+        newest = tuple(-int(number) for number in version)
+        return (ref.scene_id == ref.building, newest, rank, ref.location)
 
     kept: dict[str, SceneRef] = {}
     duplicates = []

@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 
 from bsg_data.errors import DatasetError, RecipeError
+from bsg_data.lock import hold
 from bsg_data.manifest import Manifest, read_manifest
 from bsg_data.publication import publish, withdraw_split
 from bsg_data.recipes import SplitRecipe
@@ -69,7 +70,13 @@ def split_dataset(dataset: Path, recipe: SplitRecipe, *, force: bool = False) ->
     scenes = read_table(dataset, "scenes", columns=columns, manifest=manifest).to_pydict()
     own = dict(zip(scenes["scene_id"], scenes["source_split"], strict=True))
     chosen = assign_splits(own, recipe)
-    manifest = withdraw_split(dataset, manifest)
+    with hold(dataset):
+        return _write_splits(dataset, withdraw_split(dataset, manifest), recipe, chosen)
+
+
+def _write_splits(
+    dataset: Path, manifest: Manifest, recipe: SplitRecipe, chosen: dict[str, str]
+) -> Manifest:
     table = pa.Table.from_pydict(
         {"scene_id": list(chosen), "split": list(chosen.values())}, schema=SPLITS
     )
@@ -106,7 +113,8 @@ def read_splits(dataset: Path, *, manifest: Manifest | None = None) -> dict[str,
 def _rank(split: str) -> tuple[int, int, str]:
     if split in NAMES:
         return (NAMES.index(split), 0, split)
-    return (len(NAMES), int(split.removeprefix("fold-")), split)
+    number = split.removeprefix("fold-")
+    return (len(NAMES), int(number) if number.isascii() and number.isdigit() else 0, split)
 
 
 def _shuffle(ids: list[str], seed: int) -> list[str]:

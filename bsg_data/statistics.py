@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
+import lzma
 import re
 import zipfile
 import zlib
@@ -113,7 +114,7 @@ def _read_member(path: Path) -> str:
                 return io.TextIOWrapper(member, encoding="utf-8-sig").read()
     except OSError as error:
         raise SourceError(f"{path}: cannot be read ({error.strerror or error})") from error
-    except (zipfile.BadZipFile, zlib.error, RuntimeError, EOFError) as error:
+    except (zipfile.BadZipFile, zlib.error, lzma.LZMAError, RuntimeError, EOFError) as error:
         raise SourceError(f"{path}: not a readable zip file ({error})") from error
     except UnicodeDecodeError as error:
         raise SourceError(f"{path}: {MEMBER} is not UTF-8 (byte {error.start})") from error

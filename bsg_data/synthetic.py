@@ -21,6 +21,8 @@ import numpy as np
 import numpy.typing as npt
 
 from bsg_data.annotations import HEADER, Instance
+from bsg_data.errors import DatasetError
+from bsg_data.shards import write_bytes
 from bsg_data.sources import SYNTHETIC_MARK
 from bsg_data.synthetic_rates import SyntheticError, SyntheticRates, load_rates
 
@@ -194,18 +196,16 @@ def _number_rows(
 def write_building(building: SyntheticBuilding, out: Path) -> Path:
     """Write `OUT/<split>/<scene_id>/<hash>.semantic.txt`, whole or not at all; return its path."""
     path = out / building.split / building.scene_id / f"{building.hash}.semantic.txt"
-    path.parent.mkdir(parents=True, exist_ok=True)
     rows = [f'{one.instance_id},{one.colour},"{one.name}",{one.region_id}' for one in building.rows]
-    unfinished = path.with_suffix(".tmp")
-    unfinished.write_bytes("\n".join([HEADER, *rows, ""]).encode())
-    unfinished.replace(path)
+    write_bytes(path, "\n".join([HEADER, *rows, ""]).encode())
     return path
 
 
 def write_synthetic(out: Path, *, scenes: int, seed: int, force: bool = False) -> Iterator[Path]:
     """Write buildings 0 to `scenes` - 1 of a seed as they are asked for, yielding their paths.
 
-    A `synthetic.json` in the folder says what they are, so that nobody takes them for real ones.
+    A `synthetic.json` in the folder says what they are, so that nobody takes them for real ones,
+    and at the end that all are there.
 
     Args:
         out: the folder above `train` and `val`.
@@ -214,7 +214,8 @@ def write_synthetic(out: Path, *, scenes: int, seed: int, force: bool = False) -
         force: replace synthetic buildings that are there.
 
     Raises:
-        SyntheticError: at once, before anything is written, if that cannot be done.
+        SyntheticError: at once, before anything is written, for a number that cannot be.
+        DatasetError: likewise, if something is in the way.
     """
     _check_seed(seed)
     if not 0 < scenes <= MAX_SCENES:
@@ -223,18 +224,29 @@ def write_synthetic(out: Path, *, scenes: int, seed: int, force: bool = False) -
     _clear(out, force=force)
     mark = {"what": "synthetic buildings of bsg-data synth", "scenes": scenes, "seed": seed}
     out.mkdir(parents=True, exist_ok=True)
-    (out / SYNTHETIC_MARK).write_text(json.dumps(mark) + "\n", "utf-8")
-    return (write_building(synthesise(rates, seed=seed, number=n), out) for n in range(scenes))
+    write_bytes(out / SYNTHETIC_MARK, _encode(mark, finished=False))
+    return _write_all(rates, out, mark)
+
+
+def _write_all(rates: SyntheticRates, out: Path, mark: dict[str, Any]) -> Iterator[Path]:
+    for number in range(mark["scenes"]):
+        yield write_building(synthesise(rates, seed=mark["seed"], number=number), out)
+    write_bytes(out / SYNTHETIC_MARK, _encode(mark, finished=True))
+
+
+def _encode(mark: dict[str, Any], *, finished: bool) -> bytes:
+    return (json.dumps({**mark, "finished": finished}) + "\n").encode()
 
 
 def _clear(out: Path, *, force: bool) -> None:
     """Remove the synthetic buildings of an earlier call; never anything else."""
     if not out.exists() or (out.is_dir() and not any(out.iterdir())):
         return
-    if not (out / SYNTHETIC_MARK).is_file():
-        raise SyntheticError(f"{out}: holds something else, so it is left alone; choose another")
-    if not force:
-        raise SyntheticError(f"{out}: holds synthetic buildings; --force replaces them")
+    mark = out / SYNTHETIC_MARK
+    if not mark.is_file():
+        raise DatasetError(f"{out}: holds something else and is left alone; choose another --out")
+    if not force and b'"finished": true' in mark.read_bytes():
+        raise DatasetError(f"{out}: holds synthetic buildings; --force replaces them")
     for split in ("train", "val"):
         if (out / split).is_dir():
             shutil.rmtree(out / split)

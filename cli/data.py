@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -11,13 +13,14 @@ from bsg_data.build import build_dataset
 from bsg_data.check import check_dataset
 from bsg_data.class_map import DEFAULT_CLASS_MAP, list_class_maps, load_class_map
 from bsg_data.coverage import measure_coverage
+from bsg_data.errors import BSGError
 from bsg_data.frequencies import count_frequencies, draw_frequencies
 from bsg_data.manifest import Manifest, read_manifest
 from bsg_data.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.sources import HM3DFolder, HM3DStatistics, Source
 from bsg_data.splits import read_splits, split_dataset
-from bsg_data.synthetic import write_synthetic
+from bsg_data.synthetic import MAX_SCENES, write_synthetic
 
 from .terminal import (
     CommandGroup,
@@ -32,6 +35,20 @@ from .terminal import (
     workers_option,
 )
 
+
+class _Fraction(click.FloatRange):
+    """A number from 0 to 1; `nan` is none, though no comparison would refuse it."""
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        number = super().convert(value, param, ctx)
+        if math.isnan(number):
+            self.fail(f"{value} is no number", param, ctx)
+        return float(number)
+
+
+FRACTION = _Fraction(0, 1)
 dataset_argument = click.argument(
     "dataset", type=click.Path(path_type=Path, file_okay=False), metavar="DATASET"
 )
@@ -46,7 +63,7 @@ class_map_option = click.option(
 @click.group(cls=CommandGroup)
 @click.version_option(package_name="belief-scene-graphs", prog_name="bsg-data")
 def main() -> None:
-    r"""Turn HM3D's annotations into datasets of 3D scene graphs.
+    """Turn HM3D's annotations into datasets of 3D scene graphs.
 
     \b
     Example:
@@ -60,12 +77,18 @@ def main() -> None:
 
 @main.command()
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder to write.")
-@click.option("--scenes", type=click.IntRange(min=1), default=20, show_default=True)
+@click.option(
+    "--scenes",
+    type=click.IntRange(1, MAX_SCENES),
+    default=20,
+    show_default=True,
+    help="How many buildings.",
+)
 @seed_option
 @force_option
 @json_option
 def synth(out: Path, scenes: int, seed: int, force: bool, as_json: bool) -> None:
-    r"""Write synthetic buildings in HM3D's own layout.
+    """Write synthetic buildings in HM3D's own layout.
 
     \b
     Example:
@@ -99,7 +122,7 @@ def build(
     force: bool,
     as_json: bool,
 ) -> None:
-    r"""Build a dataset of scene graphs from one source.
+    """Build a dataset of scene graphs from one source.
 
     A build that was stopped goes on where it was when the same command runs again.
 
@@ -108,16 +131,21 @@ def build(
       bsg-data build --hm3d buildings --out dataset
     """
     source = _choose_source(hm3d, hm3d_stats)
-    with worker_pool(workers) as executor, progress_bar("build", unit="shard") as report:
-        manifest = build_dataset(
-            source,
-            out,
-            class_map=class_map,
-            strict=strict,
-            force=force,
-            executor=executor,
-            progress=report,
-        )
+    try:
+        with worker_pool(workers) as executor, progress_bar("build", unit="shard") as report:
+            manifest = build_dataset(
+                source,
+                out,
+                class_map=class_map,
+                strict=strict,
+                force=force,
+                executor=executor,
+                progress=report,
+            )
+    except (BSGError, KeyboardInterrupt):
+        if out.with_name(f"{out.name}.partial").is_dir():
+            print_note(f"what is done is in {out}.partial; the same command goes on from there")
+        raise
     if as_json:
         print_json(manifest.model_dump(mode="json", exclude={"files"}))
         return
@@ -129,12 +157,16 @@ def build(
 @main.command()
 @dataset_argument
 @click.option(
-    "--ratios", type=float, nargs=3, metavar="TRAIN VAL TEST", help="[default: 0.8 0.1 0.1]"
+    "--ratios",
+    type=float,
+    nargs=3,
+    metavar="TRAIN VAL TEST",
+    help="Shares that add up to 1.  [default: 0.8 0.1 0.1]",
 )
 @click.option(
     "--official", is_flag=True, help="The source's val as test; val carved from its train."
 )
-@click.option("--folds", type=click.IntRange(min=2), help="K folds for cross-validation.")
+@click.option("--folds", type=click.IntRange(min=3), help="K folds for cross-validation.")
 @seed_option
 @force_option
 @json_option
@@ -147,7 +179,7 @@ def split(
     force: bool,
     as_json: bool,
 ) -> None:
-    r"""Assign every building to train, val or test, or to a fold.
+    """Assign every building to train, val or test, or to a fold.
 
     \b
     Example:
@@ -180,7 +212,7 @@ def split(
 )
 @click.option(
     "--fraction",
-    type=click.FloatRange(0, 1),
+    type=FRACTION,
     default=0.5,
     show_default=True,
     help="Share of a building's objects to hide.",
@@ -206,7 +238,7 @@ def pairs(
     force: bool,
     as_json: bool,
 ) -> None:
-    r"""Draw masks and write input and target histograms.
+    """Draw masks and write input and target histograms.
 
     \b
     Example:
@@ -229,7 +261,7 @@ def pairs(
 @dataset_argument
 @json_option
 def check(dataset: Path, as_json: bool) -> None:
-    r"""Prove that a dataset is sound: hashes, schemas, keys, counts, splits, masks.
+    """Prove that a dataset is sound: hashes, schemas, keys, counts, splits, masks.
 
     \b
     Example:
@@ -238,13 +270,15 @@ def check(dataset: Path, as_json: bool) -> None:
     with progress_bar("check", unit="file") as report:
         faults = check_dataset(dataset, progress=report)
     if as_json:
-        print_json({"faults": [{"where": f.where, "what": f.what} for f in faults]})
+        print_json(
+            {"sound": not faults, "faults": [{"where": f.where, "what": f.what} for f in faults]}
+        )
     elif faults:
         click.echo("\n".join(f"{fault.where}: {fault.what}" for fault in faults))
     else:
         click.echo(f"{dataset}: sound")
     if faults:
-        print_note(f"{len(faults)} faults; what a command made, it makes again with --force")
+        print_note(f"faults: {len(faults)}; what a command made, it makes again with --force")
         raise click.exceptions.Exit(1)
 
 
@@ -253,7 +287,7 @@ def check(dataset: Path, as_json: bool) -> None:
 @click.option("--figure", type=click.Path(path_type=Path), help="Draw the frequencies as an image.")
 @json_option
 def info(dataset: Path, figure: Path | None, as_json: bool) -> None:
-    r"""Say what a dataset holds, with the frequency of every class.
+    """Say what a dataset holds, with the frequency of every class.
 
     \b
     Example:
@@ -291,7 +325,7 @@ def info(dataset: Path, figure: Path | None, as_json: bool) -> None:
 
 @main.group("map", cls=CommandGroup)
 def class_map_group() -> None:
-    r"""Look into class maps.
+    """Look into class maps.
 
     \b
     Example:
@@ -302,7 +336,7 @@ def class_map_group() -> None:
 @class_map_group.command("list")
 @json_option
 def map_list(as_json: bool) -> None:
-    r"""List the published class maps.
+    """List the published class maps.
 
     \b
     Example:
@@ -322,7 +356,7 @@ def map_list(as_json: bool) -> None:
 @class_map_option
 @json_option
 def map_show(category: str, class_map: str, as_json: bool) -> None:
-    r"""Show what a category, or every spelling of a class, is mapped to.
+    """Show what a category, or every spelling of a class, is mapped to.
 
     \b
     Example:
@@ -347,7 +381,9 @@ def map_show(category: str, class_map: str, as_json: bool) -> None:
         print_json(answer)
     elif entry is not None:
         structure = " (part of the building)" if entry.category in loaded.structure else ""
-        click.echo(f"{category!r} → {entry.category!r} → {name or f'no class{structure}'}")
+        click.echo(
+            f"name {category!r} → corrected {entry.category!r} → class {name or f'none{structure}'}"
+        )
     elif not known:
         near = ", ".join(loaded.nearest(category)) or "nothing like it"
         click.echo(f"{category!r} is not in {loaded.version}; nearest: {near}")
@@ -360,16 +396,18 @@ def map_show(category: str, class_map: str, as_json: bool) -> None:
 
 @class_map_group.command("coverage")
 @dataset_argument
-@class_map_option
+@click.option(
+    "--class-map", help="Another map than the dataset's own: a version, or your NAME.csv."
+)
 @json_option
-def map_coverage(dataset: Path, class_map: str, as_json: bool) -> None:
-    r"""Measure how much of a dataset a class map covers.
+def map_coverage(dataset: Path, class_map: str | None, as_json: bool) -> None:
+    """Measure how much of a dataset a class map covers.
 
     \b
     Example:
       bsg-data map coverage dataset
     """
-    loaded = load_class_map(class_map)
+    loaded = load_class_map(class_map or read_manifest(dataset).class_map.version)
     found = measure_coverage(dataset, loaded)
     parts = ("objects", "classified", "structure", "nameless", "unmapped", "left_out")
     counts = {part: int(getattr(found, part)) for part in parts}
@@ -382,7 +420,8 @@ def map_coverage(dataset: Path, class_map: str, as_json: bool) -> None:
     click.echo(f"\nclassified, of what is not structure: {found.share:.1%}")
     click.echo(f"classified, of what is not structure and has a name: {found.share_of_named:.1%}")
     rows = list(found.most_left_out)
-    click.echo("\n" + format_table(rows, header=("most frequent left out", "instances")))
+    if rows:
+        click.echo("\n" + format_table(rows, header=("most frequent left out", "instances")))
 
 
 def _choose_source(hm3d: Path | None, hm3d_stats: Path | None) -> Source:
@@ -403,7 +442,7 @@ def _totals_line(manifest: Manifest) -> str:
 def _losses(manifest: Manifest, *, most: int = 20) -> str:
     """Return what was skipped and what is unmapped, as readable tables."""
     lines = [
-        f"skipped scenes: {len(manifest.skipped)}, unmapped objects: {manifest.totals.unmapped}"
+        f"skipped scenes: {len(manifest.skipped):,}, unmapped objects: {manifest.totals.unmapped:,}"
     ]
     if manifest.skipped:
         skips = [(s.scene_id, s.location, s.reason) for s in manifest.skipped[:most]]
@@ -419,4 +458,4 @@ def _losses(manifest: Manifest, *, most: int = 20) -> str:
 
 def _bar(share: float) -> str:
     width = shutil.get_terminal_size().columns
-    return "█" * round(share * max(10, min(50, width - 50)))
+    return "█" * round(share * max(10, min(50, width - 50))) or "▏" * (share > 0)

@@ -7,6 +7,8 @@ from types import MappingProxyType
 
 import click
 
-from . import data
+from . import data, evaluate, train
 
-COMMANDS: Mapping[str, click.Command] = MappingProxyType({"bsg-data": data.main})
+COMMANDS: Mapping[str, click.Command] = MappingProxyType(
+    {"bsg-data": data.main, "bsg-train": train.main, "bsg-evaluate": evaluate.main}
+)

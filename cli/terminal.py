@@ -13,6 +13,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
+from io import TextIOWrapper
 from multiprocessing import get_context
 from typing import Any, NoReturn
 
@@ -20,9 +21,9 @@ import click
 import pandas as pd
 from tqdm import tqdm  # noqa: TID251 -- the command line is where bars belong
 
-from bsg_data.errors import BSGError
+from bsg_data.errors import BSGError, RecipeError
 
-FAILED, INTERRUPTED = 1, 130
+FAILED, WRONG_USAGE, INTERRUPTED = 1, 2, 130
 
 
 class ExitCodes:
@@ -30,6 +31,9 @@ class ExitCodes:
 
     def main(self, *args: Any, **kwargs: Any) -> NoReturn:
         """Run the command and leave the process with one of the four exit codes."""
+        for stream in (sys.stdout, sys.stderr):
+            if isinstance(stream, TextIOWrapper):  # a terminal may lack a letter of some name
+                stream.reconfigure(errors="replace")
         try:
             kwargs["standalone_mode"] = False
             code = super().main(*args, **kwargs)  # type: ignore[misc]
@@ -37,14 +41,14 @@ class ExitCodes:
             error.show()
             sys.exit(error.exit_code)
         except BSGError as error:
-            click.echo(f"error: {error}", err=True)
-            sys.exit(FAILED)
+            click.echo(f"Error: {error}", err=True)
+            sys.exit(WRONG_USAGE if isinstance(error, RecipeError) else FAILED)
         except (click.Abort, KeyboardInterrupt):
             click.echo("interrupted", err=True)
             sys.exit(INTERRUPTED)
         except OSError as error:
             where = f"{error.filename}: " if error.filename else ""
-            click.echo(f"error: {where}{error.strerror or error}", err=True)
+            click.echo(f"Error: {where}{error.strerror or error}", err=True)
             sys.exit(FAILED)
         sys.exit(code if isinstance(code, int) else 0)
 
@@ -89,14 +93,14 @@ def worker_pool(workers: int) -> Iterator[Executor | None]:
     if workers == 1:
         yield None
         return
-    with ProcessPoolExecutor(
-        workers, mp_context=get_context("spawn"), initializer=_leave_interrupts_to_the_parent
-    ) as pool:
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        # Ctrl-C is for this process alone. What is ignored here stays ignored in a process that
+        # starts now, from its first moment on; so start them all now.
+        handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
+        for _ in range(workers):
+            pool.submit(os.getpid)
+        signal.signal(signal.SIGINT, handler)
         yield pool
-
-
-def _leave_interrupts_to_the_parent() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def print_json(value: object) -> None:

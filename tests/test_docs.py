@@ -50,9 +50,12 @@ def test_command_has_help_and_an_example(name: str, command: click.Command) -> N
     first = help_text.strip().splitlines()[0]
     assert first.endswith("."), f"{name}: the first line is no sentence: {first!r}"
     assert len(first) <= 80
-    assert "Example:" in help_text
-    root = name.split()[0]
-    assert re.search(rf"^\s+{root} ", help_text, re.MULTILINE), f"{name}: no runnable example"
+    shown = command.get_help(click.Context(command, info_name=name, terminal_width=88))
+    assert "\\b" not in shown
+    assert "Example:\n" in shown
+    lines = re.findall(rf"^\s+{name.split()[0]} .*$", shown.split("Example:")[1], re.MULTILINE)
+    assert lines, f"{name}: no runnable example"
+    assert all(line.count("bsg-") == 1 for line in lines), f"{name}: examples were wrapped"
 
 
 @pytest.mark.parametrize(("name", "command"), ALL_COMMANDS, ids=IDS)

@@ -104,17 +104,77 @@ def test_a_stopped_build_resumes_to_the_same_bytes(
     assert not partial.exists()
 
 
+@pytest.mark.parametrize("damage", ["shard", "source"])
 def test_a_changed_source_or_a_damaged_shard_is_made_again(
-    hm3d_folder: Path, tmp_path: Path
+    hm3d_folder: Path, tmp_path: Path, damage: str
 ) -> None:
     out, source = tmp_path / "out", HM3DFolder(hm3d_folder)
     with pytest.raises(KeyboardInterrupt):
         build_dataset(source, out, scenes_per_shard=2, executor=StoppingExecutor(3))
-    (tmp_path / "out.partial" / "objects" / "part-00001.parquet").write_bytes(b"PAR1")
-    write_scene(hm3d_folder, "00000-abcdefghi00", annotation_text({0: [*KITCHEN, "bed"]}))
+    if damage == "shard":
+        (tmp_path / "out.partial" / "objects" / "part-00001.parquet").write_bytes(b"PAR1")
+    else:
+        write_scene(hm3d_folder, "00000-abcdefghi00", annotation_text({0: [*KITCHEN, "bed"]}))
     build_dataset(source, out, scenes_per_shard=2)
     build_dataset(source, tmp_path / "whole", scenes_per_shard=2)
     assert all_bytes(out) == all_bytes(tmp_path / "whole")
+
+
+def test_strict_does_not_take_what_a_lenient_build_left(hm3d_folder: Path, tmp_path: Path) -> None:
+    source = HM3DFolder(hm3d_folder)
+    with pytest.raises(KeyboardInterrupt):
+        build_dataset(source, tmp_path / "out", scenes_per_shard=2, executor=StoppingExecutor(3))
+    with pytest.raises(UnmappedNameError):
+        build_dataset(source, tmp_path / "out", scenes_per_shard=2, strict=True)
+
+
+def test_bytes_do_not_depend_on_where_the_source_is(hm3d_folder: Path, tmp_path: Path) -> None:
+    write_scene(hm3d_folder, "00042-broken00000", b"HM3D Semantic Annotations\n1,AB\n")
+    build_dataset(HM3DFolder(hm3d_folder), tmp_path / "one")
+    hm3d_folder.rename(tmp_path / "elsewhere")
+    build_dataset(HM3DFolder(tmp_path / "elsewhere"), tmp_path / "two")
+    assert all_bytes(tmp_path / "one") == all_bytes(tmp_path / "two")
+    (skip,) = read_manifest(tmp_path / "one").skipped
+    assert skip.reason.startswith("line 2: expected id,HEXRGB")
+
+
+def test_two_builds_into_one_folder_do_not_meet(hm3d_folder: Path, tmp_path: Path) -> None:
+    """While a build runs, a second one into the same folder is refused and harms nothing."""
+    source, refused = HM3DFolder(hm3d_folder), []
+
+    def intrude(done: int, total: int) -> None:
+        with pytest.raises(DatasetError, match="another command is writing there") as caught:
+            build_dataset(source, tmp_path / "out", scenes_per_shard=2)
+        refused.append(caught)
+
+    build_dataset(source, tmp_path / "out", scenes_per_shard=2, progress=intrude)
+    assert len(refused) == 6
+    assert check_dataset(tmp_path / "out") == ()
+
+
+def test_force_removes_only_what_is_the_datasets(hm3d_folder: Path, tmp_path: Path) -> None:
+    source, out = HM3DFolder(hm3d_folder), tmp_path / "out"
+    build_dataset(source, out)
+    (out / "thesis.tex").write_text("years of work")
+    with pytest.raises(DatasetError, match=r"holds thesis\.tex"):
+        build_dataset(source, out, force=True)
+    (out / "thesis.tex").unlink()
+    (out / "dataset.json").write_text('{"hi": 1}')
+    with pytest.raises(DatasetError, match="move it away"):
+        build_dataset(source, out, force=True)
+    with pytest.raises(DatasetError, match="is inside the dataset"):
+        build_dataset(source, out / "deeper")
+
+
+def test_a_linked_out_stays_a_link(hm3d_folder: Path, tmp_path: Path) -> None:
+    source, link = HM3DFolder(hm3d_folder), tmp_path / "link"
+    link.symlink_to(tmp_path / "disk" / "real")
+    (tmp_path / "disk").mkdir()
+    for force in (False, True, True):
+        build_dataset(source, link, force=force)
+        assert link.is_symlink()
+        assert check_dataset(tmp_path / "disk" / "real") == ()
+    assert sorted(p.name for p in (tmp_path / "disk").iterdir()) == ["real"]
 
 
 def test_nothing_of_the_users_is_overwritten(hm3d_folder: Path, tmp_path: Path) -> None:
@@ -122,7 +182,7 @@ def test_nothing_of_the_users_is_overwritten(hm3d_folder: Path, tmp_path: Path) 
     mine = tmp_path / "mine"
     mine.mkdir()
     (mine / "thesis.tex").write_text("years of work")
-    with pytest.raises(DatasetError, match="is there and is no dataset"):
+    with pytest.raises(DatasetError, match="is no dataset and is left alone"):
         build_dataset(source, mine, force=True)
     assert (mine / "thesis.tex").read_text() == "years of work"
     (tmp_path / "out.partial").mkdir()
@@ -151,7 +211,9 @@ def test_strict_fails_on_the_first_loss(hm3d_folder: Path, tmp_path: Path) -> No
 
 def test_an_empty_result_is_a_failure(tmp_path: Path) -> None:
     write_scene(tmp_path / "root", "00042-broken00000", b"")
-    with pytest.raises(SourceError, match=r"1 scenes found and none could be read:\n  train/00042"):
+    with pytest.raises(
+        SourceError, match=r"scenes were found and none could be read:\n  train/00042"
+    ):
         build_dataset(HM3DFolder(tmp_path / "root"), tmp_path / "out")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["root"]
 

@@ -145,7 +145,7 @@ def test_a_map_of_ones_own(tmp_path: Path) -> None:
         ),
         ("chair,chair\n", "0,chair,A chair.\n", "line 2: expected 3 fields, found 2"),
         ("chair,chair,chair\n", "1,chair,A chair.\n", "expected index 0"),
-        ("chair,chair,chair\n", "", "at least one class"),
+        ("chair,chair,chair\n", "", "1 to 256 classes"),
         ('"chair,chair,chair\n', "0,chair,A chair.\n", "not a readable CSV"),
     ],
 )

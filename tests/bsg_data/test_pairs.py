@@ -1,17 +1,24 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import annotation_text, write_scene
 
+from bsg_data.build import build_dataset
+from bsg_data.check import check_dataset
+from bsg_data.class_map import ClassMap
 from bsg_data.errors import DatasetError, RecipeError
-from bsg_data.histograms import read_cells, to_histograms
+from bsg_data.histograms import read_adjacency, read_cells, to_histograms
 from bsg_data.manifest import read_manifest
 from bsg_data.masks import draw_hidden, draw_visited
 from bsg_data.pairs import histogram_column, read_pairs, write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
+from bsg_data.scene_graph import Edge, SceneGraph
+from bsg_data.sources import HM3DFolder, SceneRef
 from bsg_data.splits import read_splits, split_dataset
 
 
@@ -89,3 +96,27 @@ def test_a_count_beyond_the_format_is_refused(
     with pytest.raises(RecipeError, match="more than 3 objects of one class"):
         write_pairs(dataset, PairsRecipe(), force=True)
     assert np.iinfo(np.uint16).max == 65535
+
+
+def test_adjacency_reaches_the_masks(tmp_path: Path) -> None:
+    """A source that knows adjacency: what `frontier` leaves unvisited follows it."""
+    rooms = 12
+
+    class Chain(HM3DFolder):
+        def read(self, ref: SceneRef, class_map: ClassMap) -> SceneGraph:
+            edges = [Edge(k, k + 1, "adjacent", "layout") for k in range(1, rooms)]
+            return replace(super().read(ref, class_map), adjacency=tuple(edges))
+
+    for number in range(10):
+        text = annotation_text({k: ["chair"] * 6 for k in range(rooms)})
+        write_scene(tmp_path / "hm3d", f"{number:05d}-abcdefghi{number:02d}", text)
+    out = tmp_path / "dataset"
+    build_dataset(Chain(tmp_path / "hm3d"), out)
+    assert read_adjacency(out)["00000-abcdefghi00"] == [(k, k + 1) for k in range(1, rooms)]
+    split_dataset(out, SplitRecipe())
+    write_pairs(out, PairsRecipe(mask=MaskRecipe(strategy="frontier"), draws=20))
+    assert check_dataset(out) == ()
+    visited = read_pairs(out, "train")["visited"].to_numpy().reshape(-1, rooms + 1)[:, 1:]
+    assert not visited.all()
+    changes = (visited[:, 1:] != visited[:, :-1]).sum(axis=1)
+    assert changes.max() <= 2  # one run of visited rooms along the chain

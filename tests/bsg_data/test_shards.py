@@ -130,7 +130,8 @@ def test_a_folder_without_manifest_is_no_dataset(tmp_path: Path) -> None:
         ('"format_version": 1', '"format_version": 99', "format version 99"),
         ('"totals"', '"total"', "totals: Field required"),
         ('"rows": ', '"rows": -', "files.0.rows"),
-        ("{", "", "the whole file"),
+        ('"path": "', '"path": "../../etc/', "files.0.path"),
+        ("{", "", "not JSON"),
     ],
 )
 def test_a_manifest_changed_by_hand_is_refused(

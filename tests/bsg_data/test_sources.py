@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ from bsg_data.class_map import load_class_map
 from bsg_data.errors import SourceError
 from bsg_data.scene_graph import Edge, Room
 from bsg_data.sources import HM3DFolder, building_of
+from bsg_data.synthetic import write_synthetic
 
 TEXT = annotation_text({0: KITCHEN})
 
@@ -90,7 +92,66 @@ def test_links_are_followed_but_not_in_circles(tmp_path: Path) -> None:
     root.mkdir()
     (root / "linked").symlink_to(tmp_path / "real", target_is_directory=True)
     (tmp_path / "real" / "loop").symlink_to(root, target_is_directory=True)
-    assert [ref.scene_id for ref in HM3DFolder(root).find().scenes] == ["00006-HkseAnWCgqk"]
+    found = HM3DFolder(root).find()
+    assert [ref.scene_id for ref in found.scenes] == ["00006-HkseAnWCgqk"]
+    assert found.duplicates == ()
+
+
+def test_a_linked_annotation_keeps_its_number(tmp_path: Path) -> None:
+    """As git-annex and download caches lay files out."""
+    blob = tmp_path / "blobs" / "deadbeef"
+    blob.parent.mkdir()
+    blob.write_text(TEXT, "utf-8")
+    link = tmp_path / "hm3d" / "00006-HkseAnWCgqk" / "HkseAnWCgqk.semantic.txt"
+    link.parent.mkdir(parents=True)
+    link.symlink_to(blob)
+    (ref,) = HM3DFolder(tmp_path / "hm3d").find().scenes
+    assert ref.scene_id == "00006-HkseAnWCgqk"
+
+
+def test_what_is_no_file_is_reported_and_never_opened(tmp_path: Path) -> None:
+    write_scene(tmp_path, "00006-HkseAnWCgqk", TEXT)
+    folder = tmp_path / "train" / "odd"
+    folder.mkdir()
+    os.mkfifo(folder / "pipe.semantic.txt")
+    (folder / "self.semantic.txt").symlink_to(folder / "self.semantic.txt")
+    (folder / "zero.semantic.txt").symlink_to("/dev/zero")
+    found = HM3DFolder(tmp_path).find()
+    assert len(found.scenes) == 1
+    assert [skip.location.split("/")[-1] for skip in found.unreadable] == [
+        "pipe.semantic.txt",
+        "self.semantic.txt",
+        "zero.semantic.txt",
+    ]
+
+
+def test_a_huge_file_is_not_read(tmp_path: Path) -> None:
+    path = write_scene(tmp_path, "00006-HkseAnWCgqk", TEXT)
+    os.truncate(path, 10 * 2**30)  # sparse: it takes no disk
+    source = HM3DFolder(tmp_path)
+    (ref,) = source.find().scenes
+    with pytest.raises(SourceError, match="at most"):
+        source.read(ref, load_class_map())
+
+
+def test_the_newest_version_of_a_building_is_taken(tmp_path: Path) -> None:
+    for version in ("v0.1", "v0.2"):
+        write_scene(tmp_path / f"hm3d-train-semantic-annots-{version}", "00006-HkseAnWCgqk", TEXT)
+    found = HM3DFolder(tmp_path).find()
+    assert [ref.source_version for ref in found.scenes] == ["v0.2"]
+
+
+def test_synthetic_buildings_are_never_taken_for_real_ones(tmp_path: Path) -> None:
+    list(write_synthetic(tmp_path / "made", scenes=2, seed=0))
+    assert HM3DFolder(tmp_path / "made").kind == "synthetic"
+    assert HM3DFolder(tmp_path / "made" / "train").kind == "synthetic"
+    with pytest.raises(SourceError, match="holds synthetic buildings in"):
+        HM3DFolder(tmp_path).find()
+    stream = write_synthetic(tmp_path / "half", scenes=2, seed=0)
+    next(stream)
+    with pytest.raises(SourceError, match="was stopped; run it again"):
+        HM3DFolder(tmp_path / "half").find()
+    assert len(list(write_synthetic(tmp_path / "half", scenes=2, seed=0))) == 2
 
 
 def test_hidden_files_of_archives_are_no_scenes(tmp_path: Path) -> None:
@@ -102,11 +163,11 @@ def test_hidden_files_of_archives_are_no_scenes(tmp_path: Path) -> None:
 def test_an_empty_source_says_where_it_looked(tmp_path: Path) -> None:
     with pytest.raises(SourceError, match=r"no scene found.*semantic\.txt"):
         HM3DFolder(tmp_path).find()
-    with pytest.raises(SourceError, match="found nothing"):
+    with pytest.raises(SourceError, match="no such folder"):
         HM3DFolder(tmp_path / "none").find()
     file = tmp_path / "file"
     file.touch()
-    with pytest.raises(SourceError, match="found a file"):
+    with pytest.raises(SourceError, match="is a file, not a folder"):
         HM3DFolder(file).find()
 
 

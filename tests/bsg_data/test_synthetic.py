@@ -15,6 +15,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bsg_data.errors import DatasetError
 from bsg_data.synthetic import (
     MAX_SCENES,
     SyntheticBuilding,
@@ -23,7 +24,7 @@ from bsg_data.synthetic import (
     write_building,
     write_synthetic,
 )
-from bsg_data.synthetic_rates import SyntheticError, SyntheticRates, load_rates, parse_rates
+from bsg_data.synthetic_rates import SyntheticRates, load_rates, parse_rates
 
 ROW = re.compile(r'([1-9][0-9]*),([1-9A-F][0-9A-F]{0,5}),"([^"\n]*)",(-1|[0-9]+)')
 RATES_TEXT = resources.files("bsg_data").joinpath("synthetic_rates.json").read_text("utf-8")
@@ -131,7 +132,7 @@ def test_every_line_is_a_row_of_hm3d(tmp_path: Path) -> None:
 
 def test_a_second_run_does_not_mix_two_sets(tmp_path: Path) -> None:
     first = contents(list(write_synthetic(tmp_path, scenes=2, seed=0)), tmp_path)
-    with pytest.raises(SyntheticError, match="--force replaces them"):
+    with pytest.raises(DatasetError, match="--force replaces them"):
         write_synthetic(tmp_path, scenes=2, seed=1)
     again = contents(list(write_synthetic(tmp_path, scenes=2, seed=0, force=True)), tmp_path)
     assert again == first
@@ -336,6 +337,6 @@ def test_the_rates_are_small_and_aggregate() -> None:
 def test_what_is_not_synthetic_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "train").mkdir()
     (tmp_path / "train" / "scan.txt").write_text("real")
-    with pytest.raises(SyntheticError, match="is left alone"):
+    with pytest.raises(DatasetError, match="is left alone"):
         write_synthetic(tmp_path, scenes=1, seed=0, force=True)
     assert (tmp_path / "train" / "scan.txt").read_text() == "real"

@@ -32,7 +32,7 @@ def test_the_thread_from_buildings_to_proof(tmp_path: Path) -> None:
     pairs = json.loads(run("pairs", out, "--draws", "3", "--workers", "1", "--json").stdout)
     assert pairs["rows"] == 3 * (12 + built["totals"]["rooms"])
     assert run("check", out).stdout == f"{out}: sound\n"
-    assert json.loads(run("check", out, "--json").stdout) == {"faults": []}
+    assert json.loads(run("check", out, "--json").stdout) == {"sound": True, "faults": []}
     info = json.loads(run("info", out, "--json", "--figure", tmp_path / "c.png").stdout)
     assert info["splits"] == {"train": 10, "val": 1, "test": 1}
     assert sum(row["instances"] for row in info["classes"]) == built["totals"]["classified"]
@@ -53,7 +53,7 @@ def test_a_dataset_with_faults_fails_the_check(dataset: Path) -> None:
     (dataset / "splits.parquet").unlink()
     result = run("check", dataset, code=1)
     assert result.stdout == "splits.parquet: is in the manifest but not there\n"
-    assert "1 faults" in result.stderr
+    assert "faults: 1;" in result.stderr
 
 
 def test_finished_results_need_force(dataset: Path, hm3d_folder: Path, tmp_path: Path) -> None:
@@ -74,6 +74,8 @@ def test_finished_results_need_force(dataset: Path, hm3d_folder: Path, tmp_path:
         ["build", "--out", "x", "--hm3d", "a", "--hm3d-stats", "b"],
         ["split", "x", "--official", "--folds", "3"],
         ["pairs", "x", "--fraction", "1.5"],
+        ["pairs", "x", "--fraction", "nan"],
+        ["synth", "--out", "x", "--scenes", "901"],
         ["pairs", "x", "--mask", "view"],
         ["synth", "--out", "x", "--scenes", "0"],
         ["nothing"],
@@ -85,15 +87,15 @@ def test_wrong_usage_is_exit_code_2(words: list[str]) -> None:
 
 def test_errors_are_one_line_without_traceback(tmp_path: Path) -> None:
     result = run("info", tmp_path / "none", code=1)
-    assert result.stderr.startswith("error: ")
+    assert result.stderr.startswith("Error: ")
     assert result.stderr.count("\n") == 1
     result = run("build", "--hm3d", tmp_path, "--out", tmp_path / "d", code=1)
     assert "no scene found" in result.stderr
 
 
 def test_map_shows_names_classes_and_near_misses() -> None:
-    assert "→ 'trash can' → garbage bin" in run("map", "show", "TRASHCAN").stdout
-    assert "no class (part of the building)" in run("map", "show", "wall").stdout
+    assert "→ corrected 'trash can' → class garbage bin" in run("map", "show", "TRASHCAN").stdout
+    assert "class none (part of the building)" in run("map", "show", "wall").stdout
     shown = json.loads(run("map", "show", "garbage bin", "--json").stdout)
     assert "trash can" in shown["spellings"]
     assert "nearest: chair" in run("map", "show", "chairr", code=1).stdout

@@ -1,0 +1,186 @@
+"""The paper's figures, for print: error per class, correlations, one building's histograms."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from bsg_data.errors import BSGError
+from bsg_models.expectation import Expectation
+from bsg_models.metrics import Bools, Floats, correlation_matrix, normalise
+from bsg_models.training import EpochReport
+
+INPUT, PREDICTED, TRUE = "#BBBBBB", "#0018EC", "#FF8000"
+
+
+def draw_class_errors(errors: Floats, classes: Sequence[str], path: Path, *, title: str) -> None:
+    """Draw the error in number per class as a box plot (the paper's figure of O″ − O).
+
+    Args:
+        errors: `[N, C]` predicted minus true counts.
+        classes: `[C]` names.
+        path: of the image.
+        title: above it.
+    """
+    figure = _figure(11, 4.2)
+    axes = figure.subplots()
+    axes.boxplot(
+        [errors[:, c] for c in range(len(classes))],
+        widths=0.6,
+        flierprops={"marker": ".", "markersize": 2, "markeredgecolor": "#888888"},
+        medianprops={"color": "black"},
+        boxprops={"facecolor": "#C9CFFF", "linewidth": 0.6},
+        whiskerprops={"linewidth": 0.6},
+        capprops={"linewidth": 0.6},
+        patch_artist=True,
+    )
+    means = errors.mean(axis=0)
+    axes.plot(np.arange(1, len(classes) + 1), means, "D", color=TRUE, markersize=3, label="mean")
+    axes.axhline(0, color="black", linewidth=0.5)
+    axes.set_xticks(np.arange(1, len(classes) + 1), classes, rotation=90, fontsize=7)
+    axes.set_yscale("symlog", linthresh=2)
+    axes.set_ylabel("predicted − true number\n(linear within ±2, then logarithmic)", fontsize=8)
+    axes.grid(axis="y", linewidth=0.3)
+    axes.legend(fontsize=7, frameon=False)
+    axes.set_title(title, fontsize=10)
+    _save(figure, path)
+
+
+def draw_correlations(
+    predicted: Floats, true: Floats, classes: Sequence[str], path: Path, *, title: str
+) -> None:
+    """Draw the two correlation matrices side by side (the paper's figure of correlations).
+
+    Args:
+        predicted: `[N, C]` counts.
+        true: `[N, C]` counts.
+        classes: `[C]` names.
+        path: of the image.
+        title: above it.
+    """
+    figure = _figure(13, 6.6)
+    left, right = figure.subplots(1, 2, sharey=True)
+    ticks = np.arange(len(classes))
+    for axes, counts, name in ((left, predicted, "predicted"), (right, true, "true")):
+        image = axes.imshow(correlation_matrix(counts), cmap="RdBu_r", vmin=-1, vmax=1)
+        axes.set_xticks(ticks, classes, rotation=90, fontsize=6)
+        axes.set_yticks(ticks, classes, fontsize=6)
+        axes.set_title(name, fontsize=9)
+    figure.colorbar(image, ax=(left, right), shrink=0.7, label="Pearson correlation", pad=0.01)
+    figure.suptitle(title, fontsize=10)
+    _save(figure, path)
+
+
+def draw_building(
+    expectation: Expectation,
+    target: Floats,
+    classes: Sequence[str],
+    path: Path,
+    *,
+    node: int,
+    title: str,
+) -> None:
+    """Draw input, predicted and true histogram and distribution of one node.
+
+    Args:
+        expectation: of a model.
+        target: `[N, C]` true counts.
+        classes: `[C]` names.
+        path: of the image.
+        node: the row to draw.
+        title: above it.
+    """
+    figure = _figure(11, 5.6)
+    top, bottom = figure.subplots(2, 1, sharex=True)
+    rows = {
+        "input": (expectation.inputs[[node]], INPUT),
+        "predicted": (expectation.totals[[node]], PREDICTED),
+        "true": (target[[node]], TRUE),
+    }
+    positions = np.arange(len(classes))
+    for offset, (name, (counts, colour)) in zip((-0.28, 0.0, 0.28), rows.items(), strict=True):
+        top.bar(positions + offset, counts[0], 0.28, color=colour, label=name)
+        bottom.bar(positions + offset, normalise(counts)[0], 0.28, color=colour)
+    top.set_ylabel("objects (E × O)", fontsize=8)
+    bottom.set_ylabel("probability (E)", fontsize=8)
+    bottom.set_xticks(positions, classes, rotation=90, fontsize=7)
+    top.legend(fontsize=8, frameon=False, ncols=3)
+    for axes in (top, bottom):
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.margins(x=0.01)
+    figure.suptitle(title, fontsize=10)
+    _save(figure, path)
+
+
+def draw_learning_curve(reports: Sequence[EpochReport], path: Path, *, title: str) -> None:
+    """Draw training and validation loss over epochs, with the epoch of the best checkpoint."""
+    figure = _figure(7, 4)
+    axes = figure.subplots()
+    epochs = [report.epoch for report in reports]
+    axes.plot(epochs, [r.train_loss for r in reports], color=INPUT, linewidth=0.8, label="training")
+    validated = {r.epoch: r.val_loss for r in reports if r.val_loss is not None}
+    axes.plot(list(validated), list(validated.values()), color=PREDICTED, label="validation")
+    if reports:
+        best = reports[-1].best_epoch
+        axes.axvline(best, color=TRUE, linewidth=0.8, linestyle="--", label=f"best, epoch {best}")
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_formatter("{x:g}")
+    axes.set_xlabel("epoch")
+    axes.set_ylabel("mean squared error of counts")
+    axes.legend(fontsize=8, frameon=False)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.set_title(title, fontsize=10)
+    _save(figure, path)
+
+
+def draw_evaluation(
+    folder: Path,
+    *,
+    name: str,
+    expectation: Expectation,
+    target: Floats,
+    is_building: Bools,
+    classes: Sequence[str],
+    node: int,
+    building: str,
+) -> Mapping[str, Path]:
+    """Draw the three figures of one model into a folder; return what each shows by its path."""
+    rooms = ~is_building
+    errors = expectation.totals - target
+    paths = {
+        "error in number per class, rooms": folder / f"{name}-class-errors.png",
+        "correlations of the classes, rooms": folder / f"{name}-correlations.png",
+        f"histogram and distribution of {building}": folder / f"{name}-building.png",
+    }
+    first, second, third = paths.values()
+    draw_class_errors(errors[rooms], classes, first, title=f"{name}: error in number, rooms")
+    draw_correlations(
+        expectation.totals[rooms],
+        target[rooms],
+        classes,
+        second,
+        title=f"{name}: correlations of the classes over rooms",
+    )
+    draw_building(
+        expectation, target, classes, third, node=node, title=f"{name}: building {building}"
+    )
+    return paths
+
+
+def _figure(width: float, height: float) -> Figure:
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _save(figure: Figure, path: Path) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(path, dpi=160)
+    except OSError as error:
+        raise BSGError(f"{path}: the figure cannot be written ({error})") from error

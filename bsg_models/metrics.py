@@ -1,0 +1,299 @@
+"""The measures of DESIGN section 8, each a pure function of arrays.
+
+Shapes: N nodes of interest, C classes. `p` and `q` are distributions over classes, rows that sum to
+1 or are all zero. Where a function takes `weights`, they are one number per row: a bootstrap over
+buildings weighs every row by how often its building was drawn, so that sums and counts are
+accumulated and divided once.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+Bools = npt.NDArray[np.bool_]
+
+
+class Moments(NamedTuple):
+    """Mean, population variance, skewness and excess kurtosis; nan where undefined."""
+
+    mean: float
+    variance: float
+    skewness: float
+    kurtosis: float
+
+
+def normalise(counts: Floats) -> Floats:
+    """Return histograms as distributions E: rows that sum to 1, an all-zero row stays all zero.
+
+    Args:
+        counts: `[N, C]`, 0 or more.
+
+    >>> normalise(np.array([[1.0, 3.0], [0.0, 0.0]])).tolist()
+    [[0.25, 0.75], [0.0, 0.0]]
+    """
+    totals = counts.sum(axis=1, keepdims=True)
+    filled = np.zeros_like(counts, dtype=float)
+    return np.asarray(np.divide(counts, totals, out=filled, where=totals > 0))
+
+
+def wasserstein_values(p: Floats, q: Floats) -> Floats:
+    """Return the 1-D Wasserstein distance of the C probabilities as samples, `[N]`.
+
+    W = 1/C Σ |p₍ᵢ₎ − q₍ᵢ₎| over the sorted values: `scipy.stats.wasserstein_distance(p, q)`. It
+    fits the paper's Table I, and it ignores which class is which.
+
+    >>> wasserstein_values(np.array([[1.0, 0.0]]), np.array([[0.0, 1.0]])).tolist()
+    [0.0]
+    """
+    return np.asarray(np.abs(np.sort(p, axis=1) - np.sort(q, axis=1)).mean(axis=1))
+
+
+def energy_values(p: Floats, q: Floats) -> Floats:
+    """Return the 1-D energy distance of the C probabilities as samples, `[N]`.
+
+    √(2 ∫ (F_p − F_q)²) with F the empirical distribution functions of the values:
+    `scipy.stats.energy_distance(p, q)`.
+
+    >>> energy_values(np.array([[1.0, 0.0]]), np.array([[0.0, 0.0]])).round(4).tolist()
+    [0.7071]
+    """
+    width = p.shape[1]
+    values = np.concatenate([p, q], axis=1)
+    order = np.argsort(values, axis=1, kind="stable")
+    steps = np.where(order < width, 1.0, -1.0) / width
+    difference = np.cumsum(steps, axis=1)[:, :-1]
+    gaps = np.diff(np.take_along_axis(values, order, axis=1), axis=1)
+    return np.asarray(np.sqrt(2 * (difference**2 * gaps).sum(axis=1)))
+
+
+def wasserstein_classes(p: Floats, q: Floats) -> Floats:
+    """Return the Wasserstein distance with the class index as support, `[N]`, in classes.
+
+    Σ |F_p(c) − F_q(c)|: `scipy.stats.wasserstein_distance(c, c, p, q)`. nan where a row is all
+    zero.
+
+    >>> wasserstein_classes(np.array([[1.0, 0.0, 0.0]]), np.array([[0.0, 0.0, 1.0]])).tolist()
+    [2.0]
+    """
+    distance = np.abs(np.cumsum(p - q, axis=1)[:, :-1]).sum(axis=1)
+    return np.where(_both_filled(p, q), distance, np.nan)
+
+
+def energy_classes(p: Floats, q: Floats) -> Floats:
+    """Return the energy distance with the class index as support, `[N]`.
+
+    √(2 Σ (F_p(c) − F_q(c))²): `scipy.stats.energy_distance(c, c, p, q)`. nan where a row is all
+    zero.
+
+    >>> energy_classes(np.array([[1.0, 0.0, 0.0]]), np.array([[0.0, 0.0, 1.0]])).tolist()
+    [2.0]
+    """
+    distance = np.sqrt(2 * (np.cumsum(p - q, axis=1)[:, :-1] ** 2).sum(axis=1))
+    return np.where(_both_filled(p, q), distance, np.nan)
+
+
+def total_variation(p: Floats, q: Floats) -> Floats:
+    """Return ½ Σ |p − q|, `[N]`: the share of probability on wrong classes, 0..1.
+
+    >>> total_variation(np.array([[1.0, 0.0]]), np.array([[0.0, 1.0]])).tolist()
+    [1.0]
+    """
+    return np.asarray(0.5 * np.abs(p - q).sum(axis=1))
+
+
+def moments(values: Floats, weights: Floats | None = None) -> Moments:
+    """Return the four moments of the paper's Table I, of the values that are not nan.
+
+    Args:
+        values: `[N]`.
+        weights: `[N]`, 0 or more; None weighs all alike.
+
+    >>> moments(np.array([0.0, 0.0, 3.0])).mean
+    1.0
+    """
+    keep = ~np.isnan(values)
+    values = values[keep]
+    weights = np.ones(len(values)) if weights is None else weights[keep]
+    total = weights.sum()
+    if total == 0:
+        return Moments(np.nan, np.nan, np.nan, np.nan)
+    mean = float(weights @ values / total)
+    centred = values - mean
+    second, third, fourth = (float(weights @ centred**k / total) for k in (2, 3, 4))
+    if second <= np.finfo(float).eps * mean**2:  # as SciPy: no shape without spread
+        return Moments(mean, second, np.nan, np.nan)
+    return Moments(mean, second, third / second**1.5, fourth / second**2 - 3)
+
+
+def correlation_matrix(counts: Floats, weights: Floats | None = None) -> Floats:
+    """Return the Pearson correlations of the classes over nodes, `[C, C]`.
+
+    A class with zero variance gets 0 with the others and 1 with itself.
+
+    >>> correlation_matrix(np.array([[1.0, 2.0, 5.0], [2.0, 4.0, 5.0]])).round(6).tolist()
+    [[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+    """
+    weights = np.ones(len(counts)) if weights is None else weights
+    # Covariance does not depend on the origin; near the mean it loses the fewest digits.
+    shifted = counts - counts.mean(axis=0, keepdims=True)
+    return correlate_sums(
+        weights.sum(), weights @ shifted, (shifted * weights[:, None]).T @ shifted
+    )
+
+
+def correlate_sums(number: float, sums: Floats, products: Floats) -> Floats:
+    """Return the correlations `[C, C]` of rows that were summed up.
+
+    Args:
+        number: of the rows, or the sum of their weights.
+        sums: `[C]` Σ x.
+        products: `[C, C]` Σ x xᵀ.
+    """
+    mean = sums / max(number, 1.0)
+    second = np.diag(products) / max(number, 1.0)
+    covariance = products / max(number, 1.0) - np.outer(mean, mean)
+    variance = np.diag(covariance)
+    spread = variance > 1e-12 * np.maximum(second, 1.0)  # a constant class leaves only rounding
+    scale = np.where(spread, np.sqrt(np.where(spread, variance, 1.0)), 1.0)
+    correlation = covariance / np.outer(scale, scale)
+    correlation[~spread, :] = 0
+    correlation[:, ~spread] = 0
+    np.fill_diagonal(correlation, 1.0)
+    return np.asarray(correlation)
+
+
+def correlation_frobenius(predicted: Floats, true: Floats, weights: Floats | None = None) -> float:
+    """Return ‖corr(predicted) − corr(true)‖, the Frobenius norm over classes (paper, section IV-B).
+
+    >>> correlation_frobenius(np.eye(3), np.eye(3))
+    0.0
+    """
+    difference = correlation_matrix(predicted, weights) - correlation_matrix(true, weights)
+    return float(np.linalg.norm(difference))
+
+
+class Ranking(NamedTuple):
+    """Scores sorted once, so that weighted measures of the order cost one pass each.
+
+    Attributes:
+        order: `[M]` positions by falling score.
+        ends: `[T]` last position of each run of equal scores.
+        truth: `[M]` outcomes in that order.
+    """
+
+    order: npt.NDArray[np.int64]
+    ends: npt.NDArray[np.int64]
+    truth: Bools
+
+
+def rank(scores: Floats, truth: Bools) -> Ranking:
+    """Sort scores `[M]` with their outcomes `[M]`; equal scores stay one run."""
+    order = np.argsort(-scores, kind="stable")
+    falling = scores[order]
+    ends = np.flatnonzero(np.append(falling[1:] != falling[:-1], len(scores) > 0))
+    return Ranking(order, ends, truth[order])
+
+
+def auroc(ranking: Ranking, weights: Floats | None = None) -> float:
+    """Return the area under the ROC curve: P(a positive is above a negative), ties count half.
+
+    nan without a positive or without a negative.
+
+    >>> auroc(rank(np.array([0.9, 0.8, 0.1]), np.array([True, False, False])))
+    1.0
+    """
+    true, false = _cumulate(ranking, weights)
+    if not len(true) or not true[-1] or not false[-1]:
+        return float("nan")
+    height = np.diff(true, prepend=0.0)
+    area = np.sum(height * (false[-1] - false + np.diff(false, prepend=0.0) / 2))
+    return float(area / (true[-1] * false[-1]))
+
+
+def average_precision(ranking: Ranking, weights: Floats | None = None) -> float:
+    """Return Σ (recallₖ − recallₖ₋₁) · precisionₖ over the distinct scores; nan without positives.
+
+    >>> average_precision(rank(np.array([0.9, 0.8, 0.1]), np.array([True, False, True])))
+    0.8333333333333333
+    """
+    true, false = _cumulate(ranking, weights)
+    if not len(true) or not true[-1]:
+        return float("nan")
+    seen = true + false
+    precision = np.divide(true, seen, out=np.zeros_like(true), where=seen > 0)
+    return float(np.sum(np.diff(true, prepend=0.0) * precision) / true[-1])
+
+
+def brier(presence: Floats, truth: Bools, weights: Floats | None = None) -> float:
+    """Return the mean squared difference of probability and outcome; nan of nothing.
+
+    >>> brier(np.array([0.5, 1.0]), np.array([True, True]))
+    0.125
+    """
+    return _mean((presence - truth) ** 2, weights)
+
+
+def calibration_error(
+    presence: Floats, truth: Bools, weights: Floats | None = None, *, bins: int = 15
+) -> float:
+    """Return the expected calibration error: Σ share of bin · |mean probability − frequency|.
+
+    Args:
+        presence: `[M]` probabilities.
+        truth: `[M]` outcomes.
+        weights: `[M]`.
+        bins: of equal width over 0..1.
+
+    >>> calibration_error(np.array([0.8, 0.8]), np.array([True, False])).__round__(6)
+    0.3
+    """
+    weights = np.ones(len(presence)) if weights is None else weights
+    if weights.sum() == 0:
+        return float("nan")
+    which = np.minimum((presence * bins).astype(np.int64), bins - 1)
+    gap = np.bincount(which, weights * (presence - truth), minlength=bins)
+    return float(np.abs(gap).sum() / weights.sum())
+
+
+def topk_unseen(presence: Floats, seen: Bools, hidden: Bools, *, k: int) -> Floats:
+    """Say per room whether a hidden class is among its k most expected unseen ones, `[N]`.
+
+    Args:
+        presence: `[N, C]` probability of a hidden object.
+        seen: `[N, C]` whether the class is in the input: these do not compete.
+        hidden: `[N, C]` whether an object of the class is hidden.
+        k: how many of the unseen classes count; ties break by class index.
+
+    Returns:
+        1 for a hit, 0 for a miss, nan for a room that hides no unseen class.
+
+    >>> topk_unseen(np.array([[0.9, 0.5, 0.1]]), np.array([[True, False, False]]),
+    ...             np.array([[True, True, False]]), k=1).tolist()
+    [1.0]
+    """
+    order = np.argsort(np.where(seen, -np.inf, presence) * -1, axis=1, kind="stable")[:, :k]
+    wanted = hidden & ~seen
+    hit = np.take_along_axis(wanted, order, axis=1).any(axis=1)
+    return np.where(wanted.any(axis=1), hit.astype(float), np.nan)
+
+
+def _both_filled(p: Floats, q: Floats) -> Bools:
+    return np.asarray((p.sum(axis=1) > 0) & (q.sum(axis=1) > 0))
+
+
+def _mean(values: Floats, weights: Floats | None) -> float:
+    weights = np.ones(len(values)) if weights is None else weights
+    total = weights.sum()
+    return float((weights * values).sum() / total) if total else float("nan")
+
+
+def _cumulate(ranking: Ranking, weights: Floats | None) -> tuple[Floats, Floats]:
+    """Return weight of positives and of negatives down to the end of each run of equal scores."""
+    mass = np.ones(len(ranking.order)) if weights is None else weights[ranking.order]
+    true = np.cumsum(np.where(ranking.truth, mass, 0.0))[ranking.ends]
+    false = np.cumsum(np.where(ranking.truth, 0.0, mass))[ranking.ends]
+    return true, false

@@ -1,0 +1,230 @@
+"""Train the readings of the paper's CECI on several splits and write the tables of the docs.
+
+    python scripts/reproduce_ceci.py --data DATASET --out FOLDER
+
+`DATASET` is built from HM3D. Every seed splits the buildings anew (80/10/10), trains every reading
+with that seed, and measures it on the test buildings of that split. The test sets of all seeds are
+pooled: one figure is over all their masked buildings, and its interval is a bootstrap over
+buildings. Runs that are finished are kept, so that a stopped script goes on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+
+from bsg_data.pairs import write_pairs
+from bsg_data.recipes import PairsRecipe, SplitRecipe
+from bsg_data.splits import split_dataset
+from bsg_models.checkpoint import load_checkpoint, restore_model
+from bsg_models.config import override, validate_config
+from bsg_models.evaluation import Estimate, Measurement, Truth, estimate, predict_all, read_truth
+from bsg_models.expectation import Expectation
+from bsg_models.graph_dataset import MaskedGraphs
+from bsg_models.training import BEST, METRICS, read_metrics, train_run
+from bsg_models.zoo import BASELINES, ZOO
+
+# The open points of the paper, one reading a row; each differs from the first in what it names.
+READINGS: dict[str, tuple[str, ...]] = {
+    "ceci-gcn": (),
+    "decay as schedule": ("training.decay_as=learning-rate",),
+    "fixed pairs": ("data.masks=fixed",),
+    "dropout 0.1": ("model.dropout=0.1",),
+    "no dropout": ("model.dropout=0.0",),
+    "block after last layer": ("model.last_layer=block",),
+    "block, no dropout": ("model.last_layer=block", "model.dropout=0.0"),
+    "edges up": ('data.edges=["up"]',),
+    "edges up, no dropout": ('data.edges=["up"]', "model.dropout=0.0"),
+    "edges down": ('data.edges=["down"]',),
+    "width 256": ("model.width=256",),
+    "2 layers, no dropout": ("model.depth=2", "model.dropout=0.0"),
+}
+
+
+def prepare(source: Path, out: Path, *, seed: int, draws: int) -> Path:
+    """Return a copy of the dataset, split by `seed`, with stored pairs."""
+    dataset = out / f"dataset-{seed}"
+    if not (dataset / "pairs").is_dir():
+        shutil.rmtree(dataset, ignore_errors=True)
+        shutil.copytree(source, dataset)
+        split_dataset(dataset, SplitRecipe(seed=seed), force=True)
+        write_pairs(dataset, PairsRecipe(draws=draws))
+    return dataset
+
+
+def train(name: str, settings: tuple[str, ...], dataset: Path, run: Path) -> float:
+    """Train one reading unless it is there; return its seconds."""
+    done = run / "seconds.json"
+    if not done.is_file():
+        zoo_name = name if name in ZOO else "ceci-gcn"
+        tables = override(ZOO[zoo_name].model_dump(mode="json"), settings)
+        config = validate_config(tables, source=name)
+        began = time.perf_counter()
+        for _ in train_run(config, dataset, run, force=True):
+            pass
+        done.write_text(json.dumps(time.perf_counter() - began))
+    return float(json.loads(done.read_text("utf-8")))
+
+
+def pool(truths: list[Truth], found: list[Expectation]) -> tuple[Truth, Expectation]:
+    """Join the test sets of several splits; a building that is in two counts as one."""
+    scene_ids = tuple(sorted({scene for truth in truths for scene in truth.scene_ids}))
+    number = {scene: i for i, scene in enumerate(scene_ids)}
+    buildings = [np.array([number[s] for s in t.scene_ids])[t.building] for t in truths]
+    truth = Truth(
+        inputs=np.concatenate([t.inputs for t in truths]),
+        targets=np.concatenate([t.targets for t in truths]),
+        is_building=np.concatenate([t.is_building for t in truths]),
+        building=np.concatenate(buildings),
+        draw=np.concatenate([t.draw for t in truths]),
+        scene_ids=scene_ids,
+    )
+    dispersions = [e.dispersion for e in found if e.dispersion is not None]
+    expectation = Expectation(
+        inputs=np.concatenate([e.inputs for e in found]),
+        hidden=np.concatenate([e.hidden for e in found]),
+        totals=np.concatenate([e.totals for e in found]),
+        dispersion=np.concatenate(dispersions) if dispersions else None,
+    )
+    return truth, expectation
+
+
+def measure(
+    name: str, datasets: list[Path], runs: list[Path], resamples: int
+) -> dict[str, Estimate]:
+    """Return the metrics of one model over the pooled test sets."""
+    truths, found = [], []
+    for dataset, run in zip(datasets, runs, strict=True):
+        checkpoint = load_checkpoint(run / BEST)
+        edges = checkpoint.header.config.data.edges
+        graphs = MaskedGraphs.stored(dataset, "test", edges=edges)
+        truths.append(read_truth(graphs))
+        found.append(predict_all(restore_model(run / BEST, checkpoint), graphs))
+    return estimate(Measurement(*pool(truths, found)), resamples=resamples)
+
+
+def plateau(run: Path) -> tuple[float, float]:
+    """Return the epoch and the seconds after which no validation is 5 % below those before."""
+    rows = list(read_metrics(run / METRICS))
+    best, since, seconds = float("inf"), 0, 0.0
+    for number, row in enumerate(rows):
+        if row.val_loss is not None and row.val_loss < 0.95 * best:
+            best, since = row.val_loss, row.epoch
+            seconds = sum(r.seconds for r in rows[: number + 1])
+    return since, seconds
+
+
+def cell(e: Estimate, digits: int = 3) -> str:
+    """Return a value with its interval."""
+    value, low, high = (f"{x:.{digits}g}" for x in (e.value, e.low, e.high))
+    return "–" if np.isnan(e.value) else f"{value} ({low} to {high})"
+
+
+def moments_table(found: dict[str, dict[str, Estimate]], nodes: str, reading: str) -> list[str]:
+    """Return the paper's Table I in its own four-column form, for one reading of the metric."""
+    lines = [
+        f"| {nodes} nodes, {reading} | W mean | variance | skewness | kurtosis "
+        "| E mean | variance | skewness | kurtosis |",
+        "|---|" + "---|" * 8,
+    ]
+    for name, metrics in found.items():
+        cells = [
+            f"{metrics[f'{nodes}/{metric}_{reading}/{moment}'].value:.3g}"
+            for metric in ("wasserstein", "energy")
+            for moment in ("mean", "variance", "skewness", "kurtosis")
+        ]
+        lines.append(f"| {name} | " + " | ".join(cells) + " |")
+    return [*lines, ""]
+
+
+def full_table(found: dict[str, dict[str, Estimate]], names: list[str]) -> list[str]:
+    """Return every metric with its interval, a column a model."""
+    lines = [f"| metric | {' | '.join(names)} |", "|---|" + "---|" * len(names)]
+    for metric in found[names[0]]:
+        cells = [cell(found[name][metric]) for name in names]
+        lines.append(f"| `{metric}` | " + " | ".join(cells) + " |")
+    return [*lines, ""]
+
+
+def frobenius_table(found: dict[str, dict[str, Estimate]]) -> list[str]:
+    """Return the Frobenius norms and what matters, a row a reading."""
+    columns = {
+        "Frobenius, rooms": "rooms/correlation_frobenius",
+        "Frobenius, building": "building/correlation_frobenius",
+        "Frobenius, all": "all/correlation_frobenius",
+        "total variation, rooms": "rooms/total_variation/mean",
+        "error in number, building": "building/mean_absolute_error",
+        "hidden NLL": "rooms/hidden_nll",
+        "AUROC": "rooms/presence_auroc_macro/all",
+        "AUROC, unseen": "rooms/presence_auroc_macro/unseen",
+    }
+    lines = [f"| reading | {' | '.join(columns)} |", "|---|" + "---|" * len(columns)]
+    for name, metrics in found.items():
+        lines.append(f"| {name} | " + " | ".join(cell(metrics[m]) for m in columns.values()) + " |")
+    return [*lines, ""]
+
+
+def main() -> int:
+    """Train, measure, and write `reproduction.md` and `reproduction.json`."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--data", type=Path, required=True, help="dataset of bsg-data build")
+    parser.add_argument("--out", type=Path, required=True, help="folder for runs and tables")
+    parser.add_argument("--epochs", type=int, default=600)
+    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--draws", type=int, default=5, help="stored masks of every building")
+    parser.add_argument("--resamples", type=int, default=200)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--readings", nargs="*", default=list(READINGS), choices=list(READINGS))
+    options = parser.parse_args()
+    datasets = [
+        prepare(options.data, options.out, seed=seed, draws=options.draws)
+        for seed in range(options.seeds)
+    ]
+    models = {name: READINGS[name] for name in options.readings} | dict.fromkeys(BASELINES, ())
+    runs = {
+        name: [options.out / f"{name.replace(' ', '-')}-{seed}" for seed in range(options.seeds)]
+        for name in models
+    }
+    with ProcessPoolExecutor(options.workers, mp_context=get_context("spawn")) as pool_of_workers:
+        futures = []
+        for name, settings in models.items():
+            for seed, (dataset, run) in enumerate(zip(datasets, runs[name], strict=True)):
+                common = (f"seed={seed}", f"training.epochs={options.epochs}")
+                futures.append(
+                    (run, pool_of_workers.submit(train, name, (*common, *settings), dataset, run))
+                )
+        for run, future in futures:
+            print(f"{run.name}: {future.result():.0f} s", flush=True)
+    found = {name: measure(name, datasets, runs[name], options.resamples) for name in models}
+    readings = [name for name in models if name not in BASELINES]
+    lines = [*moments_table(found, "all", "values"), *frobenius_table(found)]
+    for nodes, reading in (("rooms", "values"), ("building", "values"), ("all", "classes")):
+        lines += moments_table(found, nodes, reading)
+    lines += full_table(found, [readings[0], *BASELINES])
+    lines += [
+        "| reading | seconds, all epochs | epoch of the plateau | seconds to it |",
+        "|---|---|---|---|",
+    ]
+    for name in readings:
+        seconds = np.mean([json.loads((run / "seconds.json").read_text()) for run in runs[name]])
+        epoch, to_it = np.mean([plateau(run) for run in runs[name]], axis=0)
+        lines.append(f"| {name} | {seconds:.0f} | {epoch:.0f} | {to_it:.1f} |")
+    (options.out / "reproduction.md").write_text("\n".join(lines) + "\n", "utf-8")
+    plain = {
+        m: {k: [e.value, e.low, e.high, e.nodes] for k, e in v.items()} for m, v in found.items()
+    }
+    (options.out / "reproduction.json").write_text(json.dumps(plain, indent=1) + "\n", "utf-8")
+    print(options.out / "reproduction.md")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

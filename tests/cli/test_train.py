@@ -1,0 +1,103 @@
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+from pathlib import Path
+
+import pytest
+from bsg_cli.train import main
+from click.testing import CliRunner, Result
+from safetensors.torch import load_file
+
+SMALL = ["--set", "model.width=8", "--set", "training.epochs=4", "--set", "training.batch_size=4"]
+
+
+def run(*words: str | Path, code: int = 0) -> Result:
+    result = CliRunner().invoke(main, [str(word) for word in words])
+    assert result.exit_code == code, result.output
+    return result
+
+
+def test_a_run_from_a_name(dataset: Path, tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    found = run("--config", "ceci-gcn", "--data", dataset, "--out", out, *SMALL, "--json")
+    summary = json.loads(found.stdout)
+    assert summary["epochs"] == 4
+    assert Path(summary["checkpoint"]).is_file()
+    assert (out / "curve.png").read_bytes().startswith(b"\x89PNG")
+    assert (
+        "--resume goes on"
+        in run("--config", "ceci-gcn", "--data", dataset, "--out", out, *SMALL, code=1).stderr
+    )
+    again = run("--config", "ceci-gcn", "--data", dataset, "--out", out, *SMALL, "--force")
+    assert "4 epochs in" in again.stdout
+
+
+def test_print_config_is_what_runs_and_reads_back(dataset: Path, tmp_path: Path) -> None:
+    printed = run("--config", "ceci-gcn", "--seed", "7", *SMALL, "--print-config").stdout
+    assert tomllib.loads(printed)["seed"] == 7
+    file = tmp_path / "mine.toml"
+    file.write_text(printed, "utf-8")
+    assert run("--config", file, "--print-config").stdout == printed
+    run("--config", file, "--data", dataset, "--out", tmp_path / "run")
+
+
+def test_a_model_that_counts(dataset: Path, tmp_path: Path) -> None:
+    found = run("--config", "gamma-poisson", "--data", dataset, "--out", tmp_path / "run")
+    assert "fitted by counting" in found.stdout
+
+
+def test_tensorboard_logs_beside_the_run(dataset: Path, tmp_path: Path) -> None:
+    pytest.importorskip("tensorboard", reason="tensorboard is not installed")
+    out = tmp_path / "run"
+    run("--config", "ceci-gcn", "--data", dataset, "--out", out, *SMALL, "--tensorboard")
+    assert list((out / "tensorboard").glob("events.*"))
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        (["--config", "ceci-gnc", "--print-config"], 2, "did you mean ceci-gcn?"),
+        (["--config", "none.toml", "--print-config"], 2, "cannot be read"),
+        (
+            ["--config", "ceci-gcn", "--set", "sed=1", "--print-config"],
+            2,
+            "did you mean",
+        ),
+        (["--config", "ceci-gcn"], 2, "--data and --out are needed"),
+        (["--config", "ceci-gcn", "--data", "none", "--out", "x"], 1, "no such folder"),
+    ],
+)
+def test_errors_name_what_is_wrong(words: list[str], code: int, message: str) -> None:
+    assert message in run(*words, code=code).stderr
+
+
+def test_ctrl_c_leaves_a_run_that_resumes_to_the_same_weights(
+    dataset: Path, tmp_path: Path
+) -> None:
+    words = ["--config", "ceci-gcn", "--data", str(dataset), *SMALL]
+    words += ["--set", "training.epochs=60", "--set", "training.validate_every=5"]
+    run(*words, "--out", tmp_path / "whole")
+    stopped = tmp_path / "stopped"
+    child = subprocess.Popen(
+        [sys.executable, "-c", "from bsg_cli.train import main; main()", *words, "--out", stopped],
+        stderr=subprocess.PIPE,
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+    )
+    while not (stopped / "last.safetensors").exists() and child.poll() is None:
+        time.sleep(0.005)
+    child.send_signal(signal.SIGINT)
+    _, errors = child.communicate(timeout=60)
+    if child.returncode != 0:  # it may have been done before the signal
+        assert child.returncode == 130
+        assert errors.endswith(b"interrupted\n")
+        run(*words, "--out", stopped, "--resume")
+    for name in ("last.safetensors", "best.safetensors"):
+        a, b = load_file(tmp_path / "whole" / name), load_file(stopped / name)
+        assert a.keys() == b.keys()
+        assert all(a[key].equal(b[key]) for key in a)
