@@ -33,6 +33,7 @@ demo: $(INSTALLED) ## Run the main job end to end on synthetic buildings; result
 	$(BIN)/bsg-train --config ceci-gcn --data $(DEMO)/dataset --out $(DEMO)/ceci-gcn --set training.epochs=300
 	$(BIN)/bsg-evaluate $(DEMO)/ceci-gcn --data $(DEMO)/dataset --out $(DEMO)/evaluation
 	@echo
+	@echo "These buildings are synthetic and few: the figures show that it works, not how well."
 	@echo "Look at the figures in $(DEMO)/evaluation and at $(DEMO)/classes.png. The dataset is $(DEMO)/dataset;"
 	@echo "docs/loading.md opens it elsewhere, docs/evaluation.md says what the metrics are."
 

@@ -167,7 +167,7 @@ def require_class_map(manifest: Manifest, other: ClassMapEntry, *, what: str) ->
         MismatchError: naming both versions and hashes.
     """
     ours = manifest.class_map
-    if (ours.version, ours.sha256) != (other.version, other.sha256):
+    if ours != other:
         raise MismatchError(
             f"{what} is of class map {other.version} (sha256 {other.sha256[:12]}…), the dataset of "
             f"{ours.version} (sha256 {ours.sha256[:12]}…): their histograms do not mean the same"

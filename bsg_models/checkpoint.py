@@ -15,6 +15,7 @@ from pydantic import ValidationError
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
+from bsg_data.errors import MismatchError
 from bsg_data.manifest import ClassMapEntry, Manifest, require_class_map
 from bsg_data.recipes import Record
 from bsg_data.schema import FORMAT_VERSION
@@ -38,6 +39,8 @@ class CheckpointHeader(Record):
         dataset_sha256: of the manifest of the dataset that it was trained on.
         epoch: epochs done; 0 for a model that was fitted by counting.
         val_loss: at that epoch; None without.
+        best_epoch: with the lowest val_loss up to then.
+        best_loss: that val_loss; None without.
     """
 
     checkpoint_version: int = CHECKPOINT_VERSION
@@ -47,6 +50,8 @@ class CheckpointHeader(Record):
     dataset_sha256: str
     epoch: int = 0
     val_loss: float | None = None
+    best_epoch: int = 0
+    best_loss: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +127,8 @@ def restore_model(path: Path, checkpoint: Checkpoint) -> BeliefModel:
             raise CheckpointError(
                 f"{path}: {name}: its configuration needs {ours}, the file has {theirs}"
             )
+        if name in found and not torch.isfinite(found[name]).all():
+            raise CheckpointError(f"{path}: {name} has values that are not finite")
     model.load_state_dict(found)
     return model.eval()
 
@@ -132,4 +139,9 @@ def require_dataset(path: Path, header: CheckpointHeader, manifest: Manifest) ->
     Raises:
         MismatchError: naming both.
     """
+    if header.format_version != manifest.format_version:
+        raise MismatchError(
+            f"checkpoint {path} is of dataset format {header.format_version}, "
+            f"the dataset of {manifest.format_version}"
+        )
     require_class_map(manifest, header.class_map, what=f"checkpoint {path}")

@@ -27,7 +27,7 @@ from bsg_models.evaluation import (
 from bsg_models.expectation import Expectation
 from bsg_models.graph_dataset import Buildings, MaskedGraphs, Part, open_dataset
 from bsg_models.model import BeliefModel
-from bsg_models.training import BEST
+from bsg_models.training import BEST, LAST
 from bsg_models.zoo import BASELINES, ZOO, make_model
 
 
@@ -57,9 +57,10 @@ class Comparison:
 
     @property
     def example_node(self) -> int:
-        """The row of the building with the most objects, in its first draw: for the figures."""
-        counts = np.where(self.truth.is_building, self.truth.targets.sum(axis=1), -1)
-        return int(np.argmax(counts))
+        """The row of the building of median size, in its first draw: for the figures."""
+        first = np.flatnonzero(self.truth.is_building & (self.truth.draw == self.truth.draw.min()))
+        sizes = self.truth.targets[first].sum(axis=1)
+        return int(first[np.argsort(sizes, kind="stable")[len(first) // 2]])
 
     @property
     def example_building(self) -> str:
@@ -117,7 +118,8 @@ def compare_runs(
         truth=truth,
         classes=measure_classes(truth, expectations, classes),
         class_names=classes,
-        facts=_facts(data, truth, fold=fold, resamples=resamples, seed=seed),
+        facts=_facts(data, truth, fold=fold, resamples=resamples, seed=seed)
+        | {"runs": _describe(loaded, models)},
         notes=tuple(_notes(loaded, data, split)),
     )
 
@@ -129,14 +131,29 @@ def _models(
     models: dict[str, tuple[RunConfig, BeliefModel]] = {}
     for run, checkpoint in loaded:
         name = run.name or run.resolve().name
-        if name in models or name in BASELINES:
-            name = f"{name}-{len(models) + 1}"
+        taken, number = name, 2
+        while name in models or name in BASELINES:
+            name, number = f"{taken}-{number}", number + 1
         models[name] = (checkpoint.header.config, restore_model(run / BEST, checkpoint))
     for name in BASELINES:
         model = make_model(ZOO[name], classes=len(data.manifest.class_map.classes))
         model.fit(data, data.scenes_of("train", fold=fold))
         models[name] = (ZOO[name], model)
     return models
+
+
+def _describe(
+    loaded: Sequence[tuple[Path, Checkpoint]], models: dict[str, tuple[RunConfig, BeliefModel]]
+) -> dict[str, Any]:
+    """Return epoch, dataset and configuration of each run by its name."""
+    return {
+        name: {
+            "epoch": checkpoint.header.epoch,
+            "dataset_sha256": checkpoint.header.dataset_sha256,
+            "config": checkpoint.header.config.model_dump(mode="json"),
+        }
+        for name, (_, checkpoint) in zip(models, loaded, strict=False)
+    }
 
 
 def _one_fold(loaded: Sequence[tuple[Path, Checkpoint]]) -> int | None:
@@ -178,6 +195,11 @@ def _notes(loaded: Sequence[tuple[Path, Checkpoint]], data: Buildings, split: st
                 f"note: {run} was trained on another dataset or another version of this one; "
                 f"buildings of this {split} split may have been in its training set"
             )
+        header = checkpoint.header
+        epochs = header.config.training.epochs
+        last = load_checkpoint(run / LAST).header.epoch if (run / LAST).is_file() else epochs
+        if last < epochs:
+            notes.append(f"note: {run} stopped at epoch {last} of {epochs}; --resume goes on")
     if split == "train":
         notes.append("note: these are the buildings that the models were trained on")
     return notes

@@ -7,6 +7,7 @@ unknown key, a wrong type or an impossible value is named with its path and the 
 from __future__ import annotations
 
 import difflib
+import json
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -99,8 +100,8 @@ class TrainingConfig(Record):
 
     epochs: int = Field(default=5000, ge=1)
     batch_size: int = Field(default=24, ge=1)
-    learning_rate: float = Field(default=0.01, gt=0)
-    decay: float = Field(default=5e-6, ge=0)
+    learning_rate: float = Field(default=0.01, gt=0, allow_inf_nan=False)
+    decay: float = Field(default=5e-6, ge=0, allow_inf_nan=False)
     decay_as: Literal["weight-decay", "learning-rate"] = "weight-decay"
     loss: Literal["mse"] = "mse"
     validate_every: int = Field(default=10, ge=1)
@@ -109,7 +110,7 @@ class TrainingConfig(Record):
 class RunConfig(Record):
     """One run. `training` is not read by the models that are fitted by counting."""
 
-    seed: int = Field(default=0, ge=0)
+    seed: int = Field(default=0, ge=0, lt=2**63)
     model: ModelConfig
     data: DataConfig = DataConfig()
     training: TrainingConfig = TrainingConfig()
@@ -157,7 +158,8 @@ def validate_config(tables: Mapping[str, Any], *, source: str) -> RunConfig:
         ConfigError: naming every fault with its path, what is valid, and the nearest key.
     """
     try:
-        return RunConfig.model_validate(tables)
+        # As JSON, a list is a tuple and nothing else is taken for something that it is not.
+        return RunConfig.model_validate_json(json.dumps(tables, default=str), strict=True)
     except ValidationError as error:
         faults = [_explain(fault) for fault in error.errors()]
         raise ConfigError(f"{source}: " + "; ".join(faults)) from error
@@ -175,7 +177,9 @@ def valid_keys(path: Sequence[str | int]) -> tuple[str, ...]:
 
 
 def _explain(fault: Any) -> str:
-    path = [part for part in fault["loc"] if part not in _FAMILIES]
+    path = list(fault["loc"])
+    if len(path) > 1 and path[0] == "model" and path[1] in _FAMILIES:
+        del path[1]  # pydantic's tag of the kind of model, which no key of the file names
     where = ".".join(str(part) for part in path) or "the configuration"
     if fault["type"] == "extra_forbidden":
         known = valid_keys(fault["loc"][:-1])

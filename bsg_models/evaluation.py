@@ -97,6 +97,7 @@ class Measurement:
     def __init__(self, truth: Truth, expectation: Expectation) -> None:
         self.truth = truth
         self.expectation = expectation
+        self.scene_ids = truth.scene_ids
 
     def evaluate(self, building_weights: Floats | None = None) -> dict[str, float]:
         """Return every metric by name, e.g. `rooms/wasserstein_values/mean`.
@@ -244,8 +245,7 @@ class _Presence:
             )
             for measure, function in _ORDERED.items():
                 values = [function(one.ranking, one.weigh(weights)) for one in self._macro[name]]
-                known = [value for value in values if not np.isnan(value)]
-                yield f"{measure}_macro/{name}", float(np.mean(known)) if known else float("nan")
+                yield f"{measure}_macro/{name}", _mean_known(values)
         for k, hits in self._hits.items():
             yield f"top{k}_unseen", metrics.moments(hits, weights).mean
 
@@ -274,8 +274,43 @@ class _Selection:
         return weights[self._rows]
 
 
+class SplitsMeasurement:
+    """One model's metrics over several splits: each measured on its own test set, then averaged.
+
+    The scores of a model that was trained anew for each split cannot be pooled: a ranking or a
+    correlation over two trainings is of neither. A building that is in several test sets has one
+    weight in all.
+    """
+
+    def __init__(self, splits: Sequence[Measurement]) -> None:
+        self.splits = tuple(splits)
+        every = {scene for split in splits for scene in split.scene_ids}
+        self.scene_ids = tuple(sorted(every))
+        number = {scene: i for i, scene in enumerate(self.scene_ids)}
+        self._places = [np.array([number[scene] for scene in s.scene_ids]) for s in splits]
+
+    def evaluate(self, building_weights: Floats | None = None) -> dict[str, float]:
+        """Return every metric as the mean over the splits in which it is defined."""
+        weights = np.ones(len(self.scene_ids)) if building_weights is None else building_weights
+        found = [
+            split.evaluate(weights[places])
+            for split, places in zip(self.splits, self._places, strict=True)
+            if weights[places].any()
+        ]
+        return {name: _mean_known([one[name] for one in found]) for name in found[0]}
+
+    def count_nodes(self, metric: str) -> int:
+        """Return the number of nodes of all splits that a metric is over."""
+        return sum(split.count_nodes(metric) for split in self.splits)
+
+
+def _mean_known(values: Sequence[float]) -> float:
+    known = [value for value in values if not np.isnan(value)]
+    return float(np.mean(known)) if known else float("nan")
+
+
 def estimate(
-    measurement: Measurement,
+    measurement: Measurement | SplitsMeasurement,
     *,
     resamples: int = 200,
     seed: int = 0,
@@ -288,12 +323,12 @@ def estimate(
 
     Args:
         measurement: of one model.
-        resamples: 0 for no intervals (nan).
+        resamples: fewer than 2 give no intervals (nan).
         seed: of the resamples.
         progress: called with (resamples done, resamples in all).
     """
     point = measurement.evaluate()
-    buildings = len(measurement.truth.scene_ids)
+    buildings = len(measurement.scene_ids)
     rng = np.random.Generator(np.random.PCG64(seed))
     drawn: list[dict[str, float]] = []
     for done in range(1, resamples + 1):
@@ -315,7 +350,7 @@ def interval(resampled: Floats) -> Floats:
     such as Frobenius' only grows by it, so that its resamples lie above the value.
     """
     known = resampled[~np.isnan(resampled)]
-    if not len(known):
+    if len(known) < 2:
         return np.full(2, np.nan)
     return np.asarray(np.quantile(known, [0.025, 0.975]) - known.mean())
 

@@ -43,6 +43,8 @@ def draw_class_errors(errors: Floats, classes: Sequence[str], path: Path, *, tit
     axes.axhline(0, color="black", linewidth=0.5)
     axes.set_xticks(np.arange(1, len(classes) + 1), classes, rotation=90, fontsize=7)
     axes.set_yscale("symlog", linthresh=2)
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.set_ylim(1.4 * min(errors.min(), -1.0), 1.4 * max(errors.max(), 1.0))
     axes.set_ylabel("predicted − true number\n(linear within ±2, then logarithmic)", fontsize=8)
     axes.grid(axis="y", linewidth=0.3)
     axes.legend(fontsize=7, frameon=False)
@@ -181,6 +183,6 @@ def _figure(width: float, height: float) -> Figure:
 def _save(figure: Figure, path: Path) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, dpi=160)
+        figure.savefig(path, dpi=160, bbox_inches="tight")
     except OSError as error:
         raise BSGError(f"{path}: the figure cannot be written ({error})") from error

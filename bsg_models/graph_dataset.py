@@ -23,6 +23,7 @@ from bsg_data.manifest import Manifest, hash_manifest, read_manifest
 from bsg_data.masks import draw_hidden, draw_visited
 from bsg_data.pairs import histogram_column, read_pairs
 from bsg_data.recipes import MaskRecipe
+from bsg_data.shards import describe_file
 from bsg_data.splits import read_splits
 
 EdgeSet = Literal["up", "down", "adjacent", "complete"]
@@ -99,6 +100,14 @@ def open_dataset(path: Path) -> Buildings:
 @lru_cache(maxsize=8)
 def _open(path: Path, sha256: str) -> Buildings:
     manifest = read_manifest(path)
+    for entry in manifest.files:
+        if (
+            not (path / entry.path).is_file()
+            or describe_file(path, entry.path, rows=entry.rows) != entry
+        ):
+            raise DatasetError(
+                f"{path / entry.path}: is not what the manifest says; `bsg-data check`"
+            )
     return Buildings(
         path=path,
         manifest=manifest,
@@ -154,23 +163,22 @@ class MaskedGraphs(Dataset):  # type: ignore[misc]
         self.fraction = fraction
         self._adjacency = adjacency or {}
         self._edges = tuple(edges)
-        self._edge_index: dict[str, torch.Tensor] = {}
 
     @classmethod
     def stored(
         cls,
-        path: Path,
+        path: Path | Buildings,
         part: Part,
         *,
         fold: int | None = None,
         edges: Sequence[EdgeSet] = ("up", "down"),
     ) -> MaskedGraphs:
-        """Read the stored pairs of a split.
+        """Read the stored pairs of a split, of a dataset's folder or of one that is open.
 
         Raises:
             DatasetError: if there are none.
         """
-        data = open_dataset(path)
+        data = path if isinstance(path, Buildings) else open_dataset(path)
         recipe = data.manifest.pairs
         names = data.names_of(part, fold=fold)
         masked = [m for name in names for m in _read_masked(data.path, name, data.sha256)]
@@ -184,7 +192,7 @@ class MaskedGraphs(Dataset):  # type: ignore[misc]
     @classmethod
     def fresh(
         cls,
-        path: Path,
+        path: Path | Buildings,
         part: Part,
         *,
         mask: MaskRecipe,
@@ -192,8 +200,8 @@ class MaskedGraphs(Dataset):  # type: ignore[misc]
         fold: int | None = None,
         edges: Sequence[EdgeSet] = ("up", "down"),
     ) -> MaskedGraphs:
-        """Draw mask number `draw` of every building of a split."""
-        data = open_dataset(path)
+        """Draw mask number `draw` of every building of a split, of a folder or an open dataset."""
+        data = path if isinstance(path, Buildings) else open_dataset(path)
         masked = [
             _draw_masked(data, scene, mask, draw) for scene in data.scenes_of(part, fold=fold)
         ]
@@ -219,10 +227,14 @@ class MaskedGraphs(Dataset):  # type: ignore[misc]
         )
 
     def _edges_of(self, scene_id: str, nodes: int) -> torch.Tensor:
-        if scene_id not in self._edge_index:
-            adjacent = self._adjacency.get(scene_id, [])
-            self._edge_index[scene_id] = connect(nodes, self._edges, adjacent=adjacent)
-        return self._edge_index[scene_id]
+        return _connect_once(nodes, self._edges, tuple(self._adjacency.get(scene_id, ())))
+
+
+@lru_cache(maxsize=4096)
+def _connect_once(
+    nodes: int, edges: tuple[EdgeSet, ...], adjacent: tuple[tuple[int, int], ...]
+) -> torch.Tensor:
+    return connect(nodes, edges, adjacent=adjacent)
 
 
 def connect(

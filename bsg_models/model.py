@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,7 +13,7 @@ from bsg_models.expectation import Expectation
 from bsg_models.graph_dataset import Buildings
 
 
-class BeliefModel(torch.nn.Module):
+class BeliefModel(torch.nn.Module, ABC):
     """A model of what is hidden.
 
     A model is either fitted by counting (`fit`), or a network that `bsg_models.training` trains
@@ -27,13 +28,13 @@ class BeliefModel(torch.nn.Module):
     def fit(self, data: Buildings, scenes: tuple[str, ...]) -> None:
         """Learn from the complete histograms of the training buildings."""
 
+    @abstractmethod
     def predict(self, graphs: Data) -> Expectation:
         """Return the expectation of a graph, or of a batch of graphs.
 
         Args:
             graphs: with `x` `[N, C]`, `is_building`, `visited` and `fraction` `[N]`, `edge_index`.
         """
-        raise NotImplementedError
 
 
 def to_array(tensor: torch.Tensor) -> np.ndarray[Any, np.dtype[np.float64]]:

@@ -1,8 +1,8 @@
 """Train a network on masked graphs (paper, section IV-A), or fit a model by counting.
 
-Every epoch has its own generators, made of (seed, epoch) alone: masks, order and dropout of epoch k
-do not depend on the epochs before it having run in this process. A run that was stopped therefore
-goes on to the same weights as one that was not.
+The order and the dropout of an epoch are drawn from (seed, epoch) alone, its masks from (the mask's
+own seed, epoch): they do not depend on the epochs before it having run in this process. A run that
+was stopped therefore goes on to the same weights as one that was not.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 from torch_geometric.loader import DataLoader
 
-from bsg_data.manifest import ClassMapEntry
 from bsg_data.shards import write_bytes
 from bsg_models.checkpoint import (
     Checkpoint,
@@ -29,12 +29,13 @@ from bsg_models.checkpoint import (
     save_checkpoint,
 )
 from bsg_models.config import RunConfig, TrainingConfig
-from bsg_models.errors import TrainingError
+from bsg_models.errors import CheckpointError, TrainingError
 from bsg_models.graph_dataset import Buildings, MaskedGraphs, open_dataset
 from bsg_models.model import BeliefModel
 from bsg_models.zoo import make_model
 
-BEST, LAST, METRICS = "best.safetensors", "last.safetensors", "metrics.csv"
+BEST, LAST = "best.safetensors", "last.safetensors"
+METRICS, CURVE = "metrics.csv", "curve.png"
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +68,7 @@ def train_run(
         config: of the run.
         dataset: that is split and has pairs.
         run: folder for `best.safetensors`, `last.safetensors` and `metrics.csv`.
-        resume: go on from `last.safetensors`.
+        resume: go on from `last.safetensors`; without it, start.
         force: replace a run that is there.
 
     Yields:
@@ -78,17 +79,56 @@ def train_run(
         DatasetError: if the dataset lacks a split or its pairs.
     """
     data = open_dataset(dataset)
-    classes = len(data.manifest.class_map.classes)
-    _prepare(run, resume=resume, force=force)
-    torch.manual_seed(config.seed)
-    model = make_model(config, classes=classes)
+    model = _new_model(config, data)
+    _refuse_overwriting(run, resume=resume, force=force)
     if not model.trainable:
+        if resume:
+            raise TrainingError(
+                f"{config.model.family} is fitted by counting: there is nothing to resume"
+            )
         model.fit(data, data.scenes_of("train", fold=config.data.fold))
-        header = _header(config, data, epoch=0, val_loss=None)
+        _clear(run)
+        header = _header(config, data)
         save_checkpoint(run / BEST, header, _tensors("model", model.state_dict()))
         return
+    graphs = TrainingGraphs(config, data)  # a dataset that cannot be trained on fails here
+    if not resume:
+        _clear(run)
     with one_thread():
-        yield from _train(model, config, data, run, resume=resume)
+        yield from _train(model, config, data, run, graphs)
+
+
+class TrainingGraphs:
+    """The graphs of every epoch of one training, from a dataset that was opened once."""
+
+    def __init__(self, config: RunConfig, data: Buildings) -> None:
+        self._data, self._choice = data, config.data
+        fold, edges = config.data.fold, config.data.edges
+        self.val = MaskedGraphs.stored(data, "val", fold=fold, edges=edges)
+        self._fixed = (
+            MaskedGraphs.stored(data, "train", fold=fold, edges=edges)
+            if config.data.masks == "fixed"
+            else None
+        )
+        data.scenes_of("train", fold=fold)
+
+    def of_epoch(self, epoch: int) -> MaskedGraphs:
+        """Return the stored pairs, or mask number `epoch` of every training building."""
+        if self._fixed is not None:
+            return self._fixed
+        return MaskedGraphs.fresh(
+            self._data,
+            "train",
+            mask=self._choice.mask,
+            draw=epoch,
+            fold=self._choice.fold,
+            edges=self._choice.edges,
+        )
+
+
+def _new_model(config: RunConfig, data: Buildings) -> BeliefModel:
+    torch.manual_seed(config.seed)
+    return make_model(config, classes=len(data.manifest.class_map.classes))
 
 
 @contextmanager
@@ -106,38 +146,31 @@ def one_thread() -> Iterator[None]:
 
 
 def _train(
-    model: BeliefModel, config: RunConfig, data: Buildings, run: Path, *, resume: bool
+    model: BeliefModel, config: RunConfig, data: Buildings, run: Path, graphs: TrainingGraphs
 ) -> Iterator[EpochReport]:
     training = config.training
-    val = MaskedGraphs.stored(data.path, "val", fold=config.data.fold, edges=config.data.edges)
     optimiser = make_optimiser(model, training)
     start, best_epoch, best_loss = 0, 0, float("inf")
     rows: list[EpochReport] = []
-    if resume:
-        checkpoint = _load_last(run / LAST, config, data)
-        start = checkpoint.header.epoch
-        model.load_state_dict(restore_model(run / LAST, checkpoint).state_dict())
-        load_optimiser(optimiser, model, checkpoint.state_of("adam"))
+    if (run / LAST).exists():
+        header = _restore(model, optimiser, config, data, run)
+        start, best_epoch, best_loss = header.epoch, header.best_epoch, header.best_loss or 0.0
         rows = [row for row in read_metrics(run / METRICS) if row.epoch <= start]
-        validated = [row for row in rows if row.val_loss is not None]
-        best = min(validated, key=lambda row: (row.val_loss, row.epoch))
-        best_epoch, best_loss = best.epoch, float(best.val_loss or 0.0)
     for epoch in range(start + 1, training.epochs + 1):
         began = time.perf_counter()
-        train_loss = _train_epoch(model, optimiser, config, data, epoch=epoch)
-        if not np.isfinite(train_loss):
-            raise TrainingError(
-                f"{run}: the loss of epoch {epoch} is {train_loss}; lower training.learning_rate. "
-                f"The checkpoints are of earlier epochs"
-            )
+        train_loss = _train_epoch(model, optimiser, config, graphs.of_epoch(epoch), epoch=epoch)
         val_loss = None
         if epoch % training.validate_every == 0 or epoch == training.epochs:
-            val_loss = validation_loss(model, val)
-            header = _header(config, data, epoch=epoch, val_loss=val_loss)
-            state = _tensors("model", model.state_dict())
-            if val_loss < best_loss:
-                best_epoch, best_loss = epoch, val_loss
-                save_checkpoint(run / BEST, header, state)
+            val_loss = validation_loss(model, graphs.val)
+        if not np.isfinite([train_loss, val_loss or 0.0]).all():
+            raise TrainingError(
+                f"{run}: the loss of epoch {epoch} is not finite (training {train_loss}, "
+                f"validation {val_loss}); lower training.learning_rate. "
+                "What was saved is of earlier epochs"
+            )
+        is_best = val_loss is not None and val_loss < best_loss
+        if val_loss is not None and is_best:
+            best_epoch, best_loss = epoch, val_loss
         report = EpochReport(
             epoch=epoch,
             epochs=training.epochs,
@@ -148,10 +181,36 @@ def _train(
         )
         rows.append(report)
         if val_loss is not None:
+            header = _header(
+                config,
+                data,
+                epoch=epoch,
+                val_loss=val_loss,
+                best_epoch=best_epoch,
+                best_loss=best_loss,
+            )
+            state = _tensors("model", model.state_dict())
             write_bytes(run / METRICS, encode_metrics(rows))
+            if is_best:
+                save_checkpoint(run / BEST, header, state)
             adam = _tensors("adam", optimiser_state(optimiser, model))
             save_checkpoint(run / LAST, header, {**state, **adam})
         yield report
+
+
+def _restore(
+    model: BeliefModel,
+    optimiser: torch.optim.Adam,
+    config: RunConfig,
+    data: Buildings,
+    run: Path,
+) -> CheckpointHeader:
+    checkpoint = _load_last(run / LAST, config, data)
+    if not (run / BEST).is_file():
+        raise TrainingError(f"{run / BEST}: is gone; --force starts the run again")
+    model.load_state_dict(restore_model(run / LAST, checkpoint).state_dict())
+    load_optimiser(optimiser, model, checkpoint.state_of("adam"), path=run / LAST)
+    return checkpoint.header
 
 
 def make_optimiser(model: BeliefModel, training: TrainingConfig) -> torch.optim.Adam:
@@ -185,11 +244,10 @@ def _train_epoch(
     model: BeliefModel,
     optimiser: torch.optim.Adam,
     config: RunConfig,
-    data: Buildings,
+    graphs: MaskedGraphs,
     *,
     epoch: int,
 ) -> float:
-    graphs = _graphs_of_epoch(config, data, epoch)
     seed = int(np.random.SeedSequence([config.seed, epoch]).generate_state(1)[0])
     torch.manual_seed(seed)  # of dropout
     order = torch.Generator().manual_seed(seed)
@@ -210,25 +268,16 @@ def _train_epoch(
     return float(np.mean(losses))
 
 
-def _graphs_of_epoch(config: RunConfig, data: Buildings, epoch: int) -> MaskedGraphs:
-    fold, edges = config.data.fold, config.data.edges
-    if config.data.masks == "fixed":
-        return MaskedGraphs.stored(data.path, "train", fold=fold, edges=edges)
-    return MaskedGraphs.fresh(
-        data.path, "train", mask=config.data.mask, draw=epoch, fold=fold, edges=edges
-    )
-
-
-def _prepare(run: Path, *, resume: bool, force: bool) -> None:
-    there = [name for name in (BEST, LAST, METRICS) if (run / name).exists()]
-    if resume:
-        return
-    if there and not force:
-        raise TrainingError(f"{run}: holds a run already; --resume goes on, --force replaces it")
+def _refuse_overwriting(run: Path, *, resume: bool, force: bool) -> None:
     if run.exists() and not run.is_dir():
         raise TrainingError(f"{run}: is a file; a run is a folder")
-    for name in there:
-        (run / name).unlink()
+    if any((run / name).exists() for name in (BEST, LAST, METRICS)) and not (resume or force):
+        raise TrainingError(f"{run}: holds a run already; --resume goes on, --force replaces it")
+
+
+def _clear(run: Path) -> None:
+    for name in (BEST, LAST, METRICS, CURVE):
+        (run / name).unlink(missing_ok=True)
 
 
 def _load_last(path: Path, config: RunConfig, data: Buildings) -> Checkpoint:
@@ -245,22 +294,41 @@ def _load_last(path: Path, config: RunConfig, data: Buildings) -> Checkpoint:
         }
     )
     if header.config != same:
+        differing = ", ".join(_differences(header.config.model_dump(), same.model_dump()))
         raise TrainingError(
-            f"{path}: was trained with another configuration; only training.epochs may change"
+            f"{path}: was trained with another configuration ({differing}); only training.epochs "
+            "may change. Choose another --out, or --force"
         )
     return checkpoint
 
 
+def _differences(old: dict[str, Any], new: dict[str, Any], path: str = "") -> Iterator[str]:
+    """Yield `path: old → new` of every value that differs."""
+    for key in old.keys() | new.keys():
+        a, b = old.get(key), new.get(key)
+        if isinstance(a, dict) and isinstance(b, dict):
+            yield from _differences(a, b, f"{path}{key}.")
+        elif a != b:
+            yield f"{path}{key}: {a} → {b}"
+
+
 def _header(
-    config: RunConfig, data: Buildings, *, epoch: int, val_loss: float | None
+    config: RunConfig,
+    data: Buildings,
+    *,
+    epoch: int = 0,
+    val_loss: float | None = None,
+    best_epoch: int = 0,
+    best_loss: float | None = None,
 ) -> CheckpointHeader:
-    entry = data.manifest.class_map
     return CheckpointHeader(
         config=config,
-        class_map=ClassMapEntry(version=entry.version, sha256=entry.sha256, classes=entry.classes),
+        class_map=data.manifest.class_map,
         dataset_sha256=data.sha256,
         epoch=epoch,
         val_loss=val_loss,
+        best_epoch=best_epoch,
+        best_loss=best_loss,
     )
 
 
@@ -278,13 +346,23 @@ def optimiser_state(optimiser: torch.optim.Adam, model: BeliefModel) -> dict[str
 
 
 def load_optimiser(
-    optimiser: torch.optim.Adam, model: BeliefModel, state: dict[str, torch.Tensor]
+    optimiser: torch.optim.Adam, model: BeliefModel, state: dict[str, torch.Tensor], *, path: Path
 ) -> None:
-    """Give Adam back what `optimiser_state` took from it."""
+    """Give Adam back what `optimiser_state` took from it.
+
+    Raises:
+        CheckpointError: if a tensor is missing or of another shape.
+    """
     for name, parameter in model.named_parameters():
-        optimiser.state[parameter] = {
-            key: state[f"{name}.{key}"].clone() for key in ("step", "exp_avg", "exp_avg_sq")
-        }
+        for key, shape in (
+            ("step", torch.Size()),
+            ("exp_avg", parameter.shape),
+            ("exp_avg_sq", parameter.shape),
+        ):
+            found = state.get(f"{name}.{key}")
+            if found is None or found.shape != shape:
+                raise CheckpointError(f"{path}: adam.{name}.{key} is missing or of another shape")
+            optimiser.state[parameter][key] = found.clone()
 
 
 def encode_metrics(rows: list[EpochReport]) -> bytes:

@@ -27,34 +27,20 @@ from .terminal import (
     seed_option,
 )
 
-SHORT = (
-    "rooms/hidden_nll",
-    "rooms/presence_auroc_macro/all",
-    "rooms/presence_auroc_micro/all",
-    "rooms/presence_ap_micro/all",
-    "rooms/presence_auroc_macro/unseen",
-    "rooms/presence_ap_micro/unseen",
-    "rooms/presence_brier/all",
-    "rooms/presence_calibration_error/all",
-    "rooms/top1_unseen",
-    "rooms/top3_unseen",
-    "rooms/top5_unseen",
-    "rooms/total_variation/mean",
-    "rooms/mean_absolute_error",
-    "building/mean_absolute_error",
-    "all/wasserstein_values/mean",
-    "all/wasserstein_values/variance",
-    "all/wasserstein_values/skewness",
-    "all/wasserstein_values/kurtosis",
-    "all/energy_values/mean",
-    "all/energy_values/variance",
-    "all/energy_values/skewness",
-    "all/energy_values/kurtosis",
-    "all/wasserstein_classes/mean",
-    "all/energy_classes/mean",
-    "rooms/correlation_frobenius",
-    "building/correlation_frobenius",
-    "all/correlation_frobenius",
+# What the terminal shows: a plain name, the metric, and whether less of it is better.
+HEADLINES = (
+    ("hidden objects, -log likelihood", "rooms/hidden_nll", True),
+    ("hidden classes, AUROC", "rooms/presence_auroc_macro/all", False),
+    ("hidden classes, calibration error", "rooms/presence_calibration_error/all", True),
+    ("unseen classes, AUROC over rooms", "rooms/presence_auroc_macro/unseen", False),
+    ("unseen classes, AUROC over all", "rooms/presence_auroc_micro/unseen", False),
+    ("unseen classes, top 3 holds one", "rooms/top3_unseen", False),
+    ("error in number, rooms", "rooms/mean_absolute_error", True),
+    ("error in number, building", "building/mean_absolute_error", True),
+    ("total variation, rooms", "rooms/total_variation/mean", True),
+    ("Wasserstein, all nodes", "all/wasserstein_values/mean", True),
+    ("energy, all nodes", "all/energy_values/mean", True),
+    ("Frobenius, rooms", "rooms/correlation_frobenius", True),
 )
 
 
@@ -82,7 +68,7 @@ SHORT = (
     show_default=True,
     help="Bootstrap resamples of the buildings; 0 for no intervals.",
 )
-@click.option("--all-metrics", is_flag=True, help="Print every metric, not the main ones.")
+@click.option("--all-metrics", is_flag=True, help="Print every metric, too.")
 @seed_option
 @force_option
 @json_option
@@ -113,21 +99,20 @@ def main(
             runs, data, split=split, resamples=resamples, seed=seed, progress=progress
         )
     summary = summarise(found, split=split)
-    write_bytes(report, (json.dumps(summary, indent=1) + "\n").encode())
-    write_bytes(out / "classes.csv", found.classes.to_csv(index=False).encode())
     figures = _draw(found, out)
+    write_bytes(out / "classes.csv", found.classes.to_csv(index=False).encode())
+    write_bytes(report, (json.dumps(summary, indent=1) + "\n").encode())  # last: it means finished
     for note in found.notes:
         print_note(note)
     if as_json:
         print_json(summary)
         return
-    names = [n for n in summary["metrics"] if all_metrics or n in SHORT]
-    order = {name: i for i, name in enumerate(SHORT)}
-    names.sort(key=lambda name: order.get(name, len(order)))
-    click.echo(_table(found.estimates, names, resamples=resamples))
-    click.echo("\n" + "\n".join(explain(found.estimates, runs=found.runs)))
-    click.echo(f"\nreport {report}, per class {out / 'classes.csv'}")
-    click.echo("\n".join(f"figure {path}: {what}" for what, path in figures.items()))
+    click.echo("\n".join(explain(found.estimates, runs=found.runs)) + "\n")
+    click.echo(_headline_table(found.estimates, resamples=resamples))
+    if all_metrics:
+        click.echo("\n" + _full_table(found.estimates, resamples=resamples))
+    click.echo(f"\nall metrics: {report}; per class: {out / 'classes.csv'}; figures:")
+    click.echo("\n".join(f"  {path}  {what}" for what, path in figures.items()))
 
 
 def summarise(found: Comparison, *, split: str) -> dict[str, Any]:
@@ -138,57 +123,66 @@ def summarise(found: Comparison, *, split: str) -> dict[str, Any]:
             values = {"value": e.value, "low": e.low, "high": e.high}
             plain = {k: None if np.isnan(v) else v for k, v in values.items()}
             metrics.setdefault(name, {})[model] = {**plain, "nodes": e.nodes}
-    return {"split": split, **found.facts, "metrics": metrics}
+    return {"split": split, **found.facts, "notes": list(found.notes), "metrics": metrics}
 
 
 def explain(estimates: Mapping[str, Mapping[str, Estimate]], *, runs: Sequence[str]) -> list[str]:
     """Say in plain words where each run stands beside doubling what was seen."""
     lines = []
     for run in runs:
-        ours, doubled = estimates[run], estimates["doubled"]
-        worse = [what for what, name, sign in _HEADLINES if _loses(ours, doubled, name, sign)]
-        better = [what for what, _, _ in _HEADLINES if what not in worse]
-        lines.append(f"{run}, beside doubling what was seen:")
-        lines.append(f"  better at {', '.join(better) or 'nothing'}")
-        lines.append(f"  no better at {', '.join(worse) or 'nothing'}")
+        verdicts: dict[str, list[str]] = {"better": [], "not distinguishable": [], "worse": []}
+        for label, name, less in HEADLINES:
+            verdict = judge(estimates[run][name], estimates["doubled"][name], less=less)
+            verdicts[verdict].append(label)
+        lines.append(f"{run}, beside doubling what was seen (by 95 % intervals):")
+        for verdict, labels in verdicts.items():
+            if labels:
+                lines.append(f"  {verdict}: {labels[0]}")
+                lines += [" " * (len(verdict) + 4) + label for label in labels[1:]]
     return lines
 
 
-_HEADLINES = (
-    ("the likelihood of what is hidden", "rooms/hidden_nll", 1),
-    ("saying which classes are hidden in a room (AUROC)", "rooms/presence_auroc_macro/all", -1),
-    ("naming classes not seen in the room (AUROC)", "rooms/presence_auroc_macro/unseen", -1),
-    ("the right distribution over classes (total variation)", "rooms/total_variation/mean", 1),
-    ("the number of objects in a room", "rooms/mean_absolute_error", 1),
-    ("the paper's Wasserstein distance", "all/wasserstein_values/mean", 1),
-    ("the paper's energy distance", "all/energy_values/mean", 1),
-    ("the paper's Frobenius norm", "rooms/correlation_frobenius", 1),
-)
+def judge(ours: Estimate, other: Estimate, *, less: bool) -> str:
+    """Return better, worse or not distinguishable, by whether the intervals are apart."""
+    ends = [(e.value, e.value) if np.isnan(e.low) else (e.low, e.high) for e in (ours, other)]
+    (low, high), (other_low, other_high) = ends
+    if high < other_low:
+        return "better" if less else "worse"
+    if low > other_high:
+        return "worse" if less else "better"
+    return "not distinguishable"
 
 
-def _loses(
-    ours: Mapping[str, Estimate], other: Mapping[str, Estimate], name: str, sign: int
-) -> bool:
-    return not sign * ours[name].value < sign * other[name].value
+def _headline_table(estimates: Mapping[str, Mapping[str, Estimate]], *, resamples: int) -> str:
+    rows = [
+        [f"{label} {'↓' if less else '↑'}", *_cells(estimates, name, resamples=resamples)]
+        for label, name, less in HEADLINES
+    ]
+    return format_table(rows, header=["", *estimates])
 
 
-def _table(
-    estimates: Mapping[str, Mapping[str, Estimate]], names: Sequence[str], *, resamples: int
-) -> str:
-    """Return values ± half the width of their 95 % intervals, a column a model."""
-    rows = []
-    for name in names:
-        cells = [_cell(found[name], interval=resamples > 0) for found in estimates.values()]
-        rows.append([name, str(next(iter(estimates.values()))[name].nodes), *cells])
+def _full_table(estimates: Mapping[str, Mapping[str, Estimate]], *, resamples: int) -> str:
+    first = next(iter(estimates.values()))
+    rows = [
+        [name, str(first[name].nodes), *_cells(estimates, name, resamples=resamples)]
+        for name in first
+    ]
     return format_table(rows, header=["metric", "nodes", *estimates])
+
+
+def _cells(
+    estimates: Mapping[str, Mapping[str, Estimate]], name: str, *, resamples: int
+) -> list[str]:
+    """Return values ± half the width of their 95 % intervals, one a model."""
+    return [_cell(found[name], interval=resamples > 1) for found in estimates.values()]
 
 
 def _cell(estimate: Estimate, *, interval: bool) -> str:
     if np.isnan(estimate.value):
         return "-"
-    value = f"{estimate.value:.4g}"
+    value = f"{estimate.value:.3g}"
     half = (estimate.high - estimate.low) / 2
-    return f"{value} ±{half:.2g}" if interval and not np.isnan(half) else value
+    return f"{value} ±{half:.1g}" if interval and not np.isnan(half) else value
 
 
 def _draw(found: Comparison, out: Path) -> dict[str, Path]:

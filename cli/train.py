@@ -12,12 +12,10 @@ from tqdm import tqdm  # noqa: TID251 -- the command line is where bars belong
 from bsg_models.config import RunConfig, override, read_config, validate_config, write_toml
 from bsg_models.errors import ConfigError
 from bsg_models.figures import draw_learning_curve
-from bsg_models.training import BEST, METRICS, EpochReport, read_metrics, train_run
+from bsg_models.training import BEST, CURVE, METRICS, EpochReport, read_metrics, train_run
 from bsg_models.zoo import ZOO, find_config
 
 from .terminal import Command, force_option, json_option, print_json, print_note
-
-CURVE = "curve.png"
 
 
 @click.command(cls=Command)
@@ -66,10 +64,16 @@ def main(
         return
     if data is None or out is None:
         raise click.UsageError("--data and --out are needed to train (or give --print-config)")
-    with _board(out if tensorboard else None) as log, _bar(config) as draw:
-        for report in train_run(config, data, out, resume=resume, force=force):
-            draw(report)
-            log(report)
+    try:
+        with _board(out if tensorboard else None) as log, _bar(config) as draw:
+            for report in train_run(config, data, out, resume=resume, force=force):
+                draw(report)
+                log(report)
+    except KeyboardInterrupt:
+        reports = _draw_curve(config, out)
+        saved = f"saved up to epoch {reports[-1].epoch}" if reports else "nothing is saved yet"
+        print_note(f"{out}: {saved}; the same command with --resume goes on")
+        raise
     _finish(config, out, as_json=as_json)
 
 
@@ -83,11 +87,7 @@ def load_config(name: str, settings: tuple[str, ...]) -> RunConfig:
 
 
 def _finish(config: RunConfig, out: Path, *, as_json: bool) -> None:
-    reports = read_metrics(out / METRICS) if (out / METRICS).is_file() else []
-    if reports:
-        draw_learning_curve(
-            reports, out / CURVE, title=f"{config.model.family}, seed {config.seed}"
-        )
+    reports = _draw_curve(config, out)
     best = next((r for r in reports if r.epoch == reports[-1].best_epoch), None)
     summary = {
         "run": str(out),
@@ -107,6 +107,15 @@ def _finish(config: RunConfig, out: Path, *, as_json: bool) -> None:
             f"validation error {best.val_loss:.4f} at epoch {best.epoch}"
         )
         click.echo(f"checkpoint {out / BEST}, learning curve {out / CURVE}")
+
+
+def _draw_curve(config: RunConfig, out: Path) -> list[EpochReport]:
+    """Draw the learning curve of what is saved, and return it; nothing for a model that counts."""
+    if not (out / METRICS).is_file():
+        return []
+    reports = read_metrics(out / METRICS)
+    draw_learning_curve(reports, out / CURVE, title=f"{config.model.family}, seed {config.seed}")
+    return reports
 
 
 @contextmanager

@@ -54,6 +54,12 @@ def test_the_papers_values_are_the_defaults() -> None:
         ("data.edges=['sideways']", "data.edges.0: input should be 'up', 'down'"),
         ("model.family=gcn", "model.family must be one of input, doubled"),
         ("training", "expected path=value"),
+        ("input=3", "input is no key"),
+        ("training.input=1", "training.input is no key"),
+        ("training.epochs=true", "training.epochs: input should be a valid integer"),
+        ("training.epochs=5.5", "training.epochs: input should be a valid integer"),
+        ("training.learning_rate=inf", "input should be a finite number"),
+        ("seed=99999999999999999999", "seed: input should be less than"),
         ("seed.x=1", "seed is a value and has no keys"),
     ],
 )

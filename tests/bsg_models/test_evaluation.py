@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -7,13 +8,17 @@ import pytest
 from scipy import stats
 
 from bsg_data.class_map import load_class_map
+from bsg_data.errors import DatasetError
+from bsg_data.pairs import write_pairs
+from bsg_data.recipes import PairsRecipe, SplitRecipe
+from bsg_data.splits import split_dataset
 from bsg_models import metrics
 from bsg_models.comparison import compare_runs
 from bsg_models.config import override, validate_config
 from bsg_models.errors import CheckpointError
 from bsg_models.evaluation import (
-    Estimate,
     Measurement,
+    SplitsMeasurement,
     Truth,
     count_empty,
     estimate,
@@ -24,7 +29,7 @@ from bsg_models.evaluation import (
 )
 from bsg_models.expectation import Expectation, from_hidden
 from bsg_models.figures import draw_evaluation, draw_learning_curve
-from bsg_models.graph_dataset import MaskedGraphs
+from bsg_models.graph_dataset import MaskedGraphs, open_dataset
 from bsg_models.training import EpochReport, train_run
 from bsg_models.zoo import BASELINES, ZOO, make_model
 
@@ -200,9 +205,50 @@ def test_what_a_reader_must_know_is_noted(dataset: Path, tmp_path: Path) -> None
 
 
 def test_runs_of_different_folds_are_refused(dataset: Path, tmp_path: Path) -> None:
+    split_dataset(dataset, SplitRecipe(method="folds", ratios=None, folds=3), force=True)
+    write_pairs(dataset, PairsRecipe(draws=1))
+    runs = [train(dataset, tmp_path / f"{k}", f"data.fold={k}") for k in (0, 1)]
+    assert compare_runs(runs[:1], dataset, split="test", resamples=0).facts["fold"] == 0
+    with pytest.raises(CheckpointError, match="test on different folds"):
+        compare_runs(runs, dataset, split="test", resamples=0)
+
+
+def test_a_changed_pair_is_not_measured(dataset: Path, tmp_path: Path) -> None:
     run = train(dataset, tmp_path / "a")
-    with pytest.raises(CheckpointError, match="no checkpoint there"):
-        compare_runs([run, tmp_path / "none"], dataset, split="test")
+    path = dataset / "pairs" / "test-00000.parquet"
+    shutil.copy(dataset / "pairs" / "val-00000.parquet", path)
+    text = (dataset / "dataset.json").read_text()
+    (dataset / "dataset.json").write_text(text + "\n")  # not the one that is open already
+    with pytest.raises(DatasetError, match=r"test-00000\.parquet: is not what the manifest says"):
+        compare_runs([run], dataset, split="test", resamples=0)
+
+
+def test_splits_are_averaged_and_never_pooled(dataset: Path) -> None:
+    """A model that is constant per class has AUROC 0.5 in each split, and so in their mean."""
+    splits = []
+    for seed in (0, 1, 2):
+        split_dataset(dataset, SplitRecipe(seed=seed, ratios=(0.5, 0.0, 0.5)), force=True)
+        write_pairs(dataset, PairsRecipe(draws=2))
+        data = open_dataset(dataset)
+        model = make_model(ZOO["train-mean"], classes=45)
+        model.fit(data, data.scenes_of("train"))
+        graphs = MaskedGraphs.stored(data, "test")
+        splits.append(Measurement(read_truth(graphs), predict_all(model, graphs)))
+    every = SplitsMeasurement(splits)
+    found = every.evaluate()
+    assert found["rooms/presence_auroc_macro/all"] == 0.5
+    assert found["rooms/presence_auroc_macro/unseen"] == 0.5
+    mean = np.mean([split.evaluate()["rooms/correlation_frobenius"] for split in splits])
+    assert found["rooms/correlation_frobenius"] == pytest.approx(mean)
+    weights = np.arange(1.0, len(every.scene_ids) + 1)
+    expected = []
+    for split in splits:
+        own = np.array([weights[every.scene_ids.index(scene)] for scene in split.scene_ids])
+        expected.append(split.evaluate(own)["rooms/hidden_nll"])
+    assert every.evaluate(weights)["rooms/hidden_nll"] == pytest.approx(np.mean(expected))
+    nodes = [split.count_nodes("rooms/hidden_nll") for split in splits]
+    assert every.count_nodes("rooms/hidden_nll") == sum(nodes)
+    assert estimate(every, resamples=3)["rooms/hidden_nll"].value == found["rooms/hidden_nll"]
 
 
 def test_figures_are_drawn(truth: Truth, tmp_path: Path) -> None:
@@ -220,4 +266,3 @@ def test_figures_are_drawn(truth: Truth, tmp_path: Path) -> None:
     draw_learning_curve([report], tmp_path / "curve.png", title="m")
     for path in (*drawn.values(), tmp_path / "curve.png"):
         assert path.read_bytes().startswith(b"\x89PNG")
-    assert Estimate(1.0, 0.0, 2.0, 3).nodes == 3

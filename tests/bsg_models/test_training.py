@@ -11,7 +11,8 @@ from safetensors.torch import load_file, save_file
 
 from bsg_data.errors import DatasetError, MismatchError
 from bsg_data.manifest import encode_manifest, read_manifest
-from bsg_data.recipes import SplitRecipe
+from bsg_data.pairs import write_pairs
+from bsg_data.recipes import PairsRecipe, SplitRecipe
 from bsg_data.splits import split_dataset
 from bsg_models import training as training_module
 from bsg_models.checkpoint import (
@@ -110,24 +111,78 @@ def test_a_run_can_be_made_longer(dataset: Path, tmp_path: Path) -> None:
 
 def test_what_cannot_be_resumed_is_refused(dataset: Path, tmp_path: Path) -> None:
     run = tmp_path / "run"
-    with pytest.raises(CheckpointError, match="no checkpoint there"):
-        list(train_run(configure(), dataset, run, resume=True))
     list(train_run(configure(), dataset, run))
     with pytest.raises(TrainingError, match="--resume goes on, --force replaces"):
         list(train_run(configure(), dataset, run))
     with pytest.raises(TrainingError, match=r"only training\.epochs may change"):
         list(train_run(configure("model.dropout=0.1"), dataset, run, resume=True))
+    with pytest.raises(TrainingError, match=r"model\.dropout: 0\.5 → 0\.1"):
+        list(train_run(configure("model.dropout=0.1"), dataset, run, resume=True))
+    with pytest.raises(TrainingError, match="nothing to resume"):
+        list(train_run(configure(name="doubled"), dataset, run, resume=True))
     split_dataset(dataset, SplitRecipe(seed=5), force=True)
+    before = {path.name: path.read_bytes() for path in run.iterdir()}
     with pytest.raises(DatasetError, match="has no pairs"):
+        list(train_run(configure(), dataset, run, force=True))
+    assert {path.name: path.read_bytes() for path in run.iterdir()} == before
+    write_pairs(dataset, PairsRecipe(draws=1))
+    with pytest.raises(TrainingError, match="was trained on another dataset"):
         list(train_run(configure(), dataset, run, resume=True))
     list(train_run(configure(name="doubled"), dataset, run, force=True))
     assert not (run / LAST).exists()
 
 
+def test_a_run_that_was_stopped_before_its_first_checkpoint_starts(
+    dataset: Path, tmp_path: Path
+) -> None:
+    list(train_run(configure(), dataset, tmp_path / "whole"))
+    for _ in train_run(configure(), dataset, tmp_path / "stopped"):
+        break
+    list(train_run(configure(), dataset, tmp_path / "stopped", resume=True))
+    assert same(weights(tmp_path / "whole" / LAST), weights(tmp_path / "stopped" / LAST))
+
+
+def test_a_run_that_lost_a_part_is_not_resumed(dataset: Path, tmp_path: Path) -> None:
+    run, longer = tmp_path / "run", configure("training.epochs=10")
+    list(train_run(configure(), dataset, run))
+    whole = (run / METRICS).read_text()
+    (run / METRICS).write_text("nonsense\n1\n")
+    with pytest.raises(TrainingError, match="not the metrics of a run"):
+        list(train_run(longer, dataset, run, resume=True))
+    (run / METRICS).write_text(whole)
+    tensors = weights(run / LAST)
+    rewrite(run / LAST, {n: t for n, t in tensors.items() if not n.endswith("bias.step")})
+    with pytest.raises(CheckpointError, match=r"adam\..*bias\.step is missing"):
+        list(train_run(longer, dataset, run, resume=True))
+    rewrite(run / LAST, tensors)
+    (run / BEST).unlink()
+    with pytest.raises(TrainingError, match="is gone"):
+        list(train_run(longer, dataset, run, resume=True))
+
+
+def test_a_dataset_that_changes_under_a_training_does_not_change_it(
+    dataset: Path, tmp_path: Path
+) -> None:
+    list(train_run(configure(), dataset, tmp_path / "quiet"))
+    for report in train_run(configure(), dataset, tmp_path / "disturbed"):
+        if report.epoch == 3:
+            split_dataset(dataset, SplitRecipe(seed=9), force=True)
+    a, b = (weights(tmp_path / name / LAST) for name in ("quiet", "disturbed"))
+    assert same(a, b)
+
+
 def test_a_diverging_run_says_so_and_keeps_what_it_had(dataset: Path, tmp_path: Path) -> None:
-    config = configure("training.learning_rate=1e30", "training.validate_every=1")
-    with pytest.raises(TrainingError, match=r"lower training\.learning_rate"):
-        list(train_run(config, dataset, tmp_path / "run"))
+    run = tmp_path / "run"
+    list(train_run(configure("training.epochs=2"), dataset, run))
+    header = load_checkpoint(run / LAST).header
+    hot = header.config.training.model_copy(update={"learning_rate": 1e30})
+    config = header.config.model_copy(update={"training": hot})
+    rewrite(run / LAST, weights(run / LAST), config=config)
+    before = {path.name: path.read_bytes() for path in run.iterdir()}
+    longer = config.model_copy(update={"training": hot.model_copy(update={"epochs": 9})})
+    with pytest.raises(TrainingError, match=r"is not finite.*lower training\.learning_rate"):
+        list(train_run(longer, dataset, run, resume=True))
+    assert {path.name: path.read_bytes() for path in run.iterdir()} == before
 
 
 @pytest.mark.parametrize("name", [name for name in ZOO if name != "ceci-gcn"])
@@ -172,6 +227,10 @@ def test_a_checkpoint_of_another_shape_is_refused(dataset: Path, tmp_path: Path)
     rewrite(path, narrow)
     with pytest.raises(CheckpointError, match=r"needs \(8,\), the file has \(1,\)"):
         restore_model(path, load_checkpoint(path))
+    nans = {n: t * float("nan") if t.is_floating_point() else t for n, t in tensors.items()}
+    rewrite(path, nans)
+    with pytest.raises(CheckpointError, match="not finite"):
+        restore_model(path, load_checkpoint(path))
     rewrite(path, {n: t for n, t in tensors.items() if n != "model.convolutions.0.bias"})
     with pytest.raises(CheckpointError, match="the file has no such tensor"):
         restore_model(path, load_checkpoint(path))
@@ -182,6 +241,11 @@ def test_a_checkpoint_of_another_class_map_is_refused(dataset: Path, tmp_path: P
     header = load_checkpoint(path).header
     manifest = read_manifest(dataset)
     require_dataset(path, header, manifest)
+    shuffled = header.class_map.model_copy(update={"classes": header.class_map.classes[::-1]})
+    with pytest.raises(MismatchError):
+        require_dataset(path, header.model_copy(update={"class_map": shuffled}), manifest)
+    with pytest.raises(MismatchError, match="dataset format 7"):
+        require_dataset(path, header.model_copy(update={"format_version": 7}), manifest)
     other = header.class_map.model_copy(update={"version": "mine-v1", "sha256": "f" * 64})
     foreign = header.model_copy(update={"class_map": other})
     with pytest.raises(MismatchError, match=r"mine-v1 \(sha256 ffffffffffff…\).*hm3d45-v1"):

@@ -1,14 +1,16 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import pandas as pd
 import pytest
 from bsg_cli import train
-from bsg_cli.evaluate import SHORT, main
+from bsg_cli.evaluate import HEADLINES, judge, main
 from click.testing import CliRunner, Result
 
+from bsg_models.evaluation import Estimate
 from bsg_models.zoo import BASELINES
 
 
@@ -28,15 +30,17 @@ def trained(dataset: Path, tmp_path: Path) -> Path:
 
 def test_a_run_beside_the_baselines(dataset: Path, trained: Path) -> None:
     result = run(trained, "--data", dataset, "--resamples", "3")
-    header, *lines = result.stdout.splitlines()
-    assert header.split() == ["metric", "nodes", "run", *BASELINES]
-    assert {line.split()[0] for line in lines[: len(SHORT)]} == set(SHORT)
-    assert "run, beside doubling what was seen:" in result.stdout
+    assert result.stdout.startswith("run, beside doubling what was seen")
+    assert f"run {' '.join(BASELINES)}" in " ".join(result.stdout.split())
+    for label, _, less in HEADLINES:
+        assert f"{label} {'↓' if less else '↑'}" in result.stdout
+    assert max(map(len, result.stdout.split("\n\n")[1].splitlines())) <= 120
     report = json.loads((trained / "evaluation" / "evaluation.json").read_text("utf-8"))
     nll = report["metrics"]["rooms/hidden_nll"]
     assert set(nll) == {"run", *BASELINES}
     assert nll["run"]["low"] <= nll["run"]["value"] <= nll["run"]["high"]
     assert report["draws"] == 4
+    assert report["runs"]["run"]["config"]["model"]["width"] == 8
     classes = pd.read_csv(trained / "evaluation" / "classes.csv")
     assert len(classes) == 5 * 2 * 45
     assert len(list((trained / "evaluation").glob("run-*.png"))) == 3
@@ -55,3 +59,23 @@ def test_json_all_metrics_and_force(dataset: Path, trained: Path, tmp_path: Path
 def test_what_is_missing_is_said(dataset: Path, tmp_path: Path) -> None:
     assert "no checkpoint there" in run(tmp_path / "none", "--data", dataset, code=1).stderr
     run("--data", dataset, code=2)
+
+
+def test_a_verdict_needs_intervals_that_are_apart() -> None:
+    low, middle, high = (Estimate(v, v - 0.5, v + 0.5, 9) for v in (1.0, 1.8, 3.0))
+    assert judge(low, high, less=True) == "better"
+    assert judge(low, high, less=False) == "worse"
+    assert judge(high, low, less=False) == "better"
+    assert judge(low, middle, less=True) == "not distinguishable"
+    sure = Estimate(1.0, float("nan"), float("nan"), 9)
+    assert judge(sure, sure, less=True) == "not distinguishable"
+
+
+def test_a_run_named_like_a_baseline_keeps_its_column(dataset: Path, trained: Path) -> None:
+    twins = [trained.rename(trained.with_name("doubled"))]
+    for parent in ("a", "b"):
+        (dataset.parent / parent).mkdir()
+        twins.append(Path(shutil.copytree(twins[0], dataset.parent / parent / "doubled")))
+    out = dataset.parent / "e"
+    words = [*twins, "--data", dataset, "--resamples", "0", "--out", out, "--json"]
+    assert set(json.loads(run(*words).stdout)["runs"]) == {"doubled-2", "doubled-3", "doubled-4"}
