@@ -20,9 +20,9 @@ from bsg_models.expectation import Expectation
 from bsg_models.graph_dataset import MaskedGraphs
 from bsg_models.metrics import Bools, Floats
 from bsg_models.model import BeliefModel
+from bsg_models.presence import PresenceMeasurement
 
 NODE_SETS = ("rooms", "building", "all")
-TOP = (1, 3, 5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,9 +170,9 @@ class Measurement:
             yield name, metrics.moments(values[rows], weights).mean
 
     @cached_property
-    def _presence(self) -> _Presence:
+    def _presence(self) -> PresenceMeasurement:
         rooms = self._rows["rooms"]
-        return _Presence(
+        return PresenceMeasurement(
             presence=self.expectation.presence[rooms],
             seen=self.truth.inputs[rooms] > 0,
             hidden=self.truth.hidden[rooms] > 0,
@@ -213,67 +213,6 @@ class _BuildingSums:
         return metrics.correlate_sums(weights @ self.number, weights @ self.sums, products)
 
 
-class _Presence:
-    """The measures of presence over (room, class), for all classes and for the unseen ones."""
-
-    def __init__(self, *, presence: Floats, seen: Bools, hidden: Bools) -> None:
-        self._arrays = (presence, seen, hidden)
-        everything = np.ones_like(seen)
-        self._micro = {
-            name: _Selection(presence, hidden, keep)
-            for name, keep in (("all", everything), ("unseen", ~seen))
-        }
-        self._macro = {
-            name: [
-                _Selection(presence[:, [c]], hidden[:, [c]], keep[:, [c]])
-                for c in range(presence.shape[1])
-            ]
-            for name, keep in (("all", everything), ("unseen", ~seen))
-        }
-        self._hits = {k: metrics.topk_unseen(presence, seen, hidden, k=k) for k in TOP}
-
-    def evaluate(self, weights: Floats) -> Iterator[tuple[str, float]]:
-        """Yield every measure for weights `[rooms]`."""
-        for name, micro in self._micro.items():
-            mass = micro.weigh(weights)
-            yield f"presence_auroc_micro/{name}", metrics.auroc(micro.ranking, mass)
-            yield f"presence_ap_micro/{name}", metrics.average_precision(micro.ranking, mass)
-            yield f"presence_brier/{name}", metrics.brier(micro.scores, micro.truth, mass)
-            yield (
-                f"presence_calibration_error/{name}",
-                metrics.calibration_error(micro.scores, micro.truth, mass),
-            )
-            for measure, function in _ORDERED.items():
-                values = [function(one.ranking, one.weigh(weights)) for one in self._macro[name]]
-                yield f"{measure}_macro/{name}", _mean_known(values)
-        for k, hits in self._hits.items():
-            yield f"top{k}_unseen", metrics.moments(hits, weights).mean
-
-    def count_rooms(self) -> int:
-        """Return the number of rooms that hide an unseen class."""
-        return int((~np.isnan(self._hits[TOP[0]])).sum())
-
-
-_ORDERED: Mapping[str, Callable[..., float]] = {
-    "presence_auroc": metrics.auroc,
-    "presence_ap": metrics.average_precision,
-}
-
-
-class _Selection:
-    """Some (room, class) cells with their scores, sorted once."""
-
-    def __init__(self, presence: Floats, hidden: Bools, keep: Bools) -> None:
-        self._rows = np.nonzero(keep)[0]
-        self.scores = presence[keep]
-        self.truth = hidden[keep]
-        self.ranking = metrics.rank(self.scores, self.truth)
-
-    def weigh(self, weights: Floats) -> Floats:
-        """Return the weight of each cell from those of the rooms."""
-        return weights[self._rows]
-
-
 class SplitsMeasurement:
     """One model's metrics over several splits: each measured on its own test set, then averaged.
 
@@ -297,16 +236,11 @@ class SplitsMeasurement:
             for split, places in zip(self.splits, self._places, strict=True)
             if weights[places].any()
         ]
-        return {name: _mean_known([one[name] for one in found]) for name in found[0]}
+        return {name: metrics.mean_known([one[name] for one in found]) for name in found[0]}
 
     def count_nodes(self, metric: str) -> int:
         """Return the number of nodes of all splits that a metric is over."""
         return sum(split.count_nodes(metric) for split in self.splits)
-
-
-def _mean_known(values: Sequence[float]) -> float:
-    known = [value for value in values if not np.isnan(value)]
-    return float(np.mean(known)) if known else float("nan")
 
 
 def estimate(

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 
 from bsg_data.errors import BSGError
 from bsg_models.expectation import Expectation
+from bsg_models.learning_curve import EpochReport
 from bsg_models.metrics import Bools, Floats, correlation_matrix, normalise
-from bsg_models.training import EpochReport
 
 INPUT, PREDICTED, TRUE = "#BBBBBB", "#0018EC", "#FF8000"
 

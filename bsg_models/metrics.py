@@ -8,6 +8,7 @@ accumulated and divided once.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -279,6 +280,16 @@ def topk_unseen(presence: Floats, seen: Bools, hidden: Bools, *, k: int) -> Floa
     wanted = hidden & ~seen
     hit = np.take_along_axis(wanted, order, axis=1).any(axis=1)
     return np.where(wanted.any(axis=1), hit.astype(float), np.nan)
+
+
+def mean_known(values: Sequence[float]) -> float:
+    """Return the mean of the values that are not nan; nan without any.
+
+    >>> mean_known([1.0, float("nan"), 3.0])
+    2.0
+    """
+    known = [value for value in values if not np.isnan(value)]
+    return float(np.mean(known)) if known else float("nan")
 
 
 def _both_filled(p: Floats, q: Floats) -> Bools:

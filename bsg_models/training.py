@@ -7,12 +7,9 @@ was stopped therefore goes on to the same weights as one that was not.
 
 from __future__ import annotations
 
-import csv
-import io
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -28,35 +25,16 @@ from bsg_models.checkpoint import (
     restore_model,
     save_checkpoint,
 )
-from bsg_models.config import RunConfig, TrainingConfig
-from bsg_models.errors import CheckpointError, TrainingError
+from bsg_models.config import RunConfig
+from bsg_models.errors import TrainingError
 from bsg_models.graph_dataset import Buildings, MaskedGraphs, open_dataset
+from bsg_models.learning_curve import EpochReport, encode_metrics, read_metrics
 from bsg_models.model import BeliefModel
+from bsg_models.optimiser import learning_rate, load_optimiser, make_optimiser, optimiser_state
 from bsg_models.zoo import make_model
 
 BEST, LAST = "best.safetensors", "last.safetensors"
 METRICS, CURVE = "metrics.csv", "curve.png"
-
-
-@dataclass(frozen=True, slots=True)
-class EpochReport:
-    """What one epoch came to.
-
-    Attributes:
-        epoch: counted from 1.
-        epochs: of the whole training.
-        train_loss: mean over the epoch's steps.
-        val_loss: on the stored pairs; None if this epoch was not validated.
-        best_epoch: with the lowest val_loss so far.
-        seconds: that the epoch took.
-    """
-
-    epoch: int
-    epochs: int
-    train_loss: float
-    val_loss: float | None
-    best_epoch: int
-    seconds: float
 
 
 def train_run(
@@ -213,23 +191,6 @@ def _restore(
     return checkpoint.header
 
 
-def make_optimiser(model: BeliefModel, training: TrainingConfig) -> torch.optim.Adam:
-    """Return Adam with the paper's learning rate, and its decay if read as weight decay."""
-    decay = training.decay if training.decay_as == "weight-decay" else 0.0
-    return torch.optim.Adam(model.parameters(), lr=training.learning_rate, weight_decay=decay)
-
-
-def learning_rate(training: TrainingConfig, step: int) -> float:
-    """Return the learning rate of a step, counted from 0.
-
-    >>> learning_rate(TrainingConfig(decay=0.5, decay_as="learning-rate"), 2)
-    0.005
-    """
-    if training.decay_as == "weight-decay":
-        return training.learning_rate
-    return training.learning_rate / (1 + training.decay * step)
-
-
 def validation_loss(model: BeliefModel, graphs: MaskedGraphs) -> float:
     """Return the mean squared error of the totals, not below 0, over all nodes and classes."""
     error, count = 0.0, 0
@@ -334,67 +295,3 @@ def _header(
 
 def _tensors(prefix: str, state: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
     return {f"{prefix}.{name}": tensor for name, tensor in state.items()}
-
-
-def optimiser_state(optimiser: torch.optim.Adam, model: BeliefModel) -> dict[str, torch.Tensor]:
-    """Return Adam's state by the names of the parameters."""
-    return {
-        f"{name}.{key}": torch.as_tensor(value)
-        for name, parameter in model.named_parameters()
-        for key, value in optimiser.state[parameter].items()
-    }
-
-
-def load_optimiser(
-    optimiser: torch.optim.Adam, model: BeliefModel, state: dict[str, torch.Tensor], *, path: Path
-) -> None:
-    """Give Adam back what `optimiser_state` took from it.
-
-    Raises:
-        CheckpointError: if a tensor is missing or of another shape.
-    """
-    for name, parameter in model.named_parameters():
-        for key, shape in (
-            ("step", torch.Size()),
-            ("exp_avg", parameter.shape),
-            ("exp_avg_sq", parameter.shape),
-        ):
-            found = state.get(f"{name}.{key}")
-            if found is None or found.shape != shape:
-                raise CheckpointError(f"{path}: adam.{name}.{key} is missing or of another shape")
-            optimiser.state[parameter][key] = found.clone()
-
-
-def encode_metrics(rows: list[EpochReport]) -> bytes:
-    """Return reports as CSV."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["epoch", "epochs", "train_loss", "val_loss", "best_epoch", "seconds"])
-    for row in rows:
-        val = "" if row.val_loss is None else repr(row.val_loss)
-        numbers = [row.epoch, row.epochs, repr(row.train_loss), val, row.best_epoch]
-        writer.writerow([*numbers, f"{row.seconds:.4f}"])
-    return text.getvalue().encode()
-
-
-def read_metrics(path: Path) -> list[EpochReport]:
-    """Read what `encode_metrics` wrote.
-
-    Raises:
-        TrainingError: if the file is missing or damaged.
-    """
-    try:
-        with path.open(encoding="utf-8", newline="") as file:
-            return [
-                EpochReport(
-                    epoch=int(row["epoch"]),
-                    epochs=int(row["epochs"]),
-                    train_loss=float(row["train_loss"]),
-                    val_loss=float(row["val_loss"]) if row["val_loss"] else None,
-                    best_epoch=int(row["best_epoch"]),
-                    seconds=float(row["seconds"]),
-                )
-                for row in csv.DictReader(file)
-            ]
-    except (OSError, KeyError, ValueError, TypeError) as error:
-        raise TrainingError(f"{path}: not the metrics of a run ({error})") from error

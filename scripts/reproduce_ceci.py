@@ -35,7 +35,8 @@ from bsg_models.evaluation import (
     read_truth,
 )
 from bsg_models.graph_dataset import MaskedGraphs
-from bsg_models.training import BEST, METRICS, read_metrics, train_run
+from bsg_models.learning_curve import read_metrics
+from bsg_models.training import BEST, METRICS, train_run
 from bsg_models.zoo import BASELINES, ZOO
 
 # The open points of the paper, one reading a row; each differs from the first in what it names.

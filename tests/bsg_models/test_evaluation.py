@@ -30,7 +30,8 @@ from bsg_models.evaluation import (
 from bsg_models.expectation import Expectation, from_hidden
 from bsg_models.figures import draw_evaluation, draw_learning_curve
 from bsg_models.graph_dataset import MaskedGraphs, open_dataset
-from bsg_models.training import EpochReport, train_run
+from bsg_models.learning_curve import EpochReport
+from bsg_models.training import train_run
 from bsg_models.zoo import BASELINES, ZOO, make_model
 
 
