@@ -98,11 +98,11 @@ def compare_runs(
         require_dataset(run / BEST, checkpoint.header, data.manifest)
     fold = _one_fold(loaded)
     part = cast(Part, split)
-    truth = read_truth(MaskedGraphs.stored(dataset, part, fold=fold))
+    truth = read_truth(MaskedGraphs.stored(data, part, fold=fold))
     models = _models(loaded, data, fold=fold)
     estimates, expectations = {}, {}
     for done, (name, (config, model)) in enumerate(models.items()):
-        graphs = MaskedGraphs.stored(dataset, part, fold=fold, edges=config.data.edges)
+        graphs = MaskedGraphs.stored(data, part, fold=fold, edges=config.data.edges)
         expectations[name] = predict_all(model, graphs)
         estimates[name] = estimate(
             Measurement(truth, expectations[name]),

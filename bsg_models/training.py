@@ -17,6 +17,7 @@ import numpy as np
 import torch
 from torch_geometric.loader import DataLoader
 
+from bsg_data.lock import hold
 from bsg_data.shards import write_bytes
 from bsg_models.checkpoint import (
     Checkpoint,
@@ -65,14 +66,15 @@ def train_run(
                 f"{config.model.family} is fitted by counting: there is nothing to resume"
             )
         model.fit(data, data.scenes_of("train", fold=config.data.fold))
-        _clear(run)
-        header = _header(config, data)
-        save_checkpoint(run / BEST, header, _tensors("model", model.state_dict()))
+        with _writing(run):
+            _clear(run)
+            header = _header(config, data)
+            save_checkpoint(run / BEST, header, _tensors("model", model.state_dict()))
         return
     graphs = TrainingGraphs(config, data)  # a dataset that cannot be trained on fails here
-    if not resume:
-        _clear(run)
-    with one_thread():
+    with _writing(run), one_thread():
+        if not resume:
+            _clear(run)
         yield from _train(model, config, data, run, graphs)
 
 
@@ -102,6 +104,17 @@ class TrainingGraphs:
             fold=self._choice.fold,
             edges=self._choice.edges,
         )
+
+
+@contextmanager
+def _writing(run: Path) -> Iterator[None]:
+    """Make the folder of a run and hold its lock: two trainings never write into one."""
+    try:
+        run.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise TrainingError(f"{run}: cannot be made ({error.strerror})") from error
+    with hold(run):
+        yield
 
 
 def _new_model(config: RunConfig, data: Buildings) -> BeliefModel:

@@ -30,6 +30,7 @@ from bsg_models.evaluation import (
     Estimate,
     Measurement,
     SplitsMeasurement,
+    count_empty,
     estimate,
     predict_all,
     read_truth,
@@ -192,6 +193,14 @@ def main() -> int:
     measured = {name: measure(datasets, runs[name], options.resamples) for name in models}
     found = {name: metrics for name, (metrics, _) in measured.items()}
     readings = [name for name in models if name not in BASELINES]
+    truths = [read_truth(MaskedGraphs.stored(dataset, "test")) for dataset in datasets]
+    buildings = {scene for truth in truths for scene in truth.scene_ids}
+    empty = [count_empty(truth) for truth in truths]
+    print(
+        f"{len(buildings)} different test buildings, {sum(len(t.inputs) for t in truths)} nodes, "
+        f"{sum(e['empty_inputs'] for e in empty)} with an empty input, "
+        f"{sum(e['empty_targets'] for e in empty)} empty altogether"
+    )
     lines = [*moments_table(found, "all", "values"), *frobenius_table(found)]
     for nodes, reading in (("rooms", "values"), ("building", "values"), ("all", "classes")):
         lines += moments_table(found, nodes, reading)

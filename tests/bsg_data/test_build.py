@@ -8,10 +8,12 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from conftest import KITCHEN, annotation_text, write_scene
+from conftest import KITCHEN, REPOSITORY, annotation_text, write_scene
 
 from bsg_data.build import build_dataset
 from bsg_data.check import check_dataset
+from bsg_data.class_map import load_class_map
+from bsg_data.coverage import measure_coverage
 from bsg_data.errors import (
     AnnotationError,
     ClassMapError,
@@ -259,3 +261,9 @@ def test_the_real_scenes(shared: Path, tmp_path: Path) -> None:
         assert (totals.unmapped, manifest.skipped) == (0, ())
     assert text.totals.classified == statistics.totals.classified
     assert read_manifest(tmp_path / "statistics").source.version == "v0.2"
+    found = measure_coverage(tmp_path / "text", load_class_map())
+    readme = (REPOSITORY / "mappings" / "README.md").read_text("utf-8").split("## Coverage")[1]
+    for count in (found.structure, found.nameless, found.classified, found.left_out):
+        assert f"{count:,}" in readme
+    assert f"{found.share:.1%}".replace("%", " %") in readme
+    assert f"{found.share_of_named:.1%}".replace("%", " %") in readme

@@ -70,6 +70,8 @@ def test_metrics_of_a_measurement_are_the_plain_ones(truth: Truth) -> None:
     wins = stats.mannwhitneyu(presence[hidden], presence[~hidden]).statistic
     expected = wins / (hidden.sum() * (~hidden).sum())
     assert found["rooms/presence_auroc_micro/all"] == pytest.approx(expected)
+    frobenius = metrics.correlation_frobenius(beliefs.totals[rooms], truth.targets[rooms])
+    assert found["rooms/correlation_frobenius"] == pytest.approx(frobenius)
 
 
 def test_a_building_that_counts_twice_is_there_twice(truth: Truth) -> None:

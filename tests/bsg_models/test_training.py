@@ -144,6 +144,16 @@ def test_a_run_that_was_stopped_before_its_first_checkpoint_starts(
     assert same(weights(tmp_path / "whole" / LAST), weights(tmp_path / "stopped" / LAST))
 
 
+def test_two_trainings_never_write_into_one_run(dataset: Path, tmp_path: Path) -> None:
+    first = train_run(configure(), dataset, tmp_path / "run")
+    next(first)
+    with pytest.raises(DatasetError, match="another command is writing there"):
+        list(train_run(configure(), dataset, tmp_path / "run", force=True))
+    list(first)
+    list(train_run(configure(), dataset, tmp_path / "alone"))
+    assert same(weights(tmp_path / "run" / LAST), weights(tmp_path / "alone" / LAST))
+
+
 def test_a_run_that_lost_a_part_is_not_resumed(dataset: Path, tmp_path: Path) -> None:
     run, longer = tmp_path / "run", configure("training.epochs=10")
     list(train_run(configure(), dataset, run))
