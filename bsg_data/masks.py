@@ -123,6 +123,24 @@ def draw_hidden(
     return hidden
 
 
+def share_hidden(visited: Visited, recipe: MaskRecipe) -> npt.NDArray[np.float64]:
+    """Return the share of its objects that each node hides, as a robot knows it, `[1 + R]`.
+
+    It follows from the recipe and from where the robot was, never from the objects: all of an
+    unvisited room; of a visited one `uniform` hides the fraction and `rooms` nothing. `frontier`
+    hides at most half of the fraction f by not visiting; were it half, visited rooms would lose
+    (f − f/2) / (1 − f/2). The building hides the fraction.
+
+    >>> share_hidden(np.array([True, True, False]), MaskRecipe(strategy="rooms")).tolist()
+    [0.5, 0.0, 1.0]
+    """
+    f = recipe.fraction
+    of_visited = {"uniform": f, "rooms": 0.0, "frontier": f / (2 - f)}[recipe.strategy]
+    share = np.where(visited, of_visited, 1.0)
+    share[0] = f
+    return share
+
+
 def hidden_bounds(cells: Counts, recipe: MaskRecipe) -> tuple[int, int]:
     """Return the least and the most objects that any draw of a mask hides in a building.
 

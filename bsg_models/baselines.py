@@ -7,8 +7,10 @@ import torch
 from torch_geometric.data import Data
 
 from bsg_data.histograms import to_histograms
-from bsg_models.expectation import Expectation, from_hidden
+from bsg_models.config import DataConfig
+from bsg_models.expectation import Expectation, from_law
 from bsg_models.graph_dataset import Buildings
+from bsg_models.hidden_counts import poisson
 from bsg_models.model import BeliefModel, to_array
 
 
@@ -18,7 +20,7 @@ class InputModel(BeliefModel):
     def predict(self, graphs: Data) -> Expectation:
         """Return an expectation of nothing hidden."""
         inputs = to_array(graphs.x)
-        return from_hidden(inputs, np.zeros_like(inputs))
+        return from_law(inputs, poisson(np.zeros_like(inputs)))
 
 
 class DoubledModel(BeliefModel):
@@ -31,7 +33,7 @@ class DoubledModel(BeliefModel):
     def predict(self, graphs: Data) -> Expectation:
         """Return the input scaled up."""
         inputs, fraction = to_array(graphs.x), to_array(graphs.fraction)[:, None]
-        return from_hidden(inputs, inputs * fraction / np.maximum(1 - fraction, 1e-6))
+        return from_law(inputs, poisson(inputs * fraction / np.maximum(1 - fraction, 1e-6)))
 
 
 class TrainMeanModel(BeliefModel):
@@ -49,8 +51,9 @@ class TrainMeanModel(BeliefModel):
         self.register_buffer("room_mean", torch.zeros(classes, dtype=torch.float64))
         self.register_buffer("building_mean", torch.zeros(classes, dtype=torch.float64))
 
-    def fit(self, data: Buildings, scenes: tuple[str, ...]) -> None:
+    def fit(self, data: Buildings, choice: DataConfig) -> None:
         """Average the histograms of the training buildings and of their rooms."""
+        scenes = data.scenes_of("train", fold=choice.fold)
         histograms = [to_histograms(data.cells[scene]) for scene in scenes]
         rooms = np.concatenate([h[1:] for h in histograms])
         self.room_mean.copy_(torch.from_numpy(rooms.mean(axis=0)))
@@ -61,4 +64,4 @@ class TrainMeanModel(BeliefModel):
         inputs, fraction = to_array(graphs.x), to_array(graphs.fraction)[:, None]
         is_building = graphs.is_building.numpy()[:, None]
         mean = np.where(is_building, to_array(self.building_mean), to_array(self.room_mean))
-        return Expectation(inputs, fraction * mean, mean)
+        return Expectation(inputs, poisson(fraction * mean), mean)

@@ -36,7 +36,9 @@ class CheckpointHeader(Record):
         format_version: of the dataset format that it was trained on.
         config: of the run.
         class_map: whose histograms it reads and predicts.
+        vocabulary: the categories outside the classes that it reads, in the order of its columns.
         dataset_sha256: of the manifest of the dataset that it was trained on.
+        calibrated: whether its calibration was fitted.
         epoch: epochs done; 0 for a model that was fitted by counting.
         val_loss: at that epoch; None without.
         best_epoch: with the lowest val_loss up to then.
@@ -47,7 +49,9 @@ class CheckpointHeader(Record):
     format_version: int = FORMAT_VERSION
     config: RunConfig
     class_map: ClassMapEntry
+    vocabulary: tuple[str, ...] = ()
     dataset_sha256: str
+    calibrated: bool = False
     epoch: int = 0
     val_loss: float | None = None
     best_epoch: int = 0
@@ -118,7 +122,10 @@ def restore_model(path: Path, checkpoint: Checkpoint) -> BeliefModel:
         CheckpointError: if a tensor is missing, unknown or of another shape.
     """
     header = checkpoint.header
-    model = make_model(header.config, classes=len(header.class_map.classes))
+    model = make_model(
+        header.config, classes=len(header.class_map.classes), vocabulary=header.vocabulary
+    )
+    model.make_room(checkpoint.state_of("model"))
     expected, found = model.state_dict(), checkpoint.state_of("model")
     for name in sorted(expected.keys() | found.keys()):
         ours = tuple(expected[name].shape) if name in expected else "no such tensor"

@@ -12,7 +12,7 @@ import pandas as pd
 
 from bsg_data.errors import DatasetError
 from bsg_models.checkpoint import Checkpoint, load_checkpoint, require_dataset, restore_model
-from bsg_models.config import RunConfig
+from bsg_models.config import DataConfig, RunConfig
 from bsg_models.errors import CheckpointError
 from bsg_models.evaluation import (
     Estimate,
@@ -27,7 +27,7 @@ from bsg_models.evaluation import (
 from bsg_models.expectation import Expectation
 from bsg_models.graph_dataset import Buildings, MaskedGraphs, Part, open_dataset
 from bsg_models.model import BeliefModel
-from bsg_models.training import BEST, LAST
+from bsg_models.run_folder import BEST, LAST
 from bsg_models.zoo import BASELINES, ZOO, make_model
 
 
@@ -102,7 +102,8 @@ def compare_runs(
     models = _models(loaded, data, fold=fold)
     estimates, expectations = {}, {}
     for done, (name, (config, model)) in enumerate(models.items()):
-        graphs = MaskedGraphs.stored(data, part, fold=fold, edges=config.data.edges)
+        edges, vocabulary = config.data.edges, model.vocabulary
+        graphs = MaskedGraphs.stored(data, part, fold=fold, edges=edges, vocabulary=vocabulary)
         expectations[name] = predict_all(model, graphs)
         estimates[name] = estimate(
             Measurement(truth, expectations[name]),
@@ -137,7 +138,7 @@ def _models(
         models[name] = (checkpoint.header.config, restore_model(run / BEST, checkpoint))
     for name in BASELINES:
         model = make_model(ZOO[name], classes=len(data.manifest.class_map.classes))
-        model.fit(data, data.scenes_of("train", fold=fold))
+        model.fit(data, DataConfig(fold=fold))
         models[name] = (ZOO[name], model)
     return models
 

@@ -11,61 +11,16 @@ import json
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self, get_args
 
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, model_validator
 
 from bsg_data.recipes import MaskRecipe, Record
 from bsg_models.errors import ConfigError
+from bsg_models.families import ModelConfig
 from bsg_models.graph_dataset import EdgeSet
 
-
-class InputConfig(Record):
-    """Predict that what was seen is all there is."""
-
-    family: Literal["input"] = "input"
-
-
-class DoubledConfig(Record):
-    """Predict input / (1 − fraction): at a fraction of one half, twice what was seen."""
-
-    family: Literal["doubled"] = "doubled"
-
-
-class TrainMeanConfig(Record):
-    """Predict the mean histogram of the training rooms, and of the training buildings."""
-
-    family: Literal["train-mean"] = "train-mean"
-
-
-class GammaPoissonConfig(Record):
-    """Shrink each count to its class: Poisson counts with a Gamma prior fitted per class."""
-
-    family: Literal["gamma-poisson"] = "gamma-poisson"
-
-
-class GCNConfig(Record):
-    """The paper's CECI: GCNConv layers with batch normalisation, ReLU and dropout.
-
-    Attributes:
-        depth: GCNConv layers; the paper has 5.
-        width: channels of the hidden layers; the paper does not say.
-        dropout: share of channels dropped after each hidden layer; the paper does not say.
-        last_layer: what follows the last GCNConv: nothing (`linear`), or what follows the others
-            (`block`), which is the paper's sentence read literally.
-    """
-
-    family: Literal["ceci-gcn"] = "ceci-gcn"
-    depth: int = Field(default=5, ge=1, le=64)
-    width: int = Field(default=64, ge=1, le=4096)
-    dropout: float = Field(default=0.5, ge=0.0, lt=1.0)
-    last_layer: Literal["linear", "block"] = "linear"
-
-
-ModelConfig = Annotated[
-    InputConfig | DoubledConfig | TrainMeanConfig | GammaPoissonConfig | GCNConfig,
-    Field(discriminator="family"),
-]
+Share = Annotated[float, Field(ge=0, le=1)]
 
 
 class DataConfig(Record):
@@ -75,14 +30,26 @@ class DataConfig(Record):
         masks: `fresh` draws new masks of the training buildings each epoch; `fixed` takes the
             stored pairs, as the paper does. Validation and test always take stored pairs.
         mask: of the fresh masks.
+        fractions: from where to where the fraction of the fresh masks varies, instead of the
+            mask's own: a model that met one fraction only is not to be trusted at another.
         edges: which edges the graphs have; see `bsg_models.graph_dataset.connect`.
+        min_scenes: training buildings in which a category outside the classes must occur to be
+            read, by models that read them.
         fold: the fold to test on, in a dataset of folds.
     """
 
     masks: Literal["fresh", "fixed"] = "fresh"
     mask: MaskRecipe = MaskRecipe()
+    fractions: tuple[Share, Share] | None = None
     edges: tuple[EdgeSet, ...] = ("up", "down")
+    min_scenes: int = Field(default=4, ge=1)
     fold: int | None = Field(default=None, ge=0)
+
+    @model_validator(mode="after")
+    def _fractions_rise(self) -> Self:
+        if self.fractions and self.fractions[0] > self.fractions[1]:
+            raise ValueError(f"fractions must rise, found {list(self.fractions)}")
+        return self
 
 
 class TrainingConfig(Record):
@@ -93,8 +60,11 @@ class TrainingConfig(Record):
         batch_size: graphs a step.
         learning_rate: of Adam.
         decay: the paper's "learning rate decay of 5e-6".
-        decay_as: read as Adam's `weight-decay`, or as `learning-rate` / (1 + decay · step).
-        loss: mean squared error of the counts over all nodes and classes.
+        decay_as: read as Adam's `weight-decay`, or as `learning-rate` / (1 + decay · step); or, not
+            the paper's, `decoupled`: AdamW's, on matrices only.
+        schedule: a `constant` learning rate, or `one-cycle`: a tenth of all steps up, then down to
+            nothing as a cosine; `epochs` is then part of what is learned.
+        clip: norm that gradients are cut to; None leaves them.
         validate_every: epochs between validations; each also writes the checkpoints.
     """
 
@@ -102,8 +72,9 @@ class TrainingConfig(Record):
     batch_size: int = Field(default=24, ge=1)
     learning_rate: float = Field(default=0.01, gt=0, allow_inf_nan=False)
     decay: float = Field(default=5e-6, ge=0, allow_inf_nan=False)
-    decay_as: Literal["weight-decay", "learning-rate"] = "weight-decay"
-    loss: Literal["mse"] = "mse"
+    decay_as: Literal["weight-decay", "learning-rate", "decoupled"] = "weight-decay"
+    schedule: Literal["constant", "one-cycle"] = "constant"
+    clip: float | None = Field(default=None, gt=0, allow_inf_nan=False)
     validate_every: int = Field(default=10, ge=1)
 
 
@@ -192,11 +163,7 @@ def _explain(fault: Any) -> str:
 
 
 _FAMILIES: Mapping[str, type[Record]] = {
-    "input": InputConfig,
-    "doubled": DoubledConfig,
-    "train-mean": TrainMeanConfig,
-    "gamma-poisson": GammaPoissonConfig,
-    "ceci-gcn": GCNConfig,
+    config.model_fields["family"].default: config for config in get_args(get_args(ModelConfig)[0])
 }
 _TABLES: Mapping[str, type[Record]] = {
     **_FAMILIES,

@@ -16,7 +16,7 @@ import pandas as pd
 from torch_geometric.loader import DataLoader
 
 from bsg_models import metrics
-from bsg_models.expectation import Expectation
+from bsg_models.expectation import Expectation, join
 from bsg_models.graph_dataset import MaskedGraphs
 from bsg_models.metrics import Bools, Floats
 from bsg_models.model import BeliefModel
@@ -33,6 +33,7 @@ class Truth:
         inputs: `[N, C]` what the masks leave.
         targets: `[N, C]` what is there.
         is_building: `[N]`.
+        visited: `[N]` whether the robot entered.
         building: `[N]` 0..B-1, the number of the node's building.
         draw: `[N]` number of the mask.
         scene_ids: `[B]`.
@@ -41,6 +42,7 @@ class Truth:
     inputs: Floats
     targets: Floats
     is_building: Bools
+    visited: Bools
     building: npt.NDArray[np.int64]
     draw: npt.NDArray[np.int64]
     scene_ids: tuple[str, ...]
@@ -70,6 +72,7 @@ def read_truth(graphs: MaskedGraphs) -> Truth:
         inputs=np.concatenate([m.inputs for m in graphs.masked]).astype(float),
         targets=np.concatenate([m.targets for m in graphs.masked]).astype(float),
         is_building=np.concatenate([np.arange(size) == 0 for size in sizes]),
+        visited=np.concatenate([m.visited for m in graphs.masked]),
         building=np.repeat([number[m.scene_id] for m in graphs.masked], sizes),
         draw=np.repeat([m.draw for m in graphs.masked], sizes),
         scene_ids=scene_ids,
@@ -78,14 +81,7 @@ def read_truth(graphs: MaskedGraphs) -> Truth:
 
 def predict_all(model: BeliefModel, graphs: MaskedGraphs, *, batch_size: int = 256) -> Expectation:
     """Return a model's expectation of every node of masked graphs, in their order."""
-    parts = [model.predict(batch) for batch in DataLoader(graphs, batch_size=batch_size)]
-    dispersions = [part.dispersion for part in parts if part.dispersion is not None]
-    return Expectation(
-        inputs=np.concatenate([part.inputs for part in parts]),
-        hidden=np.concatenate([part.hidden for part in parts]),
-        totals=np.concatenate([part.totals for part in parts]),
-        dispersion=np.concatenate(dispersions) if dispersions else None,
-    )
+    return join([model.predict(batch) for batch in DataLoader(graphs, batch_size=batch_size)])
 
 
 class Measurement:
@@ -176,6 +172,7 @@ class Measurement:
             presence=self.expectation.presence[rooms],
             seen=self.truth.inputs[rooms] > 0,
             hidden=self.truth.hidden[rooms] > 0,
+            visited=self.truth.visited[rooms],
         )
 
     def _of_presence(self, weights: Floats) -> dict[str, float]:
@@ -243,6 +240,47 @@ class SplitsMeasurement:
         return sum(split.count_nodes(metric) for split in self.splits)
 
 
+@dataclass(frozen=True, eq=False)
+class Bootstrap:
+    """A model's metrics, and the same of every resample of the buildings.
+
+    Attributes:
+        point: metric → value.
+        resampled: metric → `[resamples]`.
+        nodes: metric → number of nodes that it is over.
+    """
+
+    point: dict[str, float]
+    resampled: dict[str, Floats]
+    nodes: dict[str, int]
+
+    def estimates(self) -> dict[str, Estimate]:
+        """Return every metric with its interval."""
+        return {name: self.estimate(name) for name in self.point}
+
+    def estimate(self, name: str) -> Estimate:
+        """Return one metric with its interval."""
+        return self._estimate(name, self.point[name], self.resampled[name])
+
+    def difference(self, other: Bootstrap, name: str) -> Estimate:
+        """Return this model's metric minus another's, with the interval of the difference.
+
+        It is paired: both met the same resamples, so that buildings which are hard for both do not
+        widen it.
+        """
+        resampled = self.resampled[name] - other.resampled[name]
+        return self._estimate(name, self.point[name] - other.point[name], resampled)
+
+    def ratio(self, other: Bootstrap, name: str) -> Estimate:
+        """Return this model's metric over another's, paired like `difference`."""
+        resampled = self.resampled[name] / other.resampled[name]
+        return self._estimate(name, self.point[name] / other.point[name], resampled)
+
+    def _estimate(self, name: str, value: float, resampled: Floats) -> Estimate:
+        low, high = value + interval(resampled)
+        return Estimate(value, float(low), float(high), self.nodes[name])
+
+
 def estimate(
     measurement: Measurement | SplitsMeasurement,
     *,
@@ -250,7 +288,19 @@ def estimate(
     seed: int = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> dict[str, Estimate]:
-    """Return every metric with its bootstrap interval over buildings.
+    """Return every metric with its bootstrap interval over buildings; see `bootstrap`."""
+    found = bootstrap(measurement, resamples=resamples, seed=seed, progress=progress)
+    return found.estimates()
+
+
+def bootstrap(
+    measurement: Measurement | SplitsMeasurement,
+    *,
+    resamples: int = 200,
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> Bootstrap:
+    """Return every metric, and what it is on resamples of the buildings.
 
     The resamples depend on the seed and the number of buildings alone, so that all models on the
     same truth meet the same ones.
@@ -270,11 +320,11 @@ def estimate(
         drawn.append(measurement.evaluate(weights))
         if progress is not None:
             progress(done, resamples)
-    found = {}
-    for name, value in point.items():
-        low, high = value + interval(np.array([sample[name] for sample in drawn]))
-        found[name] = Estimate(value, float(low), float(high), measurement.count_nodes(name))
-    return found
+    return Bootstrap(
+        point=point,
+        resampled={name: np.array([one[name] for one in drawn], dtype=float) for name in point},
+        nodes={name: measurement.count_nodes(name) for name in point},
+    )
 
 
 def interval(resampled: Floats) -> Floats:

@@ -10,6 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from bsg_data.errors import BSGError
+from bsg_models.evaluation import Estimate
 from bsg_models.expectation import Expectation
 from bsg_models.learning_curve import EpochReport
 from bsg_models.metrics import Bools, Floats, correlation_matrix, normalise
@@ -172,6 +173,46 @@ def draw_evaluation(
         expectation, target, classes, third, node=node, title=f"{name}: building {building}"
     )
     return paths
+
+
+def draw_leaderboard(
+    standings: Mapping[str, Mapping[str, Estimate]],
+    headlines: Mapping[str, str],
+    path: Path,
+    *,
+    title: str,
+) -> None:
+    """Draw one panel a metric, one row a model, with 95 % intervals.
+
+    Args:
+        standings: model → metric → estimate, from the top row to the bottom one.
+        headlines: metric → label of its panel.
+        path: of the image.
+        title: above it.
+    """
+    columns = min(len(headlines), 4)
+    lines = -(-len(headlines) // columns)
+    figure = _figure(3.2 * columns + 1.4, lines * (0.8 + 0.24 * len(standings)) + 0.5)
+    panels = figure.subplots(lines, columns, sharey=True, squeeze=False).ravel()
+    places = np.arange(len(standings))[::-1]
+    for axes, (metric, label) in zip(panels, headlines.items(), strict=False):
+        found = [estimates[metric] for estimates in standings.values()]
+        for place, one in zip(places, found, strict=True):
+            axes.plot([one.low, one.high], [place, place], color=PREDICTED, linewidth=1.2)
+            axes.plot(one.value, place, "o", color=PREDICTED, markersize=4)
+        values = [one.value for one in found if not np.isnan(one.value)]
+        if values:
+            best = min(values) if label.endswith("↓") else max(values)
+            axes.axvline(best, color=TRUE, linewidth=0.7, linestyle="--")
+        axes.set_title(label, fontsize=9)
+        axes.set_yticks(places, standings, fontsize=8)
+        axes.tick_params(axis="x", labelsize=7)
+        axes.grid(axis="x", linewidth=0.3)
+        axes.spines[["top", "right"]].set_visible(False)
+    for axes in panels[len(headlines) :]:
+        axes.set_visible(False)
+    figure.suptitle(title, fontsize=10)
+    _save(figure, path)
 
 
 def _figure(width: float, height: float) -> Figure:

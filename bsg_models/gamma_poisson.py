@@ -14,13 +14,16 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 import torch
-from scipy.optimize import minimize
+from scipy.optimize import minimize, minimize_scalar
 from scipy.special import gammaln
 from torch_geometric.data import Data
 
-from bsg_models.expectation import Expectation, Floats, from_hidden
+from bsg_models.config import DataConfig
+from bsg_models.expectation import Expectation, from_law
 from bsg_models.graph_dataset import Buildings
+from bsg_models.hidden_counts import Floats, negative_binomial
 from bsg_models.model import BeliefModel, to_array
+from bsg_models.room_sums import sum_rooms
 
 
 class GammaPoissonModel(BeliefModel):
@@ -39,8 +42,9 @@ class GammaPoissonModel(BeliefModel):
         self.register_buffer("shape", torch.ones(classes, dtype=torch.float64))
         self.register_buffer("rate", torch.ones(classes, dtype=torch.float64))
 
-    def fit(self, data: Buildings, scenes: tuple[str, ...]) -> None:
+    def fit(self, data: Buildings, choice: DataConfig) -> None:
         """Fit the prior of every class to the counts of the training rooms."""
+        scenes = data.scenes_of("train", fold=choice.fold)
         rooms = np.concatenate([data.cells[scene][1:] for scene in scenes])
         fitted = np.array([fit_gamma_prior(column) for column in rooms.T])
         self.shape.copy_(torch.from_numpy(fitted[:, 0]))
@@ -52,37 +56,8 @@ class GammaPoissonModel(BeliefModel):
         a, b = to_array(self.shape), to_array(self.rate)
         dispersion = a + inputs
         hidden = fraction * dispersion / (b + 1 - fraction)
-        hidden, dispersion = sum_rooms(hidden, dispersion, graphs)
-        return from_hidden(inputs, hidden, dispersion)
-
-
-def sum_rooms(hidden: Floats, dispersion: Floats, graphs: Data) -> tuple[Floats, Floats]:
-    """Let every building hide what its rooms hide, with the dispersion that has their variance.
-
-    Args:
-        hidden: `[N, C]` means; the building's rows are replaced.
-        dispersion: `[N, C]` of the rooms' negative binomials.
-        graphs: a graph or a batch; a building is the first of its nodes.
-
-    Returns:
-        hidden and dispersion `[N, C]`. A building without rooms keeps its own.
-    """
-    building = np.cumsum(graphs.is_building.numpy()) - 1
-    rooms = ~graphs.is_building.numpy()
-    count = int(building[-1]) + 1 if len(building) else 0
-    mean = np.zeros((count, hidden.shape[1]))
-    excess = np.zeros_like(mean)  # of the variance over a Poisson's
-    np.add.at(mean, building[rooms], hidden[rooms])
-    np.add.at(excess, building[rooms], hidden[rooms] ** 2 / dispersion[rooms])
-    has_rooms = np.bincount(building[rooms], minlength=count) > 0
-    first = np.flatnonzero(~rooms)[has_rooms]
-    hidden, dispersion = hidden.copy(), dispersion.copy()
-    hidden[first] = mean[has_rooms]
-    square = mean[has_rooms] ** 2
-    dispersion[first] = np.divide(
-        square, excess[has_rooms], out=np.full_like(square, 1e6), where=excess[has_rooms] > 0
-    )
-    return hidden, dispersion
+        law = negative_binomial(hidden, dispersion)
+        return from_law(inputs, sum_rooms(law, inputs, graphs))
 
 
 def fit_gamma_prior(counts: npt.NDArray[np.integer]) -> tuple[float, float]:
@@ -102,3 +77,17 @@ def fit_gamma_prior(counts: npt.NDArray[np.integer]) -> tuple[float, float]:
     found = minimize(cost, x0=np.zeros(1), bounds=[(-8.0, 8.0)], method="L-BFGS-B")
     a = float(np.exp(found.x[0]))
     return a, a / mean
+
+
+def fit_dispersion(counts: Floats, means: Floats) -> Floats:
+    """Return the dispersions `[C]` that maximise the likelihood of counts given means `[N, C]`."""
+    found = np.empty(counts.shape[1])
+    for c, (values, mean) in enumerate(zip(counts.T, np.maximum(means, 1e-9).T, strict=True)):
+
+        def cost(log_r: float, values: Floats = values, mean: Floats = mean) -> float:
+            r = float(np.exp(log_r))
+            terms = gammaln(r + values) - gammaln(r) - r * np.log1p(mean / r)
+            return -float((terms + values * np.log(mean / (mean + r))).sum())
+
+        found[c] = np.exp(minimize_scalar(cost, bounds=(-4.0, 6.0), method="bounded").x)
+    return found

@@ -13,8 +13,8 @@ from torch import nn
 from torch_geometric.data import Data
 from torch_geometric.nn import GCNConv
 
-from bsg_models.config import GCNConfig
 from bsg_models.expectation import Expectation, from_totals
+from bsg_models.families import GCNConfig
 from bsg_models.model import BeliefModel, to_array
 
 
@@ -43,6 +43,15 @@ class CECIGCN(BeliefModel):
             if layer < len(self.blocks):
                 x = self.blocks[layer](x)
         return x
+
+    def loss(self, graphs: Data) -> torch.Tensor:
+        """Return the mean squared error of the totals over nodes and classes (section IV-A)."""
+        return torch.nn.functional.mse_loss(self(graphs), graphs.y)
+
+    def validation_loss(self, graphs: Data) -> tuple[float, int]:
+        """Return the squared error of the totals, not below 0, and the number of cells."""
+        totals = self.predict(graphs).totals
+        return float(((totals - graphs.y.numpy()) ** 2).sum()), totals.size
 
     def predict(self, graphs: Data) -> Expectation:
         """Return the totals, not below 0, and what they leave hidden."""

@@ -17,10 +17,11 @@ import numpy.typing as npt
 import torch
 from torch_geometric.data import Data, Dataset
 
+from bsg_data.categories import OtherObjects, choose_vocabulary, place_columns, read_others
 from bsg_data.errors import DatasetError
 from bsg_data.histograms import Counts, read_adjacency, read_cells, to_histograms
 from bsg_data.manifest import Manifest, hash_manifest, read_manifest
-from bsg_data.masks import draw_hidden, draw_visited
+from bsg_data.masks import draw_hidden, draw_visited, share_hidden
 from bsg_data.pairs import histogram_column, read_pairs
 from bsg_data.recipes import MaskRecipe
 from bsg_data.shards import describe_file
@@ -39,6 +40,7 @@ class Buildings:
         manifest: what it says of itself.
         sha256: of the manifest.
         cells: scene id → `[1 + R, C]`.
+        others: scene id → its objects outside the classes.
         adjacency: scene id → pairs of adjacent rooms.
         splits: split or fold → scene ids; empty before `bsg-data split`.
     """
@@ -47,15 +49,16 @@ class Buildings:
     manifest: Manifest
     sha256: str
     cells: dict[str, Counts]
+    others: dict[str, OtherObjects]
     adjacency: dict[str, list[tuple[int, int]]]
     splits: dict[str, tuple[str, ...]]
 
     def names_of(self, part: Part, *, fold: int | None = None) -> tuple[str, ...]:
-        """Return the splits that make up train, val or test.
+        """Return the splits that train, val or test are taken from.
 
         Args:
             part: which.
-            fold: with a dataset of K folds, test is this one, val the next, train the others.
+            fold: with a dataset of K folds, test is this one; see `scenes_of`.
 
         Raises:
             DatasetError: if the dataset is not split that way, or the part is empty.
@@ -75,16 +78,29 @@ class Buildings:
             chosen = tuple(name for name in names if name == str(part))
         else:
             test, val = f"fold-{fold}", f"fold-{(fold + 1) % folds}"
-            rest = tuple(name for name in names if name not in (test, val))
+            rest = tuple(name for name in names if name != test)
             chosen = {"test": (test,), "val": (val,), "train": rest}[part]
         if not chosen:
             raise DatasetError(f"{self.path}: its {part} split is empty; split it in another way")
         return chosen
 
     def scenes_of(self, part: Part, *, fold: int | None = None) -> tuple[str, ...]:
-        """Return the scene ids of train, val or test."""
+        """Return the scene ids of train, val or test.
+
+        With a dataset of K folds, test is `fold`, val every other building of the next fold (a
+        tenth of all for 5 folds), and train all the rest: buildings are what learning lacks.
+        """
         names = self.names_of(part, fold=fold)
-        return tuple(scene for name in names for scene in self.splits[name])
+        scenes = tuple(scene for name in names for scene in self.splits[name])
+        if fold is None or part == "test":
+            return scenes
+        (next_fold,) = self.names_of("val", fold=fold)
+        held = set(self.splits[next_fold][::2])
+        return tuple(scene for scene in scenes if (scene in held) == (part == "val"))
+
+    def choose_vocabulary(self, scenes: Sequence[str], *, min_scenes: int) -> tuple[str, ...]:
+        """Return the categories outside the classes that occur in enough of some scenes."""
+        return choose_vocabulary((self.others[scene] for scene in scenes), min_scenes=min_scenes)
 
 
 def open_dataset(path: Path) -> Buildings:
@@ -113,6 +129,7 @@ def _open(path: Path, sha256: str) -> Buildings:
         manifest=manifest,
         sha256=sha256,
         cells=read_cells(path, manifest=manifest),
+        others=read_others(path, manifest=manifest),
         adjacency=read_adjacency(path, manifest=manifest),
         splits=read_splits(path, manifest=manifest) if manifest.split else {},
     )
@@ -128,6 +145,8 @@ class MaskedBuilding:
         inputs: `[N, C]` histograms that the mask leaves.
         targets: `[N, C]` histograms of what is there.
         visited: `[N]` whether the robot entered.
+        share: `[N]` of its objects that a node hides, as far as a robot knows.
+        others: `[N, V]` visible objects outside the classes by category; V = 0 unless asked for.
     """
 
     scene_id: str
@@ -135,14 +154,17 @@ class MaskedBuilding:
     inputs: npt.NDArray[np.integer]
     targets: npt.NDArray[np.integer]
     visited: npt.NDArray[np.bool_]
+    share: npt.NDArray[np.float64]
+    others: npt.NDArray[np.integer]
 
 
 class MaskedGraphs(Dataset):  # type: ignore[misc]
     """Masked buildings of one split as `torch_geometric.data.Data`.
 
-    Each graph has `x` `[N, C]` input and `y` `[N, C]` target histograms (float), `edge_index`
-    `[2, E]`, `is_building` `[N]`, `visited` `[N]`, `fraction` `[N]` (the share that the mask
-    hides), and `scene_id` and `draw`.
+    Each graph has `x` `[N, C]` input and `y` `[N, C]` target histograms (float), `others` `[N, V]`
+    visible objects outside the classes by the categories of a vocabulary, `edge_index` `[2, E]`,
+    `is_building` `[N]`, `visited` `[N]`, `fraction` `[N]` (the share of its objects that each node
+    hides, see `bsg_data.masks.share_hidden`), and `scene_id` and `draw`.
 
     Example:
         >>> graphs = MaskedGraphs.stored(Path("dataset"), "train")  # doctest: +SKIP
@@ -154,13 +176,11 @@ class MaskedGraphs(Dataset):  # type: ignore[misc]
         self,
         masked: Sequence[MaskedBuilding],
         *,
-        fraction: float,
         edges: Sequence[EdgeSet] = ("up", "down"),
         adjacency: dict[str, list[tuple[int, int]]] | None = None,
     ) -> None:
         super().__init__()
         self.masked = tuple(masked)
-        self.fraction = fraction
         self._adjacency = adjacency or {}
         self._edges = tuple(edges)
 
@@ -172,22 +192,25 @@ class MaskedGraphs(Dataset):  # type: ignore[misc]
         *,
         fold: int | None = None,
         edges: Sequence[EdgeSet] = ("up", "down"),
+        vocabulary: tuple[str, ...] = (),
     ) -> MaskedGraphs:
         """Read the stored pairs of a split, of a dataset's folder or of one that is open.
+
+        The pairs hold histograms of the classes; what is visible outside the classes is drawn from
+        their recipe.
 
         Raises:
             DatasetError: if there are none.
         """
         data = path if isinstance(path, Buildings) else open_dataset(path)
-        recipe = data.manifest.pairs
-        names = data.names_of(part, fold=fold)
-        masked = [m for name in names for m in _read_masked(data.path, name, data.sha256)]
-        return cls(
-            masked,
-            fraction=recipe.mask.fraction if recipe else 0.0,
-            edges=edges,
-            adjacency=data.adjacency,
-        )
+        scenes = set(data.scenes_of(part, fold=fold))
+        masked = [
+            one
+            for name in data.names_of(part, fold=fold)
+            for one in _read_masked(data.path, name, data.sha256, vocabulary)
+            if one.scene_id in scenes
+        ]
+        return cls(masked, edges=edges, adjacency=data.adjacency)
 
     @classmethod
     def fresh(
@@ -197,15 +220,31 @@ class MaskedGraphs(Dataset):  # type: ignore[misc]
         *,
         mask: MaskRecipe,
         draw: int,
+        fractions: tuple[float, float] | None = None,
         fold: int | None = None,
         edges: Sequence[EdgeSet] = ("up", "down"),
+        vocabulary: tuple[str, ...] = (),
     ) -> MaskedGraphs:
-        """Draw mask number `draw` of every building of a split, of a folder or an open dataset."""
+        """Draw mask number `draw` of every building of a split, of a folder or an open dataset.
+
+        Args:
+            path: of the dataset, or one that is open.
+            part: train, val or test.
+            mask: whose strategy, fraction and seed are used.
+            draw: number of the mask.
+            fractions: from where to where the fraction varies from mask to mask, instead of that
+                of `mask`.
+            fold: to test on, in a dataset of folds.
+            edges: of the graphs.
+            vocabulary: categories of `others`.
+        """
         data = path if isinstance(path, Buildings) else open_dataset(path)
+        scenes = data.scenes_of(part, fold=fold)
         masked = [
-            _draw_masked(data, scene, mask, draw) for scene in data.scenes_of(part, fold=fold)
+            _draw_masked(data, scene, one, draw, vocabulary)
+            for scene, one in zip(scenes, _vary(mask, fractions, draw, len(scenes)), strict=True)
         ]
-        return cls(masked, fraction=mask.fraction, edges=edges, adjacency=data.adjacency)
+        return cls(masked, edges=edges, adjacency=data.adjacency)
 
     def len(self) -> int:
         """Return the number of masked buildings."""
@@ -220,8 +259,9 @@ class MaskedGraphs(Dataset):  # type: ignore[misc]
             y=torch.from_numpy(one.targets.astype(np.float32)),
             edge_index=self._edges_of(one.scene_id, nodes),
             is_building=torch.arange(nodes) == 0,
+            others=torch.from_numpy(one.others.astype(np.float32)),
             visited=torch.from_numpy(one.visited.copy()),
-            fraction=torch.full((nodes,), self.fraction),
+            fraction=torch.from_numpy(one.share.astype(np.float32)),
             scene_id=one.scene_id,
             draw=one.draw,
         )
@@ -261,18 +301,74 @@ def connect(
     return torch.tensor(sorted(chosen), dtype=torch.long).reshape(-1, 2).T.contiguous()
 
 
-def _draw_masked(data: Buildings, scene: str, mask: MaskRecipe, draw: int) -> MaskedBuilding:
+def _vary(
+    mask: MaskRecipe, fractions: tuple[float, float] | None, draw: int, buildings: int
+) -> list[MaskRecipe]:
+    """Return the mask of every building, with its own fraction in hundredths if they vary."""
+    if fractions is None:
+        return [mask] * buildings
+    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([mask.seed, draw])))
+    drawn = rng.uniform(*fractions, size=buildings).round(2).tolist()
+    return [mask.model_copy(update={"fraction": fraction}) for fraction in drawn]
+
+
+def _draw_masked(
+    data: Buildings, scene: str, mask: MaskRecipe, draw: int, vocabulary: tuple[str, ...]
+) -> MaskedBuilding:
     cells = data.cells[scene]
     adjacent = data.adjacency.get(scene, [])
     visited = draw_visited(cells, mask, scene_id=scene, draw=draw, adjacent=adjacent)
     hidden = draw_hidden(cells, visited, mask, scene_id=scene, draw=draw)
-    return MaskedBuilding(scene, draw, to_histograms(cells - hidden), to_histograms(cells), visited)
+    return MaskedBuilding(
+        scene_id=scene,
+        draw=draw,
+        inputs=to_histograms(cells - hidden),
+        targets=to_histograms(cells),
+        visited=visited,
+        share=share_hidden(visited, mask),
+        others=_see_others(data, scene, mask, draw, visited, vocabulary),
+    )
 
 
-@lru_cache(maxsize=16)
-def _read_masked(path: Path, split: str, sha256: str) -> tuple[MaskedBuilding, ...]:
+def _see_others(
+    data: Buildings,
+    scene: str,
+    mask: MaskRecipe,
+    draw: int,
+    visited: npt.NDArray[np.bool_],
+    vocabulary: tuple[str, ...],
+) -> Counts:
+    """Return the visible objects outside the classes, `[1 + R, V]`, row 0 the building.
+
+    All of them are drawn, whatever the vocabulary, so that a mask does not depend on it.
+    """
+    others = data.others[scene]
+    found = np.zeros((len(visited), len(vocabulary)), dtype=np.int64)
+    if not vocabulary:
+        return found
+    hidden = draw_hidden(
+        others.cells, visited, mask, scene_id=scene, draw=draw, part="unclassified"
+    )
+    columns = _place_once(others.categories, vocabulary)
+    found[:, columns[columns >= 0]] = to_histograms(others.cells - hidden)[:, columns >= 0]
+    return found
+
+
+@lru_cache(maxsize=4096)
+def _place_once(categories: tuple[str, ...], vocabulary: tuple[str, ...]) -> npt.NDArray[np.int64]:
+    return place_columns(categories, vocabulary)
+
+
+@lru_cache(maxsize=32)
+def _read_masked(
+    path: Path, split: str, sha256: str, vocabulary: tuple[str, ...]
+) -> tuple[MaskedBuilding, ...]:
     """Read the pairs of one split; `sha256` of the manifest makes a changed dataset another key."""
+    data = open_dataset(path)
+    recipe = data.manifest.pairs
     table = read_pairs(path, split)
+    if recipe is None:
+        raise DatasetError(f"{path}: has no pairs; run `bsg-data pairs` first")
     inputs, targets = histogram_column(table, "input"), histogram_column(table, "target")
     visited = table["visited"].to_numpy()
     starts = np.flatnonzero(table["node_index"].to_numpy() == 0)
@@ -280,6 +376,14 @@ def _read_masked(path: Path, split: str, sha256: str) -> tuple[MaskedBuilding, .
     draws = table["draw"].take(starts).to_pylist()
     ends = [*starts[1:], len(table)]
     return tuple(
-        MaskedBuilding(scene, draw, inputs[a:b], targets[a:b], visited[a:b])
+        MaskedBuilding(
+            scene_id=scene,
+            draw=draw,
+            inputs=inputs[a:b],
+            targets=targets[a:b],
+            visited=visited[a:b],
+            share=share_hidden(visited[a:b], recipe.mask),
+            others=_see_others(data, scene, recipe.mask, draw, visited[a:b], vocabulary),
+        )
         for scene, draw, a, b in zip(scenes, draws, starts, ends, strict=True)
     )

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
 import torch
 from torch_geometric.data import Data
 
+from bsg_models.config import DataConfig
 from bsg_models.expectation import Expectation
 from bsg_models.graph_dataset import Buildings
 
@@ -17,26 +19,47 @@ class BeliefModel(torch.nn.Module, ABC):
     """A model of what is hidden.
 
     A model is either fitted by counting (`fit`), or a network that `bsg_models.training` trains
-    through `forward`. All that it learns is in its state dict, so one checkpoint format serves all.
+    by the gradient of its `loss`. All that it learns is in its state dict, so one checkpoint format
+    serves all.
 
     Attributes:
         trainable: whether it is trained by gradient.
+        vocabulary: the categories outside the classes that it reads, `[V]`: the columns of `others`
+            of the graphs that it is given.
     """
 
     trainable: ClassVar[bool] = False
+    vocabulary: tuple[str, ...] = ()
 
-    def fit(self, data: Buildings, scenes: tuple[str, ...]) -> None:
-        """Learn from the complete histograms of the training buildings."""
+    def fit(self, data: Buildings, choice: DataConfig) -> None:
+        """Learn from the training buildings of a dataset, or begin where training should."""
+
+    def loss(self, graphs: Data) -> torch.Tensor:
+        """Return what a step of training lowers, for masked graphs with their targets `y`."""
+        raise TypeError(f"{type(self).__name__} is fitted by counting and has no loss")
+
+    def validation_loss(self, graphs: Data) -> tuple[float, int]:
+        """Return the sum of the loss over cells (node, class), and their number."""
+        raise TypeError(f"{type(self).__name__} is fitted by counting and has no loss")
+
+    def make_room(self, state: Mapping[str, torch.Tensor]) -> None:
+        """Prepare for the state of a checkpoint, where the shape of a tensor follows from data."""
 
     @abstractmethod
     def predict(self, graphs: Data) -> Expectation:
         """Return the expectation of a graph, or of a batch of graphs.
 
         Args:
-            graphs: with `x` `[N, C]`, `is_building`, `visited` and `fraction` `[N]`, `edge_index`.
+            graphs: with `x` `[N, C]`, `others` `[N, V]`, `is_building`, `visited` and `fraction`
+                `[N]`, `edge_index`.
         """
 
 
 def to_array(tensor: torch.Tensor) -> np.ndarray[Any, np.dtype[np.float64]]:
     """Return a tensor as a float64 array."""
     return tensor.detach().cpu().numpy().astype(np.float64)
+
+
+def building_of(graphs: Data) -> torch.Tensor:
+    """Return the number of each node's building in a graph or a batch, `[N]` from 0."""
+    return torch.cumsum(graphs.is_building.long(), dim=0) - 1

@@ -1,7 +1,8 @@
-"""Adam as the paper has it (section IV-A), and its state by name for checkpoints."""
+"""Adam as the paper has it (section IV-A), AdamW, and their state by name for checkpoints."""
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import torch
@@ -11,24 +12,43 @@ from bsg_models.errors import CheckpointError
 from bsg_models.model import BeliefModel
 
 
-def make_optimiser(model: BeliefModel, training: TrainingConfig) -> torch.optim.Adam:
-    """Return Adam with the paper's learning rate, and its decay if read as weight decay."""
+def make_optimiser(model: BeliefModel, training: TrainingConfig) -> torch.optim.Optimizer:
+    """Return Adam with the decay as `training.decay_as` reads it."""
+    if training.decay_as == "decoupled":
+        matrices = [p for p in model.parameters() if p.ndim > 1]
+        vectors = [p for p in model.parameters() if p.ndim <= 1]
+        groups = [
+            {"params": matrices, "weight_decay": training.decay},
+            {"params": vectors, "weight_decay": 0.0},
+        ]
+        return torch.optim.AdamW(groups, lr=training.learning_rate)
     decay = training.decay if training.decay_as == "weight-decay" else 0.0
     return torch.optim.Adam(model.parameters(), lr=training.learning_rate, weight_decay=decay)
 
 
-def learning_rate(training: TrainingConfig, step: int) -> float:
-    """Return the learning rate of a step, counted from 0.
+def learning_rate(training: TrainingConfig, step: int, *, steps: int) -> float:
+    """Return the learning rate of a step, counted from 0, of so many.
 
-    >>> learning_rate(TrainingConfig(decay=0.5, decay_as="learning-rate"), 2)
+    >>> learning_rate(TrainingConfig(decay=0.5, decay_as="learning-rate"), 2, steps=9)
     0.005
+    >>> cycle = TrainingConfig(schedule="one-cycle", learning_rate=1.0)
+    >>> [round(learning_rate(cycle, step, steps=20), 2) for step in (0, 1, 10, 19)]
+    [0.5, 1.0, 0.54, 0.01]
     """
-    if training.decay_as == "weight-decay":
-        return training.learning_rate
-    return training.learning_rate / (1 + training.decay * step)
+    rate = training.learning_rate
+    if training.decay_as == "learning-rate":
+        rate /= 1 + training.decay * step
+    if training.schedule == "one-cycle":
+        rising = max(1, steps // 10)
+        if step < rising:
+            return rate * (step + 1) / rising
+        return rate * 0.5 * (1 + math.cos(math.pi * (step - rising + 1) / (steps - rising + 1)))
+    return rate
 
 
-def optimiser_state(optimiser: torch.optim.Adam, model: BeliefModel) -> dict[str, torch.Tensor]:
+def optimiser_state(
+    optimiser: torch.optim.Optimizer, model: BeliefModel
+) -> dict[str, torch.Tensor]:
     """Return Adam's state by the names of the parameters."""
     return {
         f"{name}.{key}": torch.as_tensor(value)
@@ -38,7 +58,11 @@ def optimiser_state(optimiser: torch.optim.Adam, model: BeliefModel) -> dict[str
 
 
 def load_optimiser(
-    optimiser: torch.optim.Adam, model: BeliefModel, state: dict[str, torch.Tensor], *, path: Path
+    optimiser: torch.optim.Optimizer,
+    model: BeliefModel,
+    state: dict[str, torch.Tensor],
+    *,
+    path: Path,
 ) -> None:
     """Give Adam back what `optimiser_state` took from it.
 

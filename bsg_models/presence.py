@@ -1,4 +1,4 @@
-"""The measures of presence over (room, class) cells, for all classes and for the unseen ones."""
+"""The measures of presence over (room, class) cells: all, of unseen classes, of unvisited rooms."""
 
 from __future__ import annotations
 
@@ -13,21 +13,33 @@ TOP = (1, 3, 5)
 
 
 class PresenceMeasurement:
-    """The measures of presence over (room, class), for all classes and for the unseen ones."""
+    """The measures of presence over (room, class) cells, sorted once.
 
-    def __init__(self, *, presence: Floats, seen: Bools, hidden: Bools) -> None:
-        self._arrays = (presence, seen, hidden)
-        everything = np.ones_like(seen)
+    Three selections of cells: `all`, those of classes `unseen` in their room, and those of rooms
+    that are `unvisited`, whose classes are all unseen.
+
+    Args:
+        presence: `[rooms, C]` P(at least one hidden object).
+        seen: `[rooms, C]` whether an object was seen.
+        hidden: `[rooms, C]` whether an object is hidden.
+        visited: `[rooms]`.
+    """
+
+    def __init__(self, *, presence: Floats, seen: Bools, hidden: Bools, visited: Bools) -> None:
+        selections = {
+            "all": np.ones_like(seen),
+            "unseen": ~seen,
+            "unvisited": np.broadcast_to(~visited[:, None], seen.shape),
+        }
         self._micro = {
-            name: _Selection(presence, hidden, keep)
-            for name, keep in (("all", everything), ("unseen", ~seen))
+            name: _Selection(presence, hidden, keep) for name, keep in selections.items()
         }
         self._macro = {
             name: [
                 _Selection(presence[:, [c]], hidden[:, [c]], keep[:, [c]])
                 for c in range(presence.shape[1])
             ]
-            for name, keep in (("all", everything), ("unseen", ~seen))
+            for name, keep in selections.items()
         }
         self._hits = {k: metrics.topk_unseen(presence, seen, hidden, k=k) for k in TOP}
 

@@ -5,17 +5,20 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast, get_args
 
 import click
 import numpy as np
 
 from bsg_data.errors import DatasetError
+from bsg_data.recipes import Strategy
 from bsg_data.shards import write_bytes
 from bsg_models.comparison import Comparison, compare_runs
 from bsg_models.evaluation import Estimate
 from bsg_models.figures import draw_evaluation
+from bsg_models.leaderboard import LeaderboardRecipe
 
+from .leaderboard import run_leaderboard
 from .terminal import (
     Command,
     force_option,
@@ -25,6 +28,7 @@ from .terminal import (
     print_note,
     progress_bar,
     seed_option,
+    workers_option,
 )
 
 # What the terminal shows: a plain name, the metric, and whether less of it is better.
@@ -45,9 +49,30 @@ HEADLINES = (
 
 
 @click.command(cls=Command)
-@click.argument(
-    "runs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RUN [RUN...]"
+@click.argument("runs", nargs=-1, type=click.Path(path_type=Path), metavar="[RUN...]")
+@click.option("--leaderboard", is_flag=True, help="Train and measure models in cross-validation.")
+@click.option("--models", help="Of the leaderboard: zoo names and TOML files.  [default: the zoo]")
+@click.option(
+    "--masks",
+    default="uniform,rooms",
+    show_default=True,
+    help="Of the leaderboard: kinds of masks to train and measure on.",
 )
+@click.option(
+    "--folds",
+    type=click.IntRange(min=3),
+    default=5,
+    show_default=True,
+    help="Of the leaderboard: parts that the buildings are dealt to.",
+)
+@click.option(
+    "--draws",
+    type=click.IntRange(min=1),
+    default=5,
+    show_default=True,
+    help="Of the leaderboard: masks of every building.",
+)
+@workers_option
 @click.option("--data", type=click.Path(path_type=Path), required=True, help="Dataset with pairs.")
 @click.option(
     "--split",
@@ -59,7 +84,7 @@ HEADLINES = (
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
-    help="Folder for evaluation.json, classes.csv and figures.  [default: RUN/evaluation]",
+    help="Folder of the results.  [default: RUN/evaluation, or leaderboard]",
 )
 @click.option(
     "--resamples",
@@ -75,6 +100,12 @@ HEADLINES = (
 @click.version_option(package_name="belief-scene-graphs", prog_name="bsg-evaluate")
 def main(
     runs: tuple[Path, ...],
+    leaderboard: bool,
+    models: str | None,
+    masks: str,
+    folds: int,
+    draws: int,
+    workers: int,
     data: Path,
     split: str,
     out: Path | None,
@@ -84,12 +115,28 @@ def main(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Measure runs on a split, beside the baselines.
+    """Measure runs on a split, beside the baselines; or make a leaderboard of models.
 
     \b
     Example:
       bsg-evaluate run --data dataset --split test
+      bsg-evaluate --leaderboard --data dataset --models doubled,mixture,ceci-sage
     """
+    if leaderboard:
+        if runs:
+            raise click.UsageError("--leaderboard trains its own runs; name none")
+        run_leaderboard(
+            data,
+            out or Path("leaderboard"),
+            read_recipe(masks, folds=folds, draws=draws, seed=seed, resamples=resamples),
+            models=models,
+            workers=workers,
+            force=force,
+            as_json=as_json,
+        )
+        return
+    if not runs:
+        raise click.UsageError("name a RUN, or give --leaderboard")
     out = out or runs[0] / "evaluation"
     report = out / "evaluation.json"
     if report.exists() and not force:
@@ -113,6 +160,24 @@ def main(
         click.echo("\n" + _full_table(found.estimates, resamples=resamples))
     click.echo(f"\nall metrics: {report}; per class: {out / 'classes.csv'}; figures:")
     click.echo("\n".join(f"  {path}  {what}" for what, path in figures.items()))
+
+
+def read_recipe(
+    masks: str, *, folds: int, draws: int, seed: int, resamples: int
+) -> LeaderboardRecipe:
+    """Return the recipe of a leaderboard from its options."""
+    names = tuple(dict.fromkeys(name.strip() for name in masks.split(",")))
+    unknown = [name for name in names if name not in get_args(Strategy)]
+    if unknown:
+        known = ", ".join(get_args(Strategy))
+        raise click.UsageError(f"--masks: {unknown[0]!r} is none of {known}")
+    return LeaderboardRecipe(
+        masks=cast(tuple[Strategy, ...], names),
+        folds=folds,
+        draws=draws,
+        seed=seed,
+        resamples=resamples,
+    )
 
 
 def summarise(found: Comparison, *, split: str) -> dict[str, Any]:

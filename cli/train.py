@@ -13,7 +13,8 @@ from bsg_models.config import RunConfig, override, read_config, validate_config,
 from bsg_models.errors import ConfigError
 from bsg_models.figures import draw_learning_curve
 from bsg_models.learning_curve import EpochReport, read_metrics
-from bsg_models.training import BEST, CURVE, METRICS, train_run
+from bsg_models.run_folder import BEST, CURVE, METRICS
+from bsg_models.training import train_run
 from bsg_models.zoo import ZOO, find_config
 
 from .terminal import Command, force_option, json_option, print_json, print_note

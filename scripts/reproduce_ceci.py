@@ -37,7 +37,8 @@ from bsg_models.evaluation import (
 )
 from bsg_models.graph_dataset import MaskedGraphs
 from bsg_models.learning_curve import read_metrics
-from bsg_models.training import BEST, METRICS, train_run
+from bsg_models.run_folder import BEST, METRICS
+from bsg_models.training import train_run
 from bsg_models.zoo import BASELINES, ZOO
 
 # The open points of the paper, one reading a row; each differs from the first in what it names.

@@ -33,7 +33,7 @@ def test_the_papers_values_are_the_defaults() -> None:
     paper = find_config("ceci-gcn")
     assert paper.model.depth == 5  # type: ignore[union-attr]
     training = paper.training
-    assert (training.epochs, training.batch_size, training.loss) == (5000, 24, "mse")
+    assert (training.epochs, training.batch_size, paper.model.likelihood) == (5000, 24, "mse")  # type: ignore[union-attr]
     assert (training.learning_rate, training.decay) == (0.01, 5e-6)
 
 
@@ -71,7 +71,7 @@ def test_a_wrong_value_is_named_with_its_path(setting: str, message: str) -> Non
 
 def test_unknown_names_and_files(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"did you mean ceci-gcn\?"):
-        find_config("ceci-gnc")
+        find_config("ceci-gcnn")
     with pytest.raises(ConfigError, match="cannot be read"):
         read_config(tmp_path / "none.toml")
     (tmp_path / "bad.toml").write_text("seed = = 1")

@@ -14,7 +14,7 @@ from bsg_data.recipes import PairsRecipe, SplitRecipe
 from bsg_data.splits import split_dataset
 from bsg_models import metrics
 from bsg_models.comparison import compare_runs
-from bsg_models.config import override, validate_config
+from bsg_models.config import DataConfig, override, validate_config
 from bsg_models.errors import CheckpointError
 from bsg_models.evaluation import (
     Measurement,
@@ -27,9 +27,10 @@ from bsg_models.evaluation import (
     predict_all,
     read_truth,
 )
-from bsg_models.expectation import Expectation, from_hidden
+from bsg_models.expectation import Expectation, from_law
 from bsg_models.figures import draw_evaluation, draw_learning_curve
 from bsg_models.graph_dataset import MaskedGraphs, open_dataset
+from bsg_models.hidden_counts import poisson
 from bsg_models.learning_curve import EpochReport
 from bsg_models.training import train_run
 from bsg_models.zoo import BASELINES, ZOO, make_model
@@ -44,6 +45,7 @@ def truth() -> Truth:
         inputs=np.floor(targets * rng.random((24, 5))),
         targets=targets,
         is_building=np.arange(24) % 4 == 0,
+        visited=np.arange(24) % 4 != 3,
         building=np.repeat([0, 1, 2], 8),
         draw=np.tile(np.repeat([0, 1], 4), 3),
         scene_ids=("a", "b", "c"),
@@ -52,7 +54,7 @@ def truth() -> Truth:
 
 def believe(truth: Truth, seed: int = 1) -> Expectation:
     rng = np.random.default_rng(seed)
-    return from_hidden(truth.inputs, rng.gamma(1.0, 1.0, truth.inputs.shape))
+    return from_law(truth.inputs, poisson(rng.gamma(1.0, 1.0, truth.inputs.shape)))
 
 
 def test_metrics_of_a_measurement_are_the_plain_ones(truth: Truth) -> None:
@@ -83,11 +85,12 @@ def test_a_building_that_counts_twice_is_there_twice(truth: Truth) -> None:
         inputs=truth.inputs[rows],
         targets=truth.targets[rows],
         is_building=truth.is_building[rows],
+        visited=truth.visited[rows],
         building=np.repeat([0, 1, 2], 8),
         draw=truth.draw[rows],
         scene_ids=("a", "a again", "c"),
     )
-    again = Expectation(beliefs.inputs[rows], beliefs.hidden[rows], beliefs.totals[rows])
+    again = Expectation(beliefs.inputs[rows], beliefs.law.take(rows), beliefs.totals[rows])
     expected = Measurement(repeated, again).evaluate()
     assert weighted.keys() == expected.keys()
     for name, value in weighted.items():
@@ -95,14 +98,14 @@ def test_a_building_that_counts_twice_is_there_twice(truth: Truth) -> None:
 
 
 def test_perfect_and_empty_beliefs(truth: Truth) -> None:
-    perfect = Expectation(truth.inputs, truth.hidden, truth.targets)
+    perfect = Expectation(truth.inputs, poisson(truth.hidden), truth.targets)
     found = Measurement(truth, perfect).evaluate()
     for metric in ("wasserstein_values/mean", "energy_values/mean", "total_variation/mean"):
         assert found[f"all/{metric}"] == pytest.approx(0, abs=1e-9)
     assert found["all/correlation_frobenius"] == pytest.approx(0, abs=1e-9)
     assert found["rooms/presence_auroc_macro/all"] == 1
     assert found["rooms/top1_unseen"] == 1
-    nothing = from_hidden(truth.inputs, np.zeros_like(truth.inputs))
+    nothing = from_law(truth.inputs, poisson(np.zeros_like(truth.inputs)))
     assert Measurement(truth, nothing).evaluate()["rooms/presence_auroc_macro/all"] == 0.5
 
 
@@ -234,7 +237,7 @@ def test_splits_are_averaged_and_never_pooled(dataset: Path) -> None:
         write_pairs(dataset, PairsRecipe(draws=2))
         data = open_dataset(dataset)
         model = make_model(ZOO["train-mean"], classes=45)
-        model.fit(data, data.scenes_of("train"))
+        model.fit(data, DataConfig())
         graphs = MaskedGraphs.stored(data, "test")
         splits.append(Measurement(read_truth(graphs), predict_all(model, graphs)))
     every = SplitsMeasurement(splits)

@@ -1,14 +1,11 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
-from scipy import stats
 
-from bsg_models.expectation import MIN_RATE, Expectation, from_hidden, from_totals
+from bsg_models.expectation import from_law, from_totals, join
+from bsg_models.hidden_counts import poisson
 
 INPUTS = np.array([[2.0, 0.0, 1.0]])
-HIDDEN = np.array([[0.5, 3.0, 0.0]])
-COUNTS = np.array([[1.0, 4.0, 0.0]])
 
 
 def test_totals_below_the_input_hide_nothing() -> None:
@@ -18,32 +15,16 @@ def test_totals_below_the_input_hide_nothing() -> None:
     assert found.totals.tolist() == [[1.0, 3.0, 1.5]]
 
 
-def test_poisson_is_scipys() -> None:
-    found = from_hidden(INPUTS, HIDDEN)
-    expected = stats.poisson.logpmf(COUNTS, np.maximum(HIDDEN, MIN_RATE))
-    np.testing.assert_allclose(found.log_probability(COUNTS), expected)
-    np.testing.assert_allclose(found.presence, 1 - np.exp(-HIDDEN))
+def test_what_was_seen_is_below_every_quantile() -> None:
+    found = from_law(INPUTS, poisson(np.array([[0.5, 3.0, 0.0]])))
+    assert found.totals.tolist() == found.expected.tolist() == [[2.5, 3.0, 1.0]]
+    assert found.quantile(0.0).tolist() == INPUTS.tolist()
+    assert found.quantile(0.5).tolist() == [[2.0, 3.0, 1.0]]
+    assert found.quantile(0.95).tolist() == [[4.0, 6.0, 1.0]]
 
 
-def test_negative_binomial_is_scipys() -> None:
-    r = np.array([[0.7, 2.0, 5.0]])
-    found = from_hidden(INPUTS, HIDDEN, r)
-    rate = np.maximum(HIDDEN, MIN_RATE)
-    expected = stats.nbinom.logpmf(COUNTS, r, r / (r + rate))
-    np.testing.assert_allclose(found.log_probability(COUNTS), expected)
-    law = stats.nbinom(r, r / (r + HIDDEN))
-    np.testing.assert_allclose(found.presence, 1 - law.pmf(0))
-    np.testing.assert_allclose(law.mean(), HIDDEN)
-
-
-def test_a_large_dispersion_is_a_poisson() -> None:
-    poisson = from_hidden(INPUTS, HIDDEN)
-    almost = from_hidden(INPUTS, HIDDEN, np.full((1, 3), 1e9))
-    np.testing.assert_allclose(almost.presence, poisson.presence, atol=1e-8)
-
-
-@pytest.mark.parametrize("dispersion", [None, np.full((1, 3), 2.0)])
-def test_an_impossible_object_costs_a_finite_amount(dispersion: np.ndarray | None) -> None:
-    found = Expectation(INPUTS, np.zeros((1, 3)), INPUTS, dispersion)
-    assert np.isfinite(found.log_probability(COUNTS)).all()
-    assert found.presence.tolist() == [[0.0, 0.0, 0.0]]
+def test_batches_are_joined_in_order() -> None:
+    parts = [from_law(INPUTS, poisson(INPUTS * k)) for k in (1.0, 2.0)]
+    together = join(parts)
+    assert together.hidden.tolist() == [*INPUTS.tolist(), *(2 * INPUTS).tolist()]
+    assert together.inputs.shape == together.totals.shape == (2, 3)

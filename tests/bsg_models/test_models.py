@@ -12,15 +12,18 @@ from torch_geometric.data import Data
 from torch_geometric.loader import DataLoader
 from torch_geometric.nn import GCNConv
 
-from bsg_models.config import GCNConfig
-from bsg_models.gamma_poisson import GammaPoissonModel, fit_gamma_prior, sum_rooms
+from bsg_models.families import GCNConfig
+from bsg_models.gamma_poisson import GammaPoissonModel, fit_dispersion, fit_gamma_prior
 from bsg_models.gcn import CECIGCN
 from bsg_models.graph_dataset import MaskedGraphs, connect, open_dataset
+from bsg_models.hidden_counts import negative_binomial
 from bsg_models.model import BeliefModel
-from bsg_models.zoo import ZOO, make_model
+from bsg_models.room_sums import sum_rooms
+from bsg_models.training import new_model
+from bsg_models.zoo import ZOO
 
 
-def graph(inputs: list[list[float]], *, fraction: float = 0.5) -> Data:
+def graph(inputs: list[list[float]], *, fraction: float = 0.5, vocabulary: int = 0) -> Data:
     nodes = len(inputs)
     return Data(
         x=torch.tensor(inputs),
@@ -28,21 +31,22 @@ def graph(inputs: list[list[float]], *, fraction: float = 0.5) -> Data:
         is_building=torch.arange(nodes) == 0,
         visited=torch.ones(nodes, dtype=torch.bool),
         fraction=torch.full((nodes,), fraction),
+        others=torch.zeros(nodes, vocabulary),
     )
 
 
 def fitted(name: str, dataset: Path) -> BeliefModel:
     torch.manual_seed(0)
     data = open_dataset(dataset)
-    model = make_model(ZOO[name], classes=45)
-    model.fit(data, data.scenes_of("train"))
+    model = new_model(ZOO[name], data)
+    model.fit(data, ZOO[name].data)
     return model.eval()
 
 
 @pytest.mark.parametrize("name", ZOO)
 def test_every_model_keeps_the_contract(name: str, dataset: Path) -> None:
     model = fitted(name, dataset)
-    graphs = MaskedGraphs.stored(dataset, "test")
+    graphs = MaskedGraphs.stored(dataset, "test", vocabulary=model.vocabulary)
     (batch,) = DataLoader(graphs, batch_size=len(graphs))
     together = model.predict(batch)
     assert together.hidden.shape == batch.x.shape
@@ -63,7 +67,9 @@ def test_a_building_without_rooms_and_one_without_objects_get_an_answer(
 ) -> None:
     model = fitted(name, dataset)
     for inputs in ([[0.0] * 45], [[0.0] * 45] * 3, [[7.0] * 45]):
-        assert np.isfinite(model.predict(graph(inputs)).hidden).all()
+        found = model.predict(graph(inputs, vocabulary=len(model.vocabulary)))
+        assert np.isfinite(found.hidden).all()
+        assert np.isfinite(found.log_probability(np.ones_like(found.hidden))).all()
 
 
 @pytest.mark.parametrize("name", ZOO)
@@ -72,8 +78,9 @@ def test_the_order_of_the_rooms_does_not_matter(name: str, dataset: Path) -> Non
     rooms = np.random.default_rng(0).poisson(1.0, (4, 45)).astype(np.float32)
     inputs = np.vstack([rooms.sum(axis=0), rooms])
     order = [0, 3, 1, 4, 2]
-    there = model.predict(graph(inputs.tolist())).hidden
-    shuffled = model.predict(graph(inputs[order].tolist())).hidden
+    width = len(model.vocabulary)
+    there = model.predict(graph(inputs.tolist(), vocabulary=width)).hidden
+    shuffled = model.predict(graph(inputs[order].tolist(), vocabulary=width)).hidden
     np.testing.assert_allclose(shuffled, there[order], rtol=1e-4, atol=1e-5)
 
 
@@ -123,8 +130,7 @@ def test_gamma_poisson_by_hand() -> None:
     model.rate.fill_(1.0)
     found = model.predict(graph([[3.0], [3.0], [0.0]]))
     assert found.hidden[1, 0] == pytest.approx(0.5 * 5 / 1.5)
-    assert found.dispersion is not None
-    assert found.dispersion[1, 0] == 5
+    assert found.law.dispersions[0, 1, 0] == 5
     assert found.hidden[0, 0] == pytest.approx(found.hidden[1:].sum())
 
 
@@ -138,21 +144,33 @@ def test_gamma_poisson_is_the_posterior_of_its_own_model() -> None:
     model = GammaPoissonModel(1)
     model.shape.fill_(2.0)
     model.rate.fill_(1.0)
-    found = model.predict(graph([[3.0]]))
-    counts = np.arange(8)[:, None].astype(float)
-    law = np.exp([found.log_probability(count[None])[0, 0] for count in counts])
+    found = model.predict(graph([[3.0], [3.0]]))
+    law = [np.exp(found.log_probability(np.full((2, 1), float(n))))[1, 0] for n in range(8)]
     np.testing.assert_allclose(np.bincount(hidden, minlength=8)[:8] / len(hidden), law, atol=0.01)
 
 
 def test_the_sum_of_rooms_has_their_mean_and_variance() -> None:
-    hidden = np.array([[9.0], [2.0], [3.0], [5.0]])
-    dispersion = np.array([[9.0], [1.0], [4.0], [2.0]])
-    batch = graph([[0.0]] * 4)
+    law = negative_binomial(
+        np.array([[9.0], [2.0], [3.0], [5.0]]), np.array([[9.0], [1.0], [4.0], [2.0]])
+    )
+    batch = graph([[0.0], [0.0], [0.0], [4.0]], fraction=0.75)
     batch.is_building = torch.tensor([True, False, False, True])
-    mean, r = sum_rooms(hidden, dispersion, batch)
-    assert mean.ravel().tolist() == [5.0, 2.0, 3.0, 5.0]
-    assert mean[0, 0] ** 2 / r[0, 0] == pytest.approx(2**2 / 1 + 3**2 / 4)
-    assert r[3, 0] == 2.0  # a building without rooms keeps its own
+    found = sum_rooms(law, batch.x.numpy().astype(float), batch)
+    assert found.mean[:3].ravel().tolist() == [5.0, 2.0, 3.0]
+    assert found.variance[0, 0] == pytest.approx(2 + 2**2 / 1 + 3 + 3**2 / 4)
+    assert found.mean[3, 0] == pytest.approx(4 * 0.75 / 0.25)  # without rooms: what was seen
+
+
+def test_the_dispersion_maximises_scipys_likelihood() -> None:
+    rng = np.random.default_rng(0)
+    means = rng.gamma(2.0, 1.0, (4000, 1))
+    counts = rng.poisson(rng.gamma(0.8, means / 0.8)).astype(float)
+    (found,) = fit_dispersion(counts, means)
+
+    def likelihood(r: float) -> float:
+        return float(stats.nbinom.logpmf(counts, r, r / (r + means)).sum())
+
+    assert likelihood(found) >= max(likelihood(0.98 * found), likelihood(1.02 * found))
 
 
 def test_the_gcn_is_the_papers_layers() -> None:

@@ -1,0 +1,147 @@
+"""Boosted trees with a Poisson loss, one model a class: what is possible without a network.
+
+    H_c | x ~ NB(f · exp(trees_c(x)), r_c)
+
+x is what the room shows, its mask and its building; f the share that is hidden, an offset of the
+trees. r is fitted afterwards to what the trees leave unexplained. LightGBM (extra `boosting`) grows
+the trees and writes them as text, which is what a checkpoint holds.
+"""
+
+from __future__ import annotations
+
+import json
+import zlib
+from collections.abc import Mapping
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import torch
+from torch_geometric.data import Data
+
+from bsg_models.calibration import CalibratedModel
+from bsg_models.config import DataConfig
+from bsg_models.errors import CheckpointError, TrainingError
+from bsg_models.families import BoostingConfig
+from bsg_models.gamma_poisson import fit_dispersion
+from bsg_models.graph_dataset import Buildings
+from bsg_models.hidden_counts import MIN_RATE, Floats, HiddenCounts, negative_binomial
+from bsg_models.masked_rooms import draw_chosen
+from bsg_models.model import building_of, to_array
+
+
+class PoissonBoosting(CalibratedModel):
+    """Fitted by boosting on masks of the training rooms.
+
+    Attributes:
+        trees: bytes of the classes' trees as LightGBM writes them, compressed.
+        dispersions: `[C]` r.
+    """
+
+    trees: torch.Tensor
+    dispersions: torch.Tensor
+
+    def __init__(self, config: BoostingConfig, classes: int, vocabulary: tuple[str, ...]) -> None:
+        super().__init__()
+        self.config = config
+        self.vocabulary = vocabulary
+        self.register_buffer("trees", torch.zeros(0, dtype=torch.uint8))
+        self.register_buffer("dispersions", torch.ones(classes, dtype=torch.float64))
+        self._boosters: list[Any] = []
+
+    def fit(self, data: Buildings, choice: DataConfig) -> None:
+        """Grow the trees of every class."""
+        lightgbm = _import_lightgbm()
+        masked = draw_chosen(data, choice, draws=self.config.draws, vocabulary=self.vocabulary)
+        share = to_array(masked.fraction)
+        rows = ~masked.is_building.numpy() & (share > 0)
+        features, offset = self._describe(masked)[rows], np.log(share[rows])
+        hidden = to_array(masked.y - masked.x)[rows]
+        texts, rates = [], np.empty_like(hidden)
+        for c, counts in enumerate(hidden.T):
+            if not counts.any():  # nothing to grow on: a weak prior of half an object in all rooms
+                start = np.log(0.5 / share[rows].sum())
+                rates[:, c] = np.exp(start + offset)
+                texts.append({"start": float(start), "trees": None})
+                continue
+            start = np.log(max(counts.mean(), MIN_RATE) / max(share[rows].mean(), MIN_RATE))
+            table = lightgbm.Dataset(features, counts, init_score=start + offset)
+            booster = lightgbm.train(self._recipe(), table, self.config.trees)
+            grown = booster.predict(features, raw_score=True, num_threads=1)
+            rates[:, c] = np.exp(start + offset + grown)
+            texts.append({"start": float(start), "trees": booster.model_to_string()})
+        self.dispersions.copy_(torch.from_numpy(fit_dispersion(hidden, rates)))
+        packed = zlib.compress(json.dumps(texts).encode(), level=6)
+        self.trees = torch.frombuffer(bytearray(packed), dtype=torch.uint8).clone()
+        self._boosters = []
+
+    def make_room(self, state: Mapping[str, torch.Tensor]) -> None:
+        """Take as many bytes of trees as the checkpoint has."""
+        found = state.get("trees")
+        if found is not None and found.dtype == torch.uint8 and found.ndim == 1:
+            self.trees = torch.zeros_like(found)
+
+    def believe(self, graphs: Data) -> HiddenCounts:
+        """Return the law that the trees give."""
+        features, share = self._describe(graphs), to_array(graphs.fraction)[:, None]
+        rates = np.empty((len(features), len(self.dispersions)))
+        for c, (start, booster) in enumerate(self._load()):
+            grown = booster.predict(features, raw_score=True, num_threads=1) if booster else 0.0
+            rates[:, c] = start + grown
+        dispersions = np.broadcast_to(to_array(self.dispersions), rates.shape)
+        return negative_binomial(share * np.exp(np.minimum(rates, 6.0)), dispersions)
+
+    def _load(self) -> list[Any]:
+        if not self._boosters:
+            lightgbm = _import_lightgbm()
+            try:
+                texts = json.loads(zlib.decompress(self.trees.numpy().tobytes()))
+                self._boosters = [
+                    (one["start"], one["trees"] and lightgbm.Booster(model_str=one["trees"]))
+                    for one in texts
+                ]
+            except (zlib.error, ValueError, KeyError, lightgbm.basic.LightGBMError) as error:
+                raise CheckpointError(f"its trees are damaged: {error}") from error
+        return self._boosters
+
+    def _describe(self, graphs: Data) -> Floats:
+        """Return what the trees read of every node, `[N, F]`."""
+        seen, building = to_array(graphs.x), building_of(graphs).numpy()
+        parts = [seen, seen.sum(axis=1, keepdims=True)]
+        if "mask" in self.config.reads:
+            parts += [to_array(graphs.fraction)[:, None], to_array(graphs.visited)[:, None]]
+        if "building" in self.config.reads:
+            first = np.flatnonzero(graphs.is_building.numpy())
+            rooms = np.bincount(building)[building][:, None]
+            parts += [seen[first][building] - seen, rooms]
+        if "categories" in self.config.reads:
+            parts.append(to_array(graphs.others) > 0)
+        return np.hstack(parts)
+
+    def _recipe(self) -> dict[str, Any]:
+        return {
+            "objective": "poisson",
+            "num_leaves": self.config.leaves,
+            "learning_rate": self.config.learning_rate,
+            "min_data_in_leaf": 30,
+            "feature_fraction": 0.3,
+            "bagging_fraction": 0.7,
+            "bagging_freq": 1,
+            "lambda_l2": 5.0,
+            "boost_from_average": False,
+            "deterministic": True,
+            "force_row_wise": True,
+            "num_threads": 1,
+            "seed": 0,
+            "verbosity": -1,
+        }
+
+
+def _import_lightgbm() -> ModuleType:
+    try:
+        import lightgbm
+    except (ImportError, OSError) as error:  # OSError: its OpenMP library is missing
+        raise TrainingError(
+            "poisson-boosting needs lightgbm: pip install 'belief-scene-graphs[boosting]'"
+        ) from error
+    return lightgbm

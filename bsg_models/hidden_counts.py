@@ -1,0 +1,160 @@
+"""The law of the hidden counts: per node and class a finite mixture of negative binomials.
+
+A negative binomial with mean μ and dispersion r has variance μ + μ²/r; r = ∞ is a Poisson. One
+component serves most models; latent room types and ensembles need more of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import gammaln, lambertw, logsumexp
+
+Floats = npt.NDArray[np.float64]
+MIN_RATE = 1e-3  # no model may call a hidden object impossible: log 0 would swallow all the rest
+
+
+@dataclass(frozen=True, eq=False)
+class HiddenCounts:
+    """Beliefs about the hidden counts of N nodes of interest and C classes.
+
+    Attributes:
+        means: `[K, N, C]` μ ≥ 0 of the K components.
+        dispersions: `[K, N, C]` r > 0; ∞ for a Poisson.
+        weights: `[K, N, 1]` or `[K, N, C]`, sums over K to 1.
+    """
+
+    means: Floats
+    dispersions: Floats
+    weights: Floats
+
+    @property
+    def mean(self) -> Floats:
+        """Expected hidden counts λ, `[N, C]`."""
+        return np.asarray((self.weights * self.means).sum(axis=0))
+
+    @property
+    def variance(self) -> Floats:
+        """Variance of the hidden counts, `[N, C]`."""
+        second = self.means + self.means**2 * (1 + 1 / self.dispersions)
+        return np.asarray((self.weights * second).sum(axis=0) - self.mean**2)
+
+    @property
+    def presence(self) -> Floats:
+        """P(at least one hidden object of the class), `[N, C]`."""
+        return -np.expm1(self.log_probability(np.zeros(self.means.shape[1:]), floor=0.0))
+
+    def log_probability(self, counts: Floats, *, floor: float = MIN_RATE) -> Floats:
+        """Return log P(hidden = counts), `[N, C]`.
+
+        Args:
+            counts: `[N, C]` whole numbers.
+            floor: means below it count as this much.
+        """
+        each = _log_negative_binomial(counts, np.maximum(self.means, floor), self.dispersions)
+        if len(each) == 1:
+            return np.asarray(each[0])
+        with np.errstate(divide="ignore"):
+            weighed = each + np.log(self.weights)
+        return np.asarray(np.minimum(logsumexp(weighed, axis=0), 0.0))
+
+    def quantile(self, q: float) -> npt.NDArray[np.int64]:
+        """Return the smallest count that at least a share q of the probability is at or below.
+
+        Args:
+            q: 0 to below 1.
+
+        Returns:
+            `[N, C]`.
+
+        Raises:
+            ValueError: for another q.
+        """
+        if not 0 <= q < 1:
+            raise ValueError(f"q must be 0 to below 1, found {q}")
+        found = np.zeros(self.means.shape[1:], dtype=np.int64)
+        below = np.zeros(found.shape)
+        count, waiting = 0, np.ones(found.shape, dtype=bool)
+        most = np.ceil(self.mean.max(initial=0) + 60 * np.sqrt(self.variance.max(initial=0))) + 1
+        while waiting.any() and count <= most:
+            below += np.exp(self.log_probability(np.full(found.shape, float(count)), floor=0.0))
+            found[waiting] = count
+            waiting &= below < q - 1e-12
+            count += 1
+        return found
+
+    def take(self, rows: npt.NDArray[np.integer]) -> HiddenCounts:
+        """Return the law of some nodes, `rows` `[M]`."""
+        return HiddenCounts(self.means[:, rows], self.dispersions[:, rows], self.weights[:, rows])
+
+    def recalibrated(self, *, shift: float, slope: float, spread: float) -> HiddenCounts:
+        """Return the law with means e^shift · μ^slope and dispersions e^spread · r."""
+        means = np.exp(shift) * self.means**slope
+        return HiddenCounts(means, np.exp(spread) * self.dispersions, self.weights)
+
+
+def poisson(means: Floats) -> HiddenCounts:
+    """Return independent Poisson counts with these means `[N, C]`."""
+    return negative_binomial(means, np.full_like(means, np.inf))
+
+
+def negative_binomial(means: Floats, dispersions: Floats) -> HiddenCounts:
+    """Return independent negative binomials, means and dispersions `[N, C]`."""
+    return HiddenCounts(means[None], dispersions[None], np.ones((1, len(means), 1)))
+
+
+def zero_inflated(presence: Floats, means: Floats) -> HiddenCounts:
+    """Return the zero-inflated Poisson with P(at least one) and mean as given, both `[N, C]`.
+
+    Its Poisson component μ solves μ / (1 − e^−μ) = mean / presence: μ = m + W(−m e^−m), m the
+    mean given that there is one, W Lambert's function. m is taken to be at least 1.0001.
+    """
+    presence = np.clip(presence, 0.0, 1.0)
+    given = np.divide(means, presence, out=np.ones_like(means), where=presence > 0)
+    given = np.maximum(given, 1.0001)
+    rate = given + lambertw(-given * np.exp(-given)).real
+    weight = np.minimum(presence / -np.expm1(-rate), 1.0)
+    zero = np.zeros_like(rate)
+    return HiddenCounts(
+        np.stack([zero, rate]), np.full((2, *rate.shape), np.inf), np.stack([1 - weight, weight])
+    )
+
+
+def blend(laws: Sequence[HiddenCounts], weights: Sequence[float]) -> HiddenCounts:
+    """Return the mixture of several laws of the same nodes."""
+    shape = laws[0].means.shape[1:]
+    scaled = [
+        np.broadcast_to(law.weights * w, law.means.shape)
+        for law, w in zip(laws, weights, strict=True)
+    ]
+    if any(law.means.shape[1:] != shape for law in laws):
+        raise ValueError("the laws are of different nodes or classes")
+    return HiddenCounts(
+        np.concatenate([law.means for law in laws]),
+        np.concatenate([law.dispersions for law in laws]),
+        np.concatenate(scaled),
+    )
+
+
+def concatenate(laws: Sequence[HiddenCounts]) -> HiddenCounts:
+    """Return the laws of several batches of nodes as one of all nodes, in order."""
+    return HiddenCounts(
+        np.concatenate([law.means for law in laws], axis=1),
+        np.concatenate([law.dispersions for law in laws], axis=1),
+        np.concatenate([law.weights for law in laws], axis=1),
+    )
+
+
+def _log_negative_binomial(counts: Floats, mean: Floats, r: Floats) -> Floats:
+    finite = np.isfinite(r)
+    shape = np.where(finite, r, 1.0)
+    with np.errstate(divide="ignore"):
+        log_mean = np.log(mean)
+    spread = np.where(finite, np.log(mean + shape), 0.0)
+    power = np.where(counts > 0, counts * np.where(counts > 0, log_mean - spread, 0.0), 0.0)
+    zero = np.where(finite, shape * np.log1p(mean / shape), mean)
+    choose = np.where(finite, gammaln(counts + shape) - gammaln(shape), 0.0)
+    return np.asarray(choose - gammaln(counts + 1) + power - zero)

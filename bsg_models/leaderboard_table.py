@@ -1,0 +1,215 @@
+"""A leaderboard as Markdown for people and JSON for machines."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from bsg_models.evaluation import Estimate
+from bsg_models.leaderboard import Leaderboard, Standing
+
+REFERENCE = "gamma-poisson"  # whose likelihood counts as 1
+CONSTANT = "train-mean"  # which says the same of every unvisited room
+
+
+class Headline(NamedTuple):
+    """A column of the first table: its label, the metric, and whether less of it is better."""
+
+    label: str
+    metric: str
+    less: bool
+
+
+HEADLINES: Mapping[str, tuple[Headline, ...]] = {
+    "what is hidden": (
+        Headline("hidden NLL", "rooms/hidden_nll", True),
+        Headline("AUROC", "rooms/presence_auroc_macro/all", False),
+        Headline("AUROC micro", "rooms/presence_auroc_micro/all", False),
+        Headline("AUROC unseen", "rooms/presence_auroc_macro/unseen", False),
+        Headline("AP unseen", "rooms/presence_ap_micro/unseen", False),
+        Headline("calibration error", "rooms/presence_calibration_error/all", True),
+        Headline("top 3 unseen", "rooms/top3_unseen", False),
+    ),
+    "whole histograms": (
+        Headline("Wasserstein", "all/wasserstein_values/mean", True),
+        Headline("energy", "all/energy_values/mean", True),
+        Headline("total variation, rooms", "rooms/total_variation/mean", True),
+        Headline("Frobenius, rooms", "rooms/correlation_frobenius", True),
+        Headline("Frobenius, all", "all/correlation_frobenius", True),
+        Headline("error in number, building", "building/mean_absolute_error", True),
+    ),
+}
+UNVISITED = (
+    Headline("AP", "rooms/presence_ap_micro/unvisited", False),
+    Headline("AP macro", "rooms/presence_ap_macro/unvisited", False),
+    Headline("AUROC", "rooms/presence_auroc_macro/unvisited", False),
+    Headline("calibration error", "rooms/presence_calibration_error/unvisited", True),
+)
+MOMENTS = ("mean", "variance", "skewness", "kurtosis")
+
+
+def write_json(board: Leaderboard) -> dict[str, Any]:
+    """Return a leaderboard as JSON.
+
+    `masks` → mask → model → `seconds`, `metrics` (value, interval, nodes), and what `compare` says.
+    """
+    masks: dict[str, Any] = {}
+    for mask, standings in board.standings.items():
+        masks[mask] = {
+            name: {
+                "seconds": round(standing.seconds, 2),
+                **{k: _plain(v) for k, v in compare(standings, name).items()},
+                "metrics": {k: _plain(e) for k, e in standing.metrics.estimates().items()},
+            }
+            for name, standing in standings.items()
+        }
+    return {
+        "recipe": board.recipe.model_dump(mode="json"),
+        "dataset": {
+            "source": board.manifest.source.model_dump(mode="json"),
+            "class_map": board.manifest.class_map.version,
+            "scenes": board.manifest.totals.scenes,
+            "rooms": board.manifest.totals.rooms,
+        },
+        "masks": masks,
+    }
+
+
+def compare(standings: Mapping[str, Standing], name: str) -> dict[str, Estimate | None]:
+    """Return a model's paired comparisons; None where the model to compare with is missing.
+
+    `nll_over_gamma_poisson` is a ratio of hidden NLL over rooms, `unvisited_ap_minus_train_mean` a
+    difference of average precision over unvisited rooms, `nll_minus_best` a difference of NLL.
+    """
+    ours, nll, ap = standings[name].metrics, "rooms/hidden_nll", UNVISITED[0].metric
+    reference, constant = (standings.get(other) for other in (REFERENCE, CONSTANT))
+    best = standings[rank_models(standings)[0]].metrics
+    return {
+        "nll_over_gamma_poisson": ours.ratio(reference.metrics, nll) if reference else None,
+        "unvisited_ap_minus_train_mean": (
+            ours.difference(constant.metrics, ap) if constant else None
+        ),
+        "nll_minus_best": ours.difference(best, nll),
+    }
+
+
+def rank_models(standings: Mapping[str, Standing]) -> list[str]:
+    """Return the models by rising hidden NLL over rooms."""
+    return sorted(standings, key=lambda name: standings[name].metrics.point["rooms/hidden_nll"])
+
+
+def write_markdown(board: Leaderboard) -> str:
+    """Return a leaderboard as a document."""
+    recipe, totals = board.recipe, board.manifest.totals
+    lines = [
+        "# Leaderboard",
+        "",
+        f"{totals.scenes} buildings, {totals.rooms:,} rooms, class map "
+        f"{board.manifest.class_map.version}; {recipe.folds} folds by building, {recipe.draws} "
+        f"masks of every test building that hide {100 * recipe.fraction:g} %, seed {recipe.seed}. "
+        "Means over the folds; ± is half the 95 % interval over buildings. "
+        "Best in bold; docs/evaluation.md says what the metrics are.",
+        "",
+    ]
+    for mask, standings in board.standings.items():
+        lines += [f"## Masks: {mask}", "", *_headline_tables(standings), *_moments(standings)]
+    for mask, standings in board.standings.items():
+        lines += [f"## Every metric, masks {mask}", "", *_everything(standings)]
+    return "\n".join(lines)
+
+
+def _headline_tables(standings: Mapping[str, Standing]) -> Iterator[str]:
+    names = rank_models(standings)
+    for number, headlines in enumerate(HEADLINES.values()):
+        extra = ["NLL / gamma-poisson", "training, s"] if number == 0 else []
+        rows = {
+            name: [
+                *_cells(standings, name, headlines),
+                *([_cell(compare(standings, name)["nll_over_gamma_poisson"])] if extra else []),
+                *([f"{standings[name].seconds:.1f}"] if extra else []),
+            ]
+            for name in names
+        }
+        yield from _table(rows, ["model", *map(_label, headlines), *extra])
+    if not np.isnan(standings[names[0]].metrics.point[UNVISITED[0].metric]):
+        yield "Unvisited rooms alone:"
+        yield ""
+        rows = {
+            name: [
+                *_cells(standings, name, UNVISITED),
+                _cell(compare(standings, name)["unvisited_ap_minus_train_mean"]),
+            ]
+            for name in names
+        }
+        yield from _table(rows, ["model", *map(_label, UNVISITED), "AP − train-mean"])
+
+
+def _moments(standings: Mapping[str, Standing]) -> Iterator[str]:
+    """Yield the paper's Table I in its own four-column form."""
+    yield "The paper's Table I: distances of the probabilities as values, rooms and buildings."
+    yield ""
+    header = [f"{letter} {moment}" for letter in "WE" for moment in MOMENTS]
+    rows = {
+        name: [
+            f"{standings[name].metrics.point[f'all/{metric}_values/{moment}']:.3g}"
+            for metric in ("wasserstein", "energy")
+            for moment in MOMENTS
+        ]
+        for name in rank_models(standings)
+    }
+    yield from _table(rows, ["model", *header])
+
+
+def _everything(standings: Mapping[str, Standing]) -> Iterator[str]:
+    estimates = {name: standings[name].metrics.estimates() for name in rank_models(standings)}
+    metrics = next(iter(estimates.values()))
+    rows = {
+        f"`{metric}`": [_cell(found[metric]) for found in estimates.values()] for metric in metrics
+    }
+    yield from _table(rows, ["metric", *estimates])
+
+
+def _cells(
+    standings: Mapping[str, Standing], name: str, headlines: tuple[Headline, ...]
+) -> list[str]:
+    """Return the cells of a model, the best of each column in bold."""
+    cells = []
+    for headline in headlines:
+        values = {n: s.metrics.point[headline.metric] for n, s in standings.items()}
+        known = [value for value in values.values() if not np.isnan(value)]
+        best = (min if headline.less else max)(known, default=np.nan)
+        cell = _cell(standings[name].metrics.estimate(headline.metric))
+        cells.append(f"**{cell}**" if values[name] == best else cell)
+    return cells
+
+
+def _label(headline: Headline) -> str:
+    return f"{headline.label} {'↓' if headline.less else '↑'}"
+
+
+def _cell(estimate: Estimate | None) -> str:
+    if estimate is None or np.isnan(estimate.value):
+        return "–"
+    half = (estimate.high - estimate.low) / 2
+    value = f"{estimate.value:.4f}" if abs(estimate.value) < 1 else f"{estimate.value:.3g}"
+    return value if np.isnan(half) else f"{value} ± {half:.2g}"
+
+
+def _plain(estimate: Estimate | None) -> dict[str, float | int | None] | None:
+    if estimate is None:
+        return None
+    numbers = {"value": estimate.value, "low": estimate.low, "high": estimate.high}
+    return {
+        **{k: None if np.isnan(v) else v for k, v in numbers.items()},
+        "nodes": estimate.nodes,
+    }
+
+
+def _table(rows: Mapping[str, list[str]], header: list[str]) -> Iterator[str]:
+    yield f"| {' | '.join(header)} |"
+    yield "|---" * len(header) + "|"
+    for name, cells in rows.items():
+        yield f"| {' | '.join([name, *cells])} |"
+    yield ""

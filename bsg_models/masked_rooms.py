@@ -1,0 +1,45 @@
+"""What training rooms show and hide under masks: the sample that counting models count."""
+
+from __future__ import annotations
+
+from torch_geometric.data import Batch, Data
+
+from bsg_data.recipes import MaskRecipe
+from bsg_models.config import DataConfig
+from bsg_models.graph_dataset import Buildings, MaskedGraphs
+
+
+def draw_uniform(data: Buildings, choice: DataConfig, *, draws: int) -> Data:
+    """Return the training buildings under uniform masks of the choice's fraction, as one batch.
+
+    Uniform whatever the strategy: what a class says of another shows in rooms that are seen.
+    """
+    mask = MaskRecipe(fraction=choice.mask.fraction, seed=choice.mask.seed)
+    return _draw(data, choice.model_copy(update={"mask": mask, "fractions": None}), draws=draws)
+
+
+def draw_chosen(
+    data: Buildings, choice: DataConfig, *, draws: int, vocabulary: tuple[str, ...]
+) -> Data:
+    """Return the training buildings under the choice's own fresh masks, as one batch."""
+    return _draw(data, choice, draws=draws, vocabulary=vocabulary)
+
+
+def _draw(
+    data: Buildings, choice: DataConfig, *, draws: int, vocabulary: tuple[str, ...] = ()
+) -> Data:
+    graphs = [
+        graph
+        for draw in range(draws)
+        for graph in MaskedGraphs.fresh(
+            data,
+            "train",
+            mask=choice.mask,
+            draw=draw,
+            fractions=choice.fractions,
+            fold=choice.fold,
+            edges=(),
+            vocabulary=vocabulary,
+        )
+    ]
+    return Batch.from_data_list(graphs)

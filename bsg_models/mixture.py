@@ -1,0 +1,249 @@
+"""Latent room types: what kind of room is this, and what does that kind hold?
+
+    type of a room              k ~ π
+    count of class c in it      T | k ~ NB(mean m_kc, dispersion r_kc), independent given k
+    a mask that hides f of it   V | T ~ Binomial(T, 1 − f), H = T − V
+    so                          P(k | V) ∝ π_k Π_c NB(V_c; (1 − f) m_kc, r_kc)^τ
+                                H | V, k ~ NB(f (r + V) / (r / m + 1 − f), r + V)
+
+π, m and r are fitted to the training rooms by expectation maximisation. τ < 1 (`temper`) because
+the classes of a room are not independent given its type, so that the product alone is too sure.
+
+The building is a second level (`building`). Its habits show in the *other* visited rooms:
+
+    which types it has          π_b ∝ η π + Σ P(k | V) over the other rooms
+    how much of class c         g_bc = (α_c + Σ V_c) / (α_c + Σ E V_c), the mean of a
+                                Gamma(α_c, α_c) given the other rooms; it multiplies m_kc
+
+and every room is answered again with π_b and g_b m. In an unvisited room f is 1 and V says nothing:
+the answer is the building's types and habits.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from scipy.optimize import minimize_scalar
+from scipy.special import digamma, gammaln, logsumexp, polygamma
+from torch_geometric.data import Data
+
+from bsg_models.calibration import CalibratedModel
+from bsg_models.config import DataConfig
+from bsg_models.families import MixtureConfig
+from bsg_models.graph_dataset import Buildings
+from bsg_models.hidden_counts import Floats, HiddenCounts, negative_binomial
+from bsg_models.model import building_of, to_array
+
+Ints = npt.NDArray[np.int64]
+_MOST = 60  # objects of one class in one room that the fit tells apart
+_LOG_SHAPE = 4.0  # |log r| at most; its prior is a standard normal
+_PRIOR_ROOMS = 2.0  # mean rooms that every type's means are shrunk towards
+_PRIOR_TYPES = 8.0  # η: rooms of an average building that π_b starts from
+
+
+class RoomTypeMixture(CalibratedModel):
+    """Fitted by counting; its posterior is in closed form.
+
+    Attributes:
+        log_types: `[K]` log π.
+        means: `[K, C]` m.
+        dispersions: `[K, C]` r.
+        habits: `[C]` α; ∞ where buildings do not differ.
+    """
+
+    log_types: torch.Tensor
+    means: torch.Tensor
+    dispersions: torch.Tensor
+    habits: torch.Tensor
+
+    def __init__(self, config: MixtureConfig, classes: int) -> None:
+        super().__init__()
+        self.config = config
+        shape = (config.types, classes)
+        self.register_buffer("log_types", torch.zeros(config.types, dtype=torch.float64))
+        self.register_buffer("means", torch.ones(shape, dtype=torch.float64))
+        self.register_buffer("dispersions", torch.ones(shape, dtype=torch.float64))
+        self.register_buffer("habits", torch.ones(classes, dtype=torch.float64))
+
+    def fit(self, data: Buildings, choice: DataConfig) -> None:
+        """Fit types, and how much buildings differ, to the rooms of the training buildings."""
+        scenes = data.scenes_of("train", fold=choice.fold)
+        rooms = [np.minimum(data.cells[scene][1:], _MOST) for scene in scenes]
+        counts = np.concatenate(rooms)
+        seed = int(torch.randint(2**31, (1,)).item())  # torch was seeded with the run's seed
+        log_types, means, dispersions, belonging = fit_types(
+            counts, types=self.config.types, iterations=self.config.iterations, seed=seed
+        )
+        of_building = np.repeat(np.arange(len(rooms)), [len(one) for one in rooms])
+        totals, expected = np.zeros((2, len(rooms), counts.shape[1]))
+        np.add.at(totals, of_building, counts)
+        np.add.at(expected, of_building, belonging @ means)
+        habits = [fit_habit(t, e) for t, e in zip(totals.T, expected.T, strict=True)]
+        for name, value in (
+            ("log_types", log_types),
+            ("means", means),
+            ("dispersions", dispersions),
+            ("habits", np.array(habits)),
+        ):
+            getattr(self, name).copy_(torch.from_numpy(value))
+
+    def believe(self, graphs: Data) -> HiddenCounts:
+        """Return the posterior of the hidden counts of every room, K components."""
+        is_room = ~graphs.is_building.numpy()
+        evidence = _Evidence(
+            seen=to_array(graphs.x)[is_room],
+            share=to_array(graphs.fraction)[is_room],
+            visited=graphs.visited.numpy()[is_room],
+            building=building_of(graphs).numpy()[is_room],
+        )
+        means = to_array(self.means)[:, None]
+        types = np.broadcast_to(to_array(self.log_types)[:, None], (len(means), is_room.sum()))
+        log_posterior = self._classify(evidence, types, means)
+        if self.config.building:
+            types, habit = self._learn_habits(evidence, np.exp(log_posterior), means)
+            means = means * habit
+            log_posterior = self._classify(evidence, types, means)
+        r = to_array(self.dispersions)[:, None]
+        share = evidence.share[:, None]
+        found = share * (r + evidence.seen) / (r / means + 1 - share)
+        law = HiddenCounts(found, r + evidence.seen, np.exp(log_posterior)[:, :, None])
+        return _spread_over_nodes(law, is_room)
+
+    def _classify(self, evidence: _Evidence, log_types: Floats, means: Floats) -> Floats:
+        """Return log P(type | what was seen), `[K, rooms]`."""
+        kept = (1 - evidence.share)[:, None]
+        found = np.empty(log_types.shape)
+        for k, r in enumerate(to_array(self.dispersions)):
+            mean = np.broadcast_to(kept * means[k], evidence.seen.shape)
+            law = negative_binomial(mean, np.broadcast_to(r, mean.shape))
+            found[k] = law.log_probability(evidence.seen, floor=1e-9).sum(axis=1)
+        found = log_types + self.config.temper * found * evidence.visited
+        return np.asarray(found - logsumexp(found, axis=0))
+
+    def _learn_habits(
+        self, evidence: _Evidence, posterior: Floats, means: Floats
+    ) -> tuple[Floats, Floats]:
+        """Return log π_b `[K, rooms]` and g_b `[rooms, C]`, each from the other visited rooms."""
+        visited = evidence.visited[:, None].astype(float)
+        belonging = posterior.T * visited
+        expected = (1 - evidence.share)[:, None] * (belonging @ means[:, 0])
+        of_others = [
+            _sum_others(values, evidence.building)
+            for values in (belonging, evidence.seen * visited, expected)
+        ]
+        types = of_others[0] + _PRIOR_TYPES * np.exp(to_array(self.log_types))
+        habit = to_array(self.habits)
+        ratio = (habit + of_others[1]) / (habit + of_others[2])
+        gain = np.where(np.isfinite(habit), ratio, 1.0)
+        return np.log(types / types.sum(axis=1, keepdims=True)).T, gain
+
+
+class _Evidence:
+    """What the rooms of a batch show."""
+
+    def __init__(
+        self, *, seen: Floats, share: Floats, visited: npt.NDArray[np.bool_], building: Ints
+    ) -> None:
+        self.seen, self.share, self.visited, self.building = seen, share, visited, building
+
+
+def fit_types(
+    counts: Ints, *, types: int, iterations: int, seed: int
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Fit a mixture of negative binomials to complete rooms by expectation maximisation.
+
+    Args:
+        counts: `[R, C]`.
+        types: K.
+        iterations: of the algorithm.
+        seed: of its start, rooms grouped around K random ones.
+
+    Returns:
+        log π `[K]`, m `[K, C]`, r `[K, C]`, and P(type | room) `[R, K]`.
+    """
+    rooms, classes = counts.shape
+    values = np.arange(counts.max(initial=0) + 1)
+    # One row a room, one column a (class, count): all sums over rooms become matrix products.
+    indicator = (counts[:, :, None] == values).astype(np.float32).reshape(rooms, -1)
+    overall = np.maximum(counts.mean(axis=0), 0.5 / rooms)
+    belonging = _group(np.log1p(counts), types, seed=seed)
+    dispersions = np.ones((types, classes))
+    for _ in range(iterations):
+        size = belonging.sum(axis=0)
+        log_types = np.log((size + 1) / (rooms + types))
+        means = (belonging.T @ counts + _PRIOR_ROOMS * overall) / (size[:, None] + _PRIOR_ROOMS)
+        frequency = (belonging.T.astype(np.float32) @ indicator).reshape(types, classes, -1)
+        dispersions = _improve_dispersions(dispersions, means, frequency.astype(float), values)
+        table = _log_law(values, means[..., None], dispersions[..., None])
+        found = log_types + indicator @ table.reshape(types, -1).T.astype(np.float32)
+        belonging = np.exp(found - logsumexp(found, axis=1, keepdims=True))
+    return log_types, means, dispersions, belonging
+
+
+def fit_habit(totals: Floats, expected: Floats) -> float:
+    """Return α of one class: buildings hold NB(expected, dispersion α) of it; both `[B]`."""
+
+    def cost(log_shape: float) -> float:
+        shape = float(np.exp(log_shape))
+        return -float(_log_law(totals, np.maximum(expected, 1e-9), shape).sum())
+
+    found = minimize_scalar(cost, bounds=(-3.0, 8.0), method="bounded")
+    return float(np.exp(found.x))
+
+
+def _improve_dispersions(r: Floats, mean: Floats, frequency: Floats, values: Ints) -> Floats:
+    """Return dispersions `[K, C]` after Newton steps in log r on the weighted likelihood.
+
+    Args:
+        r: `[K, C]`.
+        mean: `[K, C]`.
+        frequency: `[K, C, values]` weight of the rooms with each count.
+        values: the counts.
+    """
+    for _ in range(3):
+        s, m = r[..., None], mean[..., None]
+        first = digamma(values + s) - digamma(s) - np.log1p(m / s) + (m - values) / (m + s)
+        second = polygamma(1, values + s) - polygamma(1, s) + m / (s * (m + s))
+        second -= (m - values) / (m + s) ** 2
+        slope = (frequency * first).sum(axis=-1) * r
+        bend = (frequency * second).sum(axis=-1) * r**2 + slope
+        log_r = np.log(r)
+        slope, bend = slope - log_r, np.where(bend < 0, bend, -np.abs(bend)) - 1  # the prior
+        r = np.exp(np.clip(log_r - np.clip(slope / bend, -1, 1), -_LOG_SHAPE, _LOG_SHAPE))
+    return r
+
+
+def _log_law(counts: Floats | Ints, mean: Floats, r: Floats | float) -> Floats:
+    choose = gammaln(counts + r) - gammaln(r) - gammaln(counts + 1)
+    power = counts * (np.log(mean) - np.log(mean + r))
+    return np.asarray(choose - r * np.log1p(mean / r) + power)
+
+
+def _group(points: Floats, groups: int, *, seed: int) -> Floats:
+    """Return soft memberships `[R, K]` after ten rounds of k-means from random points."""
+    rng = np.random.Generator(np.random.PCG64(seed))
+    centres = points[rng.choice(len(points), groups, replace=len(points) < groups)]
+    for _ in range(10):
+        distance = ((points**2).sum(1)[:, None] - 2 * points @ centres.T) + (centres**2).sum(1)
+        nearest = distance.argmin(axis=1)
+        for group in np.unique(nearest):
+            centres[group] = points[nearest == group].mean(axis=0)
+    return np.asarray(0.9 * np.eye(groups)[nearest] + 0.1 / groups)
+
+
+def _sum_others(values: Floats, building: Ints) -> Floats:
+    """Return the sum over the other rooms of each room's building, `[rooms, ...]`."""
+    sums = np.zeros((int(building.max(initial=-1)) + 1, values.shape[1]))
+    np.add.at(sums, building, values)
+    return np.asarray(np.maximum(sums[building] - values, 0.0))
+
+
+def _spread_over_nodes(law: HiddenCounts, is_room: npt.NDArray[np.bool_]) -> HiddenCounts:
+    """Put the rooms' law into that of all nodes; buildings get a placeholder."""
+    shape = (len(law.means), len(is_room))
+    means, weights = np.zeros((*shape, law.means.shape[2])), np.full((*shape, 1), 1 / shape[0])
+    dispersions = np.ones_like(means)
+    means[:, is_room], dispersions[:, is_room] = law.means, law.dispersions
+    weights[:, is_room] = law.weights
+    return HiddenCounts(means, dispersions, weights)

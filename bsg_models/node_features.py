@@ -1,0 +1,95 @@
+"""What a network reads of a node: its own histogram, its mask, its building, what else is there.
+
+Every feature is of order one, whatever the size of a room or a building.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import nn
+from torch_geometric.data import Data
+from torch_geometric.utils import scatter
+
+from bsg_models.families import NetworkConfig
+from bsg_models.model import building_of
+
+_EDGE = 0.02  # shares are at least this far from 0 and 1 where a logarithm is taken
+
+
+class NodeFeatures(nn.Module):
+    """Turn masked graphs into features `[N, F]`.
+
+    Always the node's own histogram: log(1 + count), presence and log(1 + total). And as the
+    configuration says (`reads`):
+
+    - `mask`: the share that the node hides, as log-odds, and whether it was visited; without them
+      "nothing there" looks like "not looked".
+    - `building`: log(1 + count) of the building, the share of the other visited rooms in which each
+      class was seen, the logarithm of the number of rooms, and what kind of node it is.
+    - `categories`: a learned embedding of the set of visible categories outside the classes, of
+      the node and in the mean of the other visited rooms; single categories are dropped at random
+      in training.
+
+    Attributes:
+        width: F.
+    """
+
+    def __init__(self, config: NetworkConfig, classes: int, vocabulary: int) -> None:
+        super().__init__()
+        self.reads = frozenset(config.reads)
+        self.width = 2 * classes + 1
+        if "mask" in self.reads:
+            self.width += 2
+        if "building" in self.reads:
+            self.width += 2 * classes + 2
+        if "categories" in self.reads:
+            self.category_dropout = config.category_dropout
+            self.embedding = nn.Linear(vocabulary, config.embedding, bias=False)
+            self.width += config.embedding * (2 if "building" in self.reads else 1)
+
+    def forward(self, graphs: Data) -> torch.Tensor:
+        """Return features `[N, F]`."""
+        seen = (graphs.x > 0).float()
+        parts = [torch.log1p(graphs.x), seen, torch.log1p(graphs.x.sum(dim=1, keepdim=True))]
+        if "mask" in self.reads:
+            share = graphs.fraction.clamp(_EDGE, 1 - _EDGE)
+            parts += [torch.logit(share)[:, None] / 2, graphs.visited.float()[:, None]]
+        shown = [seen]
+        if "categories" in self.reads:
+            shown.append(self._embed(graphs.others))
+            parts.append(shown[-1])
+        if "building" in self.reads:
+            parts += _look_around(graphs, torch.cat(shown, dim=1))
+        return torch.cat(parts, dim=1)
+
+    def _embed(self, others: torch.Tensor) -> torch.Tensor:
+        present = (others > 0).float()
+        if self.training:  # dropped, not scaled up: a robot overlooks things, too
+            present = present * (torch.rand_like(present) >= self.category_dropout)
+        embedded: torch.Tensor = self.embedding(present)
+        return embedded
+
+
+def _look_around(graphs: Data, shown: torch.Tensor) -> list[torch.Tensor]:
+    """Return what is around each node.
+
+    Args:
+        graphs: a graph or a batch.
+        shown: `[N, S]` what every node shows.
+
+    Returns:
+        `[N, C]` the building's counts, `[N, S]` the mean of the other visited rooms, `[N, 1]` the
+        number of rooms, `[N, 1]` whether the node is a building.
+    """
+    building = building_of(graphs)
+    visited = (graphs.visited & ~graphs.is_building).float()[:, None]
+    others = scatter(visited, building)[building] - visited
+    siblings = scatter(shown * visited, building)[building] - shown * visited
+    rooms = scatter((~graphs.is_building).float(), building)[building, None]
+    first = torch.nonzero(graphs.is_building)[:, 0][building]
+    return [
+        torch.log1p(graphs.x[first]),
+        siblings / others.clamp(min=1),
+        torch.log1p(rooms),
+        graphs.is_building.float()[:, None],
+    ]

@@ -1,0 +1,122 @@
+"""`bsg-evaluate --leaderboard`: train and measure the zoo in cross-validation."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import click
+
+from bsg_data.errors import DatasetError
+from bsg_data.shards import write_bytes
+from bsg_models.config import RunConfig
+from bsg_models.figures import draw_leaderboard
+from bsg_models.leaderboard import Leaderboard, LeaderboardRecipe, Standing, make_leaderboard
+from bsg_models.leaderboard_table import (
+    HEADLINES,
+    UNVISITED,
+    rank_models,
+    write_json,
+    write_markdown,
+)
+from bsg_models.zoo import ZOO
+
+from .terminal import format_table, print_json, print_note, progress_bar, worker_pool
+from .train import load_config
+
+REPORT, TABLE = "leaderboard.json", "leaderboard.md"
+
+
+def run_leaderboard(
+    dataset: Path,
+    out: Path,
+    recipe: LeaderboardRecipe,
+    *,
+    models: str | None,
+    workers: int,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Make a leaderboard, and write and print its table."""
+    if (out / REPORT).exists() and not force:
+        raise DatasetError(f"{out / REPORT}: is there already; --force replaces it")
+    chosen = choose_models(models)
+    with worker_pool(workers) as executor, _bars() as progress:
+        board = make_leaderboard(dataset, out, chosen, recipe, executor=executor, progress=progress)
+    figures = [_draw(standings, out / f"{mask}.png", mask) for mask, standings in _by_mask(board)]
+    write_bytes(out / TABLE, write_markdown(board).encode())
+    summary = write_json(board)
+    write_bytes(out / REPORT, (json.dumps(summary, indent=1) + "\n").encode())
+    if as_json:
+        print_json(summary)
+        return
+    for mask, standings in _by_mask(board):
+        click.echo(f"masks {mask}:\n{_summary(standings)}\n")
+    click.echo(f"table: {out / TABLE}; every metric: {out / REPORT}; figures:")
+    click.echo("\n".join(f"  {path}" for path in figures))
+
+
+def choose_models(models: str | None) -> dict[str, RunConfig]:
+    """Return the models of a comma-separated list of zoo names and TOML files; None is the zoo."""
+    if models is None:
+        chosen = dict(ZOO)
+        if importlib.util.find_spec("lightgbm") is None:
+            del chosen["poisson-boosting"]
+            print_note(
+                "note: poisson-boosting is left out: pip install 'belief-scene-graphs[boosting]'"
+            )
+        return chosen
+    names = [name.strip() for name in models.split(",") if name.strip()]
+    if not names:
+        raise click.UsageError("--models names no model")
+    chosen = {
+        Path(name).stem if name.endswith(".toml") else name: load_config(name, ()) for name in names
+    }
+    if len(chosen) < len(names):
+        raise click.UsageError("--models names a model twice")
+    return chosen
+
+
+def _by_mask(board: Leaderboard) -> Iterator[tuple[str, dict[str, Standing]]]:
+    yield from board.standings.items()
+
+
+def _summary(standings: dict[str, Standing]) -> str:
+    columns = HEADLINES["what is hidden"][:6]
+    rows = [
+        [
+            name,
+            *(f"{standings[name].metrics.point[column.metric]:.4f}" for column in columns),
+            f"{standings[name].seconds:.1f}",
+        ]
+        for name in rank_models(standings)
+    ]
+    arrows = [f"{column.label} {'↓' if column.less else '↑'}" for column in columns]
+    return format_table(rows, header=["model", *arrows, "training, s"])
+
+
+def _draw(standings: dict[str, Standing], path: Path, mask: str) -> Path:
+    headlines = [*HEADLINES["what is hidden"], *HEADLINES["whole histograms"]]
+    headlines += UNVISITED if mask != "uniform" else ()
+    labels = {h.metric: f"{h.label} {'↓' if h.less else '↑'}" for h in headlines}
+    for h in UNVISITED:
+        if h.metric in labels:
+            labels[h.metric] = f"unvisited: {labels[h.metric]}"
+    estimates = {name: standings[name].metrics.estimates() for name in rank_models(standings)}
+    draw_leaderboard(estimates, labels, path, title=f"masks {mask}; 95 % intervals over buildings")
+    return path
+
+
+@contextmanager
+def _bars() -> Iterator[Callable[[str, int, int], None]]:
+    """Yield a callback (what, done, total) that draws a bar for each part of the work."""
+    with (
+        progress_bar("train", unit="run") as train,
+        progress_bar("combine", unit="run") as combine,
+        progress_bar("measure", unit="model") as measure,
+    ):
+        bars = {"train": train, "combine": combine, "measure": measure}
+        yield lambda what, done, total: bars[what](done, total)
