@@ -12,7 +12,6 @@ from __future__ import annotations
 import json
 import zlib
 from collections.abc import Mapping
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -137,7 +136,7 @@ class PoissonBoosting(CalibratedModel):
         }
 
 
-def _import_lightgbm() -> ModuleType:
+def _import_lightgbm() -> Any:
     try:
         import lightgbm
     except (ImportError, OSError) as error:  # OSError: its OpenMP library is missing

@@ -51,6 +51,7 @@ class CountNetwork(CalibratedModel):
     def fit(self, data: Buildings, choice: DataConfig) -> None:
         """Let the head start from the mean histogram of the training rooms."""
         scenes = data.scenes_of("train", fold=choice.fold)
+        self.features.fit([data.present(scene, self.vocabulary)[1:] for scene in scenes])
         rooms = np.concatenate([data.cells[scene][1:] for scene in scenes])
         self.head.start(torch.from_numpy(rooms.mean(axis=0)))
 

@@ -82,9 +82,9 @@ class MixtureConfig(Record):
     family: Literal["mixture"] = "mixture"
     types: int = Field(default=24, ge=1, le=1000)
     iterations: int = Field(default=60, ge=1, le=10_000)
-    temper: float = Field(default=0.7, gt=0, le=1)
+    temper: float = Field(default=0.85, gt=0, le=1)
     building: bool = True
-    calibrate: bool = False
+    calibrate: bool = True
 
 
 class BoostingConfig(Record):
@@ -138,6 +138,8 @@ class NetworkConfig(Record):
         likelihood: of the hidden counts.
         reads: what a node's features hold besides its own histogram; see `NodeFeatures`.
         embedding: width of the embedding of the categories outside the classes.
+        embed: `learned` with all the rest, or `svd`: the first components of which categories are
+            in which training rooms, kept as they are.
         category_dropout: share of these categories that training overlooks.
         calibrate: fit three numbers on the val buildings that mend how sure the model is.
     """
@@ -148,8 +150,9 @@ class NetworkConfig(Record):
     likelihood: Likelihood = "negative-binomial"
     reads: tuple[Reading, ...] = ("mask", "building", "categories")
     embedding: int = Field(default=32, ge=1, le=4096)
+    embed: Literal["learned", "svd"] = "learned"
     category_dropout: float = Field(default=0.3, ge=0.0, lt=1.0)
-    calibrate: bool = False
+    calibrate: bool = True
 
 
 class ResidualGCNConfig(NetworkConfig):
@@ -207,7 +210,9 @@ class EnsembleConfig(Record):
     """
 
     family: Literal["ensemble"] = "ensemble"
-    members: tuple[str, ...] = Field(default=("mixture", "ceci-sage"), min_length=1)
+    members: tuple[str, ...] = Field(
+        default=("mixture", "ceci-gcn-residual", "ceci-sage", "room-transformer"), min_length=1
+    )
     calibrate: bool = True
 
 

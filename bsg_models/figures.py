@@ -119,8 +119,17 @@ def draw_building(
     _save(figure, path)
 
 
-def draw_learning_curve(reports: Sequence[EpochReport], path: Path, *, title: str) -> None:
-    """Draw training and validation loss over epochs, with the epoch of the best checkpoint."""
+def draw_learning_curve(
+    reports: Sequence[EpochReport], path: Path, *, title: str, loss: str
+) -> None:
+    """Draw training and validation loss over epochs, with the epoch of the best checkpoint.
+
+    Args:
+        reports: of a training.
+        path: of the image.
+        title: above it.
+        loss: what is lowered, as the label of the axis.
+    """
     figure = _figure(7, 4)
     axes = figure.subplots()
     epochs = [report.epoch for report in reports]
@@ -134,7 +143,7 @@ def draw_learning_curve(reports: Sequence[EpochReport], path: Path, *, title: st
     axes.yaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_minor_formatter("{x:g}")
     axes.set_xlabel("epoch")
-    axes.set_ylabel("mean squared error of counts")
+    axes.set_ylabel(loss)
     axes.legend(fontsize=8, frameon=False)
     axes.spines[["top", "right"]].set_visible(False)
     axes.set_title(title, fontsize=10)

@@ -98,6 +98,14 @@ class Buildings:
         held = set(self.splits[next_fold][::2])
         return tuple(scene for scene in scenes if (scene in held) == (part == "val"))
 
+    def present(self, scene: str, vocabulary: tuple[str, ...]) -> npt.NDArray[np.bool_]:
+        """Return which categories of a vocabulary are where in a scene, `[1 + R, V]`."""
+        others = self.others[scene]
+        columns = _place_once(others.categories, vocabulary)
+        found = np.zeros((len(others.cells), len(vocabulary)), dtype=bool)
+        found[:, columns[columns >= 0]] = others.cells[:, columns >= 0] > 0
+        return found
+
     def choose_vocabulary(self, scenes: Sequence[str], *, min_scenes: int) -> tuple[str, ...]:
         """Return the categories outside the classes that occur in enough of some scenes."""
         return choose_vocabulary((self.others[scene] for scene in scenes), min_scenes=min_scenes)

@@ -86,6 +86,20 @@ class HiddenCounts:
             count += 1
         return found
 
+    def sample(self, rng: np.random.Generator) -> npt.NDArray[np.int64]:
+        """Return one draw of all counts, `[N, C]`; a node's classes share its component."""
+        chosen = np.empty(self.means.shape[1:], dtype=np.int64)
+        level = rng.random((len(chosen), 1))
+        shares = np.broadcast_to(np.cumsum(self.weights, axis=0), self.means.shape)
+        np.minimum((shares < level).sum(axis=0), len(self.means) - 1, out=chosen)
+        means, r = (
+            np.take_along_axis(part, chosen[None], axis=0)[0]
+            for part in (self.means, np.broadcast_to(self.dispersions, self.means.shape))
+        )
+        finite = np.isfinite(r)
+        gamma = rng.gamma(np.where(finite, r, 1.0)) / np.where(finite, r, 1.0)
+        return np.asarray(rng.poisson(np.where(finite, gamma, 1.0) * means))
+
     def take(self, rows: npt.NDArray[np.integer]) -> HiddenCounts:
         """Return the law of some nodes, `rows` `[M]`."""
         return HiddenCounts(self.means[:, rows], self.dispersions[:, rows], self.weights[:, rows])
@@ -110,12 +124,14 @@ def zero_inflated(presence: Floats, means: Floats) -> HiddenCounts:
     """Return the zero-inflated Poisson with P(at least one) and mean as given, both `[N, C]`.
 
     Its Poisson component μ solves μ / (1 − e^−μ) = mean / presence: μ = m + W(−m e^−m), m the
-    mean given that there is one, W Lambert's function. m is taken to be at least 1.0001.
+    mean given that there is one, W Lambert's function. Where the mean is too small for so likely a
+    class, no zeros are left to add: the law is the Poisson with that presence.
     """
-    presence = np.clip(presence, 0.0, 1.0)
+    presence = np.clip(presence, 0.0, 1 - 1e-6)
     given = np.divide(means, presence, out=np.ones_like(means), where=presence > 0)
-    given = np.maximum(given, 1.0001)
-    rate = given + lambertw(-given * np.exp(-given)).real
+    given = np.maximum(given, 1 + 1e-9)  # one object at least, where there is one
+    least = -np.log1p(-presence)
+    rate = np.maximum(given + lambertw(-given * np.exp(-given)).real, np.maximum(least, 1e-9))
     weight = np.minimum(presence / -np.expm1(-rate), 1.0)
     zero = np.zeros_like(rate)
     return HiddenCounts(

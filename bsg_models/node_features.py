@@ -5,6 +5,10 @@ Every feature is of order one, whatever the size of a room or a building.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
 import torch
 from torch import nn
 from torch_geometric.data import Data
@@ -45,7 +49,24 @@ class NodeFeatures(nn.Module):
         if "categories" in self.reads:
             self.category_dropout = config.category_dropout
             self.embedding = nn.Linear(vocabulary, config.embedding, bias=False)
+            self.svd = config.embed == "svd"
+            self.embedding.requires_grad_(not self.svd)
             self.width += config.embedding * (2 if "building" in self.reads else 1)
+
+    def fit(self, present: Sequence[npt.NDArray[np.bool_]]) -> None:
+        """Take the embedding from which categories are in which rooms, each `[R, V]`, if so asked.
+
+        The truncated singular value decomposition, each component scaled to unit variance.
+        """
+        if "categories" not in self.reads or not self.svd:
+            return
+        rooms = np.concatenate(present).astype(float)
+        _, _, components = np.linalg.svd(rooms, full_matrices=False)
+        weight = np.zeros(self.embedding.weight.shape)
+        kept = components[: len(weight)]
+        weight[: len(kept)] = kept / np.maximum((rooms @ kept.T).std(axis=0), 1e-3)[:, None]
+        with torch.no_grad():
+            self.embedding.weight.copy_(torch.from_numpy(weight))
 
     def forward(self, graphs: Data) -> torch.Tensor:
         """Return features `[N, F]`."""

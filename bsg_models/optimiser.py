@@ -15,7 +15,7 @@ from bsg_models.model import BeliefModel
 def make_optimiser(model: BeliefModel, training: TrainingConfig) -> torch.optim.Optimizer:
     """Return Adam with the decay as `training.decay_as` reads it."""
     if training.decay_as == "decoupled":
-        matrices = [p for p in model.parameters() if p.ndim > 1]
+        matrices = [p for p in model.parameters() if p.ndim > 1]  # norms and biases do not decay
         vectors = [p for p in model.parameters() if p.ndim <= 1]
         groups = [
             {"params": matrices, "weight_decay": training.decay},
@@ -70,6 +70,8 @@ def load_optimiser(
         CheckpointError: if a tensor is missing or of another shape.
     """
     for name, parameter in model.named_parameters():
+        if not parameter.requires_grad:
+            continue
         for key, shape in (
             ("step", torch.Size()),
             ("exp_avg", parameter.shape),

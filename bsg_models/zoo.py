@@ -116,7 +116,7 @@ def find_config(name: str) -> RunConfig:
     """
     if name not in ZOO:
         near = difflib.get_close_matches(name, ZOO, n=1)
-        hint = f"; did you mean {near[0]}?" if near else ""
+        hint = f"; did you mean {near[0]}?" if near else "."
         raise ConfigError(f"no model {name!r}{hint} Known are {', '.join(ZOO)}")
     return ZOO[name]
 

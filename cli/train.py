@@ -11,9 +11,10 @@ from tqdm import tqdm  # noqa: TID251 -- the command line is where bars belong
 
 from bsg_models.config import RunConfig, override, read_config, validate_config, write_toml
 from bsg_models.errors import ConfigError
+from bsg_models.families import EnsembleConfig
 from bsg_models.figures import draw_learning_curve
 from bsg_models.learning_curve import EpochReport, read_metrics
-from bsg_models.run_folder import BEST, CURVE, METRICS
+from bsg_models.run_folder import BEST, CURVE, MEMBERS, METRICS
 from bsg_models.training import train_run
 from bsg_models.zoo import ZOO, find_config
 
@@ -101,12 +102,16 @@ def _finish(config: RunConfig, out: Path, *, as_json: bool) -> None:
     }
     if as_json:
         print_json(summary)
+    elif isinstance(config.model, EnsembleConfig):
+        members = ", ".join(config.model.members)
+        click.echo(f"ensemble of {members}; their runs are in {out / MEMBERS}")
+        click.echo(f"checkpoint {out / BEST}")
     elif best is None:
         click.echo(f"{config.model.family} fitted by counting; checkpoint {out / BEST}")
     else:
         click.echo(
             f"{config.model.family}: {len(reports)} epochs in {summary['seconds']:.1f} s; lowest "
-            f"validation error {best.val_loss:.4f} at epoch {best.epoch}"
+            f"validation loss {best.val_loss:.4f} at epoch {best.epoch}"
         )
         click.echo(f"checkpoint {out / BEST}, learning curve {out / CURVE}")
 
@@ -116,7 +121,10 @@ def _draw_curve(config: RunConfig, out: Path) -> list[EpochReport]:
     if not (out / METRICS).is_file():
         return []
     reports = read_metrics(out / METRICS)
-    draw_learning_curve(reports, out / CURVE, title=f"{config.model.family}, seed {config.seed}")
+    likelihood = getattr(config.model, "likelihood", "mse")
+    loss = "mean squared error" if likelihood == "mse" else "-log P(hidden count), mean over cells"
+    title = f"{config.model.family}, seed {config.seed}"
+    draw_learning_curve(reports, out / CURVE, title=title, loss=loss)
     return reports
 
 

@@ -16,6 +16,7 @@ from bsg_cli.registry import COMMANDS
 from bsg_data.card import column_table
 from bsg_data.class_map import load_class_map
 from bsg_data.schema import SPLITS, TABLES, pairs_schema
+from bsg_models.zoo import ZOO
 
 DOCS = Path(__file__).resolve().parent.parent
 PART = re.compile(r"(<!-- generated: (\S+) (.+?) -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -42,7 +43,14 @@ def _generate(kind: str, name: str) -> str:
         rows = zip(range(len(loaded.classes)), loaded.classes, loaded.definitions, strict=True)
         lines = [f"| {i} | {name} | {definition} |" for i, name, definition in rows]
         return "\n".join(["| index | class | definition |", "|---|---|---|", *lines])
+    if kind == "zoo":
+        return "\n".join(["| name | what it is |", "|---|---|", *map(_describe, ZOO)])
     raise ValueError(f"no generated part of kind {kind!r}")
+
+
+def _describe(name: str) -> str:
+    family = type(ZOO[name].model)
+    return f"| `{name}` | {(family.__doc__ or '').strip().splitlines()[0]} |"
 
 
 def _help(words: list[str]) -> str:

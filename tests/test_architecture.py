@@ -25,8 +25,10 @@ IMPORTS = {
             "shards sources"
         ),
         "card": "manifest schema",
+        "categories": "class_map histograms manifest shards",
         "check": (
-            "check_pairs check_tables class_map errors faults manifest publication schema shards"
+            "check_pairs check_tables class_map errors faults manifest publication schema "
+            "shards"
         ),
         "check_pairs": "errors faults histograms manifest masks pairs recipes sources splits",
         "check_tables": "class_map faults manifest scene_graph sources",
@@ -57,31 +59,79 @@ IMPORTS = {
         "synthetic_rates": "errors",
     },
     "bsg_models": {
-        "baselines": "expectation graph_dataset model",
+        "baselines": "config expectation graph_dataset hidden_counts model",
+        "boosting": (
+            "calibration config errors families gamma_poisson graph_dataset hidden_counts "
+            "masked_rooms model"
+        ),
+        "calibration": "expectation hidden_counts model room_sums",
         "checkpoint": "config errors model zoo",
         "comparison": (
-            "checkpoint config errors evaluation expectation graph_dataset model training zoo"
+            "checkpoint config errors evaluation expectation graph_dataset model run_folder "
+            "zoo"
         ),
-        "config": "errors graph_dataset",
+        "conditional": (
+            "config expectation families graph_dataset hidden_counts masked_rooms model "
+            "room_sums"
+        ),
+        "config": "errors families graph_dataset",
+        "count_network": (
+            "calibration config families graph_dataset hidden_counts model node_features"
+        ),
+        "deepsets": "count_network families",
+        "ensemble": "calibration hidden_counts model",
         "errors": "",
         "evaluation": "expectation graph_dataset metrics model presence",
-        "expectation": "",
-        "figures": "expectation learning_curve metrics",
-        "gamma_poisson": "expectation graph_dataset model",
-        "gcn": "config expectation model",
+        "expectation": "hidden_counts",
+        "families": "",
+        "figures": "evaluation expectation learning_curve metrics",
+        "gamma_poisson": "config expectation graph_dataset hidden_counts model room_sums",
+        "gat": "families message_passing",
+        "gcn": "expectation families model",
+        "gin": "families message_passing",
+        "gradient": (
+            "checkpoint config errors graph_dataset learning_curve model optimiser run_folder"
+        ),
         "graph_dataset": "",
+        "hidden_counts": "",
+        "leaderboard": (
+            "checkpoint config errors evaluation families gradient graph_dataset run_folder "
+            "training zoo"
+        ),
+        "leaderboard_table": "evaluation leaderboard",
         "learning_curve": "errors",
+        "masked_rooms": "config graph_dataset",
+        "message_passing": "count_network families",
         "metrics": "",
-        "model": "expectation graph_dataset",
+        "mixture": "calibration config families graph_dataset hidden_counts model",
+        "model": "config expectation graph_dataset",
+        "naive_bayes": (
+            "config expectation families graph_dataset hidden_counts masked_rooms model "
+            "room_sums"
+        ),
+        "node_features": "families model",
         "optimiser": "config errors model",
         "presence": "metrics",
-        "training": "checkpoint config errors graph_dataset learning_curve model optimiser zoo",
-        "zoo": "baselines config errors gamma_poisson gcn model",
+        "residual_gcn": "families message_passing",
+        "room_sums": "hidden_counts model",
+        "room_transformer": "count_network families model",
+        "run_folder": "checkpoint config errors graph_dataset model",
+        "sage": "families message_passing",
+        "training": (
+            "calibration checkpoint config ensemble errors families gradient graph_dataset "
+            "hidden_counts learning_curve model run_folder zoo"
+        ),
+        "zoo": (
+            "baselines boosting conditional config deepsets ensemble errors families "
+            "gamma_poisson gat gcn gin mixture model naive_bayes residual_gcn room_transformer "
+            "sage"
+        ),
     },
 }
 THIRD_PARTY = {
     "bsg_data": {"matplotlib", "numpy", "pandas", "pyarrow", "pydantic"},
     "bsg_models": {
+        "lightgbm",
         "matplotlib",
         "numpy",
         "pandas",

@@ -269,6 +269,6 @@ def test_figures_are_drawn(truth: Truth, tmp_path: Path) -> None:
         building="a",
     )
     report = EpochReport(1, 1, 2.0, 3.0, 1, 0.1)
-    draw_learning_curve([report], tmp_path / "curve.png", title="m")
+    draw_learning_curve([report], tmp_path / "curve.png", title="m", loss="loss")
     for path in (*drawn.values(), tmp_path / "curve.png"):
         assert path.read_bytes().startswith(b"\x89PNG")

@@ -7,32 +7,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from one_building import graph
 from scipy import stats
-from torch_geometric.data import Data
 from torch_geometric.loader import DataLoader
 from torch_geometric.nn import GCNConv
 
 from bsg_models.families import GCNConfig
 from bsg_models.gamma_poisson import GammaPoissonModel, fit_dispersion, fit_gamma_prior
 from bsg_models.gcn import CECIGCN
-from bsg_models.graph_dataset import MaskedGraphs, connect, open_dataset
+from bsg_models.graph_dataset import MaskedGraphs, open_dataset
 from bsg_models.hidden_counts import negative_binomial
 from bsg_models.model import BeliefModel
 from bsg_models.room_sums import sum_rooms
 from bsg_models.training import new_model
 from bsg_models.zoo import ZOO
-
-
-def graph(inputs: list[list[float]], *, fraction: float = 0.5, vocabulary: int = 0) -> Data:
-    nodes = len(inputs)
-    return Data(
-        x=torch.tensor(inputs),
-        edge_index=connect(nodes, ("up", "down")),
-        is_building=torch.arange(nodes) == 0,
-        visited=torch.ones(nodes, dtype=torch.bool),
-        fraction=torch.full((nodes,), fraction),
-        others=torch.zeros(nodes, vocabulary),
-    )
 
 
 def fitted(name: str, dataset: Path) -> BeliefModel:

@@ -62,7 +62,7 @@ def test_tensorboard_logs_beside_the_run(dataset: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "code", "message"),
     [
-        (["--config", "ceci-gnc", "--print-config"], 2, "did you mean ceci-gcn?"),
+        (["--config", "ceci-gcnn", "--print-config"], 2, "did you mean ceci-gcn?"),
         (["--config", "none.toml", "--print-config"], 2, "cannot be read"),
         (
             ["--config", "ceci-gcn", "--set", "sed=1", "--print-config"],

@@ -1,0 +1,65 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from bsg_cli import leaderboard as leaderboard_module
+from bsg_cli.evaluate import main
+from bsg_cli.leaderboard import choose_models
+from click import UsageError
+from click.testing import CliRunner, Result
+
+from bsg_models.zoo import ZOO
+
+COMMON = ("--leaderboard", "--folds", "3", "--draws", "2", "--resamples", "2", "--workers", "1")
+
+
+def run(*words: str | Path, code: int = 0) -> Result:
+    result = CliRunner().invoke(main, [str(word) for word in words])
+    assert result.exit_code == code, result.output
+    return result
+
+
+def test_a_leaderboard_of_names_and_files(dataset: Path, tmp_path: Path) -> None:
+    small = tmp_path / "small.toml"
+    small.write_text('[model]\nfamily = "deepsets"\nwidth = 8\n[training]\nepochs = 1\n', "utf-8")
+    words = (*COMMON, "--data", dataset, "--out", tmp_path / "board")
+    result = run(*words, "--models", f"doubled,gamma-poisson,{small}", "--masks", "rooms")
+    assert result.stdout.startswith("masks rooms:\nmodel")
+    report = json.loads((tmp_path / "board" / "leaderboard.json").read_text("utf-8"))
+    assert set(report["masks"]["rooms"]) == {"doubled", "gamma-poisson", "small"}
+    assert "## Masks: rooms" in (tmp_path / "board" / "leaderboard.md").read_text("utf-8")
+    assert (tmp_path / "board" / "rooms.png").is_file()
+    assert "--force replaces it" in run(*words, "--models", "doubled", code=1).stderr
+    again = run(*words, "--models", "doubled", "--masks", "rooms", "--force", "--json")
+    assert set(json.loads(again.stdout)["masks"]["rooms"]) == {"doubled"}
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--masks", "uniform,walls"), "'walls' is none of uniform, rooms, frontier"),
+        (("--models", "ceci-sgae"), "did you mean ceci-sage?"),
+        (("--models", " ,"), "--models names no model"),
+        (("--models", "doubled,doubled"), "names a model twice"),
+        (("some-run",), "--leaderboard trains its own runs"),
+    ],
+)
+def test_wrong_usage(dataset: Path, words: tuple[str, ...], message: str) -> None:
+    assert message in run(*COMMON, "--data", dataset, *words, code=2).stderr
+
+
+def test_options_of_the_leaderboard_alone_need_it(dataset: Path) -> None:
+    assert "name a RUN, or give --leaderboard" in run("--data", dataset, code=2).stderr
+
+
+def test_without_lightgbm_the_zoo_goes_on(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert set(choose_models(None)) == set(ZOO)
+    monkeypatch.setattr(leaderboard_module.importlib.util, "find_spec", lambda name: None)
+    assert set(choose_models(None)) == set(ZOO) - {"poisson-boosting"}
+    assert "poisson-boosting is left out" in capsys.readouterr().err
+    with pytest.raises(UsageError):
+        choose_models("")
