@@ -10,6 +10,7 @@ from torch import nn
 from torch_geometric.data import Data
 
 from bsg_models.calibration import CalibratedModel
+from bsg_models.graph_dataset import EdgeSet, reconnect
 from bsg_models.hidden_counts import HiddenCounts, blend
 from bsg_models.model import BeliefModel
 
@@ -20,9 +21,15 @@ class Ensemble(CalibratedModel):
     Where members agree it is as sure as they are; where they differ it is less so.
     """
 
-    def __init__(self, members: Mapping[str, BeliefModel], vocabulary: tuple[str, ...]) -> None:
+    def __init__(
+        self,
+        members: Mapping[str, BeliefModel],
+        edges: Mapping[str, tuple[EdgeSet, ...]],
+        vocabulary: tuple[str, ...],
+    ) -> None:
         super().__init__()
         self.vocabulary = vocabulary
+        self.edges = dict(edges)  # every member was trained on graphs with its own
         self.members = nn.ModuleDict(dict(members))
 
     def take_member(self, name: str, trained: BeliefModel) -> None:
@@ -38,7 +45,9 @@ class Ensemble(CalibratedModel):
 
     def believe(self, graphs: Data) -> HiddenCounts:
         """Return the mixture of the members' laws."""
-        laws = [member.predict(graphs).law for _, member in self._each()]
+        laws = [
+            member.predict(reconnect(graphs, self.edges[name])).law for name, member in self._each()
+        ]
         return blend(laws, [1 / len(laws)] * len(laws))
 
     def _each(self) -> Iterator[tuple[str, BeliefModel]]:

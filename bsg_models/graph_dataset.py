@@ -171,6 +171,7 @@ class MaskedGraphs(Dataset):  # type: ignore[misc]
 
     Each graph has `x` `[N, C]` input and `y` `[N, C]` target histograms (float), `others` `[N, V]`
     visible objects outside the classes by the categories of a vocabulary, `edge_index` `[2, E]`,
+    `adjacent_index` `[2, A]` rooms that are known to be adjacent, both ways,
     `is_building` `[N]`, `visited` `[N]`, `fraction` `[N]` (the share of its objects that each node
     hides, see `bsg_data.masks.share_hidden`), and `scene_id` and `draw`.
 
@@ -265,7 +266,8 @@ class MaskedGraphs(Dataset):  # type: ignore[misc]
         return Data(
             x=torch.from_numpy(one.inputs.astype(np.float32)),
             y=torch.from_numpy(one.targets.astype(np.float32)),
-            edge_index=self._edges_of(one.scene_id, nodes),
+            edge_index=self._edges_of(one.scene_id, nodes, self._edges),
+            adjacent_index=self._edges_of(one.scene_id, nodes, ("adjacent",)),
             is_building=torch.arange(nodes) == 0,
             others=torch.from_numpy(one.others.astype(np.float32)),
             visited=torch.from_numpy(one.visited.copy()),
@@ -274,8 +276,24 @@ class MaskedGraphs(Dataset):  # type: ignore[misc]
             draw=one.draw,
         )
 
-    def _edges_of(self, scene_id: str, nodes: int) -> torch.Tensor:
-        return _connect_once(nodes, self._edges, tuple(self._adjacency.get(scene_id, ())))
+    def _edges_of(self, scene_id: str, nodes: int, edges: tuple[EdgeSet, ...]) -> torch.Tensor:
+        return _connect_once(nodes, edges, tuple(self._adjacency.get(scene_id, ())))
+
+
+def reconnect(graphs: Data, edges: tuple[EdgeSet, ...]) -> Data:
+    """Return a graph, or a batch of graphs, with other edges; see `connect`."""
+    first = torch.nonzero(graphs.is_building)[:, 0].tolist()
+    ends = [*first[1:], len(graphs.is_building)]
+    inside = tuple(kind for kind in edges if kind != "adjacent")
+    parts = [
+        start + _connect_once(end - start, inside, ())
+        for start, end in zip(first, ends, strict=True)
+    ]
+    if "adjacent" in edges:
+        parts.append(graphs.adjacent_index)
+    connected = graphs.clone()
+    connected.edge_index = torch.unique(torch.cat(parts, dim=1), dim=1)
+    return connected
 
 
 @lru_cache(maxsize=4096)

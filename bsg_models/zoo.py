@@ -102,6 +102,7 @@ _FAMILIES: Mapping[str, Callable[[Any, int, tuple[str, ...]], BeliefModel]] = Ma
                 name: make_model(find_config(name), classes=classes, vocabulary=vocabulary)
                 for name in config.members
             },
+            {name: find_config(name).data.edges for name in config.members},
             vocabulary,
         ),
     }

@@ -38,11 +38,10 @@ from bsg_models.run_folder import BEST, clear_run, is_finished, open_run
 from bsg_models.training import new_model, one_thread
 from bsg_models.zoo import ZOO
 
-CONTEXT = 'model.reads=["mask","building","categories"]'
 VARIANTS: dict[str, tuple[str, ...]] = {
     "ceci-sage": (),
     "classes alone": ('model.reads=["mask","building"]',),
-    "categories by SVD, 24": ('model.embed="svd"', "model.embedding=24"),
+    "categories by SVD, 24": ("model.embed=svd", "model.embedding=24"),
     "categories, all and undropped": (
         "model.category_dropout=0.0",
         "model.embedding=256",
@@ -50,15 +49,10 @@ VARIANTS: dict[str, tuple[str, ...]] = {
     ),
     "room alone": ('model.reads=["mask","categories"]', "data.edges=[]"),
     "containment edges": ('data.edges=["up","down"]',),
-    "mask not read": ('model.reads=["building","categories"]',),
     "half hidden always": ("data.fractions=[0.5,0.5]",),
-    "hidden .3 to .7": ("data.fractions=[0.3,0.7]",),
-    "stored masks": ("data.masks=fixed",),
+    "five stored masks": ("data.masks=fixed",),
     "Poisson": ("model.likelihood=poisson",),
-    "squared error": ("model.likelihood=mse",),
-    "calibrated": ("model.calibrate=true",),
-    "twice as wide": ("model.width=256",),
-    "800 epochs": ("training.epochs=800",),
+    "not calibrated": ("model.calibrate=false",),
 }
 DISTILLED, TEACHER = "distilled", "ensemble"
 

@@ -14,6 +14,7 @@ def graph(inputs: list[list[float]], *, fraction: float = 0.5, vocabulary: int =
     return Data(
         x=torch.tensor(inputs),
         edge_index=connect(nodes, ("up", "down")),
+        adjacent_index=connect(nodes, ()),
         is_building=torch.arange(nodes) == 0,
         visited=torch.ones(nodes, dtype=torch.bool),
         fraction=torch.full((nodes,), fraction),

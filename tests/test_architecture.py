@@ -27,8 +27,7 @@ IMPORTS = {
         "card": "manifest schema",
         "categories": "class_map histograms manifest shards",
         "check": (
-            "check_pairs check_tables class_map errors faults manifest publication schema "
-            "shards"
+            "check_pairs check_tables class_map errors faults manifest publication schema shards"
         ),
         "check_pairs": "errors faults histograms manifest masks pairs recipes sources splits",
         "check_tables": "class_map faults manifest scene_graph sources",
@@ -67,12 +66,10 @@ IMPORTS = {
         "calibration": "expectation hidden_counts model room_sums",
         "checkpoint": "config errors model zoo",
         "comparison": (
-            "checkpoint config errors evaluation expectation graph_dataset model run_folder "
-            "zoo"
+            "checkpoint config errors evaluation expectation graph_dataset model run_folder zoo"
         ),
         "conditional": (
-            "config expectation families graph_dataset hidden_counts masked_rooms model "
-            "room_sums"
+            "config expectation families graph_dataset hidden_counts masked_rooms model room_sums"
         ),
         "config": "errors families graph_dataset",
         "count_network": (
@@ -106,8 +103,7 @@ IMPORTS = {
         "mixture": "calibration config families graph_dataset hidden_counts model",
         "model": "config expectation graph_dataset",
         "naive_bayes": (
-            "config expectation families graph_dataset hidden_counts masked_rooms model "
-            "room_sums"
+            "config expectation families graph_dataset hidden_counts masked_rooms model room_sums"
         ),
         "node_features": "families model",
         "optimiser": "config errors model",

@@ -16,6 +16,7 @@ from bsg_models.calibration import fit_calibration, recalibrate
 from bsg_models.checkpoint import load_checkpoint, restore_model, save_checkpoint
 from bsg_models.conditional import ConditionalModel
 from bsg_models.config import DataConfig, RunConfig, override, validate_config
+from bsg_models.ensemble import Ensemble
 from bsg_models.errors import CheckpointError, TrainingError
 from bsg_models.families import ConditionalConfig, NaiveBayesConfig
 from bsg_models.graph_dataset import MaskedGraphs, open_dataset
@@ -23,7 +24,7 @@ from bsg_models.hidden_counts import negative_binomial
 from bsg_models.masked_rooms import draw_uniform
 from bsg_models.naive_bayes import NaiveBayesModel
 from bsg_models.run_folder import BEST, LAST, MEMBERS
-from bsg_models.training import train_run
+from bsg_models.training import new_model, train_run
 from bsg_models.zoo import ZOO
 
 
@@ -160,3 +161,22 @@ def test_calibration_mends_what_is_too_sure() -> None:
     np.testing.assert_allclose(mended.dispersions[0, 0, 0], 2.0, rtol=0.15)
     perfect = negative_binomial(rates, np.full(rates.shape, 2.0))
     np.testing.assert_allclose(fit_calibration(perfect, hidden), 0, atol=0.05)
+
+
+def test_every_member_of_an_ensemble_gets_graphs_with_its_own_edges(dataset: Path) -> None:
+    config = configure("ensemble", 'model.members=["ceci-sage","ceci-gin"]')
+    assert ZOO["ceci-sage"].data.edges != ZOO["ceci-gin"].data.edges
+    data = open_dataset(dataset)
+    whole = new_model(config, data)
+    assert isinstance(whole, Ensemble)
+    torch.manual_seed(0)
+    for parameter in whole.parameters():  # as if trained: no head is all zeros
+        torch.nn.init.normal_(parameter, std=0.1)
+    expected = []
+    for name, member in whole.members.items():
+        edges = ZOO[name].data.edges
+        graphs = MaskedGraphs.stored(data, "test", edges=edges, vocabulary=whole.vocabulary)
+        expected.append(member.predict(graphs[0]).presence)  # type: ignore[operator]
+    graphs = MaskedGraphs.stored(data, "test", vocabulary=whole.vocabulary)
+    found = whole.predict(graphs[0]).presence
+    np.testing.assert_allclose(found[1:], np.mean(expected, axis=0)[1:], rtol=1e-5)

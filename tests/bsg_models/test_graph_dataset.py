@@ -12,7 +12,7 @@ from bsg_data.histograms import read_cells, to_histograms
 from bsg_data.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.splits import read_splits, split_dataset
-from bsg_models.graph_dataset import MaskedGraphs, connect, open_dataset
+from bsg_models.graph_dataset import EdgeSet, MaskedGraphs, connect, open_dataset, reconnect
 
 
 def test_edges_by_hand() -> None:
@@ -46,6 +46,28 @@ def test_fresh_masks_are_the_stored_ones_of_the_same_recipe_and_draw(dataset: Pa
         for graph in fresh:
             (same,) = [s for s in stored if (s.scene_id, s.draw) == (graph.scene_id, draw)]
             assert torch.equal(graph.x, same.x)
+
+
+@pytest.mark.parametrize("edges", [("up", "down"), ("complete",), ("down", "adjacent"), ()])
+def test_a_batch_is_reconnected_as_if_it_had_been_made_so(
+    dataset: Path, edges: tuple[EdgeSet, ...]
+) -> None:
+    graphs = MaskedGraphs.stored(dataset, "train")
+    adjacency = {one.scene_id: [(1, 2)] for one in graphs.masked}
+    batches = [
+        next(
+            iter(
+                DataLoader(
+                    MaskedGraphs(graphs.masked, edges=kinds, adjacency=adjacency), batch_size=7
+                )
+            )
+        )
+        for kinds in (("up",), edges)
+    ]
+    found = reconnect(batches[0], edges).edge_index
+    assert sorted(map(tuple, found.T.tolist())) == sorted(
+        map(tuple, batches[1].edge_index.T.tolist())
+    )
 
 
 def test_a_batch_keeps_buildings_apart(dataset: Path) -> None:
