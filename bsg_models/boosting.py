@@ -26,7 +26,7 @@ from bsg_models.gamma_poisson import fit_dispersion
 from bsg_models.graph_dataset import Buildings
 from bsg_models.hidden_counts import MIN_RATE, Floats, HiddenCounts, negative_binomial
 from bsg_models.masked_rooms import draw_chosen
-from bsg_models.model import building_of, to_array
+from bsg_models.model import building_of, others_of, to_array
 
 
 class PoissonBoosting(CalibratedModel):
@@ -114,7 +114,7 @@ class PoissonBoosting(CalibratedModel):
             rooms = np.bincount(building)[building][:, None]
             parts += [seen[first][building] - seen, rooms]
         if "categories" in self.config.reads:
-            parts.append(to_array(graphs.others) > 0)
+            parts.append(to_array(others_of(graphs, len(self.vocabulary))))
         return np.hstack(parts)
 
     def _recipe(self) -> dict[str, Any]:

@@ -20,7 +20,7 @@ class InputConfig(Record):
 
 
 class DoubledConfig(Record):
-    """Predict input / (1 − fraction): at a fraction of one half, twice what was seen."""
+    """Predict input / (1 − f), f the share that a node hides: at one half, twice what was seen."""
 
     family: Literal["doubled"] = "doubled"
 
@@ -214,6 +214,12 @@ class EnsembleConfig(Record):
         default=("mixture", "ceci-gcn-residual", "ceci-sage", "room-transformer"), min_length=1
     )
     calibrate: bool = True
+
+    @model_validator(mode="after")
+    def _members_differ(self) -> Self:
+        if len(set(self.members)) < len(self.members):
+            raise ValueError(f"members must differ, found {', '.join(self.members)}")
+        return self
 
 
 def _require_heads(config: T, width: int, heads: int) -> T:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from bsg_data.errors import BSGError
 from bsg_models.evaluation import Estimate
@@ -135,7 +136,15 @@ def draw_learning_curve(
     epochs = [report.epoch for report in reports]
     axes.plot(epochs, [r.train_loss for r in reports], color=INPUT, linewidth=0.8, label="training")
     validated = {r.epoch: r.val_loss for r in reports if r.val_loss is not None}
-    axes.plot(list(validated), list(validated.values()), color=PREDICTED, label="validation")
+    axes.plot(
+        list(validated),
+        list(validated.values()),
+        ".-",
+        color=PREDICTED,
+        markersize=4,
+        label="validation",
+    )
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     if reports:
         best = reports[-1].best_epoch
         axes.axvline(best, color=TRUE, linewidth=0.8, linestyle="--", label=f"best, epoch {best}")
@@ -193,6 +202,8 @@ def draw_leaderboard(
 ) -> None:
     """Draw one panel a metric, one row a model, with 95 % intervals.
 
+    A dashed line marks the best; a grey arrow stands for a model far beyond the others.
+
     Args:
         standings: model → metric → estimate, from the top row to the bottom one.
         headlines: metric → label of its panel.
@@ -204,15 +215,26 @@ def draw_leaderboard(
     figure = _figure(3.2 * columns + 1.4, lines * (0.8 + 0.24 * len(standings)) + 0.5)
     panels = figure.subplots(lines, columns, sharey=True, squeeze=False).ravel()
     places = np.arange(len(standings))[::-1]
+    shown = -(-3 * len(standings) // 4)  # the best three quarters set the scale of a panel
     for axes, (metric, label) in zip(panels, headlines.items(), strict=False):
         found = [estimates[metric] for estimates in standings.values()]
+        sign = 1 if label.endswith("↓") else -1
+        known = sorted(
+            (one for one in found if not np.isnan(one.value)), key=lambda e: sign * e.value
+        )
+        if known:
+            axes.axvline(known[0].value, color=TRUE, linewidth=0.7, linestyle="--")
+            ends = [x for e in known[:shown] for x in (e.low, e.value, e.high) if not np.isnan(x)]
+            margin = 0.06 * (max(ends) - min(ends)) or 0.01
+            axes.set_xlim(min(ends) - margin, max(ends) + 2 * margin)
+        left, right = axes.get_xlim()
         for place, one in zip(places, found, strict=True):
             axes.plot([one.low, one.high], [place, place], color=PREDICTED, linewidth=1.2)
-            axes.plot(one.value, place, "o", color=PREDICTED, markersize=4)
-        values = [one.value for one in found if not np.isnan(one.value)]
-        if values:
-            best = min(values) if label.endswith("↓") else max(values)
-            axes.axvline(best, color=TRUE, linewidth=0.7, linestyle="--")
+            if left <= one.value <= right or np.isnan(one.value):
+                axes.plot(one.value, place, "o", color=PREDICTED, markersize=4)
+            else:  # beyond the panel, on the side that it points to
+                edge, marker = (left, "<") if one.value < left else (right, ">")
+                axes.plot(edge, place, marker, color=INPUT, markersize=5, clip_on=False)
         axes.set_title(label, fontsize=9)
         axes.set_yticks(places, standings, fontsize=8)
         axes.tick_params(axis="x", labelsize=7)

@@ -69,7 +69,8 @@ class Buildings:
         folds = len(names) if names[0].startswith("fold-") else 0
         if folds and fold is None:
             raise DatasetError(
-                f"{self.path}: is split into {folds} folds; say which one to test on (data.fold)"
+                f"{self.path}: is split into {folds} folds; say which one to test on, as in "
+                "`--set data.fold=0`"
             )
         if fold is not None and not 0 <= fold < folds:
             raise DatasetError(f"{self.path}: has {folds or 'no'} folds; there is no fold {fold}")

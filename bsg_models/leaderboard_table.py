@@ -24,28 +24,28 @@ class Headline(NamedTuple):
 
 HEADLINES: Mapping[str, tuple[Headline, ...]] = {
     "what is hidden": (
-        Headline("hidden NLL", "rooms/hidden_nll", True),
-        Headline("AUROC", "rooms/presence_auroc_macro/all", False),
+        Headline("NLL", "rooms/hidden_nll", True),
+        Headline("AUROC macro", "rooms/presence_auroc_macro/all", False),
         Headline("AUROC micro", "rooms/presence_auroc_micro/all", False),
-        Headline("AUROC unseen", "rooms/presence_auroc_macro/unseen", False),
-        Headline("AP unseen", "rooms/presence_ap_micro/unseen", False),
+        Headline("unseen AUROC macro", "rooms/presence_auroc_macro/unseen", False),
+        Headline("unseen AP micro", "rooms/presence_ap_micro/unseen", False),
         Headline("calibration error", "rooms/presence_calibration_error/all", True),
         Headline("top 3 unseen", "rooms/top3_unseen", False),
     ),
     "whole histograms": (
-        Headline("Wasserstein", "all/wasserstein_values/mean", True),
-        Headline("energy", "all/energy_values/mean", True),
+        Headline("Wasserstein, all nodes", "all/wasserstein_values/mean", True),
+        Headline("energy, all nodes", "all/energy_values/mean", True),
         Headline("total variation, rooms", "rooms/total_variation/mean", True),
         Headline("Frobenius, rooms", "rooms/correlation_frobenius", True),
-        Headline("Frobenius, all", "all/correlation_frobenius", True),
+        Headline("Frobenius, all nodes", "all/correlation_frobenius", True),
         Headline("error in number, building", "building/mean_absolute_error", True),
     ),
 }
 UNVISITED = (
-    Headline("AP", "rooms/presence_ap_micro/unvisited", False),
-    Headline("AP macro", "rooms/presence_ap_macro/unvisited", False),
-    Headline("AUROC", "rooms/presence_auroc_macro/unvisited", False),
-    Headline("calibration error", "rooms/presence_calibration_error/unvisited", True),
+    Headline("unvisited AP micro", "rooms/presence_ap_micro/unvisited", False),
+    Headline("unvisited AP macro", "rooms/presence_ap_macro/unvisited", False),
+    Headline("unvisited AUROC macro", "rooms/presence_auroc_macro/unvisited", False),
+    Headline("unvisited calibration error", "rooms/presence_calibration_error/unvisited", True),
 )
 MOMENTS = ("mean", "variance", "skewness", "kurtosis")
 
@@ -109,8 +109,9 @@ def write_markdown(board: Leaderboard) -> str:
         f"{totals.scenes} buildings, {totals.rooms:,} rooms, class map "
         f"{board.manifest.class_map.version}; {recipe.folds} folds by building, {recipe.draws} "
         f"masks of every test building that hide {100 * recipe.fraction:g} %, seed {recipe.seed}. "
-        "Means over the folds; ± is half the 95 % interval over buildings. "
-        "Best in bold; docs/evaluation.md says what the metrics are.",
+        "Means over the folds, also of the training times; ± is half the 95 % interval over "
+        "buildings. In bold the best of a column and what its paired interval does not tell from "
+        "it. docs/evaluation.md says what the metrics are.",
         "",
     ]
     for mask, standings in board.standings.items():
@@ -122,28 +123,44 @@ def write_markdown(board: Leaderboard) -> str:
 
 def _headline_tables(standings: Mapping[str, Standing]) -> Iterator[str]:
     names = rank_models(standings)
-    for number, headlines in enumerate(HEADLINES.values()):
-        extra = ["NLL / gamma-poisson", "training, s"] if number == 0 else []
+    some_unvisited = not np.isnan(standings[names[0]].metrics.point[UNVISITED[0].metric])
+    hidden, whole = HEADLINES.values()
+    bold = _mark_best(standings, hidden)
+    rows = {
+        name: [
+            *_cells(standings[name], hidden, bold=bold[name]),
+            _cell(compare(standings, name)["nll_over_gamma_poisson"]),
+            f"{standings[name].seconds:.1f}",
+        ]
+        for name in names
+    }
+    yield from _table(rows, ["model", *map(_label, hidden), "NLL / gamma-poisson", "training, s"])
+    yield from _explain(hidden)
+    if some_unvisited:
+        bold = _mark_best(standings, UNVISITED)
         rows = {
             name: [
-                *_cells(standings, name, headlines),
-                *([_cell(compare(standings, name)["nll_over_gamma_poisson"])] if extra else []),
-                *([f"{standings[name].seconds:.1f}"] if extra else []),
-            ]
-            for name in names
-        }
-        yield from _table(rows, ["model", *map(_label, headlines), *extra])
-    if not np.isnan(standings[names[0]].metrics.point[UNVISITED[0].metric]):
-        yield "Unvisited rooms alone:"
-        yield ""
-        rows = {
-            name: [
-                *_cells(standings, name, UNVISITED),
+                *_cells(standings[name], UNVISITED, bold=bold[name]),
                 _cell(compare(standings, name)["unvisited_ap_minus_train_mean"]),
             ]
             for name in names
         }
-        yield from _table(rows, ["model", *map(_label, UNVISITED), "AP − train-mean"])
+        yield from _table(rows, ["model", *map(_label, UNVISITED), "AP micro − train-mean"])
+        yield from _explain(UNVISITED)
+        yield (
+            "Of whole histograms nothing is in bold here: a model that predicts nothing in an "
+            "unvisited room is at half the largest distance there, nearer than an honest guess."
+        )
+        yield ""
+    bold = _mark_best(standings, () if some_unvisited else whole)
+    rows = {name: _cells(standings[name], whole, bold=bold[name]) for name in names}
+    yield from _table(rows, ["model", *map(_label, whole)])
+    yield from _explain(whole)
+
+
+def _explain(headlines: tuple[Headline, ...]) -> Iterator[str]:
+    yield "Columns: " + ", ".join(f"{h.label} is `{h.metric}`" for h in headlines) + "."
+    yield ""
 
 
 def _moments(standings: Mapping[str, Standing]) -> Iterator[str]:
@@ -171,18 +188,30 @@ def _everything(standings: Mapping[str, Standing]) -> Iterator[str]:
     yield from _table(rows, ["metric", *estimates])
 
 
-def _cells(
-    standings: Mapping[str, Standing], name: str, headlines: tuple[Headline, ...]
-) -> list[str]:
-    """Return the cells of a model, the best of each column in bold."""
-    cells = []
+def _mark_best(
+    standings: Mapping[str, Standing], headlines: tuple[Headline, ...]
+) -> dict[str, frozenset[str]]:
+    """Return model → metrics in which it is the best, or not distinguishable from the best."""
+    marked: dict[str, set[str]] = {name: set() for name in standings}
     for headline in headlines:
-        values = {n: s.metrics.point[headline.metric] for n, s in standings.items()}
-        known = [value for value in values.values() if not np.isnan(value)]
-        best = (min if headline.less else max)(known, default=np.nan)
-        cell = _cell(standings[name].metrics.estimate(headline.metric))
-        cells.append(f"**{cell}**" if values[name] == best else cell)
-    return cells
+        metric = headline.metric
+        values = {n: s.metrics.point[metric] for n, s in standings.items()}
+        known = [name for name, value in values.items() if not np.isnan(value)]
+        if not known:
+            continue
+        best = (min if headline.less else max)(known, key=lambda name: values[name])
+        for name in known:
+            gap = standings[name].metrics.difference(standings[best].metrics, metric)
+            if gap.value == 0 or gap.low <= 0 <= gap.high:
+                marked[name].add(metric)
+    return {name: frozenset(metrics) for name, metrics in marked.items()}
+
+
+def _cells(
+    standing: Standing, headlines: tuple[Headline, ...], *, bold: frozenset[str]
+) -> list[str]:
+    cells = {h.metric: _cell(standing.metrics.estimate(h.metric)) for h in headlines}
+    return [f"**{cell}**" if metric in bold else cell for metric, cell in cells.items()]
 
 
 def _label(headline: Headline) -> str:
@@ -193,12 +222,12 @@ def _cell(estimate: Estimate | None) -> str:
     if estimate is None or np.isnan(estimate.value):
         return "–"
     half = (estimate.high - estimate.low) / 2
-    value = f"{estimate.value:.4f}" if abs(estimate.value) < 1 else f"{estimate.value:.3g}"
+    value = f"{estimate.value:.4g}"
     return value if np.isnan(half) else f"{value} ± {half:.2g}"
 
 
 def _plain(estimate: Estimate | None) -> dict[str, float | int | None] | None:
-    if estimate is None:
+    if estimate is None or np.isnan(estimate.value):
         return None
     numbers = {"value": estimate.value, "low": estimate.low, "high": estimate.high}
     return {

@@ -60,6 +60,24 @@ def to_array(tensor: torch.Tensor) -> np.ndarray[Any, np.dtype[np.float64]]:
     return tensor.detach().cpu().numpy().astype(np.float64)
 
 
+def others_of(graphs: Data, vocabulary: int) -> torch.Tensor:
+    """Return which categories of a vocabulary are visible where, `[N, V]`; none if not said.
+
+    Raises:
+        ValueError: if the graphs were made with another vocabulary.
+    """
+    others: torch.Tensor | None = graphs.get("others")
+    if others is None:
+        return torch.zeros(len(graphs.x), vocabulary)
+    if others.shape[1] != vocabulary:
+        raise ValueError(
+            f"the graphs have {others.shape[1]} categories outside the classes, the model reads "
+            f"{vocabulary}; make them with vocabulary=model.vocabulary"
+        )
+    present: torch.Tensor = (others > 0).float()
+    return present
+
+
 def building_of(graphs: Data) -> torch.Tensor:
     """Return the number of each node's building in a graph or a batch, `[N]` from 0."""
     return torch.cumsum(graphs.is_building.long(), dim=0) - 1

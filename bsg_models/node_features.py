@@ -15,7 +15,7 @@ from torch_geometric.data import Data
 from torch_geometric.utils import scatter
 
 from bsg_models.families import NetworkConfig
-from bsg_models.model import building_of
+from bsg_models.model import building_of, others_of
 
 _EDGE = 0.02  # shares are at least this far from 0 and 1 where a logarithm is taken
 
@@ -46,6 +46,8 @@ class NodeFeatures(nn.Module):
             self.width += 2
         if "building" in self.reads:
             self.width += 2 * classes + 2
+        if not vocabulary:  # none is common enough to be read
+            self.reads -= {"categories"}
         if "categories" in self.reads:
             self.category_dropout = config.category_dropout
             self.embedding = nn.Linear(vocabulary, config.embedding, bias=False)
@@ -77,14 +79,14 @@ class NodeFeatures(nn.Module):
             parts += [torch.logit(share)[:, None] / 2, graphs.visited.float()[:, None]]
         shown = [seen]
         if "categories" in self.reads:
-            shown.append(self._embed(graphs.others))
+            shown.append(self._embed(graphs))
             parts.append(shown[-1])
         if "building" in self.reads:
             parts += _look_around(graphs, torch.cat(shown, dim=1))
         return torch.cat(parts, dim=1)
 
-    def _embed(self, others: torch.Tensor) -> torch.Tensor:
-        present = (others > 0).float()
+    def _embed(self, graphs: Data) -> torch.Tensor:
+        present = others_of(graphs, self.embedding.in_features)
         if self.training:  # dropped, not scaled up: a robot overlooks things, too
             present = present * (torch.rand_like(present) >= self.category_dropout)
         embedded: torch.Tensor = self.embedding(present)

@@ -73,18 +73,23 @@ HEADLINES = (
     help="Of the leaderboard: masks of every building.",
 )
 @workers_option
-@click.option("--data", type=click.Path(path_type=Path), required=True, help="Dataset with pairs.")
+@click.option(
+    "--data",
+    type=click.Path(path_type=Path),
+    required=True,
+    help="Dataset; with pairs, to measure runs.",
+)
 @click.option(
     "--split",
     type=click.Choice(["train", "val", "test"]),
     default="test",
     show_default=True,
-    help="What to measure on.",
+    help="Of runs: what to measure them on.",
 )
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
-    help="Folder of the results.  [default: RUN/evaluation, or leaderboard]",
+    help="Folder of the results.  [default: evaluation in the first RUN, or leaderboard]",
 )
 @click.option(
     "--resamples",
@@ -93,7 +98,7 @@ HEADLINES = (
     show_default=True,
     help="Bootstrap resamples of the buildings; 0 for no intervals.",
 )
-@click.option("--all-metrics", is_flag=True, help="Print every metric, too.")
+@click.option("--all-metrics", is_flag=True, help="Of runs: print every metric, too.")
 @seed_option
 @force_option
 @json_option
@@ -140,7 +145,9 @@ def main(
     out = out or runs[0] / "evaluation"
     report = out / "evaluation.json"
     if report.exists() and not force:
-        raise DatasetError(f"{report}: is there already; --force replaces it")
+        raise DatasetError(
+            f"{report}: is there already; --force replaces it, --out puts it elsewhere"
+        )
     with progress_bar("evaluate", unit="resample") as progress:
         found = compare_runs(
             runs, data, split=split, resamples=resamples, seed=seed, progress=progress

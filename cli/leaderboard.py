@@ -42,10 +42,18 @@ def run_leaderboard(
 ) -> None:
     """Make a leaderboard, and write and print its table."""
     if (out / REPORT).exists() and not force:
-        raise DatasetError(f"{out / REPORT}: is there already; --force replaces it")
+        raise DatasetError(
+            f"{out / REPORT}: is there already; --force replaces it, --out puts it elsewhere"
+        )
     chosen = choose_models(models)
-    with worker_pool(workers) as executor, _bars() as progress:
-        board = make_leaderboard(dataset, out, chosen, recipe, executor=executor, progress=progress)
+    try:
+        with worker_pool(workers) as executor, _bars() as progress:
+            board = make_leaderboard(
+                dataset, out, chosen, recipe, executor=executor, progress=progress
+            )
+    except KeyboardInterrupt:
+        print_note(f"{out}: the same command goes on; finished runs are kept")
+        raise
     figures = [_draw(standings, out / f"{mask}.png", mask) for mask, standings in _by_mask(board)]
     write_bytes(out / TABLE, write_markdown(board).encode())
     summary = write_json(board)
@@ -54,7 +62,7 @@ def run_leaderboard(
         print_json(summary)
         return
     for mask, standings in _by_mask(board):
-        click.echo(f"masks {mask}:\n{_summary(standings)}\n")
+        click.echo(f"`{mask}` masks:\n{_summary(standings)}\n")
     click.echo(f"table: {out / TABLE}; every metric: {out / REPORT}; figures:")
     click.echo("\n".join(f"  {path}" for path in figures))
 
@@ -102,11 +110,9 @@ def _draw(standings: dict[str, Standing], path: Path, mask: str) -> Path:
     headlines = [*HEADLINES["what is hidden"], *HEADLINES["whole histograms"]]
     headlines += UNVISITED if mask != "uniform" else ()
     labels = {h.metric: f"{h.label} {'↓' if h.less else '↑'}" for h in headlines}
-    for h in UNVISITED:
-        if h.metric in labels:
-            labels[h.metric] = f"unvisited: {labels[h.metric]}"
     estimates = {name: standings[name].metrics.estimates() for name in rank_models(standings)}
-    draw_leaderboard(estimates, labels, path, title=f"masks {mask}; 95 % intervals over buildings")
+    title = f"`{mask}` masks; 95 % intervals over buildings; dashed: the best; grey: far beyond"
+    draw_leaderboard(estimates, labels, path, title=title)
     return path
 
 

@@ -69,14 +69,18 @@ def main(
         raise click.UsageError("--data and --out are needed to train (or give --print-config)")
     try:
         with _board(out if tensorboard else None) as log, _bar(config) as draw:
+            trained = 0
             for report in train_run(config, data, out, resume=resume, force=force):
                 draw(report)
                 log(report)
+                trained += 1
     except KeyboardInterrupt:
         reports = _draw_curve(config, out)
         saved = f"saved up to epoch {reports[-1].epoch}" if reports else "nothing is saved yet"
         print_note(f"{out}: {saved}; the same command with --resume goes on")
         raise
+    if resume and not trained:
+        print_note(f"{out}: is finished already; nothing was trained")
     _finish(config, out, as_json=as_json)
 
 
@@ -86,7 +90,8 @@ def load_config(name: str, settings: tuple[str, ...]) -> RunConfig:
         tables = find_config(name).model_dump(mode="json")
     else:
         tables = read_config(Path(name))
-    return validate_config(override(tables, settings), source=f"--config {name}")
+    source = f"--config {name}" + (" with its --set" if settings else "")
+    return validate_config(override(tables, settings), source=source)
 
 
 def _finish(config: RunConfig, out: Path, *, as_json: bool) -> None:

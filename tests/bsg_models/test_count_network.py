@@ -246,3 +246,21 @@ def test_the_fraction_varies_from_mask_to_mask_and_not_from_run_to_run(dataset: 
     assert shares(0) == shares(0) != shares(1)
     assert len(set(shares(0))) > 3
     assert all(0.1 <= share <= 0.9 for share in shares(0))
+
+
+def test_a_graph_without_other_categories_gets_an_answer_and_one_of_others_an_error(
+    dataset: Path,
+) -> None:
+    data = open_dataset(dataset)
+    model = new_model(configure("ceci-sage"), data).eval()
+    (graph,) = MaskedGraphs.stored(data, "test", vocabulary=model.vocabulary)[:1]
+    nothing = graph.clone()
+    nothing.others = torch.zeros_like(graph.others)
+    del graph.others
+    np.testing.assert_array_equal(model.predict(graph).hidden, model.predict(nothing).hidden)
+    graph.others = torch.ones(len(graph.x), 7)
+    with pytest.raises(ValueError, match=r"make them with vocabulary=model\.vocabulary"):
+        model.predict(graph)
+    narrow = new_model(configure("ceci-sage", "data.min_scenes=99"), data)
+    assert narrow.vocabulary == ()
+    assert np.isfinite(narrow.predict(MaskedGraphs.stored(data, "test")[0]).hidden).all()

@@ -26,7 +26,7 @@ def test_a_leaderboard_of_names_and_files(dataset: Path, tmp_path: Path) -> None
     small.write_text('[model]\nfamily = "deepsets"\nwidth = 8\n[training]\nepochs = 1\n', "utf-8")
     words = (*COMMON, "--data", dataset, "--out", tmp_path / "board")
     result = run(*words, "--models", f"doubled,gamma-poisson,{small}", "--masks", "rooms")
-    assert result.stdout.startswith("masks rooms:\nmodel")
+    assert result.stdout.startswith("`rooms` masks:\nmodel")
     report = json.loads((tmp_path / "board" / "leaderboard.json").read_text("utf-8"))
     assert set(report["masks"]["rooms"]) == {"doubled", "gamma-poisson", "small"}
     assert "## Masks: rooms" in (tmp_path / "board" / "leaderboard.md").read_text("utf-8")
