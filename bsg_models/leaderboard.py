@@ -20,6 +20,7 @@ from pathlib import Path
 
 from bsg_data.errors import DatasetError
 from bsg_data.executors import run_all
+from bsg_data.lock import hold
 from bsg_data.manifest import MANIFEST, Manifest, read_manifest
 from bsg_data.pairs import write_pairs
 from bsg_data.publication import withdraw_split
@@ -28,7 +29,7 @@ from bsg_data.shards import write_bytes
 from bsg_data.splits import split_dataset
 from bsg_models.checkpoint import load_checkpoint, restore_model
 from bsg_models.config import RunConfig
-from bsg_models.errors import TrainingError
+from bsg_models.errors import ConfigError, TrainingError
 from bsg_models.evaluation import (
     Bootstrap,
     Measurement,
@@ -120,31 +121,51 @@ def make_leaderboard(
         TrainingError: if a training fails.
     """
     report = progress or (lambda what, done, total: None)
-    for mask in recipe.masks:
-        prepare_dataset(dataset, out / mask / DATASET, recipe, mask=mask)
-    single = {n: c for n, c in models.items() if not isinstance(c.model, EnsembleConfig)}
-    ensembles = {n: c for n, c in models.items() if n not in single}
-    for config in ensembles.values():
-        single |= {name: find_config(name) for name in _members(config) if name not in single}
-    for what, some, function in (
-        ("train", single, _train),
-        ("combine", ensembles, _combine),
-    ):
-        tasks = [
-            (out / mask, name, fit_to(config, recipe, mask=mask, fold=fold))
-            for mask in recipe.masks
-            for fold in range(recipe.folds)
-            for name, config in some.items()
-        ]
-        run_all(function, tasks, executor=executor, progress=_name(report, what))
-    tasks_of_measuring = [(out / mask, name, recipe) for mask in recipe.masks for name in models]
-    found = run_all(
-        _measure, tasks_of_measuring, executor=executor, progress=_name(report, "measure")
-    )
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise DatasetError(f"{out}: cannot be made ({error.strerror})") from error
+    single, ensembles = sort_models(models)
+    with hold(out):
+        for mask in recipe.masks:
+            prepare_dataset(dataset, out / mask / DATASET, recipe, mask=mask)
+        for what, function, some in (
+            ("train", _train, single),
+            ("combine", _combine, ensembles),  # of runs that are there by now
+        ):
+            tasks = [
+                (out / mask, name, fit_to(config, recipe, mask=mask, fold=fold))
+                for mask in recipe.masks
+                for fold in range(recipe.folds)
+                for name, config in some.items()
+            ]
+            run_all(function, tasks, executor=executor, progress=_name(report, what))
+        shown = [(out / mask, name, recipe) for mask in recipe.masks for name in models]
+        found = run_all(_measure, shown, executor=executor, progress=_name(report, "measure"))
     standings: dict[str, dict[str, Standing]] = {mask: {} for mask in recipe.masks}
-    for (folder, name, _), standing in zip(tasks_of_measuring, found, strict=True):
+    for (folder, name, _), standing in zip(shown, found, strict=True):
         standings[folder.name][name] = standing
     return Leaderboard(recipe, read_manifest(dataset), standings)
+
+
+def sort_models(
+    models: Mapping[str, RunConfig],
+) -> tuple[dict[str, RunConfig], dict[str, RunConfig]]:
+    """Return the models that are trained, with those that ensembles need, and the ensembles.
+
+    Raises:
+        ConfigError: if an ensemble needs a model whose name is taken by another configuration.
+    """
+    single = {n: c for n, c in models.items() if not isinstance(c.model, EnsembleConfig)}
+    ensembles = {n: c for n, c in models.items() if n not in single}
+    for name, config in ensembles.items():
+        for member in _members(config):
+            if single.setdefault(member, find_config(member)) != find_config(member):
+                raise ConfigError(
+                    f"{name} needs the zoo's {member}, and another configuration has this name; "
+                    "rename its file"
+                )
+    return single, ensembles
 
 
 def prepare_dataset(source: Path, copy: Path, recipe: LeaderboardRecipe, *, mask: Strategy) -> None:
@@ -212,7 +233,7 @@ def _combine(folder: Path, name: str, config: RunConfig) -> None:
     members = {member: run_of(folder, member, fold) for member in _members(config)}
     for member, trained in members.items():
         if not is_finished(trained, member_config(config, member), data):
-            raise TrainingError(f"{trained}: is not the run that {name} needs; --force")
+            raise TrainingError(f"{trained}: is not the run that {name} needs; remove it")
     began = time.perf_counter()
     combine_runs(config, data, members, run_of(folder, name, fold))
     own = time.perf_counter() - began
@@ -246,7 +267,7 @@ def _read_seconds(run: Path) -> float:
     try:
         return float(json.loads((run / SECONDS).read_text("utf-8"))["seconds"])
     except (OSError, ValueError, KeyError) as error:
-        raise TrainingError(f"{run / SECONDS}: cannot be read ({error}); --force") from error
+        raise TrainingError(f"{run / SECONDS}: cannot be read ({error}); remove {run}") from error
 
 
 def _name(report: Callable[[str, int, int], None], what: str) -> Callable[[int, int], None]:

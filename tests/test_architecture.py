@@ -76,7 +76,7 @@ IMPORTS = {
             "calibration config families graph_dataset hidden_counts model node_features"
         ),
         "deepsets": "count_network families",
-        "ensemble": "calibration hidden_counts model",
+        "ensemble": "calibration graph_dataset hidden_counts model",
         "errors": "",
         "evaluation": "expectation graph_dataset metrics model presence",
         "expectation": "hidden_counts",

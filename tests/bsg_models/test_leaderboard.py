@@ -9,10 +9,12 @@ import pytest
 
 from bsg_data.build import build_dataset
 from bsg_data.errors import DatasetError
+from bsg_data.lock import hold
 from bsg_data.manifest import read_manifest
 from bsg_data.sources import HM3DFolder
 from bsg_models.checkpoint import load_checkpoint
 from bsg_models.config import RunConfig, override, validate_config
+from bsg_models.errors import ConfigError
 from bsg_models.evaluation import Bootstrap
 from bsg_models.figures import draw_leaderboard
 from bsg_models.graph_dataset import open_dataset
@@ -22,6 +24,7 @@ from bsg_models.leaderboard import (
     Standing,
     make_leaderboard,
     run_of,
+    sort_models,
 )
 from bsg_models.leaderboard_table import compare, rank_models, write_json, write_markdown
 from bsg_models.run_folder import BEST
@@ -124,6 +127,21 @@ def test_an_ensemble_is_the_mean_of_its_members(unsplit: Path, tmp_path: Path) -
     names = {name.split(".")[1] for name in members[0].state_of("model") if "." in name}
     assert names == {"gamma-poisson", "train-mean"}
     assert all(checkpoint.header.calibrated for checkpoint in members)
+
+
+def test_a_name_that_an_ensemble_needs_is_not_taken_by_another_model() -> None:
+    single, ensembles = sort_models({"pair": MODELS["pair"]})
+    assert (set(single), set(ensembles)) == ({"gamma-poisson", "train-mean"}, {"pair"})
+    taken = {"pair": MODELS["pair"], "train-mean": ZOO["input"]}
+    with pytest.raises(ConfigError, match="needs the zoo's train-mean"):
+        sort_models(taken)
+
+
+def test_two_leaderboards_never_write_into_one_folder(unsplit: Path, tmp_path: Path) -> None:
+    models = {"train-mean": ZOO["train-mean"]}
+    (tmp_path / "board").mkdir()
+    with hold(tmp_path / "board"), pytest.raises(DatasetError, match="another command"):
+        make_leaderboard(unsplit, tmp_path / "board", models, RECIPE)
 
 
 def board(values: Mapping[str, float]) -> Leaderboard:
