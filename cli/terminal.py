@@ -14,7 +14,8 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from io import TextIOWrapper
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
+from threading import Thread
 from typing import Any, NoReturn
 
 import click
@@ -93,7 +94,9 @@ def worker_pool(workers: int) -> Iterator[Executor | None]:
     if workers == 1:
         yield None
         return
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+    with ProcessPoolExecutor(
+        workers, mp_context=get_context("spawn"), initializer=end_with_parent
+    ) as pool:
         # Ctrl-C is for this process alone. What is ignored here stays ignored in a process that
         # starts now, from its first moment on; so start them all now.
         handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -101,6 +104,19 @@ def worker_pool(workers: int) -> Iterator[Executor | None]:
             pool.submit(os.getpid)
         signal.signal(signal.SIGINT, handler)
         yield pool
+
+
+def end_with_parent() -> None:
+    """Let this worker end when its parent is killed, which otherwise leaves it waiting for ever."""
+    parent = parent_process()
+    if parent is None:
+        return
+
+    def wait() -> None:
+        parent.join()
+        os._exit(FAILED)
+
+    Thread(target=wait, daemon=True).start()
 
 
 def print_json(value: object) -> None:
