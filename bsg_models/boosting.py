@@ -28,6 +28,8 @@ from bsg_models.hidden_counts import MIN_RATE, Floats, HiddenCounts, negative_bi
 from bsg_models.masked_rooms import draw_chosen
 from bsg_models.model import building_of, others_of, to_array
 
+_MOST_BYTES = 2**28  # of unpacked trees; the recipe's are some megabytes
+
 
 class PoissonBoosting(CalibratedModel):
     """Fitted by boosting on masks of the training rooms.
@@ -46,7 +48,7 @@ class PoissonBoosting(CalibratedModel):
         self.vocabulary = vocabulary
         self.register_buffer("trees", torch.zeros(0, dtype=torch.uint8))
         self.register_buffer("dispersions", torch.ones(classes, dtype=torch.float64))
-        self._boosters: list[Any] = []
+        self._boosters: list[tuple[float, Any]] = []
 
     def fit(self, data: Buildings, choice: DataConfig) -> None:
         """Grow the trees of every class."""
@@ -54,6 +56,8 @@ class PoissonBoosting(CalibratedModel):
         masked = draw_chosen(data, choice, draws=self.config.draws, vocabulary=self.vocabulary)
         share = to_array(masked.fraction)
         rows = ~masked.is_building.numpy() & (share > 0)
+        if not rows.any():
+            raise TrainingError("the masks of poisson-boosting hide nothing: raise data.fractions")
         features, offset = self._describe(masked)[rows], np.log(share[rows])
         hidden = to_array(masked.y - masked.x)[rows]
         texts, rates = [], np.empty_like(hidden)
@@ -72,36 +76,58 @@ class PoissonBoosting(CalibratedModel):
         self.dispersions.copy_(torch.from_numpy(fit_dispersion(hidden, rates)))
         packed = zlib.compress(json.dumps(texts).encode(), level=6)
         self.trees = torch.frombuffer(bytearray(packed), dtype=torch.uint8).clone()
-        self._boosters = []
+        self._boosters = self._read(packed)
 
     def make_room(self, state: Mapping[str, torch.Tensor]) -> None:
-        """Take as many bytes of trees as the checkpoint has."""
+        """Take as many bytes of trees as the checkpoint has, and grow them from these.
+
+        Raises:
+            CheckpointError: if they are not the trees of this model.
+        """
         found = state.get("trees")
         if found is not None and found.dtype == torch.uint8 and found.ndim == 1:
             self.trees = torch.zeros_like(found)
+            self._boosters = self._read(found.numpy().tobytes())
 
     def believe(self, graphs: Data) -> HiddenCounts:
         """Return the law that the trees give."""
         features, share = self._describe(graphs), to_array(graphs.fraction)[:, None]
-        rates = np.empty((len(features), len(self.dispersions)))
-        for c, (start, booster) in enumerate(self._load()):
+        rates = np.zeros((len(features), len(self.dispersions)))
+        for c, (start, booster) in enumerate(self._boosters):
             grown = booster.predict(features, raw_score=True, num_threads=1) if booster else 0.0
             rates[:, c] = start + grown
         dispersions = np.broadcast_to(to_array(self.dispersions), rates.shape)
         return negative_binomial(share * np.exp(np.minimum(rates, 6.0)), dispersions)
 
-    def _load(self) -> list[Any]:
-        if not self._boosters:
-            lightgbm = _import_lightgbm()
-            try:
-                texts = json.loads(zlib.decompress(self.trees.numpy().tobytes()))
-                self._boosters = [
-                    (one["start"], one["trees"] and lightgbm.Booster(model_str=one["trees"]))
-                    for one in texts
-                ]
-            except (zlib.error, ValueError, KeyError, lightgbm.basic.LightGBMError) as error:
-                raise CheckpointError(f"its trees are damaged: {error}") from error
-        return self._boosters
+    def _read(self, packed: bytes) -> list[tuple[float, Any]]:
+        """Return start and trees of every class; None for the trees of a class that never hid."""
+        lightgbm = _import_lightgbm()
+        unpacking = zlib.decompressobj()
+        try:
+            texts = json.loads(unpacking.decompress(packed, _MOST_BYTES))
+            found = [
+                (float(one["start"]), _grow(lightgbm, one["trees"]) if one["trees"] else None)
+                for one in texts
+            ]
+        except (zlib.error, ValueError, KeyError, TypeError, lightgbm.basic.LightGBMError) as error:
+            raise CheckpointError(f"the trees are damaged ({error})") from error
+        widths = {booster.num_feature() for _, booster in found if booster} | {self._width()}
+        if len(found) != len(self.dispersions) or len(widths) > 1:
+            raise CheckpointError("the trees are of another model")
+        if not np.isfinite([start for start, _ in found]).all():
+            raise CheckpointError("the trees are damaged (a start is not finite)")
+        return found
+
+    def _width(self) -> int:
+        """Return F, what the trees read of every node."""
+        classes, reads = len(self.dispersions), self.config.reads
+        return (
+            classes
+            + 1
+            + 2 * ("mask" in reads)
+            + (classes + 1) * ("building" in reads)
+            + len(self.vocabulary) * ("categories" in reads)
+        )
 
     def _describe(self, graphs: Data) -> Floats:
         """Return what the trees read of every node, `[N, F]`."""
@@ -131,9 +157,15 @@ class PoissonBoosting(CalibratedModel):
             "deterministic": True,
             "force_row_wise": True,
             "num_threads": 1,
-            "seed": 0,
+            "seed": torch.initial_seed() % 2**31,  # of the run, see bsg_models.training
             "verbosity": -1,
         }
+
+
+def _grow(lightgbm: Any, text: object) -> Any:
+    if not isinstance(text, str):
+        raise TypeError("trees are text")
+    return lightgbm.Booster(model_str=text)
 
 
 def _import_lightgbm() -> Any:

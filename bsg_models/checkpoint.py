@@ -21,7 +21,7 @@ from bsg_data.recipes import Record
 from bsg_data.schema import FORMAT_VERSION
 from bsg_data.shards import write_bytes
 from bsg_models.config import RunConfig
-from bsg_models.errors import CheckpointError
+from bsg_models.errors import CheckpointError, ConfigError
 from bsg_models.model import BeliefModel
 from bsg_models.zoo import make_model
 
@@ -122,10 +122,13 @@ def restore_model(path: Path, checkpoint: Checkpoint) -> BeliefModel:
         CheckpointError: if a tensor is missing, unknown or of another shape.
     """
     header = checkpoint.header
-    model = make_model(
-        header.config, classes=len(header.class_map.classes), vocabulary=header.vocabulary
-    )
-    model.make_room(checkpoint.state_of("model"))
+    try:
+        model = make_model(
+            header.config, classes=len(header.class_map.classes), vocabulary=header.vocabulary
+        )
+        model.make_room(checkpoint.state_of("model"))
+    except (ConfigError, CheckpointError) as error:
+        raise CheckpointError(f"{path}: {error}") from error
     expected, found = model.state_dict(), checkpoint.state_of("model")
     for name in sorted(expected.keys() | found.keys()):
         ours = tuple(expected[name].shape) if name in expected else "no such tensor"

@@ -16,8 +16,9 @@ n counts rooms of the training buildings under masks, b_j that class j was seen 
 "classes"`) or seen 1, 2, 3 or more times (`"counts"`), c that an object of the class was hidden; s
 is the smoothing. The observations are thereby independent of each other given c, and each pair
 (c, b_j) is estimated on its own. Equation 3's distribution of the hidden count is kept as its P(0)
-and its mean, averaged in the same way: the zero-inflated Poisson with both. Where nothing was seen
-it is that of all rooms. At another fraction than that of the counting, the rate is scaled.
+and its mean, averaged in the same way: the zero-inflated Poisson with both, or where the mean is
+too small for that, the Poisson with this P(0). Where nothing was seen it is that of all rooms. At
+another fraction than that of the counting, the rate is scaled.
 """
 
 from __future__ import annotations
@@ -81,7 +82,7 @@ class ConditionalModel(BeliefModel):
         observed = self._observe(inputs)
         weights = np.hstack([observed, observed.sum(axis=1, keepdims=True) == 0])
         weights /= weights.sum(axis=1, keepdims=True)
-        scale = to_array(graphs.fraction)[:, None] / max(float(self.fraction), 1e-6)
+        scale = to_array(graphs.fraction)[:, None] / float(self.fraction)
         presence = 1 - (1 - weights @ to_array(self.presence)) ** scale
         law = zero_inflated(presence, scale * (weights @ to_array(self.hidden)))
         return from_law(inputs, sum_rooms(law, inputs, graphs))

@@ -159,6 +159,8 @@ def _explain(fault: Any) -> str:
         return f"{where} is no key; {hint}"
     if fault["type"] in ("union_tag_invalid", "union_tag_not_found"):
         return f"{where}.family must be one of {', '.join(_FAMILIES)}"
+    if fault["type"] == "value_error":  # of our own: it says what was found
+        return f"{where}: {fault['ctx']['error']}"
     return f"{where}: {fault['msg'].lower()}, found {fault['input']!r}"
 
 

@@ -29,7 +29,7 @@ from bsg_models.hidden_counts import MIN_RATE, HiddenCounts, negative_binomial, 
 from bsg_models.model import to_array
 from bsg_models.node_features import NodeFeatures
 
-_MOST = 5.0  # of |log m| and |log r|: e^5 objects of one class in one room
+_MOST = 5.0  # of log m and |log r|: e^5 objects of one class in one room; log m ≥ −10
 
 
 class CountNetwork(CalibratedModel):
@@ -65,7 +65,8 @@ class CountNetwork(CalibratedModel):
         """Return the mean loss over rooms and classes, as `likelihood` says."""
         mean, dispersion = (part[~graphs.is_building] for part in self(graphs))
         hidden = (graphs.y - graphs.x)[~graphs.is_building]
-        return cell_loss(hidden, mean, dispersion, likelihood=self.likelihood).mean()
+        cells = cell_loss(hidden, mean, dispersion, likelihood=self.likelihood)
+        return cells.sum() / max(cells.numel(), 1)  # a batch may have no rooms
 
     def validation_loss(self, graphs: Data) -> tuple[float, int]:
         """Return the sum of the loss over rooms and classes, and the number of these cells."""

@@ -154,6 +154,8 @@ def _restore(
     checkpoint = _load_last(run / LAST, config, data)
     if not (run / BEST).is_file():
         raise TrainingError(f"{run / BEST}: is gone; --force starts the run again")
+    if checkpoint.header.vocabulary != model.vocabulary:
+        raise TrainingError(f"{run / LAST}: reads other categories; --force starts the run again")
     model.load_state_dict(restore_model(run / LAST, checkpoint).state_dict())
     load_optimiser(optimiser, model, checkpoint.state_of("adam"), path=run / LAST)
     return checkpoint.header

@@ -331,11 +331,11 @@ def connect(
 def _vary(
     mask: MaskRecipe, fractions: tuple[float, float] | None, draw: int, buildings: int
 ) -> list[MaskRecipe]:
-    """Return the mask of every building, with its own fraction in hundredths if they vary."""
+    """Return the mask of every building, in their order; fractions that vary are in hundredths."""
     if fractions is None:
         return [mask] * buildings
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([mask.seed, draw])))
-    drawn = rng.uniform(*fractions, size=buildings).round(2).tolist()
+    drawn = rng.uniform(*fractions, size=buildings).round(2).clip(*fractions).tolist()
     return [mask.model_copy(update={"fraction": fraction}) for fraction in drawn]
 
 

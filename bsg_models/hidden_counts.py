@@ -87,7 +87,7 @@ class HiddenCounts:
         return found
 
     def sample(self, rng: np.random.Generator) -> npt.NDArray[np.int64]:
-        """Return one draw of all counts, `[N, C]`; a node's classes share its component."""
+        """Return one draw of all counts, `[N, C]`; a building's is not the sum of its rooms'."""
         chosen = np.empty(self.means.shape[1:], dtype=np.int64)
         level = rng.random((len(chosen), 1))
         shares = np.broadcast_to(np.cumsum(self.weights, axis=0), self.means.shape)

@@ -43,7 +43,6 @@ from bsg_models.gradient import stored_graphs
 from bsg_models.graph_dataset import open_dataset
 from bsg_models.run_folder import BEST, is_finished
 from bsg_models.training import combine_runs, member_config, one_thread, train_run
-from bsg_models.zoo import find_config
 
 SECONDS = "seconds.json"
 DATASET = "dataset"
@@ -160,10 +159,11 @@ def sort_models(
     ensembles = {n: c for n, c in models.items() if n not in single}
     for name, config in ensembles.items():
         for member in _members(config):
-            if single.setdefault(member, find_config(member)) != find_config(member):
+            needed = member_config(config, member)
+            if single.setdefault(member, needed) != needed:
                 raise ConfigError(
-                    f"{name} needs the zoo's {member}, and another configuration has this name; "
-                    "rename its file"
+                    f"{name} needs the zoo's {member} with its own seed and data, and another "
+                    "configuration has this name; rename its file, or set both alike"
                 )
     return single, ensembles
 
@@ -266,7 +266,7 @@ def _write_seconds(run: Path, seconds: float) -> None:
 def _read_seconds(run: Path) -> float:
     try:
         return float(json.loads((run / SECONDS).read_text("utf-8"))["seconds"])
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, ValueError, KeyError, TypeError) as error:
         raise TrainingError(f"{run / SECONDS}: cannot be read ({error}); remove {run}") from error
 
 

@@ -231,7 +231,7 @@ def _plain(estimate: Estimate | None) -> dict[str, float | int | None] | None:
         return None
     numbers = {"value": estimate.value, "low": estimate.low, "high": estimate.high}
     return {
-        **{k: None if np.isnan(v) else v for k, v in numbers.items()},
+        **{k: v if np.isfinite(v) else None for k, v in numbers.items()},
         "nodes": estimate.nodes,
     }
 

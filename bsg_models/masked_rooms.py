@@ -6,6 +6,7 @@ from torch_geometric.data import Batch, Data
 
 from bsg_data.recipes import MaskRecipe
 from bsg_models.config import DataConfig
+from bsg_models.errors import TrainingError
 from bsg_models.graph_dataset import Buildings, MaskedGraphs
 
 
@@ -13,7 +14,12 @@ def draw_uniform(data: Buildings, choice: DataConfig, *, draws: int) -> Data:
     """Return the training buildings under uniform masks of the choice's fraction, as one batch.
 
     Uniform whatever the strategy: what a class says of another shows in rooms that are seen.
+
+    Raises:
+        TrainingError: if the fraction is 0.
     """
+    if not choice.mask.fraction:
+        raise TrainingError("masks that hide nothing teach nothing: raise data.mask.fraction")
     mask = MaskRecipe(fraction=choice.mask.fraction, seed=choice.mask.seed)
     return _draw(data, choice.model_copy(update={"mask": mask, "fractions": None}), draws=draws)
 

@@ -30,6 +30,7 @@ from torch_geometric.data import Data
 
 from bsg_models.calibration import CalibratedModel
 from bsg_models.config import DataConfig
+from bsg_models.errors import TrainingError
 from bsg_models.families import MixtureConfig
 from bsg_models.graph_dataset import Buildings
 from bsg_models.hidden_counts import Floats, HiddenCounts, negative_binomial
@@ -49,7 +50,7 @@ class RoomTypeMixture(CalibratedModel):
         log_types: `[K]` log π.
         means: `[K, C]` m.
         dispersions: `[K, C]` r.
-        habits: `[C]` α; ∞ where buildings do not differ.
+        habits: `[C]` α; large where buildings do not differ.
     """
 
     log_types: torch.Tensor
@@ -71,6 +72,11 @@ class RoomTypeMixture(CalibratedModel):
         scenes = data.scenes_of("train", fold=choice.fold)
         rooms = [np.minimum(data.cells[scene][1:], _MOST) for scene in scenes]
         counts = np.concatenate(rooms)
+        if len(counts) < self.config.types:
+            raise TrainingError(
+                f"{len(counts)} training rooms are too few for {self.config.types} room types; "
+                "lower model.types"
+            )
         seed = int(torch.randint(2**31, (1,)).item())  # torch was seeded with the run's seed
         log_types, means, dispersions, belonging = fit_types(
             counts, types=self.config.types, iterations=self.config.iterations, seed=seed
@@ -134,8 +140,7 @@ class RoomTypeMixture(CalibratedModel):
         ]
         types = of_others[0] + _PRIOR_TYPES * np.exp(to_array(self.log_types))
         habit = to_array(self.habits)
-        ratio = (habit + of_others[1]) / (habit + of_others[2])
-        gain = np.where(np.isfinite(habit), ratio, 1.0)
+        gain = (habit + of_others[1]) / (habit + of_others[2])
         return np.log(types / types.sum(axis=1, keepdims=True)).T, gain
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from torch_geometric.data import Data
 
+from bsg_data.errors import MismatchError
 from bsg_models.config import DataConfig
 from bsg_models.expectation import Expectation
 from bsg_models.graph_dataset import Buildings
@@ -64,13 +65,13 @@ def others_of(graphs: Data, vocabulary: int) -> torch.Tensor:
     """Return which categories of a vocabulary are visible where, `[N, V]`; none if not said.
 
     Raises:
-        ValueError: if the graphs were made with another vocabulary.
+        MismatchError: if the graphs were made with another vocabulary.
     """
     others: torch.Tensor | None = graphs.get("others")
-    if others is None:
+    if others is None or not others.shape[1]:
         return torch.zeros(len(graphs.x), vocabulary)
     if others.shape[1] != vocabulary:
-        raise ValueError(
+        raise MismatchError(
             f"the graphs have {others.shape[1]} categories outside the classes, the model reads "
             f"{vocabulary}; make them with vocabulary=model.vocabulary"
         )

@@ -72,7 +72,7 @@ class NaiveBayesModel(BeliefModel):
         evidence += (inputs == 0) @ np.log((1 - present) / (1 - absent))
         evidence *= graphs.visited.numpy()[:, None]
         odds = logit(to_array(self.prior)) + self.config.temper * evidence
-        scale = to_array(graphs.fraction)[:, None] / max(float(self.fraction), 1e-6)
+        scale = to_array(graphs.fraction)[:, None] / float(self.fraction)
         presence = 1 - expit(-odds) ** scale
         law = zero_inflated(presence, presence * to_array(self.number))
         return from_law(inputs, sum_rooms(law, inputs, graphs))

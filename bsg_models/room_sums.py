@@ -18,6 +18,9 @@ def sum_rooms(law: HiddenCounts, inputs: Floats, graphs: Data) -> HiddenCounts:
         inputs: `[N, C]`.
         graphs: a graph or a batch; a building is the first of its nodes.
 
+    Objects of the null region, which are in no room (HM3D's public scenes have none with a class),
+    are taken to be all seen.
+
     Returns:
         the law. A building without rooms hides f / (1 − f) of what was seen of it.
     """

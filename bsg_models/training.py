@@ -33,7 +33,7 @@ from bsg_models.run_folder import (
     refuse_overwriting,
     save_fitted,
 )
-from bsg_models.zoo import find_config, make_model, reads_categories
+from bsg_models.zoo import find_member, make_model, reads_categories
 
 
 def train_run(
@@ -137,6 +137,10 @@ def _train_ensemble(
 ) -> Iterator[EpochReport]:
     """Train the members into `members/NAME` of the run, one after another, then mix them."""
     members = {name: run / MEMBERS / name for name in ensemble.members}
+    new_model(config, data)  # a configuration that cannot be made fails before anything is replaced
+    if not resume:
+        with open_run(run):
+            clear_run(run)
     for name, folder in members.items():
         member = member_config(config, name)
         if resume and is_finished(folder, member, data):
@@ -148,7 +152,7 @@ def _train_ensemble(
 
 def member_config(config: RunConfig, name: str) -> RunConfig:
     """Return the configuration of a member: its own recipe, with the ensemble's seed and data."""
-    member = find_config(name)
+    member = find_member(name)
     chosen = {name: getattr(config.data, name) for name in ("fold", "mask", "min_scenes")}
     data = member.data.model_copy(update=chosen)
     return member.model_copy(update={"seed": config.seed, "data": data})

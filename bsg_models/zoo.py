@@ -99,10 +99,10 @@ _FAMILIES: Mapping[str, Callable[[Any, int, tuple[str, ...]], BeliefModel]] = Ma
         "room-transformer": RoomTransformer,
         "ensemble": lambda config, classes, vocabulary: Ensemble(
             {
-                name: make_model(find_config(name), classes=classes, vocabulary=vocabulary)
+                name: make_model(find_member(name), classes=classes, vocabulary=vocabulary)
                 for name in config.members
             },
-            {name: find_config(name).data.edges for name in config.members},
+            {name: find_member(name).data.edges for name in config.members},
             vocabulary,
         ),
     }
@@ -122,10 +122,22 @@ def find_config(name: str) -> RunConfig:
     return ZOO[name]
 
 
+def find_member(name: str) -> RunConfig:
+    """Return the configuration of a member of an ensemble.
+
+    Raises:
+        ConfigError: for an unknown name, or an ensemble.
+    """
+    config = find_config(name)
+    if isinstance(config.model, EnsembleConfig):
+        raise ConfigError(f"{name} is an ensemble itself; name its members instead")
+    return config
+
+
 def reads_categories(config: RunConfig) -> bool:
     """Say whether a model reads the visible objects outside the classes."""
     if isinstance(config.model, EnsembleConfig):
-        return any(reads_categories(find_config(name)) for name in config.model.members)
+        return any(reads_categories(find_member(name)) for name in config.model.members)
     return "categories" in getattr(config.model, "reads", ())
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -80,9 +81,12 @@ def choose_models(models: str | None) -> dict[str, RunConfig]:
     names = [name.strip() for name in models.split(",") if name.strip()]
     if not names:
         raise click.UsageError("--models names no model")
-    chosen = {
-        Path(name).stem if name.endswith(".toml") else name: load_config(name, ()) for name in names
-    }
+    chosen = {name if name in ZOO else Path(name).stem: load_config(name, ()) for name in names}
+    strange = [name for name in chosen if not re.fullmatch(r"[\w. -]+", name) or name[0] == "."]
+    if strange:
+        raise click.UsageError(
+            f"--models: {strange[0]!r} cannot name a folder; letters, digits, '-', '_' and '.' can"
+        )
     if len(chosen) < len(names):
         raise click.UsageError("--models names a model twice")
     return chosen

@@ -10,6 +10,7 @@ import torch
 from scipy import stats
 from torch_geometric.data import Data
 
+from bsg_data.errors import MismatchError
 from bsg_data.recipes import MaskRecipe
 from bsg_models.checkpoint import load_checkpoint, restore_model
 from bsg_models.config import RunConfig, override, validate_config
@@ -259,8 +260,16 @@ def test_a_graph_without_other_categories_gets_an_answer_and_one_of_others_an_er
     del graph.others
     np.testing.assert_array_equal(model.predict(graph).hidden, model.predict(nothing).hidden)
     graph.others = torch.ones(len(graph.x), 7)
-    with pytest.raises(ValueError, match=r"make them with vocabulary=model\.vocabulary"):
+    with pytest.raises(MismatchError, match=r"make them with vocabulary=model\.vocabulary"):
         model.predict(graph)
     narrow = new_model(configure("ceci-sage", "data.min_scenes=99"), data)
     assert narrow.vocabulary == ()
     assert np.isfinite(narrow.predict(MaskedGraphs.stored(data, "test")[0]).hidden).all()
+
+
+def test_a_batch_without_rooms_has_no_loss(dataset: Path) -> None:
+    model = new_model(configure("deepsets"), open_dataset(dataset))
+    alone = building([[3.0] * 45], others=[[]], visited=[True], share=[0.5])
+    loss = model.loss(alone)
+    assert loss.item() == 0
+    loss.backward()  # type: ignore[no-untyped-call]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import builtins
+import json
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +19,7 @@ from bsg_models.checkpoint import load_checkpoint, restore_model, save_checkpoin
 from bsg_models.conditional import ConditionalModel
 from bsg_models.config import DataConfig, RunConfig, override, validate_config
 from bsg_models.ensemble import Ensemble
-from bsg_models.errors import CheckpointError, TrainingError
+from bsg_models.errors import CheckpointError, ConfigError, TrainingError
 from bsg_models.families import ConditionalConfig, NaiveBayesConfig
 from bsg_models.graph_dataset import MaskedGraphs, open_dataset
 from bsg_models.hidden_counts import negative_binomial
@@ -97,12 +99,96 @@ def test_boosting_survives_its_checkpoint_and_says_when_it_is_damaged(
     list(train_run(config, dataset, tmp_path / "twin"))
     twin = load_file(tmp_path / "twin" / BEST)
     assert all(torch.equal(t, twin[name]) for name, t in load_file(tmp_path / "run" / BEST).items())
+
+
+def spoil(texts: list[dict[str, Any]], how: str) -> bytes:
+    """Return the trees of a checkpoint, packed again, with one fault."""
+    if how == "cut":
+        return zlib.compress(json.dumps(texts).encode())[:50]
+    if how == "few":
+        texts = texts[:3]
+    elif how == "not finite":
+        texts[0]["start"] = float("nan")
+    elif how == "no text":
+        texts[0] = {"start": 0.0, "trees": 7}
+    elif how == "no list":
+        texts = 5  # type: ignore[assignment]
+    return zlib.compress(json.dumps(texts).encode())
+
+
+@pytest.mark.parametrize(
+    ("how", "message"),
+    [
+        ("cut", "trees are damaged"),
+        ("few", "trees are of another model"),
+        ("not finite", "a start is not finite"),
+        ("no text", "trees are damaged"),
+        ("no list", "trees are damaged"),
+    ],
+)
+def test_damaged_trees_are_named_with_their_file(
+    dataset: Path, tmp_path: Path, how: str, message: str
+) -> None:
+    config = configure("poisson-boosting", "model.trees=2", "model.draws=1")
+    list(train_run(config, dataset, tmp_path / "run"))
+    checkpoint = load_checkpoint(tmp_path / "run" / BEST)
+    packed = checkpoint.tensors["model.trees"].numpy().tobytes()
+    spoiled = spoil(json.loads(zlib.decompress(packed)), how)
     tensors = dict(checkpoint.tensors)
-    tensors["model.trees"] = tensors["model.trees"][:50]
-    save_checkpoint(tmp_path / "bad.safetensors", checkpoint.header, tensors)
-    bad = restore_model(tmp_path / "bad.safetensors", load_checkpoint(tmp_path / "bad.safetensors"))
-    with pytest.raises(CheckpointError, match="trees are damaged"):
-        bad.predict(graphs[0])
+    tensors["model.trees"] = torch.frombuffer(bytearray(spoiled), dtype=torch.uint8)
+    path = tmp_path / "bad.safetensors"
+    save_checkpoint(path, checkpoint.header, tensors)
+    with pytest.raises(CheckpointError, match=rf"bad\.safetensors: .*{message}"):
+        restore_model(path, load_checkpoint(path))
+
+
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        ("conditional", ("data.mask.fraction=0.0",)),
+        ("naive-bayes", ("data.mask.fraction=0.0",)),
+        ("poisson-boosting", ("data.fractions=[0.0,0.0]",)),
+    ],
+)
+def test_masks_that_hide_nothing_are_refused(
+    dataset: Path, tmp_path: Path, name: str, settings: tuple[str, ...]
+) -> None:
+    with pytest.raises(TrainingError, match="hide nothing"):
+        list(train_run(configure(name, *settings), dataset, tmp_path / "run"))
+
+
+def test_more_room_types_than_rooms_are_refused(dataset: Path, tmp_path: Path) -> None:
+    with pytest.raises(TrainingError, match=r"too few for 1000 room types; lower model\.types"):
+        list(train_run(configure("mixture", "model.types=1000"), dataset, tmp_path / "run"))
+
+
+def test_an_ensemble_replaces_a_run_whole(dataset: Path, tmp_path: Path) -> None:
+    small = ("training.epochs=2", "model.width=8")
+    list(train_run(configure("deepsets", *small), dataset, tmp_path / "run"))
+    members = 'model.members=["train-mean","gamma-poisson"]'
+    list(train_run(configure("ensemble", members), dataset, tmp_path / "run", force=True))
+    left = {path.name for path in (tmp_path / "run").iterdir()}
+    assert left == {BEST, MEMBERS}
+
+
+@pytest.mark.parametrize(
+    ("members", "message"),
+    [
+        ('["ensemble"]', "ensemble is an ensemble itself"),
+        ('["mixture","mixture"]', "^test: model: members must differ, found mixture, mixture$"),
+        ('["mixtrue"]', "did you mean mixture"),
+    ],
+)
+def test_members_are_different_models_of_the_zoo(
+    dataset: Path, tmp_path: Path, members: str, message: str
+) -> None:
+    def train() -> None:
+        config = configure("ensemble", f"model.members={members}")
+        list(train_run(config, dataset, tmp_path / "run"))
+
+    with pytest.raises(ConfigError, match=message):
+        train()
+    assert not (tmp_path / "run").exists()
 
 
 def test_boosting_without_lightgbm_says_what_to_install(

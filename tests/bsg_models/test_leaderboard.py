@@ -132,6 +132,10 @@ def test_an_ensemble_is_the_mean_of_its_members(unsplit: Path, tmp_path: Path) -
 def test_a_name_that_an_ensemble_needs_is_not_taken_by_another_model() -> None:
     single, ensembles = sort_models({"pair": MODELS["pair"]})
     assert (set(single), set(ensembles)) == ({"gamma-poisson", "train-mean"}, {"pair"})
+    seeded = configure("ensemble", 'model.members=["train-mean"]', "seed=3")
+    assert sort_models({"seeded": seeded})[0]["train-mean"].seed == 3
+    with pytest.raises(ConfigError, match="with its own seed"):
+        sort_models({"seeded": seeded, "train-mean": ZOO["train-mean"]})
     taken = {"pair": MODELS["pair"], "train-mean": ZOO["input"]}
     with pytest.raises(ConfigError, match="needs the zoo's train-mean"):
         sort_models(taken)

@@ -44,9 +44,16 @@ def test_a_leaderboard_of_names_and_files(dataset: Path, tmp_path: Path) -> None
         (("--models", " ,"), "--models names no model"),
         (("--models", "doubled,doubled"), "names a model twice"),
         (("some-run",), "--leaderboard trains its own runs"),
+        (("--models", "../a|b.toml"), "cannot name a folder"),
     ],
 )
-def test_wrong_usage(dataset: Path, words: tuple[str, ...], message: str) -> None:
+def test_wrong_usage(
+    dataset: Path, words: tuple[str, ...], message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    inside = dataset / "inside"
+    inside.mkdir()
+    (dataset / "a|b.toml").write_text('[model]\nfamily = "input"\n', "utf-8")
+    monkeypatch.chdir(inside)
     assert message in run(*COMMON, "--data", dataset, *words, code=2).stderr
 
 
