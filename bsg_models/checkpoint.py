@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import torch
-from pydantic import ValidationError
+from pydantic import Field, ValidationError
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
@@ -36,6 +36,7 @@ class CheckpointHeader(Record):
         format_version: of the dataset format that it was trained on.
         config: of the run.
         class_map: whose histograms it reads and predicts.
+        members: of an ensemble, by name: the recipes that they were trained by.
         vocabulary: the categories outside the classes that it reads, in the order of its columns.
         dataset_sha256: of the manifest of the dataset that it was trained on.
         calibrated: whether its calibration was fitted.
@@ -49,6 +50,7 @@ class CheckpointHeader(Record):
     format_version: int = FORMAT_VERSION
     config: RunConfig
     class_map: ClassMapEntry
+    members: dict[str, RunConfig] = Field(default_factory=dict)
     vocabulary: tuple[str, ...] = ()
     dataset_sha256: str
     calibrated: bool = False
@@ -124,7 +126,10 @@ def restore_model(path: Path, checkpoint: Checkpoint) -> BeliefModel:
     header = checkpoint.header
     try:
         model = make_model(
-            header.config, classes=len(header.class_map.classes), vocabulary=header.vocabulary
+            header.config,
+            classes=len(header.class_map.classes),
+            vocabulary=header.vocabulary,
+            members=header.members,
         )
         model.make_room(checkpoint.state_of("model"))
     except (ConfigError, CheckpointError) as error:

@@ -199,6 +199,8 @@ def _notes(loaded: Sequence[tuple[Path, Checkpoint]], data: Buildings, split: st
         header = checkpoint.header
         epochs = header.config.training.epochs
         last = load_checkpoint(run / LAST).header.epoch if (run / LAST).is_file() else epochs
+        if header.calibrated != getattr(header.config.model, "calibrate", False):
+            notes.append(f"note: {run} stopped before its calibration; --resume finishes it")
         if last < epochs:
             notes.append(f"note: {run} stopped at epoch {last} of {epochs}; --resume goes on")
     if split == "train":

@@ -182,8 +182,8 @@ class Measurement:
         """Return the number of nodes that a metric is over."""
         name, _, rest = metric.partition("/")
         rows = self._rows[name]
-        if rest.startswith("top"):
-            return self._presence.count_rooms()
+        if rest.startswith(("top", "presence")):
+            return self._presence.count_rooms(rest)
         distance = rest.rpartition("/")[0]
         if distance in self._distances:
             return int((~np.isnan(self._distances[distance][rows])).sum())

@@ -31,6 +31,7 @@ class PresenceMeasurement:
             "unseen": ~seen,
             "unvisited": np.broadcast_to(~visited[:, None], seen.shape),
         }
+        self._rooms = {name: int(keep.any(axis=1).sum()) for name, keep in selections.items()}
         self._micro = {
             name: _Selection(presence, hidden, keep) for name, keep in selections.items()
         }
@@ -60,9 +61,11 @@ class PresenceMeasurement:
         for k, hits in self._hits.items():
             yield f"top{k}_unseen", metrics.moments(hits, weights).mean
 
-    def count_rooms(self) -> int:
-        """Return the number of rooms that hide an unseen class."""
-        return int((~np.isnan(self._hits[TOP[0]])).sum())
+    def count_rooms(self, measure: str) -> int:
+        """Return the number of rooms that a measure of `evaluate` is over."""
+        if measure.startswith("top"):  # those that hide an unseen class
+            return int((~np.isnan(self._hits[TOP[0]])).sum())
+        return self._rooms[measure.rpartition("/")[2]]
 
 
 _ORDERED: Mapping[str, Callable[..., float]] = {

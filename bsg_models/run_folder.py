@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -74,11 +74,18 @@ def name_tensors(prefix: str, state: dict[str, torch.Tensor]) -> dict[str, torch
 
 
 def save_fitted(
-    model: BeliefModel, config: RunConfig, data: Buildings, run: Path, *, calibrated: bool
+    model: BeliefModel,
+    config: RunConfig,
+    data: Buildings,
+    run: Path,
+    *,
+    calibrated: bool,
+    members: Mapping[str, RunConfig] | None = None,
 ) -> None:
-    """Save a model that was fitted by counting, or made of others."""
+    """Save a model that was fitted by counting, or made of members."""
     header = make_header(config, data, vocabulary=model.vocabulary)
-    header = header.model_copy(update={"calibrated": calibrated})
+    update = {"calibrated": calibrated, "members": dict(members or {})}
+    header = header.model_copy(update=update)
     save_checkpoint(run / BEST, header, name_tensors("model", model.state_dict()))
 
 

@@ -175,7 +175,8 @@ def combine_runs(
         model.take_member(name, trained)
     with open_run(run), one_thread():
         calibrated = calibrate_if_wanted(model, config, data)
-        save_fitted(model, config, data, run, calibrated=calibrated)
+        recipes = {name: member_config(config, name) for name in members}
+        save_fitted(model, config, data, run, calibrated=calibrated, members=recipes)
 
 
 @contextmanager

@@ -97,14 +97,6 @@ _FAMILIES: Mapping[str, Callable[[Any, int, tuple[str, ...]], BeliefModel]] = Ma
         "ceci-gin": CECIGIN,
         "deepsets": DeepSets,
         "room-transformer": RoomTransformer,
-        "ensemble": lambda config, classes, vocabulary: Ensemble(
-            {
-                name: make_model(find_member(name), classes=classes, vocabulary=vocabulary)
-                for name in config.members
-            },
-            {name: find_member(name).data.edges for name in config.members},
-            vocabulary,
-        ),
     }
 )
 
@@ -141,13 +133,35 @@ def reads_categories(config: RunConfig) -> bool:
     return "categories" in getattr(config.model, "reads", ())
 
 
-def make_model(config: RunConfig, *, classes: int, vocabulary: tuple[str, ...] = ()) -> BeliefModel:
+def make_model(
+    config: RunConfig,
+    *,
+    classes: int,
+    vocabulary: tuple[str, ...] = (),
+    members: Mapping[str, RunConfig] | None = None,
+) -> BeliefModel:
     """Return a new model of a configuration.
 
     Args:
         config: of the run.
         classes: C, of the histograms.
         vocabulary: the categories outside the classes that it may read.
+        members: recipes of an ensemble's members, where they are not those of the zoo.
+
+    Raises:
+        ConfigError: if an ensemble names a member that is none.
     """
+    if isinstance(config.model, EnsembleConfig):
+        recipes = {
+            name: (members or {}).get(name) or find_member(name) for name in config.model.members
+        }
+        return Ensemble(
+            {
+                name: make_model(recipe, classes=classes, vocabulary=vocabulary)
+                for name, recipe in recipes.items()
+            },
+            {name: recipe.data.edges for name, recipe in recipes.items()},
+            vocabulary,
+        )
     reads = vocabulary if reads_categories(config) else ()
     return _FAMILIES[config.model.family](config.model, classes, reads)

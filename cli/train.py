@@ -77,7 +77,11 @@ def main(
     except KeyboardInterrupt:
         reports = _draw_curve(config, out)
         saved = f"saved up to epoch {reports[-1].epoch}" if reports else "nothing is saved yet"
-        print_note(f"{out}: {saved}; the same command with --resume goes on")
+        if isinstance(config.model, EnsembleConfig):
+            saved = "finished members are kept"
+        again = "with --resume goes on" if hasattr(config.model, "likelihood") else "starts again"
+        again = "with --resume goes on" if isinstance(config.model, EnsembleConfig) else again
+        print_note(f"{out}: {saved}; the same command {again}")
         raise
     if resume and not trained:
         print_note(f"{out}: is finished already; nothing was trained")

@@ -93,14 +93,14 @@ IMPORTS = {
         "hidden_counts": "",
         "leaderboard": (
             "checkpoint config errors evaluation families gradient graph_dataset run_folder "
-            "training zoo"
+            "training"
         ),
         "leaderboard_table": "evaluation leaderboard",
         "learning_curve": "errors",
-        "masked_rooms": "config graph_dataset",
+        "masked_rooms": "config errors graph_dataset",
         "message_passing": "count_network families",
         "metrics": "",
-        "mixture": "calibration config families graph_dataset hidden_counts model",
+        "mixture": "calibration config errors families graph_dataset hidden_counts model",
         "model": "config expectation graph_dataset",
         "naive_bayes": (
             "config expectation families graph_dataset hidden_counts masked_rooms model room_sums"

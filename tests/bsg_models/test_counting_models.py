@@ -212,7 +212,12 @@ def test_an_ensemble_trains_its_members_and_is_their_mean(dataset: Path, tmp_pat
     )
     run = tmp_path / "run"
     assert list(train_run(config, dataset, run)) == []
-    whole = restore_model(run / BEST, load_checkpoint(run / BEST))
+    saved = load_checkpoint(run / BEST)
+    assert (
+        saved.header.members["mixture"]
+        == load_checkpoint(run / MEMBERS / "mixture" / BEST).header.config
+    )  # so that another zoo's recipe of this name changes nothing
+    whole = restore_model(run / BEST, saved)
     graphs = MaskedGraphs.stored(dataset, "test")
     members = []
     for name in ("gamma-poisson", "mixture"):
