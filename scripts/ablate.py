@@ -118,10 +118,12 @@ def main() -> int:
     parser.add_argument("--out", type=Path, required=True, help="folder of a leaderboard, or new")
     parser.add_argument("--folds", type=int, default=5)
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--variants", nargs="*", default=list(VARIANTS), choices=list(VARIANTS))
     options = parser.parse_args()
     recipe = LeaderboardRecipe(masks=("uniform",), folds=options.folds)
     folder = options.out / "uniform"
-    models = {name: configure(settings) for name, settings in VARIANTS.items()}
+    chosen = dict.fromkeys(["ceci-sage", *options.variants])
+    models = {name: configure(VARIANTS[name]) for name in chosen}
     with ProcessPoolExecutor(options.workers, mp_context=get_context("spawn")) as executor:
 
         def show(what: str, done: int, total: int) -> None:
