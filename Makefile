@@ -31,7 +31,8 @@ demo: $(INSTALLED) ## Run the main job end to end on synthetic buildings; result
 	$(BIN)/bsg-data check $(DEMO)/dataset
 	$(BIN)/bsg-data info $(DEMO)/dataset --figure $(DEMO)/classes.png
 	$(BIN)/bsg-train --config ceci-gcn --data $(DEMO)/dataset --out $(DEMO)/ceci-gcn --set training.epochs=300
-	$(BIN)/bsg-evaluate $(DEMO)/ceci-gcn --data $(DEMO)/dataset --out $(DEMO)/evaluation
+	$(BIN)/bsg-train --config ceci-sage --data $(DEMO)/dataset --out $(DEMO)/ceci-sage
+	$(BIN)/bsg-evaluate $(DEMO)/ceci-gcn $(DEMO)/ceci-sage --data $(DEMO)/dataset --out $(DEMO)/evaluation
 	@echo
 	@echo "These buildings are synthetic and few: the figures show that it works, not how well."
 	@echo "Look at the figures in $(DEMO)/evaluation and at $(DEMO)/classes.png. The dataset is $(DEMO)/dataset;"
