@@ -11,7 +11,7 @@ from tqdm import tqdm  # noqa: TID251 -- the command line is where bars belong
 
 from bsg_models.config import RunConfig, override, read_config, validate_config, write_toml
 from bsg_models.errors import ConfigError
-from bsg_models.families import EnsembleConfig
+from bsg_models.families import EnsembleConfig, GCNConfig, NetworkConfig
 from bsg_models.figures import draw_learning_curve
 from bsg_models.learning_curve import EpochReport, read_metrics
 from bsg_models.run_folder import BEST, CURVE, MEMBERS, METRICS
@@ -79,8 +79,8 @@ def main(
         saved = f"saved up to epoch {reports[-1].epoch}" if reports else "nothing is saved yet"
         if isinstance(config.model, EnsembleConfig):
             saved = "finished members are kept"
-        again = "with --resume goes on" if hasattr(config.model, "likelihood") else "starts again"
-        again = "with --resume goes on" if isinstance(config.model, EnsembleConfig) else again
+        resumable = isinstance(config.model, EnsembleConfig | NetworkConfig | GCNConfig)
+        again = "with --resume goes on" if resumable else "starts again"
         print_note(f"{out}: {saved}; the same command {again}")
         raise
     if resume and not trained:
