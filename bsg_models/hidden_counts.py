@@ -165,12 +165,18 @@ def concatenate(laws: Sequence[HiddenCounts]) -> HiddenCounts:
 
 
 def _log_negative_binomial(counts: Floats, mean: Floats, r: Floats) -> Floats:
+    """Return log P(counts) of every component, `[K, N, C]`.
+
+    Most counts are 0, where only the last term is left: the others are computed for the rest alone.
+    """
     finite = np.isfinite(r)
     shape = np.where(finite, r, 1.0)
+    found = -np.where(finite, shape * np.log1p(mean / shape), mean)
+    some = counts > 0
+    n, mean, shape, finite = counts[some], mean[:, some], shape[:, some], finite[:, some]
     with np.errstate(divide="ignore"):
-        log_mean = np.log(mean)
-    spread = np.where(finite, np.log(mean + shape), 0.0)
-    power = np.where(counts > 0, counts * np.where(counts > 0, log_mean - spread, 0.0), 0.0)
-    zero = np.where(finite, shape * np.log1p(mean / shape), mean)
-    choose = np.where(finite, gammaln(counts + shape) - gammaln(shape), 0.0)
-    return np.asarray(choose - gammaln(counts + 1) + power - zero)
+        spread = np.where(finite, np.log(mean + shape), 0.0)
+        power = n * (np.log(mean) - spread)
+    choose = np.where(finite, gammaln(n + shape) - gammaln(shape), 0.0)
+    found[:, some] = choose - gammaln(n + 1) + power + found[:, some]
+    return found

@@ -25,7 +25,7 @@ import numpy as np
 import numpy.typing as npt
 import torch
 from scipy.optimize import minimize_scalar
-from scipy.special import digamma, gammaln, logsumexp, polygamma
+from scipy.special import gammaln, logsumexp
 from torch_geometric.data import Data
 
 from bsg_models.calibration import CalibratedModel
@@ -208,15 +208,21 @@ def _improve_dispersions(r: Floats, mean: Floats, frequency: Floats, values: Int
     """
     for _ in range(3):
         s, m = r[..., None], mean[..., None]
-        first = digamma(values + s) - digamma(s) - np.log1p(m / s) + (m - values) / (m + s)
-        second = polygamma(1, values + s) - polygamma(1, s) + m / (s * (m + s))
-        second -= (m - values) / (m + s) ** 2
+        steps = 1 / (s + values[:-1])  # sums of these are the differences of the digamma function
+        first = _sum_before(steps) - np.log1p(m / s) + (m - values) / (m + s)
+        second = m / (s * (m + s)) - _sum_before(steps**2) - (m - values) / (m + s) ** 2
         slope = (frequency * first).sum(axis=-1) * r
         bend = (frequency * second).sum(axis=-1) * r**2 + slope
         log_r = np.log(r)
         slope, bend = slope - log_r, np.where(bend < 0, bend, -np.abs(bend)) - 1  # the prior
         r = np.exp(np.clip(log_r - np.clip(slope / bend, -1, 1), -_LOG_SHAPE, _LOG_SHAPE))
     return r
+
+
+def _sum_before(steps: Floats) -> Floats:
+    """Return 0 and the running sums over the last axis: `[..., n]` to `[..., n + 1]`."""
+    sums = np.cumsum(steps, axis=-1)
+    return np.concatenate([np.zeros_like(sums, shape=(*sums.shape[:-1], 1)), sums], axis=-1)
 
 
 def _log_law(counts: Floats | Ints, mean: Floats, r: Floats | float) -> Floats:

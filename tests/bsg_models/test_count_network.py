@@ -15,6 +15,7 @@ from bsg_data.recipes import MaskRecipe
 from bsg_models.checkpoint import load_checkpoint, restore_model
 from bsg_models.config import RunConfig, override, validate_config
 from bsg_models.count_network import CountNetwork, PriorHead, cell_loss
+from bsg_models.errors import TrainingError
 from bsg_models.families import NetworkConfig
 from bsg_models.gamma_poisson import GammaPoissonModel
 from bsg_models.graph_dataset import MaskedGraphs, connect, open_dataset
@@ -194,7 +195,7 @@ def test_an_svd_embedding_stays_as_it_is(dataset: Path, tmp_path: Path) -> None:
 def test_a_falling_learning_rate_cannot_be_made_longer(dataset: Path, tmp_path: Path) -> None:
     list(train_run(configure("deepsets"), dataset, tmp_path / "run"))
     longer = configure("deepsets", "training.epochs=9")
-    with pytest.raises(Exception, match="cannot be made longer"):
+    with pytest.raises(TrainingError, match="cannot be made longer"):
         list(train_run(longer, dataset, tmp_path / "run", resume=True))
 
 

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from bsg_data.build import build_dataset
+from bsg_data.class_map import load_class_map
 from bsg_data.errors import DatasetError
 from bsg_data.lock import hold
-from bsg_data.manifest import read_manifest
+from bsg_data.manifest import ClassMapEntry, Manifest, SourceEntry, Totals, read_manifest
 from bsg_data.sources import HM3DFolder
 from bsg_models.checkpoint import load_checkpoint
 from bsg_models.config import RunConfig, override, validate_config
@@ -26,7 +27,15 @@ from bsg_models.leaderboard import (
     run_of,
     sort_models,
 )
-from bsg_models.leaderboard_table import compare, rank_models, write_json, write_markdown
+from bsg_models.leaderboard_table import (
+    HEADLINES,
+    MOMENTS,
+    UNVISITED,
+    compare,
+    rank_models,
+    write_json,
+    write_markdown,
+)
 from bsg_models.run_folder import BEST
 from bsg_models.zoo import ZOO
 
@@ -150,8 +159,6 @@ def test_two_leaderboards_never_write_into_one_folder(unsplit: Path, tmp_path: P
 
 def board(values: Mapping[str, float]) -> Leaderboard:
     """Return a leaderboard on which every metric of a model is one number."""
-    from bsg_models.leaderboard_table import HEADLINES, MOMENTS, UNVISITED
-
     names = [h.metric for group in HEADLINES.values() for h in group]
     names += [h.metric for h in UNVISITED]
     names += [f"all/{m}_values/{moment}" for m in ("wasserstein", "energy") for moment in MOMENTS]
@@ -167,14 +174,10 @@ def board(values: Mapping[str, float]) -> Leaderboard:
         )
         for model, value in values.items()
     }
-    manifest = read_manifest_stub()
-    return Leaderboard(RECIPE, manifest, {"rooms": standings})
+    return Leaderboard(RECIPE, _small_manifest(), {"rooms": standings})
 
 
-def read_manifest_stub():  # type: ignore[no-untyped-def]
-    from bsg_data.class_map import load_class_map
-    from bsg_data.manifest import ClassMapEntry, Manifest, SourceEntry, Totals
-
+def _small_manifest() -> Manifest:
     return Manifest(
         generator="test",
         source=SourceEntry(kind="hm3d", version=None, fingerprint="0"),
