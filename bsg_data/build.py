@@ -33,12 +33,13 @@ from bsg_data.manifest import (
     UnmappedEntry,
     read_manifest,
 )
+from bsg_data.mesh_coverage import MeshCoverage
 from bsg_data.publication import REPORTS, list_strays, publish
 from bsg_data.recipes import Record
 from bsg_data.scene_graph import SceneGraph
 from bsg_data.schema import FORMAT_VERSION
 from bsg_data.shards import describe_file, write_bytes, write_shards
-from bsg_data.sources import FoundScenes, SceneRef, Source
+from bsg_data.sources import FoundScenes, SceneRef, SkippedScene, Source
 
 SCENES_PER_SHARD = 16
 
@@ -50,7 +51,7 @@ class BuildRecipe(Record):
     generator: str
     source: SourceEntry
     class_map: ClassMapEntry
-    scenes_per_shard: int
+    options: dict[str, int]
 
 
 class ShardReport(Record):
@@ -59,6 +60,8 @@ class ShardReport(Record):
     files: tuple[FileEntry, ...]
     totals: Totals
     skipped: tuple[SkipEntry, ...]
+    left_out: tuple[SkipEntry, ...]
+    meshes: dict[str, MeshCoverage]
     unmapped: dict[str, int]
 
 
@@ -134,22 +137,27 @@ def _make_shard(
     """Make one shard, unless an earlier run of the same build did."""
     path = folder / REPORTS / f"part-{part:05d}.json"
     done = _read_report(path, folder)
-    if done is not None and not (strict and (done.skipped or done.unmapped)):
+    if done is not None and not (strict and (done.skipped or done.left_out or done.unmapped)):
         return done
     loaded = load_class_map(class_map)
-    graphs, skipped = [], []
+    graphs, skipped, left_out = [], [], []
+    meshes: dict[str, MeshCoverage] = {}
     unmapped: Counter[str] = Counter()
     for ref in refs:
         try:
-            graph = source.read(ref, loaded)
+            reading = source.read(ref, loaded)
         except SourceError as error:
             if strict:
                 raise
-            # The folder above the source is this machine's business: it is no part of the bytes.
-            reason = str(error).replace(f"{source.path}/{ref.location}", "").lstrip(" ,:")
-            reason = reason.replace(f"{source.path}/", "")
-            skipped.append(SkipEntry(scene_id=ref.scene_id, location=ref.location, reason=reason))
+            skip = SkippedScene(ref.scene_id, ref.location, str(error))
+            skipped.append(_enter_skip(skip, source.path))
             continue
+        if reading.left_out and strict:
+            raise SourceError(reading.left_out[0].reason)
+        graph = reading.graph
+        left_out += [_enter_skip(skip, source.path) for skip in reading.left_out]
+        if reading.mesh is not None:
+            meshes[ref.scene_id] = reading.mesh
         names = [obj.raw_category for obj in graph.objects if obj.category is None]
         if names and strict:
             raise UnmappedNameError(_unmapped_message(ref, names[0], loaded))
@@ -159,10 +167,19 @@ def _make_shard(
         files=write_shards(graphs, folder, part=part, class_map=ClassMapEntry.of(loaded)),
         totals=_total(graphs),
         skipped=tuple(skipped),
+        left_out=tuple(left_out),
+        meshes=meshes,
         unmapped=dict(unmapped),
     )
     write_bytes(path, report.model_dump_json().encode())
     return report
+
+
+def _enter_skip(skip: SkippedScene, root: Path) -> SkipEntry:
+    """Return the manifest's entry: the folder above the source is this machine's business."""
+    reason = skip.reason.replace(f"{root}/{skip.location}", "").lstrip(" ,:")
+    reason = reason.replace(f"{root}/", "")
+    return SkipEntry(scene_id=skip.scene_id, location=skip.location, reason=reason)
 
 
 def _read_report(path: Path, folder: Path) -> ShardReport | None:
@@ -185,6 +202,8 @@ def _total(graphs: list[SceneGraph]) -> Totals:
         objects=len(objects),
         classified=sum(obj.class_index is not None for obj in objects),
         unmapped=sum(obj.category is None for obj in objects),
+        placed=sum(graph.has_geometry for graph in graphs),
+        adjacent=sum(len(graph.adjacency) for graph in graphs),
     )
 
 
@@ -194,7 +213,8 @@ def _recipe(
     versions = sorted({ref.source_version for ref in found.scenes if ref.source_version})
     digest = hashlib.sha256()
     for ref in found.scenes:
-        digest.update(f"{ref.scene_id}\t{ref.source_split}\t{ref.fingerprint}\n".encode())
+        words = (ref.scene_id, ref.source_split, ref.fingerprint, ref.geometry)
+        digest.update(("\t".join(str(word) for word in words) + "\n").encode())
     return BuildRecipe(
         generator=f"belief-scene-graphs {version('belief-scene-graphs')}",
         source=SourceEntry(
@@ -203,7 +223,7 @@ def _recipe(
             fingerprint=digest.hexdigest(),
         ),
         class_map=ClassMapEntry.of(class_map),
-        scenes_per_shard=scenes_per_shard,
+        options={"scenes_per_shard": scenes_per_shard, **source.options},
     )
 
 
@@ -222,10 +242,15 @@ def _summarise(
         generator=recipe.generator,
         source=recipe.source,
         class_map=recipe.class_map,
-        options={"scenes_per_shard": recipe.scenes_per_shard},
+        options=recipe.options,
         totals=Totals(**{f: sum(getattr(r.totals, f) for r in reports) for f in fields}),
         files=tuple(sorted((f for r in reports for f in r.files), key=lambda f: f.path)),
         skipped=(*(skip for r in reports for skip in r.skipped), *elsewhere),
+        left_out=(
+            *(skip for report in reports for skip in report.left_out),
+            *(_enter_skip(skip, Path()) for skip in found.unused),
+        ),
+        meshes={scene: mesh for report in reports for scene, mesh in report.meshes.items()},
         unmapped=tuple(
             UnmappedEntry(name=name, instances=count, nearest=class_map.nearest(name))
             for name, count in sorted(unmapped.items(), key=lambda item: (-item[1], item[0]))

@@ -168,7 +168,7 @@ def _record_set(table: str, schema: pa.Schema) -> dict[str, Any]:
     fields = []
     for name, _, unit, meaning, _ in describe_fields(schema):
         kind = schema.field(name).type
-        repeated = pa.types.is_fixed_size_list(kind)
+        repeated = pa.types.is_fixed_size_list(kind) or pa.types.is_list(kind)
         field = {
             "@type": "cr:Field",
             "@id": f"{table}/{name}",

@@ -12,7 +12,13 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from bsg_data.check_pairs import PairTruth, check_every_scene_has_pairs, check_splits
-from bsg_data.check_tables import check_edges, check_objects, check_parts, check_scenes
+from bsg_data.check_tables import (
+    check_edges,
+    check_objects,
+    check_parts,
+    check_rooms,
+    check_scenes,
+)
 from bsg_data.class_map import list_class_maps, load_class_map
 from bsg_data.errors import BSGError, ClassMapError
 from bsg_data.faults import Fault
@@ -49,7 +55,7 @@ def check_dataset(
     faults += check_scenes(frames, manifest)
     if faults:
         return tuple(faults)
-    faults += [*check_objects(frames, manifest), *check_edges(frames)]
+    faults += [*check_objects(frames, manifest), *check_rooms(frames), *check_edges(frames)]
     if faults or manifest.split is None:
         return tuple(faults)
     splits = pa.concat_tables(tables["splits"]).to_pandas()

@@ -14,6 +14,9 @@ from bsg_data.manifest import MANIFEST, Manifest
 from bsg_data.scene_graph import Room
 from bsg_data.sources import building_of
 
+_PLACES = ("centroid", "box_min", "box_max", "part_min", "part_max")
+_ROUNDING = 1e-6  # metres: centroids are sums, boxes are not
+
 
 def check_parts(tables: dict[str, list[pa.Table]]) -> Iterator[Fault]:
     """Check that part k of every table holds the same scenes, rows together and in order."""
@@ -60,6 +63,8 @@ def check_scenes(frames: dict[str, pd.DataFrame], manifest: Manifest) -> Iterato
         ("objects", totals.objects, len(objects)),
         ("classified", totals.classified, len(classified)),
         ("unmapped", totals.unmapped, int(objects["category"].isna().sum())),
+        ("placed", totals.placed, int(scenes["has_geometry"].sum())),
+        ("adjacent", totals.adjacent, int((frames["edges"]["kind"] == "adjacent").sum())),
     ):
         if said != counted:
             yield Fault(MANIFEST, f"totals.{what} is {said}, {counted} are there")
@@ -88,10 +93,7 @@ def check_objects(frames: dict[str, pd.DataFrame], manifest: Manifest) -> Iterat
     named = index.map(dict(enumerate(classes)))
     wrong = (named != objects["class"]) & ~(named.isna() & objects["class"].isna())
     yield from _each(objects, wrong, "class is not the name of class_index")
-    boxes = objects["box_min_x"].notna()
-    yield from _each(
-        objects, boxes != objects["has_geometry"], "has_geometry is not what the box says"
-    )
+    yield from _check_boxes(objects)
     odd = objects["colour"].notna() & ~objects["colour"].fillna("").str.fullmatch("[0-9A-F]{6}")
     yield from _each(objects, odd, "colour is not RRGGBB")
     for column in ("instance_id", "object_index"):
@@ -105,6 +107,45 @@ def check_objects(frames: dict[str, pd.DataFrame], manifest: Manifest) -> Iterat
         by_map = objects["raw_category"].map(classed).astype(float)
         differs = (by_map != index) & ~(by_map.isna() & index.isna())
         yield from _each(objects, differs, f"class_index is not what {published.version} says")
+
+
+def _check_boxes(objects: pd.DataFrame) -> Iterator[Fault]:
+    """Check that what has a box has all of its place, and that it lies within the box."""
+    there = objects["box_min_x"].notna()
+    yield from _each(
+        objects, there != objects["has_geometry"], "has_geometry is not what the box says"
+    )
+    names = [f"{what}_{axis}" for what in _PLACES for axis in "xyz"]
+    partial = objects[[*names, "area"]].isna().nunique(axis=1) > 1
+    yield from _each(objects, partial, "has only part of its geometry")
+    for axis in "xyz":
+        low, high = objects[f"box_min_{axis}"], objects[f"box_max_{axis}"]
+        outside = (low > high) | (objects[f"part_min_{axis}"] > objects[f"part_max_{axis}"])
+        for inner in ("centroid", "part_min", "part_max"):
+            value = objects[f"{inner}_{axis}"]
+            outside |= (value < low - _ROUNDING) | (value > high + _ROUNDING)
+        yield from _each(objects, outside, f"its centroid or its part is outside its box in {axis}")
+    yield from _each(objects, objects["area"] <= 0, "area is not above 0")
+
+
+def check_rooms(frames: dict[str, pd.DataFrame]) -> Iterator[Fault]:
+    """Check boxes, footprints and storeys of rooms, and what the scenes say of geometry."""
+    rooms, scenes = frames["rooms"], frames["scenes"]
+    names = [f"{what}_{axis}" for what in _PLACES[:3] for axis in "xyz"]
+    wrong = rooms[names].isna().nunique(axis=1) > 1
+    wrong |= rooms["footprint"].isna() != rooms["box_min_x"].isna()
+    for axis in "xyz":
+        low, high = rooms[f"box_min_{axis}"], rooms[f"box_max_{axis}"]
+        wrong |= (low > high) | (rooms[f"centroid_{axis}"] < low - _ROUNDING)
+        wrong |= rooms[f"centroid_{axis}"] > high + _ROUNDING
+    for row in rooms[wrong].itertuples():
+        yield Fault("rooms", f"{row.scene_id}, room {row.room_index}: its geometry is impossible")
+    placed = {
+        *rooms.loc[rooms["box_min_x"].notna(), "scene_id"],
+        *frames["objects"].loc[frames["objects"]["has_geometry"], "scene_id"],
+    }
+    for row in scenes[scenes["has_geometry"] != scenes["scene_id"].isin(placed)].itertuples():
+        yield Fault("scenes", f"{row.scene_id}: has_geometry is not what rooms and objects say")
 
 
 def _each(objects: pd.DataFrame, wrong: pd.Series[bool], what: str) -> Iterator[Fault]:
@@ -143,5 +184,8 @@ def check_edges(frames: dict[str, pd.DataFrame]) -> Iterator[Fault]:
     wrong |= adjacent.duplicated(["scene_id", "source", "target"])
     for scene in adjacent.loc[wrong, "scene_id"].unique():
         yield Fault("edges", f"{scene}: an adjacent edge does not join two rooms once, low to high")
+    unknown = ~adjacent["method"].isin(["layout", "door", "stairs", "boxes"])
+    for scene in adjacent.loc[unknown | (adjacent["distance_m"] < 0), "scene_id"].unique():
+        yield Fault("edges", f"{scene}: an adjacent edge has an unknown method or distance")
     for kind in sorted(set(edges["kind"]) - {"contains", "adjacent"}):
         yield Fault("edges", f"kind {kind!r} is neither contains nor adjacent")

@@ -15,6 +15,7 @@ from pydantic import Field, ValidationError
 
 from bsg_data.class_map import ClassMap
 from bsg_data.errors import DatasetError, MismatchError
+from bsg_data.mesh_coverage import MeshCoverage
 from bsg_data.recipes import PairsRecipe, Record, SplitRecipe
 from bsg_data.schema import FORMAT_VERSION
 
@@ -67,13 +68,15 @@ class UnmappedEntry(Record):
 
 
 class Totals(Record):
-    """Sums over the scenes."""
+    """Sums over the scenes; `placed` are those with geometry, `adjacent` the pairs of rooms."""
 
     scenes: int = 0
     rooms: int = 0
     objects: int = 0
     classified: int = 0
     unmapped: int = 0
+    placed: int = 0
+    adjacent: int = 0
 
 
 class SourceEntry(Record):
@@ -96,6 +99,8 @@ class Manifest(Record):
     totals: Totals
     files: tuple[FileEntry, ...]
     skipped: tuple[SkipEntry, ...] = ()
+    left_out: tuple[SkipEntry, ...] = ()
+    meshes: dict[str, MeshCoverage] = Field(default_factory=dict)
     unmapped: tuple[UnmappedEntry, ...] = ()
     split: SplitRecipe | None = None
     pairs: PairsRecipe | None = None

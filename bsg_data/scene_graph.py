@@ -40,8 +40,11 @@ class SceneObject:
         category: the corrected name by the class map; None if the map does not know the name.
         class_index: its class by the class map; None for an object without a class.
         colour: its colour in the semantic mesh as RRGGBB; None where the source has none.
-        centroid: metres; None without geometry.
-        box: metres; None without geometry.
+        centroid: of its surface, weighted by area, metres; None without geometry.
+        box: of all its surface, metres; None without geometry.
+        area: of its surface, square metres; None without geometry.
+        part_box: of the largest connected part of its surface, which leaves out what an annotator
+            painted astray, metres; None without geometry.
     """
 
     BUILDING: ClassVar[int] = 0
@@ -55,6 +58,8 @@ class SceneObject:
     colour: str | None = None
     centroid: Point | None = None
     box: Box | None = None
+    area: float | None = None
+    part_box: Box | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,9 +70,11 @@ class Room:
         room_index: 1..R in the order of the region ids.
         region_id: the annotation's own id; 0 is a real room.
         source_label: a label that the source gives ("kitchen"); models never read it.
-        centroid: metres; None without geometry.
-        box: metres; None without geometry.
+        centroid: centre of its box, metres; None without geometry.
+        box: around the largest parts of its objects, metres; None without geometry.
         floor_index: the storey, from 0 at the bottom; None where unknown.
+        footprint: corners (x, y) of the convex hull of its objects from above, against the clock,
+            metres; None without geometry.
     """
 
     LABEL: ClassVar[str] = "room"  # paper, section III-B: one general label for all rooms
@@ -78,6 +85,7 @@ class Room:
     centroid: Point | None = None
     box: Box | None = None
     floor_index: int | None = None
+    footprint: tuple[tuple[float, float], ...] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,8 +97,9 @@ class Edge:
         target: node index; the child of a `contains` edge. An `adjacent` edge is undirected and
             stored once, with source < target.
         kind: `contains` or `adjacent`.
-        method: how the edge is known ("annotation", "layout", ...).
-        distance_m: metres between the two; None where unknown.
+        method: how the edge is known: `annotation` for containment; `layout`, `door`, `stairs` or
+            `boxes` for adjacency.
+        distance_m: metres between the centroids of two adjacent rooms; None where unknown.
     """
 
     source: int
@@ -113,7 +122,7 @@ class SceneGraph:
         rooms: in the order of `room_index`.
         objects: in the order of `object_index`.
         adjacency: the `adjacent` edges, sorted; containment follows from the objects.
-        up_axis: the axis that pointed up in the source's geometry; None without geometry.
+        up_axis: the axis that pointed up in the mesh, `y` or `-z` for example; None without a mesh.
     """
 
     scene_id: str
@@ -128,8 +137,9 @@ class SceneGraph:
 
     @property
     def has_geometry(self) -> bool:
-        """Say whether any object has a box."""
-        return any(obj.box is not None for obj in self.objects)
+        """Say whether any room or object has a box."""
+        rooms = any(room.box is not None for room in self.rooms)
+        return rooms or any(obj.box is not None for obj in self.objects)
 
     def edges(self) -> Iterator[Edge]:
         """Yield building → rooms, rooms → objects, then adjacency."""

@@ -10,12 +10,6 @@ import pyarrow as pa
 from bsg_data.scene_graph import Box, Edge, Point, Room, SceneGraph, SceneObject
 from bsg_data.schema import TABLES
 
-_POSITION = (
-    ("centroid_x", "centroid_y", "centroid_z"),
-    ("box_min_x", "box_min_y", "box_min_z"),
-    ("box_max_x", "box_max_y", "box_max_z"),
-)
-
 
 def collect_columns(
     graphs: Iterable[SceneGraph], *, classes: tuple[str, ...]
@@ -52,6 +46,7 @@ def collect_columns(
                 label=Room.LABEL,
                 source_label=room.source_label,
                 floor_index=room.floor_index,
+                footprint=_flatten(room.footprint),
                 **_position_columns(room),
             )
         for obj in graph.objects:
@@ -67,7 +62,9 @@ def collect_columns(
                 class_index=obj.class_index,
                 colour=obj.colour,
                 has_geometry=obj.box is not None,
+                area=obj.area,
                 **_position_columns(obj),
+                **_box_columns("part", obj.part_box),
             )
         for edge in graph.edges():
             append(
@@ -83,12 +80,21 @@ def collect_columns(
 
 
 def _position_columns(node: Room | SceneObject) -> dict[str, float | None]:
-    points = (node.centroid, *((node.box.minimum, node.box.maximum) if node.box else (None, None)))
-    return {
-        name: value
-        for names, point in zip(_POSITION, points, strict=True)
-        for name, value in zip(names, point or (None, None, None), strict=True)
-    }
+    return {**_point_columns("centroid", node.centroid), **_box_columns("box", node.box)}
+
+
+def _box_columns(name: str, box: Box | None) -> dict[str, float | None]:
+    low, high = (box.minimum, box.maximum) if box else (None, None)
+    return {**_point_columns(f"{name}_min", low), **_point_columns(f"{name}_max", high)}
+
+
+def _point_columns(name: str, point: Point | None) -> dict[str, float | None]:
+    values = point or (None, None, None)
+    return {f"{name}_{axis}": value for axis, value in zip("xyz", values, strict=True)}
+
+
+def _flatten(footprint: tuple[tuple[float, float], ...] | None) -> list[float] | None:
+    return None if footprint is None else [value for corner in footprint for value in corner]
 
 
 def assemble_graphs(tables: dict[str, pa.Table]) -> Iterator[SceneGraph]:
@@ -129,9 +135,10 @@ def _graph(
                 room_index=row["room_index"],
                 region_id=row["region_id"],
                 source_label=row["source_label"],
-                centroid=_point(row, 0),
-                box=_box(row),
+                centroid=_point(row, "centroid"),
+                box=_box(row, "box"),
                 floor_index=row["floor_index"],
+                footprint=_footprint(row["footprint"]),
             )
             for row in rooms
         ),
@@ -144,8 +151,10 @@ def _graph(
                 category=row["category"],
                 class_index=row["class_index"],
                 colour=row["colour"],
-                centroid=_point(row, 0),
-                box=_box(row),
+                centroid=_point(row, "centroid"),
+                box=_box(row, "box"),
+                area=row["area"],
+                part_box=_box(row, "part"),
             )
             for row in objects
         ),
@@ -157,11 +166,15 @@ def _graph(
     )
 
 
-def _point(row: dict[str, Any], which: int) -> Point | None:
-    x, y, z = (row[name] for name in _POSITION[which])
+def _footprint(values: list[float] | None) -> tuple[tuple[float, float], ...] | None:
+    return None if values is None else tuple(zip(values[::2], values[1::2], strict=True))
+
+
+def _point(row: dict[str, Any], name: str) -> Point | None:
+    x, y, z = (row[f"{name}_{axis}"] for axis in "xyz")
     return None if x is None else (x, y, z)
 
 
-def _box(row: dict[str, Any]) -> Box | None:
-    minimum, maximum = _point(row, 1), _point(row, 2)
+def _box(row: dict[str, Any], name: str) -> Box | None:
+    minimum, maximum = _point(row, f"{name}_min"), _point(row, f"{name}_max")
     return None if minimum is None or maximum is None else Box(minimum, maximum)

@@ -12,6 +12,7 @@ from types import MappingProxyType
 import pyarrow as pa
 
 FORMAT_VERSION = 1
+_NO_PLACE = "without geometry"
 
 
 def _field(
@@ -24,21 +25,20 @@ def _field(
     )
 
 
-def _position(what: str) -> list[pa.Field]:
+def _points(*meanings: tuple[str, str]) -> list[pa.Field]:
     return [
-        _field(axis, pa.float64(), f"{what}, {direction}", unit="m", null="without geometry")
-        for axis, direction in (
-            ("centroid_x", "centroid, x"),
-            ("centroid_y", "centroid, y"),
-            ("centroid_z", "centroid, z (up)"),
-            ("box_min_x", "lowest corner of its box, x"),
-            ("box_min_y", "lowest corner of its box, y"),
-            ("box_min_z", "lowest corner of its box, z (up)"),
-            ("box_max_x", "highest corner of its box, x"),
-            ("box_max_y", "highest corner of its box, y"),
-            ("box_max_z", "highest corner of its box, z (up)"),
-        )
+        _field(f"{name}_{axis}", pa.float64(), f"{what}, {shown}", unit="m", null=_NO_PLACE)
+        for name, what in meanings
+        for axis, shown in (("x", "x"), ("y", "y"), ("z", "z (up)"))
     ]
+
+
+def _position(what: str, box: str) -> list[pa.Field]:
+    return _points(
+        ("centroid", what),
+        ("box_min", f"lowest corner of {box}"),
+        ("box_max", f"highest corner of {box}"),
+    )
 
 
 _SCENE_ID = _field("scene_id", pa.string(), "the building, e.g. 00006-HkseAnWCgqk")
@@ -52,8 +52,13 @@ SCENES = pa.schema(
         _field("num_rooms", pa.int32(), "rooms R"),
         _field("num_objects", pa.int32(), "objects O, with or without a class"),
         _field("num_classified", pa.int32(), "objects with a class"),
-        _field("has_geometry", pa.bool_(), "whether any object has a box"),
-        _field("up_axis", pa.string(), "axis that pointed up in the mesh", null="without geometry"),
+        _field("has_geometry", pa.bool_(), "whether any room or object has a box"),
+        _field(
+            "up_axis",
+            pa.string(),
+            "axis that pointed up in the mesh, e.g. y",
+            null="without a mesh",
+        ),
         _field("annotation_sha256", pa.string(), "hash of the annotation that it was read from"),
     ]
 )
@@ -65,8 +70,15 @@ ROOMS = pa.schema(
         _field("region_id", pa.int32(), "the annotation's region id; 0 is a real room"),
         _field("label", pa.string(), "always `room`, the paper's one label"),
         _field("source_label", pa.string(), "a label of the source; not for models", null="none"),
-        *_position("room"),
+        *_position("centre of its box", "its box"),
         _field("floor_index", pa.int16(), "storey, 0 at the bottom", null="unknown"),
+        _field(
+            "footprint",
+            pa.list_(pa.field("element", pa.float64(), nullable=False)),
+            "its convex hull from above, against the clock: x0, y0, x1, y1, …",
+            unit="m",
+            null=_NO_PLACE,
+        ),
     ]
 )
 
@@ -83,7 +95,12 @@ OBJECTS = pa.schema(
         _field("class_index", pa.uint8(), "index of its class, 0..C-1", null="outside the classes"),
         _field("class", pa.string(), "name of its class", null="outside the classes"),
         _field("colour", pa.string(), "RRGGBB in the semantic mesh", null="the source has none"),
-        *_position("object"),
+        *_position("centroid of its surface", "its box"),
+        _field("area", pa.float64(), "of its surface", unit="m²", null=_NO_PLACE),
+        *_points(
+            ("part_min", "lowest corner of the box of its largest connected part"),
+            ("part_max", "highest corner of the box of its largest connected part"),
+        ),
         _field("has_geometry", pa.bool_(), "whether the object has a box"),
     ]
 )
@@ -94,8 +111,18 @@ EDGES = pa.schema(
         _field("source", pa.int32(), "node: 0 building, 1..R rooms, R+1..R+O objects; the parent"),
         _field("target", pa.int32(), "node; the child, or the higher index of an adjacent pair"),
         _field("kind", pa.string(), "contains (directed) or adjacent (undirected, stored once)"),
-        _field("method", pa.string(), "how the edge is known, e.g. annotation"),
-        _field("distance_m", pa.float64(), "distance of the two", unit="m", null="unknown"),
+        _field(
+            "method",
+            pa.string(),
+            "how it is known: annotation; of adjacency layout, door, stairs or boxes",
+        ),
+        _field(
+            "distance_m",
+            pa.float64(),
+            "between the centroids of two adjacent rooms",
+            unit="m",
+            null="contains",
+        ),
     ]
 )
 
@@ -141,4 +168,6 @@ def describe_fields(schema: pa.Schema) -> list[tuple[str, str, str, str, str]]:
 def _type_name(kind: pa.DataType) -> str:
     if pa.types.is_fixed_size_list(kind):
         return f"list<{kind.value_type}>[{kind.list_size}]"
+    if pa.types.is_list(kind):
+        return f"list<{kind.value_type}>"
     return str(kind)

@@ -15,10 +15,15 @@ from functools import cached_property
 from pathlib import Path
 from typing import Protocol
 
+from bsg_data.adjacency import connect_rooms
 from bsg_data.annotations import MAX_BYTES, Annotation, Instance, read_annotation
 from bsg_data.class_map import ClassMap, is_nameless
 from bsg_data.errors import SourceError
+from bsg_data.gltf import MeshError
+from bsg_data.mesh_coverage import MeshCoverage
+from bsg_data.placement import place_scene
 from bsg_data.scene_graph import Room, SceneGraph, SceneObject
+from bsg_data.semantic_mesh import survey_mesh
 from bsg_data.statistics import digest_scene_lines, parse_scene_lines, read_scene_lines
 
 _SUFFIXES = (".semantic.txt", "_semantic.txt")
@@ -39,6 +44,7 @@ class SceneRef:
         fingerprint: hash of the annotation's bytes, so that a resumed build sees a change.
         source_split: e.g. `train`; None where the source does not say.
         source_version: e.g. `v0.2`; None where the source does not say.
+        geometry: what tells a resumed build that the mesh or the layout changed; None without one.
     """
 
     scene_id: str
@@ -46,6 +52,7 @@ class SceneRef:
     fingerprint: str
     source_split: str | None
     source_version: str | None
+    geometry: str | None = None
 
     @property
     def building(self) -> str:
@@ -63,6 +70,21 @@ class SkippedScene:
 
 
 @dataclass(frozen=True, slots=True)
+class Reading:
+    """One scene as it was read.
+
+    Attributes:
+        graph: its scene graph.
+        mesh: how much of its mesh is explained; None without one, or where it was left out.
+        left_out: meshes and layouts that could not be used, and why; the graph does without.
+    """
+
+    graph: SceneGraph
+    mesh: MeshCoverage | None = None
+    left_out: tuple[SkippedScene, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class FoundScenes:
     """The scenes of a source.
 
@@ -70,11 +92,13 @@ class FoundScenes:
         scenes: sorted by scene id, every building once.
         duplicates: further copies of the same buildings, left out.
         unreadable: folders that could not be looked into.
+        unused: room layouts of no scene.
     """
 
     scenes: tuple[SceneRef, ...]
     duplicates: tuple[SkippedScene, ...] = ()
     unreadable: tuple[SkippedScene, ...] = ()
+    unused: tuple[SkippedScene, ...] = ()
 
 
 class Source(Protocol):
@@ -88,6 +112,10 @@ class Source(Protocol):
     def path(self) -> Path:
         """Return what the source reads."""
 
+    @property
+    def options(self) -> dict[str, int]:
+        """Return the choices that the bytes of a build depend on."""
+
     def find(self) -> FoundScenes:
         """Find the scenes without parsing them.
 
@@ -95,8 +123,8 @@ class Source(Protocol):
             SourceError: if there is none, saying where it looked and what it expected.
         """
 
-    def read(self, ref: SceneRef, class_map: ClassMap) -> SceneGraph:
-        """Read one scene.
+    def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
+        """Read one scene; geometry that cannot be used is left out with the reason.
 
         Raises:
             SourceError: if it cannot be read.
@@ -109,9 +137,23 @@ class HM3DFolder:
 
     `bsg-data synth` leaves a `synthetic.json` above the buildings that it writes, so that they are
     never taken for real ones.
+
+    Attributes:
+        path: the folder.
+        meshes: read the mesh beside an annotation, if there is one.
+        snap_colours: how far a texel of a JPEG texture may be from an instance's colour; None
+            leaves meshes with such textures out.
     """
 
     path: Path
+    meshes: bool = True
+    snap_colours: int | None = None
+
+    @property
+    def options(self) -> dict[str, int]:
+        """Whether meshes are read, and how."""
+        snap = {} if self.snap_colours is None else {"snap_colours": self.snap_colours}
+        return {"meshes": int(self.meshes), **snap}
 
     @property
     def kind(self) -> str:
@@ -141,11 +183,20 @@ class HM3DFolder:
         found = _once_each(refs)
         return FoundScenes(found.scenes, found.duplicates, tuple(unreadable))
 
-    def read(self, ref: SceneRef, class_map: ClassMap) -> SceneGraph:
-        """Read one scene from its annotation text."""
-        return assemble(
-            read_annotation(self.path / ref.location), ref=ref, kind=self.kind, class_map=class_map
-        )
+    def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
+        """Read one scene from its annotation text, and its geometry from the mesh beside that."""
+        path = self.path / ref.location
+        graph = assemble(read_annotation(path), ref=ref, kind=self.kind, class_map=class_map)
+        mesh = _mesh_beside(path) if self.meshes else None
+        if mesh is None:
+            return Reading(graph)
+        try:
+            colours = [str(obj.colour) for obj in graph.objects]
+            survey = survey_mesh(mesh, colours, snap_colours=self.snap_colours)
+        except MeshError as error:
+            where = mesh.relative_to(self.path).as_posix()
+            return Reading(graph, left_out=(SkippedScene(ref.scene_id, where, str(error)),))
+        return Reading(connect_rooms(place_scene(graph, survey)), survey.coverage)
 
     def _refuse_unfinished_or_mixed(self) -> None:
         above = self._marks_above()
@@ -171,6 +222,7 @@ class HM3DFolder:
             fingerprint=_fingerprint(path),
             source_split=_last(_split_of(part) for part in folders) or _split_by_number(scene_id),
             source_version=_last(_version_of(part) for part in folders),
+            geometry=_mesh_size(path) if self.meshes else None,
         )
 
 
@@ -180,6 +232,11 @@ class HM3DStatistics:
 
     path: Path
     kind: str = "hm3d-stats"
+
+    @property
+    def options(self) -> dict[str, int]:
+        """None: there is nothing to choose."""
+        return {}
 
     def find(self) -> FoundScenes:
         """List the scenes of the zip."""
@@ -197,10 +254,10 @@ class HM3DStatistics:
             raise SourceError(f"{self.path}: the table of regions has no row")
         return _once_each(refs)
 
-    def read(self, ref: SceneRef, class_map: ClassMap) -> SceneGraph:
+    def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one scene from its rows."""
         annotation = parse_scene_lines(self._lines[ref.location], path=self.path)
-        return assemble(annotation, ref=ref, kind=self.kind, class_map=class_map)
+        return Reading(assemble(annotation, ref=ref, kind=self.kind, class_map=class_map))
 
     @cached_property
     def _lines(self) -> dict[str, list[tuple[int, str]]]:
@@ -294,6 +351,17 @@ def _why_not(path: Path) -> str | None:
     if not str(path).isprintable() and any("\ud800" <= c <= "\udfff" for c in str(path)):
         return "its path is not UTF-8"
     return None
+
+
+def _mesh_beside(annotation: Path) -> Path | None:
+    mesh = annotation.with_suffix(".glb")
+    return mesh if mesh.is_file() else None
+
+
+def _mesh_size(annotation: Path) -> str | None:
+    """Return the bytes of the mesh: hashing all of them takes minutes, before anything is read."""
+    mesh = _mesh_beside(annotation)
+    return None if mesh is None else f"mesh of {mesh.stat().st_size} bytes"
 
 
 def _fingerprint(path: Path) -> str:

@@ -13,7 +13,7 @@ import hashlib
 import json
 import shutil
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from bsg_data.annotations import HEADER, Instance
 from bsg_data.errors import DatasetError
 from bsg_data.shards import write_bytes
 from bsg_data.sources import SYNTHETIC_MARK
+from bsg_data.synthetic_geometry import GeometryOptions, shape_building
 from bsg_data.synthetic_rates import SyntheticError, SyntheticRates, load_rates
 
 MAX_SCENES = 900  # HM3D numbers 800 train scenes from 00000 and 100 val scenes from 00800
@@ -201,7 +202,14 @@ def write_building(building: SyntheticBuilding, out: Path) -> Path:
     return path
 
 
-def write_synthetic(out: Path, *, scenes: int, seed: int, force: bool = False) -> Iterator[Path]:
+def write_synthetic(
+    out: Path,
+    *,
+    scenes: int,
+    seed: int,
+    geometry: GeometryOptions | None = None,
+    force: bool = False,
+) -> Iterator[Path]:
     """Write buildings 0 to `scenes` - 1 of a seed as they are asked for, yielding their paths.
 
     A `synthetic.json` in the folder says what they are, so that nobody takes them for real ones,
@@ -211,6 +219,8 @@ def write_synthetic(out: Path, *, scenes: int, seed: int, force: bool = False) -
         out: the folder above `train` and `val`.
         scenes: 1 to 900.
         seed: 0 or more; another seed gives other buildings.
+        geometry: how to write `<hash>.semantic.glb` and, as JSON, `<hash>.truth.json` beside each
+            annotation; None writes none. The annotation is the same either way.
         force: replace synthetic buildings that are there.
 
     Raises:
@@ -223,14 +233,26 @@ def write_synthetic(out: Path, *, scenes: int, seed: int, force: bool = False) -
     rates = load_rates()
     _clear(out, force=force)
     mark = {"what": "synthetic buildings of bsg-data synth", "scenes": scenes, "seed": seed}
+    if geometry is not None:
+        mark["geometry"] = asdict(geometry)
     out.mkdir(parents=True, exist_ok=True)
     write_bytes(out / SYNTHETIC_MARK, _encode(mark, finished=False))
-    return _write_all(rates, out, mark)
+    return _write_all(rates, out, mark, geometry)
 
 
-def _write_all(rates: SyntheticRates, out: Path, mark: dict[str, Any]) -> Iterator[Path]:
+def _write_all(
+    rates: SyntheticRates, out: Path, mark: dict[str, Any], geometry: GeometryOptions | None
+) -> Iterator[Path]:
+    seed = mark["seed"]
     for number in range(mark["scenes"]):
-        yield write_building(synthesise(rates, seed=mark["seed"], number=number), out)
+        building = synthesise(rates, seed=seed, number=number)
+        path = write_building(building, out)
+        if geometry is not None:
+            mesh, truth = shape_building(building.rows, geometry, seed=seed, number=number)
+            write_bytes(path.with_suffix(".glb"), mesh)
+            text = json.dumps(truth, separators=(",", ":")) + "\n"
+            write_bytes(path.with_name(f"{building.hash}.truth.json"), text.encode())
+        yield path
     write_bytes(out / SYNTHETIC_MARK, _encode(mark, finished=True))
 
 

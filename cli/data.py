@@ -16,11 +16,15 @@ from bsg_data.coverage import measure_coverage
 from bsg_data.errors import BSGError
 from bsg_data.frequencies import count_frequencies, draw_frequencies
 from bsg_data.manifest import Manifest, read_manifest
+from bsg_data.mesh_coverage import MeshCoverage
 from bsg_data.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
+from bsg_data.room_layouts import WithLayouts
 from bsg_data.sources import HM3DFolder, HM3DStatistics, Source
 from bsg_data.splits import read_splits, split_dataset
 from bsg_data.synthetic import MAX_SCENES, write_synthetic
+from bsg_data.synthetic_geometry import GeometryOptions
+from bsg_data.synthetic_mesh import SIZES
 
 from .terminal import (
     CommandGroup,
@@ -84,28 +88,77 @@ def main() -> None:
     show_default=True,
     help="How many buildings.",
 )
+@click.option("--geometry", is_flag=True, help="Write meshes too, and what is true of them.")
+@click.option(
+    "--size",
+    type=click.Choice(list(SIZES)),
+    help="How fine the meshes are; full is as large as a real one.  [default: small]",
+)
+@click.option(
+    "--coloured-by",
+    type=click.Choice(["texture", "vertex", "both"]),
+    help="Where the meshes have their colours.  [default: texture]",
+)
+@click.option(
+    "--up-axis",
+    type=click.Choice(["y", "z"]),
+    help="Axis of the meshes that points up.  [default: y and z in turn]",
+)
 @seed_option
 @force_option
 @json_option
-def synth(out: Path, scenes: int, seed: int, force: bool, as_json: bool) -> None:
+def synth(
+    out: Path,
+    scenes: int,
+    geometry: bool,
+    size: str | None,
+    coloured_by: str | None,
+    up_axis: str | None,
+    seed: int,
+    force: bool,
+    as_json: bool,
+) -> None:
     """Write synthetic buildings in HM3D's own layout.
 
     \b
     Example:
       bsg-data synth --out buildings --scenes 20 --seed 0
+      bsg-data synth --out places --scenes 5 --geometry
     """
+    chosen = {"size": size, "coloured_by": coloured_by, "up_axis": up_axis}
+    given = {name: value for name, value in chosen.items() if value is not None}
+    if given and not geometry:
+        raise click.UsageError(f"--{next(iter(given)).replace('_', '-')} needs --geometry")
+    options = GeometryOptions(**given) if geometry else None  # type: ignore[arg-type]
+    writing = write_synthetic(out, scenes=scenes, seed=seed, geometry=options, force=force)
     with progress_bar("synth", unit="scene") as report:
-        for done, _ in enumerate(write_synthetic(out, scenes=scenes, seed=seed, force=force), 1):
+        for done, _ in enumerate(writing, 1):
             report(done, scenes)
     if as_json:
-        print_json({"out": str(out), "scenes": scenes, "seed": seed})
+        print_json({"out": str(out), "scenes": scenes, "seed": seed, "geometry": geometry})
     else:
-        click.echo(f"{scenes} synthetic buildings in {out}")
+        click.echo(f"{scenes} synthetic buildings{' with meshes' * geometry} in {out}")
 
 
 @main.command()
 @click.option("--hm3d", type=click.Path(path_type=Path), help="Folder above HM3D's annotations.")
 @click.option("--hm3d-stats", type=click.Path(path_type=Path), help="The public HM3DSem-*.zip.")
+@click.option(
+    "--meshes/--no-meshes",
+    default=True,
+    show_default=True,
+    help="Read <hash>.semantic.glb where there is one.",
+)
+@click.option(
+    "--snap-colours",
+    type=click.IntRange(0, 255),
+    help="Read JPEG textures: a texel is the nearest listed colour's within N a channel.",
+)
+@click.option(
+    "--room-layouts",
+    type=click.Path(path_type=Path),
+    help="Folder of DomestiGraph YAML: labels, boxes and connections of rooms.",
+)
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Dataset to write.")
 @class_map_option
 @workers_option
@@ -115,6 +168,9 @@ def synth(out: Path, scenes: int, seed: int, force: bool, as_json: bool) -> None
 def build(
     hm3d: Path | None,
     hm3d_stats: Path | None,
+    meshes: bool,
+    snap_colours: int | None,
+    room_layouts: Path | None,
     out: Path,
     class_map: str,
     workers: int,
@@ -130,7 +186,9 @@ def build(
     Example:
       bsg-data build --hm3d buildings --out dataset
     """
-    source = _choose_source(hm3d, hm3d_stats)
+    source = _choose_source(hm3d, hm3d_stats, meshes=meshes, snap_colours=snap_colours)
+    if room_layouts is not None:
+        source = WithLayouts(source, room_layouts)
     try:
         with worker_pool(workers) as executor, progress_bar("build", unit="shard") as report:
             manifest = build_dataset(
@@ -424,36 +482,64 @@ def map_coverage(dataset: Path, class_map: str | None, as_json: bool) -> None:
         click.echo("\n" + format_table(rows, header=("most frequent left out", "instances")))
 
 
-def _choose_source(hm3d: Path | None, hm3d_stats: Path | None) -> Source:
+def _choose_source(
+    hm3d: Path | None, hm3d_stats: Path | None, *, meshes: bool, snap_colours: int | None
+) -> Source:
     if (hm3d is None) == (hm3d_stats is None):
         raise click.UsageError("give one source: --hm3d PATH or --hm3d-stats ZIP")
-    return HM3DFolder(hm3d) if hm3d is not None else HM3DStatistics(Path(str(hm3d_stats)))
+    if hm3d is not None:
+        return HM3DFolder(hm3d, meshes=meshes, snap_colours=snap_colours)
+    if snap_colours is not None or not meshes:
+        raise click.UsageError("the statistics have no meshes: --snap-colours needs --hm3d")
+    return HM3DStatistics(Path(str(hm3d_stats)))
 
 
 def _totals_line(manifest: Manifest) -> str:
     t = manifest.totals
+    placed = f"; {t.placed:,} with geometry, {t.adjacent:,} adjacent rooms" if t.placed else ""
     return (
         f"{t.scenes:,} scenes, {t.rooms:,} rooms, {t.objects:,} objects, "
         f"{t.classified:,} in {len(manifest.class_map.classes)} classes of "
-        f"{manifest.class_map.version}"
+        f"{manifest.class_map.version}{placed}"
     )
 
 
 def _losses(manifest: Manifest, *, most: int = 20) -> str:
-    """Return what was skipped and what is unmapped, as readable tables."""
+    """Return what was skipped, left out or not explained, as readable tables."""
     lines = [
         f"skipped scenes: {len(manifest.skipped):,}, unmapped objects: {manifest.totals.unmapped:,}"
     ]
-    if manifest.skipped:
-        skips = [(s.scene_id, s.location, s.reason) for s in manifest.skipped[:most]]
-        lines.append(format_table(skips, header=("skipped scene", "location", "reason")))
+    if manifest.meshes:
+        lines.append(_mesh_line(list(manifest.meshes.values())))
+    for entries, what in (
+        (manifest.skipped, "skipped scene"),
+        (manifest.left_out, "scene without its geometry"),
+    ):
+        if entries:
+            rows = [(entry.scene_id, entry.location, entry.reason) for entry in entries[:most]]
+            lines.append(format_table(rows, header=(what, "location", "reason")))
     if manifest.unmapped:
         names = [(u.name, u.instances, ", ".join(u.nearest)) for u in manifest.unmapped[:most]]
         lines.append(format_table(names, header=("unmapped name", "instances", "nearest")))
-    more = max(len(manifest.skipped), len(manifest.unmapped)) - most
-    if more > 0:
+    counts = (len(manifest.skipped), len(manifest.left_out), len(manifest.unmapped))
+    if max(counts) > most:
         lines.append("… dataset.json lists them all")
     return "\n".join(lines)
+
+
+def _mesh_line(meshes: list[MeshCoverage]) -> str:
+    texels, area = sum(m.texels for m in meshes), sum(m.area for m in meshes)
+    shares = ", ".join(
+        f"{sum(getattr(m, name) for m in meshes) / max(texels, 1):.1%} {name}"
+        for name in ("listed", "snapped", "black", "unlisted")
+        if name != "snapped" or any(m.snapped for m in meshes)
+    )
+    listed = sum(m.listed_area for m in meshes) / max(area, 1e-9)
+    missing = sum(m.without_geometry for m in meshes)
+    return (
+        f"meshes: {len(meshes):,}; of {texels:,} texels {shares}; {listed:.1%} of {area:,.0f} m² "
+        f"is listed; listed objects without a surface: {missing:,}"
+    )
 
 
 def _bar(share: float) -> str:

@@ -19,10 +19,11 @@ ROOMS = {"bsg_data": set(), "bsg_models": {"bsg_data"}, "bsg_cli": {"bsg_data", 
 # decision and not an accident.
 IMPORTS = {
     "bsg_data": {
+        "adjacency": "passages placement scene_graph",
         "annotations": "errors",
         "build": (
-            "class_map errors executors lock manifest publication recipes scene_graph schema "
-            "shards sources"
+            "class_map errors executors lock manifest mesh_coverage publication recipes "
+            "scene_graph schema shards sources"
         ),
         "card": "manifest schema",
         "categories": "class_map histograms manifest shards",
@@ -36,25 +37,38 @@ IMPORTS = {
         "errors": "",
         "executors": "errors",
         "faults": "",
+        "floor_plan": "",
         "frequencies": "errors histograms manifest",
+        "furnishing": "floor_plan scene_graph",
+        "gltf": "errors",
         "histograms": "errors manifest shards",
         "lock": "errors",
-        "manifest": "class_map errors recipes schema",
+        "manifest": "class_map errors mesh_coverage recipes schema",
         "masks": "histograms recipes",
+        "mesh_coverage": "recipes",
         "pairs": (
             "errors executors histograms lock manifest masks publication recipes schema shards "
             "splits"
         ),
+        "passages": "",
+        "placement": "scene_graph semantic_mesh",
         "publication": "card errors manifest shards",
         "recipes": "",
+        "room_layouts": "adjacency class_map errors placement scene_graph sources",
         "scene_graph": "",
         "scene_tables": "scene_graph schema",
         "schema": "",
+        "semantic_mesh": "gltf mesh_coverage",
         "shards": "errors manifest scene_graph scene_tables schema",
-        "sources": "annotations class_map errors scene_graph statistics",
+        "sources": (
+            "adjacency annotations class_map errors gltf mesh_coverage placement scene_graph "
+            "semantic_mesh statistics"
+        ),
         "splits": "errors lock manifest publication recipes schema shards",
         "statistics": "annotations errors",
-        "synthetic": "annotations errors shards sources synthetic_rates",
+        "synthetic": "annotations errors shards sources synthetic_geometry synthetic_rates",
+        "synthetic_geometry": "annotations class_map floor_plan furnishing synthetic_mesh",
+        "synthetic_mesh": "floor_plan furnishing scene_graph",
         "synthetic_rates": "errors",
     },
     "bsg_models": {
@@ -125,7 +139,17 @@ IMPORTS = {
     },
 }
 THIRD_PARTY = {
-    "bsg_data": {"matplotlib", "numpy", "pandas", "pyarrow", "pydantic"},
+    "bsg_data": {
+        "PIL",
+        "matplotlib",
+        "numpy",
+        "pandas",
+        "pyarrow",
+        "pydantic",
+        "scipy",
+        "trimesh",
+        "yaml",
+    },
     "bsg_models": {
         "lightgbm",
         "matplotlib",
@@ -195,7 +219,7 @@ def test_bsg_data_and_its_command_import_without_torch_or_another_heavy_library(
         "sys.modules['torch'] = None\n"  # any `import torch` raises now
         f"for name in {names!r}: importlib.import_module(name)\n"
         "import bsg_cli.data\n"
-        "heavy = {'matplotlib', 'scipy', 'torch_geometric'} & set(sys.modules)\n"
+        "heavy = {'matplotlib', 'scipy', 'torch_geometric', 'trimesh'} & set(sys.modules)\n"
         "assert not heavy, heavy\n"
     )
     done = subprocess.run(

@@ -174,7 +174,7 @@ def test_raw_and_corrected_spellings_give_the_same_rooms(shared: Path) -> None:
     def rooms(source: HM3DFolder | HM3DStatistics) -> dict[tuple[str, int], Counter[int]]:
         found = {}
         for ref in source.find().scenes:
-            graph = source.read(ref, class_map)
+            graph = source.read(ref, class_map).graph
             region_of = {room.room_index: room.region_id for room in graph.rooms}
             for region in region_of.values():
                 found[ref.scene_id, region] = Counter[int]()

@@ -105,7 +105,8 @@ def test_adjacency_reaches_the_masks(tmp_path: Path) -> None:
     class Chain(HM3DFolder):
         def read(self, ref: SceneRef, class_map: ClassMap) -> SceneGraph:
             edges = [Edge(k, k + 1, "adjacent", "layout") for k in range(1, rooms)]
-            return replace(super().read(ref, class_map), adjacency=tuple(edges))
+            reading = super().read(ref, class_map)
+            return replace(reading, graph=replace(reading.graph, adjacency=tuple(edges)))
 
     for number in range(10):
         text = annotation_text({k: ["chair"] * 6 for k in range(rooms)})

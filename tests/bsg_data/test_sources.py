@@ -21,7 +21,7 @@ def test_one_building_by_hand(tmp_path: Path) -> None:
     source = HM3DFolder(tmp_path)
     (ref,) = source.find().scenes
     class_map = load_class_map()
-    graph = source.read(ref, class_map)
+    graph = source.read(ref, class_map).graph
     assert graph.rooms == (Room(1, 0), Room(2, 5))
     assert [(o.raw_category, o.category, o.room_index) for o in graph.objects] == [
         ("Wall", "wall", 2),

@@ -1,0 +1,232 @@
+"""Floor plans of synthetic buildings: rectangular rooms on storeys, with doorways and stairs.
+
+A storey is a rectangle; one of four rooms or more has a hall along its middle and columns of rooms
+on both sides of it. Doorways join every room to the hall, or to a neighbour, so that all rooms of a
+storey connect; stairs join a storey to the next. Lengths are metres, Z up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from itertools import combinations, pairwise
+
+import numpy as np
+
+WALL = 0.12  # between the rooms on its two sides
+HEIGHT = 2.6  # from a floor to the ceiling above it
+STOREY = 2.9  # from a floor to the next
+DOORWAY = 0.9
+DOOR_HEIGHT = 2.0
+_HALL = 1.5
+_TO_HALL = 0.9  # probabilities of doorways
+_TO_NEIGHBOUR = 0.12
+_GRID = 0.1  # every wall lies on it, and therefore on whole texels of every size
+
+
+@dataclass(frozen=True, slots=True)
+class Rectangle:
+    """A rectangle of a plan.
+
+    Attributes:
+        low: its lowest corner (x, y), metres.
+        high: its highest corner (x, y), metres.
+    """
+
+    low: tuple[float, float]
+    high: tuple[float, float]
+
+    def sides(self) -> tuple[float, float]:
+        """Return its lengths along x and y."""
+        return self.high[0] - self.low[0], self.high[1] - self.low[1]
+
+    def grow(self, margin: float) -> Rectangle:
+        """Return the rectangle with every side moved outwards."""
+        (a, b), (c, d) = self.low, self.high
+        return Rectangle((a - margin, b - margin), (c + margin, d + margin))
+
+    def cut(self, axis: int, low: float, high: float) -> Rectangle:
+        """Return the part of the rectangle between two places on an axis."""
+        start, end = list(self.low), list(self.high)
+        start[axis], end[axis] = low, high
+        return Rectangle((start[0], start[1]), (end[0], end[1]))
+
+    def meet(self, other: Rectangle) -> Rectangle:
+        """Return what both cover; a side is 0 where they only touch, negative where they do not."""
+        low = np.maximum(self.low, other.low)
+        high = np.minimum(self.high, other.high)
+        return Rectangle((float(low[0]), float(low[1])), (float(high[0]), float(high[1])))
+
+
+@dataclass(frozen=True, slots=True)
+class Doorway:
+    """An opening in the wall of two rooms.
+
+    Attributes:
+        rooms: places of the two in the plan, ascending.
+        axis: the axis that the wall runs along, 0 or 1.
+        span: where the opening starts and ends on that axis.
+    """
+
+    rooms: tuple[int, int]
+    axis: int
+    span: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Stairs:
+    """Stairs from one storey to the next.
+
+    Attributes:
+        rooms: places in the plan of the lower and the upper room.
+        rectangle: what they cover, inside both rooms.
+    """
+
+    rooms: tuple[int, int]
+    rectangle: Rectangle
+
+
+@dataclass(frozen=True, slots=True)
+class FloorPlan:
+    """The plan of a building.
+
+    Attributes:
+        rooms: the inner rectangle of every room.
+        storeys: the storey of every room, from 0.
+        doorways: within storeys.
+        stairs: between storeys.
+    """
+
+    rooms: tuple[Rectangle, ...]
+    storeys: tuple[int, ...]
+    doorways: tuple[Doorway, ...]
+    stairs: tuple[Stairs, ...]
+
+    def connections(self) -> list[tuple[int, int, str]]:
+        """Return (room, room, `door` or `stairs`), sorted."""
+        doors = [(min(door.rooms), max(door.rooms), "door") for door in self.doorways]
+        stairs = [(min(flight.rooms), max(flight.rooms), "stairs") for flight in self.stairs]
+        return sorted([*doors, *stairs])
+
+
+def draw_floor_plan(
+    rooms: int, *, with_stairs: Collection[int], rng: np.random.Generator
+) -> FloorPlan:
+    """Draw the plan of a building.
+
+    Args:
+        rooms: how many.
+        with_stairs: the rooms that the annotation lists stairs in. Without any the building has
+            one storey; otherwise stairs are put there if they can be.
+        rng: where chance comes from.
+    """
+    order = [int(room) for room in rng.permutation(rooms)]
+    storeys = 1
+    if with_stairs and rooms > 1:
+        storeys = 3 if rooms > 17 and len(with_stairs) > 1 and rng.random() < 0.4 else 2
+    groups = [sorted(part.tolist()) for part in np.array_split(np.array(order), storeys)]
+    area = max(sum(rng.lognormal(2.5, 0.25) for _ in group) for group in groups)
+    width = float(np.sqrt(area * rng.uniform(1.2, 1.9)))
+    whole = Rectangle((0.0, 0.0), (_snap(width), _snap(max(area / width, 3.5))))
+    centres: dict[int, Rectangle] = {}
+    for group in groups:
+        centres.update(zip(group, _divide(whole, len(group), rng), strict=True))
+    inner = tuple(centres[room].grow(-WALL / 2) for room in range(rooms))
+    storey_of = {room: level for level, group in enumerate(groups) for room in group}
+    doorways = [door for group in groups for door in _draw_doorways(group, centres, rng)]
+    stairs = [_draw_stairs(low, high, inner, with_stairs) for low, high in pairwise(groups)]
+    return FloorPlan(
+        rooms=inner,
+        storeys=tuple(storey_of[room] for room in range(rooms)),
+        doorways=tuple(doorways),
+        stairs=tuple(stairs),
+    )
+
+
+def _snap(length: float) -> float:
+    return round(length / _GRID) * _GRID
+
+
+def _divide(whole: Rectangle, rooms: int, rng: np.random.Generator) -> list[Rectangle]:
+    """Divide a storey into rooms that fill it; the first of four or more is the hall."""
+    if rooms < 4:
+        return _columns(whole, [1] * rooms, rng)
+    depth = whole.sides()[1]
+    low, high = _snap((depth - _HALL) / 2), _snap((depth + _HALL) / 2)
+    hall = whole.cut(1, whole.low[1] + low, whole.low[1] + high)
+    near, far = (rooms - 1) // 2, (rooms - 1) - (rooms - 1) // 2
+    sides = (whole.cut(1, whole.low[1], hall.low[1]), whole.cut(1, hall.high[1], whole.high[1]))
+    found = [hall]
+    for side, count in zip(sides, (near, far), strict=True):
+        deep = side.sides()[1] > 4.5
+        columns: list[int] = []
+        while sum(columns) < count:
+            pair = deep and count - sum(columns) > 1 and rng.random() < 0.35
+            columns.append(2 if pair else 1)
+        found += _columns(side, columns, rng)
+    return found
+
+
+def _columns(whole: Rectangle, columns: list[int], rng: np.random.Generator) -> list[Rectangle]:
+    """Cut a rectangle into columns of one room or of two, one behind the other."""
+    shares = np.cumsum(rng.uniform(0.7, 1.3, len(columns)) * np.sqrt(columns))
+    places = [_snap(place) for place in shares / shares[-1] * whole.sides()[0]]
+    found = []
+    for start, end, rooms in zip([0.0, *places[:-1]], places, columns, strict=True):
+        column = whole.cut(0, whole.low[0] + start, whole.low[0] + end)
+        middle = _snap(column.sides()[1] * rng.uniform(0.4, 0.6)) + column.low[1]
+        if rooms == 1:
+            found.append(column)
+        else:
+            found += [
+                column.cut(1, column.low[1], middle),
+                column.cut(1, middle, column.high[1]),
+            ]
+    return found
+
+
+def _draw_doorways(
+    group: list[int], centres: dict[int, Rectangle], rng: np.random.Generator
+) -> Iterator[Doorway]:
+    """Join the rooms of a storey: the hall's walls first, then what is still apart, then a few."""
+    walls = []
+    for a, b in combinations(group, 2):
+        shared = centres[a].meet(centres[b])
+        axis = int(np.argmax(shared.sides()))
+        room = shared.sides()[axis] - WALL - DOORWAY
+        if min(shared.sides()) > -1e-9 and room > 0.1:
+            start = shared.low[axis] + WALL / 2 + _snap(rng.uniform(0, room - 0.05))
+            walls.append(Doorway((a, b), axis, (start, start + DOORWAY)))
+    hall = group[0] if len(group) >= 4 else -1
+    part = {room: room for room in group}
+    walls = [walls[int(i)] for i in rng.permutation(len(walls))]
+    for door in sorted(walls, key=lambda door: hall not in door.rooms):
+        a, b = (part[room] for room in door.rooms)
+        apart = a != b and hall not in door.rooms
+        if apart or rng.random() < (_TO_HALL if hall in door.rooms else _TO_NEIGHBOUR):
+            part = {room: a if root == b else root for room, root in part.items()}
+            yield door
+    for door in walls:  # a room whose only wall is the hall's
+        a, b = (part[room] for room in door.rooms)
+        if a != b:
+            part = {room: a if root == b else root for room, root in part.items()}
+            yield door
+
+
+def _draw_stairs(
+    low: list[int], high: list[int], inner: tuple[Rectangle, ...], wanted: Collection[int]
+) -> Stairs:
+    """Put stairs where the rooms of two storeys lie above each other, where they are listed."""
+
+    def merit(pair: tuple[int, int]) -> tuple[bool, float]:
+        sides = inner[pair[0]].meet(inner[pair[1]]).sides()
+        return pair[0] in wanted or pair[1] in wanted, min(sides)
+
+    pairs = [(a, b) for a in low for b in high]
+    fits = [pair for pair in pairs if merit(pair)[1] >= 1.0] or pairs
+    a, b = max(fits, key=merit)
+    shared = inner[a].meet(inner[b])
+    across, along = shared.sides()
+    (x, y), long = shared.low, across >= along
+    size = (min(3.0, across), 0.9) if long else (0.9, min(3.0, along))
+    return Stairs((a, b), Rectangle((x, y), (x + size[0], y + size[1])))
