@@ -24,7 +24,7 @@ install: $(INSTALLED) ## Make .venv and install the project with all that its te
 
 demo: $(INSTALLED) ## Run the main job end to end on synthetic buildings; results in demo/.
 	rm -rf $(DEMO)
-	$(BIN)/bsg-data synth --out $(DEMO)/buildings --scenes 60 --seed 0
+	$(BIN)/bsg-data synth --out $(DEMO)/buildings --scenes 60 --seed 0 --geometry
 	$(BIN)/bsg-data build --hm3d $(DEMO)/buildings --out $(DEMO)/dataset
 	$(BIN)/bsg-data split $(DEMO)/dataset
 	$(BIN)/bsg-data pairs $(DEMO)/dataset --draws 10
@@ -55,6 +55,7 @@ docs: $(INSTALLED) ## Write the generated parts of the docs anew.
 
 bench: $(INSTALLED) ## Run the benchmarks, each beside what it is compared with.
 	$(BIN)/python -m pytest --benchmark-only --override-ini addopts="--import-mode=importlib" tests
+	$(BIN)/python scripts/bench_mesh.py
 
 clean: ## Remove the environment, the demo and all caches.
 	rm -rf $(VENV) $(DEMO) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks

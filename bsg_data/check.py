@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 from bsg_data.check_pairs import PairTruth, check_every_scene_has_pairs, check_splits
 from bsg_data.check_tables import (
     check_edges,
+    check_meshes,
     check_objects,
     check_parts,
     check_rooms,
@@ -56,6 +57,7 @@ def check_dataset(
     if faults:
         return tuple(faults)
     faults += [*check_objects(frames, manifest), *check_rooms(frames), *check_edges(frames)]
+    faults += check_meshes(manifest, frames["scenes"])
     if faults or manifest.split is None:
         return tuple(faults)
     splits = pa.concat_tables(tables["splits"]).to_pandas()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 import pyarrow as pa
 
@@ -116,6 +117,8 @@ def _check_boxes(objects: pd.DataFrame) -> Iterator[Fault]:
         objects, there != objects["has_geometry"], "has_geometry is not what the box says"
     )
     names = [f"{what}_{axis}" for what in _PLACES for axis in "xyz"]
+    infinite = np.isinf(objects[names].to_numpy(dtype=float)).any(axis=1)
+    yield from _each(objects, pd.Series(infinite, objects.index), "its geometry is not finite")
     partial = objects[[*names, "area"]].isna().nunique(axis=1) > 1
     yield from _each(objects, partial, "has only part of its geometry")
     for axis in "xyz":
@@ -125,7 +128,8 @@ def _check_boxes(objects: pd.DataFrame) -> Iterator[Fault]:
             value = objects[f"{inner}_{axis}"]
             outside |= (value < low - _ROUNDING) | (value > high + _ROUNDING)
         yield from _each(objects, outside, f"its centroid or its part is outside its box in {axis}")
-    yield from _each(objects, objects["area"] <= 0, "area is not above 0")
+    sound = objects["area"].isna() | ((objects["area"] > 0) & np.isfinite(objects["area"]))
+    yield from _each(objects, ~sound, "area is not above 0")
 
 
 def check_rooms(frames: dict[str, pd.DataFrame]) -> Iterator[Fault]:
@@ -133,19 +137,42 @@ def check_rooms(frames: dict[str, pd.DataFrame]) -> Iterator[Fault]:
     rooms, scenes = frames["rooms"], frames["scenes"]
     names = [f"{what}_{axis}" for what in _PLACES[:3] for axis in "xyz"]
     wrong = rooms[names].isna().nunique(axis=1) > 1
-    wrong |= rooms["footprint"].isna() != rooms["box_min_x"].isna()
+    there = rooms["box_min_x"].notna()
+    wrong |= pd.Series(np.isinf(rooms[names].to_numpy(dtype=float)).any(axis=1), rooms.index)
+    wrong |= there != _fill_boxes(rooms)
+    wrong |= there != (rooms["floor_index"] >= 0)
     for axis in "xyz":
         low, high = rooms[f"box_min_{axis}"], rooms[f"box_max_{axis}"]
-        wrong |= (low > high) | (rooms[f"centroid_{axis}"] < low - _ROUNDING)
-        wrong |= rooms[f"centroid_{axis}"] > high + _ROUNDING
+        wrong |= (low > high) | ((rooms[f"centroid_{axis}"] - (low + high) / 2).abs() > _ROUNDING)
     for row in rooms[wrong].itertuples():
         yield Fault("rooms", f"{row.scene_id}, room {row.room_index}: its geometry is impossible")
     placed = {
         *rooms.loc[rooms["box_min_x"].notna(), "scene_id"],
         *frames["objects"].loc[frames["objects"]["has_geometry"], "scene_id"],
     }
+    axes = ("x", "y", "z", "-x", "-y", "-z")
+    for row in scenes[scenes["up_axis"].notna() & ~scenes["up_axis"].isin(axes)].itertuples():
+        yield Fault("scenes", f"{row.scene_id}: up_axis is none of {', '.join(axes)}")
     for row in scenes[scenes["has_geometry"] != scenes["scene_id"].isin(placed)].itertuples():
         yield Fault("scenes", f"{row.scene_id}: has_geometry is not what rooms and objects say")
+
+
+def _fill_boxes(rooms: pd.DataFrame) -> pd.Series[bool]:
+    """Say of every room whether its footprint is a polygon that fills its box from above."""
+    names = ["box_min_x", "box_min_y", "box_max_x", "box_max_y"]
+    boxes = rooms[names].to_numpy(dtype=float)
+    found = [
+        _fills(footprint, box) for footprint, box in zip(rooms["footprint"], boxes, strict=True)
+    ]
+    return pd.Series(found, rooms.index, dtype=bool)
+
+
+def _fills(footprint: object, box: npt.NDArray[np.float64]) -> bool:
+    if not isinstance(footprint, np.ndarray) or len(footprint) < 6 or len(footprint) % 2:
+        return False
+    corners = footprint.reshape(-1, 2)
+    ends = [*corners.min(axis=0), *corners.max(axis=0)]
+    return bool((np.abs(np.array(ends) - box) <= _ROUNDING).all())
 
 
 def _each(objects: pd.DataFrame, wrong: pd.Series[bool], what: str) -> Iterator[Fault]:
@@ -184,8 +211,39 @@ def check_edges(frames: dict[str, pd.DataFrame]) -> Iterator[Fault]:
     wrong |= adjacent.duplicated(["scene_id", "source", "target"])
     for scene in adjacent.loc[wrong, "scene_id"].unique():
         yield Fault("edges", f"{scene}: an adjacent edge does not join two rooms once, low to high")
-    unknown = ~adjacent["method"].isin(["layout", "door", "stairs", "boxes"])
-    for scene in adjacent.loc[unknown | (adjacent["distance_m"] < 0), "scene_id"].unique():
+    known = adjacent["method"].isin(["layout", "door", "stairs", "boxes"])
+    known &= _is_distance(adjacent, frames["rooms"])
+    for scene in adjacent.loc[~known, "scene_id"].unique():
         yield Fault("edges", f"{scene}: an adjacent edge has an unknown method or distance")
+    contains = edges[edges["kind"] == "contains"]
+    odd = (contains["method"] != "annotation") | contains["distance_m"].notna()
+    for scene in contains.loc[odd, "scene_id"].unique():
+        yield Fault("edges", f"{scene}: a contains edge has another method, or a distance")
     for kind in sorted(set(edges["kind"]) - {"contains", "adjacent"}):
         yield Fault("edges", f"kind {kind!r} is neither contains nor adjacent")
+
+
+def _is_distance(adjacent: pd.DataFrame, rooms: pd.DataFrame) -> pd.Series[bool]:
+    """Say of every edge whether its distance is that of the centroids, or null without these."""
+    axes = ["centroid_x", "centroid_y", "centroid_z"]
+    places = rooms.set_index(["scene_id", "room_index"])[axes]
+    ends = [
+        places.reindex(pd.MultiIndex.from_frame(adjacent[["scene_id", end]])).to_numpy()
+        for end in ("source", "target")
+    ]
+    expected = np.linalg.norm(ends[0] - ends[1], axis=1)
+    found = adjacent["distance_m"].to_numpy(dtype=float)
+    return pd.Series(np.isclose(found, expected, equal_nan=True), index=adjacent.index)
+
+
+def check_meshes(manifest: Manifest, scenes: pd.DataFrame) -> Iterator[Fault]:
+    """Check that what meshes cover adds up, and that they are of scenes with geometry."""
+    placed = set(scenes.loc[scenes["up_axis"].notna(), "scene_id"])
+    for scene in sorted(placed.symmetric_difference(manifest.meshes)):
+        yield Fault(MANIFEST, f"{scene}: has a mesh in the manifest or an up_axis, not both")
+    for scene, mesh in manifest.meshes.items():
+        if mesh.texels != mesh.listed + mesh.snapped + mesh.black + mesh.unlisted:
+            yield Fault(MANIFEST, f"{scene}: the texels of its mesh do not add up")
+        parts = mesh.listed_area + mesh.unlisted_area + mesh.uncoloured_area
+        if not abs(parts - mesh.area) < 0.01:
+            yield Fault(MANIFEST, f"{scene}: the surface of its mesh does not add up")

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import io
 import json
+import logging
 import os
 import struct
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -32,8 +33,22 @@ MAX_FACES = 10_000_000
 MAX_VERTICES = 20_000_000
 MAX_TEXTURE = 8192
 MAX_TEXELS = 2**30
-MAX_NODES = 200_000
+MAX_NODES = 20_000
+MAX_DEPTH = 64
+MAX_REPEATS = 1e5  # of a texture
 _MAGIC, _JSON, _BIN = b"glTF", b"JSON", b"BIN\0"
+_TRIANGLES, _STRIP, _FAN = 4, 5, 6
+_REPEAT, _CLAMP = 10497, 33071
+# What an attribute must be: its types, and the types of its numbers (signed ones and unsigned).
+_FLOAT, _COUNTS, _SHADES = {5126}, {5121, 5123, 5125}, {5121, 5123, 5126}
+_KINDS = {
+    "POSITION": ({"VEC3"}, _FLOAT),
+    "TEXCOORD_0": ({"VEC2"}, _FLOAT),
+    "COLOR_0": ({"VEC3", "VEC4"}, _SHADES),
+    "indices": ({"SCALAR"}, _COUNTS),
+}
+# trimesh tells what it does about odd files; we tell the user what we do.
+logging.getLogger("trimesh").addHandler(logging.NullHandler())
 _SIZES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 _COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_texture_basisu")
@@ -63,60 +78,79 @@ class MeshPart:
 
 
 def read_parts(path: Path) -> Iterator[MeshPart]:
-    """Yield every primitive of a GLB under every node that shows it, in the order of the file.
+    """Yield every primitive of a GLB under every node that shows it, those of a texture together.
 
     Raises:
-        MeshError: naming what is wrong with the file, before the first part.
+        MeshError: naming what is wrong with the file.
     """
-    import trimesh  # here, because importing it takes longer than most commands
-
     try:
-        with path.open("rb") as file:
-            tree = _read_header(file, path)
-            _check_tree(tree, file, path)
-            file.seek(0)
-            scene = trimesh.load_scene(file, file_type="glb", merge_primitives=False, process=False)
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")  # numbers that are none are found below
+            scene, clamped = _load(path)
+        yield from _parts(scene, path, clamped=clamped)
     except OSError as error:
         raise MeshError(f"{path}: cannot be read ({error.strerror or error})") from error
     except MeshError:
         raise
     except Exception as error:  # a reader of hostile bytes may raise anything
-        what = str(error) or type(error).__name__
-        raise MeshError(f"{path}: not readable as glTF ({what[:200]})") from error
-    yield from _parts(scene, path)
+        what = f"{type(error).__name__}: {str(error)[:200]}"
+        raise MeshError(f"{path}: not readable as glTF ({what})") from error
 
 
-def _parts(scene: Any, path: Path) -> Iterator[MeshPart]:
+def _load(path: Path) -> tuple[Any, bool]:
+    """Return the scene of a file that was checked, and whether its textures end at their edges."""
+    import trimesh  # here, because importing it takes longer than most commands
+
+    with path.open("rb") as file:
+        tree = _read_header(file, path)
+        _check_tree(tree, file, path)
+        clamped = _check_samplers(tree, path)
+        file.seek(0)
+        scene = trimesh.load_scene(file, file_type="glb", merge_primitives=False, process=False)
+    return scene, clamped
+
+
+def _parts(scene: Any, path: Path, *, clamped: bool) -> Iterator[MeshPart]:
     graph = scene.graph
+    shown: dict[
+        int, list[tuple[Any, Floats]]
+    ] = {}  # by texture; transformed when they are asked for
     for name, mesh in scene.geometry.items():
         if not hasattr(mesh, "faces"):  # lines or points
             continue
         # Names of nodes are random where a mesh has several primitives: order by what they say.
         matrices = [graph.get(node)[0] for node in graph.geometry_nodes.get(name, ())]
         for matrix in sorted(matrices, key=lambda matrix: matrix.tolist()):
-            yield _part(mesh, matrix, path)
+            shown.setdefault(id(_texture_of(mesh)), []).append((mesh, matrix))
+    for meshes in shown.values():
+        for mesh, matrix in meshes:
+            yield _part(mesh, matrix, path, clamped=clamped)
 
 
-def _part(mesh: Any, matrix: Floats, path: Path) -> MeshPart:
-    vertices = mesh.vertices.view(np.ndarray) @ matrix[:3, :3].T + matrix[:3, 3]
+def _texture_of(mesh: Any) -> Image.Image | None:
+    if getattr(mesh.visual, "uv", None) is None:
+        return None
+    texture: Image.Image | None = getattr(mesh.visual.material, "baseColorTexture", None)
+    return texture
+
+
+def _part(mesh: Any, matrix: Floats, path: Path, *, clamped: bool) -> MeshPart:
+    with np.errstate(all="ignore"):
+        vertices = mesh.vertices.view(np.ndarray) @ matrix[:3, :3].T + matrix[:3, 3]
     faces = mesh.faces.view(np.ndarray)
     if not np.isfinite(vertices).all():
         raise MeshError(f"{path}: a vertex is not finite")
     if len(faces) and (faces.min() < 0 or faces.max() >= len(vertices)):
         raise MeshError(f"{path}: a face has a vertex that is not there")
-    texture = getattr(getattr(mesh.visual, "material", None), "baseColorTexture", None)
-    places = getattr(mesh.visual, "uv", None) if texture is not None else None
-    if places is not None:
-        if len(places) != len(vertices) or not np.isfinite(places).all():
-            raise MeshError(f"{path}: texture coordinates that are not one finite pair a vertex")
+    texture, places = _texture_of(mesh), None
+    if texture is not None:
+        places = np.asarray(mesh.visual.uv, dtype=np.float64)
+        if places.shape != (len(vertices), 2) or not (np.abs(places) < MAX_REPEATS).all():
+            raise MeshError(f"{path}: texture coordinates that are not one sane pair a vertex")
         places = np.stack([places[:, 0], 1.0 - places[:, 1]], axis=1)  # trimesh counts from below
-    return MeshPart(
-        vertices=vertices,
-        faces=faces,
-        texture=texture if places is not None else None,
-        places=places,
-        colours=_vertex_colours(mesh, path),
-    )
+        if clamped:
+            places = np.clip(places, 0.0, np.nextafter(1.0, 0.0))
+    return MeshPart(vertices, faces, texture, places, _vertex_colours(mesh, path))
 
 
 def _vertex_colours(mesh: Any, path: Path) -> npt.NDArray[np.uint8] | None:
@@ -180,10 +214,14 @@ def _check_tree(tree: dict[str, Any], file: IO[bytes], path: Path) -> None:
         raise MeshError(f"{path}: is compressed by {min(used)}, which this program does not read")
     try:
         sizes = _check_accessors(tree, path)
-        faces = [_check_primitives(mesh, tree, sizes, path) for mesh in tree.get("meshes", [])]
-        if not sum(faces):
+        counts = [
+            _check_primitives(mesh, number, tree, sizes, path)
+            for number, mesh in enumerate(tree.get("meshes", []))
+        ]
+        if not sum(faces for faces, _ in counts):
             raise MeshError(f"{path}: holds no triangle")
-        _check_nodes(tree, faces, path)
+        _check_load(counts, "holds", path)
+        _check_nodes(tree, counts, path)
         _check_images(tree, file, path)
     except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
         raise MeshError(f"{path}: its JSON is no glTF ({type(error).__name__}: {error})") from error
@@ -222,44 +260,97 @@ def _check_accessors(tree: dict[str, Any], path: Path) -> list[int]:
 
 
 def _check_primitives(
-    mesh: dict[str, Any], tree: dict[str, Any], sizes: list[int], path: Path
-) -> int:
-    """Return the number of triangles of a mesh."""
+    mesh: dict[str, Any], number: int, tree: dict[str, Any], sizes: list[int], path: Path
+) -> tuple[int, int]:
+    """Return the number of triangles and of vertices of a mesh."""
     faces = vertices = 0
+    if not mesh["primitives"]:
+        raise MeshError(f"{path}: mesh {number} has no primitive")
     for primitive in mesh["primitives"]:
-        attributes = primitive["attributes"]
-        for accessor in (
-            *attributes.values(),
-            *([primitive["indices"]] * ("indices" in primitive)),
-        ):
-            _index(accessor, sizes)
+        if _COMPRESSED[0] in primitive.get("extensions", {}):
+            raise MeshError(f"{path}: is compressed by {_COMPRESSED[0]}, which is not read")
+        used = dict(primitive["attributes"])
+        if "indices" in primitive:
+            used["indices"] = primitive["indices"]
+        count = sizes[_index(used["POSITION"], sizes)]
+        for name, accessor in used.items():
+            _check_kind(name, tree["accessors"][_index(accessor, sizes)], number, path)
+            if name != "indices" and sizes[accessor] != count:
+                raise MeshError(
+                    f"{path}: mesh {number} has {count:,} vertices, {sizes[accessor]:,} {name}"
+                )
         if "material" in primitive:
             _index(primitive["material"], tree.get("materials", []))
-        count = sizes[attributes["POSITION"]]
-        corners = sizes[primitive["indices"]] if "indices" in primitive else count
-        faces += corners // 3 if primitive.get("mode", 4) == 4 else corners
+        corners = sizes[used["indices"]] if "indices" in used else count
+        mode = primitive.get("mode", _TRIANGLES)
+        if mode == _FAN:
+            raise MeshError(f"{path}: mesh {number} is a triangle fan, which is not read")
+        faces += {_TRIANGLES: corners // 3, _STRIP: max(0, corners - 2)}.get(mode, 0)
         vertices += count
+    return faces, vertices
+
+
+def _check_kind(name: str, accessor: dict[str, Any], number: int, path: Path) -> None:
+    types, numbers = _KINDS.get(name, (set(_WIDTHS), set(_SIZES)))
+    if accessor["type"] not in types or accessor["componentType"] not in numbers:
+        raise MeshError(
+            f"{path}: mesh {number} has {name} as {accessor['type']} of component type "
+            f"{accessor['componentType']}; expected {' or '.join(sorted(types))} of "
+            f"{' or '.join(str(kind) for kind in sorted(numbers))}"
+        )
+
+
+def _check_load(counts: Iterable[tuple[int, int]], does: str, path: Path) -> None:
+    faces, vertices = (sum(column) for column in zip(*counts, strict=True))
     if faces > MAX_FACES or vertices > MAX_VERTICES:
-        raise MeshError(f"{path}: a mesh of {faces:,} triangles; at most {MAX_FACES:,} are read")
-    return faces
+        raise MeshError(
+            f"{path}: {does} {faces:,} triangles and {vertices:,} vertices; at most {MAX_FACES:,} "
+            f"and {MAX_VERTICES:,} are read"
+        )
 
 
-def _check_nodes(tree: dict[str, Any], faces: list[int], path: Path) -> None:
+def _check_nodes(tree: dict[str, Any], counts: list[tuple[int, int]], path: Path) -> None:
     """Walk the nodes from the scene: each is reached once, and all it shows is not too much."""
     nodes, scenes = tree.get("nodes", []), tree.get("scenes", [])
     roots = scenes[_index(tree.get("scene", 0), scenes)].get("nodes", [])
-    waiting, reached, shown = list(roots), 0, 0
+    waiting = [(root, 1) for root in roots]
+    reached, shown = 0, [(0, 0)]
     while waiting:
-        node = nodes[_index(waiting.pop(), nodes)]
-        waiting += node.get("children", [])
+        number, depth = waiting.pop()
+        node = nodes[_index(number, nodes)]
+        waiting += [(child, depth + 1) for child in node.get("children", [])]
         reached += 1
-        shown += faces[_index(node["mesh"], faces)] if "mesh" in node else 0
-        if reached > min(len(nodes), MAX_NODES):
-            raise MeshError(f"{path}: its nodes run in a circle, share children, or are too many")
-        if shown > MAX_FACES:
-            raise MeshError(f"{path}: shows {shown:,} triangles; at most {MAX_FACES:,} are read")
-    if not shown:
+        shown += [counts[_index(node["mesh"], counts)]] if "mesh" in node else []
+        if reached > min(len(nodes), MAX_NODES) or depth > MAX_DEPTH:
+            raise MeshError(
+                f"{path}: its nodes run in a circle, share children, or are too many (at most "
+                f"{MAX_NODES:,}, {MAX_DEPTH} deep)"
+            )
+    if not sum(faces for faces, _ in shown):
         raise MeshError(f"{path}: no node of its scene shows a triangle")
+    _check_load(shown, "shows", path)
+
+
+def _check_samplers(tree: dict[str, Any], path: Path) -> bool:
+    """Return whether textures end at their edges instead of repeating.
+
+    Raises:
+        MeshError: for a way to look textures up that this program does not have.
+    """
+    wraps = {
+        sampler.get(side, _REPEAT)
+        for sampler in tree.get("samplers", [])
+        for side in ("wrapS", "wrapT")
+    }
+    if not wraps <= {_REPEAT} and not wraps <= {_CLAMP}:
+        raise MeshError(f"{path}: its textures repeat in mirrors, or some repeat and some end")
+    for number, material in enumerate(tree.get("materials", [])):
+        texture = material.get("pbrMetallicRoughness", {}).get("baseColorTexture") or {}
+        if texture.get("texCoord", 0) != 0 or "KHR_texture_transform" in texture.get(
+            "extensions", {}
+        ):
+            raise MeshError(f"{path}: material {number} moves its texture, or has a second one")
+    return wraps == {_CLAMP}
 
 
 def _check_images(tree: dict[str, Any], file: IO[bytes], path: Path) -> None:
@@ -293,7 +384,7 @@ def _image_size(data: bytes, what: str) -> tuple[int, int]:
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # our limit is lower
             return Image.open(io.BytesIO(data), formats=("PNG", "JPEG")).size
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        raise MeshError(f"{what} is no readable PNG ({str(error)[:100]})") from error
+        raise MeshError(f"{what} is no readable PNG ({type(error).__name__})") from error
 
 
 def _count(entry: dict[str, Any], key: str, default: int | None = None) -> int:

@@ -19,7 +19,8 @@ from bsg_data.semantic_mesh import MeshSurvey
 
 Floats = npt.NDArray[np.float64]
 
-STOREY_GAP = 1.0  # metres: floors of rooms that are nearer are on one storey
+STOREY_GAP = 1.0  # metres: floors of rooms that are nearer are on one storey,
+STOREY_SPAN = 2.0  # as long as none of them is higher than this above the lowest
 FLOOR, CEILING = "floor", "ceiling"  # corrected categories
 _ASSUMED = "y"  # the glTF standard's, where nothing shows which way is up
 # Rows are the x, y and z of the building in the axes of a file in which this axis is up.
@@ -139,9 +140,12 @@ def find_storeys(floors: Sequence[float | None]) -> list[int | None]:
         floors: height of the floor of each room, metres; None where unknown.
     """
     known = sorted(height for height in floors if height is not None)
-    starts = [b for a, b in pairwise(known) if b - a > STOREY_GAP]
+    starts = known[:1]
+    for below, height in pairwise(known):
+        if height - below > STOREY_GAP or height - starts[-1] > STOREY_SPAN:
+            starts.append(height)
     return [
-        None if height is None else int(np.searchsorted(starts, height, side="right"))
+        None if height is None else int(np.searchsorted(starts, height, side="right")) - 1
         for height in floors
     ]
 

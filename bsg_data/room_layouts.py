@@ -11,10 +11,11 @@ import hashlib
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
 import yaml
-from pydantic import BaseModel, ConfigDict, FiniteFloat, NonNegativeFloat, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from bsg_data.adjacency import measure_distance
 from bsg_data.class_map import ClassMap
@@ -30,7 +31,8 @@ from bsg_data.sources import (
     building_of,
 )
 
-MAX_BYTES = 4 * 2**20  # the largest real layout is 20 kB
+MAX_BYTES = 2**20  # the largest real layout is 20 kB
+MAX_METRES = 10_000.0
 _NAME = re.compile(r"room_([1-9][0-9]{0,5})")
 
 
@@ -38,31 +40,54 @@ class LayoutError(SourceError):
     """Report a layout that cannot be read or does not belong to its scene."""
 
 
+Metres = Annotated[float, Field(ge=-MAX_METRES, le=MAX_METRES)]
+Length = Annotated[float, Field(ge=0, le=MAX_METRES)]
+Number = Annotated[int, Field(ge=0, le=10**6)]
+
+
 class _Entry(BaseModel):
     model_config = ConfigDict(extra="ignore", frozen=True)
 
 
 class _Place(_Entry):
-    x: FiniteFloat
-    y: FiniteFloat
-    z: FiniteFloat
+    x: Metres
+    y: Metres
+    z: Metres
 
 
 class _Size(_Entry):
-    x: NonNegativeFloat
-    y: NonNegativeFloat
-    z: NonNegativeFloat
+    x: Length
+    y: Length
+    z: Length
 
 
 class _LayoutRoom(_Entry):
-    label: str
+    label: Annotated[str, Field(min_length=1, max_length=200)]
     centroid: _Place
     dims: _Size
 
 
 class _Layout(_Entry):
-    rooms: dict[str, _LayoutRoom]
-    connections: tuple[tuple[int, int], ...] = ()
+    rooms: Annotated[dict[str, _LayoutRoom], Field(min_length=1)]
+    connections: tuple[tuple[Number, Number], ...] = ()
+
+
+class _Loader(yaml.BaseLoader):  # type: ignore[misc]
+    """Read YAML as text, lists and mappings alone; refuse what layouts do not need."""
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        """Refuse aliases, with which a small file can stand for a huge one."""
+        if self.check_event(yaml.AliasEvent):
+            raise yaml.YAMLError(f"an alias, {self.peek_event().anchor!r}")
+        return super().compose_node(parent, index)
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> Any:
+        """Refuse a key that is there twice."""
+        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
+        twice = {str(key) for key in keys if keys.count(key) > 1}
+        if twice:
+            raise yaml.YAMLError(f"the key {min(twice)!r} twice")
+        return super().construct_mapping(node, deep)
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,15 +112,15 @@ def read_layout(path: Path) -> RoomLayout:
     try:
         if path.stat().st_size > MAX_BYTES:
             raise LayoutError(f"{path}: more than {MAX_BYTES:,} bytes: no layout of a building")
-        found = _Layout.model_validate(yaml.safe_load(path.read_bytes()))
+        found = _Layout.model_validate(yaml.load(path.read_bytes(), _Loader))  # noqa: S506
     except OSError as error:
         raise LayoutError(f"{path}: cannot be read ({error.strerror})") from error
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        raise LayoutError(f"{path}: no YAML ({' '.join(str(error).split())[:200]})") from error
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"]) or "the whole file"
         raise LayoutError(f"{path}: {where}: {first['msg']}") from error
+    except (yaml.YAMLError, ValueError, TypeError, RecursionError) as error:
+        raise LayoutError(f"{path}: no YAML ({' '.join(str(error).split())[:200]})") from error
     rooms = {}
     for name, room in found.rooms.items():
         match = _NAME.fullmatch(name)
@@ -106,7 +131,9 @@ def read_layout(path: Path) -> RoomLayout:
         for number in pair:
             if number not in rooms:
                 raise LayoutError(f"{path}: connections: room_{number} is not among its rooms")
-    pairs = {(min(pair), max(pair)) for pair in found.connections if pair[0] != pair[1]}
+        if pair[0] == pair[1]:
+            raise LayoutError(f"{path}: connections: room_{pair[0]} with itself")
+    pairs = {(min(pair), max(pair)) for pair in found.connections}
     return RoomLayout(rooms, tuple(sorted(pairs)))
 
 
@@ -121,8 +148,9 @@ def _box(room: _LayoutRoom) -> Box:
 def lay_out(graph: SceneGraph, layout: RoomLayout) -> SceneGraph:
     """Return the scene graph with the labels and connections of a layout.
 
-    Boxes come from the layout where no mesh gave them. Rooms that the layout lacks stay as they
-    are. The connections replace what was derived from a mesh: somebody drew them.
+    Boxes come from the layout where there is no mesh: the two need not have the same origin. Rooms
+    that the layout lacks stay as they are. The connections replace what was derived from a mesh:
+    somebody drew them.
 
     Raises:
         LayoutError: if the layout has a room that the scene has not.
@@ -134,7 +162,7 @@ def lay_out(graph: SceneGraph, layout: RoomLayout) -> SceneGraph:
             f"{len(graph.rooms)} rooms: the layout is of another scene or another version"
         )
     rooms = [
-        _lay_out_room(room, *layout.rooms[room.room_index])
+        _lay_out_room(room, *layout.rooms[room.room_index], placed=graph.up_axis is not None)
         if room.room_index in layout.rooms
         else room
         for room in graph.rooms
@@ -149,8 +177,9 @@ def lay_out(graph: SceneGraph, layout: RoomLayout) -> SceneGraph:
     return replace(graph, rooms=tuple(rooms), adjacency=edges)
 
 
-def _lay_out_room(room: Room, label: str, box: Box) -> Room:
-    if room.box is not None:
+def _lay_out_room(room: Room, label: str, box: Box, *, placed: bool) -> Room:
+    """Return the room with its label, and with its box unless a mesh placed the building."""
+    if placed:
         return replace(room, source_label=label)
     (a, b, _), (c, d, _) = box.minimum, box.maximum
     x, y, z = (float(v) for v in np.mean([box.minimum, box.maximum], axis=0))

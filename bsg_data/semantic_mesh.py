@@ -11,6 +11,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -31,8 +32,9 @@ _FIRST = 2
 MAX_INSTANCES = 60_000
 CELL = 0.1  # metres; what is closer than two of these is one part
 _FINE = 4.0  # samples a texel where a face straddles instances
-_MOST_SAMPLES = 400_000_000  # of one mesh
-_BATCH = 2_000_000  # samples in memory
+_MOST_SAMPLES = 1_000_000_000  # of one mesh: some minutes
+_BATCH = 2**19  # samples or faces in memory
+_MOST_CELLS = 8_000_000  # of one mesh: 80,000 square metres
 _OWN_SHARE = 0.2  # of its colours' surface that a mesh must have listed to be its scene's
 
 
@@ -73,39 +75,30 @@ def survey_mesh(
     Raises:
         MeshError: if the file cannot be read, is JPEG unasked, or is another scene's.
     """
+    try:
+        return _survey(path, colours, snap_colours)
+    except MemoryError as error:
+        raise MeshError(f"{path}: needs more memory than there is") from error
+
+
+def _survey(path: Path, colours: Sequence[str], snap_colours: int | None) -> MeshSurvey:
     palette = _Palette(colours, snap_colours)
-    tally = _Tally(len(colours) + _FIRST)
+    tally = _Tally(len(colours) + _FIRST, path)
     texels = np.zeros(len(colours) + _FIRST, dtype=np.int64)
-    for texture, parts in _by_texture(read_parts(path)):
+    for _, parts in groupby(read_parts(path), key=lambda part: id(part.texture)):
         sheet = None
-        if texture is not None:
-            sheet = palette.label(texture, path)
-            texels += np.bincount(sheet.ravel(), minlength=len(texels))
         for part in parts:
-            tally.add(part, sheet, palette, path)
-    coverage = _cover(tally, texels, palette, sha256=_hash(path))
-    if coverage.listed_area < _OWN_SHARE * coverage.area:
-        raise MeshError(
-            f"{path}: only {coverage.listed_area / max(coverage.area, 1e-9):.0%} of its surface "
-            "has a colour that the annotation lists: it is another scene's, or not a semantic mesh"
-        )
-    return tally.summarise(coverage)
+            if part.texture is not None and sheet is None:
+                sheet = palette.label(part.texture, path)
+                texels += np.bincount(sheet.ravel(), minlength=len(texels))
+            tally.add(part, sheet, palette)
+    tally.refuse_strangers()
+    return tally.summarise(_cover(tally, texels, palette, sha256=_hash(path)))
 
 
 def _hash(path: Path) -> str:
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def _by_texture(
-    parts: Iterator[MeshPart],
-) -> Iterator[tuple[Image.Image | None, list[MeshPart]]]:
-    """Group parts by texture, so that each is unpacked once."""
-    groups: dict[int, tuple[Image.Image | None, list[MeshPart]]] = {}
-    for part in parts:
-        groups.setdefault(id(part.texture), (part.texture, []))[1].append(part)
-    while groups:  # a group is let go once it is used
-        yield groups.pop(next(iter(groups)))
 
 
 def _cover(tally: _Tally, texels: Ints, palette: _Palette, *, sha256: str) -> MeshCoverage:
@@ -149,10 +142,11 @@ class _Palette:
             return self._snap_jpeg(image, path)
         pixels, table = _unpack(image, path)
         if table is not None:
-            labels = self._labels[table]
-            used = np.bincount(pixels.ravel(), minlength=256) > 0
-            self._unlisted[table[used & (labels == UNLISTED)]] = True
-            return np.asarray(labels[pixels])
+            of_place = np.full(256, UNLISTED, dtype=np.uint16)  # also of places beyond the palette
+            of_place[: len(table)] = self._labels[table]
+            used = np.bincount(pixels.ravel(), minlength=256)[: len(table)] > 0
+            self._unlisted[table[used & (of_place[: len(table)] == UNLISTED)]] = True
+            return np.asarray(of_place[pixels])
         labels = np.empty(pixels.shape, dtype=np.uint16)
         for row in range(0, len(pixels), 512):  # indexing needs eight bytes a texel
             codes = pixels[row : row + 512] & 0xFFFFFF
@@ -202,17 +196,14 @@ def _unpack(
 ) -> tuple[npt.NDArray[np.unsignedinteger], npt.NDArray[np.uint32] | None]:
     """Return the pixels `[H, W]` and let go of the image.
 
-    These are places in the palette, returned with the codes of its colours `[256]`, or codes.
+    These are places in the palette, returned with the codes of its colours, or codes.
     """
     if image.mode not in ("1", "L", "LA", "P", "PA", "RGB", "RGBA"):
         raise MeshError(f"{path}: a texture has mode {image.mode}; expected 8 bits a channel")
     try:
         if image.mode == "P":
-            pixels = np.asarray(image)
-            table = np.zeros(256, dtype=np.uint32)
-            palette = _codes(np.array(image.getpalette("RGB")).reshape(-1, 3))
-            table[: len(palette)] = palette
-            return pixels, table
+            palette = np.array(image.getpalette("RGB"), dtype=np.uint8)
+            return np.asarray(image), _codes(palette.reshape(-1, 3))
         four = np.ascontiguousarray(np.asarray(image.convert("RGBA")))
         return four.view("<u4")[..., 0], None
     except (OSError, SyntaxError, ValueError) as error:
@@ -224,31 +215,33 @@ def _unpack(
 class _Tally:
     """The sums over all faces, by label, and the cells that each label reaches."""
 
-    def __init__(self, labels: int) -> None:
+    def __init__(self, labels: int, path: Path) -> None:
+        self._path = path
         self.area = np.zeros(labels)
         self.uncoloured = 0.0
         self.faces = 0
         self._moment = np.zeros((labels, 3))
         self._low, self._high = np.full((labels, 3), np.inf), np.full((labels, 3), -np.inf)
         self._cells: list[_Cells] = []
+        self._held = 0
         self._samples = 0
 
-    def add(self, part: MeshPart, sheet: Labels | None, palette: _Palette, path: Path) -> None:
+    def add(self, part: MeshPart, sheet: Labels | None, palette: _Palette) -> None:
         """Add the faces of a part."""
         if np.abs(part.vertices).max(initial=0) > CELL * 2**15 - 1:
-            raise MeshError(f"{path}: it is kilometres wide; are its units metres?")
+            raise MeshError(f"{self._path}: it is kilometres wide; are its units metres?")
         self.faces += len(part.faces)
         vertex_labels = None
         if sheet is None and part.colours is not None:
             vertex_labels = palette.label_vertices(part.colours)
         changes = None if sheet is None else _sum_changes(sheet)
-        for start in range(0, len(part.faces), _BATCH // 4):
-            faces = part.faces[start : start + _BATCH // 4]
+        for start in range(0, len(part.faces), _BATCH):
+            faces = part.faces[start : start + _BATCH]
             if sheet is not None and changes is not None and part.places is not None:
                 spots = part.places * (sheet.shape[1], sheet.shape[0])
                 labels, mixed = _label_faces(spots, faces, sheet, changes)
                 self._add_whole(part.vertices, faces[~mixed], labels[~mixed])
-                self._add_divided(part.vertices[faces[mixed]], spots[faces[mixed]], sheet, path)
+                self._add_divided(part.vertices[faces[mixed]], spots[faces[mixed]], sheet)
             elif vertex_labels is not None:
                 three = vertex_labels[faces]
                 mixed = (three[:, 0] != three[:, 1]) | (three[:, 0] != three[:, 2])
@@ -273,12 +266,12 @@ class _Tally:
             self._reach(vertices[faces[other, corner]], labels[other])
         x, y, z = (high - low).T
         long = np.flatnonzero(x * x + y * y + z * z > CELL**2)  # no side is longer than this
-        longest = _longest(a[long], b[long], c[long])
-        for chosen, weights in _subdivide(np.ceil(longest / CELL)):
+        parts = np.ceil(_longest(a[long], b[long], c[long]) / CELL)
+        for chosen, weights, _ in self._subdivide(parts):
             points = weights @ vertices[faces[long[chosen]]]
             self._reach(points.reshape(-1, 3), np.repeat(labels[long[chosen]], len(weights)))
 
-    def _add_divided(self, corners: Floats, spots: Floats, sheet: Labels, path: Path) -> None:
+    def _add_divided(self, corners: Floats, spots: Floats, sheet: Labels) -> None:
         """Add faces `[F, 3, 3]` that straddle labels: equal pieces, each its texel's."""
         first, second = spots[:, 1] - spots[:, 0], spots[:, 2] - spots[:, 0]
         texels = np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / 2
@@ -286,26 +279,50 @@ class _Tally:
         areas, longest = _areas(*_split(corners)), _longest(*_split(corners))
         parts = np.maximum(np.ceil(np.sqrt(_FINE * texels)), np.ceil(longest / CELL))
         parts = np.clip(parts, 2, 2 * max(sheet.shape))
-        self._samples += int((parts**2).sum())
-        if self._samples > _MOST_SAMPLES:
-            raise MeshError(f"{path}: its faces cover its textures many times over")
-        for faces, weights in _subdivide(parts):
+        for faces, weights, pieces in self._subdivide(parts):
             points = (weights @ corners[faces]).reshape(-1, 3)
             spot = np.floor((weights @ spots[faces]).reshape(-1, 2)).astype(np.int64)
             labels = sheet[spot[:, 1] % sheet.shape[0], spot[:, 0] % sheet.shape[1]]
-            area = np.repeat(areas[faces] / len(weights), len(weights))
+            area = np.repeat(areas[faces] / pieces, len(weights))
             self._add_moments(labels, area, points)
             self._extend(labels, points, points)
             self._reach(points, labels)
 
     def _add_thirds(self, corners: Floats, labels: Labels) -> None:
         """Add faces of several vertex labels: the third nearest to each vertex is that label's."""
-        weights = (np.eye(3) * 7 + np.array([[2.5]])) / 14.5  # centroids of the three thirds
-        points = (weights @ corners).reshape(-1, 3)
-        self._add_moments(labels.ravel(), np.repeat(_areas(*_split(corners)) / 3, 3), points)
-        ends = corners.reshape(-1, 3)
-        self._extend(labels.ravel(), ends, ends)
-        self._reach(ends, labels.ravel())
+        centre = corners.mean(axis=1)
+        areas = _areas(*_split(corners)) / 3
+        for corner in range(3):
+            own, one, other = (corners[:, (corner + k) % 3] for k in range(3))
+            ends = [own, (own + one) / 2, centre, (own + other) / 2]  # of that third
+            low, high = np.min(ends, axis=0), np.max(ends, axis=0)
+            middle = (22 * own + 7 * (one + other)) / 36  # its centroid
+            self._add_moments(labels[:, corner], areas, middle)
+            self._extend(labels[:, corner], low, high)
+            for end in ends:
+                self._reach(end, labels[:, corner])
+
+    def _subdivide(self, parts: Floats) -> Iterator[tuple[Ints, Floats, int]]:
+        """Group faces by the number of parts that their sides are cut into.
+
+        Yields:
+            faces that are cut alike `[G]`; centroids of some of their n² small triangles as
+            weights of the corners `[S, 3]`; and n². G times S is never much above `_BATCH`.
+        """
+        self._samples += int((parts**2).sum())
+        if self._samples > _MOST_SAMPLES:
+            raise MeshError(
+                f"{self._path}: its faces are too large, or cover their textures too often"
+            )
+        parts = np.where(parts > 16, np.ceil(parts / 8) * 8, parts).astype(np.int64)  # few groups
+        for n in np.unique(parts):
+            faces = np.flatnonzero(parts == n)
+            step = max(1, _BATCH // (2 * int(n)))
+            for row in range(0, int(n), step):
+                weights = _centroids(int(n), row, min(row + step, int(n)))
+                batch = max(1, _BATCH // len(weights))
+                for start in range(0, len(faces), batch):
+                    yield faces[start : start + batch], weights, int(n) ** 2
 
     def _add_moments(self, labels: Labels, area: Floats, points: Floats) -> None:
         self.area += np.bincount(labels, area, minlength=len(self.area))
@@ -332,6 +349,29 @@ class _Tally:
         x, y, z = (np.floor(points / CELL) + 2**15).astype(np.uint64).T
         keys = np.asarray(labels.astype(np.uint64) << 48 | x << 32 | y << 16 | z, dtype=np.uint64)
         self._cells.append(_Cells(keys, points, points).merge())
+        self._held += len(self._cells[-1].keys)
+        if self._held > _MOST_CELLS:
+            self._cells = [_concatenate(self._cells)]
+            self._held = len(self._cells[0].keys)
+            if self._held > _MOST_CELLS:
+                raise MeshError(f"{self._path}: its surface is larger than that of any building")
+
+    def refuse_strangers(self) -> None:
+        """Refuse a mesh that does not show the instances that its annotation lists."""
+        coloured, listed = float(self.area.sum()), float(self.area[_FIRST:].sum())
+        whole = coloured + self.uncoloured
+        if not whole > 0:
+            raise MeshError(f"{self._path}: its triangles have no area")
+        if self.uncoloured > 0.5 * whole:
+            raise MeshError(
+                f"{self._path}: {self.uncoloured / whole:.0%} of its surface has neither a texture "
+                "with coordinates nor vertex colours: not a semantic mesh"
+            )
+        if not listed >= _OWN_SHARE * whole:
+            raise MeshError(
+                f"{self._path}: only {listed / whole:.0%} of its surface has a colour that the "
+                "annotation lists: it is another scene's, or not a semantic mesh"
+            )
 
     def summarise(self, coverage: MeshCoverage) -> MeshSurvey:
         """Return what was measured of every instance."""
@@ -490,25 +530,13 @@ def _label_faces(
     return sheet[top, left], beyond | (found > 0)
 
 
-def _subdivide(parts: Floats) -> Iterator[tuple[Ints, Floats]]:
-    """Group faces by the number of parts that their sides are cut into.
+def _centroids(n: int, start: int, stop: int) -> Floats:
+    """Return centroids of the small triangles of a triangle cut n times, as weights `[..., 3]`.
 
-    Yields:
-        faces that are cut alike `[G]`, and the centroids of their n² small triangles as weights of
-        the corners `[n², 3]`.
+    There are n² in n rows; these are of rows `start` to `stop`.
     """
-    parts = np.where(parts > 16, np.ceil(parts / 8) * 8, parts).astype(np.int64)  # few groups
-    for n in np.unique(parts):
-        weights = _centroids(int(n))
-        faces = np.flatnonzero(parts == n)
-        batch = max(1, _BATCH // len(weights))
-        for start in range(0, len(faces), batch):
-            yield faces[start : start + batch], weights
-
-
-def _centroids(n: int) -> Floats:
-    """Return the centroids of the n² triangles of a triangle cut n times, as weights `[n², 3]`."""
-    row, column = (grid.ravel() for grid in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
+    rows, columns = np.meshgrid(np.arange(start, stop), np.arange(n), indexing="ij")
+    row, column = rows.ravel(), columns.ravel()
     upright, flipped = row + column < n, row + column < n - 1
     first = np.stack([row[upright] + 1 / 3, column[upright] + 1 / 3], axis=1)
     second = np.stack([row[flipped] + 2 / 3, column[flipped] + 2 / 3], axis=1)

@@ -32,6 +32,7 @@ _VERSION = re.compile(r"v[0-9]+\.[0-9]+")
 # minival is part of val: a building in both is val's. The order decides which copy is kept.
 _SPLITS = ("train", "val", "test", "minival", "example")
 SYNTHETIC_MARK = "synthetic.json"
+_ENDS = 2**16  # bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,6 +192,8 @@ class HM3DFolder:
         if mesh is None:
             return Reading(graph)
         try:
+            if not mesh.is_file():
+                raise MeshError(f"{mesh}: not a file, or a link that leads nowhere")
             colours = [str(obj.colour) for obj in graph.objects]
             survey = survey_mesh(mesh, colours, snap_colours=self.snap_colours)
         except MeshError as error:
@@ -222,7 +225,7 @@ class HM3DFolder:
             fingerprint=_fingerprint(path),
             source_split=_last(_split_of(part) for part in folders) or _split_by_number(scene_id),
             source_version=_last(_version_of(part) for part in folders),
-            geometry=_mesh_size(path) if self.meshes else None,
+            geometry=_mesh_mark(path) if self.meshes else None,
         )
 
 
@@ -355,13 +358,27 @@ def _why_not(path: Path) -> str | None:
 
 def _mesh_beside(annotation: Path) -> Path | None:
     mesh = annotation.with_suffix(".glb")
-    return mesh if mesh.is_file() else None
+    return mesh if mesh.exists() or mesh.is_symlink() else None
 
 
-def _mesh_size(annotation: Path) -> str | None:
-    """Return the bytes of the mesh: hashing all of them takes minutes, before anything is read."""
+def _mesh_mark(annotation: Path) -> str | None:
+    """Return what tells one mesh from another: its size, and a hash of its beginning and its end.
+
+    Hashing all meshes of HM3D would take minutes before anything is read.
+    """
     mesh = _mesh_beside(annotation)
-    return None if mesh is None else f"mesh of {mesh.stat().st_size} bytes"
+    if mesh is None or not mesh.is_file():
+        return None if mesh is None else "mesh that is no file"
+    try:
+        with mesh.open("rb") as file:
+            size = file.seek(0, os.SEEK_END)
+            digest = hashlib.sha256()
+            for start in (0, max(0, size - _ENDS)):
+                file.seek(start)
+                digest.update(file.read(_ENDS))
+    except OSError as error:
+        return f"unreadable mesh: {error.strerror}"
+    return f"mesh of {size} bytes, {digest.hexdigest()}"
 
 
 def _fingerprint(path: Path) -> str:

@@ -13,6 +13,7 @@ import hashlib
 import json
 import shutil
 from collections.abc import Iterator
+from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -209,6 +210,7 @@ def write_synthetic(
     seed: int,
     geometry: GeometryOptions | None = None,
     force: bool = False,
+    executor: Executor | None = None,
 ) -> Iterator[Path]:
     """Write buildings 0 to `scenes` - 1 of a seed as they are asked for, yielding their paths.
 
@@ -222,6 +224,7 @@ def write_synthetic(
         geometry: how to write `<hash>.semantic.glb` and, as JSON, `<hash>.truth.json` beside each
             annotation; None writes none. The annotation is the same either way.
         force: replace synthetic buildings that are there.
+        executor: where buildings are made; None makes them one after another here.
 
     Raises:
         SyntheticError: at once, before anything is written, for a number that cannot be.
@@ -237,23 +240,40 @@ def write_synthetic(
         mark["geometry"] = asdict(geometry)
     out.mkdir(parents=True, exist_ok=True)
     write_bytes(out / SYNTHETIC_MARK, _encode(mark, finished=False))
-    return _write_all(rates, out, mark, geometry)
+    return _write_all(rates, out, mark, geometry, executor)
 
 
 def _write_all(
-    rates: SyntheticRates, out: Path, mark: dict[str, Any], geometry: GeometryOptions | None
+    rates: SyntheticRates,
+    out: Path,
+    mark: dict[str, Any],
+    geometry: GeometryOptions | None,
+    executor: Executor | None,
 ) -> Iterator[Path]:
-    seed = mark["seed"]
-    for number in range(mark["scenes"]):
-        building = synthesise(rates, seed=seed, number=number)
-        path = write_building(building, out)
-        if geometry is not None:
-            mesh, truth = shape_building(building.rows, geometry, seed=seed, number=number)
-            write_bytes(path.with_suffix(".glb"), mesh)
-            text = json.dumps(truth, separators=(",", ":")) + "\n"
-            write_bytes(path.with_name(f"{building.hash}.truth.json"), text.encode())
-        yield path
+    tasks = [(rates, out, mark["seed"], number, geometry) for number in range(mark["scenes"])]
+    if executor is None:
+        yield from (_write_one(*task) for task in tasks)
+    else:
+        futures = [executor.submit(_write_one, *task) for task in tasks]
+        try:
+            yield from (future.result() for future in futures)
+        finally:
+            for future in futures:
+                future.cancel()
     write_bytes(out / SYNTHETIC_MARK, _encode(mark, finished=True))
+
+
+def _write_one(
+    rates: SyntheticRates, out: Path, seed: int, number: int, geometry: GeometryOptions | None
+) -> Path:
+    building = synthesise(rates, seed=seed, number=number)
+    path = write_building(building, out)
+    if geometry is not None:
+        mesh, truth = shape_building(building.rows, geometry, seed=seed, number=number)
+        write_bytes(path.with_suffix(".glb"), mesh)
+        text = json.dumps(truth, separators=(",", ":")) + "\n"
+        write_bytes(path.with_name(f"{building.hash}.truth.json"), text.encode())
+    return path
 
 
 def _encode(mark: dict[str, Any], *, finished: bool) -> bytes:

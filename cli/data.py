@@ -105,6 +105,7 @@ def main() -> None:
     help="Axis of the meshes that points up.  [default: y and z in turn]",
 )
 @seed_option
+@workers_option
 @force_option
 @json_option
 def synth(
@@ -115,6 +116,7 @@ def synth(
     coloured_by: str | None,
     up_axis: str | None,
     seed: int,
+    workers: int,
     force: bool,
     as_json: bool,
 ) -> None:
@@ -130,8 +132,11 @@ def synth(
     if given and not geometry:
         raise click.UsageError(f"--{next(iter(given)).replace('_', '-')} needs --geometry")
     options = GeometryOptions(**given) if geometry else None  # type: ignore[arg-type]
-    writing = write_synthetic(out, scenes=scenes, seed=seed, geometry=options, force=force)
-    with progress_bar("synth", unit="scene") as report:
+    pool = worker_pool(workers if geometry else 1)  # without meshes one process is quicker
+    with pool as executor, progress_bar("synth", unit="scene") as report:
+        writing = write_synthetic(
+            out, scenes=scenes, seed=seed, geometry=options, force=force, executor=executor
+        )
         for done, _ in enumerate(writing, 1):
             report(done, scenes)
     if as_json:
@@ -513,7 +518,7 @@ def _losses(manifest: Manifest, *, most: int = 20) -> str:
         lines.append(_mesh_line(list(manifest.meshes.values())))
     for entries, what in (
         (manifest.skipped, "skipped scene"),
-        (manifest.left_out, "scene without its geometry"),
+        (manifest.left_out, "geometry left out"),
     ):
         if entries:
             rows = [(entry.scene_id, entry.location, entry.reason) for entry in entries[:most]]

@@ -21,8 +21,11 @@ from bsg_data.errors import (
     SourceError,
     UnmappedNameError,
 )
-from bsg_data.manifest import read_manifest
+from bsg_data.manifest import encode_manifest, read_manifest
+from bsg_data.shards import read_scene_graphs
 from bsg_data.sources import HM3DFolder, HM3DStatistics
+from bsg_data.synthetic import write_synthetic
+from bsg_data.synthetic_geometry import GeometryOptions
 
 
 def all_bytes(folder: Path) -> dict[str, bytes]:
@@ -267,3 +270,69 @@ def test_the_real_scenes(shared: Path, tmp_path: Path) -> None:
         assert f"{count:,}" in readme
     assert f"{found.share:.1%}".replace("%", " %") in readme
     assert f"{found.share_of_named:.1%}".replace("%", " %") in readme
+
+
+@pytest.fixture
+def with_meshes(tmp_path: Path) -> Path:
+    """Five buildings with meshes, one of them cut off."""
+    out = tmp_path / "places"
+    list(write_synthetic(out, scenes=5, seed=1, geometry=GeometryOptions()))
+    mesh = sorted(out.rglob("*.semantic.glb"))[1]
+    mesh.write_bytes(mesh.read_bytes()[:-100])
+    return out
+
+
+def test_a_scene_whose_mesh_cannot_be_read_is_kept_without_geometry(
+    with_meshes: Path, tmp_path: Path
+) -> None:
+    manifest = build_dataset(HM3DFolder(with_meshes), tmp_path / "out")
+    assert (manifest.totals.scenes, manifest.totals.placed) == (5, 4)
+    (left,) = manifest.left_out
+    assert left.location.endswith(".semantic.glb")
+    assert left.reason.startswith("is cut off: it says")
+    assert str(tmp_path) not in encode_manifest(manifest).decode()
+    graphs = {graph.scene_id: graph for graph in read_scene_graphs(tmp_path / "out")}
+    assert not graphs[left.scene_id].has_geometry
+    assert left.scene_id not in manifest.meshes
+    with pytest.raises(SourceError, match="is cut off"):
+        build_dataset(HM3DFolder(with_meshes), tmp_path / "strict", strict=True)
+
+
+def test_meshes_give_the_same_bytes_whatever_the_workers(with_meshes: Path, tmp_path: Path) -> None:
+    build_dataset(HM3DFolder(with_meshes), tmp_path / "one", scenes_per_shard=2)
+    with ThreadPoolExecutor(2) as pool:
+        build_dataset(HM3DFolder(with_meshes), tmp_path / "many", scenes_per_shard=2, executor=pool)
+    assert all_bytes(tmp_path / "many") == all_bytes(tmp_path / "one")
+
+
+def test_without_meshes_a_build_is_one_of_text_alone(with_meshes: Path, tmp_path: Path) -> None:
+    manifest = build_dataset(HM3DFolder(with_meshes, meshes=False), tmp_path / "out")
+    assert (manifest.totals.placed, manifest.left_out, manifest.meshes) == (0, (), {})
+    assert manifest.options["meshes"] == 0
+
+
+@pytest.mark.parametrize("odd", ["folder", "broken link", "empty"])
+def test_a_mesh_that_is_no_file_is_reported(hm3d_folder: Path, tmp_path: Path, odd: str) -> None:
+    mesh = next(hm3d_folder.rglob("*.semantic.txt")).with_suffix(".glb")
+    if odd == "folder":
+        mesh.mkdir()
+    elif odd == "broken link":
+        mesh.symlink_to(tmp_path / "nowhere")
+    else:
+        mesh.touch()
+    manifest = build_dataset(HM3DFolder(hm3d_folder), tmp_path / "out")
+    (left,) = manifest.left_out
+    assert left.location == mesh.relative_to(hm3d_folder).as_posix()
+    assert "not a file" in left.reason or "begins with 'glTF'" in left.reason
+    assert manifest.totals.scenes == 12
+
+
+def test_another_mesh_of_the_same_size_is_another_build(with_meshes: Path) -> None:
+    source = HM3DFolder(with_meshes)
+    before = source.find().scenes
+    mesh = next(with_meshes.rglob("*.semantic.glb"))
+    data = bytearray(mesh.read_bytes())
+    data[-1] ^= 1
+    mesh.write_bytes(bytes(data))
+    after = source.find().scenes
+    assert sum(a != b for a, b in zip(before, after, strict=True)) == 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,9 +13,13 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from bsg_data.build import build_dataset
 from bsg_data.check import check_dataset
 from bsg_data.manifest import encode_manifest, read_manifest
 from bsg_data.shards import describe_file
+from bsg_data.sources import HM3DFolder
+from bsg_data.synthetic import write_synthetic
+from bsg_data.synthetic_geometry import GeometryOptions
 
 
 def edit(dataset: Path, file: str, change: Callable[[pd.DataFrame], pd.DataFrame]) -> None:
@@ -147,3 +152,83 @@ def test_a_class_map_that_is_not_the_published_one_is_named(dataset: Path) -> No
     found = [fault.what for fault in check_dataset(dataset)]
     assert any("is not the published one" in what for what in found)
     assert any("class map hm3d45-v1 (000000000000…)" in what for what in found)
+
+
+@pytest.fixture(scope="module")
+def _placed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("placed")
+    list(write_synthetic(folder / "places", scenes=2, seed=2, geometry=GeometryOptions()))
+    build_dataset(HM3DFolder(folder / "places"), folder / "dataset")
+    return folder / "dataset"
+
+
+@pytest.fixture
+def placed(_placed: Path, tmp_path: Path) -> Path:
+    """A dataset with geometry; each test has its own copy."""
+    return Path(shutil.copytree(_placed, tmp_path / "placed"))
+
+
+def adjacent(column: str, value: object) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    def change(frame: pd.DataFrame) -> pd.DataFrame:
+        row = int(np.flatnonzero(frame["kind"] == "adjacent")[0])
+        return setting(column, value, row)(frame)
+
+    return change
+
+
+def with_a_box(column: str, value: object) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    def change(frame: pd.DataFrame) -> pd.DataFrame:
+        row = int(np.flatnonzero(frame["box_min_x"].notna())[0])
+        return setting(column, value, row)(frame)
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("file", "change", "expected"),
+    [
+        (OBJECTS, with_a_box("box_min_x", 99.0), "outside its box in x"),
+        (OBJECTS, with_a_box("part_max_z", 99.0), "outside its box in z"),
+        (OBJECTS, with_a_box("centroid_y", -99.0), "outside its box in y"),
+        (OBJECTS, with_a_box("centroid_y", None), "only part of its geometry"),
+        (OBJECTS, with_a_box("area", 0.0), "area is not above 0"),
+        (OBJECTS, with_a_box("area", np.inf), "area is not above 0"),
+        (ROOMS, with_a_box("box_max_z", -99.0), "its geometry is impossible"),
+        (ROOMS, with_a_box("footprint", None), "its geometry is impossible"),
+        (ROOMS, with_a_box("footprint", [1.0, 2.0, 3.0]), "its geometry is impossible"),
+        (ROOMS, with_a_box("floor_index", -1), "its geometry is impossible"),
+        (ROOMS, with_a_box("box_max_x", np.inf), "its geometry is impossible"),
+        (ROOMS, with_a_box("box_max_x", 900.0), "its geometry is impossible"),
+        (ROOMS, with_a_box("footprint", [0.0, 0, 900, 0, 0, 900]), "its geometry is impossible"),
+        (OBJECTS, with_a_box("box_max_x", np.inf), "its geometry is not finite"),
+        (SCENES, setting("up_axis", "w"), "up_axis is none of"),
+        (SCENES, setting("up_axis", None), "has a mesh in the manifest or an up_axis, not both"),
+        (EDGES, setting("distance_m", 1.0), "another method, or a distance"),
+        (EDGES, setting("method", "door"), "another method, or a distance"),
+        (EDGES, adjacent("distance_m", 1.0), "unknown method or distance"),
+        (SCENES, setting("has_geometry", False), "totals.placed is 2, 1 are there"),
+        (EDGES, adjacent("method", "guess"), "unknown method or distance"),
+        (EDGES, adjacent("distance_m", -1.0), "unknown method or distance"),
+        (EDGES, adjacent("distance_m", np.inf), "unknown method or distance"),
+        (EDGES, adjacent("distance_m", None), "unknown method or distance"),
+    ],
+)
+def test_damaged_geometry_is_found(
+    placed: Path, file: str, change: Callable[[pd.DataFrame], pd.DataFrame], expected: str
+) -> None:
+    assert check_dataset(placed) == ()
+    edit(placed, file, change)
+    found = [f"{fault.where}: {fault.what}" for fault in check_dataset(placed)]
+    assert any(expected in line for line in found), found
+
+
+def test_a_coverage_that_does_not_add_up_is_found(placed: Path) -> None:
+    path = placed / "dataset.json"
+    manifest = json.loads(path.read_text("utf-8"))
+    first, second = manifest["meshes"].values()
+    first["listed"] += 1
+    second["listed_area"] += 5
+    path.write_text(json.dumps(manifest), "utf-8")
+    found = [fault.what for fault in check_dataset(placed)]
+    assert any("the texels of its mesh do not add up" in what for what in found)
+    assert any("the surface of its mesh does not add up" in what for what in found)

@@ -114,6 +114,7 @@ def test_without_floors_and_ceilings_the_standard_decides() -> None:
 
 def test_storeys_by_hand() -> None:
     assert find_storeys([0.0, 0.1, -0.2, 2.9, 3.1, None, 5.8]) == [0, 0, 0, 1, 1, None, 2]
+    assert find_storeys([0, 0.9, 1.8, 2.7, 3.6]) == [0, 0, 0, 1, 1]  # half-landings all the way
     assert find_storeys([None]) == [None]
     assert find_storeys([]) == []
 

@@ -1,0 +1,71 @@
+"""Small GLB files for tests, made by trimesh or taken apart and put together again."""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+from PIL import Image
+from trimesh.visual.material import PBRMaterial
+from trimesh.visual.texture import TextureVisuals
+
+SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=float)
+CORNERS = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=float)  # (column, row from the top)
+FACES = np.array([[0, 1, 2], [0, 2, 3]])
+
+
+def textured(
+    pixels: Any, *, size: tuple[float, float] = (1, 1), uv: Any = CORNERS, image: Any = None
+) -> trimesh.Trimesh:
+    """Return a rectangle in the plane z = 0: row 0 of the pixels `[H, W, 3]` lies at y = 0."""
+    picture = image if image is not None else Image.fromarray(np.asarray(pixels, dtype=np.uint8))
+    flipped = np.stack([np.asarray(uv)[:, 0], 1 - np.asarray(uv)[:, 1]], axis=1)
+    visual = TextureVisuals(uv=flipped, material=PBRMaterial(baseColorTexture=picture))
+    return trimesh.Trimesh(SQUARE * (*size, 1), FACES, visual=visual, process=False)
+
+
+def write_glb(path: Path, *meshes: trimesh.Trimesh, transform: Any = None) -> Path:
+    """Write meshes, all under one transform."""
+    scene = trimesh.Scene()
+    for mesh in meshes:
+        scene.add_geometry(mesh, transform=transform)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(scene.export(file_type="glb"))
+    return path
+
+
+def take_apart(data: bytes) -> tuple[dict[str, Any], bytes]:
+    """Return the JSON and the binary chunk of a GLB."""
+    (length,) = struct.unpack("<I", data[12:16])
+    return json.loads(data[20 : 20 + length]), data[28 + length :]
+
+
+def put_together(tree: dict[str, Any], binary: bytes) -> bytes:
+    """Return the GLB of a JSON and a binary chunk."""
+    text = json.dumps(tree).encode()
+    text += b" " * (-len(text) % 4)
+    head = struct.pack("<4sII", b"glTF", 2, 28 + len(text) + len(binary))
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text
+    return head + chunks + struct.pack("<I4s", len(binary), b"BIN\0") + binary
+
+
+def edited(path: Path, change: Callable[[dict[str, Any]], Any]) -> Path:
+    """Change the JSON of a GLB in place."""
+    tree, binary = take_apart(path.read_bytes())
+    change(tree)
+    path.write_bytes(put_together(tree, binary))
+    return path
+
+
+def as_file(image: Image.Image, kind: str, **options: Any) -> Image.Image:
+    """Return the image as read from a file of its own, so that it keeps its format."""
+    file = io.BytesIO()
+    image.save(file, format=kind, **options)
+    file.seek(0)
+    return Image.open(file)
