@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bsg_data.passages import THRESHOLD, choose_pairs, score_pairs
-from bsg_data.placement import find_floor
+from bsg_data.placement import STAIRS
 from bsg_data.scene_graph import Box, Edge, Room, SceneGraph, SceneObject
 
 Floats = npt.NDArray[np.float64]
@@ -34,7 +34,6 @@ DOORS = frozenset(
         "sliding glass door",
     }
 )
-STAIRS = frozenset({"stair", "stair step", "staircase", "stairs"})
 _DOOR_REACH = 0.35  # metres from a door to the room behind it: a wall, and the frame
 _DOOR_HEIGHT = 1.0  # metres of height that both must share with it: more than a hatch
 _STAIRS_REACH = 0.5  # metres from the stairs to a room at their end
@@ -49,7 +48,7 @@ def connect_rooms(graph: SceneGraph) -> SceneGraph:
     distance of the rooms' centroids. Rooms without geometry stay unconnected.
     """
     placed = [room for room in graph.rooms if room.box is not None]
-    floors = [find_floor(room, graph.objects) or 0.0 for room in placed]
+    floors = [room.floor_z or 0.0 for room in placed]
     seen = dict.fromkeys(_by_stairs(placed, floors, graph.objects), "stairs")
     seen |= dict.fromkeys(_by_doors(placed, graph.objects), "door")
     boxes = np.array([[r.box.minimum, r.box.maximum] for r in placed if r.box]).reshape(-1, 2, 3)

@@ -175,6 +175,8 @@ def _read_header(file: IO[bytes], path: Path) -> dict[str, Any]:
     size = os.fstat(file.fileno()).st_size
     if size > MAX_FILE:
         raise MeshError(f"{path}: {size:,} bytes, more than {MAX_FILE:,}: not one building's mesh")
+    if not size:
+        raise MeshError(f"{path}: is empty")
     head = file.read(20)
     if len(head) < 20 or head[:4] != _MAGIC:
         raise MeshError(f"{path}: expected a GLB, which begins with 'glTF', found {head[:4]!r}")

@@ -22,6 +22,8 @@ Floats = npt.NDArray[np.float64]
 STOREY_GAP = 1.0  # metres: floors of rooms that are nearer are on one storey,
 STOREY_SPAN = 2.0  # as long as none of them is higher than this above the lowest
 FLOOR, CEILING = "floor", "ceiling"  # corrected categories
+STAIRS = frozenset({"stair", "stair step", "staircase", "stairs"})
+_STRAIGHT = 1e-3  # metres
 _ASSUMED = "y"  # the glTF standard's, where nothing shows which way is up
 # Rows are the x, y and z of the building in the axes of a file in which this axis is up.
 _UPRIGHT: dict[str, tuple[Point, Point, Point]] = {
@@ -52,21 +54,21 @@ def place_scene(graph: SceneGraph, survey: MeshSurvey) -> SceneGraph:
             obj,
             centroid=_point(centroids[place]),
             box=_box(boxes[place]),
-            area=float(survey.area[place]),
+            area=float(f"{survey.area[place]:.7g}"),
             part_box=_box(parts[place]),
         )
         for place, obj in enumerate(graph.objects)
     )
     cells = _turn_boxes(survey.cells, upright)
-    room_of = np.array([obj.room_index for obj in objects])[survey.owner]
-    rooms = [_place_room(room, objects, cells[room_of == room.room_index]) for room in graph.rooms]
-    levels = find_storeys([find_floor(room, objects) for room in rooms])
-    return replace(
-        graph,
-        objects=objects,
-        rooms=tuple(replace(r, floor_index=s) for r, s in zip(rooms, levels, strict=True)),
-        up_axis=up_axis,
-    )
+    room_of = np.array([_holder(obj) for obj in objects])[survey.owner]
+    rooms = [_place_room(room, cells[room_of == room.room_index]) for room in graph.rooms]
+    rooms = [replace(room, floor_z=_find_floor(room, objects)) for room in rooms]
+    return replace(graph, objects=objects, rooms=find_storeys(rooms), up_axis=up_axis)
+
+
+def _holder(obj: SceneObject) -> int:
+    """Return the room whose box an object counts for; stairs, which leave it, count for none."""
+    return SceneObject.BUILDING if obj.category in STAIRS else obj.room_index
 
 
 def find_up_axis(graph: SceneGraph, survey: MeshSurvey) -> str:
@@ -107,7 +109,7 @@ def _floor_to_ceiling(
     return np.asarray(middles[1] - middles[0])
 
 
-def _place_room(room: Room, objects: Sequence[SceneObject], cells: Floats) -> Room:
+def _place_room(room: Room, cells: Floats) -> Room:
     """Return the room with the box and the footprint of the cells `[P, 2, 3]` of its objects."""
     if not len(cells):
         return room
@@ -126,45 +128,53 @@ def surround(points: Floats) -> tuple[tuple[float, float], ...]:
     from scipy.spatial import ConvexHull, QhullError  # here: importing scipy is slow
 
     try:
-        corners = points[ConvexHull(points).vertices]
+        corners = _straighten(points[ConvexHull(points).vertices])
     except (QhullError, ValueError):
         (a, b), (c, d) = points.min(axis=0), points.max(axis=0)
         corners = np.array([[a, b], [c, b], [c, d], [a, d]])
-    return tuple((float(x), float(y)) for x, y in corners)
+    return tuple((_round(x), _round(y)) for x, y in corners)
 
 
-def find_storeys(floors: Sequence[float | None]) -> list[int | None]:
-    """Return the storey of every room, from 0 at the bottom, by gaps in the heights of floors.
+def _straighten(corners: Floats) -> Floats:
+    """Leave corners out that stand less than a millimetre off the line of their neighbours."""
+    kept = list(range(len(corners)))
+    for number in range(len(corners)):
+        place = kept.index(number)
+        (ax, ay), (bx, by), (cx, cy) = (corners[kept[(place + k) % len(kept)]] for k in (-1, 0, 1))
+        off = abs((cx - ax) * (by - ay) - (cy - ay) * (bx - ax))
+        if len(kept) > 3 and off < _STRAIGHT * np.hypot(cx - ax, cy - ay):
+            kept.remove(number)
+    return corners[kept]
 
-    Args:
-        floors: height of the floor of each room, metres; None where unknown.
-    """
-    known = sorted(height for height in floors if height is not None)
+
+def find_storeys(rooms: Sequence[Room]) -> tuple[Room, ...]:
+    """Return the rooms with their levels, from 0 at the bottom, by gaps between their floors."""
+    known = sorted(room.floor_z for room in rooms if room.floor_z is not None)
     starts = known[:1]
     for below, height in pairwise(known):
         if height - below > STOREY_GAP or height - starts[-1] > STOREY_SPAN:
             starts.append(height)
-    return [
-        None if height is None else int(np.searchsorted(starts, height, side="right")) - 1
-        for height in floors
-    ]
+    return tuple(
+        room
+        if room.floor_z is None
+        else replace(room, floor_index=int(np.searchsorted(starts, room.floor_z, side="right")) - 1)
+        for room in rooms
+    )
 
 
-def find_floor(room: Room, objects: Sequence[SceneObject]) -> float | None:
-    """Return the height of a room's floor in metres, None without geometry.
-
-    It is that of the surfaces so named, else of the room's lowest point. The two differ where the
-    room has stairs that lead down.
-    """
+def _find_floor(room: Room, objects: Sequence[SceneObject]) -> float | None:
+    """Return the height of a room's floor: of the surfaces so named, else of its lowest point."""
     named = [
         (obj.area, obj.centroid[2])
         for obj in objects
         if obj.room_index == room.room_index and obj.category == FLOOR and obj.centroid is not None
     ]
+    if room.box is None:
+        return None
     if named:
         areas, heights = zip(*named, strict=True)
-        return float(np.average(heights, weights=areas))
-    return None if room.box is None else room.box.minimum[2]
+        return _round(np.average(heights, weights=areas))
+    return room.box.minimum[2]
 
 
 def _turn_boxes(boxes: Floats, upright: Floats) -> Floats:
@@ -174,8 +184,13 @@ def _turn_boxes(boxes: Floats, upright: Floats) -> Floats:
 
 
 def _point(values: Floats) -> Point:
-    x, y, z = (float(value) for value in values)
+    x, y, z = (_round(value) for value in values)
     return x, y, z
+
+
+def _round(metres: float) -> float:
+    """Return a length to a tenth of a millimetre: coordinates in files have seven digits."""
+    return round(float(metres), 4) + 0.0  # and never -0.0
 
 
 def _box(corners: Floats) -> Box:

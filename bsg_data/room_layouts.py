@@ -149,8 +149,8 @@ def lay_out(graph: SceneGraph, layout: RoomLayout) -> SceneGraph:
     """Return the scene graph with the labels and connections of a layout.
 
     Boxes come from the layout where there is no mesh: the two need not have the same origin. Rooms
-    that the layout lacks stay as they are. The connections replace what was derived from a mesh:
-    somebody drew them.
+    that the layout lacks stay as they are, with the connections that a mesh gave them; among the
+    others the layout's connections replace these.
 
     Raises:
         LayoutError: if the layout has a room that the scene has not.
@@ -167,14 +167,16 @@ def lay_out(graph: SceneGraph, layout: RoomLayout) -> SceneGraph:
         else room
         for room in graph.rooms
     ]
-    if graph.up_axis is None:
-        levels = find_storeys([room.box.minimum[2] if room.box else None for room in rooms])
-        rooms = [replace(r, floor_index=level) for r, level in zip(rooms, levels, strict=True)]
-    edges = tuple(
+    edges = [
         Edge(a, b, "adjacent", "layout", measure_distance(rooms[a - 1], rooms[b - 1]))
         for a, b in layout.connections
-    )
-    return replace(graph, rooms=tuple(rooms), adjacency=edges)
+    ]
+    edges += [
+        edge for edge in graph.adjacency if not {edge.source, edge.target} <= set(layout.rooms)
+    ]
+    edges.sort(key=lambda edge: (edge.source, edge.target))
+    placed = tuple(rooms) if graph.up_axis is not None else find_storeys(rooms)
+    return replace(graph, rooms=placed, adjacency=tuple(edges))
 
 
 def _lay_out_room(room: Room, label: str, box: Box, *, placed: bool) -> Room:
@@ -184,7 +186,14 @@ def _lay_out_room(room: Room, label: str, box: Box, *, placed: bool) -> Room:
     (a, b, _), (c, d, _) = box.minimum, box.maximum
     x, y, z = (float(v) for v in np.mean([box.minimum, box.maximum], axis=0))
     footprint = ((a, b), (c, b), (c, d), (a, d))
-    return replace(room, source_label=label, box=box, centroid=(x, y, z), footprint=footprint)
+    return replace(
+        room,
+        source_label=label,
+        box=box,
+        centroid=(x, y, z),
+        floor_z=box.minimum[2],
+        footprint=footprint,
+    )
 
 
 @dataclass(frozen=True)
@@ -226,6 +235,8 @@ class WithLayouts:
         files = sorted(self.folder.glob("*.yaml"))
         scenes = tuple(self._refer(ref) for ref in found.scenes)
         used = {path for ref in found.scenes if (path := self._layout_of(ref)) is not None}
+        if not files:
+            raise SourceError(f"{self.folder}: holds no .yaml file")
         if not used:
             raise SourceError(
                 f"{self.folder}: none of its {len(files)} layouts belongs to a scene of "
@@ -245,7 +256,11 @@ class WithLayouts:
         if path is None:
             return reading
         try:
-            return replace(reading, graph=lay_out(reading.graph, read_layout(path)))
+            layout = read_layout(path)
+            try:
+                return replace(reading, graph=lay_out(reading.graph, layout))
+            except LayoutError as error:
+                raise LayoutError(f"{path}: {error}") from error
         except LayoutError as error:
             reason = str(error).replace(f"{self.folder}/", "")
             skip = SkippedScene(ref.scene_id, path.name, reason)

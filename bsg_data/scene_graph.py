@@ -71,8 +71,10 @@ class Room:
         region_id: the annotation's own id; 0 is a real room.
         source_label: a label that the source gives ("kitchen"); models never read it.
         centroid: centre of its box, metres; None without geometry.
-        box: around the largest parts of its objects, metres; None without geometry.
-        floor_index: the storey, from 0 at the bottom; None where unknown.
+        box: around the largest parts of its objects without its stairs, metres; None without
+            geometry.
+        floor_index: the level, from 0 at the bottom; None without geometry.
+        floor_z: height of its floor, metres; None without geometry.
         footprint: corners (x, y) of the convex hull of its objects from above, against the clock,
             metres; None without geometry.
     """
@@ -85,6 +87,7 @@ class Room:
     centroid: Point | None = None
     box: Box | None = None
     floor_index: int | None = None
+    floor_z: float | None = None
     footprint: tuple[tuple[float, float], ...] | None = None
 
 

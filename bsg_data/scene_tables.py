@@ -46,6 +46,7 @@ def collect_columns(
                 label=Room.LABEL,
                 source_label=room.source_label,
                 floor_index=room.floor_index,
+                floor_z=room.floor_z,
                 footprint=_flatten(room.footprint),
                 **_position_columns(room),
             )
@@ -138,6 +139,7 @@ def _graph(
                 centroid=_point(row, "centroid"),
                 box=_box(row, "box"),
                 floor_index=row["floor_index"],
+                floor_z=row["floor_z"],
                 footprint=_footprint(row["footprint"]),
             )
             for row in rooms

@@ -56,7 +56,7 @@ SCENES = pa.schema(
         _field(
             "up_axis",
             pa.string(),
-            "axis that pointed up in the mesh, e.g. y",
+            "axis that points up in the mesh: x, y, z, -x, -y or -z",
             null="without a mesh",
         ),
         _field("annotation_sha256", pa.string(), "hash of the annotation that it was read from"),
@@ -71,11 +71,12 @@ ROOMS = pa.schema(
         _field("label", pa.string(), "always `room`, the paper's one label"),
         _field("source_label", pa.string(), "a label of the source; not for models", null="none"),
         *_position("centre of its box", "its box"),
-        _field("floor_index", pa.int16(), "storey, 0 at the bottom", null="unknown"),
+        _field("floor_index", pa.int16(), "level of its floor, 0 at the bottom", null=_NO_PLACE),
+        _field("floor_z", pa.float64(), "height of its floor", unit="m", null=_NO_PLACE),
         _field(
             "footprint",
             pa.list_(pa.field("element", pa.float64(), nullable=False)),
-            "its convex hull from above, against the clock: x0, y0, x1, y1, …",
+            "its outline from above, convex, against the clock: x0, y0, x1, y1, …",
             unit="m",
             null=_NO_PLACE,
         ),

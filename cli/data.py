@@ -15,6 +15,7 @@ from bsg_data.class_map import DEFAULT_CLASS_MAP, list_class_maps, load_class_ma
 from bsg_data.coverage import measure_coverage
 from bsg_data.errors import BSGError
 from bsg_data.frequencies import count_frequencies, draw_frequencies
+from bsg_data.histograms import read_adjacency
 from bsg_data.manifest import Manifest, read_manifest
 from bsg_data.mesh_coverage import MeshCoverage
 from bsg_data.pairs import write_pairs
@@ -88,21 +89,25 @@ def main() -> None:
     show_default=True,
     help="How many buildings.",
 )
-@click.option("--geometry", is_flag=True, help="Write meshes too, and what is true of them.")
+@click.option(
+    "--geometry",
+    is_flag=True,
+    help="Write meshes too, with what is true of them in <hash>.truth.json.",
+)
 @click.option(
     "--size",
     type=click.Choice(list(SIZES)),
-    help="How fine the meshes are; full is as large as a real one.  [default: small]",
+    help="With --geometry: how fine; full is as large as a real one.  [default: small]",
 )
 @click.option(
     "--coloured-by",
     type=click.Choice(["texture", "vertex", "both"]),
-    help="Where the meshes have their colours.  [default: texture]",
+    help="With --geometry: where the colours are.  [default: texture]",
 )
 @click.option(
     "--up-axis",
     type=click.Choice(["y", "z"]),
-    help="Axis of the meshes that points up.  [default: y and z in turn]",
+    help="With --geometry: which axis points up.  [default: y and z in turn]",
 )
 @seed_option
 @workers_option
@@ -152,12 +157,12 @@ def synth(
     "--meshes/--no-meshes",
     default=True,
     show_default=True,
-    help="Read <hash>.semantic.glb where there is one.",
+    help="Read <hash>.semantic.glb beside an annotation.",
 )
 @click.option(
     "--snap-colours",
     type=click.IntRange(0, 255),
-    help="Read JPEG textures: a texel is the nearest listed colour's within N a channel.",
+    help="Read JPEG textures: a texel is the nearest listed colour's within N a channel, 8 say.",
 )
 @click.option(
     "--room-layouts",
@@ -167,7 +172,9 @@ def synth(
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Dataset to write.")
 @class_map_option
 @workers_option
-@click.option("--strict", is_flag=True, help="Fail on a malformed scene or an unmapped name.")
+@click.option(
+    "--strict", is_flag=True, help="Fail on a malformed scene, mesh or layout, or an unmapped name."
+)
 @force_option
 @json_option
 def build(
@@ -190,6 +197,7 @@ def build(
     \b
     Example:
       bsg-data build --hm3d buildings --out dataset
+      bsg-data build --hm3d buildings --no-meshes --room-layouts layouts --out dataset
     """
     source = _choose_source(hm3d, hm3d_stats, meshes=meshes, snap_colours=snap_colours)
     if room_layouts is not None:
@@ -314,6 +322,13 @@ def pairs(
     with worker_pool(workers) as executor, progress_bar("pairs", unit="file") as report:
         manifest = write_pairs(dataset, recipe, force=force, executor=executor, progress=report)
     rows = sum(entry.rows for entry in manifest.files_of("pairs"))
+    if mask == "frontier":
+        bare = manifest.totals.scenes - len(read_adjacency(dataset, manifest=manifest))
+        if bare:
+            print_note(
+                f"{bare:,} of {manifest.totals.scenes:,} scenes have no adjacency: there every "
+                "room neighbours every other"
+            )
     if as_json:
         print_json({"recipe": recipe.model_dump(mode="json"), "rows": rows})
     else:
@@ -492,6 +507,8 @@ def _choose_source(
 ) -> Source:
     if (hm3d is None) == (hm3d_stats is None):
         raise click.UsageError("give one source: --hm3d PATH or --hm3d-stats ZIP")
+    if snap_colours is not None and not meshes:
+        raise click.UsageError("--snap-colours is of meshes: it excludes --no-meshes")
     if hm3d is not None:
         return HM3DFolder(hm3d, meshes=meshes, snap_colours=snap_colours)
     if snap_colours is not None or not meshes:
@@ -501,7 +518,9 @@ def _choose_source(
 
 def _totals_line(manifest: Manifest) -> str:
     t = manifest.totals
-    placed = f"; {t.placed:,} with geometry, {t.adjacent:,} adjacent rooms" if t.placed else ""
+    placed = (
+        f"; {t.placed:,} with geometry, {t.adjacent:,} pairs of adjacent rooms" if t.placed else ""
+    )
     return (
         f"{t.scenes:,} scenes, {t.rooms:,} rooms, {t.objects:,} objects, "
         f"{t.classified:,} in {len(manifest.class_map.classes)} classes of "
@@ -511,14 +530,18 @@ def _totals_line(manifest: Manifest) -> str:
 
 def _losses(manifest: Manifest, *, most: int = 20) -> str:
     """Return what was skipped, left out or not explained, as readable tables."""
+    left = manifest.left_out
     lines = [
         f"skipped scenes: {len(manifest.skipped):,}, unmapped objects: {manifest.totals.unmapped:,}"
     ]
     if manifest.meshes:
         lines.append(_mesh_line(list(manifest.meshes.values())))
+        bare = manifest.totals.scenes - len({*manifest.meshes, *(s.scene_id for s in left)})
+        if bare > 0:
+            lines.append(f"scenes without a mesh beside their annotation: {bare:,}")
     for entries, what in (
         (manifest.skipped, "skipped scene"),
-        (manifest.left_out, "geometry left out"),
+        (left, "geometry left out"),
     ):
         if entries:
             rows = [(entry.scene_id, entry.location, entry.reason) for entry in entries[:most]]
@@ -526,7 +549,7 @@ def _losses(manifest: Manifest, *, most: int = 20) -> str:
     if manifest.unmapped:
         names = [(u.name, u.instances, ", ".join(u.nearest)) for u in manifest.unmapped[:most]]
         lines.append(format_table(names, header=("unmapped name", "instances", "nearest")))
-    counts = (len(manifest.skipped), len(manifest.left_out), len(manifest.unmapped))
+    counts = (len(manifest.skipped), len(left), len(manifest.unmapped))
     if max(counts) > most:
         lines.append("… dataset.json lists them all")
     return "\n".join(lines)
@@ -534,15 +557,22 @@ def _losses(manifest: Manifest, *, most: int = 20) -> str:
 
 def _mesh_line(meshes: list[MeshCoverage]) -> str:
     texels, area = sum(m.texels for m in meshes), sum(m.area for m in meshes)
+    names = {
+        "listed": "listed",
+        "snapped": "snapped",
+        "black": "black (background)",
+        "unlisted": "unlisted",
+    }
     shares = ", ".join(
-        f"{sum(getattr(m, name) for m in meshes) / max(texels, 1):.1%} {name}"
-        for name in ("listed", "snapped", "black", "unlisted")
+        f"{sum(getattr(m, name) for m in meshes) / max(texels, 1):.1%} {shown}"
+        for name, shown in names.items()
         if name != "snapped" or any(m.snapped for m in meshes)
     )
+    pixels = f"of {texels:,} texels {shares}; " if texels else ""
     listed = sum(m.listed_area for m in meshes) / max(area, 1e-9)
     missing = sum(m.without_geometry for m in meshes)
     return (
-        f"meshes: {len(meshes):,}; of {texels:,} texels {shares}; {listed:.1%} of {area:,.0f} m² "
+        f"meshes: {len(meshes):,}; {pixels}{listed:.1%} of {area:,.0f} m² "
         f"is listed; listed objects without a surface: {missing:,}"
     )
 

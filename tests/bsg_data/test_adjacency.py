@@ -17,7 +17,7 @@ Corner = tuple[float, float, float]
 def room(index: int, low: Corner, high: Corner) -> Room:
     centre = tuple((a + b) / 2 for a, b in zip(low, high, strict=True))
     footprint = ((low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1]))
-    return Room(index, index, None, centre, Box(low, high), None, footprint)  # type: ignore[arg-type]
+    return Room(index, index, None, centre, Box(low, high), 0, low[2], footprint)  # type: ignore[arg-type]
 
 
 def thing(index: int, room_index: int, category: str, low: Corner, high: Corner) -> SceneObject:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -113,10 +115,30 @@ def test_without_floors_and_ceilings_the_standard_decides() -> None:
 
 
 def test_storeys_by_hand() -> None:
-    assert find_storeys([0.0, 0.1, -0.2, 2.9, 3.1, None, 5.8]) == [0, 0, 0, 1, 1, None, 2]
-    assert find_storeys([0, 0.9, 1.8, 2.7, 3.6]) == [0, 0, 0, 1, 1]  # half-landings all the way
-    assert find_storeys([None]) == [None]
-    assert find_storeys([]) == []
+    def levels(*floors: float | None) -> list[int | None]:
+        rooms = [Room(i, i, floor_z=floor) for i, floor in enumerate(floors, 1)]
+        return [room.floor_index for room in find_storeys(rooms)]
+
+    assert levels(0.0, 0.1, -0.2, 2.9, 3.1, None, 5.8) == [0, 0, 0, 1, 1, None, 2]
+    assert levels(0, 0.9, 1.8, 2.7, 3.6) == [0, 0, 0, 1, 1]  # half-landings all the way
+    assert levels(None) == [None]
+    assert levels() == []
+
+
+def test_stairs_do_not_reach_out_of_their_room() -> None:
+    graph, survey = scene(), survey_in("z")
+    boxes = survey.box.copy()
+    boxes[3] = [[5, 0, 0], [9, 3, 3]]  # what leads up to the upper room is annotated there
+    stairs = replace(graph.objects[3], category="stairs")
+    objects = (*graph.objects[:3], stairs, *graph.objects[4:])
+    placed = place_scene(
+        replace(graph, objects=objects), replace(survey, box=boxes, part_box=boxes, cells=boxes[:5])
+    )
+    upper = placed.rooms[1].box
+    assert upper is not None
+    assert upper.minimum[2] == 5.5  # its ceiling is all that is left of it
+    assert placed.objects[3].box is not None
+    assert placed.objects[3].box.minimum[2] == 0
 
 
 @settings(max_examples=50)
