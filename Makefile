@@ -32,10 +32,11 @@ demo: $(INSTALLED) ## Run the main job end to end on synthetic buildings; result
 	$(BIN)/bsg-data info $(DEMO)/dataset --figure $(DEMO)/classes.png
 	$(BIN)/bsg-train --config ceci-gcn --data $(DEMO)/dataset --out $(DEMO)/ceci-gcn --set training.epochs=300
 	$(BIN)/bsg-train --config ceci-sage --data $(DEMO)/dataset --out $(DEMO)/ceci-sage
-	$(BIN)/bsg-evaluate $(DEMO)/ceci-gcn $(DEMO)/ceci-sage --data $(DEMO)/dataset --out $(DEMO)/evaluation
+	$(BIN)/bsg-evaluate $(DEMO)/ceci-gcn $(DEMO)/ceci-sage --data $(DEMO)/dataset --out $(DEMO)/evaluation --html $(DEMO)/report.html
 	@echo
 	@echo "These buildings are synthetic and few: the figures show that it works, not how well."
-	@echo "Look at the figures in $(DEMO)/evaluation and at $(DEMO)/classes.png. The dataset is $(DEMO)/dataset;"
+	@echo "Open $(DEMO)/report.html in a browser: what was seen, what is believed, and how good that is."
+	@echo "More figures are in $(DEMO)/evaluation and $(DEMO)/classes.png. The dataset is $(DEMO)/dataset;"
 	@echo "docs/loading.md opens it elsewhere, docs/evaluation.md says what the metrics are."
 
 test: $(INSTALLED) lint ## Run every check: format, lint, types, tests.

@@ -8,7 +8,9 @@ from bsg_data.histograms import read_adjacency, read_cells, to_histograms
 from bsg_data.manifest import Manifest, read_manifest
 from bsg_data.masks import draw_hidden, draw_visited
 from bsg_data.pairs import draw_pairs, read_pairs, write_pairs
+from bsg_data.partial_graph import PartialGraph, mask_scene, observe
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
+from bsg_data.robot_json import read_robot_graph
 from bsg_data.scene_graph import Box, Edge, Room, SceneGraph, SceneObject
 from bsg_data.shards import read_scene_graphs, read_table, write_shards
 from bsg_data.sources import HM3DFolder, HM3DStatistics, Source
@@ -24,6 +26,7 @@ __all__ = [
     "Manifest",
     "MaskRecipe",
     "PairsRecipe",
+    "PartialGraph",
     "Room",
     "SceneGraph",
     "SceneObject",
@@ -37,10 +40,13 @@ __all__ = [
     "draw_visited",
     "list_class_maps",
     "load_class_map",
+    "mask_scene",
+    "observe",
     "read_adjacency",
     "read_cells",
     "read_manifest",
     "read_pairs",
+    "read_robot_graph",
     "read_scene_graphs",
     "read_splits",
     "read_table",

@@ -1,25 +1,35 @@
 """Beliefs: what follows from the facts of `bsg_data`. Needs a dataset, never HM3D itself."""
 
+from bsg_models.belief import BeliefGraph, believe
+from bsg_models.belief_files import from_networkx, read_belief, to_networkx, write_belief
 from bsg_models.checkpoint import load_checkpoint, restore_model
 from bsg_models.comparison import compare_runs
 from bsg_models.config import RunConfig
 from bsg_models.expectation import Expectation
 from bsg_models.graph_dataset import MaskedGraphs
 from bsg_models.model import BeliefModel
+from bsg_models.predictor import Predictor
 from bsg_models.training import train_run
 from bsg_models.zoo import BASELINES, ZOO, find_config, make_model
 
 __all__ = [
     "BASELINES",
     "ZOO",
+    "BeliefGraph",
     "BeliefModel",
     "Expectation",
     "MaskedGraphs",
+    "Predictor",
     "RunConfig",
+    "believe",
     "compare_runs",
     "find_config",
+    "from_networkx",
     "load_checkpoint",
     "make_model",
+    "read_belief",
     "restore_model",
+    "to_networkx",
     "train_run",
+    "write_belief",
 ]

@@ -14,7 +14,14 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from bsg_models.hidden_counts import MIN_RATE, Floats, HiddenCounts, concatenate, poisson
+from bsg_models.hidden_counts import (
+    MIN_RATE,
+    Floats,
+    HiddenCounts,
+    certain,
+    concatenate,
+    poisson,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +49,17 @@ class Expectation:
         """Expected counts of everything in the node, `[N, C]`."""
         return self.inputs + self.hidden
 
+    @property
+    def total(self) -> Floats:
+        """Expected number of objects of all classes in the node, O″, `[N]`."""
+        return np.asarray(self.expected.sum(axis=1))
+
+    @property
+    def distribution(self) -> Floats:
+        """Shares of the classes in the expected counts, E″, `[N, C]`; all 0 where O″ is 0."""
+        total = self.total[:, None]
+        return np.divide(self.expected, total, out=np.zeros_like(self.expected), where=total > 0)
+
     @cached_property
     def presence(self) -> Floats:
         """P(at least one hidden object of the class), `[N, C]`."""
@@ -64,6 +82,11 @@ def from_totals(inputs: Floats, totals: Floats) -> Expectation:
 def from_law(inputs: Floats, law: HiddenCounts) -> Expectation:
     """Return the expectation of a model that predicts the hidden counts."""
     return Expectation(inputs, law, inputs + law.mean)
+
+
+def from_truth(inputs: Floats, targets: Floats) -> Expectation:
+    """Return what an oracle believes: it knows the targets `[N, C]`."""
+    return Expectation(inputs, certain(targets - inputs), targets)
 
 
 def join(parts: Sequence[Expectation]) -> Expectation:

@@ -11,12 +11,19 @@ import click
 import numpy as np
 
 from bsg_data.errors import DatasetError
-from bsg_data.recipes import Strategy
-from bsg_data.shards import write_bytes
+from bsg_data.histograms import read_cells, to_histograms
+from bsg_data.manifest import read_manifest
+from bsg_data.partial_graph import mask_scene
+from bsg_data.recipes import MaskRecipe, Strategy
+from bsg_data.shards import read_scene_graphs, write_bytes
+from bsg_models.belief import believe
 from bsg_models.comparison import Comparison, compare_runs
 from bsg_models.evaluation import Estimate
+from bsg_models.explorer import View, explorer_page
 from bsg_models.figures import draw_evaluation
 from bsg_models.leaderboard import LeaderboardRecipe
+from bsg_models.predictor import Predictor
+from bsg_models.report import Table, write_report
 
 from .leaderboard import run_leaderboard
 from .terminal import (
@@ -98,6 +105,7 @@ HEADLINES = (
     show_default=True,
     help="Bootstrap resamples of the buildings; 0 for no intervals.",
 )
+@click.option("--html", type=click.Path(path_type=Path), help="Of runs: all as one page, too.")
 @click.option("--all-metrics", is_flag=True, help="Of runs: print every metric, too.")
 @seed_option
 @force_option
@@ -115,6 +123,7 @@ def main(
     split: str,
     out: Path | None,
     resamples: int,
+    html: Path | None,
     all_metrics: bool,
     seed: int,
     force: bool,
@@ -148,6 +157,8 @@ def main(
         raise DatasetError(
             f"{report}: is there already; --force replaces it, --out puts it elsewhere"
         )
+    if html is not None and html.exists() and not force:
+        raise DatasetError(f"{html}: is there already; --force replaces it")
     with progress_bar("evaluate", unit="resample") as progress:
         found = compare_runs(
             runs, data, split=split, resamples=resamples, seed=seed, progress=progress
@@ -155,6 +166,8 @@ def main(
     summary = summarise(found, split=split)
     figures = _draw(found, out)
     write_bytes(out / "classes.csv", found.classes.to_csv(index=False).encode())
+    if html is not None:
+        _write_page(html, found, runs, data, split=split, figures=figures, resamples=resamples)
     write_bytes(report, (json.dumps(summary, indent=1) + "\n").encode())  # last: it means finished
     for note in found.notes:
         print_note(note)
@@ -226,20 +239,85 @@ def judge(ours: Estimate, other: Estimate, *, less: bool) -> str:
 
 
 def _headline_table(estimates: Mapping[str, Mapping[str, Estimate]], *, resamples: int) -> str:
-    rows = [
+    return format_table(_headlines(estimates, resamples=resamples), header=["", *estimates])
+
+
+def _headlines(
+    estimates: Mapping[str, Mapping[str, Estimate]], *, resamples: int
+) -> list[list[str]]:
+    return [
         [f"{label} {'↓' if less else '↑'}", *_cells(estimates, name, resamples=resamples)]
         for label, name, less in HEADLINES
     ]
-    return format_table(rows, header=["", *estimates])
 
 
 def _full_table(estimates: Mapping[str, Mapping[str, Estimate]], *, resamples: int) -> str:
+    rows = _every_metric(estimates, resamples=resamples)
+    return format_table(rows, header=["metric", "nodes", *estimates])
+
+
+def _every_metric(
+    estimates: Mapping[str, Mapping[str, Estimate]], *, resamples: int
+) -> list[list[str]]:
     first = next(iter(estimates.values()))
-    rows = [
+    return [
         [name, str(first[name].nodes), *_cells(estimates, name, resamples=resamples)]
         for name in first
     ]
-    return format_table(rows, header=["metric", "nodes", *estimates])
+
+
+def _write_page(
+    path: Path,
+    found: Comparison,
+    runs: Sequence[Path],
+    data: Path,
+    *,
+    split: str,
+    figures: Mapping[str, Path],
+    resamples: int,
+) -> None:
+    """Write the evaluation as one page, with buildings that the likeliest run believes in."""
+    likelihood = [found.estimates[name]["rooms/hidden_nll"].value for name in found.runs]
+    best = int(np.argmin(likelihood))
+    names = ["metric", *found.estimates]
+    write_report(
+        path,
+        title=f"What is hidden, and how well it is known: {', '.join(found.runs)}",
+        facts=[
+            f"{len(found.truth.scene_ids)} {split} buildings of {data.name}, beside baselines. "
+            "± is half of a 95 % interval over buildings; ↓ less is better, ↑ more is better.",
+            *found.notes,
+        ],
+        findings=[line.strip() for line in explain(found.estimates, runs=found.runs)],
+        tables=[
+            Table("In short", names, _headlines(found.estimates, resamples=resamples)),
+            Table(
+                "Every metric",
+                ["metric", "nodes", *found.estimates],
+                _every_metric(found.estimates, resamples=resamples),
+            ),
+        ],
+        figures=figures,
+        explorer=explorer_page(_look_into(found, runs[best], data)),
+    )
+
+
+def _look_into(found: Comparison, run: Path, data: Path) -> list[View]:
+    """Return what a run believes about the median, the smallest and the largest building."""
+    manifest, predictor = read_manifest(data), Predictor(run)
+    rows = np.flatnonzero(found.truth.is_building & (found.truth.draw == found.truth.draw.min()))
+    order = rows[np.argsort(found.truth.targets[rows].sum(axis=1), kind="stable")]
+    chosen = dict.fromkeys([found.example_node, int(order[0]), int(order[-1])])
+    wanted = [found.truth.scene_ids[int(found.truth.building[row])] for row in chosen]
+    graphs = {g.scene_id: g for g in read_scene_graphs(data) if g.scene_id in wanted}
+    truths = read_cells(data, manifest=manifest)
+    recipe = manifest.pairs.mask if manifest.pairs else MaskRecipe()
+    views = []
+    for scene in wanted:
+        seen = mask_scene(graphs[scene], recipe, draw=0, class_map=manifest.class_map)
+        belief = believe(seen, predictor(seen), model=predictor.name)
+        views.append(View(belief, to_histograms(truths[scene])))
+    return views
 
 
 def _cells(

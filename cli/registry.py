@@ -7,8 +7,13 @@ from types import MappingProxyType
 
 import click
 
-from . import data, evaluate, train
+from . import belief, data, evaluate, train
 
 COMMANDS: Mapping[str, click.Command] = MappingProxyType(
-    {"bsg-data": data.main, "bsg-train": train.main, "bsg-evaluate": evaluate.main}
+    {
+        "bsg-data": data.main,
+        "bsg-train": train.main,
+        "bsg-evaluate": evaluate.main,
+        "bsg-belief": belief.main,
+    }
 )

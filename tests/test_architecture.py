@@ -46,6 +46,10 @@ IMPORTS = {
         "manifest": "class_map errors mesh_coverage recipes schema",
         "masks": "histograms recipes",
         "mesh_coverage": "recipes",
+        "partial_graph": (
+            "categories class_map errors histograms manifest masks recipes scene_graph"
+        ),
+        "robot_json": "class_map errors manifest partial_graph recipes scene_graph",
         "pairs": (
             "errors executors histograms lock manifest masks publication recipes schema shards "
             "splits"
@@ -73,6 +77,12 @@ IMPORTS = {
     },
     "bsg_models": {
         "baselines": "config expectation graph_dataset hidden_counts model",
+        "belief": "expectation",
+        "belief_files": "belief",
+        "explorer": "belief",
+        "hydra": "belief belief_files",
+        "predictor": "checkpoint expectation graph_dataset run_folder",
+        "report": "",
         "boosting": (
             "calibration config errors families gamma_poisson graph_dataset hidden_counts "
             "masked_rooms model"
@@ -153,10 +163,13 @@ THIRD_PARTY = {
     "bsg_models": {
         "lightgbm",
         "matplotlib",
+        "networkx",
         "numpy",
         "pandas",
+        "pyarrow",
         "pydantic",
         "safetensors",
+        "spark_dsg",
         "scipy",
         "torch",
         "torch_geometric",

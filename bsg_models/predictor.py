@@ -1,0 +1,84 @@
+"""Ask a trained model about one partial graph after another, as a robot does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import torch
+from torch_geometric.data import Data
+
+from bsg_data.errors import MismatchError
+from bsg_data.partial_graph import PartialGraph
+from bsg_models.checkpoint import load_checkpoint, restore_model
+from bsg_models.expectation import Expectation
+from bsg_models.graph_dataset import EdgeSet, connect
+from bsg_models.run_folder import BEST
+
+
+class Predictor:
+    """A model of a finished run, loaded once.
+
+    Attributes:
+        name: of the model, as in the zoo.
+        classes: `[C]` that it predicts.
+
+    Example:
+        >>> predictor = Predictor(Path("run"))  # doctest: +SKIP
+        >>> predictor(graph).presence.shape  # doctest: +SKIP
+        (15, 45)
+    """
+
+    def __init__(self, run: Path) -> None:
+        """Load the best checkpoint of a run.
+
+        Raises:
+            CheckpointError: if there is none, or it is damaged.
+        """
+        path = run / BEST if run.is_dir() else run
+        checkpoint = load_checkpoint(path)
+        self._path = path
+        self._class_map = checkpoint.header.class_map
+        self._edges = checkpoint.header.config.data.edges
+        self._model = restore_model(path, checkpoint)
+        self.name = checkpoint.header.config.model.family
+        self.classes = self._class_map.classes
+
+    def __call__(self, graph: PartialGraph) -> Expectation:
+        """Return what the model believes about a partial graph.
+
+        Raises:
+            MismatchError: if the graph is of another class map.
+        """
+        if graph.class_map != self._class_map:
+            raise MismatchError(
+                f"{self._path} predicts classes of {self._class_map.version}, the graph "
+                f"{graph.scene_id} has those of {graph.class_map.version}"
+            )
+        data = to_data(graph, edges=self._edges, vocabulary=self._model.vocabulary)
+        with torch.no_grad():
+            return self._model.predict(data)
+
+
+def to_data(
+    graph: PartialGraph, *, edges: tuple[EdgeSet, ...], vocabulary: tuple[str, ...]
+) -> Data:
+    """Return a partial graph as models read it; see `MaskedGraphs` for its fields.
+
+    Args:
+        graph: with R rooms.
+        edges: among the building and its rooms.
+        vocabulary: categories outside the classes that the model reads.
+    """
+    inputs = graph.histograms()
+    nodes = len(inputs)
+    adjacent = graph.adjacency
+    return Data(
+        x=torch.from_numpy(inputs).float(),
+        edge_index=connect(nodes, edges, adjacent=adjacent),
+        adjacent_index=connect(nodes, ("adjacent",), adjacent=adjacent),
+        is_building=torch.arange(nodes) == 0,
+        others=torch.from_numpy(graph.others(vocabulary)).float(),
+        visited=torch.from_numpy(graph.visited()),
+        fraction=torch.from_numpy(graph.shares()).float(),
+        scene_id=graph.scene_id,
+    )

@@ -1,0 +1,110 @@
+"""`bsg-belief` end to end: a robot's graph and masked buildings, every output, bad input."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from bsg_cli.belief import main
+from click.testing import CliRunner, Result
+from conftest import REPOSITORY
+
+from bsg_models.belief_files import read_belief, read_tables
+from bsg_models.hydra import read_hydra_belief
+from bsg_models.training import train_run
+from bsg_models.zoo import ZOO
+
+
+@pytest.fixture
+def run(dataset: Path, tmp_path: Path) -> Path:
+    list(train_run(ZOO["gamma-poisson"], dataset, tmp_path / "run"))
+    return tmp_path / "run"
+
+
+def call(*words: object) -> Result:
+    return CliRunner().invoke(main, [str(word) for word in words])
+
+
+OFFICE = REPOSITORY / "docs" / "office.json"
+
+
+def test_a_robots_graph_gives_every_output(run: Path, tmp_path: Path) -> None:
+    out, hydra, page = tmp_path / "b.json", tmp_path / "h.json", tmp_path / "b.html"
+    words = (OFFICE, "--run", run, "--out", out, "--hydra", hydra, "--html", page)
+    done = call(*words, "--tables", tmp_path / "tables", "--top", 2)
+    assert done.exit_code == 0, done.output
+    assert "B: shared kitchen" in done.output
+    belief = read_belief(out)
+    assert belief == read_hydra_belief(hydra)
+    assert [belief] == list(read_tables(tmp_path / "tables"))
+    assert page.read_text("utf-8").startswith("<!doctype html>")
+    again = call(*words)
+    assert again.exit_code == 1
+    assert "is there already; --force replaces it" in again.output
+    assert call(*words, "--force").exit_code == 0
+    # What was written for Hydra is a graph to go on from.
+    assert call(hydra, "--run", run).exit_code == 0
+
+
+def test_masked_buildings_give_a_belief_graph_each(
+    dataset: Path, run: Path, tmp_path: Path
+) -> None:
+    words = ("--data", dataset, "--run", run, "--split", "train", "--mode", "unseen")
+    done = call(*words, "--tables", tmp_path / "tables", "--json")
+    assert done.exit_code == 0, done.output
+    answers = json.loads(done.stdout)
+    graphs = list(read_tables(tmp_path / "tables"))
+    assert {answer["scene_id"] for answer in answers} == {g.partial.scene_id for g in graphs}
+    assert len(answers) == sum(len(graph.partial.rooms) for graph in graphs)
+    assert all(len(answer["unseen"]) <= 3 for answer in answers)
+    one = call("--data", dataset, "--run", run, "--scene", answers[0]["scene_id"], "--json")
+    assert {answer["scene_id"] for answer in json.loads(one.stdout)} == {answers[0]["scene_id"]}
+
+
+def test_unmapped_names_are_reported(run: Path, tmp_path: Path) -> None:
+    said = json.loads(OFFICE.read_text("utf-8"))
+    said["objects"][0]["category"] = "zzqx thing"
+    (tmp_path / "graph.json").write_text(json.dumps(said))
+    done = call(tmp_path / "graph.json", "--run", run)
+    assert done.exit_code == 0
+    assert "1 names are not in the class map: 'zzqx thing' (1)" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "expected"),
+    [
+        ((), 2, "give GRAPHs, or --data DATASET"),
+        (("none.json",), 1, "none.json: cannot be read"),
+        (("broken.json",), 1, "no JSON"),
+        (("--data", "DATASET", "--scene", "nowhere"), 1, "has no scene 'nowhere'"),
+        (("--data", "DATASET", "--split", "train", "--out", "x.json"), 2, "take one graph"),
+        (("--data", "DATASET", "--fraction", "nan"), 2, "nan"),
+    ],
+)
+def test_what_cannot_be_done_is_said(
+    dataset: Path,
+    run: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    words: tuple[str, ...],
+    code: int,
+    expected: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "broken.json").write_text("{")
+    done = call(*(str(dataset) if w == "DATASET" else w for w in words), "--run", run)
+    assert done.exit_code == code, done.output
+    assert expected in done.output
+
+
+def test_a_run_that_is_none_is_an_error(tmp_path: Path) -> None:
+    done = call(OFFICE, "--run", tmp_path / "none")
+    assert done.exit_code == 1
+    assert "no checkpoint there" in done.output
+
+
+def test_a_damaged_run_is_an_error(run: Path) -> None:
+    shutil.copy(OFFICE, run / "best.safetensors")
+    assert "not a readable checkpoint" in call(OFFICE, "--run", run).output

@@ -1,0 +1,53 @@
+"""Belief graphs drawn at random, with hostile names and geometry in some rooms alone."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from bsg_data.class_map import load_class_map
+from bsg_data.manifest import ClassMapEntry
+from bsg_data.partial_graph import KnownRoom, PartialGraph, SeenObject, classify
+from bsg_data.scene_graph import Box
+from bsg_models.belief import BeliefGraph, believe
+from bsg_models.expectation import from_law
+from bsg_models.hidden_counts import poisson
+
+LOADED = load_class_map()
+CLASS_MAP = ClassMapEntry.of(LOADED)
+HOSTILE = '</script><img src=x onerror="alert(1)">'
+
+
+def make_belief(seed: int, *, mode: Any = "complete", scene_id: str = "s") -> BeliefGraph:
+    """Return a belief graph of random rooms, some with and some without geometry."""
+    rng = np.random.default_rng(seed)
+    rooms = []
+    for number in range(int(rng.integers(1, 5))):
+        low = tuple(float(v) for v in rng.uniform(-5, 5, 3))
+        high = tuple(v + 2.5 for v in low)
+        outline = ((low[0], low[1]), (high[0], low[1]), (high[0], high[1]))
+        placed = rng.random() < 0.5
+        rooms.append(
+            KnownRoom(
+                f"r{number}",
+                float(rng.random()),
+                bool(rng.random() < 0.7),
+                HOSTILE if rng.random() < 0.3 else None,
+                low if placed else None,  # type: ignore[arg-type]
+                Box(low, high) if placed else None,  # type: ignore[arg-type]
+                outline if placed else None,
+                int(rng.integers(3)) if placed else None,
+            )
+        )
+    objects = []
+    for number in range(int(rng.integers(0, 9))):
+        name = str(rng.choice(["bed", "sofa", "tap", "zzqx", HOSTILE]))
+        spot = (1.0, 2.0, float(number)) if rng.random() < 0.5 else None
+        room = int(rng.integers(0, len(rooms) + 1))
+        objects.append(SeenObject(str(number), room, name, *classify(name, LOADED), spot))
+    pairs = [(a, a + 1) for a in range(1, len(rooms)) if rng.random() < 0.6]
+    graph = PartialGraph(scene_id, CLASS_MAP, 0.25, tuple(rooms), tuple(objects), tuple(pairs))
+    inputs = graph.histograms().astype(float)
+    law = poisson(rng.gamma(0.1, 1.0, inputs.shape))
+    return believe(graph, from_law(inputs, law), mode=mode, model="random")
