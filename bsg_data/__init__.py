@@ -8,7 +8,7 @@ from bsg_data.histograms import read_adjacency, read_cells, to_histograms
 from bsg_data.manifest import Manifest, read_manifest
 from bsg_data.masks import draw_hidden, draw_visited
 from bsg_data.pairs import draw_pairs, read_pairs, write_pairs
-from bsg_data.partial_graph import PartialGraph, mask_scene, observe
+from bsg_data.partial_graph import PartialGraph, SeenObject, mask_scene, observe
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.robot_json import read_robot_graph
 from bsg_data.scene_graph import Box, Edge, Room, SceneGraph, SceneObject
@@ -30,6 +30,7 @@ __all__ = [
     "Room",
     "SceneGraph",
     "SceneObject",
+    "SeenObject",
     "Source",
     "SplitRecipe",
     "assign_splits",

@@ -124,13 +124,15 @@ class PartialGraph:
 def observe(graph: PartialGraph, room_index: int, objects: Iterable[SeenObject]) -> PartialGraph:
     """Return what a robot knows once it has searched a room.
 
+    The share that the building hides falls as the sum of its rooms' does.
+
     Args:
         graph: what it knew.
         room_index: the room, 1..R.
         objects: everything that is in the room, seen before or not; they replace what was known.
 
     Raises:
-        RecipeError: if there is no such room, or an object is of another.
+        RecipeError: if there is no such room, an object is of another, or is there twice.
     """
     if not 1 <= room_index <= len(graph.rooms):
         raise RecipeError(f"{graph.scene_id}: room {room_index} of 1..{len(graph.rooms)}")
@@ -138,14 +140,20 @@ def observe(graph: PartialGraph, room_index: int, objects: Iterable[SeenObject])
     strays = [obj.name for obj in found if obj.room_index != room_index]
     if strays:
         raise RecipeError(f"{graph.scene_id}: object {strays[0]} is not of room {room_index}")
+    elsewhere = tuple(obj for obj in graph.objects if obj.room_index != room_index)
+    twice = {obj.name for obj in elsewhere} & {obj.name for obj in found}
+    if twice or len({obj.name for obj in found}) < len(found):
+        what = min(twice) if twice else "an object"
+        raise RecipeError(f"{graph.scene_id}: {what} is there twice")
     rooms = list(graph.rooms)
     rooms[room_index - 1] = replace(rooms[room_index - 1], visited=True, hidden_share=0.0)
-    elsewhere = tuple(obj for obj in graph.objects if obj.room_index != room_index)
+    before = sum(room.hidden_share for room in graph.rooms)
+    after = sum(room.hidden_share for room in rooms)
     return replace(
         graph,
         rooms=tuple(rooms),
         objects=elsewhere + found,
-        hidden_share=float(np.mean([room.hidden_share for room in rooms])),
+        hidden_share=graph.hidden_share * after / before if before else graph.hidden_share,
     )
 
 

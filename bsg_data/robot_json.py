@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, FiniteFloat, ValidationError
+from pydantic import Field, StrictBool, ValidationError
 
 from bsg_data.class_map import DEFAULT_CLASS_MAP, load_class_map
 from bsg_data.errors import SourceError
@@ -38,8 +38,10 @@ from bsg_data.scene_graph import Box
 MAX_BYTES = 64 * 2**20
 SEEN_SHARE = 0.5  # of the objects of a room that the robot passed through, if it does not say
 Id = Annotated[str, Field(min_length=1, max_length=500)]
-Triple = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
-Share = Annotated[float, Field(ge=0, le=1)]
+Text = Annotated[str, Field(max_length=500)]
+Metres = Annotated[float, Field(ge=-1e6, le=1e6)]
+Triple = tuple[Metres, Metres, Metres]
+Share = Annotated[float, Field(ge=0, le=1, strict=True)]
 
 
 class RobotGraphError(SourceError):
@@ -48,19 +50,19 @@ class RobotGraphError(SourceError):
 
 class _Room(Record):
     id: Id
-    visited: bool = True
+    visited: StrictBool = True
     hidden_share: Share | None = None
-    label: str | None = None
+    label: Text | None = None
     position: Triple | None = None
     box: tuple[Triple, Triple] | None = None
-    footprint: tuple[tuple[FiniteFloat, FiniteFloat], ...] | None = None
-    floor_index: int | None = None
+    footprint: Annotated[tuple[tuple[Metres, Metres], ...], Field(min_length=3)] | None = None
+    floor_index: Annotated[int, Field(ge=-1000, le=1000)] | None = None
 
 
 class _Object(Record):
     id: Id
     room: Id | None = None
-    category: str
+    category: Text
     position: Triple | None = None
 
 
@@ -85,7 +87,7 @@ def read_robot_graph(path: Path, *, class_map: str = DEFAULT_CLASS_MAP) -> Parti
     try:
         if path.stat().st_size > MAX_BYTES:
             raise RobotGraphError(f"{path}: more than {MAX_BYTES:,} bytes")
-        said = json.loads(path.read_text("utf-8"))
+        said = json.loads(path.read_text("utf-8-sig"))
     except OSError as error:
         raise RobotGraphError(f"{path}: cannot be read ({error.strerror})") from error
     except (ValueError, RecursionError) as error:
@@ -99,6 +101,8 @@ def parse_robot_graph(said: Any, *, path: Path, class_map: str = DEFAULT_CLASS_M
     Raises:
         RobotGraphError: as `read_robot_graph`.
     """
+    if isinstance(said, dict) and said.get("format") == "bsg-belief-graph":
+        said = said.get("partial")  # of a belief graph, what was seen
     try:
         found = _Graph.model_validate(said)
     except ValidationError as error:

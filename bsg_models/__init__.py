@@ -1,12 +1,21 @@
 """Beliefs: what follows from the facts of `bsg_data`. Needs a dataset, never HM3D itself."""
 
 from bsg_models.belief import BeliefGraph, believe
-from bsg_models.belief_files import from_networkx, read_belief, to_networkx, write_belief
+from bsg_models.belief_files import (
+    from_networkx,
+    read_belief,
+    read_tables,
+    to_networkx,
+    write_belief,
+    write_tables,
+)
 from bsg_models.checkpoint import load_checkpoint, restore_model
 from bsg_models.comparison import compare_runs
 from bsg_models.config import RunConfig
 from bsg_models.expectation import Expectation
+from bsg_models.explorer import View, write_explorer
 from bsg_models.graph_dataset import MaskedGraphs
+from bsg_models.hydra import read_hydra, read_hydra_belief, write_hydra
 from bsg_models.model import BeliefModel
 from bsg_models.predictor import Predictor
 from bsg_models.training import train_run
@@ -21,6 +30,7 @@ __all__ = [
     "MaskedGraphs",
     "Predictor",
     "RunConfig",
+    "View",
     "believe",
     "compare_runs",
     "find_config",
@@ -28,8 +38,14 @@ __all__ = [
     "load_checkpoint",
     "make_model",
     "read_belief",
+    "read_hydra",
+    "read_hydra_belief",
+    "read_tables",
     "restore_model",
     "to_networkx",
     "train_run",
     "write_belief",
+    "write_explorer",
+    "write_hydra",
+    "write_tables",
 ]

@@ -19,6 +19,7 @@ from bsg_models.expectation import Expectation
 
 Floats = npt.NDArray[np.float64]
 Mode = Literal["complete", "unseen"]
+LEAST_PRESENCE = 0.005  # what is less likely is not expected
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +120,7 @@ def believe(
     blind = [
         BlindNode(room, int(c), float(hidden[room, c]), float(presence[room, c]))
         for room, numbers in enumerate(chosen, start=1)
-        for c in sorted(np.flatnonzero(numbers), key=lambda c: (-hidden[room, c], c))
+        for c in sorted(np.flatnonzero(numbers), key=lambda c: (-presence[room, c], c))
         for _ in range(numbers[c])
     ]
     return BeliefGraph(graph, expectation.expected, presence, tuple(blind), mode, model)
@@ -144,12 +145,12 @@ def complete(hidden: Floats) -> npt.NDArray[np.int64]:
 def rank_unseen(expectation: Expectation, top: int) -> list[npt.NDArray[np.int64]]:
     """Return for every node the classes, at most `top`, that are most expected and not seen there.
 
-    They are ranked by presence (DESIGN, §7); ties go to the lower class index. Classes that are
-    certainly absent are left out.
+    They are ranked by presence (DESIGN, §7); ties go to the lower class index. Classes with less
+    than `LEAST_PRESENCE` are left out.
     """
     found = []
     for inputs, presence in zip(expectation.inputs, expectation.presence, strict=True):
         belief = np.where(inputs > 0, 0.0, presence)
         order = np.argsort(-belief, kind="stable")[:top]
-        found.append(order[belief[order] > 0])
+        found.append(order[belief[order] >= LEAST_PRESENCE])
     return found

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import networkx as nx
 import numpy as np
@@ -13,6 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from pydantic import Field, ValidationError
 
+from bsg_data.class_map import list_class_maps
 from bsg_data.errors import BSGError, MismatchError
 from bsg_data.manifest import ClassMapEntry
 from bsg_data.recipes import Record
@@ -42,8 +43,8 @@ class _Document(Record):
     mode: Mode
     class_map: ClassMapEntry
     partial: dict[str, Any]
-    expected: list[list[float]]
-    presence: list[list[float]]
+    expected: list[list[Annotated[float, Field(ge=0, allow_inf_nan=False)]]]
+    presence: list[list[Annotated[float, Field(ge=0, le=1)]]]
     blind: list[_Blind]
 
 
@@ -86,18 +87,25 @@ def decode_belief(said: Any, *, path: Path) -> BeliefGraph:
         raise BeliefFileError(f"{path}: {where}: {first['msg']}") from error
     if (found.format, found.version) != (FORMAT, 1):
         raise BeliefFileError(f"{path}: expected {FORMAT} 1, found {found.format} {found.version}")
+    if found.class_map.version not in list_class_maps():
+        raise MismatchError(f"{path}: class map {found.class_map.version!r} is no published one")
     partial = parse_robot_graph(found.partial, path=path, class_map=found.class_map.version)
     if partial.class_map != found.class_map:
         raise MismatchError(f"{path}: class map {found.class_map.version} has changed since")
-    expected, presence = np.array(found.expected), np.array(found.presence)
     shape = (len(partial.rooms) + 1, len(partial.class_map.classes))
-    if expected.shape != shape or presence.shape != shape:
-        raise BeliefFileError(f"{path}: expected histograms {shape}, found {expected.shape}")
+    for table in (found.expected, found.presence):
+        if len(table) != shape[0] or any(len(row) != shape[1] for row in table):
+            raise BeliefFileError(f"{path}: expected histograms of {shape[0]} × {shape[1]}")
+    expected, presence = np.array(found.expected), np.array(found.presence)
+    if not (expected >= partial.histograms()).all():
+        raise BeliefFileError(f"{path}: fewer objects are expected than were seen")
     index = {name: number for number, name in enumerate(partial.class_map.classes)}
     blind = []
     for node in found.blind:
         if node.class_name not in index or node.room > len(partial.rooms):
             raise BeliefFileError(f"{path}: a blind node of {node.class_name!r} in {node.room}")
+        if node.presence != presence[node.room, index[node.class_name]]:
+            raise BeliefFileError(f"{path}: a blind node in {node.room} is not as sure as its room")
         blind.append(BlindNode(node.room, index[node.class_name], node.expected, node.presence))
     return BeliefGraph(partial, expected, presence, tuple(blind), found.mode, found.model)
 
@@ -283,30 +291,39 @@ def read_tables(folder: Path) -> Iterator[BeliefGraph]:
     try:
         tables = {name: pq.read_table(folder / f"{name}.parquet") for name in TABLES}
         words = json.loads(tables["nodes"].schema.metadata[b"bsg.beliefs"])
-    except (OSError, pa.ArrowInvalid, KeyError, TypeError, ValueError) as error:
-        raise BeliefFileError(f"{folder}: no tables of belief graphs ({error})") from error
-    rows = {name: table.to_pylist() for name, table in tables.items()}
-    for scene, said in sorted(words.items()):
-        histograms = {r["node"]: r for r in rows["histograms"] if r["scene_id"] == scene}
-        graph = nx.DiGraph(**said)
-        for row in rows["nodes"]:
-            if row["scene_id"] != scene:
-                continue
-            keys = _KEYS[row["kind"]]
-            data = {key: row[key] for key in keys}
-            if data.get("box") is not None:
-                data["box"] = [row["box"][:3], row["box"][3:]]
-            if data.get("footprint") is not None:
-                ends = row["footprint"]
-                data["footprint"] = list(zip(ends[::2], ends[1::2], strict=True))
-            if row["kind"] in ("building", "room"):
-                beliefs = histograms[row["node"]]
-                data |= {key: beliefs[key] for key in ("expected", "presence")}
-            graph.add_node(row["node"], kind=row["kind"], **data)
-        for row in rows["edges"]:
-            if row["scene_id"] == scene:
-                graph.add_edge(row["source"], row["target"], kind=row["kind"])
-        yield from_networkx(graph)
+        rows = {name: table.to_pylist() for name, table in tables.items()}
+        if {row["scene_id"] for row in rows["nodes"]} != set(words):
+            raise ValueError("the rows are of other scenes than the metadata")
+        graphs = [_assemble(scene, said, rows) for scene, said in sorted(words.items())]
+    except (OSError, pa.ArrowInvalid, LookupError, TypeError, ValueError, AttributeError) as error:
+        raise BeliefFileError(f"{folder}: no tables of belief graphs ({error!r})") from error
+    yield from map(from_networkx, graphs)
+
+
+def _assemble(
+    scene: str, said: dict[str, Any], rows: dict[str, list[dict[str, Any]]]
+) -> nx.DiGraph:
+    """Return the networkx graph of one scene of the tables."""
+    histograms = {r["node"]: r for r in rows["histograms"] if r["scene_id"] == scene}
+    graph = nx.DiGraph(**said)
+    for row in rows["nodes"]:
+        if row["scene_id"] != scene:
+            continue
+        keys = _KEYS[row["kind"]]
+        data = {key: row[key] for key in keys}
+        if data.get("box") is not None:
+            data["box"] = [row["box"][:3], row["box"][3:]]
+        if data.get("footprint") is not None:
+            ends = row["footprint"]
+            data["footprint"] = list(zip(ends[::2], ends[1::2], strict=True))
+        if row["kind"] in ("building", "room"):
+            beliefs = histograms[row["node"]]
+            data |= {key: beliefs[key] for key in ("expected", "presence")}
+        graph.add_node(row["node"], kind=row["kind"], **data)
+    for row in rows["edges"]:
+        if row["scene_id"] == scene:
+            graph.add_edge(row["source"], row["target"], kind=row["kind"])
+    return graph
 
 
 _ROOM = ("id", "visited", "hidden_share", "label", "position", "box", "footprint", "floor_index")

@@ -17,11 +17,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from bsg_data.partial_graph import KnownRoom
 from bsg_data.shards import write_bytes
 from bsg_models.belief import BeliefGraph
 
 _PLACE = "/*DATA*/"
 _DIGITS = 4
+_HALF = 1.2  # metres: half a side of a room of which only the place is known
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,9 +83,7 @@ def _encode(view: View) -> dict[str, Any]:
                 "visited": room.visited,
                 "share": round(room.hidden_share, _DIGITS),
                 "floor": room.floor_index or 0,
-                "outline": None
-                if room.footprint is None
-                else [[round(x, 2), round(y, 2)] for x, y in room.footprint],
+                "outline": _outline(room),
             }
             for room in partial.rooms
         ],
@@ -95,7 +95,6 @@ def _encode(view: View) -> dict[str, Any]:
                 "at": None if obj.position is None else [round(v, 2) for v in obj.position],
             }
             for obj in partial.objects
-            if obj.class_index is not None
         ],
         "blind": [
             {
@@ -108,3 +107,18 @@ def _encode(view: View) -> dict[str, Any]:
         ],
         "adjacency": [list(pair) for pair in partial.adjacency],
     }
+
+
+def _outline(room: KnownRoom) -> list[list[float]] | None:
+    """Return a room from above: its footprint, else its box, else a square at its place."""
+    if room.footprint is not None:
+        return [[round(x, 2), round(y, 2)] for x, y in room.footprint]
+    if room.box is not None:
+        (a, b, _), (c, d, _) = room.box.minimum, room.box.maximum
+    elif room.position is not None:
+        x, y, _ = room.position
+        a, b, c, d = x - _HALF, y - _HALF, x + _HALF, y + _HALF
+    else:
+        return None
+    corners = ((a, b), (c, b), (c, d), (a, d))
+    return [[round(x, 2), round(y, 2)] for x, y in corners]

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import csv
 import io
+import math
+import tempfile
 from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib.resources import files
@@ -18,13 +20,16 @@ from typing import Any
 
 import networkx as nx
 import numpy as np
+from pydantic import StrictBool, ValidationError
 
 from bsg_data.class_map import DEFAULT_CLASS_MAP, load_class_map
 from bsg_data.errors import BSGError, ClassMapError
 from bsg_data.manifest import ClassMapEntry
 from bsg_data.partial_graph import KnownRoom, PartialGraph, SeenObject, classify
-from bsg_data.robot_json import SEEN_SHARE
-from bsg_data.scene_graph import Box
+from bsg_data.recipes import Record
+from bsg_data.robot_json import SEEN_SHARE, Share
+from bsg_data.scene_graph import Box, Point
+from bsg_data.shards import write_bytes
 from bsg_models.belief import BeliefGraph
 from bsg_models.belief_files import from_networkx, to_networkx
 
@@ -37,6 +42,13 @@ _COLOURS = {
 }
 _SYMBOLS = {"building": "B", "room": "R", "object": "O", "blind": "b"}
 _LAYERS = {"building": "BUILDINGS", "room": "ROOMS", "object": "OBJECTS"}
+
+
+class _Said(Record):
+    """What the metadata of a room may say of it, under `bsg`."""
+
+    visited: StrictBool = True
+    hidden_share: Share | None = None
 
 
 class HydraError(BSGError):
@@ -105,7 +117,7 @@ def read_hydra(
         if (a := index[node.id.value]) != (b := index.get(other, 0)) and b
     }
     return PartialGraph(
-        scene_id=path.stem,
+        scene_id=_scene_of(found) or path.name.partition(".")[0],
         class_map=ClassMapEntry.of(loaded),
         hidden_share=float(np.mean([room.hidden_share for room in known])) if known else SEEN_SHARE,
         rooms=known,
@@ -120,6 +132,15 @@ def _layer(graph: Any, name: str) -> Iterator[Any]:
     yield from sorted(nodes, key=lambda node: node.id.value)
 
 
+def _scene_of(graph: Any) -> str | None:
+    """Return the scene id that `write_hydra` left, if it did."""
+    said = graph.metadata.get()
+    ours = said.get("bsg", {}) if isinstance(said, Mapping) else {}
+    partial = ours.get("partial", {}) if isinstance(ours, Mapping) else {}
+    name = partial.get("scene_id") if isinstance(partial, Mapping) else None
+    return name if isinstance(name, str) and name else None
+
+
 def _metadata(node: Any) -> dict[str, Any]:
     said = node.attributes.metadata.get()
     found = said.get("bsg") if isinstance(said, Mapping) else None
@@ -127,11 +148,16 @@ def _metadata(node: Any) -> dict[str, Any]:
 
 
 def _know(node: Any) -> KnownRoom:
-    said = _metadata(node)
+    words = {key: value for key, value in _metadata(node).items() if key in _Said.model_fields}
+    try:
+        said = _Said.model_validate(words)
+    except ValidationError as error:
+        raise HydraError(f"room {node.id}: {error.errors()[0]['msg']} in its metadata") from error
+    usual = SEEN_SHARE if said.visited else 1.0
     return KnownRoom(
         name=str(node.id),
-        hidden_share=min(1.0, max(0.0, float(said.get("hidden_share", SEEN_SHARE)))),
-        visited=bool(said.get("visited", True)),
+        hidden_share=usual if said.hidden_share is None else said.hidden_share,
+        visited=said.visited,
         label=node.attributes.name or None,
         position=_point(node.attributes.position),
         box=_box(node.attributes.bounding_box),
@@ -161,23 +187,30 @@ def _name_of(node: Any, graph: Any, labels: str | None) -> str:
     return str(name if labels is None else read_labels(labels).get(name, name))
 
 
-def _point(position: Any) -> tuple[float, float, float]:
+def _point(position: Any) -> Point | None:
     x, y, z = (float(value) for value in position)
-    return x, y, z
+    return (x, y, z) if math.isfinite(x + y + z) else None
 
 
 def _box(box: Any) -> Box | None:
     if not box.is_valid():
         return None
     corners = np.array(box.corners())
-    return Box(_point(corners.min(axis=0)), _point(corners.max(axis=0)))
+    low, high = _point(corners.min(axis=0)), _point(corners.max(axis=0))
+    return None if low is None or high is None else Box(low, high)
 
 
 def write_hydra(belief: BeliefGraph, path: Path) -> None:
     """Write a belief graph as Spark-DSG JSON; `read_hydra_belief` reads it back exactly.
 
     Positions that are unknown are the centre of the room, or the origin.
+
+    Raises:
+        HydraError: if the name does not end in .json.
+        DatasetError: if it cannot be written.
     """
+    if path.suffix != ".json":
+        raise HydraError(f"{path}: expected a name that ends in .json, by which readers know it")
     dsg = _library()
     source = to_networkx(belief)
     graph = dsg.DynamicSceneGraph()
@@ -202,10 +235,10 @@ def write_hydra(belief: BeliefGraph, path: Path) -> None:
         edge = dsg.EdgeAttributes()
         edge.metadata.set({"bsg": {"kind": kind}})
         graph.insert_edge(symbols[a].value, symbols[b].value, edge)
-    try:
-        graph.save(str(path), include_mesh=False)
-    except Exception as error:
-        raise HydraError(f"{path}: cannot be written ({error})") from error
+    with tempfile.TemporaryDirectory() as folder:  # its writer chooses names, and fails in silence
+        written = Path(folder, "graph.json")
+        graph.save(str(written), include_mesh=False)
+        write_bytes(path, written.read_bytes())
 
 
 def _attributes(dsg: Any, kind: str, data: dict[str, Any]) -> Any:

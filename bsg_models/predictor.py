@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import torch
 from torch_geometric.data import Data
 
@@ -12,6 +13,7 @@ from bsg_data.partial_graph import PartialGraph
 from bsg_models.checkpoint import load_checkpoint, restore_model
 from bsg_models.expectation import Expectation
 from bsg_models.graph_dataset import EdgeSet, connect
+from bsg_models.hidden_counts import HiddenCounts
 from bsg_models.run_folder import BEST
 
 
@@ -56,7 +58,21 @@ class Predictor:
             )
         data = to_data(graph, edges=self._edges, vocabulary=self._model.vocabulary)
         with torch.no_grad():
-            return self._model.predict(data)
+            found = self._model.predict(data)
+        return _nothing_where_searched(found, graph)
+
+
+def _nothing_where_searched(found: Expectation, graph: PartialGraph) -> Expectation:
+    """Return the expectation without hidden objects in rooms of which all was seen.
+
+    Models that read the share say so themselves; the paper's does not read it.
+    """
+    searched = graph.shares() == 0
+    if not searched[1:].any():
+        return found
+    hides = np.where(searched, 0.0, 1.0)[None, :, None]
+    law = HiddenCounts(found.law.means * hides, found.law.dispersions, found.law.weights)
+    return Expectation(found.inputs, law, found.totals)
 
 
 def to_data(

@@ -26,7 +26,7 @@ def write_report(
     *,
     title: str,
     facts: Sequence[str],
-    findings: Sequence[str],
+    findings: Mapping[str, Mapping[str, Sequence[str]]],
     tables: Sequence[Table],
     figures: Mapping[str, Path],
     explorer: str,
@@ -37,8 +37,8 @@ def write_report(
         path: of the page.
         title: its heading.
         facts: what was measured on, a paragraph each.
-        findings: one line each.
-        tables: of metrics.
+        findings: heading → verdict → what it is of.
+        tables: of metrics; those after the first are folded.
         figures: caption → PNG.
         explorer: page of `explorer_page`, shown in a frame.
     """
@@ -47,11 +47,13 @@ def write_report(
     parts += ["<h2>Look into a building</h2>", _HOW]
     page = html.escape(explorer, quote=True)
     parts.append(f'<iframe title="explorer" srcdoc="{page}"></iframe>')
-    parts += ["<h2>What was found</h2>", '<section class="card"><ul>']
-    parts += [f"<li>{html.escape(line)}</li>" for line in findings]
-    parts.append("</ul></section>")
-    for table in tables:
-        parts += [f"<h2>{html.escape(table.caption)}</h2>", _render(table)]
+    for heading, verdicts in findings.items():
+        parts += [f"<h2>{html.escape(heading)}</h2>", '<section class="card verdicts">']
+        for verdict, things in verdicts.items():
+            entries = "".join(f"<li>{html.escape(thing)}</li>" for thing in things)
+            parts.append(f"<div><b>{html.escape(verdict)}</b><ul>{entries}</ul></div>")
+        parts.append("</section>")
+    parts += [f"<h2>{html.escape(tables[0].caption)}</h2>", _render(tables[0])]
     parts.append("<h2>Figures</h2>")
     for caption, image in figures.items():
         data = base64.b64encode(image.read_bytes()).decode()
@@ -60,6 +62,9 @@ def write_report(
             f"<figure><figcaption>{words}</figcaption>"
             f'<img alt="{words}" src="data:image/png;base64,{data}"></figure>'
         )
+    for table in tables[1:]:
+        caption = html.escape(table.caption)
+        parts.append(f"<details><summary>{caption}</summary>{_render(table)}</details>")
     style = resources.files("bsg_models").joinpath("report.css").read_text("utf-8")
     head = (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'

@@ -124,6 +124,8 @@ def main(
     if bool(graphs) == (data is not None):
         raise click.UsageError("give GRAPHs, or --data DATASET")
     results = [path for path in (out, hydra, tables, html) if path is not None]
+    if len({path.absolute() for path in (*results, *graphs)}) < len(results) + len(graphs):
+        raise click.UsageError("one file is named twice")
     for path in results:
         if path.exists() and not force:
             raise DatasetError(f"{path}: is there already; --force replaces it")
@@ -164,16 +166,21 @@ def main(
     if len(answers) > MOST_ROWS:
         print_note(f"… and {len(answers) - MOST_ROWS:,} more rooms; --json prints all")
     blind = sum(len(view.belief.blind) for view in views)
-    click.echo(f"{len(views):,} belief graphs, {blind:,} blind nodes, by {predictor.name}")
+    graphs_are = "1 belief graph" if len(views) == 1 else f"{len(views):,} belief graphs"
+    click.echo(f"{graphs_are}, {blind:,} blind nodes, by {predictor.name}")
 
 
 def _read(path: Path, labels: str | None) -> PartialGraph:
     """Read a graph of either kind, and say which names the class map does not know."""
     try:
-        with path.open("rb") as file:
-            spark = b"SPARK_DSG_header" in file.read(4096) or path.suffix == ".sparkdsg"
+        said = {} if path.suffix == ".sparkdsg" else json.loads(path.read_bytes())
     except OSError as error:
         raise BSGError(f"{path}: cannot be read ({error.strerror})") from error
+    except (ValueError, RecursionError) as error:
+        raise BSGError(f"{path}: no JSON ({error})") from error
+    spark = path.suffix == ".sparkdsg" or "SPARK_DSG_header" in said
+    if labels is not None and not spark:
+        raise click.UsageError(f"--labels is for Hydra's graphs, and {path} is none")
     graph = read_hydra(path, labels=labels) if spark else read_robot_graph(path)
     unmapped = list_unmapped(graph)
     if unmapped:

@@ -214,17 +214,26 @@ def summarise(found: Comparison, *, split: str) -> dict[str, Any]:
 def explain(estimates: Mapping[str, Mapping[str, Estimate]], *, runs: Sequence[str]) -> list[str]:
     """Say in plain words where each run stands beside doubling what was seen."""
     lines = []
+    for run, verdicts in judge_all(estimates, runs=runs).items():
+        lines.append(f"{run}, beside doubling what was seen (by 95 % intervals):")
+        for verdict, labels in verdicts.items():
+            lines.append(f"  {verdict}: {labels[0]}")
+            lines += [" " * (len(verdict) + 4) + label for label in labels[1:]]
+    return lines
+
+
+def judge_all(
+    estimates: Mapping[str, Mapping[str, Estimate]], *, runs: Sequence[str]
+) -> dict[str, dict[str, list[str]]]:
+    """Return run → verdict → the measures in which it is so, beside doubling what was seen."""
+    found = {}
     for run in runs:
         verdicts: dict[str, list[str]] = {"better": [], "not distinguishable": [], "worse": []}
         for label, name, less in HEADLINES:
             verdict = judge(estimates[run][name], estimates["doubled"][name], less=less)
             verdicts[verdict].append(label)
-        lines.append(f"{run}, beside doubling what was seen (by 95 % intervals):")
-        for verdict, labels in verdicts.items():
-            if labels:
-                lines.append(f"  {verdict}: {labels[0]}")
-                lines += [" " * (len(verdict) + 4) + label for label in labels[1:]]
-    return lines
+        found[run] = {verdict: labels for verdict, labels in verdicts.items() if labels}
+    return found
 
 
 def judge(ours: Estimate, other: Estimate, *, less: bool) -> str:
@@ -288,7 +297,10 @@ def _write_page(
             "± is half of a 95 % interval over buildings; ↓ less is better, ↑ more is better.",
             *found.notes,
         ],
-        findings=[line.strip() for line in explain(found.estimates, runs=found.runs)],
+        findings={
+            f"{run}, beside doubling what was seen (by 95 % intervals)": verdicts
+            for run, verdicts in judge_all(found.estimates, runs=found.runs).items()
+        },
         tables=[
             Table("In short", names, _headlines(found.estimates, resamples=resamples)),
             Table(

@@ -81,7 +81,7 @@ IMPORTS = {
         "belief_files": "belief",
         "explorer": "belief",
         "hydra": "belief belief_files",
-        "predictor": "checkpoint expectation graph_dataset run_folder",
+        "predictor": "checkpoint expectation graph_dataset hidden_counts run_folder",
         "report": "",
         "boosting": (
             "calibration config errors families gamma_poisson graph_dataset hidden_counts "

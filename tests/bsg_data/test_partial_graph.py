@@ -49,7 +49,7 @@ def test_histograms_by_hand() -> None:
 def test_a_searched_room_hides_nothing() -> None:
     after = observe(GRAPH, 2, [seen("5", 2, "sink"), seen("6", 2, "toilet")])
     assert after.rooms[1] == replace(GRAPH.rooms[1], visited=True, hidden_share=0.0)
-    assert after.hidden_share == 0.25
+    assert after.hidden_share == pytest.approx(0.5 * 0.5 / 1.5)
     assert after.histograms()[2].sum() == 2
     assert after.histograms()[1].tolist() == GRAPH.histograms()[1].tolist()
     again = observe(after, 2, [seen("5", 2, "sink")])
@@ -61,6 +61,8 @@ def test_what_cannot_be_observed_is_refused() -> None:
         observe(GRAPH, 3, [])
     with pytest.raises(RecipeError, match="object 5 is not of room 1"):
         observe(GRAPH, 1, [seen("5", 2, "sink")])
+    with pytest.raises(RecipeError, match="1 is there twice"):
+        observe(GRAPH, 2, [seen("1", 2, "sink")])
 
 
 @pytest.mark.parametrize("strategy", ["uniform", "rooms", "frontier"])

@@ -97,6 +97,12 @@ def changed(**values: Any) -> str:
         (changed(adjacency=[["hall", "hall"]]), "'hall' with itself"),
         (changed(adjacency=[["hall", "attic"]]), "no room 'attic'"),
         (changed(version=2), "version"),
+        (changed(rooms=[{"id": "a", "visited": "yes"}]), "rooms.0.visited"),
+        (changed(rooms=[{"id": "a", "hidden_share": True}]), "rooms.0.hidden_share"),
+        (changed(rooms=[{"id": "a", "label": "\ud800"}]), "rooms.0.label"),
+        (changed(rooms=[{"id": "a", "footprint": [[0, 0]]}]), "rooms.0.footprint"),
+        (changed(rooms=[{"id": "a", "position": [1e300, 0, 0]}]), "rooms.0.position"),
+        (changed(rooms=[{"id": "a", "floor_index": 10**30}]), "rooms.0.floor_index"),
         (changed(scene_id="a").replace('"a"', "NaN"), "scene_id"),
     ],
 )

@@ -9,6 +9,7 @@ from typing import Any
 import networkx as nx
 import numpy as np
 import pandas as pd
+import pyarrow.parquet as pq
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -137,6 +138,11 @@ def test_a_graph_of_hydra_is_read_through_its_labels(tmp_path: Path) -> None:
             lambda d: d["blind"].append({"room": 1, "class": "bed", "expected": 1, "presence": 2}),
             "presence",
         ),
+        (lambda d: d["expected"][1].__setitem__(0, -5), "expected.1.0"),
+        (lambda d: d["expected"][1].__setitem__(0, float("inf")), "expected.1.0"),
+        (lambda d: d["presence"][1].__setitem__(0, 7), "presence.1.0"),
+        (lambda d: d["expected"][1].pop(), "expected histograms"),
+        (lambda d: d["class_map"].update(version="/etc/passwd.csv"), "is no published one"),
         (lambda d: d["class_map"].update(sha256="1" * 64), "has changed since"),
         (lambda d: d["partial"].update(rooms=3), "rooms"),
     ],
@@ -150,6 +156,28 @@ def test_a_file_that_is_wrong_is_refused_with_the_reason(
     path.write_text(json.dumps(document))
     with pytest.raises(BSGError, match=expected):
         read_belief(path)
+
+
+def test_tables_that_were_edited_are_refused(tmp_path: Path) -> None:
+    write_tables([make_belief(4)], tmp_path)
+    path = tmp_path / "nodes.parquet"
+    table = pq.read_table(path)
+    for wrong in (table.drop_columns(["kind"]), table.slice(1), table.replace_schema_metadata({})):
+        pq.write_table(wrong, path)
+        with pytest.raises(BeliefFileError):
+            list(read_tables(tmp_path))
+
+
+def test_spark_dsg_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
+    folder = tmp_path / "folder.json"
+    folder.mkdir()
+    with pytest.raises(BSGError, match="cannot be written"):
+        write_hydra(make_belief(2), folder)
+    with pytest.raises(BSGError, match=r"ends in \.json"):
+        write_hydra(make_belief(2), tmp_path / "belief")
+    assert list(tmp_path.iterdir()) == [folder]
+    write_hydra(make_belief(2), tmp_path / "new" / "belief.json")
+    assert read_hydra_belief(tmp_path / "new" / "belief.json") == make_belief(2)
 
 
 def test_files_that_are_none_are_refused(tmp_path: Path) -> None:

@@ -95,6 +95,7 @@ def test_a_room_is_chosen_by_mouse_and_by_keyboard(page: Any) -> None:
     assert page.locator("table.histogram tr").count() > 0
     assert page.locator("table.histogram .true").count() > 0  # the truth is known here
     page.keyboard.press("Escape")
+    assert page.locator(".room.chosen").count() == 0
     page.locator("g.room[data-node='1'][tabindex]").focus()
     page.keyboard.press("Enter")
     assert page.locator(".room.chosen").count() >= 1
