@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -54,6 +55,20 @@ def test_json_all_metrics_and_force(dataset: Path, trained: Path, tmp_path: Path
     assert "--force" in run(*words, code=1).stderr
     everything = run(*words, "--force", "--all-metrics").stdout
     assert "rooms/wasserstein_classes/kurtosis" in everything
+
+
+def test_the_page_holds_everything_and_opens_offline(
+    dataset: Path, trained: Path, tmp_path: Path
+) -> None:
+    page = tmp_path / "report.html"
+    words = [trained, "--data", dataset, "--resamples", "3", "--html", page]
+    run(*words)
+    text = page.read_text("utf-8")
+    assert "rooms/wasserstein_classes/kurtosis" in text
+    assert text.count("data:image/png;base64,") == 3
+    assert "Belief scene graph" in text
+    assert not re.search(r"(src|href)=.?https?:", text)
+    assert "is there already; --force replaces it" in run(*words, code=1).stderr
 
 
 def test_what_is_missing_is_said(dataset: Path, tmp_path: Path) -> None:
