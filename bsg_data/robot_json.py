@@ -87,12 +87,20 @@ def read_robot_graph(path: Path, *, class_map: str = DEFAULT_CLASS_MAP) -> Parti
     try:
         if path.stat().st_size > MAX_BYTES:
             raise RobotGraphError(f"{path}: more than {MAX_BYTES:,} bytes")
-        said = json.loads(path.read_text("utf-8-sig"))
+        said = json.loads(path.read_text("utf-8-sig"), object_pairs_hook=_once)
     except OSError as error:
         raise RobotGraphError(f"{path}: cannot be read ({error.strerror})") from error
     except (ValueError, RecursionError) as error:
         raise RobotGraphError(f"{path}: no JSON ({error})") from error
     return parse_robot_graph(said, path=path, class_map=class_map)
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        keys = [key for key, _ in pairs]
+        raise ValueError(f"the key {max(keys, key=keys.count)!r} twice")
+    return found
 
 
 def parse_robot_graph(said: Any, *, path: Path, class_map: str = DEFAULT_CLASS_MAP) -> PartialGraph:

@@ -88,6 +88,7 @@ def changed(**values: Any) -> str:
     [
         ("{", "no JSON"),
         ("[]", "the whole file"),
+        ('{"scene_id": "a", "scene_id": "b", "rooms": []}', "the key 'scene_id' twice"),
         (changed(rooms=[{"id": "a"}, {"id": "a"}]), "room id 'a' is there twice"),
         (changed(rooms=[{"id": ""}]), "rooms.0.id"),
         (changed(rooms=[{"id": "kitchen", "hidden_share": 1.5}]), "rooms.0.hidden_share"),
