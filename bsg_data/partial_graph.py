@@ -18,11 +18,12 @@ from bsg_data.class_map import ClassMap, is_nameless
 from bsg_data.errors import RecipeError
 from bsg_data.histograms import Counts, count_cells, to_histograms
 from bsg_data.manifest import ClassMapEntry
-from bsg_data.masks import draw_hidden, draw_visited, share_hidden
+from bsg_data.masks import Part, draw_hidden, draw_visited, share_hidden
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene_graph import Box, Point, SceneGraph
 
 Floats = npt.NDArray[np.float64]
+_PARTS: tuple[Part, Part] = ("classified", "unclassified")
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,9 +170,10 @@ def mask_scene(
     classes = len(class_map.classes)
     cells, others, kinds = _count(graph, classes)
     visited = draw_visited(cells, recipe, scene_id=graph.scene_id, draw=draw, adjacent=adjacent)
-    draw_one = {"visited": visited, "recipe": recipe, "scene_id": graph.scene_id, "draw": draw}
-    hidden = draw_hidden(cells, **draw_one)  # type: ignore[arg-type]
-    unseen = draw_hidden(others, part="unclassified", **draw_one)  # type: ignore[arg-type]
+    hidden, unseen = (
+        draw_hidden(part, visited, recipe, scene_id=graph.scene_id, draw=draw, part=name)
+        for part, name in zip((cells, others), _PARTS, strict=True)
+    )
     left = np.concatenate([cells - hidden, others - unseen], axis=1)
     seen = []
     for obj, kind in zip(graph.objects, kinds, strict=True):
