@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bsg_data.floor_plan import DOOR_HEIGHT, HEIGHT, STOREY, FloorPlan, Rectangle
+from bsg_data.placement import CEILING, FLOOR, STAIRS
 from bsg_data.scene_graph import Box
 
 Floats = npt.NDArray[np.float64]
@@ -25,6 +26,7 @@ UNLISTED = -1  # and below: colours that no instance has
 _WITHOUT_SURFACE = 0.01  # share of the furniture that is listed and nowhere to be seen
 _SPECKLED = 0.02  # share of the furniture with a speck of its colour elsewhere
 _SPECK = 0.12  # metres
+_WALL = "wall"
 _FRAME = 0.08
 _ON_WALLS = frozenset(
     {
@@ -48,7 +50,6 @@ _ON_WALLS = frozenset(
 )
 _ON_FLOORS = frozenset({"rug", "carpet", "doormat", "mat", "bath mat"})
 _ON_CEILINGS = frozenset({"ceiling lamp", "chandelier", "ceiling light", "ceiling fan", "lamp"})
-STAIRS = frozenset({"stairs", "stair", "stair step", "staircase"})
 # Width, depth and height in metres of what is large; all else is drawn small.
 _SIZES: Mapping[str, tuple[float, float, float]] = {
     "bed": (2.0, 1.6, 0.6),
@@ -168,13 +169,13 @@ class _Room:
         """Yield the shell of the room, painted, then its furniture."""
         floor, ceiling = self._slab(self._floor), self._slab(self._floor + HEIGHT)
         walls = self._walls()
-        for categories, shell, paint in (
-            ({"floor"}, [floor], _paint_strips),
-            ({"ceiling"}, [ceiling], _paint_strips),
-            ({"wall"}, walls, _paint_strips),
+        for category, shell in (
+            (FLOOR, [floor]),
+            (CEILING, [ceiling]),
+            (_WALL, walls),
         ):
-            paint(shell, [f.label for f in self._fixtures if f.category in categories])
-        rest = [f for f in self._fixtures if f.category not in {"floor", "ceiling", "wall"}]
+            _paint_strips(shell, [f.label for f in self._fixtures if f.category == category])
+        rest = [f for f in self._fixtures if f.category not in (FLOOR, CEILING, _WALL)]
         doors = [f for f in rest if f.category in ("door", "door frame")]
         for fixture in rest:
             if self._rng.random() < _WITHOUT_SURFACE or fixture in doors:

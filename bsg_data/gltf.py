@@ -112,9 +112,7 @@ def _load(path: Path) -> tuple[Any, bool]:
 
 def _parts(scene: Any, path: Path, *, clamped: bool) -> Iterator[MeshPart]:
     graph = scene.graph
-    shown: dict[
-        int, list[tuple[Any, Floats]]
-    ] = {}  # by texture; transformed when they are asked for
+    shown: dict[int, list[tuple[Any, Floats]]] = {}  # by texture; a part is made when it is due
     for name, mesh in scene.geometry.items():
         if not hasattr(mesh, "faces"):  # lines or points
             continue

@@ -16,7 +16,7 @@ from pydantic import Field, ValidationError
 from bsg_data.class_map import ClassMap
 from bsg_data.errors import DatasetError, MismatchError
 from bsg_data.mesh_coverage import MeshCoverage
-from bsg_data.recipes import PairsRecipe, Record, SplitRecipe
+from bsg_data.recipes import PairsRecipe, Record, SplitRecipe, name_fault
 from bsg_data.schema import FORMAT_VERSION
 
 MANIFEST = "dataset.json"
@@ -146,10 +146,8 @@ def read_manifest(dataset: Path) -> Manifest:
     except (json.JSONDecodeError, AttributeError) as error:
         raise DatasetError(f"{path}: not JSON ({error}); build the dataset again") from error
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"]) or "the whole file"
         raise DatasetError(
-            f"{path}: {where}: {first['msg']} ({error.error_count()} faults in all); "
+            f"{path}: {name_fault(error)} ({error.error_count()} faults in all); "
             "the manifest was changed by hand or by another version: build the dataset again"
         ) from error
     return manifest

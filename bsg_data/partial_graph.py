@@ -7,8 +7,9 @@ through, nothing of one that it searched. Node indices are those of `bsg_data.sc
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -16,11 +17,12 @@ import numpy.typing as npt
 from bsg_data.categories import place_columns
 from bsg_data.class_map import ClassMap, is_nameless
 from bsg_data.errors import RecipeError
-from bsg_data.histograms import Counts, count_cells, to_histograms
-from bsg_data.manifest import ClassMapEntry
+from bsg_data.histograms import Counts, count_cells, read_cells, to_histograms
+from bsg_data.manifest import ClassMapEntry, read_manifest
 from bsg_data.masks import Part, draw_hidden, draw_visited, share_hidden
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene_graph import Box, Point, SceneGraph
+from bsg_data.shards import read_scene_graphs
 
 Floats = npt.NDArray[np.float64]
 _PARTS: tuple[Part, Part] = ("classified", "unclassified")
@@ -210,6 +212,18 @@ def mask_scene(
         objects=tuple(seen),
         adjacency=tuple(adjacent),
     )
+
+
+def mask_dataset(
+    dataset: Path, scenes: Collection[str], recipe: MaskRecipe, *, draw: int = 0
+) -> Iterator[tuple[PartialGraph, Counts]]:
+    """Yield what a mask leaves of some scenes of a dataset, with their true histograms `[N, C]`."""
+    manifest = read_manifest(dataset)
+    truths = read_cells(dataset, manifest=manifest)
+    for graph in read_scene_graphs(dataset):
+        if graph.scene_id in scenes:
+            left = mask_scene(graph, recipe, draw=draw, class_map=manifest.class_map)
+            yield left, to_histograms(truths[graph.scene_id])
 
 
 def _count(graph: SceneGraph, classes: int) -> tuple[Counts, Counts, list[int]]:

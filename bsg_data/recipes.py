@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 Strategy = Literal["uniform", "rooms", "frontier"]
 
@@ -13,6 +13,13 @@ class Record(BaseModel):
     """A frozen record that refuses unknown keys."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+def name_fault(error: ValidationError) -> str:
+    """Return where the first fault of a record is and what it is: `rooms.0.id: Field required`."""
+    first = error.errors()[0]
+    where = ".".join(str(part) for part in first["loc"]) or "the whole file"
+    return f"{where}: {first['msg']}"
 
 
 class SplitRecipe(Record):

@@ -32,7 +32,7 @@ from bsg_data.class_map import DEFAULT_CLASS_MAP, load_class_map
 from bsg_data.errors import SourceError
 from bsg_data.manifest import ClassMapEntry
 from bsg_data.partial_graph import KnownRoom, PartialGraph, SeenObject, classify
-from bsg_data.recipes import Record
+from bsg_data.recipes import Record, name_fault
 from bsg_data.scene_graph import Box
 
 MAX_BYTES = 64 * 2**20
@@ -114,9 +114,7 @@ def parse_robot_graph(said: Any, *, path: Path, class_map: str = DEFAULT_CLASS_M
     try:
         found = _Graph.model_validate(said)
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"]) or "the whole file"
-        raise RobotGraphError(f"{path}: {where}: {first['msg']}") from error
+        raise RobotGraphError(f"{path}: {name_fault(error)}") from error
     index = _number([room.id for room in found.rooms], "room", path)
     _number([obj.id for obj in found.objects], "object", path)
     loaded = load_class_map(class_map)

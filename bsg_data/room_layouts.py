@@ -21,6 +21,7 @@ from bsg_data.adjacency import measure_distance
 from bsg_data.class_map import ClassMap
 from bsg_data.errors import SourceError
 from bsg_data.placement import find_storeys
+from bsg_data.recipes import name_fault
 from bsg_data.scene_graph import Box, Edge, Room, SceneGraph
 from bsg_data.sources import (
     FoundScenes,
@@ -116,9 +117,7 @@ def read_layout(path: Path) -> RoomLayout:
     except OSError as error:
         raise LayoutError(f"{path}: cannot be read ({error.strerror})") from error
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"]) or "the whole file"
-        raise LayoutError(f"{path}: {where}: {first['msg']}") from error
+        raise LayoutError(f"{path}: {name_fault(error)}") from error
     except (yaml.YAMLError, ValueError, TypeError, RecursionError) as error:
         raise LayoutError(f"{path}: no YAML ({' '.join(str(error).split())[:200]})") from error
     rooms = {}

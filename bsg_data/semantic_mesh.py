@@ -234,11 +234,12 @@ class _Tally:
         vertex_labels = None
         if sheet is None and part.colours is not None:
             vertex_labels = palette.label_vertices(part.colours)
-        changes = None if sheet is None else _sum_changes(sheet)
+        changes = spots = None
+        if sheet is not None and part.places is not None:
+            changes, spots = _sum_changes(sheet), part.places * sheet.shape[::-1]
         for start in range(0, len(part.faces), _BATCH):
             faces = part.faces[start : start + _BATCH]
-            if sheet is not None and changes is not None and part.places is not None:
-                spots = part.places * (sheet.shape[1], sheet.shape[0])
+            if sheet is not None and changes is not None and spots is not None:
                 labels, mixed = _label_faces(spots, faces, sheet, changes)
                 self._add_whole(part.vertices, faces[~mixed], labels[~mixed])
                 self._add_divided(part.vertices[faces[mixed]], spots[faces[mixed]], sheet)

@@ -11,7 +11,8 @@ import numpy.typing as npt
 from bsg_data.annotations import Instance
 from bsg_data.class_map import ClassMap, load_class_map
 from bsg_data.floor_plan import draw_floor_plan
-from bsg_data.furnishing import STAIRS, Fixture, furnish
+from bsg_data.furnishing import Fixture, furnish
+from bsg_data.placement import STAIRS
 from bsg_data.synthetic_mesh import SIZES, Colours, UpAxis, encode_mesh, measure_truth
 
 _UNLISTED = 3  # colours that are painted and not listed

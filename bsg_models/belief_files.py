@@ -16,13 +16,14 @@ from pydantic import Field, ValidationError
 from bsg_data.class_map import list_class_maps
 from bsg_data.errors import BSGError, MismatchError
 from bsg_data.manifest import ClassMapEntry
-from bsg_data.recipes import Record
+from bsg_data.recipes import Record, name_fault
 from bsg_data.robot_json import encode_robot_graph, parse_robot_graph
 from bsg_data.shards import write_bytes
 from bsg_models.belief import BeliefGraph, BlindNode, Mode
 
 FORMAT = "bsg-belief-graph"
 TABLES = ("nodes", "edges", "histograms")
+_PARTIAL_HEAD = ("format", "version", "scene_id", "hidden_share")
 
 
 class BeliefFileError(BSGError):
@@ -52,11 +53,7 @@ def encode_belief(belief: BeliefGraph) -> dict[str, Any]:
     """Return a belief graph as a JSON document; `decode_belief` reads it back."""
     classes = belief.partial.class_map.classes
     return {
-        "format": FORMAT,
-        "version": 1,
-        "model": belief.model,
-        "mode": belief.mode,
-        "class_map": belief.partial.class_map.model_dump(mode="json"),
+        **_head(belief),
         "partial": encode_robot_graph(belief.partial),
         "expected": belief.expected.tolist(),
         "presence": belief.presence.tolist(),
@@ -72,6 +69,17 @@ def encode_belief(belief: BeliefGraph) -> dict[str, Any]:
     }
 
 
+def _head(belief: BeliefGraph) -> dict[str, Any]:
+    """Return what is said once of a belief graph."""
+    return {
+        "format": FORMAT,
+        "version": 1,
+        "model": belief.model,
+        "mode": belief.mode,
+        "class_map": belief.partial.class_map.model_dump(mode="json"),
+    }
+
+
 def decode_belief(said: Any, *, path: Path) -> BeliefGraph:
     """Return the belief graph of a JSON document.
 
@@ -82,9 +90,7 @@ def decode_belief(said: Any, *, path: Path) -> BeliefGraph:
     try:
         found = _Document.model_validate(said)
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"]) or "the whole file"
-        raise BeliefFileError(f"{path}: {where}: {first['msg']}") from error
+        raise BeliefFileError(f"{path}: {name_fault(error)}") from error
     if (found.format, found.version) != (FORMAT, 1):
         raise BeliefFileError(f"{path}: expected {FORMAT} 1, found {found.format} {found.version}")
     if found.class_map.version not in list_class_maps():
@@ -138,17 +144,8 @@ def to_networkx(belief: BeliefGraph) -> nx.DiGraph:
     have `kind`: `contains`, `expects` (room to blind node) or `adjacent` (both ways).
     """
     partial, classes = belief.partial, belief.partial.class_map.classes
-    graph = nx.DiGraph(
-        **{
-            k: v
-            for k, v in encode_belief(belief).items()
-            if k in ("format", "version", "model", "mode", "class_map")
-        }
-    )
     document = encode_robot_graph(partial)
-    graph.graph["partial"] = {
-        k: document[k] for k in ("format", "version", "scene_id", "hidden_share")
-    }
+    graph = nx.DiGraph(**_head(belief), partial={key: document[key] for key in _PARTIAL_HEAD})
     nodes = [("building", {}), *(("room", room) for room in document["rooms"])]
     for number, (kind, words) in enumerate(nodes):
         beliefs = {
@@ -184,9 +181,7 @@ def from_networkx(graph: nx.DiGraph) -> BeliefGraph:
     """
     path = Path("networkx graph")
     try:
-        words = {
-            key: graph.graph[key] for key in ("format", "version", "model", "mode", "class_map")
-        }
+        words = {key: value for key, value in graph.graph.items() if key != "partial"}
         kinds: dict[str, list[tuple[int, dict[str, Any]]]] = {}
         for number, data in sorted(graph.nodes(data=True)):
             own = {key: value for key, value in data.items() if key != "kind"}
@@ -242,6 +237,7 @@ def write_tables(beliefs: Iterable[BeliefGraph], folder: Path) -> None:
         if scene in words:
             raise BeliefFileError(f"{folder}: two belief graphs of {scene}")
         words[scene] = graph.graph
+        inputs = belief.partial.histograms()
         for number, data in sorted(graph.nodes(data=True)):
             single = {k: v for k, v in data.items() if k not in ("expected", "presence", "box")}
             beliefs_of = (
@@ -267,7 +263,7 @@ def write_tables(beliefs: Iterable[BeliefGraph], folder: Path) -> None:
                     "histograms",
                     scene_id=scene,
                     node=number,
-                    input=belief.partial.histograms()[number].tolist(),
+                    input=inputs[number].tolist(),
                     expected=data["expected"],
                     presence=data["presence"],
                 )

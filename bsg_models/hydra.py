@@ -22,11 +22,11 @@ import networkx as nx
 import numpy as np
 from pydantic import StrictBool, ValidationError
 
-from bsg_data.class_map import DEFAULT_CLASS_MAP, load_class_map
+from bsg_data.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
 from bsg_data.errors import BSGError, ClassMapError
 from bsg_data.manifest import ClassMapEntry
 from bsg_data.partial_graph import KnownRoom, PartialGraph, SeenObject, classify
-from bsg_data.recipes import Record
+from bsg_data.recipes import Record, name_fault
 from bsg_data.robot_json import SEEN_SHARE, Share
 from bsg_data.scene_graph import Box, Point
 from bsg_data.shards import write_bytes
@@ -109,7 +109,7 @@ def read_hydra(
     rooms = list(_layer(found, "ROOMS"))
     index = {node.id.value: number for number, node in enumerate(rooms, 1)}
     objects = [_see(node, found, index, labels, loaded) for node in _layer(found, "OBJECTS")]
-    known = tuple(_know(node) for node in rooms)
+    known = tuple(_know(node, path) for node in rooms)
     pairs = {
         (min(a, b), max(a, b))
         for node in rooms
@@ -147,12 +147,12 @@ def _metadata(node: Any) -> dict[str, Any]:
     return dict(found) if isinstance(found, Mapping) else {}
 
 
-def _know(node: Any) -> KnownRoom:
+def _know(node: Any, path: Path) -> KnownRoom:
     words = {key: value for key, value in _metadata(node).items() if key in _Said.model_fields}
     try:
         said = _Said.model_validate(words)
     except ValidationError as error:
-        raise HydraError(f"room {node.id}: {error.errors()[0]['msg']} in its metadata") from error
+        raise HydraError(f"{path}: metadata of room {node.id}: {name_fault(error)}") from error
     usual = SEEN_SHARE if said.visited else 1.0
     return KnownRoom(
         name=str(node.id),
@@ -165,7 +165,7 @@ def _know(node: Any) -> KnownRoom:
 
 
 def _see(
-    node: Any, graph: Any, rooms: dict[int, int], labels: str | None, class_map: Any
+    node: Any, graph: Any, rooms: dict[int, int], labels: str | None, class_map: ClassMap
 ) -> SeenObject:
     """Return an object with its room: the first above it, by way of places."""
     above, room = node.get_parent(), 0

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import click
 import numpy as np
 import numpy.typing as npt
 
 from bsg_data.errors import BSGError, DatasetError
-from bsg_data.histograms import read_cells, to_histograms
-from bsg_data.manifest import read_manifest
-from bsg_data.partial_graph import PartialGraph, mask_scene
+from bsg_data.histograms import Counts
+from bsg_data.partial_graph import PartialGraph, mask_dataset
 from bsg_data.recipes import MaskRecipe
 from bsg_data.robot_json import list_unmapped, read_robot_graph
-from bsg_data.shards import read_scene_graphs
 from bsg_models.belief import BeliefGraph, Mode, believe, rank_unseen
 from bsg_models.belief_files import write_belief, write_tables
 from bsg_models.explorer import View, write_explorer
@@ -131,17 +129,17 @@ def main(
             raise DatasetError(f"{path}: is there already; --force replaces it")
     predictor = Predictor(run)
     if data is None:
-        found = [(_read(path, labels), None) for path in graphs]
-        total = len(found)
-        seen: Iterator[tuple[PartialGraph, npt.NDArray[np.int64] | None]] = iter(found)
+        seen: Iterable[tuple[PartialGraph, Counts | None]]
+        seen = [(_read(path, labels), None) for path in graphs]
+        total = len(graphs)
     else:
         recipe = MaskRecipe.model_validate({"strategy": mask, "fraction": fraction, "seed": seed})
         wanted = _choose(data, split, fold, scene)
-        total, seen = len(wanted), _mask(data, wanted, recipe)
+        total, seen = len(wanted), mask_dataset(data, wanted, recipe)
     if (out or hydra) and total != 1:
         raise click.UsageError(f"--out and --hydra take one graph, not {total}; --tables takes all")
     views: list[View] = []
-    answers: list[dict[str, object]] = []
+    answers: list[dict[str, Any]] = []
     with progress_bar("belief", unit="graph") as report:
         for done, (graph, truth) in enumerate(seen, 1):
             expectation = predictor(graph)
@@ -201,42 +199,29 @@ def _choose(
     return frozenset(opened.scenes_of(split, fold=fold))
 
 
-def _mask(
-    data: Path, wanted: frozenset[str], recipe: MaskRecipe
-) -> Iterator[tuple[PartialGraph, npt.NDArray[np.int64] | None]]:
-    """Yield what a mask leaves of some scenes, with the truth."""
-    manifest = read_manifest(data)
-    truths = read_cells(data, manifest=manifest)
-    for graph in read_scene_graphs(data):
-        if graph.scene_id in wanted:
-            seen = mask_scene(graph, recipe, draw=0, class_map=manifest.class_map)
-            yield seen, to_histograms(truths[graph.scene_id])
-
-
-def _answer(
-    belief: BeliefGraph, ranked: list[npt.NDArray[np.int64]]
-) -> Iterator[dict[str, object]]:
+def _answer(belief: BeliefGraph, ranked: list[npt.NDArray[np.int64]]) -> Iterator[dict[str, Any]]:
     """Yield what is believed of every room, ready for JSON."""
     partial, classes = belief.partial, belief.partial.class_map.classes
+    inputs = belief.inputs
+    hidden = belief.expected - inputs
     for number, room in enumerate(partial.rooms, 1):
         yield {
             "scene_id": partial.scene_id,
             "room": room.label or room.name,
-            "seen": int(belief.inputs[number].sum()),
-            "expected_more": round(float(belief.hidden[number].sum()), 3),
+            "seen": int(inputs[number].sum()),
+            "expected_more": round(float(hidden[number].sum()), 3),
             "unseen": [
                 {
                     "class": classes[c],
                     "presence": round(float(belief.presence[number, c]), 4),
-                    "expected": round(float(belief.hidden[number, c]), 4),
+                    "expected": round(float(hidden[number, c]), 4),
                 }
                 for c in ranked[number]
             ],
         }
 
 
-def _row(answer: dict[str, object]) -> tuple[object, ...]:
-    unseen = json.loads(json.dumps(answer["unseen"]))
-    words = ", ".join(f"{one['class']} {one['presence']:.0%}" for one in unseen)
+def _row(answer: dict[str, Any]) -> tuple[object, ...]:
+    words = ", ".join(f"{one['class']} {one['presence']:.0%}" for one in answer["unseen"])
     more = f"{answer['expected_more']:.1f}"
     return answer["scene_id"], answer["room"], answer["seen"], more, words or "nothing"

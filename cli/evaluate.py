@@ -11,11 +11,10 @@ import click
 import numpy as np
 
 from bsg_data.errors import DatasetError
-from bsg_data.histograms import read_cells, to_histograms
 from bsg_data.manifest import read_manifest
-from bsg_data.partial_graph import mask_scene
+from bsg_data.partial_graph import mask_dataset
 from bsg_data.recipes import MaskRecipe, Strategy
-from bsg_data.shards import read_scene_graphs, write_bytes
+from bsg_data.shards import write_bytes
 from bsg_models.belief import believe
 from bsg_models.comparison import Comparison, compare_runs
 from bsg_models.evaluation import Estimate
@@ -321,15 +320,12 @@ def _look_into(found: Comparison, run: Path, data: Path) -> list[View]:
     order = rows[np.argsort(found.truth.targets[rows].sum(axis=1), kind="stable")]
     chosen = dict.fromkeys([found.example_node, int(order[0]), int(order[-1])])
     wanted = [found.truth.scene_ids[int(found.truth.building[row])] for row in chosen]
-    graphs = {g.scene_id: g for g in read_scene_graphs(data) if g.scene_id in wanted}
-    truths = read_cells(data, manifest=manifest)
     recipe = manifest.pairs.mask if manifest.pairs else MaskRecipe()
-    views = []
-    for scene in wanted:
-        seen = mask_scene(graphs[scene], recipe, draw=0, class_map=manifest.class_map)
+    views = {}
+    for seen, truth in mask_dataset(data, wanted, recipe):
         belief = believe(seen, predictor(seen), model=predictor.name)
-        views.append(View(belief, to_histograms(truths[scene])))
-    return views
+        views[seen.scene_id] = View(belief, truth)
+    return [views[scene] for scene in dict.fromkeys(wanted)]
 
 
 def _cells(

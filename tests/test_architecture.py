@@ -39,7 +39,7 @@ IMPORTS = {
         "faults": "",
         "floor_plan": "",
         "frequencies": "errors histograms manifest",
-        "furnishing": "floor_plan scene_graph",
+        "furnishing": "floor_plan placement scene_graph",
         "gltf": "errors",
         "histograms": "errors manifest shards",
         "lock": "errors",
@@ -47,7 +47,7 @@ IMPORTS = {
         "masks": "histograms recipes",
         "mesh_coverage": "recipes",
         "partial_graph": (
-            "categories class_map errors histograms manifest masks recipes scene_graph"
+            "categories class_map errors histograms manifest masks recipes scene_graph shards"
         ),
         "robot_json": "class_map errors manifest partial_graph recipes scene_graph",
         "pairs": (
@@ -58,7 +58,7 @@ IMPORTS = {
         "placement": "scene_graph semantic_mesh",
         "publication": "card errors manifest shards",
         "recipes": "",
-        "room_layouts": "adjacency class_map errors placement scene_graph sources",
+        "room_layouts": "adjacency class_map errors placement recipes scene_graph sources",
         "scene_graph": "",
         "scene_tables": "scene_graph schema",
         "schema": "",
@@ -71,7 +71,9 @@ IMPORTS = {
         "splits": "errors lock manifest publication recipes schema shards",
         "statistics": "annotations errors",
         "synthetic": "annotations errors shards sources synthetic_geometry synthetic_rates",
-        "synthetic_geometry": "annotations class_map floor_plan furnishing synthetic_mesh",
+        "synthetic_geometry": (
+            "annotations class_map floor_plan furnishing placement synthetic_mesh"
+        ),
         "synthetic_mesh": "floor_plan furnishing scene_graph",
         "synthetic_rates": "errors",
     },

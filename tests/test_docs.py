@@ -2,31 +2,20 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
 import shlex
 from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
 
 import click
 import pytest
 from bsg_cli.registry import COMMANDS
 from click.testing import CliRunner
-from conftest import REPOSITORY
+from conftest import REPOSITORY, load_script
 
 from bsg_data.schema import SPLITS, TABLES, pairs_schema
 
 DOCS = REPOSITORY / "docs"
-
-
-def load_script(name: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(name, REPOSITORY / "scripts" / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def every_command() -> Iterator[tuple[str, click.Command]]:

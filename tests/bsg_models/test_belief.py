@@ -7,18 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from conftest import load_script
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from bsg_data.build import build_dataset
 from bsg_data.errors import MismatchError, RecipeError
-from bsg_data.histograms import read_cells, to_histograms
 from bsg_data.manifest import ClassMapEntry, read_manifest
 from bsg_data.pairs import write_pairs
-from bsg_data.partial_graph import KnownRoom, PartialGraph, SeenObject, mask_scene, observe
+from bsg_data.partial_graph import KnownRoom, PartialGraph, SeenObject, mask_scene
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
-from bsg_data.scene_graph import SceneGraph
 from bsg_data.shards import read_scene_graphs
 from bsg_data.sources import HM3DFolder
 from bsg_data.splits import split_dataset
@@ -26,7 +25,7 @@ from bsg_data.synthetic import write_synthetic
 from bsg_models.belief import believe, complete, rank_unseen
 from bsg_models.config import override, validate_config
 from bsg_models.expectation import from_law, from_totals, from_truth
-from bsg_models.graph_dataset import MaskedGraphs, open_dataset
+from bsg_models.graph_dataset import MaskedGraphs
 from bsg_models.hidden_counts import poisson
 from bsg_models.predictor import Predictor, to_data
 from bsg_models.training import train_run
@@ -126,52 +125,6 @@ def test_a_graph_of_another_class_map_is_refused(run: Path) -> None:
         Predictor(run)(GRAPH)
 
 
-def measure_search(dataset: Path, run: Path) -> np.ndarray:
-    """Search val buildings room by room, in three random orders each.
-
-    Returns:
-        `[B, 3]`: by how many nats a room that is still unvisited is less of a surprise once a
-        quarter, a half and three quarters of its building were searched.
-    """
-    manifest, predictor = read_manifest(dataset), Predictor(run)
-    cells = read_cells(dataset, manifest=manifest)
-    wanted = set(open_dataset(dataset).scenes_of("val"))
-    gains = []
-    for scene in read_scene_graphs(dataset):
-        if scene.scene_id not in wanted or len(scene.rooms) < 4:
-            continue
-        truth = to_histograms(cells[scene.scene_id])
-        rooms = tuple(KnownRoom(str(room.region_id), 1.0, visited=False) for room in scene.rooms)
-        nothing = PartialGraph(scene.scene_id, manifest.class_map, 1.0, rooms, ())
-        before = surprises(predictor, nothing, truth)
-        rng = np.random.default_rng(0)
-        each = []
-        for _ in range(3):
-            graph, order, row = nothing, 1 + rng.permutation(len(rooms)), []
-            for done, room in enumerate(order[:-1].tolist(), 1):
-                graph = observe(graph, room, everything(scene, room))
-                if done in {max(1, len(rooms) * quarter // 4) for quarter in (1, 2, 3)}:
-                    after = surprises(predictor, graph, truth)
-                    row.append((before - after)[order[done:]].mean())
-            each.append(row)
-        gains.append(np.mean(each, axis=0))
-    return np.array(gains)
-
-
-def surprises(predictor: Predictor, graph: PartialGraph, truth: np.ndarray) -> np.ndarray:
-    """Return −log P of what every node hides, `[N]`."""
-    hidden = (truth - graph.histograms()).astype(float)
-    return np.asarray(-predictor(graph).log_probability(hidden).sum(axis=1))
-
-
-def everything(scene: SceneGraph, room: int) -> list[SeenObject]:
-    return [
-        SeenObject(str(obj.instance_id), room, obj.raw_category, obj.category, obj.class_index)
-        for obj in scene.objects
-        if obj.room_index == room
-    ]
-
-
 @pytest.mark.parametrize("source", ["synthetic", "real"])
 def test_beliefs_about_unvisited_rooms_improve_as_others_are_searched(
     source: str, request: pytest.FixtureRequest, tmp_path: Path
@@ -187,6 +140,6 @@ def test_beliefs_about_unvisited_rooms_improve_as_others_are_searched(
     write_pairs(data, PairsRecipe(mask=mask, draws=2))
     tables = override(ZOO["mixture"].model_dump(mode="json"), ["data.mask.strategy=rooms"])
     list(train_run(validate_config(tables, source="test"), data, tmp_path / "run"))
-    gains = measure_search(data, tmp_path / "run")
+    gains = load_script("measure_search").measure_search(data, tmp_path / "run", orders=3)
     assert len(gains) > 10
     assert (gains.mean(axis=0) > 0).all(), gains.mean(axis=0)
