@@ -32,8 +32,8 @@ from bsg_data.histograms import Counts
 from bsg_data.recipes import MaskRecipe
 
 UNVISITED_SHARE = Decimal("0.5")  # of the objects that `frontier` hides, at most, by not visiting
-Part = Literal["rooms", "classified", "unclassified"]
-_STREAM: dict[Part, int] = {"rooms": 0, "classified": 1, "unclassified": 2}
+Part = Literal["rooms", "classified", "unclassified", "search"]
+_STREAM: dict[Part, int] = {"rooms": 0, "classified": 1, "unclassified": 2, "search": 3}
 
 Visited = npt.NDArray[np.bool_]
 

@@ -11,7 +11,7 @@ from bsg_models.config import DataConfig
 from bsg_models.expectation import Expectation, from_law
 from bsg_models.graph_dataset import Buildings
 from bsg_models.hidden_counts import poisson
-from bsg_models.model import BeliefModel, to_array
+from bsg_models.model import BeliefModel, share_of, to_array
 
 
 class InputModel(BeliefModel):
@@ -61,7 +61,7 @@ class TrainMeanModel(BeliefModel):
 
     def predict(self, graphs: Data) -> Expectation:
         """Return the mean, whatever was seen."""
-        inputs, fraction = to_array(graphs.x), to_array(graphs.fraction)[:, None]
+        inputs, fraction = to_array(graphs.x), to_array(share_of(graphs))
         is_building = graphs.is_building.numpy()[:, None]
         mean = np.where(is_building, to_array(self.building_mean), to_array(self.room_mean))
         return Expectation(inputs, poisson(fraction * mean), mean)

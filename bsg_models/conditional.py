@@ -33,7 +33,7 @@ from bsg_models.families import ConditionalConfig
 from bsg_models.graph_dataset import Buildings
 from bsg_models.hidden_counts import Floats, zero_inflated
 from bsg_models.masked_rooms import draw_uniform
-from bsg_models.model import BeliefModel, to_array
+from bsg_models.model import BeliefModel, share_of, to_array
 from bsg_models.room_sums import sum_rooms
 
 _LEVELS = 4  # 1, 2, 3, and more
@@ -82,7 +82,7 @@ class ConditionalModel(BeliefModel):
         observed = self._observe(inputs)
         weights = np.hstack([observed, observed.sum(axis=1, keepdims=True) == 0])
         weights /= weights.sum(axis=1, keepdims=True)
-        scale = to_array(graphs.fraction)[:, None] / float(self.fraction)
+        scale = to_array(share_of(graphs)) / float(self.fraction)
         presence = 1 - (1 - weights @ to_array(self.presence)) ** scale
         law = zero_inflated(presence, scale * (weights @ to_array(self.hidden)))
         return from_law(inputs, sum_rooms(law, inputs, graphs))

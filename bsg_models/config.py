@@ -35,6 +35,9 @@ class DataConfig(Record):
         edges: which edges the graphs have; see `bsg_models.graph_dataset.connect`.
         min_scenes: training buildings in which a category outside the classes must occur to be
             read, by models that read them.
+        withhold: share of the classes that training masks withhold. Above 0 they are those of a
+            search: a random number of rooms was searched, and elsewhere no object of the withheld
+            classes is shown. Models that read `withheld` are told.
         fold: the fold to test on, in a dataset of folds.
     """
 
@@ -43,12 +46,19 @@ class DataConfig(Record):
     fractions: tuple[Share, Share] | None = None
     edges: tuple[EdgeSet, ...] = ("up", "down")
     min_scenes: int = Field(default=4, ge=1)
+    withhold: Share = 0.0
     fold: int | None = Field(default=None, ge=0)
 
     @model_validator(mode="after")
     def _fractions_rise(self) -> Self:
         if self.fractions and self.fractions[0] > self.fractions[1]:
             raise ValueError(f"fractions must rise, found {list(self.fractions)}")
+        return self
+
+    @model_validator(mode="after")
+    def _search_masks_are_fresh(self) -> Self:
+        if self.withhold and (self.masks, self.mask.strategy) != ("fresh", "uniform"):
+            raise ValueError("withhold needs fresh masks of the strategy uniform")
         return self
 
 

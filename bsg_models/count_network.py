@@ -26,7 +26,7 @@ from bsg_models.config import DataConfig
 from bsg_models.families import Likelihood, NetworkConfig
 from bsg_models.graph_dataset import Buildings
 from bsg_models.hidden_counts import MIN_RATE, HiddenCounts, negative_binomial, poisson
-from bsg_models.model import to_array
+from bsg_models.model import share_of, to_array
 from bsg_models.node_features import NodeFeatures
 
 _MOST = 5.0  # of log m and |log r|: e^5 objects of one class in one room; log m ≥ −10
@@ -106,7 +106,7 @@ class PriorHead(nn.Module):
         """Return mean and dispersion of the posterior of the hidden counts, both `[N, C]`."""
         mean = self.mean(self.dropout(encoded)).clamp(-2 * _MOST, _MOST).exp()
         shape = self.shape(self.dropout(encoded)).clamp(-_MOST, _MOST).exp()
-        share, dispersion = graphs.fraction[:, None], shape + graphs.x
+        share, dispersion = share_of(graphs), shape + graphs.x
         return share * dispersion / (shape / mean + 1 - share), dispersion
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -26,6 +26,29 @@ _DIGITS = 4
 _HALF = 1.2  # metres: half a side of a room of which only the place is known
 
 
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """A moment of a search; rooms are numbered as in its belief graph.
+
+    Attributes:
+        artifacts: classes that are searched for.
+        route: rooms in the order in which they were entered; the robot is in the last.
+        cost: travelled so far.
+        target: room where it goes next; None at the end.
+        holds: rooms that hold an artifact, which the robot does not know.
+        planner: that decides.
+        world: whose costs it travels at.
+    """
+
+    artifacts: tuple[int, ...]
+    route: tuple[int, ...]
+    cost: float
+    target: int | None
+    holds: tuple[int, ...]
+    planner: str
+    world: str
+
+
 @dataclass(frozen=True, eq=False)
 class View:
     """One belief graph to look at.
@@ -34,11 +57,13 @@ class View:
         belief: what was seen and what is believed.
         truth: `[N, C]` what is there, the building first; None where nobody knows.
         title: of the view; the scene id if empty.
+        moment: of a search; the views of a page are then its steps, in order.
     """
 
     belief: BeliefGraph
     truth: npt.NDArray[np.integer] | None = None
     title: str = ""
+    moment: Moment | None = None
 
 
 def write_explorer(views: Sequence[View], path: Path) -> None:
@@ -105,6 +130,7 @@ def _encode(view: View) -> dict[str, Any]:
             }
             for node in belief.blind
         ],
+        "moment": None if view.moment is None else asdict(view.moment),
         "adjacency": [list(pair) for pair in partial.adjacency],
     }
 

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from bsg_data.recipes import Record
 
 Likelihood = Literal["mse", "poisson", "negative-binomial"]
-Reading = Literal["mask", "building", "categories"]
+Reading = Literal["mask", "building", "categories", "withheld"]
 T = TypeVar("T", bound=Record)
 
 

@@ -246,6 +246,50 @@ def draw_leaderboard(
     _save(figure, path)
 
 
+def draw_savings(
+    savings: Mapping[str, Mapping[str, Floats]], path: Path, *, title: str, whole: str
+) -> None:
+    """Draw a box plot of what planners save, one panel a world and task.
+
+    Args:
+        savings: panel → planner → saving of every building, `[B]`.
+        path: of the image.
+        title: above it.
+        whole: planner that no other can beat, drawn in its own colour.
+    """
+    columns = min(len(savings), 2)
+    lines = -(-len(savings) // columns)
+    names = list(next(iter(savings.values())))
+    figure = _figure(6.2 * columns, lines * (0.9 + 0.34 * len(names)) + 0.5)
+    panels = figure.subplots(lines, columns, sharey=True, squeeze=False).ravel()
+    for axes, (label, found) in zip(panels, savings.items(), strict=False):
+        boxes = axes.boxplot(
+            [100 * found[name] for name in reversed(names)],
+            orientation="horizontal",
+            widths=0.6,
+            patch_artist=True,
+            flierprops={"marker": ".", "markersize": 3, "markeredgecolor": "#888888"},
+            medianprops={"color": "black"},
+            whiskerprops={"linewidth": 0.7},
+            capprops={"linewidth": 0.7},
+        )
+        for name, box in zip(reversed(names), boxes["boxes"], strict=True):
+            box.set(facecolor="#FFD3A6" if name == whole else "#C9CFFF", linewidth=0.6)
+        axes.axvline(0, color="black", linewidth=0.7)
+        low = min(float(100 * values.min()) for values in found.values())
+        axes.set_xlim(max(low - 5, -150), 100)
+        axes.set_yticks(range(1, len(names) + 1), list(reversed(names)), fontsize=8)
+        axes.tick_params(axis="x", labelsize=7)
+        axes.set_title(label, fontsize=9)
+        axes.grid(axis="x", linewidth=0.3)
+        axes.spines[["top", "right"]].set_visible(False)
+    for axes in panels[len(savings) :]:
+        axes.set_visible(False)
+    figure.supxlabel("cost saved over nearest-first in each building, %", fontsize=8)
+    figure.suptitle(title, fontsize=10)
+    _save(figure, path)
+
+
 def _figure(width: float, height: float) -> Figure:
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)

@@ -22,7 +22,7 @@ from bsg_models.config import DataConfig
 from bsg_models.expectation import Expectation, from_law
 from bsg_models.graph_dataset import Buildings
 from bsg_models.hidden_counts import Floats, negative_binomial
-from bsg_models.model import BeliefModel, to_array
+from bsg_models.model import BeliefModel, share_of, to_array
 from bsg_models.room_sums import sum_rooms
 
 
@@ -52,7 +52,7 @@ class GammaPoissonModel(BeliefModel):
 
     def predict(self, graphs: Data) -> Expectation:
         """Return the posterior of the hidden counts."""
-        inputs, fraction = to_array(graphs.x), to_array(graphs.fraction)[:, None]
+        inputs, fraction = to_array(graphs.x), to_array(share_of(graphs))
         a, b = to_array(self.shape), to_array(self.rate)
         dispersion = a + inputs
         hidden = fraction * dispersion / (b + 1 - fraction)

@@ -32,13 +32,15 @@ from bsg_models.model import BeliefModel
 from bsg_models.optimiser import learning_rate, load_optimiser, make_optimiser, optimiser_state
 from bsg_models.run_folder import BEST, LAST, METRICS, make_header, name_tensors
 
+_VAL_DRAWS = 10  # of every val building, where the stored pairs are not what is trained for
+
 
 class TrainingGraphs:
     """The graphs of every epoch of one training, from a dataset that was opened once."""
 
     def __init__(self, config: RunConfig, data: Buildings, model: BeliefModel) -> None:
         self._data, self._choice, self._vocabulary = data, config.data, model.vocabulary
-        self.val = stored_graphs(config, data, "val", vocabulary=model.vocabulary)
+        self.val = validation_graphs(config, data, vocabulary=model.vocabulary)
         self._fixed = (
             stored_graphs(config, data, "train", vocabulary=model.vocabulary)
             if config.data.masks == "fixed"
@@ -60,6 +62,7 @@ class TrainingGraphs:
             mask=self._choice.mask,
             draw=epoch,
             fractions=self._choice.fractions,
+            withhold=self._choice.withhold,
             fold=self._choice.fold,
             edges=self._choice.edges,
             vocabulary=self._vocabulary,
@@ -73,6 +76,29 @@ def stored_graphs(
     return MaskedGraphs.stored(
         data, part, fold=config.data.fold, edges=config.data.edges, vocabulary=vocabulary
     )
+
+
+def validation_graphs(
+    config: RunConfig, data: Buildings, *, vocabulary: tuple[str, ...]
+) -> MaskedGraphs:
+    """Return the stored pairs of val or, if masks are those of a search, fresh ones of its own."""
+    choice = config.data
+    if not choice.withhold:
+        return stored_graphs(config, data, "val", vocabulary=vocabulary)
+    drawn = [
+        MaskedGraphs.fresh(
+            data,
+            "val",
+            mask=choice.mask,
+            draw=draw,
+            withhold=choice.withhold,
+            fold=choice.fold,
+            vocabulary=vocabulary,
+        )
+        for draw in range(_VAL_DRAWS)
+    ]
+    masked = [one for graphs in drawn for one in graphs.masked]
+    return MaskedGraphs(masked, edges=choice.edges, adjacency=data.adjacency)
 
 
 def train_epochs(

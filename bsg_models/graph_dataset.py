@@ -26,6 +26,7 @@ from bsg_data.pairs import histogram_column, read_pairs
 from bsg_data.recipes import MaskRecipe
 from bsg_data.shards import describe_file
 from bsg_data.splits import read_splits
+from bsg_models.search_masks import draw_search, view_search
 
 EdgeSet = Literal["up", "down", "adjacent", "complete"]
 Part = Literal["train", "val", "test"]
@@ -156,6 +157,7 @@ class MaskedBuilding:
         visited: `[N]` whether the robot entered.
         share: `[N]` of its objects that a node hides, as far as a robot knows.
         others: `[N, V]` visible objects outside the classes by category; V = 0 unless asked for.
+        withheld: `[N, C]` where the mask shows nothing of a class.
     """
 
     scene_id: str
@@ -165,6 +167,7 @@ class MaskedBuilding:
     visited: npt.NDArray[np.bool_]
     share: npt.NDArray[np.float64]
     others: npt.NDArray[np.integer]
+    withheld: npt.NDArray[np.bool_]
 
 
 class MaskedGraphs(Dataset):  # type: ignore[misc]
@@ -174,7 +177,8 @@ class MaskedGraphs(Dataset):  # type: ignore[misc]
     visible objects outside the classes by the categories of a vocabulary, `edge_index` `[2, E]`,
     `adjacent_index` `[2, A]` rooms that are known to be adjacent, both ways,
     `is_building` `[N]`, `visited` `[N]`, `fraction` `[N]` (the share of its objects that each node
-    hides, see `bsg_data.masks.share_hidden`), and `scene_id` and `draw`.
+    hides, see `bsg_data.masks.share_hidden`), `withheld` `[N, C]` (where that of a class is 1, see
+    `bsg_models.search_masks`), and `scene_id` and `draw`.
 
     Example:
         >>> graphs = MaskedGraphs.stored(Path("dataset"), "train")  # doctest: +SKIP
@@ -231,6 +235,7 @@ class MaskedGraphs(Dataset):  # type: ignore[misc]
         mask: MaskRecipe,
         draw: int,
         fractions: tuple[float, float] | None = None,
+        withhold: float = 0.0,
         fold: int | None = None,
         edges: Sequence[EdgeSet] = ("up", "down"),
         vocabulary: tuple[str, ...] = (),
@@ -244,6 +249,8 @@ class MaskedGraphs(Dataset):  # type: ignore[misc]
             draw: number of the mask.
             fractions: from where to where the fraction varies from mask to mask, instead of that
                 of `mask`.
+            withhold: share of the classes to withhold; above 0 some rooms were searched, see
+                `bsg_models.search_masks`.
             fold: to test on, in a dataset of folds.
             edges: of the graphs.
             vocabulary: categories of `others`.
@@ -251,7 +258,7 @@ class MaskedGraphs(Dataset):  # type: ignore[misc]
         data = path if isinstance(path, Buildings) else open_dataset(path)
         scenes = data.scenes_of(part, fold=fold)
         masked = [
-            _draw_masked(data, scene, one, draw, vocabulary)
+            _draw_masked(data, scene, one, draw, vocabulary, withhold)
             for scene, one in zip(scenes, _vary(mask, fractions, draw, len(scenes)), strict=True)
         ]
         return cls(masked, edges=edges, adjacency=data.adjacency)
@@ -273,6 +280,7 @@ class MaskedGraphs(Dataset):  # type: ignore[misc]
             others=torch.from_numpy(one.others.astype(np.float32)),
             visited=torch.from_numpy(one.visited.copy()),
             fraction=torch.from_numpy(one.share.astype(np.float32)),
+            withheld=torch.from_numpy(one.withheld),
             scene_id=one.scene_id,
             draw=one.draw,
         )
@@ -293,7 +301,10 @@ def reconnect(graphs: Data, edges: tuple[EdgeSet, ...]) -> Data:
     if "adjacent" in edges:
         parts.append(graphs.adjacent_index)
     connected = graphs.clone()
-    connected.edge_index = torch.unique(torch.cat(parts, dim=1), dim=1)
+    source, target = torch.cat(parts, dim=1)
+    nodes = len(graphs.is_building)
+    both = torch.unique(source * nodes + target)  # sorted, and far faster than unique columns
+    connected.edge_index = torch.stack([both // nodes, both % nodes])
     return connected
 
 
@@ -340,32 +351,56 @@ def _vary(
 
 
 def _draw_masked(
-    data: Buildings, scene: str, mask: MaskRecipe, draw: int, vocabulary: tuple[str, ...]
+    data: Buildings,
+    scene: str,
+    mask: MaskRecipe,
+    draw: int,
+    vocabulary: tuple[str, ...],
+    withhold: float,
 ) -> MaskedBuilding:
     cells = data.cells[scene]
     adjacent = data.adjacency.get(scene, [])
     visited = draw_visited(cells, mask, scene_id=scene, draw=draw, adjacent=adjacent)
     hidden = draw_hidden(cells, visited, mask, scene_id=scene, draw=draw)
+    searched, withheld = np.zeros(len(cells), dtype=bool), np.zeros(cells.shape, dtype=bool)
+    inputs, share = to_histograms(cells - hidden), share_hidden(visited, mask)
+    if withhold:
+        searched, classes = draw_search(
+            mask, scene_id=scene, draw=draw, shape=cells.shape, withhold=withhold
+        )
+        view = view_search(
+            cells,
+            cells - hidden,
+            searched=searched[None],
+            withheld=classes[None],
+            fraction=mask.fraction,
+        )
+        inputs, share, withheld = view.inputs[0], view.share[0], view.withheld[0]
     return MaskedBuilding(
         scene_id=scene,
         draw=draw,
-        inputs=to_histograms(cells - hidden),
+        inputs=inputs,
         targets=to_histograms(cells),
         visited=visited,
-        share=share_hidden(visited, mask),
-        others=_see_others(data, scene, mask, draw, visited, vocabulary),
+        share=share,
+        others=see_others(data, scene, mask, draw, visited, vocabulary, searched=searched),
+        withheld=withheld,
     )
 
 
-def _see_others(
+def see_others(
     data: Buildings,
     scene: str,
     mask: MaskRecipe,
     draw: int,
     visited: npt.NDArray[np.bool_],
     vocabulary: tuple[str, ...],
+    *,
+    searched: npt.NDArray[np.bool_] | None = None,
 ) -> Counts:
     """Return the visible objects outside the classes, `[1 + R, V]`, row 0 the building.
+
+    Of rooms that were `searched` `[1 + R]` all are visible.
 
     All of them are drawn, whatever the vocabulary, so that a mask does not depend on it.
     """
@@ -376,6 +411,8 @@ def _see_others(
     hidden = draw_hidden(
         others.cells, visited, mask, scene_id=scene, draw=draw, part="unclassified"
     )
+    if searched is not None:
+        hidden[searched] = 0
     columns = _place_once(others.categories, vocabulary)
     found[:, columns[columns >= 0]] = to_histograms(others.cells - hidden)[:, columns >= 0]
     return found
@@ -410,7 +447,8 @@ def _read_masked(
             targets=targets[a:b],
             visited=visited[a:b],
             share=share_hidden(visited[a:b], recipe.mask),
-            others=_see_others(data, scene, recipe.mask, draw, visited[a:b], vocabulary),
+            others=see_others(data, scene, recipe.mask, draw, visited[a:b], vocabulary),
+            withheld=np.zeros((b - a, inputs.shape[1]), dtype=bool),
         )
         for scene, draw, a, b in zip(scenes, draws, starts, ends, strict=True)
     )

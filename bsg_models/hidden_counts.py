@@ -104,6 +104,17 @@ class HiddenCounts:
         """Return the law of some nodes, `rows` `[M]`."""
         return HiddenCounts(self.means[:, rows], self.dispersions[:, rows], self.weights[:, rows])
 
+    def take_classes(self, columns: npt.NDArray[np.integer]) -> HiddenCounts:
+        """Return the law of some classes of every node, `columns` `[N, A]`."""
+        shape = (len(self.means), *columns.shape)
+        parts = [
+            np.take_along_axis(
+                np.broadcast_to(part, self.means.shape), np.broadcast_to(columns, shape), axis=2
+            )
+            for part in (self.means, self.dispersions, self.weights)
+        ]
+        return HiddenCounts(*parts)
+
     def recalibrated(self, *, shift: float, slope: float, spread: float) -> HiddenCounts:
         """Return the law with means e^shift · μ^slope and dispersions e^spread · r."""
         means = np.exp(shift) * self.means**slope

@@ -16,7 +16,7 @@ The building is a second level (`building`). Its habits show in the *other* visi
                                 Gamma(α_c, α_c) given the other rooms; it multiplies m_kc
 
 and every room is answered again with π_b and g_b m. In an unvisited room f is 1 and V says nothing:
-the answer is the building's types and habits.
+the answer is the building's types and habits. f is that of the class where one is withheld.
 """
 
 from __future__ import annotations
@@ -33,11 +33,12 @@ from bsg_models.config import DataConfig
 from bsg_models.errors import TrainingError
 from bsg_models.families import MixtureConfig
 from bsg_models.graph_dataset import Buildings
-from bsg_models.hidden_counts import Floats, HiddenCounts, negative_binomial
-from bsg_models.model import building_of, to_array
+from bsg_models.hidden_counts import Floats, HiddenCounts
+from bsg_models.model import building_of, share_of, to_array
 
 Ints = npt.NDArray[np.int64]
 _MOST = 60  # objects of one class in one room that the fit tells apart
+_LEAST = 1e-9  # no type calls a class impossible
 _LOG_SHAPE = 4.0  # |log r| at most; its prior is a standard normal
 _PRIOR_ROOMS = 2.0  # mean rooms that every type's means are shrunk towards
 _PRIOR_TYPES = 8.0  # η: rooms of an average building that π_b starts from
@@ -99,7 +100,7 @@ class RoomTypeMixture(CalibratedModel):
         is_room = ~graphs.is_building.numpy()
         evidence = _Evidence(
             seen=to_array(graphs.x)[is_room],
-            share=to_array(graphs.fraction)[is_room],
+            share=to_array(share_of(graphs))[is_room],
             visited=graphs.visited.numpy()[is_room],
             building=building_of(graphs).numpy()[is_room],
         )
@@ -111,19 +112,25 @@ class RoomTypeMixture(CalibratedModel):
             means = means * habit
             log_posterior = self._classify(evidence, types, means)
         r = to_array(self.dispersions)[:, None]
-        share = evidence.share[:, None]
+        share = evidence.share
         found = share * (r + evidence.seen) / (r / means + 1 - share)
         law = HiddenCounts(found, r + evidence.seen, np.exp(log_posterior)[:, :, None])
         return _spread_over_nodes(law, is_room)
 
     def _classify(self, evidence: _Evidence, log_types: Floats, means: Floats) -> Floats:
         """Return log P(type | what was seen), `[K, rooms]`."""
-        kept = (1 - evidence.share)[:, None]
+        kept = 1 - evidence.share
+        rows, columns = np.nonzero(evidence.seen)
+        seen = evidence.seen[rows, columns]
         found = np.empty(log_types.shape)
         for k, r in enumerate(to_array(self.dispersions)):
-            mean = np.broadcast_to(kept * means[k], evidence.seen.shape)
-            law = negative_binomial(mean, np.broadcast_to(r, mean.shape))
-            found[k] = law.log_probability(evidence.seen, floor=1e-9).sum(axis=1)
+            mean = np.maximum(kept * means[k], _LEAST)
+            spread = np.log1p(mean / r)
+            found[k] = -(r * spread).sum(axis=1)  # the log-probability of seeing nothing
+            some, r_some = mean[rows, columns], r[columns]
+            power = seen * (np.log(some / r_some) - spread[rows, columns])
+            choose = gammaln(seen + r_some) - gammaln(r_some) - gammaln(seen + 1)
+            np.add.at(found[k], rows, choose + power)
         found = log_types + self.config.temper * found * evidence.visited
         return np.asarray(found - logsumexp(found, axis=0))
 
@@ -133,7 +140,7 @@ class RoomTypeMixture(CalibratedModel):
         """Return log π_b `[K, rooms]` and g_b `[rooms, C]`, each from the other visited rooms."""
         visited = evidence.visited[:, None].astype(float)
         belonging = posterior.T * visited
-        expected = (1 - evidence.share)[:, None] * (belonging @ means[:, 0])
+        expected = (1 - evidence.share) * (belonging @ means[:, 0])
         of_others = [
             _sum_others(values, evidence.building)
             for values in (belonging, evidence.seen * visited, expected)

@@ -52,7 +52,7 @@ class BeliefModel(torch.nn.Module, ABC):
 
         Args:
             graphs: with `x` `[N, C]`, `others` `[N, V]`, `is_building`, `visited` and `fraction`
-                `[N]`, `edge_index`.
+                `[N]`, `edge_index`; `withheld` `[N, C]` if anything is, see `share_of`.
         """
 
 
@@ -77,6 +77,16 @@ def others_of(graphs: Data, vocabulary: int) -> torch.Tensor:
         )
     present: torch.Tensor = (others > 0).float()
     return present
+
+
+def share_of(graphs: Data) -> torch.Tensor:
+    """Return the share of its objects of each class that each node hides, `[N, C]`.
+
+    That of the node, and 1 where a class is withheld: a search is told nothing of its artifact.
+    """
+    share: torch.Tensor = graphs.fraction[:, None].expand_as(graphs.x)
+    withheld: torch.Tensor | None = graphs.get("withheld")
+    return share if withheld is None else torch.where(withheld, torch.ones_like(share), share)
 
 
 def building_of(graphs: Data) -> torch.Tensor:

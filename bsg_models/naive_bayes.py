@@ -19,7 +19,7 @@ from bsg_models.families import NaiveBayesConfig
 from bsg_models.graph_dataset import Buildings
 from bsg_models.hidden_counts import zero_inflated
 from bsg_models.masked_rooms import draw_uniform
-from bsg_models.model import BeliefModel, to_array
+from bsg_models.model import BeliefModel, share_of, to_array
 from bsg_models.room_sums import sum_rooms
 
 
@@ -66,13 +66,13 @@ class NaiveBayesModel(BeliefModel):
 
     def predict(self, graphs: Data) -> Expectation:
         """Return Bayes' rule for every node."""
-        inputs = to_array(graphs.x)
+        inputs, share = to_array(graphs.x), to_array(share_of(graphs))
         absent, present = to_array(self.seen)
         evidence = (inputs > 0) @ np.log(present / absent)
-        evidence += (inputs == 0) @ np.log((1 - present) / (1 - absent))
+        evidence += ((inputs == 0) & (share < 1)) @ np.log((1 - present) / (1 - absent))
         evidence *= graphs.visited.numpy()[:, None]
         odds = logit(to_array(self.prior)) + self.config.temper * evidence
-        scale = to_array(graphs.fraction)[:, None] / float(self.fraction)
+        scale = share / float(self.fraction)
         presence = 1 - expit(-odds) ** scale
         law = zero_inflated(presence, presence * to_array(self.number))
         return from_law(inputs, sum_rooms(law, inputs, graphs))

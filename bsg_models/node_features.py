@@ -15,7 +15,7 @@ from torch_geometric.data import Data
 from torch_geometric.utils import scatter
 
 from bsg_models.families import NetworkConfig
-from bsg_models.model import building_of, others_of
+from bsg_models.model import building_of, others_of, share_of
 
 _EDGE = 0.02  # shares are at least this far from 0 and 1 where a logarithm is taken
 
@@ -30,6 +30,8 @@ class NodeFeatures(nn.Module):
       "nothing there" looks like "not looked".
     - `building`: log(1 + count) of the building, the share of the other visited rooms in which each
       class was seen, the logarithm of the number of rooms, and what kind of node it is.
+    - `withheld`: of each class whether it is withheld, so that "none" is no news; see
+      `bsg_models.search_masks`.
     - `categories`: a learned embedding of the set of visible categories outside the classes, of
       the node and in the mean of the other visited rooms; single categories are dropped at random
       in training.
@@ -46,6 +48,8 @@ class NodeFeatures(nn.Module):
             self.width += 2
         if "building" in self.reads:
             self.width += 2 * classes + 2
+        if "withheld" in self.reads:
+            self.width += classes
         if not vocabulary:  # none is common enough to be read
             self.reads -= {"categories"}
         if "categories" in self.reads:
@@ -77,12 +81,18 @@ class NodeFeatures(nn.Module):
         if "mask" in self.reads:
             share = graphs.fraction.clamp(_EDGE, 1 - _EDGE)
             parts += [torch.logit(share)[:, None] / 2, graphs.visited.float()[:, None]]
+        looked_for = (share_of(graphs) < 1).float()
+        if "withheld" in self.reads:
+            parts.append(1 - looked_for)
         shown = [seen]
         if "categories" in self.reads:
             shown.append(self._embed(graphs))
             parts.append(shown[-1])
         if "building" in self.reads:
-            parts += _look_around(graphs, torch.cat(shown, dim=1))
+            every = torch.ones(len(seen), sum(part.shape[1] for part in shown[1:]))
+            parts += _look_around(
+                graphs, torch.cat(shown, dim=1), torch.cat([looked_for, every], dim=1)
+            )
         return torch.cat(parts, dim=1)
 
     def _embed(self, graphs: Data) -> torch.Tensor:
@@ -93,19 +103,20 @@ class NodeFeatures(nn.Module):
         return embedded
 
 
-def _look_around(graphs: Data, shown: torch.Tensor) -> list[torch.Tensor]:
+def _look_around(graphs: Data, shown: torch.Tensor, looked_for: torch.Tensor) -> list[torch.Tensor]:
     """Return what is around each node.
 
     Args:
         graphs: a graph or a batch.
         shown: `[N, S]` what every node shows.
+        looked_for: `[N, S]` 1 where a node could show it, 0 where that is withheld.
 
     Returns:
-        `[N, C]` the building's counts, `[N, S]` the mean of the other visited rooms, `[N, 1]` the
-        number of rooms, `[N, 1]` whether the node is a building.
+        `[N, C]` the building's counts, `[N, S]` the mean of the other visited rooms that could
+        show it, `[N, 1]` the number of rooms, `[N, 1]` whether the node is a building.
     """
     building = building_of(graphs)
-    visited = (graphs.visited & ~graphs.is_building).float()[:, None]
+    visited = (graphs.visited & ~graphs.is_building).float()[:, None] * looked_for
     others = scatter(visited, building)[building] - visited
     siblings = scatter(shown * visited, building)[building] - shown * visited
     rooms = scatter((~graphs.is_building).float(), building)[building, None]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
@@ -45,8 +46,13 @@ class Predictor:
         self.name = checkpoint.header.config.model.family
         self.classes = self._class_map.classes
 
-    def __call__(self, graph: PartialGraph) -> Expectation:
+    def __call__(self, graph: PartialGraph, *, withheld: Collection[int] = ()) -> Expectation:
         """Return what the model believes about a partial graph.
+
+        Args:
+            graph: what was seen.
+            withheld: classes that the graph leaves out of rooms which were not searched, so that
+                none being there says nothing; a search is told nothing of its artifact.
 
         Raises:
             MismatchError: if the graph is of another class map.
@@ -56,7 +62,9 @@ class Predictor:
                 f"{self._path} predicts classes of {self._class_map.version}, the graph "
                 f"{graph.scene_id} has those of {graph.class_map.version}"
             )
-        data = to_data(graph, edges=self._edges, vocabulary=self._model.vocabulary)
+        data = to_data(
+            graph, edges=self._edges, vocabulary=self._model.vocabulary, withheld=withheld
+        )
         with torch.no_grad():
             found = self._model.predict(data)
         return _nothing_where_searched(found, graph)
@@ -76,7 +84,11 @@ def _nothing_where_searched(found: Expectation, graph: PartialGraph) -> Expectat
 
 
 def to_data(
-    graph: PartialGraph, *, edges: tuple[EdgeSet, ...], vocabulary: tuple[str, ...]
+    graph: PartialGraph,
+    *,
+    edges: tuple[EdgeSet, ...],
+    vocabulary: tuple[str, ...],
+    withheld: Collection[int] = (),
 ) -> Data:
     """Return a partial graph as models read it; see `MaskedGraphs` for its fields.
 
@@ -84,8 +96,10 @@ def to_data(
         graph: with R rooms.
         edges: among the building and its rooms.
         vocabulary: categories outside the classes that the model reads.
+        withheld: classes that are left out of rooms which were not searched.
     """
-    inputs = graph.histograms()
+    inputs, shares = graph.histograms(), graph.shares()
+    hides = np.isin(np.arange(inputs.shape[1]), list(withheld)) & (shares > 0)[:, None]
     nodes = len(inputs)
     adjacent = graph.adjacency
     return Data(
@@ -95,6 +109,7 @@ def to_data(
         is_building=torch.arange(nodes) == 0,
         others=torch.from_numpy(graph.others(vocabulary)).float(),
         visited=torch.from_numpy(graph.visited()),
-        fraction=torch.from_numpy(graph.shares()).float(),
+        fraction=torch.from_numpy(shares).float(),
+        withheld=torch.from_numpy(hides),
         scene_id=graph.scene_id,
     )

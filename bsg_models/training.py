@@ -17,7 +17,7 @@ from bsg_models.config import RunConfig
 from bsg_models.ensemble import Ensemble
 from bsg_models.errors import TrainingError
 from bsg_models.families import EnsembleConfig
-from bsg_models.gradient import TrainingGraphs, stored_graphs, train_epochs
+from bsg_models.gradient import TrainingGraphs, train_epochs, validation_graphs
 from bsg_models.graph_dataset import Buildings, MaskedGraphs, open_dataset
 from bsg_models.hidden_counts import concatenate
 from bsg_models.learning_curve import EpochReport
@@ -107,10 +107,10 @@ def calibrate_run(config: RunConfig, data: Buildings, run: Path) -> None:
 
 
 def calibrate_if_wanted(model: BeliefModel, config: RunConfig, data: Buildings) -> bool:
-    """Calibrate a model on the stored pairs of val if its configuration says so; say whether."""
+    """Calibrate a model on val if its configuration says so; say whether."""
     if not (isinstance(model, CalibratedModel) and getattr(config.model, "calibrate", False)):
         return False
-    calibrate(model, stored_graphs(config, data, "val", vocabulary=model.vocabulary))
+    calibrate(model, validation_graphs(config, data, vocabulary=model.vocabulary))
     return True
 
 

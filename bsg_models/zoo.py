@@ -27,6 +27,7 @@ from bsg_models.families import (
     InputConfig,
     MixtureConfig,
     NaiveBayesConfig,
+    Reading,
     ResidualGCNConfig,
     RoomTransformerConfig,
     SAGEConfig,
@@ -47,6 +48,10 @@ from bsg_models.sage import CECISAGE
 # The visible share varies, so that they answer at any; CONNECTED lets every room see every other.
 VARIED = DataConfig(fractions=(0.1, 0.9))
 CONNECTED = DataConfig(fractions=(0.1, 0.9), edges=("complete",))
+# Trained for a search, which knows all of some rooms and nothing of its artifact in the others.
+SEARCHING = DataConfig(fractions=(0.1, 0.9), withhold=0.08)
+SEARCHING_CONNECTED = DataConfig(fractions=(0.1, 0.9), withhold=0.08, edges=("complete",))
+TOLD: tuple[Reading, ...] = ("mask", "building", "categories", "withheld")
 COUNTS = TrainingConfig(
     epochs=400,
     batch_size=32,
@@ -76,6 +81,16 @@ ZOO: Mapping[str, RunConfig] = MappingProxyType(
         "deepsets": RunConfig(model=DeepSetsConfig(), data=VARIED, training=COUNTS),
         "room-transformer": RunConfig(model=RoomTransformerConfig(), data=VARIED, training=COUNTS),
         "ensemble": RunConfig(model=EnsembleConfig()),
+        "search-sage": RunConfig(
+            model=SAGEConfig(reads=TOLD), data=SEARCHING_CONNECTED, training=COUNTS
+        ),
+        "search-transformer": RunConfig(
+            model=RoomTransformerConfig(reads=TOLD), data=SEARCHING, training=COUNTS
+        ),
+        "search-ensemble": RunConfig(
+            model=EnsembleConfig(members=("mixture", "search-sage", "search-transformer")),
+            data=DataConfig(withhold=0.08),
+        ),
     }
 )
 BASELINES = ("input", "doubled", "train-mean", "gamma-poisson")

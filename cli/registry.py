@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 import click
 
-from . import belief, data, evaluate, train
+from . import belief, data, evaluate, search, train
 
 COMMANDS: Mapping[str, click.Command] = MappingProxyType(
     {
@@ -15,5 +15,6 @@ COMMANDS: Mapping[str, click.Command] = MappingProxyType(
         "bsg-train": train.main,
         "bsg-evaluate": evaluate.main,
         "bsg-belief": belief.main,
+        "bsg-search": search.main,
     }
 )

@@ -83,6 +83,7 @@ IMPORTS = {
         "belief_files": "belief",
         "explorer": "belief",
         "hydra": "belief belief_files",
+        "planners": "travel visiting_order",
         "predictor": "checkpoint expectation graph_dataset hidden_counts run_folder",
         "report": "",
         "boosting": (
@@ -115,7 +116,7 @@ IMPORTS = {
         "gradient": (
             "checkpoint config errors graph_dataset learning_curve model optimiser run_folder"
         ),
-        "graph_dataset": "",
+        "graph_dataset": "search_masks",
         "hidden_counts": "",
         "leaderboard": (
             "checkpoint config errors evaluation families gradient graph_dataset run_folder "
@@ -139,10 +140,25 @@ IMPORTS = {
         "room_transformer": "count_network families model",
         "run_folder": "checkpoint config errors graph_dataset model",
         "sage": "families message_passing",
+        "savings": "planners search search_study travel",
+        "search": "planners travel",
+        "search_beliefs": "graph_dataset hidden_counts model search_masks travel",
+        "search_files": "savings search_study",
+        "search_masks": "",
+        "search_study": (
+            "checkpoint graph_dataset model planners run_folder search search_beliefs training "
+            "travel worlds"
+        ),
+        "search_trace": (
+            "belief explorer graph_dataset planners predictor search search_study travel worlds"
+        ),
         "training": (
             "calibration checkpoint config ensemble errors families gradient graph_dataset "
             "hidden_counts learning_curve model run_folder zoo"
         ),
+        "travel": "",
+        "visiting_order": "",
+        "worlds": "travel",
         "zoo": (
             "baselines boosting conditional config deepsets ensemble errors families "
             "gamma_poisson gat gcn gin mixture model naive_bayes residual_gcn room_transformer "
@@ -166,6 +182,7 @@ THIRD_PARTY = {
         "lightgbm",
         "matplotlib",
         "networkx",
+        "numba",
         "numpy",
         "pandas",
         "pyarrow",

@@ -1,0 +1,167 @@
+"""Planners: from what a robot knows to the room where it goes next.
+
+Each is a function of `Knowledge` of E searches at once that returns a node for each, `[E]`. What a
+robot does not know is not in `Knowledge`. What each optimises:
+
+| planner | goes to | reads |
+|---|---|---|
+| `nearest` | the unexplored room that is cheapest to reach (the paper's Dijkstra on 𝒢) | costs |
+| `random` | the unexplored rooms in random order | nothing |
+| `greedy-share` | the room with the greatest E″(α), the paper's rule literally | belief |
+| `greedy-belief` | the room that most likely holds an instance | belief |
+| `ratio` | the room with the most probability of an instance per cost of going there | both |
+| `expected-cost` | the first room of the order with the least expected cost | both |
+| `routing` | the same if one instance were anywhere with the same probability: no belief | costs |
+| `oracle` | the first room of the cheapest way that finds what is sought | the truth |
+
+With several classes the first six work on the probability that a room holds any that is still to
+be found, and the orders on when all are found. Ties go to the room with the lowest index.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+
+from bsg_models.travel import Bools, Floats, Ints
+from bsg_models.visiting_order import choose_rooms
+
+Task = Literal["single", "all"]
+Source = Literal["none", "belief", "truth"]
+_ALIKE = 1e-4  # presence of one instance that may be anywhere
+_ORACLE_EXACT, _ORACLE_KICKS = 12, 20
+
+
+@dataclass(frozen=True, eq=False)
+class Knowledge:
+    """What E robots know in the middle of their searches of one building.
+
+    Attributes:
+        task: whether one instance of each class is enough, or all are to be found.
+        here: `[E]` node of the robot.
+        costs: `[E, N, N]` of the cheapest ways.
+        unexplored: `[E, N]` rooms that it can reach and has not entered.
+        wanted: `[E, A]` classes still to be found.
+        presence: `[E, N, A]` believed P(at least one instance); of unexplored rooms alone.
+        share: `[E, N, A]` believed E″(α), the class's share of the room's objects.
+        lots: `[E, N]` random numbers, for a planner that draws lots.
+    """
+
+    task: Task
+    here: Ints
+    costs: Floats
+    unexplored: Bools
+    wanted: Bools
+    presence: Floats
+    share: Floats
+    lots: Floats
+
+    @property
+    def distance(self) -> Floats:
+        """Cost of going to each node, `[E, N]`."""
+        return np.asarray(self.costs[np.arange(len(self.here)), self.here])
+
+    @property
+    def any_presence(self) -> Floats:
+        """P(at least one instance of any class that is still to be found), `[E, N]`."""
+        return np.asarray(1 - np.where(self.wanted[:, None], 1 - self.presence, 1.0).prod(axis=2))
+
+    @property
+    def left(self) -> Floats:
+        """P(at least one instance in the unexplored rooms), rooms being independent, `[E]`."""
+        return np.asarray(1 - np.where(self.unexplored, 1 - self.any_presence, 1.0).prod(axis=1))
+
+
+def nearest(known: Knowledge) -> Ints:
+    """Go to the unexplored room that is cheapest to reach."""
+    return _best(known, -known.distance)
+
+
+def draw_lots(known: Knowledge) -> Ints:
+    """Go to the unexplored rooms in random order."""
+    return _best(known, known.lots)
+
+
+def greedy_share(known: Knowledge) -> Ints:
+    """Go to the room with the greatest share of the class in the expected histogram, max E″(α)."""
+    return _best(known, np.where(known.wanted[:, None], known.share, 0.0).sum(axis=2))
+
+
+def greedy_belief(known: Knowledge) -> Ints:
+    """Go to the room that most likely holds an instance."""
+    return _best(known, known.any_presence)
+
+
+def ratio(known: Knowledge) -> Ints:
+    """Go to the room with the most probability of an instance per cost."""
+    return _best(known, known.any_presence / np.maximum(known.distance, 1e-9))
+
+
+def expected_cost(known: Knowledge) -> Ints:
+    """Go to the first room of the order that minimises the expected cost of the search."""
+    return choose_rooms(
+        known.costs,
+        known.here,
+        known.unexplored,
+        known.presence,
+        wanted=known.wanted,
+        single=known.task == "single",
+    )
+
+
+def routing(known: Knowledge) -> Ints:
+    """Do as `expected_cost` would if no room were likelier than another: what routes alone save."""
+    return choose_rooms(
+        known.costs,
+        known.here,
+        known.unexplored,
+        np.full((*known.unexplored.shape, 1), _ALIKE),
+        wanted=np.ones((len(known.here), 1), dtype=bool),
+        single=known.task == "single",
+    )
+
+
+def oracle(known: Knowledge) -> Ints:
+    """Go the cheapest way through rooms that end the search; `presence` is the truth."""
+    holds = known.unexplored & (known.any_presence > 0.5)
+    return choose_rooms(
+        known.costs,
+        known.here,
+        holds,
+        known.presence,
+        wanted=known.wanted,
+        single=known.task == "single",
+        exact=_ORACLE_EXACT,
+        kicks=_ORACLE_KICKS,
+    )
+
+
+def _best(known: Knowledge, score: Floats) -> Ints:
+    """Return the unexplored room with the highest score, the lowest index among equals."""
+    return np.asarray(np.where(known.unexplored, score, -np.inf).argmax(axis=1))
+
+
+@dataclass(frozen=True, slots=True)
+class Planner:
+    """A planner of the table above: its function, and whose presence it is given."""
+
+    choose: Callable[[Knowledge], Ints]
+    source: Source
+
+
+PLANNERS: Mapping[str, Planner] = MappingProxyType(
+    {
+        "nearest": Planner(nearest, "none"),
+        "random": Planner(draw_lots, "none"),
+        "greedy-share": Planner(greedy_share, "belief"),
+        "greedy-belief": Planner(greedy_belief, "belief"),
+        "ratio": Planner(ratio, "belief"),
+        "expected-cost": Planner(expected_cost, "belief"),
+        "routing": Planner(routing, "none"),
+        "oracle": Planner(oracle, "truth"),
+    }
+)

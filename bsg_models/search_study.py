@@ -1,0 +1,422 @@
+"""Compare planners over many searches of the buildings of a dataset.
+
+Every planner meets the same searches: the same worlds, starts, artifacts and masks. They depend on
+the recipe and the building alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Literal, cast
+
+import numpy as np
+from pydantic import Field
+
+from bsg_data.errors import DatasetError, MismatchError
+from bsg_data.executors import run_all
+from bsg_data.histograms import Counts
+from bsg_data.recipes import MaskRecipe, Record
+from bsg_data.shards import read_scene_graphs
+from bsg_models.checkpoint import Checkpoint, load_checkpoint, restore_model
+from bsg_models.graph_dataset import Buildings, Part, open_dataset
+from bsg_models.model import BeliefModel
+from bsg_models.planners import PLANNERS, Task
+from bsg_models.run_folder import BEST
+from bsg_models.search import Beliefs, Episodes, Outcome, search
+from bsg_models.search_beliefs import FixedBeliefs, ModelBeliefs
+from bsg_models.training import one_thread
+from bsg_models.travel import Bools, Floats, Ints
+from bsg_models.worlds import (
+    DEFAULT_WORLDS,
+    MEASURED,
+    RoomGraph,
+    WorldRecipe,
+    draw_travel,
+    measure_rooms,
+    world_generator,
+)
+
+BASELINE = "nearest"
+SWEEP = -1.0  # P(anything left) is never so low: such a search enters every room
+
+
+class StudyRecipe(Record):
+    """All that a study depends on besides the dataset and the models.
+
+    Attributes:
+        worlds: kinds of room graphs.
+        tasks: `single`, `all`.
+        planners: of `PLANNERS`; `nearest` is always there, since all is measured by it.
+        artifacts: classes that are searched for; each must be in the world and not in all rooms.
+        at_once: classes that one search looks for.
+        episodes: searches of every building in every world.
+        masks: of every building; the searches take turns.
+        fraction: share of the objects that a mask hides.
+        stops: of `all`, with `expected-cost`: probabilities of anything left at which the robot
+            itself ends a search.
+        truth: `real`; or `posterior`, where the artifact is put where the model's first belief
+            says, so that the belief is exactly right and no planner could know better.
+        seed: of all chance.
+    """
+
+    worlds: tuple[WorldRecipe, ...] = DEFAULT_WORLDS
+    tasks: tuple[Task, ...] = ("single", "all")
+    planners: tuple[str, ...] = tuple(PLANNERS)
+    artifacts: tuple[int, ...]
+    at_once: int = Field(default=1, ge=1)
+    episodes: int = Field(default=200, ge=1)
+    masks: int = Field(default=10, ge=1)
+    fraction: float = Field(default=0.5, ge=0, le=1)
+    stops: tuple[float, ...] = ()
+    truth: Literal["real", "posterior"] = "real"
+    seed: int = Field(default=0, ge=0)
+
+    @property
+    def mask(self) -> MaskRecipe:
+        """The masks' recipe."""
+        return MaskRecipe(fraction=self.fraction, seed=self.seed)
+
+
+@dataclass(frozen=True, eq=False)
+class Searches:
+    """The searches of one building in one world, and how each planner did.
+
+    Attributes:
+        scene_id: of the building.
+        world: its name.
+        starts: `[E]` rooms.
+        artifacts: `[E, A]` classes.
+        draws: `[E]` number of the mask.
+        instances: `[E]` of the artifacts.
+        ranked_first: `[E]` whether the room that is believed likeliest at the start holds one; NaN
+            without a belief.
+        chance: `[E]` share of the rooms that hold one.
+        outcomes: (task, planner) → outcome; a robot that stops itself is (`all`, `stop 0.1`), and
+            `sweep` enters every room, nearest first.
+    """
+
+    scene_id: str
+    world: str
+    starts: Ints
+    artifacts: Ints
+    draws: Ints
+    instances: Ints
+    ranked_first: Floats
+    chance: Floats
+    outcomes: dict[tuple[Task, str], Outcome]
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """All searches, and what could not be searched.
+
+    Attributes:
+        recipe: that it was made by.
+        scenes: buildings that were asked for.
+        searches: of every building in every world.
+        left_out: world → reason → buildings that are not in it.
+    """
+
+    recipe: StudyRecipe
+    scenes: tuple[str, ...]
+    searches: tuple[Searches, ...]
+    left_out: dict[str, dict[str, int]]
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """The searches of a building in a world before any planner was asked."""
+
+    episodes: Episodes
+    draws: Ints
+
+
+def study_search(
+    dataset: Path,
+    runs: Mapping[str, Path | None],
+    recipe: StudyRecipe,
+    *,
+    executor: Executor | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Study:
+    """Search buildings with every planner.
+
+    Args:
+        dataset: with room adjacency, if a world is measured.
+        runs: building → run whose beliefs are asked; None if no planner reads a belief.
+        recipe: of the study.
+        executor: where buildings are worked on; None does it here.
+        progress: called with (buildings done, in all).
+
+    Raises:
+        DatasetError: if the dataset is damaged or no building can be searched.
+    """
+    measured = measure_dataset(dataset, runs, [world.kind for world in recipe.worlds])
+    tasks = [
+        (dataset, run, scene, recipe, {kind: rooms[scene] for kind, rooms in measured.items()})
+        for scene, run in runs.items()
+    ]
+    found = run_all(search_building, tasks, executor=executor, progress=progress)
+    left_out: dict[str, dict[str, int]] = {}
+    searches = []
+    for one in found:
+        for world, result in one.items():
+            if isinstance(result, str):
+                reasons = left_out.setdefault(world, {})
+                reasons[result] = reasons.get(result, 0) + 1
+            else:
+                searches.append(result)
+    if not searches:
+        why = "; ".join(f"{world}: {reason}" for world, all_ in left_out.items() for reason in all_)
+        raise DatasetError(f"{dataset}: nothing can be searched ({why or 'no buildings'})")
+    return Study(recipe, tuple(runs), tuple(searches), left_out)
+
+
+def choose_runs(
+    dataset: Path, runs: Sequence[Path], *, part: Part = "test"
+) -> tuple[dict[str, Path | None], list[str]]:
+    """Return which run is asked about which building, and what a reader should know of it.
+
+    With a dataset of folds, each run answers about the fold that it was not trained on.
+
+    Raises:
+        MismatchError: if a run is of another class map.
+        DatasetError: if two runs are of one fold, or the dataset is not split.
+    """
+    data = open_dataset(dataset)
+    chosen: dict[str, Path | None] = {}
+    notes = []
+    for run in runs:
+        header = load_checkpoint(checkpoint_of(run)).header
+        if header.class_map != data.manifest.class_map:
+            raise MismatchError(
+                f"{run}: predicts classes of {header.class_map.version}, the dataset has those of "
+                f"{data.manifest.class_map.version}"
+            )
+        fold = header.config.data.fold if "fold-0" in data.splits else None
+        scenes = data.scenes_of(part, fold=fold)
+        taken = sorted(set(scenes) & set(chosen))
+        if taken:
+            raise DatasetError(f"{run}: is of the same buildings as another run, e.g. {taken[0]}")
+        if header.dataset_sha256 != data.sha256:
+            notes.append(f"{run}: was trained on another dataset; it may know these buildings")
+        chosen.update(dict.fromkeys(scenes, run))
+    return chosen, notes
+
+
+def checkpoint_of(run: Path) -> Path:
+    """Return the best checkpoint of a run."""
+    return run / BEST if run.is_dir() else run
+
+
+def measure_dataset(
+    dataset: Path, scenes: Collection[str], kinds: Sequence[str]
+) -> dict[str, dict[str, RoomGraph]]:
+    """Return the measured room graphs of some scenes, by kind."""
+    wanted = [cast(Literal["layout", "geometry"], kind) for kind in MEASURED if kind in kinds]
+    found: dict[str, dict[str, RoomGraph]] = {kind: {} for kind in wanted}
+    if wanted:
+        for graph in read_scene_graphs(dataset):
+            if graph.scene_id in scenes:
+                for kind in wanted:
+                    found[kind][graph.scene_id] = measure_rooms(graph, kind)
+    return found
+
+
+def search_building(
+    dataset: Path,
+    run: Path | None,
+    scene_id: str,
+    recipe: StudyRecipe,
+    measured: Mapping[str, RoomGraph],
+) -> dict[str, Searches | str]:
+    """Return world → the searches of one building with every planner, or why there are none."""
+    data = open_dataset(dataset)
+    cells = data.cells[scene_id]
+    found: dict[str, Searches | str] = {}
+    asked: dict[bytes, ModelBeliefs] = {}  # worlds of the same rooms have the same searches
+    with one_thread():
+        for world in recipe.worlds:
+            case = draw_case(cells, world, recipe, scene_id=scene_id, measured=measured)
+            if isinstance(case, str):
+                found[world.name] = case
+                continue
+            beliefs = None
+            if run is not None:
+                key = case.episodes.rooms.tobytes()
+                if key not in asked:
+                    asked[key] = ask_run(run, data, scene_id, recipe.mask, case)
+                beliefs = asked[key]
+            found[world.name] = compare_planners(case, world, recipe, scene_id, beliefs)
+    return found
+
+
+def draw_case(
+    cells: Counts,
+    world: WorldRecipe,
+    recipe: StudyRecipe,
+    *,
+    scene_id: str,
+    measured: Mapping[str, RoomGraph],
+) -> Case | str:
+    """Draw the searches of one building in one world, or say why there are none."""
+    nodes = len(cells)
+    if world.kind in MEASURED:
+        rooms = measured[world.kind].rooms
+        if not rooms.any():
+            return f"no {world.kind}: no rooms are known to connect, with a distance"
+    else:
+        rooms = np.arange(nodes) > 0
+    drawn = draw_searches(cells, rooms, recipe, scene_id=scene_id)
+    if drawn is None:
+        return "no artifact that some room has and another has not"
+    artifacts, starts = drawn
+    if world.kind in MEASURED:
+        travel = measured[world.kind].travel(len(starts))
+    else:
+        travel = draw_travel(
+            world, nodes=nodes, episodes=len(starts), scene_id=scene_id, seed=recipe.seed
+        )
+    lots = world_generator(recipe.seed, scene_id, "lots").random((len(starts), nodes))
+    instances = np.where(rooms[:, None], cells, 0)[:, artifacts].transpose(1, 0, 2)
+    draws = np.arange(len(starts)) % recipe.masks
+    return Case(Episodes(travel, rooms, starts, artifacts, instances, lots), draws)
+
+
+def draw_searches(
+    cells: Counts, rooms: Bools, recipe: StudyRecipe, *, scene_id: str
+) -> tuple[Ints, Ints] | None:
+    """Draw artifacts `[E, A]` and starts `[E]`, or nothing if no search is possible.
+
+    Artifacts are uniform over the classes that some room has and another has not; further ones over
+    those that leave a room without any. The start is uniform over the rooms without.
+    """
+    there = (cells > 0) & rooms[:, None]
+    pool = np.array(sorted(recipe.artifacts), dtype=np.int64)
+    pool = pool[there[:, pool].any(axis=0)]
+    numbers = world_generator(recipe.seed, scene_id, "searches").random(
+        (recipe.episodes, recipe.at_once + 1)
+    )
+    artifacts = np.zeros((recipe.episodes, recipe.at_once), dtype=np.int64)
+    starts = np.zeros(recipe.episodes, dtype=np.int64)
+    for e, row in enumerate(numbers):
+        free = rooms
+        for a, number in enumerate(row[:-1]):
+            rest = np.setdiff1d(pool, artifacts[e, :a], assume_unique=True)
+            rest = rest[(free[:, None] & ~there[:, rest]).any(axis=0)]
+            if not len(rest):
+                return None
+            artifacts[e, a] = rest[int(number * len(rest))]
+            free = free & ~there[:, artifacts[e, a]]
+        possible = np.flatnonzero(free)
+        starts[e] = possible[int(row[-1] * len(possible))]
+    return artifacts, starts
+
+
+def ask_run(
+    run: Path, data: Buildings, scene_id: str, mask: MaskRecipe, case: Case
+) -> ModelBeliefs:
+    """Return the beliefs of a run about the searches of a building."""
+    path = checkpoint_of(run)
+    changed = path.stat().st_mtime_ns if path.exists() else 0
+    checkpoint, model = _restore_once(path, changed)
+    return ModelBeliefs(
+        model,
+        edges=checkpoint.header.config.data.edges,
+        data=data,
+        scene_id=scene_id,
+        mask=mask,
+        draws=case.draws,
+        artifacts=case.episodes.artifacts,
+    )
+
+
+@lru_cache(maxsize=8)
+def _restore_once(path: Path, changed: int) -> tuple[Checkpoint, BeliefModel]:
+    checkpoint = load_checkpoint(path)
+    return checkpoint, restore_model(path, checkpoint)
+
+
+def compare_planners(
+    case: Case,
+    world: WorldRecipe,
+    recipe: StudyRecipe,
+    scene_id: str,
+    beliefs: Beliefs | None,
+) -> Searches:
+    """Return how every planner did in the searches of one building in one world."""
+    episodes = case.episodes
+    every = np.arange(len(episodes.starts))
+    ranked_first = np.full(len(every), np.nan)
+    at_first = np.zeros(episodes.lots.shape, dtype=bool)
+    at_first[every, episodes.starts] = True
+    open_ = episodes.rooms & ~at_first
+    if beliefs is not None:
+        first, _ = beliefs(every, at_first)
+        presence = np.where(open_[:, :, None], first, 0.0)
+        if recipe.truth == "posterior":
+            rng = world_generator(recipe.seed, scene_id, "posterior")
+            there = draw_presence(presence, open_, rng)
+            episodes = Episodes(
+                episodes.travel,
+                episodes.rooms,
+                episodes.starts,
+                episodes.artifacts,
+                there.astype(np.int64),
+                episodes.lots,
+            )
+            beliefs = FixedBeliefs(presence)
+        likeliest = np.where(open_, 1 - (1 - presence).prod(axis=2), -1.0).argmax(axis=1)
+        ranked_first = (episodes.instances[every, likeliest].sum(axis=1) > 0).astype(float)
+    holds = (episodes.instances.sum(axis=2) > 0) & open_
+    outcomes: dict[tuple[Task, str], Outcome] = {}
+    for task in recipe.tasks:
+        for name in dict.fromkeys((BASELINE, *recipe.planners)):
+            planner = PLANNERS[name]
+            outcomes[task, name] = search(episodes, planner, task=task, beliefs=beliefs)
+    if "all" in recipe.tasks and recipe.stops:
+        planned = PLANNERS["expected-cost"]
+        for stop in recipe.stops:
+            outcomes["all", f"stop {stop:g}"] = search(
+                episodes, planned, task="all", beliefs=beliefs, stop_at=stop
+            )
+        outcomes["all", "sweep"] = search(episodes, PLANNERS[BASELINE], task="all", stop_at=SWEEP)
+    return Searches(
+        scene_id=scene_id,
+        world=world.name,
+        starts=episodes.starts,
+        artifacts=episodes.artifacts,
+        draws=case.draws,
+        instances=episodes.instances.sum(axis=(1, 2)),
+        ranked_first=ranked_first,
+        chance=holds.sum(axis=1) / open_.sum(axis=1),
+        outcomes=outcomes,
+    )
+
+
+def draw_presence(presence: Floats, rooms: Bools, rng: np.random.Generator) -> Bools:
+    """Draw in which rooms the artifacts are, given that each is in one at least.
+
+    Args:
+        presence: `[E, N, A]` P(at least one instance), rooms being independent.
+        rooms: `[E, N]` where they may be.
+        rng: generator.
+
+    Returns:
+        `[E, N, A]`.
+    """
+    likely = np.where(rooms[:, :, None], np.clip(presence, 1e-6, 1 - 1e-12), 0.0)
+    # P(none from room n on), from the last room to the first: given that one is left, the first
+    # room has it with probability p / (1 − P(none)).
+    none = np.cumprod((1 - likely)[:, ::-1], axis=1)[:, ::-1]
+    drawn = np.zeros(likely.shape, dtype=bool)
+    waiting = np.ones((len(likely), likely.shape[2]), dtype=bool)
+    for n in range(likely.shape[1]):
+        given = np.where(waiting, likely[:, n] / np.maximum(1 - none[:, n], 1e-300), likely[:, n])
+        drawn[:, n] = rng.random(given.shape) < given
+        waiting &= ~drawn[:, n]
+    return drawn & rooms[:, :, None]

@@ -1,0 +1,142 @@
+"""One search as it went: what the robot knew and believed in every room that it entered."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from bsg_data.errors import DatasetError
+from bsg_data.histograms import to_histograms
+from bsg_data.manifest import read_manifest
+from bsg_data.partial_graph import PartialGraph, SeenObject, mask_scene, observe
+from bsg_data.scene_graph import SceneGraph
+from bsg_data.shards import read_scene_graphs
+from bsg_models.belief import believe
+from bsg_models.explorer import Moment, View
+from bsg_models.graph_dataset import open_dataset
+from bsg_models.planners import PLANNERS, Task
+from bsg_models.predictor import Predictor
+from bsg_models.search import Beliefs, Step, search
+from bsg_models.search_study import StudyRecipe, ask_run, draw_case, measure_dataset
+from bsg_models.travel import Bools, Floats, Ints
+from bsg_models.worlds import WorldRecipe
+
+
+@dataclass(frozen=True, slots=True)
+class TraceRequest:
+    """Which search is to be replayed.
+
+    Attributes:
+        scene_id: of the building.
+        episode: number of the search in it.
+        world: where it takes place.
+        task: when it ends.
+        planner: that decides.
+    """
+
+    scene_id: str
+    episode: int
+    world: WorldRecipe
+    task: Task
+    planner: str
+
+
+def trace_search(
+    dataset: Path, run: Path, recipe: StudyRecipe, request: TraceRequest
+) -> list[View]:
+    """Return what the robot knew at the start and in every room that it entered, in order.
+
+    Raises:
+        DatasetError: if there is no such search.
+    """
+    data = open_dataset(dataset)
+    by_kind = measure_dataset(dataset, [request.scene_id], [request.world.kind])
+    measured = {kind: rooms[request.scene_id] for kind, rooms in by_kind.items()}
+    case = draw_case(
+        data.cells[request.scene_id],
+        request.world,
+        recipe,
+        scene_id=request.scene_id,
+        measured=measured,
+    )
+    if isinstance(case, str):
+        raise DatasetError(f"{request.scene_id}: has no searches ({case})")
+    if request.episode >= len(case.episodes.starts):
+        raise DatasetError(f"{request.scene_id}: has no search number {request.episode}")
+    beliefs = ask_run(run, data, request.scene_id, recipe.mask, case)
+    steps: list[Step] = []
+    search(
+        case.episodes.take(_one(request.episode)),
+        PLANNERS[request.planner],
+        task=request.task,
+        beliefs=_OneSearch(beliefs, request.episode),
+        watch=steps.append,
+    )
+    graph = next(g for g in read_scene_graphs(dataset) if g.scene_id == request.scene_id)
+    artifacts = tuple(case.episodes.artifacts[request.episode].tolist())
+    start = int(case.episodes.starts[request.episode])
+    partial = mask_scene(
+        graph,
+        recipe.mask,
+        draw=int(case.draws[request.episode]),
+        class_map=read_manifest(dataset).class_map,
+    )
+    kept = tuple(obj for obj in partial.objects if obj.class_index not in artifacts)
+    predictor = Predictor(run)
+    truth = to_histograms(data.cells[request.scene_id])
+    holds = tuple(room for room in range(1, len(truth)) if truth[room, list(artifacts)].any())
+    views, route, cost = [], [start], 0.0
+    known = look_into(replace(partial, objects=kept), graph, start)
+    for step in [*steps, None]:
+        belief = believe(known, predictor(known, withheld=artifacts), model=predictor.name)
+        moment = Moment(
+            artifacts=artifacts,
+            route=tuple(route),
+            cost=cost,
+            target=None if step is None else int(step.target[0]),
+            holds=holds,
+            planner=request.planner,
+            world=request.world.name,
+        )
+        views.append(View(belief, truth, moment=moment))
+        if step is not None:
+            place = int(step.entered[0])
+            cost += float(step.known.distance[0, place])
+            route.append(place)
+            known = look_into(known, graph, place)
+    return views
+
+
+def look_into(known: PartialGraph, graph: SceneGraph, room: int) -> PartialGraph:
+    """Return what a robot knows once it has entered a room of a scene graph."""
+    return observe(known, room, _everything(graph, room))
+
+
+def _everything(graph: SceneGraph, room: int) -> Iterator[SeenObject]:
+    for obj in graph.objects:
+        if obj.room_index == room:
+            yield SeenObject(
+                str(obj.instance_id),
+                room,
+                obj.raw_category,
+                obj.category,
+                obj.class_index,
+                obj.centroid,
+            )
+
+
+class _OneSearch:
+    """The beliefs about one of many searches."""
+
+    def __init__(self, beliefs: Beliefs, number: int) -> None:
+        self._beliefs, self._number = beliefs, number
+
+    def __call__(self, which: Ints, explored: Bools) -> tuple[Floats, Floats]:
+        return self._beliefs(_one(self._number), explored)
+
+
+def _one(number: int) -> Ints:
+    return np.array([number])

@@ -1,0 +1,417 @@
+"""`bsg-search`: look for objects in simulation, with and without a belief."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal, cast
+
+import click
+
+from bsg_data.errors import DatasetError, RecipeError
+from bsg_data.shards import write_bytes
+from bsg_models.explorer import write_explorer
+from bsg_models.figures import draw_savings
+from bsg_models.graph_dataset import Buildings, open_dataset
+from bsg_models.planners import PLANNERS, Task
+from bsg_models.predictor import Predictor
+from bsg_models.savings import Interval, Saving, Standings, saving_of_buildings, summarise
+from bsg_models.search_files import encode_study, write_searches
+from bsg_models.search_study import Study, StudyRecipe, choose_runs, study_search
+from bsg_models.search_trace import TraceRequest, trace_search
+from bsg_models.worlds import DEFAULT_WORLDS, WorldRecipe, parse_world
+
+from .data import FRACTION
+from .terminal import (
+    Command,
+    force_option,
+    format_table,
+    json_option,
+    print_json,
+    print_note,
+    progress_bar,
+    seed_option,
+    worker_pool,
+    workers_option,
+)
+
+ROOM_SPECIFIC = (
+    "stove",
+    "refrigerator",
+    "bathtub",
+    "toilet",
+    "microwave",
+    "sink",
+    "shower",
+    "washing machine",
+    "bed",
+    "nightstand",
+)
+REPORT, TABLE, FIGURE, TRACE = "search.json", "searches.parquet", "savings.png", "trace.html"
+
+
+@click.command(cls=Command)
+@click.option(
+    "--run",
+    "runs",
+    type=click.Path(path_type=Path),
+    multiple=True,
+    help="Of a trained model; of a dataset of folds, one for each fold that is searched.",
+)
+@click.option("--data", type=click.Path(path_type=Path), required=True, help="Dataset, split.")
+@click.option(
+    "--split",
+    type=click.Choice(["train", "val", "test", "all"]),
+    default="test",
+    show_default=True,
+    help="Whose buildings are searched; `all` without a RUN alone.",
+)
+@click.option(
+    "--planners",
+    help=f"Some of {', '.join(PLANNERS)}.  [default: all; without a RUN those without a belief]",
+)
+@click.option(
+    "--worlds",
+    default=",".join(world.name for world in DEFAULT_WORLDS),
+    show_default=True,
+    help="Kinds of room graphs, KIND or KIND:LOW-HIGH: star, complete, complete-paths, tree, "
+    "tree-plus with random costs, layout or geometry with distances.",
+)
+@click.option(
+    "--task",
+    type=click.Choice(["single", "all", "both"]),
+    default="both",
+    show_default=True,
+    help="Find one instance of each class, or all.",
+)
+@click.option(
+    "--artifacts",
+    default="every",
+    show_default=True,
+    help="Classes to search for, one a search: `every`, `room-specific`, or names with commas.",
+)
+@click.option(
+    "--at-once",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="Classes that one search looks for.",
+)
+@click.option(
+    "--episodes",
+    type=click.IntRange(min=1),
+    default=200,
+    show_default=True,
+    help="Searches of every building in every world.",
+)
+@click.option(
+    "--masks",
+    type=click.IntRange(min=1),
+    default=10,
+    show_default=True,
+    help="Masks of every building, which the searches take in turn.",
+)
+@click.option(
+    "--fraction",
+    type=FRACTION,
+    default=0.5,
+    show_default=True,
+    help="Share of the objects that a mask hides; the artifact is hidden wholly.",
+)
+@click.option(
+    "--stop",
+    "stops",
+    help="Of `all`: let the robot stop by itself once it believes that anything is left with at "
+    "most this probability; several with commas.",
+)
+@click.option(
+    "--truth",
+    type=click.Choice(["real", "posterior"]),
+    default="real",
+    show_default=True,
+    help="Where the artifact is; `posterior` puts it where the RUN believes it at the start.",
+)
+@click.option(
+    "--resamples",
+    type=click.IntRange(min=0),
+    default=1000,
+    show_default=True,
+    help="Bootstrap resamples of the buildings; 0 for no intervals.",
+)
+@click.option(
+    "--trace",
+    type=click.IntRange(min=0),
+    metavar="N",
+    help="Replay search number N, room by room, as the explorer page.",
+)
+@click.option("--scene", help="Search this building alone.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="Folder of the results.  [default: search in the first RUN, or search]",
+)
+@workers_option
+@seed_option
+@force_option
+@json_option
+@click.version_option(package_name="belief-scene-graphs", prog_name="bsg-search")
+def main(
+    runs: tuple[Path, ...],
+    data: Path,
+    split: Literal["train", "val", "test", "all"],
+    planners: str | None,
+    worlds: str,
+    task: Literal["single", "all", "both"],
+    artifacts: str,
+    at_once: int,
+    episodes: int,
+    masks: int,
+    fraction: float,
+    stops: str | None,
+    truth: Literal["real", "posterior"],
+    resamples: int,
+    trace: int | None,
+    scene: str | None,
+    out: Path | None,
+    workers: int,
+    seed: int,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Search buildings for objects with every planner, and say what each saves.
+
+    Every planner meets the same searches; what it saves is measured beside `nearest`, which goes to
+    the nearest unexplored room. docs/search.md says what each planner and world is.
+
+    \b
+    Example:
+      bsg-search --run run --data dataset
+      bsg-search --run run --data dataset --worlds star:1-10 --artifacts stove,bed --trace 0
+    """
+    out = out or (runs[0] / "search" if runs and runs[0].is_dir() else Path("search"))
+    report = out / REPORT
+    if report.exists() and not force:
+        raise DatasetError(
+            f"{report}: is there already; --force replaces it, --out puts it elsewhere"
+        )
+    opened = open_dataset(data)
+    classes = opened.manifest.class_map.classes
+    chosen, notes = _choose_buildings(opened, runs, split, scene)
+    recipe = StudyRecipe(
+        worlds=tuple(dict.fromkeys(parse_world(part) for part in worlds.split(","))),
+        tasks=("single", "all") if task == "both" else (task,),
+        planners=_choose_planners(planners, believed=bool(runs)),
+        artifacts=_choose_artifacts(artifacts, classes),
+        at_once=at_once,
+        episodes=episodes,
+        masks=masks,
+        fraction=fraction,
+        stops=_read_stops(stops, task),
+        truth=truth,
+        seed=seed,
+    )
+    if not runs and (trace is not None or recipe.stops or truth == "posterior"):
+        raise click.UsageError("--trace, --stop and --truth posterior need a --run")
+    with worker_pool(workers) as executor, progress_bar("search", unit="building") as progress:
+        study = study_search(data, chosen, recipe, executor=executor, progress=progress)
+    standings = summarise(study, resamples=resamples)
+    model = ", ".join(dict.fromkeys(Predictor(run).name for run in runs)) or None
+    written = {"every search": out / TABLE, "box plot over buildings": out / FIGURE}
+    write_searches(study, classes, out / TABLE)
+    _draw(study, out / FIGURE, model)
+    if trace is not None:
+        written["the search, room by room"] = out / TRACE
+        _write_trace(data, chosen, study, trace, out / TRACE)
+    summary = encode_study(study, standings, classes=classes, model=model)
+    write_bytes(report, (json.dumps(summary, indent=1) + "\n").encode())  # last: it means finished
+    for note in [*notes, *_say_left_out(study)]:
+        print_note(note)
+    if as_json:
+        print_json(summary)
+        return
+    names = [classes[c] for c in recipe.artifacts]
+    which = f"any of {len(names)} classes" if len(names) > 12 else ", ".join(names)
+    click.echo(f"artifacts: {which}; {recipe.at_once} at once; beliefs of {model or 'nobody'}")
+    if truth == "posterior":
+        click.echo("artifacts were put where the model believes them: no planner can know better")
+    for one in standings:
+        click.echo("\n" + format_standings(one, interval=resamples > 1))
+    click.echo(f"\nall of it: {report}; " + "; ".join(f"{k}: {v}" for k, v in written.items()))
+
+
+def _choose_buildings(
+    opened: Buildings,
+    runs: Sequence[Path],
+    split: Literal["train", "val", "test", "all"],
+    scene: str | None,
+) -> tuple[dict[str, Path | None], list[str]]:
+    """Return which run is asked about which building, and notes."""
+    chosen: dict[str, Path | None]
+    notes: list[str] = []
+    if runs and split == "all":
+        raise click.UsageError("--split all would search buildings that the RUN was trained on")
+    if runs and split != "all":
+        chosen, notes = choose_runs(opened.path, runs, part=split)
+    elif split == "all" or "fold-0" in opened.splits:
+        chosen = dict.fromkeys(opened.cells)
+    else:
+        chosen = dict.fromkeys(opened.scenes_of(split))
+    if scene is not None:
+        if scene not in chosen:
+            raise DatasetError(f"{opened.path}: {scene!r} is none of its {split} buildings")
+        chosen = {scene: chosen[scene]}
+    return chosen, notes
+
+
+def _choose_planners(text: str | None, *, believed: bool) -> tuple[str, ...]:
+    if text is None:
+        return tuple(n for n, p in PLANNERS.items() if believed or p.source != "belief")
+    names = tuple(dict.fromkeys(name.strip() for name in text.split(",")))
+    unknown = [name for name in names if name not in PLANNERS]
+    if unknown:
+        raise click.UsageError(f"--planners: {unknown[0]!r} is none of {', '.join(PLANNERS)}")
+    needing = [name for name in names if PLANNERS[name].source == "belief"]
+    if needing and not believed:
+        raise click.UsageError(f"--planners: {needing[0]} needs a belief; name a --run")
+    return names
+
+
+def _choose_artifacts(text: str, classes: Sequence[str]) -> tuple[int, ...]:
+    if text == "every":
+        return tuple(range(len(classes)))
+    wanted = ROOM_SPECIFIC if text == "room-specific" else [n.strip() for n in text.split(",")]
+    unknown = [name for name in wanted if name not in classes]
+    if unknown:
+        raise RecipeError(
+            f"--artifacts: {unknown[0]!r} is no class; known are {', '.join(classes)}"
+        )
+    return tuple(sorted({classes.index(name) for name in wanted}))
+
+
+def _read_stops(text: str | None, task: str) -> tuple[float, ...]:
+    if text is None:
+        return ()
+    if task == "single":
+        raise click.UsageError("--stop is of the task all")
+    try:
+        stops = tuple(float(part) for part in text.split(","))
+    except ValueError as error:
+        raise click.UsageError(f"--stop: {text!r} are no numbers") from error
+    if not all(0 < stop < 1 for stop in stops):
+        raise click.UsageError(f"--stop: probabilities between 0 and 1, found {text}")
+    return stops
+
+
+def _say_left_out(study: Study) -> list[str]:
+    return [
+        f"{world}: {number} of {len(study.scenes)} buildings left out: {reason}"
+        for world, reasons in study.left_out.items()
+        for reason, number in reasons.items()
+    ]
+
+
+def _draw(study: Study, path: Path, model: str | None) -> None:
+    shown = [n for n in dict.fromkeys(("nearest", *study.recipe.planners)) if n != "nearest"]
+    if not shown:
+        return
+    panels = {}
+    for world in dict.fromkeys(one.world for one in study.searches):
+        searches = [one for one in study.searches if one.world == world]
+        for task in study.recipe.tasks:
+            panels[f"{world}, {task}, {len(searches)} buildings"] = {
+                name: saving_of_buildings(searches, task, name) for name in shown
+            }
+    title = f"Object search with the beliefs of {model}" if model else "Object search"
+    draw_savings(panels, path, title=title, whole="oracle")
+
+
+def _write_trace(
+    data: Path, chosen: dict[str, Path | None], study: Study, number: int, path: Path
+) -> None:
+    """Replay search `number`, counted through the buildings of the first world."""
+    world = study.searches[0].world
+    searches = [one for one in study.searches if one.world == world]
+    total = sum(len(one.starts) for one in searches)
+    if number >= total:
+        raise DatasetError(f"--trace {number}: there are {total} searches, from 0")
+    for one in searches:
+        if number < len(one.starts):
+            break
+        number -= len(one.starts)
+    run = cast(Path, chosen[one.scene_id])  # --trace needs a --run
+    believing = [n for n in study.recipe.planners if PLANNERS[n].source == "belief"]
+    planner = "expected-cost" if "expected-cost" in believing or not believing else believing[0]
+    task: Task = study.recipe.tasks[0]
+    recipe: WorldRecipe = next(w for w in study.recipe.worlds if w.name == world)
+    request = TraceRequest(one.scene_id, number, recipe, task, planner)
+    write_explorer(trace_search(data, run, study.recipe, request), path)
+
+
+def format_standings(one: Standings, *, interval: bool) -> str:
+    """Return the standings of a world and task as text."""
+    lines = [
+        f"{one.world}, {one.task}: {one.searches:,} searches of {one.buildings} buildings"
+        + (
+            ""
+            if math.isnan(one.ranked_first)
+            else f"; the likeliest room holds one in {one.ranked_first:.0%}, a random one in "
+            f"{one.chance:.0%}"
+        )
+    ]
+    header = (
+        "planner",
+        "saved",
+        "beyond routing",
+        "of the oracle's",
+        "mean",
+        "median",
+        "wins",
+        "ties",
+        "losses",
+        "cost",
+        "rooms",
+    )
+    rows = [_row(name, saving, interval=interval) for name, saving in one.savings.items()]
+    lines.append(format_table(rows, header=header))
+    if one.stops:
+        lines.append("the robot itself stops, beside entering every room, nearest first:")
+        stop_rows = [
+            (
+                f"at {name}",
+                _percent(stop.saved, interval=interval),
+                _percent(stop.missed, interval=interval),
+                _percent(stop.incomplete, interval=interval),
+                f"{stop.entered:.1f}",
+            )
+            for name, stop in one.stops.items()
+        ]
+        names = ("stops", "saved", "instances missed", "searches that miss any", "rooms")
+        lines.append(format_table(stop_rows, header=names))
+    return "\n".join(lines)
+
+
+def _row(name: str, saving: Saving, *, interval: bool) -> tuple[object, ...]:
+    return (
+        name,
+        _percent(saving.saved, interval=interval),
+        _percent(saving.beyond_routing, interval=interval),
+        _percent(saving.of_oracle, interval=interval),
+        f"{100 * saving.mean:.1f}",
+        f"{100 * saving.median:.1f}",
+        saving.wins,
+        saving.ties,
+        saving.losses,
+        f"{saving.cost:.2f}",
+        f"{saving.entered:.1f}",
+    )
+
+
+def _percent(value: Interval, *, interval: bool) -> str:
+    if math.isnan(value.value):
+        return "-"
+    text = f"{100 * value.value:.1f}"
+    if not interval or math.isnan(value.low):
+        return text
+    return f"{text} ({100 * value.low:.1f} to {100 * value.high:.1f})"

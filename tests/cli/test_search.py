@@ -1,0 +1,95 @@
+"""`bsg-search` at the command line."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from bsg_cli.search import ROOM_SPECIFIC, main
+from bsg_data.class_map import load_class_map
+from bsg_models.training import train_run
+from bsg_models.zoo import ZOO
+
+
+def run_command(*arguments: object) -> Result:
+    return CliRunner().invoke(main, [str(one) for one in arguments])
+
+
+@pytest.fixture
+def run(dataset: Path, tmp_path: Path) -> Path:
+    list(train_run(ZOO["gamma-poisson"], dataset, tmp_path / "run"))
+    return tmp_path / "run"
+
+
+def test_a_study_with_everything(dataset: Path, run: Path) -> None:
+    few = ("--episodes", 6, "--workers", 1, "--resamples", 20, "--worlds", "star,tree:2-3")
+    result = run_command("--run", run, "--data", dataset, *few, "--stop", "0.1", "--trace", 1)
+    assert result.exit_code == 0, result.stderr
+    for word in ("star:1-10, single", "tree:2-3, all", "expected-cost", "beyond routing", "at 0.1"):
+        assert word in result.stdout
+    out = run / "search"
+    report = json.loads((out / "search.json").read_text("utf-8"))
+    assert len(report["standings"]) == 4
+    assert report["standings"][0]["savings"]["nearest"]["saved"]["value"] == 0
+    assert (out / "savings.png").stat().st_size > 10_000
+    assert "Looking for" in (out / "trace.html").read_text("utf-8")
+    again = run_command("--run", run, "--data", dataset, *few)
+    assert again.exit_code == 1
+    assert "--force" in again.stderr
+
+
+def test_without_a_run_planners_have_no_belief(dataset: Path, tmp_path: Path) -> None:
+    few = ("--episodes", 2, "--workers", 1, "--out", tmp_path / "out", "--split", "all")
+    result = run_command("--data", dataset, *few, "--worlds", "star,layout", "--json")
+    assert result.exit_code == 0, result.stderr
+    report = json.loads(result.stdout)
+    assert list(report["standings"][0]["savings"]) == ["nearest", "random", "routing", "oracle"]
+    assert "layout: 12 of 12 buildings left out" in result.stderr
+    for refused in (("--planners", "ratio"), ("--stop", "0.1"), ("--trace", 0)):
+        result = run_command("--data", dataset, *few, *refused, "--force")
+        assert result.exit_code == 2
+        assert "--run" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "words"),
+    [
+        (("--worlds", "ring"), 2, "no world 'ring'"),
+        (("--worlds", "layout:1-2"), 2, "metres"),
+        (("--planners", "nearest,fast"), 2, "'fast' is none of"),
+        (("--artifacts", "stove,spaceship"), 2, "'spaceship' is no class"),
+        (("--stop", "2"), 2, "between 0 and 1"),
+        (("--stop", "x"), 2, "no numbers"),
+        (("--stop", "0.1", "--task", "single"), 2, "task all"),
+        (("--split", "all"), 2, "trained on"),
+        (("--scene", "nowhere"), 1, "none of its test buildings"),
+        (("--trace", "100000", "--episodes", "1", "--worlds", "star"), 1, "searches, from 0"),
+        (("--at-once", "40", "--episodes", "1", "--worlds", "star"), 1, "nothing can be searched"),
+    ],
+)
+def test_wrong_use_is_said(
+    options: tuple[str, ...], code: int, words: str, dataset: Path, run: Path
+) -> None:
+    result = run_command("--run", run, "--data", dataset, "--workers", 1, *options)
+    assert result.exit_code == code, result.stderr
+    assert words in result.stderr
+    assert not (run / "search" / "search.json").exists()
+
+
+def test_runs_that_cannot_be_asked(dataset: Path, run: Path, tmp_path: Path) -> None:
+    missing = run_command("--run", tmp_path / "none", "--data", dataset, "--workers", 1)
+    assert missing.exit_code == 1
+    assert "none" in missing.stderr
+    copy = Path(shutil.copytree(dataset, tmp_path / "copy"))
+    manifest = copy / "dataset.json"
+    manifest.write_text(manifest.read_text("utf-8").replace("hm3d45-v1", "hm3d45-v9"), "utf-8")
+    other = run_command("--run", run, "--data", copy, "--workers", 1)
+    assert other.exit_code == 1
+
+
+def test_the_room_specific_classes_are_classes() -> None:
+    assert set(ROOM_SPECIFIC) <= set(load_class_map().classes)
