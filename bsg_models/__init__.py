@@ -17,12 +17,15 @@ from bsg_models.explorer import View, write_explorer
 from bsg_models.graph_dataset import MaskedGraphs
 from bsg_models.hydra import read_hydra, read_hydra_belief, write_hydra
 from bsg_models.model import BeliefModel
+from bsg_models.planners import PLANNERS, next_room
 from bsg_models.predictor import Predictor
+from bsg_models.search_study import StudyRecipe, study_search
 from bsg_models.training import train_run
 from bsg_models.zoo import BASELINES, ZOO, find_config, make_model
 
 __all__ = [
     "BASELINES",
+    "PLANNERS",
     "ZOO",
     "BeliefGraph",
     "BeliefModel",
@@ -30,6 +33,7 @@ __all__ = [
     "MaskedGraphs",
     "Predictor",
     "RunConfig",
+    "StudyRecipe",
     "View",
     "believe",
     "compare_runs",
@@ -37,11 +41,13 @@ __all__ = [
     "from_networkx",
     "load_checkpoint",
     "make_model",
+    "next_room",
     "read_belief",
     "read_hydra",
     "read_hydra_belief",
     "read_tables",
     "restore_model",
+    "study_search",
     "to_networkx",
     "train_run",
     "write_belief",

@@ -27,7 +27,8 @@ from typing import Literal
 
 import numpy as np
 
-from bsg_models.travel import Bools, Floats, Ints
+from bsg_data.errors import RecipeError
+from bsg_models.travel import Bools, Floats, Ints, Travel, find_ways
 from bsg_models.visiting_order import choose_rooms
 
 Task = Literal["single", "all"]
@@ -43,7 +44,8 @@ class Knowledge:
     Attributes:
         task: whether one instance of each class is enough, or all are to be found.
         here: `[E]` node of the robot.
-        costs: `[E, N, N]` of the cheapest ways.
+        travel: of all searches of the building.
+        rows: `[E]` which of them these are.
         unexplored: `[E, N]` rooms that it can reach and has not entered.
         wanted: `[E, A]` classes still to be found.
         presence: `[E, N, A]` believed P(at least one instance); of unexplored rooms alone.
@@ -53,7 +55,8 @@ class Knowledge:
 
     task: Task
     here: Ints
-    costs: Floats
+    travel: Travel
+    rows: Ints
     unexplored: Bools
     wanted: Bools
     presence: Floats
@@ -63,7 +66,12 @@ class Knowledge:
     @property
     def distance(self) -> Floats:
         """Cost of going to each node, `[E, N]`."""
-        return np.asarray(self.costs[np.arange(len(self.here)), self.here])
+        return np.asarray(self.travel.costs[self.rows, self.here])
+
+    @property
+    def costs(self) -> Floats:
+        """Cost of the cheapest way between any two nodes, `[E, N, N]`."""
+        return np.asarray(self.travel.costs[self.rows])
 
     @property
     def any_presence(self) -> Floats:
@@ -138,6 +146,56 @@ def oracle(known: Knowledge) -> Ints:
         exact=_ORACLE_EXACT,
         kicks=_ORACLE_KICKS,
     )
+
+
+def next_room(
+    edges: Floats,
+    *,
+    here: int,
+    explored: Bools,
+    presence: Floats,
+    task: Task = "single",
+    planner: str = "expected-cost",
+) -> int | None:
+    """Return where a robot should go next, for one search of its own.
+
+    Args:
+        edges: `[N, N]` costs between nodes, ∞ where there is no edge; the building is node 0.
+        here: node of the robot.
+        explored: `[N]` rooms that it has searched.
+        presence: `[N]` or `[N, A]` P(at least one hidden instance) of what it still looks for, such
+            as a column of `Expectation.presence`.
+        task: `single` or `all`.
+        planner: that reads presence or costs alone.
+
+    Returns:
+        a room; None if no unexplored one can be reached.
+
+    Raises:
+        RecipeError: for a planner that needs what is not given here.
+    """
+    if planner not in PLANNERS or planner in ("random", "greedy-share", "oracle"):
+        raise RecipeError(
+            f"planner {planner!r}: give nearest, greedy-belief, ratio, routing or expected-cost"
+        )
+    travel = find_ways(np.asarray(edges, dtype=float)[None])
+    unexplored = ~np.asarray(explored, dtype=bool) & np.isfinite(travel.costs[0, here])
+    unexplored[0] = False
+    if not unexplored.any():
+        return None
+    likely = np.where(unexplored[:, None], np.reshape(presence, (len(unexplored), -1)), 0.0)
+    known = Knowledge(
+        task=task,
+        here=np.array([here]),
+        travel=travel,
+        rows=np.array([0]),
+        unexplored=unexplored[None],
+        wanted=np.ones((1, likely.shape[1]), dtype=bool),
+        presence=likely[None],
+        share=likely[None],
+        lots=np.zeros((1, len(unexplored))),
+    )
+    return int(PLANNERS[planner].choose(known)[0])
 
 
 def _best(known: Knowledge, score: Floats) -> Ints:

@@ -41,26 +41,26 @@ class Episodes:
     instances: Ints
     lots: Floats
 
-    def take(self, which: Ints) -> Episodes:
+    def take(self, rows: Ints) -> Episodes:
         """Return some of the searches."""
         return Episodes(
-            self.travel.take(which),
+            self.travel.take(rows),
             self.rooms,
-            self.starts[which],
-            self.artifacts[which],
-            self.instances[which],
-            self.lots[which],
+            self.starts[rows],
+            self.artifacts[rows],
+            self.instances[rows],
+            self.lots[rows],
         )
 
 
 class Beliefs(Protocol):
     """What is believed about the artifacts of E searches."""
 
-    def __call__(self, which: Ints, explored: Bools) -> tuple[Floats, Floats]:
+    def __call__(self, rows: Ints, explored: Bools) -> tuple[Floats, Floats]:
         """Return presence and share of the artifacts.
 
         Args:
-            which: `[M]` numbers of the searches.
+            rows: `[M]` numbers of the searches.
             explored: `[M, N]` rooms that each has entered.
 
         Returns:
@@ -75,7 +75,8 @@ class Outcome:
     Attributes:
         costs: `[E]` of all that each travelled.
         entered: `[E]` rooms, without the one where it started.
-        missed: `[E]` instances that it did not find; of `single`, classes.
+        missed: `[E]` instances that it did not find; in `single`, those of classes of which it
+            found none.
     """
 
     costs: Floats
@@ -88,13 +89,13 @@ class Step:
     """A moment of searches that go on, as `watch` of `search` is given.
 
     Attributes:
-        which: `[M]` numbers of the searches.
+        rows: `[M]` numbers of the searches.
         known: what they know.
         target: `[M]` rooms that the planner names.
         entered: `[M]` rooms that they enter on the way there.
     """
 
-    which: Ints
+    rows: Ints
     known: Knowledge
     target: Ints
     entered: Ints
@@ -125,46 +126,50 @@ def search(
         # Others do not see that a way through a third room may cost less than the edge.
         episodes = replace(episodes, travel=find_ways(episodes.travel.costs))
     number = len(episodes.starts)
-    every = np.arange(number)
     explored = np.zeros(episodes.lots.shape, dtype=bool)
-    explored[every, episodes.starts] = True
+    explored[np.arange(number), episodes.starts] = True
     here, costs, entered = episodes.starts.copy(), np.zeros(number), np.zeros(number, np.int64)
-    going = np.ones(number, dtype=bool)
+    unfound = episodes.instances.sum(axis=1)  # where it starts is none
+    going, rooms = np.ones(number, dtype=bool), int(episodes.rooms.sum()) - 1
     while True:
-        unfound = missing(episodes, explored, task=task)
-        going &= (episodes.rooms & ~explored).any(axis=1)
         if stop_at is None:
             going &= unfound.any(axis=1)
-        which = np.flatnonzero(going)
-        if not len(which):
+        going &= entered < rooms
+        rows = np.flatnonzero(going)
+        if not len(rows):
             return Outcome(costs, entered, unfound.sum(axis=1))
-        known = _look(episodes.take(which), which, here, explored, unfound, planner, task, beliefs)
-        if stop_at is not None:
-            sure = known.left <= stop_at
-            going[which[sure]] = False
-            if sure.any():
-                continue
+        known = _look(episodes, rows, here, explored, unfound, planner, task, beliefs)
+        if stop_at is not None and (sure := known.left <= stop_at).any():
+            going[rows[sure]] = False
+            continue
         target = planner.choose(known)
-        place = episodes.travel.take(which).first_on_the_way(here[which], target, known.unexplored)
+        place = episodes.travel.first_on_the_way(rows, known.here, target, known.unexplored)
         if watch is not None:
-            watch(Step(which, known, target, place))
-        costs[which] += episodes.travel.costs[which, here[which], place]
-        explored[which, place] = True
-        entered[which] += 1
-        here[which] = place
+            watch(Step(rows, known, target, place))
+        costs[rows] += episodes.travel.costs[rows, known.here, place]
+        entered[rows] += ~explored[rows, place]
+        unfound[rows] = still_to_find(
+            unfound[rows],
+            np.where(explored[rows, place][:, None], 0, episodes.instances[rows, place]),
+            task=task,
+        )
+        explored[rows, place] = True
+        here[rows] = place
 
 
-def missing(episodes: Episodes, explored: Bools, *, task: Task) -> Ints:
-    """Return what is still to be found, `[E, A]`: instances, or classes as 0 and 1."""
-    unseen = np.where(explored[:, :, None], 0, episodes.instances)
+def still_to_find(before: Ints, found: Ints, *, task: Task) -> Ints:
+    """Return the instances still to be found after some were, all `[E, A]`.
+
+    In `single` one instance of a class is as good as all of them.
+    """
     if task == "all":
-        return np.asarray(unseen.sum(axis=1))
-    return np.asarray(unseen.sum(axis=1) == episodes.instances.sum(axis=1)).astype(np.int64)
+        return before - found
+    return np.where(found > 0, 0, before)
 
 
 def _look(
-    some: Episodes,
-    which: Ints,
+    episodes: Episodes,
+    rows: Ints,
     here: Ints,
     explored: Bools,
     unfound: Ints,
@@ -173,22 +178,23 @@ def _look(
     beliefs: Beliefs | None,
 ) -> Knowledge:
     """Return what the robots of some searches know."""
-    unexplored = some.rooms & ~explored[which]
-    presence = np.zeros(some.instances.shape)
-    share = presence
+    unexplored = episodes.rooms & ~explored[rows]
+    presence = share = np.zeros((*unexplored.shape, episodes.artifacts.shape[1]))
+    open_ = unexplored[:, :, None]
     if planner.source == "truth":
-        presence = (some.instances > 0).astype(float)
+        presence = ((episodes.instances[rows] > 0) & open_).astype(float)
     elif planner.source == "belief" and beliefs is not None:
-        presence, share = beliefs(which, explored[which])
+        presence, share = (np.where(open_, p, 0.0) for p in beliefs(rows, explored[rows]))
     # What is wanted in `all` is every class: a robot does not know when it has found all of one.
-    wanted = unfound[which] > 0 if task == "single" else np.ones(some.artifacts.shape, dtype=bool)
+    wanted = unfound[rows] > 0 if task == "single" else np.ones_like(unfound[rows], dtype=bool)
     return Knowledge(
         task=task,
-        here=here[which],
-        costs=some.travel.costs,
+        here=here[rows],
+        travel=episodes.travel,
+        rows=rows,
         unexplored=unexplored,
         wanted=wanted,
-        presence=np.where(unexplored[:, :, None], presence, 0.0),
-        share=np.where(unexplored[:, :, None], share, 0.0),
-        lots=some.lots,
+        presence=presence,
+        share=share,
+        lots=episodes.lots[rows],
     )

@@ -32,7 +32,7 @@ class ModelBeliefs:
         scene_id: the building.
         mask: that hid objects before the searches began.
         draws: `[E]` number of the mask of each.
-        artifacts: `[E, A]` classes that each looks for, which are withheld.
+        artifacts: `[E, A]` classes that each looks for, rows are withheld.
     """
 
     def __init__(
@@ -64,10 +64,10 @@ class ModelBeliefs:
         self._adjacent = connect(nodes, ("adjacent",), adjacent=adjacent)
         self._remembered: dict[bytes, tuple[Floats, Floats]] = {}
 
-    def __call__(self, which: Ints, explored: Bools) -> tuple[Floats, Floats]:
+    def __call__(self, rows: Ints, explored: Bools) -> tuple[Floats, Floats]:
         """Return presence and share of the artifacts; see `bsg_models.search.Beliefs`."""
         states = np.concatenate(
-            [self._draws[which, None], self._artifacts[which], explored.astype(np.int64)], axis=1
+            [self._draws[rows, None], self._artifacts[rows], explored.astype(np.int64)], axis=1
         )
         distinct, inverse = np.unique(states, axis=0, return_inverse=True)
         keys = [state.tobytes() for state in distinct]
@@ -82,11 +82,11 @@ class ModelBeliefs:
         presence = np.stack([answer[0] for answer in answers])[inverse.ravel()]
         return presence, np.stack([answer[1] for answer in answers])[inverse.ravel()]
 
-    def law(self, which: Ints, explored: Bools) -> HiddenCounts:
+    def law(self, rows: Ints, explored: Bools) -> HiddenCounts:
         """Return the law of the hidden counts of all nodes of some searches, `[M · N, C]`."""
         width = self._artifacts.shape[1]
         states = np.concatenate(
-            [self._draws[which, None], self._artifacts[which], explored.astype(np.int64)], axis=1
+            [self._draws[rows, None], self._artifacts[rows], explored.astype(np.int64)], axis=1
         )
         with torch.no_grad():
             return self._model.predict(self._to_graphs(states, width)).law
@@ -140,9 +140,9 @@ class FixedBeliefs:
     def __init__(self, presence: Floats) -> None:
         self._presence = presence
 
-    def __call__(self, which: Ints, explored: Bools) -> tuple[Floats, Floats]:
+    def __call__(self, rows: Ints, explored: Bools) -> tuple[Floats, Floats]:
         """Return presence and share of the artifacts; see `bsg_models.search.Beliefs`."""
-        return self._presence[which], self._presence[which]
+        return self._presence[rows], self._presence[rows]
 
 
 def _rows(values: np.ndarray[tuple[int, ...], np.dtype[np.generic]]) -> torch.Tensor:

@@ -296,18 +296,22 @@ def draw_searches(
     those that leave a room without any. The start is uniform over the rooms without.
     """
     there = (cells > 0) & rooms[:, None]
-    pool = np.array(sorted(recipe.artifacts), dtype=np.int64)
-    pool = pool[there[:, pool].any(axis=0)]
+    pool = np.zeros(cells.shape[1], dtype=bool)
+    pool[list(recipe.artifacts)] = True
+    pool &= there.any(axis=0)
+    at_first = _not_in_all(pool, rooms, there)
     numbers = world_generator(recipe.seed, scene_id, "searches").random(
         (recipe.episodes, recipe.at_once + 1)
     )
     artifacts = np.zeros((recipe.episodes, recipe.at_once), dtype=np.int64)
     starts = np.zeros(recipe.episodes, dtype=np.int64)
     for e, row in enumerate(numbers):
-        free = rooms
+        free, rest = rooms, at_first
         for a, number in enumerate(row[:-1]):
-            rest = np.setdiff1d(pool, artifacts[e, :a], assume_unique=True)
-            rest = rest[(free[:, None] & ~there[:, rest]).any(axis=0)]
+            if a:
+                pool_left = pool.copy()
+                pool_left[artifacts[e, :a]] = False
+                rest = _not_in_all(pool_left, free, there)
             if not len(rest):
                 return None
             artifacts[e, a] = rest[int(number * len(rest))]
@@ -315,6 +319,11 @@ def draw_searches(
         possible = np.flatnonzero(free)
         starts[e] = possible[int(row[-1] * len(possible))]
     return artifacts, starts
+
+
+def _not_in_all(classes: Bools, rooms: Bools, there: Bools) -> Ints:
+    """Return which of some classes `[C]` one of some rooms `[N]` lacks; `there` is `[N, C]`."""
+    return np.flatnonzero(classes & (rooms[:, None] & ~there).any(axis=0))
 
 
 def ask_run(

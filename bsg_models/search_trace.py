@@ -134,7 +134,7 @@ class _OneSearch:
     def __init__(self, beliefs: Beliefs, number: int) -> None:
         self._beliefs, self._number = beliefs, number
 
-    def __call__(self, which: Ints, explored: Bools) -> tuple[Floats, Floats]:
+    def __call__(self, rows: Ints, explored: Bools) -> tuple[Floats, Floats]:
         return self._beliefs(_one(self._number), explored)
 
 

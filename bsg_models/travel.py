@@ -24,25 +24,26 @@ class Travel:
     costs: Floats
     steps: npt.NDArray[np.int16]
 
-    def first_on_the_way(self, here: Ints, target: Ints, wanted: Bools) -> Ints:
-        """Return the first wanted node on the way, the target at the latest, `[E]`.
+    def first_on_the_way(self, rows: Ints, here: Ints, target: Ints, wanted: Bools) -> Ints:
+        """Return the first wanted node on some ways, the target at the latest, `[M]`.
 
         Args:
-            here: `[E]` where the ways begin; not looked at.
-            target: `[E]` where they end.
-            wanted: `[E, N]`.
+            rows: `[M]` graphs.
+            here: `[M]` where the ways begin; not looked at.
+            target: `[M]` where they end.
+            wanted: `[M, N]`.
         """
-        every = np.arange(len(here))
-        place = self.steps[every, here, target].astype(np.int64)
+        every = np.arange(len(rows))
+        place = self.steps[rows, here, target].astype(np.int64)
         while True:
             going = ~wanted[every, place] & (place != target)
             if not going.any():
                 return place
-            place = np.where(going, self.steps[every, place, target], place)
+            place = np.where(going, self.steps[rows, place, target], place)
 
-    def take(self, which: Ints) -> Travel:
+    def take(self, rows: Ints) -> Travel:
         """Return the travel of some graphs."""
-        return Travel(self.costs[which], self.steps[which])
+        return Travel(self.costs[rows], self.steps[rows])
 
 
 def find_ways(edges: Floats) -> Travel:

@@ -49,8 +49,7 @@ from bsg_models.sage import CECISAGE
 VARIED = DataConfig(fractions=(0.1, 0.9))
 CONNECTED = DataConfig(fractions=(0.1, 0.9), edges=("complete",))
 # Trained for a search, which knows all of some rooms and nothing of its artifact in the others.
-SEARCHING = DataConfig(fractions=(0.1, 0.9), withhold=0.08)
-SEARCHING_CONNECTED = DataConfig(fractions=(0.1, 0.9), withhold=0.08, edges=("complete",))
+SEARCHING = DataConfig(fractions=(0.1, 0.9), withhold=0.08, edges=("complete",))
 TOLD: tuple[Reading, ...] = ("mask", "building", "categories", "withheld")
 COUNTS = TrainingConfig(
     epochs=400,
@@ -81,16 +80,7 @@ ZOO: Mapping[str, RunConfig] = MappingProxyType(
         "deepsets": RunConfig(model=DeepSetsConfig(), data=VARIED, training=COUNTS),
         "room-transformer": RunConfig(model=RoomTransformerConfig(), data=VARIED, training=COUNTS),
         "ensemble": RunConfig(model=EnsembleConfig()),
-        "search-sage": RunConfig(
-            model=SAGEConfig(reads=TOLD), data=SEARCHING_CONNECTED, training=COUNTS
-        ),
-        "search-transformer": RunConfig(
-            model=RoomTransformerConfig(reads=TOLD), data=SEARCHING, training=COUNTS
-        ),
-        "search-ensemble": RunConfig(
-            model=EnsembleConfig(members=("mixture", "search-sage", "search-transformer")),
-            data=DataConfig(withhold=0.08),
-        ),
+        "search-sage": RunConfig(model=SAGEConfig(reads=TOLD), data=SEARCHING, training=COUNTS),
     }
 )
 BASELINES = ("input", "doubled", "train-mean", "gamma-poisson")

@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bsg_models.planners import PLANNERS, Task
-from bsg_models.search import Episodes, Step, missing, search
+from bsg_data.errors import RecipeError
+from bsg_models.planners import PLANNERS, Task, next_room
+from bsg_models.search import Episodes, Step, search, still_to_find
 from bsg_models.search_beliefs import FixedBeliefs
 from bsg_models.travel import find_ways
 from bsg_models.worlds import WorldRecipe, draw_travel
@@ -101,9 +102,9 @@ def test_several_classes_single_needs_one_of_each() -> None:
     instances[0, 4, 1] = 1
     both = replace(row, artifacts=np.array([[5, 6]]), instances=instances)
     assert search(both, PLANNERS["nearest"], task="single").costs[0] == 3.0
-    explored = np.array([[False, True, True, False, False]])
-    assert missing(both, explored, task="single").tolist() == [[0, 1]]
-    assert missing(both, explored, task="all").tolist() == [[1, 1]]
+    before, found = np.array([[2, 1]]), np.array([[1, 0]])
+    assert still_to_find(before, found, task="single").tolist() == [[0, 1]]
+    assert still_to_find(before, found, task="all").tolist() == [[1, 1]]
 
 
 @given(
@@ -150,7 +151,7 @@ def routes(episodes: Episodes, name: str, task: Task, *, sweep: bool = False) ->
     planner = PLANNERS[name]
     search(episodes, planner, task=task, beliefs=beliefs, stop_at=stop, watch=steps.append)
     return [
-        [int(step.entered[step.which == e][0]) for step in steps if e in step.which]
+        [int(step.entered[step.rows == e][0]) for step in steps if e in step.rows]
         for e in range(len(episodes.starts))
     ]
 
@@ -185,3 +186,18 @@ def test_routing_and_lots_ignore_the_belief() -> None:
             for value in (0.1, 0.9)
         ]
         np.testing.assert_array_equal(*costs)
+
+
+def test_the_next_room_of_a_robot_of_its_own() -> None:
+    edges = np.full((6, 6), np.inf)  # rooms 1 – 2 – 3 – 4 in a row, 5 out of reach
+    for a, cost in ((1, 1.0), (2, 1.0), (3, 5.0)):
+        edges[a, a + 1] = edges[a + 1, a] = cost
+    explored = np.array([False, False, True, False, False, False])
+    presence = np.array([0, 0.3, 0.9, 0.4, 0.5, 1.0])
+    for planner, room in (("nearest", 1), ("greedy-belief", 4), ("ratio", 3), ("expected-cost", 1)):
+        found = next_room(edges, here=2, explored=explored, presence=presence, planner=planner)
+        assert found == room
+    explored[:5] = True
+    assert next_room(edges, here=2, explored=explored, presence=presence) is None
+    with pytest.raises(RecipeError, match="oracle"):
+        next_room(edges, here=2, explored=explored, presence=presence, planner="oracle")

@@ -17,7 +17,7 @@ from bsg_models.search_masks import draw_search, view_search
 from bsg_models.training import new_model
 from bsg_models.zoo import ZOO
 
-TOLD = ("gamma-poisson", "naive-bayes", "mixture", "ceci-sage", "search-sage", "search-transformer")
+TOLD = ("gamma-poisson", "naive-bayes", "mixture", "ceci-sage", "search-sage")
 
 
 def test_a_view_by_hand() -> None:

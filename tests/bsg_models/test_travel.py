@@ -51,9 +51,13 @@ def test_the_first_wanted_room_on_the_way_by_hand() -> None:
         edges[0, a, a + 1] = edges[0, a + 1, a] = 1.0
     travel = find_ways(edges)
     wanted = np.array([[False, False, False, True, True]])
-    assert travel.first_on_the_way(np.array([1]), np.array([4]), wanted).tolist() == [3]
+    assert travel.first_on_the_way(
+        np.array([0]), np.array([1]), np.array([4]), wanted
+    ).tolist() == [3]
     wanted[0, 3] = False
-    assert travel.first_on_the_way(np.array([1]), np.array([4]), wanted).tolist() == [4]
+    assert travel.first_on_the_way(
+        np.array([0]), np.array([1]), np.array([4]), wanted
+    ).tolist() == [4]
 
 
 def test_going_straight_takes_no_detour() -> None:

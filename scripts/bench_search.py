@@ -1,0 +1,111 @@
+"""Measure how fast searches are simulated, beside a plain loop over networkx graphs.
+
+    python scripts/bench_search.py                      # of synthetic buildings
+    python scripts/bench_search.py --data hm3d          # of a dataset
+
+Both run the same `nearest` searches in the same worlds and must come to the same costs. Then
+100,000 searches in the first world, drawn and run from the dataset on. `make bench` runs it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from pathlib import Path
+
+import networkx
+import numpy as np
+
+from bsg_data.build import build_dataset
+from bsg_data.sources import HM3DFolder
+from bsg_data.synthetic import write_synthetic
+from bsg_models.graph_dataset import open_dataset
+from bsg_models.planners import PLANNERS
+from bsg_models.search import Episodes, search
+from bsg_models.search_study import Case, StudyRecipe, draw_case, study_search
+from bsg_models.worlds import WorldRecipe
+
+WORLDS = tuple(WorldRecipe(kind=kind) for kind in ("star", "complete-paths", "tree"))
+EPISODES, MANY = 200, 100_000
+BUILDINGS = 30
+
+
+def walk_networkx(episodes: Episodes) -> list[float]:
+    """Run `nearest` searches for one instance, one after another, by Dijkstra on a graph each."""
+    costs = []
+    for e, start in enumerate(episodes.starts.tolist()):
+        ways = episodes.travel
+        graph = networkx.Graph()
+        for a, b in np.argwhere(ways.steps[e] == np.arange(len(episodes.rooms))).tolist():
+            if a < b:
+                graph.add_edge(a, b, weight=ways.costs[e, a, b])
+        holds = set(np.flatnonzero(episodes.instances[e, :, 0]).tolist())
+        left = set(np.flatnonzero(episodes.rooms).tolist()) - {start}
+        here, cost = start, 0.0
+        while not holds & {here}:
+            lengths = networkx.single_source_dijkstra_path_length(graph, here)
+            here = min(left, key=lambda room: (lengths[room], room))
+            cost += lengths[here]
+            left.remove(here)
+        costs.append(cost)
+    return costs
+
+
+def compare(cases: list[Case]) -> tuple[float, float]:
+    """Return searches a second of networkx and of ours, after asserting the same costs."""
+    began = time.perf_counter()
+    plain = [walk_networkx(case.episodes) for case in cases]
+    middle = time.perf_counter()
+    ours = [search(case.episodes, PLANNERS["nearest"], task="single").costs for case in cases]
+    ended = time.perf_counter()
+    np.testing.assert_allclose(np.concatenate(plain), np.concatenate(ours))
+    number = sum(len(case.episodes.starts) for case in cases)
+    return number / (middle - began), number / (ended - middle)
+
+
+def run(dataset: Path) -> None:
+    """Print searches a second in every world, and the time of many searches."""
+    data = open_dataset(dataset)
+    classes = tuple(range(len(data.manifest.class_map.classes)))
+    scenes = list(data.cells)[:BUILDINGS]
+    print(f"{len(scenes)} buildings, {EPISODES} searches each, nearest-first, for one instance\n")
+    print(f"{'world':24s}{'networkx':>12s}{'bsg_models':>12s}  ratio")
+    for world in WORLDS:
+        recipe = StudyRecipe(artifacts=classes, worlds=(world,), episodes=EPISODES)
+        drawn = [
+            draw_case(data.cells[scene], world, recipe, scene_id=scene, measured={})
+            for scene in scenes
+        ]
+        plain, ours = compare([case for case in drawn if isinstance(case, Case)])
+        print(f"{world.name:24s}{plain:10,.0f}/s{ours:10,.0f}/s  {ours / plain:.0f} ×")
+    many = StudyRecipe(
+        artifacts=classes,
+        worlds=WORLDS[:1],
+        tasks=("single",),
+        planners=("nearest",),
+        episodes=-(-MANY // len(data.cells)),
+    )
+    began = time.perf_counter()
+    study = study_search(dataset, dict.fromkeys(data.cells), many)
+    number = sum(len(one.starts) for one in study.searches)
+    seconds = time.perf_counter() - began
+    print(f"\n{number:,} nearest searches, with the drawing of their worlds: {seconds:.1f} s")
+
+
+def main() -> None:
+    """Measure on a dataset, or on synthetic buildings."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--data", type=Path, help="Dataset; synthetic buildings without.")
+    options = parser.parse_args()
+    if options.data is not None:
+        run(options.data)
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        list(write_synthetic(Path(folder, "buildings"), scenes=145, seed=0))
+        build_dataset(HM3DFolder(Path(folder, "buildings")), Path(folder, "dataset"))
+        run(Path(folder, "dataset"))
+
+
+if __name__ == "__main__":
+    main()
