@@ -33,9 +33,11 @@ demo: $(INSTALLED) ## Run the main job end to end on synthetic buildings; result
 	$(BIN)/bsg-train --config ceci-gcn --data $(DEMO)/dataset --out $(DEMO)/ceci-gcn --set training.epochs=300
 	$(BIN)/bsg-train --config ceci-sage --data $(DEMO)/dataset --out $(DEMO)/ceci-sage
 	$(BIN)/bsg-evaluate $(DEMO)/ceci-gcn $(DEMO)/ceci-sage --data $(DEMO)/dataset --out $(DEMO)/evaluation --html $(DEMO)/report.html
+	$(BIN)/bsg-search --run $(DEMO)/ceci-sage --data $(DEMO)/dataset --worlds star,geometry --episodes 50 --trace 0 --out $(DEMO)/search
 	@echo
 	@echo "These buildings are synthetic and few: the figures show that it works, not how well."
 	@echo "Open $(DEMO)/report.html in a browser: what was seen, what is believed, and how good that is."
+	@echo "Open $(DEMO)/search/trace.html for a search, room by room; above is what each planner saves (docs/search.md)."
 	@echo "More figures are in $(DEMO)/evaluation and $(DEMO)/classes.png. The dataset is $(DEMO)/dataset;"
 	@echo "docs/loading.md opens it elsewhere, docs/evaluation.md says what the metrics are."
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,6 +15,8 @@ from click.testing import CliRunner
 from conftest import REPOSITORY, load_script
 
 from bsg_data.schema import SPLITS, TABLES, pairs_schema
+from bsg_models.training import train_run
+from bsg_models.zoo import ZOO
 
 DOCS = REPOSITORY / "docs"
 
@@ -101,6 +104,22 @@ def test_readme_commands_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
         name, *words = shlex.split(line, comments=True)
         result = CliRunner().invoke(COMMANDS[name], words)
         assert result.exit_code == 0, f"{line}: {result.output}"
+
+
+def test_the_example_of_a_robot_that_searches_runs(
+    dataset: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """The very lines of docs/search.md, beside a run and docs/office.json."""
+    monkeypatch.chdir(tmp_path)
+    list(train_run(ZOO["gamma-poisson"], dataset, tmp_path / "run"))
+    shutil.copy(DOCS / "office.json", tmp_path)
+    text = (DOCS / "search.md").read_text("utf-8")
+    (block,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    exec(compile(block, "docs/search.md", "exec"), {"__name__": "searching"})
+    assert capsys.readouterr().out.strip() in ("2", "3")
 
 
 def test_loading_examples_run(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
