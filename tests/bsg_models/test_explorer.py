@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from random_beliefs import HOSTILE, make_belief
 
-from bsg_models.explorer import View, encode_for_script, write_explorer
+from bsg_models.explorer import Moment, View, encode_for_script, write_explorer
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 FLAGS = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"]
@@ -108,3 +108,39 @@ def test_another_building_and_the_plan(page: Any) -> None:
     page.locator("#plan").click()
     assert page.locator("#plan").get_attribute("aria-pressed") == "true"
     assert page.locator("ellipse").count() == 0  # the building stands above the layers alone
+
+
+def test_a_search_is_replayed_room_by_room(browser: Any, tmp_path: Path) -> None:
+    belief = make_belief(7)
+    rooms = len(belief.partial.rooms)
+    truth = np.ceil(belief.expected).astype(int)
+    moments = [
+        Moment(
+            (3,), tuple(range(1, k + 1)), 2.5 * k, k + 1 if k < 3 else None, (2,), "ratio", "star"
+        )
+        for k in range(1, 4)
+    ]
+    assert rooms >= 3
+    views = [View(belief, truth, moment=moment) for moment in moments]
+    write_explorer(views, tmp_path / "page.html")
+    page = browser.new_page(viewport={"width": 1366, "height": 768})
+    faults: list[str] = []
+    page.on("pageerror", lambda error: faults.append(str(error)))
+    page.goto(f"file://{tmp_path}/page.html")
+    assert "Looking for" in page.locator("aside").inner_text()
+    assert "says ratio" in page.locator("aside").inner_text()
+    assert page.locator("circle.robot").count() == 1
+    assert page.locator(".room.holds").count() == 1
+    assert page.locator("table.rooms tr").count() == rooms - 1
+    page.locator("#on").click()
+    assert page.locator("circle.robot").count() == 2
+    page.locator("#step").fill("2")
+    assert page.locator("circle.robot").count() == 3
+    assert "The search is over" in page.locator("aside").inner_text()
+    assert page.locator("#where").inner_text() == "room 2 of 2"
+    page.locator("#back").click()
+    page.locator("#layers").click()
+    assert page.locator("circle.robot").count() == 2
+    page.select_option("#class", "-1")
+    assert faults == []
+    page.close()
