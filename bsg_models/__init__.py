@@ -17,7 +17,7 @@ from bsg_models.explorer import View, write_explorer
 from bsg_models.graph_dataset import MaskedGraphs
 from bsg_models.hydra import read_hydra, read_hydra_belief, write_hydra
 from bsg_models.model import BeliefModel
-from bsg_models.planners import PLANNERS, next_room
+from bsg_models.planners import PLANNERS, Knowledge, next_room
 from bsg_models.predictor import Predictor
 from bsg_models.search_study import StudyRecipe, study_search
 from bsg_models.training import train_run
@@ -30,6 +30,7 @@ __all__ = [
     "BeliefGraph",
     "BeliefModel",
     "Expectation",
+    "Knowledge",
     "MaskedGraphs",
     "Predictor",
     "RunConfig",

@@ -285,7 +285,7 @@ def draw_savings(
         axes.spines[["top", "right"]].set_visible(False)
     for axes in panels[len(savings) :]:
         axes.set_visible(False)
-    figure.supxlabel("cost saved over nearest-first in each building, %", fontsize=8)
+    figure.supxlabel("cost saved beside `nearest` in each building, %", fontsize=8)
     figure.suptitle(title, fontsize=10)
     _save(figure, path)
 

@@ -17,6 +17,7 @@ from bsg_models.search import Outcome
 from bsg_models.search_study import BASELINE, Searches, Study
 from bsg_models.travel import Floats
 
+LEAST_BUILDINGS = 5  # of fewer, a bootstrap says nothing
 _TIE = 1e-9  # costs as near as this are a tie
 
 
@@ -106,15 +107,14 @@ def summarise(study: Study, *, resamples: int = 1000) -> list[Standings]:
 
     Args:
         study: of `study_search`.
-        resamples: of the bootstrap; below 2 for no intervals.
+        resamples: of the bootstrap; below 2 for no intervals, as where buildings are few.
     """
     found = []
     for world in dict.fromkeys(one.world for one in study.searches):
         searches = [one for one in study.searches if one.world == world]
         rng = np.random.Generator(np.random.PCG64(study.recipe.seed))
-        times = rng.multinomial(
-            len(searches), np.full(len(searches), 1 / len(searches)), size=max(resamples, 0)
-        )
+        size = max(resamples, 0) if len(searches) >= LEAST_BUILDINGS else 0
+        times = rng.multinomial(len(searches), np.full(len(searches), 1 / len(searches)), size=size)
         weights = np.vstack([np.ones(len(searches)), times])
         found += [_stand(searches, task, weights) for task in study.recipe.tasks]
     return found

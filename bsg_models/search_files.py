@@ -23,7 +23,7 @@ SEARCHES = pa.schema(
         pa.field("planner", pa.string(), nullable=False),
         pa.field("episode", pa.int32(), nullable=False),
         pa.field("artifacts", pa.list_(pa.string()), nullable=False),
-        pa.field("start", pa.int32(), nullable=False),
+        pa.field("start_room_index", pa.int32(), nullable=False),
         pa.field("draw", pa.int32(), nullable=False),
         pa.field("instances", pa.int32(), nullable=False),
         pa.field("cost", pa.float64(), nullable=False),
@@ -60,15 +60,20 @@ def write_searches(study: Study, classes: tuple[str, ...], path: Path) -> None:
 
 
 def encode_study(
-    study: Study, standings: list[Standings], *, classes: tuple[str, ...], model: str | None
+    study: Study,
+    standings: list[Standings],
+    *,
+    classes: tuple[str, ...],
+    facts: dict[str, Any],
 ) -> dict[str, Any]:
-    """Return a study as JSON: its recipe and its standings; what is not known is null."""
+    """Return a study as JSON: facts, its recipe and its standings; what is not known is null."""
     recipe = study.recipe.model_dump(mode="json")
     recipe["worlds"] = [world.name for world in study.recipe.worlds]
-    recipe["artifacts"] = [classes[c] for c in study.recipe.artifacts]
+    chosen = study.recipe.artifacts
+    recipe["artifacts"] = list(classes) if chosen is None else [classes[c] for c in chosen]
     return {
-        "model": model,
-        "buildings": len(study.scenes),
+        **facts,
+        "scenes": list(study.scenes),
         "recipe": recipe,
         "left_out": study.left_out,
         "standings": [_without_nan(asdict(one)) for one in standings],
@@ -77,5 +82,7 @@ def encode_study(
 
 def _without_nan(value: Any) -> Any:
     if isinstance(value, dict):
+        if value.keys() == {"value", "low", "high"} and np.isnan(value["value"]):
+            return None
         return {key: _without_nan(inner) for key, inner in value.items()}
     return None if isinstance(value, float) and np.isnan(value) else value

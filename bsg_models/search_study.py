@@ -11,7 +11,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal, cast
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
@@ -20,7 +20,7 @@ from bsg_data.errors import DatasetError, MismatchError
 from bsg_data.executors import run_all
 from bsg_data.histograms import Counts
 from bsg_data.recipes import MaskRecipe, Record
-from bsg_data.shards import read_scene_graphs
+from bsg_data.shards import read_scene_graphs, read_table
 from bsg_models.checkpoint import Checkpoint, load_checkpoint, restore_model
 from bsg_models.graph_dataset import Buildings, Part, open_dataset
 from bsg_models.model import BeliefModel
@@ -33,6 +33,7 @@ from bsg_models.travel import Bools, Floats, Ints
 from bsg_models.worlds import (
     DEFAULT_WORLDS,
     MEASURED,
+    METHODS,
     RoomGraph,
     WorldRecipe,
     draw_travel,
@@ -41,6 +42,10 @@ from bsg_models.worlds import (
 )
 
 BASELINE = "nearest"
+_NOT_MEASURED = {
+    "layout": "no room layout says which of their rooms connect",
+    "geometry": "no mesh says which of their rooms connect",
+}
 SWEEP = -1.0  # P(anything left) is never so low: such a search enters every room
 
 
@@ -51,7 +56,8 @@ class StudyRecipe(Record):
         worlds: kinds of room graphs.
         tasks: `single`, `all`.
         planners: of `PLANNERS`; `nearest` is always there, since all is measured by it.
-        artifacts: classes that are searched for; each must be in the world and not in all rooms.
+        artifacts: classes that are searched for, None for every one; a search takes those that some
+            room has and another has not.
         at_once: classes that one search looks for.
         episodes: searches of every building in every world.
         masks: of every building; the searches take turns.
@@ -66,7 +72,7 @@ class StudyRecipe(Record):
     worlds: tuple[WorldRecipe, ...] = DEFAULT_WORLDS
     tasks: tuple[Task, ...] = ("single", "all")
     planners: tuple[str, ...] = tuple(PLANNERS)
-    artifacts: tuple[int, ...]
+    artifacts: tuple[int, ...] | None = None
     at_once: int = Field(default=1, ge=1)
     episodes: int = Field(default=200, ge=1)
     masks: int = Field(default=10, ge=1)
@@ -217,7 +223,7 @@ def measure_dataset(
     dataset: Path, scenes: Collection[str], kinds: Sequence[str]
 ) -> dict[str, dict[str, RoomGraph]]:
     """Return the measured room graphs of some scenes, by kind."""
-    wanted = [cast(Literal["layout", "geometry"], kind) for kind in MEASURED if kind in kinds]
+    wanted = [kind for kind in MEASURED if kind in kinds]
     found: dict[str, dict[str, RoomGraph]] = {kind: {} for kind in wanted}
     if wanted:
         for graph in read_scene_graphs(dataset):
@@ -225,6 +231,12 @@ def measure_dataset(
                 for kind in wanted:
                     found[kind][graph.scene_id] = measure_rooms(graph, kind)
     return found
+
+
+def known_worlds(dataset: Path) -> tuple[WorldRecipe, ...]:
+    """Return the measured worlds of which a dataset has any connection."""
+    methods = set(read_table(dataset, "edges", columns=["method"])["method"].unique().to_pylist())
+    return tuple(WorldRecipe(kind=kind) for kind in MEASURED if methods & set(METHODS[kind]))
 
 
 def search_building(
@@ -268,12 +280,13 @@ def draw_case(
     if world.kind in MEASURED:
         rooms = measured[world.kind].rooms
         if not rooms.any():
-            return f"no {world.kind}: no rooms are known to connect, with a distance"
+            return _NOT_MEASURED[world.kind]
     else:
         rooms = np.arange(nodes) > 0
     drawn = draw_searches(cells, rooms, recipe, scene_id=scene_id)
     if drawn is None:
-        return "no artifact that some room has and another has not"
+        few = f"fewer than {recipe.at_once} artifacts" if recipe.at_once > 1 else "no artifact"
+        return f"{few} that some room has and another has not"
     artifacts, starts = drawn
     if world.kind in MEASURED:
         travel = measured[world.kind].travel(len(starts))
@@ -296,8 +309,8 @@ def draw_searches(
     those that leave a room without any. The start is uniform over the rooms without.
     """
     there = (cells > 0) & rooms[:, None]
-    pool = np.zeros(cells.shape[1], dtype=bool)
-    pool[list(recipe.artifacts)] = True
+    pool = np.full(cells.shape[1], recipe.artifacts is None)
+    pool[list(recipe.artifacts or ())] = True
     pool &= there.any(axis=0)
     at_first = _not_in_all(pool, rooms, there)
     numbers = world_generator(recipe.seed, scene_id, "searches").random(

@@ -97,6 +97,7 @@ def trace_search(
             route=tuple(route),
             cost=cost,
             target=None if step is None else int(step.target[0]),
+            legs=() if step is None else tuple(step.known.distance[0].round(3).tolist()),
             holds=holds,
             planner=request.planner,
             world=request.world.name,

@@ -34,8 +34,8 @@ from bsg_data.scene_graph import SceneGraph
 from bsg_models.travel import Floats, Travel, find_ways, go_straight
 
 WorldKind = Literal["star", "complete", "complete-paths", "tree", "tree-plus", "layout", "geometry"]
-MEASURED = ("layout", "geometry")
-_METHODS = {"layout": ("layout",), "geometry": ("door", "stairs", "boxes")}
+MEASURED: tuple[Literal["layout", "geometry"], ...] = ("layout", "geometry")
+METHODS = {"layout": ("layout",), "geometry": ("door", "stairs", "boxes")}
 _SPELLING = re.compile(r"([a-z-]+?)(?::([0-9.]+)-([0-9.]+))?")
 
 
@@ -68,7 +68,6 @@ DEFAULT_WORLDS = (
     WorldRecipe(kind="star"),
     WorldRecipe(kind="complete", low=5.0),
     WorldRecipe(kind="tree"),
-    WorldRecipe(kind="layout"),
 )
 
 
@@ -121,7 +120,7 @@ def measure_rooms(graph: SceneGraph, kind: Literal["layout", "geometry"]) -> Roo
     nodes = 1 + len(graph.rooms)
     edges = np.full((nodes, nodes), np.inf)
     for edge in graph.adjacency:
-        if edge.method in _METHODS[kind] and edge.distance_m is not None:
+        if edge.method in METHODS[kind] and edge.distance_m is not None:
             edges[edge.source, edge.target] = edges[edge.target, edge.source] = edge.distance_m
     ends = np.argwhere(np.isfinite(edges)).T
     joined = coo_array((np.ones(ends.shape[1]), (ends[0], ends[1])), shape=edges.shape)

@@ -15,11 +15,24 @@ from bsg_data.shards import write_bytes
 from bsg_models.explorer import write_explorer
 from bsg_models.figures import draw_savings
 from bsg_models.graph_dataset import Buildings, open_dataset
-from bsg_models.planners import PLANNERS, Task
+from bsg_models.planners import PLANNERS
 from bsg_models.predictor import Predictor
-from bsg_models.savings import Interval, Saving, Standings, saving_of_buildings, summarise
+from bsg_models.savings import (
+    LEAST_BUILDINGS,
+    Interval,
+    Saving,
+    Standings,
+    saving_of_buildings,
+    summarise,
+)
 from bsg_models.search_files import encode_study, write_searches
-from bsg_models.search_study import Study, StudyRecipe, choose_runs, study_search
+from bsg_models.search_study import (
+    Study,
+    StudyRecipe,
+    choose_runs,
+    known_worlds,
+    study_search,
+)
 from bsg_models.search_trace import TraceRequest, trace_search
 from bsg_models.worlds import DEFAULT_WORLDS, WorldRecipe, parse_world
 
@@ -66,7 +79,7 @@ REPORT, TABLE, FIGURE, TRACE = "search.json", "searches.parquet", "savings.png",
     type=click.Choice(["train", "val", "test", "all"]),
     default="test",
     show_default=True,
-    help="Whose buildings are searched; `all` without a RUN alone.",
+    help="Whose buildings are searched; `all` only without --run.",
 )
 @click.option(
     "--planners",
@@ -74,10 +87,9 @@ REPORT, TABLE, FIGURE, TRACE = "search.json", "searches.parquet", "savings.png",
 )
 @click.option(
     "--worlds",
-    default=",".join(world.name for world in DEFAULT_WORLDS),
-    show_default=True,
     help="Kinds of room graphs, KIND or KIND:LOW-HIGH: star, complete, complete-paths, tree, "
-    "tree-plus with random costs, layout or geometry with distances.",
+    "tree-plus with random costs, layout or geometry with distances.  [default: "
+    f"{','.join(world.name for world in DEFAULT_WORLDS)}, and layout or geometry where known]",
 )
 @click.option(
     "--task",
@@ -144,7 +156,7 @@ REPORT, TABLE, FIGURE, TRACE = "search.json", "searches.parquet", "savings.png",
     "--trace",
     type=click.IntRange(min=0),
     metavar="N",
-    help="Replay search number N, room by room, as the explorer page.",
+    help="Replay search N of the first building, in the first world, room by room, as a page.",
 )
 @click.option("--scene", help="Search this building alone.")
 @click.option(
@@ -162,7 +174,7 @@ def main(
     data: Path,
     split: Literal["train", "val", "test", "all"],
     planners: str | None,
-    worlds: str,
+    worlds: str | None,
     task: Literal["single", "all", "both"],
     artifacts: str,
     at_once: int,
@@ -200,7 +212,7 @@ def main(
     classes = opened.manifest.class_map.classes
     chosen, notes = _choose_buildings(opened, runs, split, scene)
     recipe = StudyRecipe(
-        worlds=tuple(dict.fromkeys(parse_world(part) for part in worlds.split(","))),
+        worlds=_choose_worlds(worlds, data),
         tasks=("single", "all") if task == "both" else (task,),
         planners=_choose_planners(planners, believed=bool(runs)),
         artifacts=_choose_artifacts(artifacts, classes),
@@ -212,32 +224,47 @@ def main(
         truth=truth,
         seed=seed,
     )
+    if trace is not None and trace >= episodes:
+        raise click.UsageError(f"--trace {trace}: a building has {episodes} searches, from 0")
     if not runs and (trace is not None or recipe.stops or truth == "posterior"):
         raise click.UsageError("--trace, --stop and --truth posterior need a --run")
     with worker_pool(workers) as executor, progress_bar("search", unit="building") as progress:
         study = study_search(data, chosen, recipe, executor=executor, progress=progress)
     standings = summarise(study, resamples=resamples)
     model = ", ".join(dict.fromkeys(Predictor(run).name for run in runs)) or None
-    written = {"every search": out / TABLE, "box plot over buildings": out / FIGURE}
+    written = {"every search": out / TABLE}
     write_searches(study, classes, out / TABLE)
-    _draw(study, out / FIGURE, model)
+    if _draw(study, out / FIGURE, model):
+        written["box plot over buildings"] = out / FIGURE
     if trace is not None:
-        written["the search, room by room"] = out / TRACE
-        _write_trace(data, chosen, study, trace, out / TRACE)
-    summary = encode_study(study, standings, classes=classes, model=model)
+        which = _write_trace(data, chosen, study, trace, out / TRACE)
+        written[which] = out / TRACE
+    facts = {
+        "dataset": str(data),
+        "runs": [str(run) for run in runs],
+        "model": model,
+        "split": None if split == "all" else split,
+        "resamples": resamples,
+    }
+    summary = encode_study(study, standings, classes=classes, facts=facts)
     write_bytes(report, (json.dumps(summary, indent=1) + "\n").encode())  # last: it means finished
     for note in [*notes, *_say_left_out(study)]:
         print_note(note)
     if as_json:
         print_json(summary)
         return
-    names = [classes[c] for c in recipe.artifacts]
-    which = f"any of {len(names)} classes" if len(names) > 12 else ", ".join(names)
-    click.echo(f"artifacts: {which}; {recipe.at_once} at once; beliefs of {model or 'nobody'}")
+    names = [classes[c] for c in recipe.artifacts or range(len(classes))]
+    sought = f"any of {len(names)} classes" if len(names) > 12 else ", ".join(names)
+    click.echo(f"artifacts: {sought}; {recipe.at_once} at once; beliefs of {model or 'nobody'}")
     if truth == "posterior":
-        click.echo("artifacts were put where the model believes them: no planner can know better")
+        click.echo(
+            "artifacts were put where the model believes them: its belief is right, and only the "
+            "oracle knows better"
+        )
+    if resamples > 1 and any(one.buildings < LEAST_BUILDINGS for one in standings):
+        print_note(f"intervals are over buildings, and need {LEAST_BUILDINGS} of them")
     for one in standings:
-        click.echo("\n" + format_standings(one, interval=resamples > 1))
+        click.echo("\n" + format_standings(one))
     click.echo(f"\nall of it: {report}; " + "; ".join(f"{k}: {v}" for k, v in written.items()))
 
 
@@ -265,6 +292,12 @@ def _choose_buildings(
     return chosen, notes
 
 
+def _choose_worlds(text: str | None, data: Path) -> tuple[WorldRecipe, ...]:
+    if text is None:
+        return (*DEFAULT_WORLDS, *known_worlds(data))
+    return tuple(dict.fromkeys(parse_world(part) for part in text.split(",")))
+
+
 def _choose_planners(text: str | None, *, believed: bool) -> tuple[str, ...]:
     if text is None:
         return tuple(n for n, p in PLANNERS.items() if believed or p.source != "belief")
@@ -278,9 +311,9 @@ def _choose_planners(text: str | None, *, believed: bool) -> tuple[str, ...]:
     return names
 
 
-def _choose_artifacts(text: str, classes: Sequence[str]) -> tuple[int, ...]:
+def _choose_artifacts(text: str, classes: Sequence[str]) -> tuple[int, ...] | None:
     if text == "every":
-        return tuple(range(len(classes)))
+        return None
     wanted = ROOM_SPECIFIC if text == "room-specific" else [n.strip() for n in text.split(",")]
     unknown = [name for name in wanted if name not in classes]
     if unknown:
@@ -312,10 +345,11 @@ def _say_left_out(study: Study) -> list[str]:
     ]
 
 
-def _draw(study: Study, path: Path, model: str | None) -> None:
+def _draw(study: Study, path: Path, model: str | None) -> bool:
+    """Draw what planners save, if there are any beside `nearest`; say whether."""
     shown = [n for n in dict.fromkeys(("nearest", *study.recipe.planners)) if n != "nearest"]
     if not shown:
-        return
+        return False
     panels = {}
     for world in dict.fromkeys(one.world for one in study.searches):
         searches = [one for one in study.searches if one.world == world]
@@ -325,44 +359,34 @@ def _draw(study: Study, path: Path, model: str | None) -> None:
             }
     title = f"Object search with the beliefs of {model}" if model else "Object search"
     draw_savings(panels, path, title=title, whole="oracle")
+    return True
 
 
 def _write_trace(
     data: Path, chosen: dict[str, Path | None], study: Study, number: int, path: Path
-) -> None:
-    """Replay search `number`, counted through the buildings of the first world."""
-    world = study.searches[0].world
-    searches = [one for one in study.searches if one.world == world]
-    total = sum(len(one.starts) for one in searches)
-    if number >= total:
-        raise DatasetError(f"--trace {number}: there are {total} searches, from 0")
-    for one in searches:
-        if number < len(one.starts):
-            break
-        number -= len(one.starts)
-    run = cast(Path, chosen[one.scene_id])  # --trace needs a --run
-    believing = [n for n in study.recipe.planners if PLANNERS[n].source == "belief"]
-    planner = "expected-cost" if "expected-cost" in believing or not believing else believing[0]
-    task: Task = study.recipe.tasks[0]
-    recipe: WorldRecipe = next(w for w in study.recipe.worlds if w.name == world)
-    request = TraceRequest(one.scene_id, number, recipe, task, planner)
+) -> str:
+    """Replay search `number` of the first building and world of a study; say which that is."""
+    first = study.searches[0]
+    world = next(one for one in study.recipe.worlds if one.name == first.world)
+    names = [name for name in study.recipe.planners if PLANNERS[name].source == "belief"]
+    planner = "expected-cost" if "expected-cost" in names else (names or study.recipe.planners)[0]
+    request = TraceRequest(first.scene_id, number, world, study.recipe.tasks[0], planner)
+    run = cast(Path, chosen[first.scene_id])  # --trace needs a --run
     write_explorer(trace_search(data, run, study.recipe, request), path)
+    return f"search {number} of {first.scene_id} in {world.name}, {request.task}, by {planner}"
 
 
-def format_standings(one: Standings, *, interval: bool) -> str:
+def format_standings(one: Standings) -> str:
     """Return the standings of a world and task as text."""
-    lines = [
-        f"{one.world}, {one.task}: {one.searches:,} searches of {one.buildings} buildings"
-        + (
-            ""
-            if math.isnan(one.ranked_first)
-            else f"; the likeliest room holds one in {one.ranked_first:.0%}, a random one in "
+    line = f"{one.world}, {one.task}: {one.searches:,} searches of {one.buildings} buildings"
+    if not math.isnan(one.ranked_first):
+        line += (
+            f"; the likeliest room holds one in {one.ranked_first:.0%}, a random one in "
             f"{one.chance:.0%}"
         )
-    ]
     header = (
         "planner",
-        "saved",
+        "saved, %",
         "beyond routing",
         "of the oracle's",
         "mean",
@@ -373,31 +397,31 @@ def format_standings(one: Standings, *, interval: bool) -> str:
         "cost",
         "rooms",
     )
-    rows = [_row(name, saving, interval=interval) for name, saving in one.savings.items()]
-    lines.append(format_table(rows, header=header))
+    rows = [_row(name, saving) for name, saving in one.savings.items()]
+    lines = [line, format_table(rows, header=header)]
     if one.stops:
-        lines.append("the robot itself stops, beside entering every room, nearest first:")
+        lines.append("expected-cost stops by itself, beside entering every room, nearest first:")
         stop_rows = [
             (
                 f"at {name}",
-                _percent(stop.saved, interval=interval),
-                _percent(stop.missed, interval=interval),
-                _percent(stop.incomplete, interval=interval),
+                _percent(stop.saved),
+                _percent(stop.missed),
+                _percent(stop.incomplete),
                 f"{stop.entered:.1f}",
             )
             for name, stop in one.stops.items()
         ]
-        names = ("stops", "saved", "instances missed", "searches that miss any", "rooms")
+        names = ("anything left", "saved, %", "instances missed", "searches that miss any", "rooms")
         lines.append(format_table(stop_rows, header=names))
     return "\n".join(lines)
 
 
-def _row(name: str, saving: Saving, *, interval: bool) -> tuple[object, ...]:
+def _row(name: str, saving: Saving) -> tuple[object, ...]:
     return (
         name,
-        _percent(saving.saved, interval=interval),
-        _percent(saving.beyond_routing, interval=interval),
-        _percent(saving.of_oracle, interval=interval),
+        _percent(saving.saved),
+        _percent(saving.beyond_routing, interval=False),
+        _percent(saving.of_oracle, interval=False),
         f"{100 * saving.mean:.1f}",
         f"{100 * saving.median:.1f}",
         saving.wins,
@@ -408,7 +432,7 @@ def _row(name: str, saving: Saving, *, interval: bool) -> tuple[object, ...]:
     )
 
 
-def _percent(value: Interval, *, interval: bool) -> str:
+def _percent(value: Interval, *, interval: bool = True) -> str:
     if math.isnan(value.value):
         return "-"
     text = f"{100 * value.value:.1f}"

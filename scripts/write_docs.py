@@ -50,7 +50,8 @@ def _generate(kind: str, name: str) -> str:
 
 def _describe(name: str) -> str:
     family = type(ZOO[name].model)
-    return f"| `{name}` | {(family.__doc__ or '').strip().splitlines()[0]} |"
+    trained = " Trained on masks of a search." if ZOO[name].data.withhold else ""
+    return f"| `{name}` | {(family.__doc__ or '').strip().splitlines()[0]}{trained} |"
 
 
 def _help(words: list[str]) -> str:

@@ -116,7 +116,14 @@ def test_a_search_is_replayed_room_by_room(browser: Any, tmp_path: Path) -> None
     truth = np.ceil(belief.expected).astype(int)
     moments = [
         Moment(
-            (3,), tuple(range(1, k + 1)), 2.5 * k, k + 1 if k < 3 else None, (2,), "ratio", "star"
+            artifacts=(3, 35),
+            route=tuple(range(1, k + 1)),
+            cost=2.5 * k,
+            target=k + 1 if k < 3 else None,
+            legs=(9.0, 1.0, 2.5, 4.0, 3.5) if k < 3 else (),
+            holds=(2,),
+            planner="ratio",
+            world="star:1-10",
         )
         for k in range(1, 4)
     ]
@@ -132,12 +139,15 @@ def test_a_search_is_replayed_room_by_room(browser: Any, tmp_path: Path) -> None
     assert page.locator("circle.robot").count() == 1
     assert page.locator(".room.holds").count() == 1
     assert page.locator("table.rooms tr").count() == rooms - 1
+    assert page.locator("table.rooms tr.picked").inner_text().endswith("2.5")
+    assert "costs are drawn" in page.locator("aside").inner_text()
+    assert "any of " in page.locator(".legend").inner_text()
     page.locator("#on").click()
     assert page.locator("circle.robot").count() == 2
     page.locator("#step").fill("2")
     assert page.locator("circle.robot").count() == 3
     assert "The search is over" in page.locator("aside").inner_text()
-    assert page.locator("#where").inner_text() == "room 2 of 2"
+    assert page.locator("#where").inner_text() == "step 2 of 2"
     page.locator("#back").click()
     page.locator("#layers").click()
     assert page.locator("circle.robot").count() == 2

@@ -80,7 +80,7 @@ def test_artifacts_and_starts_are_possible(dataset: Path) -> None:
 
 def test_a_room_that_alone_holds_an_artifact_leaves_nothing_to_search() -> None:
     cells = np.array([[3, 0], [1, 0], [2, 0]])  # every room has the only class that is there
-    recipe = StudyRecipe(artifacts=(0, 1))
+    recipe = StudyRecipe(artifacts=(0, 1), at_once=1)
     assert draw_searches(cells, np.arange(3) > 0, recipe, scene_id="s") is None
 
 
@@ -151,11 +151,16 @@ def by_hand(scene: str, nearest: list[float], ours: list[float]) -> Searches:
 
 def test_savings_by_hand() -> None:
     searches = (by_hand("a", [4.0, 6.0], [2.0, 6.0]), by_hand("b", [10.0], [15.0]))
-    recipe = StudyRecipe(artifacts=(0,), tasks=("single",))
+    recipe = StudyRecipe(tasks=("single",))
     (one,) = summarise(Study(recipe, ("a", "b"), searches, {}), resamples=500)
     ratio = one.savings["ratio"]
     assert ratio.saved.value == pytest.approx(1 - 23 / 20)
-    assert (ratio.saved.low, ratio.saved.high) == pytest.approx((-0.5, 0.2))
+    assert np.isnan(ratio.saved.low)  # of two buildings there is no interval
+    (many,) = summarise(Study(recipe, (), searches * 3, {}), resamples=2000)
+    low, high = many.savings["ratio"].saved.low, many.savings["ratio"].saved.high
+    assert many.savings["ratio"].saved.value == ratio.saved.value
+    assert low == pytest.approx(1 - (8 + 5 * 15) / (10 + 5 * 10))  # five of six are b
+    assert high == pytest.approx(1 - (5 * 8 + 15) / (5 * 10 + 10))
     assert ratio.mean == pytest.approx((0.5 + 0.0 - 0.5) / 3)
     assert ratio.median == 0.0
     assert (ratio.wins, ratio.ties, ratio.losses) == (1, 1, 1)
@@ -194,10 +199,14 @@ def test_files_of_a_study(dataset: Path, run: Path, tmp_path: Path) -> None:
     sums = table[(table.world == "tree:1-10") & (table.task == "all")].groupby("planner").cost.sum()
     assert 1 - sums["ratio"] / sums["nearest"] == pytest.approx(one.savings["ratio"].saved.value)
     text = json.dumps(
-        encode_study(study, summarise(study, resamples=0), classes=classes, model="m"),
+        encode_study(study, summarise(study, resamples=0), classes=classes, facts={"model": "m"}),
         allow_nan=False,
     )
-    assert json.loads(text)["recipe"]["worlds"] == ["star:1-10", "tree:1-10"]
+    report = json.loads(text)
+    assert report["recipe"]["worlds"] == ["star:1-10", "tree:1-10"]
+    assert report["recipe"]["artifacts"][35] == "stove"
+    assert report["scenes"] == list(study.scenes)
+    assert report["standings"][0]["savings"]["ratio"]["beyond_routing"] is None
 
 
 def test_runs_are_asked_about_the_buildings_that_they_do_not_know(dataset: Path, run: Path) -> None:

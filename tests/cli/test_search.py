@@ -29,6 +29,7 @@ def test_a_study_with_everything(dataset: Path, run: Path) -> None:
     few = ("--episodes", 6, "--workers", 1, "--resamples", 20, "--worlds", "star,tree:2-3")
     result = run_command("--run", run, "--data", dataset, *few, "--stop", "0.1", "--trace", 1)
     assert result.exit_code == 0, result.stderr
+    assert "need 5 of them" in result.stderr  # intervals, of one building
     for word in ("star:1-10, single", "tree:2-3, all", "expected-cost", "beyond routing", "at 0.1"):
         assert word in result.stdout
     out = run / "search"
@@ -67,8 +68,8 @@ def test_without_a_run_planners_have_no_belief(dataset: Path, tmp_path: Path) ->
         (("--stop", "0.1", "--task", "single"), 2, "task all"),
         (("--split", "all"), 2, "trained on"),
         (("--scene", "nowhere"), 1, "none of its test buildings"),
-        (("--trace", "100000", "--episodes", "1", "--worlds", "star"), 1, "searches, from 0"),
-        (("--at-once", "40", "--episodes", "1", "--worlds", "star"), 1, "nothing can be searched"),
+        (("--trace", "1", "--episodes", "1", "--worlds", "star"), 2, "has 1 searches, from 0"),
+        (("--at-once", "40", "--episodes", "1", "--worlds", "star"), 1, "fewer than 40 artifacts"),
     ],
 )
 def test_wrong_use_is_said(
