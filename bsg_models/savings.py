@@ -18,7 +18,7 @@ from bsg_models.search_study import BASELINE, Searches, Study
 from bsg_models.travel import Floats
 
 LEAST_BUILDINGS = 5  # of fewer, a bootstrap says nothing
-_TIE = 1e-9  # costs as near as this are a tie
+_TIE = 1e-9  # costs that differ by less than this share are a tie
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,9 +141,9 @@ def _stand(searches: Sequence[Searches], task: Task, weights: Floats) -> Standin
             of_oracle=interval(_divide(saved[name], saved.get("oracle", unknown))),
             mean=float(each.mean()),
             median=float(np.median(each)),
-            wins=int((off < -_TIE).sum()),
-            ties=int((np.abs(off) <= _TIE).sum()),
-            losses=int((off > _TIE).sum()),
+            wins=int((off < -_TIE * base).sum()),
+            ties=int((np.abs(off) <= _TIE * base).sum()),
+            losses=int((off > _TIE * base).sum()),
             cost=float(costs[name].mean()),
             entered=_mean_entered(searches, task, name),
         )
@@ -169,7 +169,7 @@ def saving_of_buildings(searches: Sequence[Searches], task: Task, name: str) -> 
         [one.outcomes[task, which].costs.sum() for which in (name, BASELINE)] for one in searches
     ]
     ours, base = np.array(sums).T
-    return np.asarray(1 - ours / base)
+    return np.asarray(1 - np.divide(ours, base, out=np.ones_like(base), where=base > 0))
 
 
 def _saved(

@@ -10,11 +10,11 @@ import numpy as np
 import torch
 from torch_geometric.data import Data
 
+from bsg_data.errors import BSGError
 from bsg_data.histograms import Counts
 from bsg_data.masks import draw_hidden
 from bsg_data.recipes import MaskRecipe
 from bsg_models.graph_dataset import Buildings, EdgeSet, connect, see_others
-from bsg_models.hidden_counts import HiddenCounts
 from bsg_models.model import BeliefModel
 from bsg_models.search_masks import view_search
 from bsg_models.travel import Bools, Floats, Ints
@@ -46,7 +46,7 @@ class ModelBeliefs:
         draws: Ints,
         artifacts: Ints,
     ) -> None:
-        self._model, self._mask = model, mask
+        self._model, self._mask, self._scene_id = model, mask, scene_id
         self._draws, self._artifacts = draws, artifacts
         self._cells = data.cells[scene_id]
         nodes = len(self._cells)
@@ -82,15 +82,6 @@ class ModelBeliefs:
         presence = np.stack([answer[0] for answer in answers])[inverse.ravel()]
         return presence, np.stack([answer[1] for answer in answers])[inverse.ravel()]
 
-    def law(self, rows: Ints, explored: Bools) -> HiddenCounts:
-        """Return the law of the hidden counts of all nodes of some searches, `[M · N, C]`."""
-        width = self._artifacts.shape[1]
-        states = np.concatenate(
-            [self._draws[rows, None], self._artifacts[rows], explored.astype(np.int64)], axis=1
-        )
-        with torch.no_grad():
-            return self._model.predict(self._to_graphs(states, width)).law
-
     def _ask(self, states: Counts) -> tuple[Floats, Floats]:
         """Return presence and share of the artifacts in states `[S, 1 + A + N]`, `[S, N, A]`."""
         width = self._artifacts.shape[1]
@@ -100,6 +91,8 @@ class ModelBeliefs:
         columns = np.repeat(states[:, 1 : 1 + width], len(self._cells), axis=0)
         presence = found.law.take_classes(columns).presence
         share = np.take_along_axis(found.distribution, columns, axis=1)
+        if not np.isfinite(presence).all():
+            raise BSGError(f"{self._scene_id}: the model's beliefs are no numbers; train it again")
         return presence.reshape(shape), share.reshape(shape)
 
     def _to_graphs(self, states: Counts, width: int) -> Data:
@@ -135,14 +128,15 @@ class ModelBeliefs:
 
 
 class FixedBeliefs:
-    """Beliefs that no exploration changes: `presence` `[E, N, A]`, the share in proportion."""
+    """Beliefs that no exploration changes: presence, and share if it differs, `[E, N, A]`."""
 
-    def __init__(self, presence: Floats) -> None:
+    def __init__(self, presence: Floats, share: Floats | None = None) -> None:
         self._presence = presence
+        self._share = presence if share is None else share
 
     def __call__(self, rows: Ints, explored: Bools) -> tuple[Floats, Floats]:
         """Return presence and share of the artifacts; see `bsg_models.search.Beliefs`."""
-        return self._presence[rows], self._presence[rows]
+        return self._presence[rows], self._share[rows]
 
 
 def _rows(values: np.ndarray[tuple[int, ...], np.dtype[np.generic]]) -> torch.Tensor:

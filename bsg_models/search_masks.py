@@ -53,7 +53,7 @@ def view_search(
     rooms = searched.shape[1] - 1
     share = np.where(searched, 0.0, fraction)
     share[:, 0] = fraction * (1 - searched[:, 1:].sum(axis=1) / rooms if rooms else 1.0)
-    hides[:, 0] &= (share[:, :1] > 0).repeat(hides.shape[2], axis=1)
+    hides[:, 0] &= (share[:, 0] > 0)[:, None]
     return SearchView(to_histograms(seen), share, hides)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Literal
@@ -76,7 +76,7 @@ class StudyRecipe(Record):
     at_once: int = Field(default=1, ge=1)
     episodes: int = Field(default=200, ge=1)
     masks: int = Field(default=10, ge=1)
-    fraction: float = Field(default=0.5, ge=0, le=1)
+    fraction: float = Field(default=0.5, gt=0, le=1)
     stops: tuple[float, ...] = ()
     truth: Literal["real", "posterior"] = "real"
     seed: int = Field(default=0, ge=0)
@@ -195,7 +195,7 @@ def choose_runs(
     """
     data = open_dataset(dataset)
     chosen: dict[str, Path | None] = {}
-    notes = []
+    notes, families = [], set()
     for run in runs:
         header = load_checkpoint(checkpoint_of(run)).header
         if header.class_map != data.manifest.class_map:
@@ -203,6 +203,7 @@ def choose_runs(
                 f"{run}: predicts classes of {header.class_map.version}, the dataset has those of "
                 f"{data.manifest.class_map.version}"
             )
+        families.add(header.config.model.family)
         fold = header.config.data.fold if "fold-0" in data.splits else None
         scenes = data.scenes_of(part, fold=fold)
         taken = sorted(set(scenes) & set(chosen))
@@ -211,6 +212,8 @@ def choose_runs(
         if header.dataset_sha256 != data.sha256:
             notes.append(f"{run}: was trained on another dataset; it may know these buildings")
         chosen.update(dict.fromkeys(scenes, run))
+    if len(families) > 1:
+        notes.append(f"the runs are of different models: {', '.join(sorted(families))}")
     return chosen, notes
 
 
@@ -305,38 +308,33 @@ def draw_searches(
 ) -> tuple[Ints, Ints] | None:
     """Draw artifacts `[E, A]` and starts `[E]`, or nothing if no search is possible.
 
-    Artifacts are uniform over the classes that some room has and another has not; further ones over
-    those that leave a room without any. The start is uniform over the rooms without.
+    The first artifact is uniform over the classes that some room has and another has not, the start
+    over the rooms without it, further artifacts over the classes that the start has not, either.
     """
-    there = (cells > 0) & rooms[:, None]
     pool = np.full(cells.shape[1], recipe.artifacts is None)
     pool[list(recipe.artifacts or ())] = True
-    pool &= there.any(axis=0)
-    at_first = _not_in_all(pool, rooms, there)
+    there = (cells > 0) & rooms[:, None]
+    sought = pool & there.any(axis=0)
+    lacking = sought & ~there  # [N, C] what a search that starts in a room may look for
+    lacking &= rooms[:, None] & (lacking.sum(axis=1) >= recipe.at_once)[:, None]
+    first = np.flatnonzero(lacking.any(axis=0))
+    if not len(first):
+        return None
     numbers = world_generator(recipe.seed, scene_id, "searches").random(
         (recipe.episodes, recipe.at_once + 1)
     )
     artifacts = np.zeros((recipe.episodes, recipe.at_once), dtype=np.int64)
+    artifacts[:, 0] = first[(numbers[:, 0] * len(first)).astype(int)]
     starts = np.zeros(recipe.episodes, dtype=np.int64)
     for e, row in enumerate(numbers):
-        free, rest = rooms, at_first
-        for a, number in enumerate(row[:-1]):
-            if a:
-                pool_left = pool.copy()
-                pool_left[artifacts[e, :a]] = False
-                rest = _not_in_all(pool_left, free, there)
-            if not len(rest):
-                return None
-            artifacts[e, a] = rest[int(number * len(rest))]
-            free = free & ~there[:, artifacts[e, a]]
-        possible = np.flatnonzero(free)
+        possible = np.flatnonzero(lacking[:, artifacts[e, 0]])
         starts[e] = possible[int(row[-1] * len(possible))]
+        for a in range(1, recipe.at_once):
+            rest = lacking[starts[e]].copy()
+            rest[artifacts[e, :a]] = False
+            classes = np.flatnonzero(rest)
+            artifacts[e, a] = classes[int(row[a] * len(classes))]
     return artifacts, starts
-
-
-def _not_in_all(classes: Bools, rooms: Bools, there: Bools) -> Ints:
-    """Return which of some classes `[C]` one of some rooms `[N]` lacks; `there` is `[N, C]`."""
-    return np.flatnonzero(classes & (rooms[:, None] & ~there).any(axis=0))
 
 
 def ask_run(
@@ -378,20 +376,13 @@ def compare_planners(
     at_first[every, episodes.starts] = True
     open_ = episodes.rooms & ~at_first
     if beliefs is not None:
-        first, _ = beliefs(every, at_first)
+        first, share = beliefs(every, at_first)
         presence = np.where(open_[:, :, None], first, 0.0)
         if recipe.truth == "posterior":
             rng = world_generator(recipe.seed, scene_id, "posterior")
             there = draw_presence(presence, open_, rng)
-            episodes = Episodes(
-                episodes.travel,
-                episodes.rooms,
-                episodes.starts,
-                episodes.artifacts,
-                there.astype(np.int64),
-                episodes.lots,
-            )
-            beliefs = FixedBeliefs(presence)
+            episodes = replace(episodes, instances=there.astype(np.int64))
+            beliefs = FixedBeliefs(presence, share)
         likeliest = np.where(open_, 1 - (1 - presence).prod(axis=2), -1.0).argmax(axis=1)
         ranked_first = (episodes.instances[every, likeliest].sum(axis=1) > 0).astype(float)
     holds = (episodes.instances.sum(axis=2) > 0) & open_
@@ -435,10 +426,10 @@ def draw_presence(presence: Floats, rooms: Bools, rng: np.random.Generator) -> B
     # P(none from room n on), from the last room to the first: given that one is left, the first
     # room has it with probability p / (1 − P(none)).
     none = np.cumprod((1 - likely)[:, ::-1], axis=1)[:, ::-1]
-    drawn = np.zeros(likely.shape, dtype=bool)
+    drawn, level = np.zeros(likely.shape, dtype=bool), rng.random(likely.shape)
     waiting = np.ones((len(likely), likely.shape[2]), dtype=bool)
     for n in range(likely.shape[1]):
         given = np.where(waiting, likely[:, n] / np.maximum(1 - none[:, n], 1e-300), likely[:, n])
-        drawn[:, n] = rng.random(given.shape) < given
+        drawn[:, n] = level[:, n] < given
         waiting &= ~drawn[:, n]
     return drawn & rooms[:, :, None]

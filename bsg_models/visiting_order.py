@@ -54,13 +54,32 @@ def choose_rooms(
         single: whether one instance of each class is enough.
         exact: most rooms that are ordered exactly.
         kicks: times that a good order is disturbed and improved anew.
+
+    Raises:
+        ValueError: if a presence is not finite.
     """
+    if not np.isfinite(presence).all():
+        raise ValueError("presence must be finite")  # compiled code would read beside its arrays
     miss = 1.0 - np.clip(presence, LEAST, 1.0)
     miss = np.where(wanted[:, None, :], miss, 1.0)
     if not single:
         miss = miss.prod(axis=2, keepdims=True)
         wanted = np.asarray(wanted.any(axis=1, keepdims=True))
     return np.asarray(_choose(costs, here, rooms, miss, wanted, single, exact, kicks))
+
+
+def choose_cover(costs: Floats, here: Ints, holds: Bools, *, wanted: Bools) -> Ints:
+    """Return the first room of the cheapest way that passes an instance of each class, `[E]`.
+
+    Exact, whatever the number of rooms: dynamic programming over the sets of classes found.
+
+    Args:
+        costs: `[E, N, N]` of the cheapest ways.
+        here: `[E]` node of the robot.
+        holds: `[E, N, A]` rooms that hold an instance.
+        wanted: `[E, A]` classes still to be found.
+    """
+    return np.asarray(_choose_cover(costs, here, holds & wanted[:, None], wanted))
 
 
 def order_rooms(
@@ -100,6 +119,38 @@ def _choose(costs, here, rooms, miss, wanted, single, exact, kicks):  # type: ig
                 part[i, a] = miss[e, which[i], classes[a]]
         order = _order(costs[e], here[e], which, part, single, exact, kicks)
         found[e] = which[order[0]]
+    return found
+
+
+@njit(cache=True)
+def _choose_cover(costs, here, holds, wanted):  # type: ignore[no-untyped-def]
+    found = np.full(len(here), -1)
+    for e in range(len(here)):
+        classes = np.flatnonzero(wanted[e])
+        nodes, sets = holds.shape[1], 1 << len(classes)
+        finds = np.zeros(nodes, dtype=np.int64)  # the set of classes that a room holds
+        for n in range(nodes):
+            for i in range(len(classes)):
+                if holds[e, n, classes[i]]:
+                    finds[n] |= 1 << i
+        cost = np.full((sets, nodes), np.inf)  # of having found a set, and being in a room
+        first = np.full((sets, nodes), -1)
+        for n in range(nodes):
+            if finds[n]:
+                cost[finds[n], n], first[finds[n], n] = costs[e, here[e], n], n
+        for s in range(1, sets):  # a leg that finds something leads to a larger set
+            for n in range(nodes):
+                if cost[s, n] == np.inf:
+                    continue
+                for m in range(nodes):
+                    after = s | finds[m]
+                    if after != s and cost[s, n] + costs[e, n, m] < cost[after, m]:
+                        cost[after, m] = cost[s, n] + costs[e, n, m]
+                        first[after, m] = first[s, n]
+        best = np.inf
+        for n in range(nodes):
+            if cost[sets - 1, n] < best:
+                best, found[e] = cost[sets - 1, n], first[sets - 1, n]
     return found
 
 

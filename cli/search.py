@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal, cast
@@ -36,7 +37,6 @@ from bsg_models.search_study import (
 from bsg_models.search_trace import TraceRequest, trace_search
 from bsg_models.worlds import DEFAULT_WORLDS, WorldRecipe, parse_world
 
-from .data import FRACTION
 from .terminal import (
     Command,
     force_option,
@@ -127,7 +127,7 @@ REPORT, TABLE, FIGURE, TRACE = "search.json", "searches.parquet", "savings.png",
 )
 @click.option(
     "--fraction",
-    type=FRACTION,
+    type=click.FloatRange(min=0, min_open=True, max=1),
     default=0.5,
     show_default=True,
     help="Share of the objects that a mask hides; the artifact is hidden wholly.",
@@ -208,6 +208,7 @@ def main(
         raise DatasetError(
             f"{report}: is there already; --force replaces it, --out puts it elsewhere"
         )
+    _make_folder(out)
     opened = open_dataset(data)
     classes = opened.manifest.class_map.classes
     chosen, notes = _choose_buildings(opened, runs, split, scene)
@@ -226,6 +227,8 @@ def main(
     )
     if trace is not None and trace >= episodes:
         raise click.UsageError(f"--trace {trace}: a building has {episodes} searches, from 0")
+    if trace is not None and truth == "posterior":
+        raise click.UsageError("--trace replays searches for what is really there")
     if not runs and (trace is not None or recipe.stops or truth == "posterior"):
         raise click.UsageError("--trace, --stop and --truth posterior need a --run")
     with worker_pool(workers) as executor, progress_bar("search", unit="building") as progress:
@@ -279,9 +282,20 @@ def _choose_buildings(
     notes: list[str] = []
     if runs and split == "all":
         raise click.UsageError("--split all would search buildings that the RUN was trained on")
+    folds = "fold-0" in opened.splits
     if runs and split != "all":
         chosen, notes = choose_runs(opened.path, runs, part=split)
-    elif split == "all" or "fold-0" in opened.splits:
+        if split == "train":
+            notes.append(
+                "these buildings trained the runs: what is saved here is not what to expect"
+            )
+        if folds and len(chosen) < len(opened.cells) and split == "test":
+            notes.append(
+                f"{len(chosen)} of {len(opened.cells)} buildings: give a --run for every fold"
+            )
+    elif folds and split not in ("all", "test"):
+        raise click.UsageError(f"--split {split} of a dataset of folds needs a --run")
+    elif split == "all" or folds:
         chosen = dict.fromkeys(opened.cells)
     else:
         chosen = dict.fromkeys(opened.scenes_of(split))
@@ -290,6 +304,16 @@ def _choose_buildings(
             raise DatasetError(f"{opened.path}: {scene!r} is none of its {split} buildings")
         chosen = {scene: chosen[scene]}
     return chosen, notes
+
+
+def _make_folder(out: Path) -> None:
+    """Make the folder of the results before anything is searched."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=out):
+            pass
+    except OSError as error:
+        raise DatasetError(f"{out}: cannot be written to ({error.strerror})") from error
 
 
 def _choose_worlds(text: str | None, data: Path) -> tuple[WorldRecipe, ...]:

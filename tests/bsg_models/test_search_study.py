@@ -78,6 +78,19 @@ def test_artifacts_and_starts_are_possible(dataset: Path) -> None:
                 assert cells[1:, classes].any(axis=0).all()
 
 
+def test_searches_for_several_classes_do_not_depend_on_their_number(dataset: Path) -> None:
+    for scene, cells in read_cells(dataset).items():
+        rooms = np.arange(len(cells)) > 0
+        few, many = (
+            draw_searches(cells, rooms, StudyRecipe(episodes=e, at_once=4), scene_id=scene)
+            for e in (2, 300)
+        )
+        assert (few is None) == (many is None)
+        if few is not None and many is not None:
+            np.testing.assert_array_equal(few[0], many[0][:2])
+            np.testing.assert_array_equal(few[1], many[1][:2])
+
+
 def test_a_room_that_alone_holds_an_artifact_leaves_nothing_to_search() -> None:
     cells = np.array([[3, 0], [1, 0], [2, 0]])  # every room has the only class that is there
     recipe = StudyRecipe(artifacts=(0, 1), at_once=1)
@@ -113,6 +126,12 @@ def test_the_posterior_is_drawn_given_that_one_is_somewhere() -> None:
     assert drawn.any(axis=1).all()
     somewhere = 1 - 0.7 * 0.5 * 0.9
     np.testing.assert_allclose(drawn.mean(axis=0), presence / somewhere, atol=0.01)
+    few = draw_presence(
+        np.broadcast_to(presence[None, :, None], (3, 4, 1)),
+        np.broadcast_to(rooms, (3, 4)),
+        np.random.default_rng(0),
+    )
+    np.testing.assert_array_equal(few[:, :, 0], drawn[:3])
     both = (drawn[:, 1] & drawn[:, 2]).mean()
     assert both == pytest.approx(0.3 * 0.5 / somewhere, abs=0.01)
 

@@ -63,6 +63,8 @@ def test_without_a_run_planners_have_no_belief(dataset: Path, tmp_path: Path) ->
         (("--worlds", "layout:1-2"), 2, "metres"),
         (("--planners", "nearest,fast"), 2, "'fast' is none of"),
         (("--artifacts", "stove,spaceship"), 2, "'spaceship' is no class"),
+        (("--truth", "posterior", "--trace", "0"), 2, "really there"),
+        (("--fraction", "0"), 2, "--fraction"),
         (("--stop", "2"), 2, "between 0 and 1"),
         (("--stop", "x"), 2, "no numbers"),
         (("--stop", "0.1", "--task", "single"), 2, "task all"),
@@ -90,6 +92,15 @@ def test_runs_that_cannot_be_asked(dataset: Path, run: Path, tmp_path: Path) -> 
     manifest.write_text(manifest.read_text("utf-8").replace("hm3d45-v1", "hm3d45-v9"), "utf-8")
     other = run_command("--run", run, "--data", copy, "--workers", 1)
     assert other.exit_code == 1
+
+
+def test_a_folder_that_cannot_be_written_is_said_before_the_search(
+    dataset: Path, run: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("")
+    result = run_command("--run", run, "--data", dataset, "--out", tmp_path / "file")
+    assert result.exit_code == 1
+    assert "cannot be written to" in result.stderr
 
 
 def test_the_room_specific_classes_are_classes() -> None:
