@@ -19,7 +19,8 @@ from bsg_models.hydra import read_hydra, read_hydra_belief, write_hydra
 from bsg_models.model import BeliefModel
 from bsg_models.planners import PLANNERS, Knowledge, next_room
 from bsg_models.predictor import Predictor
-from bsg_models.search_study import StudyRecipe, study_search
+from bsg_models.search_cases import StudyRecipe
+from bsg_models.search_study import study_search
 from bsg_models.training import train_run
 from bsg_models.zoo import BASELINES, ZOO, find_config, make_model
 

@@ -11,80 +11,34 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
-from pydantic import Field
 
 from bsg_data.errors import DatasetError, MismatchError
 from bsg_data.executors import run_all
-from bsg_data.histograms import Counts
-from bsg_data.recipes import MaskRecipe, Record
+from bsg_data.recipes import MaskRecipe
 from bsg_data.shards import read_scene_graphs, read_table
 from bsg_models.checkpoint import Checkpoint, load_checkpoint, restore_model
 from bsg_models.graph_dataset import Buildings, Part, open_dataset
 from bsg_models.model import BeliefModel
 from bsg_models.planners import PLANNERS, Task
 from bsg_models.run_folder import BEST
-from bsg_models.search import Beliefs, Episodes, Outcome, search
+from bsg_models.search import Beliefs, Outcome, search
 from bsg_models.search_beliefs import FixedBeliefs, ModelBeliefs
+from bsg_models.search_cases import Case, StudyRecipe, draw_case, draw_presence
 from bsg_models.training import one_thread
-from bsg_models.travel import Bools, Floats, Ints
+from bsg_models.travel import Floats, Ints
 from bsg_models.worlds import (
-    DEFAULT_WORLDS,
     MEASURED,
     METHODS,
     RoomGraph,
     WorldRecipe,
-    draw_travel,
     measure_rooms,
     world_generator,
 )
 
 BASELINE = "nearest"
-_NOT_MEASURED = {
-    "layout": "no room layout says which of their rooms connect",
-    "geometry": "no mesh says which of their rooms connect",
-}
 SWEEP = -1.0  # P(anything left) is never so low: such a search enters every room
-
-
-class StudyRecipe(Record):
-    """All that a study depends on besides the dataset and the models.
-
-    Attributes:
-        worlds: kinds of room graphs.
-        tasks: `single`, `all`.
-        planners: of `PLANNERS`; `nearest` is always there, since all is measured by it.
-        artifacts: classes that are searched for, None for every one; a search takes those that some
-            room has and another has not.
-        at_once: classes that one search looks for.
-        episodes: searches of every building in every world.
-        masks: of every building; the searches take turns.
-        fraction: share of the objects that a mask hides.
-        stops: of `all`, with `expected-cost`: probabilities of anything left at which the robot
-            itself ends a search.
-        truth: `real`; or `posterior`, where the artifact is put where the model's first belief
-            says, so that the belief is exactly right and no planner could know better.
-        seed: of all chance.
-    """
-
-    worlds: tuple[WorldRecipe, ...] = DEFAULT_WORLDS
-    tasks: tuple[Task, ...] = ("single", "all")
-    planners: tuple[str, ...] = tuple(PLANNERS)
-    artifacts: tuple[int, ...] | None = None
-    at_once: int = Field(default=1, ge=1)
-    episodes: int = Field(default=200, ge=1)
-    masks: int = Field(default=10, ge=1)
-    fraction: float = Field(default=0.5, gt=0, le=1)
-    stops: tuple[float, ...] = ()
-    truth: Literal["real", "posterior"] = "real"
-    seed: int = Field(default=0, ge=0)
-
-    @property
-    def mask(self) -> MaskRecipe:
-        """The masks' recipe."""
-        return MaskRecipe(fraction=self.fraction, seed=self.seed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,14 +85,6 @@ class Study:
     scenes: tuple[str, ...]
     searches: tuple[Searches, ...]
     left_out: dict[str, dict[str, int]]
-
-
-@dataclass(frozen=True, eq=False)
-class Case:
-    """The searches of a building in a world before any planner was asked."""
-
-    episodes: Episodes
-    draws: Ints
 
 
 def study_search(
@@ -270,73 +216,6 @@ def search_building(
     return found
 
 
-def draw_case(
-    cells: Counts,
-    world: WorldRecipe,
-    recipe: StudyRecipe,
-    *,
-    scene_id: str,
-    measured: Mapping[str, RoomGraph],
-) -> Case | str:
-    """Draw the searches of one building in one world, or say why there are none."""
-    nodes = len(cells)
-    if world.kind in MEASURED:
-        rooms = measured[world.kind].rooms
-        if not rooms.any():
-            return _NOT_MEASURED[world.kind]
-    else:
-        rooms = np.arange(nodes) > 0
-    drawn = draw_searches(cells, rooms, recipe, scene_id=scene_id)
-    if drawn is None:
-        few = f"fewer than {recipe.at_once} artifacts" if recipe.at_once > 1 else "no artifact"
-        return f"{few} that some room has and another has not"
-    artifacts, starts = drawn
-    if world.kind in MEASURED:
-        travel = measured[world.kind].travel(len(starts))
-    else:
-        travel = draw_travel(
-            world, nodes=nodes, episodes=len(starts), scene_id=scene_id, seed=recipe.seed
-        )
-    lots = world_generator(recipe.seed, scene_id, "lots").random((len(starts), nodes))
-    instances = np.where(rooms[:, None], cells, 0)[:, artifacts].transpose(1, 0, 2)
-    draws = np.arange(len(starts)) % recipe.masks
-    return Case(Episodes(travel, rooms, starts, artifacts, instances, lots), draws)
-
-
-def draw_searches(
-    cells: Counts, rooms: Bools, recipe: StudyRecipe, *, scene_id: str
-) -> tuple[Ints, Ints] | None:
-    """Draw artifacts `[E, A]` and starts `[E]`, or nothing if no search is possible.
-
-    The first artifact is uniform over the classes that some room has and another has not, the start
-    over the rooms without it, further artifacts over the classes that the start has not, either.
-    """
-    pool = np.full(cells.shape[1], recipe.artifacts is None)
-    pool[list(recipe.artifacts or ())] = True
-    there = (cells > 0) & rooms[:, None]
-    sought = pool & there.any(axis=0)
-    lacking = sought & ~there  # [N, C] what a search that starts in a room may look for
-    lacking &= rooms[:, None] & (lacking.sum(axis=1) >= recipe.at_once)[:, None]
-    first = np.flatnonzero(lacking.any(axis=0))
-    if not len(first):
-        return None
-    numbers = world_generator(recipe.seed, scene_id, "searches").random(
-        (recipe.episodes, recipe.at_once + 1)
-    )
-    artifacts = np.zeros((recipe.episodes, recipe.at_once), dtype=np.int64)
-    artifacts[:, 0] = first[(numbers[:, 0] * len(first)).astype(int)]
-    starts = np.zeros(recipe.episodes, dtype=np.int64)
-    for e, row in enumerate(numbers):
-        possible = np.flatnonzero(lacking[:, artifacts[e, 0]])
-        starts[e] = possible[int(row[-1] * len(possible))]
-        for a in range(1, recipe.at_once):
-            rest = lacking[starts[e]].copy()
-            rest[artifacts[e, :a]] = False
-            classes = np.flatnonzero(rest)
-            artifacts[e, a] = classes[int(row[a] * len(classes))]
-    return artifacts, starts
-
-
 def ask_run(
     run: Path, data: Buildings, scene_id: str, mask: MaskRecipe, case: Case
 ) -> ModelBeliefs:
@@ -409,27 +288,3 @@ def compare_planners(
         chance=holds.sum(axis=1) / open_.sum(axis=1),
         outcomes=outcomes,
     )
-
-
-def draw_presence(presence: Floats, rooms: Bools, rng: np.random.Generator) -> Bools:
-    """Draw in which rooms the artifacts are, given that each is in one at least.
-
-    Args:
-        presence: `[E, N, A]` P(at least one instance), rooms being independent.
-        rooms: `[E, N]` where they may be.
-        rng: generator.
-
-    Returns:
-        `[E, N, A]`.
-    """
-    likely = np.where(rooms[:, :, None], np.clip(presence, 1e-6, 1 - 1e-12), 0.0)
-    # P(none from room n on), from the last room to the first: given that one is left, the first
-    # room has it with probability p / (1 − P(none)).
-    none = np.cumprod((1 - likely)[:, ::-1], axis=1)[:, ::-1]
-    drawn, level = np.zeros(likely.shape, dtype=bool), rng.random(likely.shape)
-    waiting = np.ones((len(likely), likely.shape[2]), dtype=bool)
-    for n in range(likely.shape[1]):
-        given = np.where(waiting, likely[:, n] / np.maximum(1 - none[:, n], 1e-300), likely[:, n])
-        drawn[:, n] = level[:, n] < given
-        waiting &= ~drawn[:, n]
-    return drawn & rooms[:, :, None]

@@ -20,7 +20,8 @@ from bsg_models.graph_dataset import open_dataset
 from bsg_models.planners import PLANNERS, Task
 from bsg_models.predictor import Predictor
 from bsg_models.search import Beliefs, Step, search
-from bsg_models.search_study import StudyRecipe, ask_run, draw_case, measure_dataset
+from bsg_models.search_cases import StudyRecipe, draw_case
+from bsg_models.search_study import ask_run, measure_dataset
 from bsg_models.travel import Bools, Floats, Ints
 from bsg_models.worlds import WorldRecipe
 

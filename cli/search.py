@@ -26,14 +26,9 @@ from bsg_models.savings import (
     saving_of_buildings,
     summarise,
 )
+from bsg_models.search_cases import StudyRecipe
 from bsg_models.search_files import encode_study, write_searches
-from bsg_models.search_study import (
-    Study,
-    StudyRecipe,
-    choose_runs,
-    known_worlds,
-    study_search,
-)
+from bsg_models.search_study import Study, choose_runs, known_worlds, study_search
 from bsg_models.search_trace import TraceRequest, trace_search
 from bsg_models.worlds import DEFAULT_WORLDS, WorldRecipe, parse_world
 

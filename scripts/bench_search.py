@@ -23,7 +23,8 @@ from bsg_data.synthetic import write_synthetic
 from bsg_models.graph_dataset import open_dataset
 from bsg_models.planners import PLANNERS
 from bsg_models.search import Episodes, search
-from bsg_models.search_study import Case, StudyRecipe, draw_case, study_search
+from bsg_models.search_cases import Case, StudyRecipe, draw_case
+from bsg_models.search_study import study_search
 from bsg_models.worlds import WorldRecipe
 
 WORLDS = tuple(WorldRecipe(kind=kind) for kind in ("star", "complete-paths", "tree"))

@@ -142,15 +142,17 @@ IMPORTS = {
         "sage": "families message_passing",
         "savings": "planners search search_study travel",
         "search": "planners travel",
-        "search_beliefs": "graph_dataset hidden_counts model search_masks travel",
+        "search_beliefs": "graph_dataset model search_masks travel",
+        "search_cases": "planners search travel worlds",
         "search_files": "savings search_study",
         "search_masks": "",
         "search_study": (
-            "checkpoint graph_dataset model planners run_folder search search_beliefs training "
-            "travel worlds"
+            "checkpoint graph_dataset model planners run_folder search search_beliefs search_cases "
+            "training travel worlds"
         ),
         "search_trace": (
-            "belief explorer graph_dataset planners predictor search search_study travel worlds"
+            "belief explorer graph_dataset planners predictor search search_cases search_study "
+            "travel worlds"
         ),
         "training": (
             "calibration checkpoint config ensemble errors families gradient graph_dataset "

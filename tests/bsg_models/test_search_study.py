@@ -16,16 +16,9 @@ from bsg_models.graph_dataset import open_dataset
 from bsg_models.planners import PLANNERS
 from bsg_models.savings import interval, saving_of_buildings, summarise
 from bsg_models.search import Outcome
+from bsg_models.search_cases import StudyRecipe, draw_presence, draw_searches
 from bsg_models.search_files import encode_study, write_searches
-from bsg_models.search_study import (
-    Searches,
-    Study,
-    StudyRecipe,
-    choose_runs,
-    draw_presence,
-    draw_searches,
-    study_search,
-)
+from bsg_models.search_study import Searches, Study, choose_runs, study_search
 from bsg_models.search_trace import TraceRequest, trace_search
 from bsg_models.training import train_run
 from bsg_models.worlds import WorldRecipe
