@@ -284,7 +284,7 @@ def _choose_buildings(
             notes.append(
                 "these buildings trained the runs: what is saved here is not what to expect"
             )
-        if folds and len(chosen) < len(opened.cells) and split == "test":
+        if folds and split == "test" and scene is None and len(chosen) < len(opened.cells):
             notes.append(
                 f"{len(chosen)} of {len(opened.cells)} buildings: give a --run for every fold"
             )
