@@ -77,6 +77,15 @@ def test_errors_name_what_is_wrong(words: list[str], code: int, message: str) ->
     assert message in run(*words, code=code).stderr
 
 
+# What runs in the background of a shell ignores Ctrl-C from its first moment on; this one must not.
+CHILD = """
+import signal
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from bsg_cli.train import main
+main()
+"""
+
+
 def test_ctrl_c_leaves_a_run_that_resumes_to_the_same_weights(
     dataset: Path, tmp_path: Path
 ) -> None:
@@ -85,7 +94,7 @@ def test_ctrl_c_leaves_a_run_that_resumes_to_the_same_weights(
     run(*words, "--out", tmp_path / "whole")
     stopped = tmp_path / "stopped"
     child = subprocess.Popen(
-        [sys.executable, "-c", "from bsg_cli.train import main; main()", *words, "--out", stopped],
+        [sys.executable, "-c", CHILD, *words, "--out", stopped],
         stderr=subprocess.PIPE,
         env={**os.environ, "PYTHONUNBUFFERED": "1"},
     )
