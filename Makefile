@@ -33,7 +33,7 @@ demo: $(INSTALLED) ## Run the main job end to end on synthetic buildings; result
 	$(BIN)/bsg-train --config ceci-gcn --data $(DEMO)/dataset --out $(DEMO)/ceci-gcn --set training.epochs=300
 	$(BIN)/bsg-train --config ceci-sage --data $(DEMO)/dataset --out $(DEMO)/ceci-sage
 	$(BIN)/bsg-evaluate $(DEMO)/ceci-gcn $(DEMO)/ceci-sage --data $(DEMO)/dataset --out $(DEMO)/evaluation --html $(DEMO)/report.html
-	$(BIN)/bsg-search --run $(DEMO)/ceci-sage --data $(DEMO)/dataset --worlds star,geometry --episodes 50 --trace 0 --out $(DEMO)/search
+	$(BIN)/bsg-search --run $(DEMO)/ceci-sage --data $(DEMO)/dataset --worlds geometry,star --episodes 50 --trace 0 --out $(DEMO)/search
 	@echo
 	@echo "These buildings are synthetic and few: the figures show that it works, not how well."
 	@echo "Open $(DEMO)/report.html in a browser: what was seen, what is believed, and how good that is."

@@ -17,7 +17,7 @@ from typing import Protocol
 
 import numpy as np
 
-from bsg_models.planners import Knowledge, Planner, Task
+from bsg_models.planners import Knowledge, Planner, Task, plan_tour
 from bsg_models.travel import Bools, Floats, Ints, Travel, find_ways
 
 
@@ -125,6 +125,10 @@ def search(
     if planner.source == "truth":
         # Others do not see that a way through a third room may cost less than the edge.
         episodes = replace(episodes, travel=find_ways(episodes.travel.costs))
+    tour = None
+    if planner.source == "truth" and task == "all":
+        holds = (episodes.instances > 0).any(axis=2) & episodes.rooms
+        tour = plan_tour(episodes.travel, episodes.starts, holds)
     number = len(episodes.starts)
     explored = np.zeros(episodes.lots.shape, dtype=bool)
     explored[np.arange(number), episodes.starts] = True
@@ -139,6 +143,8 @@ def search(
         if not len(rows):
             return Outcome(costs, entered, unfound.sum(axis=1))
         known = _look(episodes, rows, here, explored, unfound, planner, task, beliefs)
+        if tour is not None:
+            known = replace(known, tour=tour[rows])
         if stop_at is not None and (sure := known.left <= stop_at).any():
             going[rows[sure]] = False
             continue

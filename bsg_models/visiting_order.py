@@ -41,7 +41,6 @@ def choose_rooms(
     wanted: Bools,
     single: bool,
     exact: int = EXACT,
-    kicks: int = 0,
 ) -> Ints:
     """Return the first room of the best order of each of E searches, `[E]`; −1 without rooms.
 
@@ -53,7 +52,6 @@ def choose_rooms(
         wanted: `[E, A]` classes still to be found.
         single: whether one instance of each class is enough.
         exact: most rooms that are ordered exactly.
-        kicks: times that a good order is disturbed and improved anew.
 
     Raises:
         ValueError: if a presence is not finite.
@@ -65,7 +63,20 @@ def choose_rooms(
     if not single:
         miss = miss.prod(axis=2, keepdims=True)
         wanted = np.asarray(wanted.any(axis=1, keepdims=True))
-    return np.asarray(_choose(costs, here, rooms, miss, wanted, single, exact, kicks))
+    return np.asarray(_choose(costs, here, rooms, miss, wanted, single, exact))
+
+
+def plan_tours(costs: Floats, here: Ints, holds: Bools, *, exact: int, kicks: int) -> Ints:
+    """Return the place of each room in the shortest way through some rooms, `[E, N]`.
+
+    Args:
+        costs: `[E, N, N]` of the cheapest ways.
+        here: `[E]` node of the robot.
+        holds: `[E, N]` rooms to be visited; the others' places come last.
+        exact: most rooms that are ordered exactly.
+        kicks: times that a good order is disturbed and improved anew.
+    """
+    return np.asarray(_plan_tours(costs, here, holds, exact, kicks))
 
 
 def choose_cover(costs: Floats, here: Ints, holds: Bools, *, wanted: Bools) -> Ints:
@@ -83,7 +94,7 @@ def choose_cover(costs: Floats, here: Ints, holds: Bools, *, wanted: Bools) -> I
 
 
 def order_rooms(
-    costs: Floats, here: int, miss: Floats, *, single: bool, exact: int = EXACT, kicks: int = 0
+    costs: Floats, here: int, miss: Floats, *, single: bool, exact: int = EXACT
 ) -> Ints:
     """Return the best order of rooms 0..n−1 for one search, `[n]`.
 
@@ -93,9 +104,8 @@ def order_rooms(
         miss: `[n, A]` q, of classes that are all still to be found.
         single: whether one instance of each class is enough.
         exact: most rooms that are ordered exactly.
-        kicks: times that a good order is disturbed and improved anew.
     """
-    return np.asarray(_order(costs, here, np.arange(len(miss)), miss, single, exact, kicks))
+    return np.asarray(_order(costs, here, np.arange(len(miss)), miss, single, exact, 0))
 
 
 def expected_cost(costs: Floats, here: int, miss: Floats, order: Ints, *, single: bool) -> float:
@@ -106,7 +116,7 @@ def expected_cost(costs: Floats, here: int, miss: Floats, order: Ints, *, single
 
 
 @njit(cache=True)
-def _choose(costs, here, rooms, miss, wanted, single, exact, kicks):  # type: ignore[no-untyped-def]
+def _choose(costs, here, rooms, miss, wanted, single, exact):  # type: ignore[no-untyped-def]
     found = np.full(len(here), -1)
     for e in range(len(here)):
         which = np.flatnonzero(rooms[e])
@@ -117,9 +127,22 @@ def _choose(costs, here, rooms, miss, wanted, single, exact, kicks):  # type: ig
         for i in range(len(which)):
             for a in range(len(classes)):
                 part[i, a] = miss[e, which[i], classes[a]]
-        order = _order(costs[e], here[e], which, part, single, exact, kicks)
+        order = _order(costs[e], here[e], which, part, single, exact, 0)
         found[e] = which[order[0]]
     return found
+
+
+@njit(cache=True)
+def _plan_tours(costs, here, holds, exact, kicks):  # type: ignore[no-untyped-def]
+    places = np.full(holds.shape, holds.shape[1])
+    for e in range(len(here)):
+        which = np.flatnonzero(holds[e])
+        if len(which):
+            certain = np.full((len(which), 1), LEAST)
+            order = _order(costs[e], here[e], which, certain, False, exact, kicks)
+            for k in range(len(which)):
+                places[e, which[order[k]]] = k
+    return places
 
 
 @njit(cache=True)

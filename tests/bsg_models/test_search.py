@@ -240,13 +240,13 @@ def test_the_oracle_of_single_is_exact_in_many_rooms(kind: str, classes: int) ->
             assert (found.costs >= best - 1e-9).all()
 
 
-def test_the_oracle_of_all_is_nearly_exact_in_many_rooms() -> None:
-    """Above twelve rooms with an artifact its order is searched for, not found for certain."""
-    beaten = []
-    for seed in range(6):
-        episodes = draw_episodes(seed, rooms=22, kind="complete-paths", classes=2)
+@pytest.mark.parametrize("kind", ["complete", "complete-paths", "tree-plus"])
+def test_the_oracle_of_all_is_not_beaten_in_many_rooms(kind: str) -> None:
+    """Above twelve rooms with an artifact its tour is searched for, not found for certain."""
+    for seed in range(4):
+        episodes = draw_episodes(seed, rooms=22, kind=kind, classes=2)
         truth = FixedBeliefs((episodes.instances > 0).astype(float))
         best = search(episodes, PLANNERS["oracle"], task="all").costs
-        found = search(episodes, PLANNERS["expected-cost"], task="all", beliefs=truth)
-        beaten += (best / found.costs - 1).tolist()
-    assert max(beaten) < 0.01
+        for name in ("nearest", "expected-cost"):
+            found = search(episodes, PLANNERS[name], task="all", beliefs=truth)
+            assert (found.costs >= best - 1e-9).all()
