@@ -14,7 +14,8 @@ import numpy as np
 
 from bsg_models.planners import PLANNERS, Task
 from bsg_models.search import Outcome
-from bsg_models.search_study import BASELINE, Searches, Study
+from bsg_models.search_cases import BASELINE, ROUTING
+from bsg_models.search_study import Searches, Study
 from bsg_models.travel import Floats
 
 LEAST_BUILDINGS = 5  # of fewer, a bootstrap says nothing
@@ -134,7 +135,7 @@ def _stand(searches: Sequence[Searches], task: Task, weights: Floats) -> Standin
         each = 1 - np.divide(costs[name], base, out=np.ones_like(base), where=base > 0)
         off = costs[name] - base
         has_belief = PLANNERS[name].source == "belief"
-        routed = saved["routing"] if has_belief and "routing" in saved else unknown
+        routed = saved[ROUTING] if has_belief and ROUTING in saved else unknown
         savings[name] = Saving(
             saved=interval(saved[name]),
             beyond_routing=interval(saved[name] - routed),

@@ -23,6 +23,7 @@ from bsg_models.worlds import (
     world_generator,
 )
 
+BASELINE, ROUTING = "nearest", "routing"
 _NOT_MEASURED = {
     "layout": "no room layout says which of their rooms connect",
     "geometry": "no mesh says which of their rooms connect",
@@ -35,7 +36,7 @@ class StudyRecipe(Record):
     Attributes:
         worlds: kinds of room graphs.
         tasks: `single`, `all`.
-        planners: of `PLANNERS`; `nearest` is always there, since all is measured by it.
+        planners: of `PLANNERS`; see `all_planners`.
         artifacts: classes that are searched for, None for every one; a search takes those that some
             room has and another has not.
         at_once: classes that one search looks for.
@@ -60,6 +61,12 @@ class StudyRecipe(Record):
     stops: tuple[float, ...] = ()
     truth: Literal["real", "posterior"] = "real"
     seed: int = Field(default=0, ge=0)
+
+    @property
+    def all_planners(self) -> tuple[str, ...]:
+        """The planners, with what they are measured by: `nearest`, and `routing` for beliefs."""
+        believing = any(PLANNERS[name].source == "belief" for name in self.planners)
+        return tuple(dict.fromkeys((BASELINE, *self.planners, *[ROUTING] * believing)))
 
     @property
     def mask(self) -> MaskRecipe:

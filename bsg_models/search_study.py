@@ -25,7 +25,7 @@ from bsg_models.planners import PLANNERS, Task
 from bsg_models.run_folder import BEST
 from bsg_models.search import Beliefs, Outcome, search
 from bsg_models.search_beliefs import FixedBeliefs, ModelBeliefs
-from bsg_models.search_cases import Case, StudyRecipe, draw_case, draw_presence
+from bsg_models.search_cases import BASELINE, Case, StudyRecipe, draw_case, draw_presence
 from bsg_models.training import one_thread
 from bsg_models.travel import Floats, Ints
 from bsg_models.worlds import (
@@ -37,7 +37,6 @@ from bsg_models.worlds import (
     world_generator,
 )
 
-BASELINE = "nearest"
 SWEEP = -1.0  # P(anything left) is never so low: such a search enters every room
 
 
@@ -267,7 +266,7 @@ def compare_planners(
     holds = (episodes.instances.sum(axis=2) > 0) & open_
     outcomes: dict[tuple[Task, str], Outcome] = {}
     for task in recipe.tasks:
-        for name in dict.fromkeys((BASELINE, *recipe.planners)):
+        for name in recipe.all_planners:
             planner = PLANNERS[name]
             outcomes[task, name] = search(episodes, planner, task=task, beliefs=beliefs)
     if "all" in recipe.tasks and recipe.stops:

@@ -26,7 +26,7 @@ from bsg_models.savings import (
     saving_of_buildings,
     summarise,
 )
-from bsg_models.search_cases import StudyRecipe
+from bsg_models.search_cases import BASELINE, StudyRecipe
 from bsg_models.search_files import encode_study, write_searches
 from bsg_models.search_study import Study, choose_runs, known_worlds, study_search
 from bsg_models.search_trace import TraceRequest, trace_search
@@ -366,7 +366,7 @@ def _say_left_out(study: Study) -> list[str]:
 
 def _draw(study: Study, path: Path, model: str | None) -> bool:
     """Draw what planners save, if there are any beside `nearest`; say whether."""
-    shown = [n for n in dict.fromkeys(("nearest", *study.recipe.planners)) if n != "nearest"]
+    shown = [name for name in study.recipe.all_planners if name != BASELINE]
     if not shown:
         return False
     panels = {}

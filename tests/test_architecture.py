@@ -140,7 +140,7 @@ IMPORTS = {
         "room_transformer": "count_network families model",
         "run_folder": "checkpoint config errors graph_dataset model",
         "sage": "families message_passing",
-        "savings": "planners search search_study travel",
+        "savings": "planners search search_cases search_study travel",
         "search": "planners travel",
         "search_beliefs": "graph_dataset model search_masks travel",
         "search_cases": "planners search travel worlds",
