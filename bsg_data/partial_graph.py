@@ -21,7 +21,7 @@ from bsg_data.histograms import Counts, count_cells, read_cells, to_histograms
 from bsg_data.manifest import ClassMapEntry, read_manifest
 from bsg_data.masks import Part, draw_hidden, draw_visited, share_hidden
 from bsg_data.recipes import MaskRecipe
-from bsg_data.scene_graph import Box, Point, SceneGraph
+from bsg_data.scene_graph import Box, Point, SceneGraph, SceneObject
 from bsg_data.shards import read_scene_graphs
 
 Floats = npt.NDArray[np.float64]
@@ -181,16 +181,7 @@ def mask_scene(
     for obj, kind in zip(graph.objects, kinds, strict=True):
         left[obj.room_index, kind] -= 1
         if left[obj.room_index, kind] >= 0:
-            seen.append(
-                SeenObject(
-                    str(obj.instance_id),
-                    obj.room_index,
-                    obj.raw_category,
-                    obj.category,
-                    obj.class_index,
-                    obj.centroid,
-                )
-            )
+            seen.append(_see(obj))
     share = share_hidden(visited, recipe)
     return PartialGraph(
         scene_id=graph.scene_id,
@@ -214,6 +205,16 @@ def mask_scene(
     )
 
 
+def enter_room(known: PartialGraph, graph: SceneGraph, room_index: int) -> PartialGraph:
+    """Return what a robot knows once it has entered a room of a scene graph, and seen all in it.
+
+    Raises:
+        RecipeError: if there is no such room.
+    """
+    inside = (obj for obj in graph.objects if obj.room_index == room_index)
+    return observe(known, room_index, map(_see, inside))
+
+
 def mask_dataset(
     dataset: Path, scenes: Collection[str], recipe: MaskRecipe, *, draw: int = 0
 ) -> Iterator[tuple[PartialGraph, Counts]]:
@@ -224,6 +225,17 @@ def mask_dataset(
         if graph.scene_id in scenes:
             left = mask_scene(graph, recipe, draw=draw, class_map=manifest.class_map)
             yield left, to_histograms(truths[graph.scene_id])
+
+
+def _see(obj: SceneObject) -> SeenObject:
+    return SeenObject(
+        str(obj.instance_id),
+        obj.room_index,
+        obj.raw_category,
+        obj.category,
+        obj.class_index,
+        obj.centroid,
+    )
 
 
 def _count(graph: SceneGraph, classes: int) -> tuple[Counts, Counts, list[int]]:

@@ -9,7 +9,8 @@ from pydantic import Field, model_validator
 from bsg_data.recipes import Record
 
 Likelihood = Literal["mse", "poisson", "negative-binomial"]
-Reading = Literal["mask", "building", "categories", "withheld"]
+TreeReading = Literal["mask", "building", "categories"]
+Reading = TreeReading | Literal["withheld"]
 T = TypeVar("T", bound=Record)
 
 
@@ -104,7 +105,7 @@ class BoostingConfig(Record):
     leaves: int = Field(default=15, ge=2, le=1024)
     learning_rate: float = Field(default=0.06, gt=0, le=1)
     draws: int = Field(default=5, ge=1, le=1000)
-    reads: tuple[Reading, ...] = ("mask", "building", "categories")
+    reads: tuple[TreeReading, ...] = ("mask", "building", "categories")
     calibrate: bool = True
 
 

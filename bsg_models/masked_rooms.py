@@ -21,7 +21,8 @@ def draw_uniform(data: Buildings, choice: DataConfig, *, draws: int) -> Data:
     if not choice.mask.fraction:
         raise TrainingError("masks that hide nothing teach nothing: raise data.mask.fraction")
     mask = MaskRecipe(fraction=choice.mask.fraction, seed=choice.mask.seed)
-    return _draw(data, choice.model_copy(update={"mask": mask, "fractions": None}), draws=draws)
+    plain = choice.model_copy(update={"mask": mask, "fractions": None, "withhold": 0.0})
+    return _draw(data, plain, draws=draws)
 
 
 def draw_chosen(
@@ -43,6 +44,7 @@ def _draw(
             mask=choice.mask,
             draw=draw,
             fractions=choice.fractions,
+            withhold=choice.withhold,
             fold=choice.fold,
             edges=(),
             vocabulary=vocabulary,

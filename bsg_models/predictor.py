@@ -15,7 +15,7 @@ from bsg_models.checkpoint import load_checkpoint, restore_model
 from bsg_models.expectation import Expectation
 from bsg_models.graph_dataset import EdgeSet, connect
 from bsg_models.hidden_counts import HiddenCounts
-from bsg_models.run_folder import BEST
+from bsg_models.run_folder import checkpoint_of
 
 
 class Predictor:
@@ -37,7 +37,7 @@ class Predictor:
         Raises:
             CheckpointError: if there is none, or it is damaged.
         """
-        path = run / BEST if run.is_dir() else run
+        path = checkpoint_of(run)
         checkpoint = load_checkpoint(path)
         self._path = path
         self._class_map = checkpoint.header.class_map

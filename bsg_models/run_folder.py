@@ -20,6 +20,11 @@ METRICS, CURVE = "metrics.csv", "curve.png"
 MEMBERS = "members"  # the runs of an ensemble's members
 
 
+def checkpoint_of(run: Path) -> Path:
+    """Return the best checkpoint of a run; a file is taken to be one."""
+    return run / BEST if run.is_dir() else run
+
+
 @contextmanager
 def open_run(run: Path) -> Iterator[None]:
     """Make the folder of a run and hold its lock: two trainings never write into one."""

@@ -17,6 +17,7 @@ from typing import Protocol
 
 import numpy as np
 
+from bsg_data.errors import RecipeError
 from bsg_models.planners import Knowledge, Planner, Task, plan_tour
 from bsg_models.travel import Bools, Floats, Ints, Travel, find_ways
 
@@ -121,7 +122,12 @@ def search(
         stop_at: the robot itself ends the search, once it believes that anything is left with at
             most this probability; None leaves that to the simulator.
         watch: called at each step.
+
+    Raises:
+        RecipeError: if the planner needs a belief and there is none.
     """
+    if planner.source == "belief" and beliefs is None:
+        raise RecipeError("this planner needs a belief: give the run of a model")
     if planner.source == "truth":
         # Others do not see that a way through a third room may cost less than the edge.
         episodes = replace(episodes, travel=find_ways(episodes.travel.costs))

@@ -32,7 +32,7 @@ class ModelBeliefs:
         scene_id: the building.
         mask: that hid objects before the searches began.
         draws: `[E]` number of the mask of each.
-        artifacts: `[E, A]` classes that each looks for, rows are withheld.
+        artifacts: `[E, A]` classes that each looks for, which are withheld.
     """
 
     def __init__(

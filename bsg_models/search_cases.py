@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, field_validator
 
+from bsg_data.errors import RecipeError
 from bsg_data.histograms import Counts
 from bsg_data.recipes import MaskRecipe, Record
 from bsg_models.planners import PLANNERS, Task
@@ -58,9 +59,17 @@ class StudyRecipe(Record):
     episodes: int = Field(default=200, ge=1)
     masks: int = Field(default=10, ge=1)
     fraction: float = Field(default=0.5, gt=0, le=1)
-    stops: tuple[float, ...] = ()
+    stops: tuple[Annotated[float, Field(gt=0, lt=1)], ...] = ()
     truth: Literal["real", "posterior"] = "real"
     seed: int = Field(default=0, ge=0)
+
+    @field_validator("planners")
+    @classmethod
+    def _planners_exist(cls, names: tuple[str, ...]) -> tuple[str, ...]:
+        unknown = [name for name in names if name not in PLANNERS]
+        if unknown:
+            raise ValueError(f"{unknown[0]!r} is none of {', '.join(PLANNERS)}")
+        return names
 
     @property
     def all_planners(self) -> tuple[str, ...]:
@@ -122,7 +131,13 @@ def draw_searches(
 
     The first artifact is uniform over the classes that some room has and another has not, the start
     over the rooms without it, further artifacts over the classes that the start has not, either.
+
+    Raises:
+        RecipeError: if an artifact is no class.
     """
+    strange = [c for c in recipe.artifacts or () if not 0 <= c < cells.shape[1]]
+    if strange:
+        raise RecipeError(f"artifact {strange[0]}: there are {cells.shape[1]} classes, from 0")
     pool = np.full(cells.shape[1], recipe.artifacts is None)
     pool[list(recipe.artifacts or ())] = True
     there = (cells > 0) & rooms[:, None]

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bsg_data.errors import DatasetError, MismatchError
+from bsg_data.errors import DatasetError, MismatchError, RecipeError
 from bsg_data.executors import run_all
 from bsg_data.recipes import MaskRecipe
 from bsg_data.shards import read_scene_graphs, read_table
@@ -22,7 +22,7 @@ from bsg_models.checkpoint import Checkpoint, load_checkpoint, restore_model
 from bsg_models.graph_dataset import Buildings, Part, open_dataset
 from bsg_models.model import BeliefModel
 from bsg_models.planners import PLANNERS, Task
-from bsg_models.run_folder import BEST
+from bsg_models.run_folder import checkpoint_of
 from bsg_models.search import Beliefs, Outcome, search
 from bsg_models.search_beliefs import FixedBeliefs, ModelBeliefs
 from bsg_models.search_cases import BASELINE, Case, StudyRecipe, draw_case, draw_presence
@@ -105,7 +105,10 @@ def study_search(
 
     Raises:
         DatasetError: if the dataset is damaged or no building can be searched.
+        RecipeError: if a belief is needed and a building has no run, or an artifact is no class.
     """
+    if recipe.truth == "posterior" and None in runs.values():
+        raise RecipeError("truth posterior needs a belief: give the run of a model")
     measured = measure_dataset(dataset, runs, [world.kind for world in recipe.worlds])
     tasks = [
         (dataset, run, scene, recipe, {kind: rooms[scene] for kind, rooms in measured.items()})
@@ -160,11 +163,6 @@ def choose_runs(
     if len(families) > 1:
         notes.append(f"the runs are of different models: {', '.join(sorted(families))}")
     return chosen, notes
-
-
-def checkpoint_of(run: Path) -> Path:
-    """Return the best checkpoint of a run."""
-    return run / BEST if run.is_dir() else run
 
 
 def measure_dataset(

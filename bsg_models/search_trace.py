@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,8 +10,7 @@ import numpy as np
 from bsg_data.errors import DatasetError
 from bsg_data.histograms import to_histograms
 from bsg_data.manifest import read_manifest
-from bsg_data.partial_graph import PartialGraph, SeenObject, mask_scene, observe
-from bsg_data.scene_graph import SceneGraph
+from bsg_data.partial_graph import enter_room, mask_scene
 from bsg_data.shards import read_scene_graphs
 from bsg_models.belief import believe
 from bsg_models.explorer import Moment, View
@@ -90,7 +88,7 @@ def trace_search(
     truth = to_histograms(data.cells[request.scene_id])
     holds = tuple(room for room in range(1, len(truth)) if truth[room, list(artifacts)].any())
     views, route, cost = [], [start], 0.0
-    known = look_into(replace(partial, objects=kept), graph, start)
+    known = enter_room(replace(partial, objects=kept), graph, start)
     for step in [*steps, None]:
         belief = believe(known, predictor(known, withheld=artifacts), model=predictor.name)
         moment = Moment(
@@ -108,26 +106,8 @@ def trace_search(
             place = int(step.entered[0])
             cost += float(step.known.distance[0, place])
             route.append(place)
-            known = look_into(known, graph, place)
+            known = enter_room(known, graph, place)
     return views
-
-
-def look_into(known: PartialGraph, graph: SceneGraph, room: int) -> PartialGraph:
-    """Return what a robot knows once it has entered a room of a scene graph."""
-    return observe(known, room, _everything(graph, room))
-
-
-def _everything(graph: SceneGraph, room: int) -> Iterator[SeenObject]:
-    for obj in graph.objects:
-        if obj.room_index == room:
-            yield SeenObject(
-                str(obj.instance_id),
-                room,
-                obj.raw_category,
-                obj.category,
-                obj.class_index,
-                obj.centroid,
-            )
 
 
 class _OneSearch:

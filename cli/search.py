@@ -13,11 +13,12 @@ import click
 
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.shards import write_bytes
+from bsg_models.checkpoint import load_checkpoint
 from bsg_models.explorer import write_explorer
 from bsg_models.figures import draw_savings
 from bsg_models.graph_dataset import Buildings, open_dataset
 from bsg_models.planners import PLANNERS
-from bsg_models.predictor import Predictor
+from bsg_models.run_folder import checkpoint_of
 from bsg_models.savings import (
     LEAST_BUILDINGS,
     Interval,
@@ -229,7 +230,7 @@ def main(
     with worker_pool(workers) as executor, progress_bar("search", unit="building") as progress:
         study = study_search(data, chosen, recipe, executor=executor, progress=progress)
     standings = summarise(study, resamples=resamples)
-    model = ", ".join(dict.fromkeys(Predictor(run).name for run in runs)) or None
+    model = ", ".join(dict.fromkeys(_family(run) for run in runs)) or None
     written = {"every search": out / TABLE}
     write_searches(study, classes, out / TABLE)
     if _draw(study, out / FIGURE, model):
@@ -299,6 +300,10 @@ def _choose_buildings(
             raise DatasetError(f"{opened.path}: {scene!r} is none of its {split} buildings")
         chosen = {scene: chosen[scene]}
     return chosen, notes
+
+
+def _family(run: Path) -> str:
+    return load_checkpoint(checkpoint_of(run)).header.config.model.family
 
 
 def _make_folder(out: Path) -> None:

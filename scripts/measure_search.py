@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from bsg_data.histograms import read_cells, to_histograms
 from bsg_data.manifest import read_manifest
-from bsg_data.partial_graph import KnownRoom, PartialGraph, SeenObject, mask_scene, observe
+from bsg_data.partial_graph import KnownRoom, PartialGraph, enter_room, mask_scene
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene_graph import SceneGraph
 from bsg_data.shards import read_scene_graphs
@@ -52,7 +52,7 @@ def measure_search(dataset: Path, run: Path, *, orders: int = ORDERS) -> Floats:
         for _ in range(orders):
             graph, order, row = nothing, 1 + rng.permutation(len(rooms)), []
             for done, room in enumerate(order[:-1].tolist(), 1):
-                graph = observe(graph, room, everything(scene, room))
+                graph = enter_room(graph, scene, room)
                 if done in stops:
                     after = surprises(predictor, graph, truth)
                     row.append((before - after)[order[done:]].mean())
@@ -71,7 +71,7 @@ def measure_half_seen(dataset: Path, run: Path) -> Floats:
         for room in range(1, len(scene.rooms) + 1):
             graph = half
             for other in set(range(1, len(scene.rooms) + 1)) - {room}:
-                graph = observe(graph, other, everything(scene, other))
+                graph = enter_room(graph, scene, other)
             gains.append(before[room] - surprises(predictor, graph, truth)[room])
     return np.array(gains)
 
@@ -80,15 +80,6 @@ def surprises(predictor: Predictor, graph: PartialGraph, truth: npt.NDArray[np.i
     """Return −log P of what every node hides, `[N]`."""
     hidden = (truth - graph.histograms()).astype(float)
     return np.asarray(-predictor(graph).log_probability(hidden).sum(axis=1))
-
-
-def everything(scene: SceneGraph, room: int) -> list[SeenObject]:
-    """Return all that is in a room."""
-    return [
-        SeenObject(str(obj.instance_id), room, obj.raw_category, obj.category, obj.class_index)
-        for obj in scene.objects
-        if obj.room_index == room
-    ]
 
 
 def main() -> None:

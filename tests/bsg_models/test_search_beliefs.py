@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bsg_data.manifest import read_manifest
-from bsg_data.partial_graph import mask_scene
+from bsg_data.partial_graph import enter_room, mask_scene
 from bsg_data.recipes import MaskRecipe
 from bsg_data.shards import read_scene_graphs
 from bsg_models.checkpoint import load_checkpoint, restore_model
@@ -17,7 +17,6 @@ from bsg_models.graph_dataset import open_dataset
 from bsg_models.predictor import Predictor
 from bsg_models.run_folder import BEST
 from bsg_models.search_beliefs import FixedBeliefs, ModelBeliefs
-from bsg_models.search_trace import look_into
 from bsg_models.training import train_run
 from bsg_models.zoo import find_config
 
@@ -53,7 +52,7 @@ def test_beliefs_are_those_of_the_partial_graph(name: str, dataset: Path, tmp_pa
         kept = tuple(obj for obj in known.objects if obj.class_index != artifact)
         known = replace(known, objects=kept)
         for room in np.flatnonzero(explored[e]).tolist():
-            known = look_into(known, graph, room)
+            known = enter_room(known, graph, room)
         found = predictor(known, withheld=[artifact])
         open_ = ~explored[e]
         np.testing.assert_allclose(

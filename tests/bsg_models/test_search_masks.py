@@ -11,7 +11,9 @@ from one_building import graph
 
 from bsg_data.recipes import MaskRecipe
 from bsg_models.config import DataConfig
+from bsg_models.families import BoostingConfig
 from bsg_models.graph_dataset import MaskedGraphs, open_dataset
+from bsg_models.masked_rooms import draw_chosen, draw_uniform
 from bsg_models.model import BeliefModel
 from bsg_models.search_masks import draw_search, view_search
 from bsg_models.training import new_model
@@ -121,3 +123,13 @@ def test_a_withheld_class_is_expected_more_than_one_that_was_not_seen(
     absent = model.predict(one).hidden[rooms.numpy(), 35].copy()
     one.withheld[:, 35] = True
     assert (model.predict(one).hidden[rooms.numpy(), 35] > absent).all()
+
+
+def test_trees_meet_withheld_classes_and_cannot_be_told(dataset: Path) -> None:
+    data = open_dataset(dataset)
+    choice = DataConfig(withhold=0.3)
+    masked = draw_chosen(data, choice, draws=2, vocabulary=())
+    assert masked.withheld.any()
+    assert not draw_uniform(data, choice, draws=2).withheld.any()
+    with pytest.raises(ValueError, match="reads"):
+        BoostingConfig(reads=("withheld",))  # type: ignore[arg-type]

@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from bsg_data.errors import DatasetError
+from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.histograms import read_cells
 from bsg_models.graph_dataset import open_dataset
 from bsg_models.planners import PLANNERS
@@ -255,3 +255,18 @@ def test_a_trace_tells_the_search_again(dataset: Path, run: Path) -> None:
         assert sorted(moment.route) == searched
     with pytest.raises(DatasetError, match="no search number 5"):
         trace_search(dataset, run, recipe, TraceRequest(scene, 5, DRAWN[1], "all", "ratio"))
+
+
+def test_a_belief_that_is_needed_and_not_there_is_said(dataset: Path) -> None:
+    nobody = dict.fromkeys(read_cells(dataset))
+    for recipe, words in (
+        (StudyRecipe(episodes=2, worlds=DRAWN), "needs a belief"),
+        (StudyRecipe(episodes=2, planners=BLIND, truth="posterior"), "needs a belief"),
+        (StudyRecipe(episodes=2, planners=BLIND, worlds=DRAWN, artifacts=(45,)), "artifact 45"),
+    ):
+        with pytest.raises(RecipeError, match=words):
+            study_search(dataset, nobody, recipe)
+    with pytest.raises(ValueError, match="'fast' is none of"):
+        StudyRecipe(planners=("fast",))
+    with pytest.raises(ValueError, match="less than 1"):
+        StudyRecipe(stops=(1.0,))
