@@ -3,7 +3,8 @@
     python scripts/bench_search.py                      # of synthetic buildings
     python scripts/bench_search.py --data hm3d          # of a dataset
 
-Both run the same `nearest` searches in the same worlds and must come to the same costs. Then
+First by how much the order of many rooms that is searched for costs more than the exact one. Then
+the same `nearest` searches in the same worlds both ways, which must come to the same costs; and
 100,000 searches in the first world, drawn and run from the dataset on. `make bench` runs it.
 """
 
@@ -25,7 +26,8 @@ from bsg_models.planners import PLANNERS
 from bsg_models.search import Episodes, search
 from bsg_models.search_cases import Case, StudyRecipe, draw_case
 from bsg_models.search_study import study_search
-from bsg_models.worlds import WorldRecipe
+from bsg_models.visiting_order import expected_cost, order_rooms
+from bsg_models.worlds import WorldRecipe, draw_travel
 
 WORLDS = tuple(WorldRecipe(kind=kind) for kind in ("star", "complete-paths", "tree"))
 EPISODES, MANY = 200, 100_000
@@ -65,6 +67,30 @@ def compare(cases: list[Case]) -> tuple[float, float]:
     return number / (middle - began), number / (ended - middle)
 
 
+def measure_orders(*, rooms: int = 13, cases: int = 200) -> None:
+    """Print by how much more the searched order is expected to cost than the exact one."""
+    print(f"\norders of {rooms} rooms, {cases} random cases: excess over the exact order, %")
+    travel = draw_travel(WORLDS[1], nodes=rooms + 2, episodes=cases, scene_id="bench", seed=0)
+    for single, classes in ((True, 1), (True, 2), (True, 3), (False, 1)):
+        rng = np.random.default_rng(0)
+        excess = []
+        for costs in travel.costs[:, 1:, 1:]:  # of all rooms; the robot is in the last
+            miss = 1 - rng.beta(0.3, 1.5, (rooms, classes)).clip(1e-6, 1)
+            found, best = (
+                expected_cost(
+                    costs,
+                    rooms,
+                    miss,
+                    order_rooms(costs, rooms, miss, single=single, exact=exact),
+                    single=single,
+                )
+                for exact in (0, rooms)
+            )
+            excess.append(100 * (found / best - 1))
+        task = f"single, {classes} at once" if single else "all"
+        print(f"{task:24s}mean {np.mean(excess):.2f}, most {np.max(excess):.1f}")
+
+
 def run(dataset: Path) -> None:
     """Print searches a second in every world, and the time of many searches."""
     data = open_dataset(dataset)
@@ -99,6 +125,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--data", type=Path, help="Dataset; synthetic buildings without.")
     options = parser.parse_args()
+    measure_orders()
+    print()
     if options.data is not None:
         run(options.data)
         return
