@@ -35,7 +35,7 @@ class Moment:
         route: rooms in the order in which they were entered; the robot is in the last.
         cost: travelled so far.
         target: room where it goes next; None at the end.
-        legs: `[N]` what it would cost to go to each node; nothing at the end.
+        legs: `[N]` what it would cost to go to each node, None out of reach; nothing at the end.
         holds: rooms that hold an artifact, which the robot does not know.
         planner: that decides.
         world: whose costs it travels at.
@@ -45,7 +45,7 @@ class Moment:
     route: tuple[int, ...]
     cost: float
     target: int | None
-    legs: tuple[float, ...]
+    legs: tuple[float | None, ...]
     holds: tuple[int, ...]
     planner: str
     world: str

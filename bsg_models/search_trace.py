@@ -96,7 +96,7 @@ def trace_search(
             route=tuple(route),
             cost=cost,
             target=None if step is None else int(step.target[0]),
-            legs=() if step is None else tuple(step.known.distance[0].round(3).tolist()),
+            legs=() if step is None else _legs(step.known.distance[0]),
             holds=holds,
             planner=request.planner,
             world=request.world.name,
@@ -108,6 +108,10 @@ def trace_search(
             route.append(place)
             known = enter_room(known, graph, place)
     return views
+
+
+def _legs(distance: Floats) -> tuple[float | None, ...]:
+    return tuple(round(float(cost), 3) if np.isfinite(cost) else None for cost in distance)
 
 
 class _OneSearch:

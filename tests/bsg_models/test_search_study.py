@@ -12,6 +12,7 @@ import pytest
 
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.histograms import read_cells
+from bsg_models.explorer import explorer_page
 from bsg_models.graph_dataset import open_dataset
 from bsg_models.planners import PLANNERS
 from bsg_models.savings import interval, saving_of_buildings, summarise
@@ -253,6 +254,9 @@ def test_a_trace_tells_the_search_again(dataset: Path, run: Path) -> None:
         assert set(seen) == set(moment.holds) & set(moment.route)
         searched = [i for i, r in enumerate(view.belief.partial.rooms, 1) if r.hidden_share == 0]
         assert sorted(moment.route) == searched
+    assert views[0].moment is not None
+    assert views[0].moment.legs[0] is None  # in a tree of rooms the building is out of reach
+    assert '"legs":[null,' in explorer_page(views)
     with pytest.raises(DatasetError, match="no search number 5"):
         trace_search(dataset, run, recipe, TraceRequest(scene, 5, DRAWN[1], "all", "ratio"))
 

@@ -26,7 +26,7 @@ def run(dataset: Path, tmp_path: Path) -> Path:
 
 
 def test_a_study_with_everything(dataset: Path, run: Path) -> None:
-    few = ("--episodes", 6, "--workers", 1, "--resamples", 20, "--worlds", "star,tree:2-3")
+    few = ("--episodes", 6, "--workers", 1, "--resamples", 20, "--worlds", "tree:2-3,star")
     result = run_command("--run", run, "--data", dataset, *few, "--stop", "0.1", "--trace", 1)
     assert result.exit_code == 0, result.stderr
     assert "need 5 of them" in result.stderr  # intervals, of one building
