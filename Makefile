@@ -18,6 +18,7 @@ $(INSTALLED): pyproject.toml constraints.txt
 	@echo "installing into $(VENV); the first time takes a few minutes"
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt torch
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[test]'
+	mkdir -p $(VENV)/links && ln -sfn ../../cli $(VENV)/links/bsg_cli
 	@touch $@
 
 install: $(INSTALLED) ## Make .venv and install the project with all that its tests need.

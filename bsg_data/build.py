@@ -18,11 +18,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from bsg_data.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
-from bsg_data.errors import DatasetError, SourceError, UnmappedNameError
-from bsg_data.executors import run_all
-from bsg_data.lock import hold
-from bsg_data.manifest import (
+from bsg_data.dataset.manifest import (
     MANIFEST,
     ClassMapEntry,
     FileEntry,
@@ -33,13 +29,17 @@ from bsg_data.manifest import (
     UnmappedEntry,
     read_manifest,
 )
-from bsg_data.mesh_coverage import MeshCoverage
-from bsg_data.publication import REPORTS, list_strays, publish
+from bsg_data.dataset.publication import REPORTS, list_strays, publish
+from bsg_data.dataset.schema import FORMAT_VERSION
+from bsg_data.dataset.shards import describe_file, write_bytes, write_shards
+from bsg_data.errors import DatasetError, SourceError, UnmappedNameError
+from bsg_data.executors import run_all
+from bsg_data.lock import hold
 from bsg_data.recipes import Record
-from bsg_data.scene_graph import SceneGraph
-from bsg_data.schema import FORMAT_VERSION
-from bsg_data.shards import describe_file, write_bytes, write_shards
-from bsg_data.sources import FoundScenes, SceneRef, SkippedScene, Source
+from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
+from bsg_data.scene.mesh_coverage import MeshCoverage
+from bsg_data.scene.scene_graph import SceneGraph
+from bsg_data.sources.hm3d import FoundScenes, SceneRef, SkippedScene, Source
 
 SCENES_PER_SHARD = 16
 

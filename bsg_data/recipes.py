@@ -44,7 +44,7 @@ class MaskRecipe(Record):
     """How objects are hidden: with a scene and a draw, this is all that a mask depends on.
 
     Attributes:
-        strategy: `uniform` (the paper's), `rooms` or `frontier`; see `bsg_data.masks`.
+        strategy: `uniform` (the paper's), `rooms` or `frontier`; see `bsg_data.observation.masks`.
         fraction: share of a building's classified objects to hide, 0..1.
         seed: of the generator.
     """

@@ -1,7 +1,6 @@
 """Beliefs: what follows from the facts of `bsg_data`. Needs a dataset, never HM3D itself."""
 
-from bsg_models.belief import BeliefGraph, believe
-from bsg_models.belief_files import (
+from bsg_models.belief.belief_files import (
     from_networkx,
     read_belief,
     read_tables,
@@ -9,20 +8,21 @@ from bsg_models.belief_files import (
     write_belief,
     write_tables,
 )
-from bsg_models.checkpoint import load_checkpoint, restore_model
-from bsg_models.comparison import compare_runs
-from bsg_models.config import RunConfig
-from bsg_models.expectation import Expectation
-from bsg_models.explorer import View, write_explorer
-from bsg_models.graph_dataset import MaskedGraphs
-from bsg_models.hydra import read_hydra, read_hydra_belief, write_hydra
-from bsg_models.model import BeliefModel
-from bsg_models.planners import PLANNERS, Knowledge, next_room
-from bsg_models.predictor import Predictor
-from bsg_models.search_cases import StudyRecipe
-from bsg_models.search_study import study_search
-from bsg_models.training import train_run
-from bsg_models.zoo import BASELINES, ZOO, find_config, make_model
+from bsg_models.belief.belief_graph import BeliefGraph, believe
+from bsg_models.belief.expectation import Expectation
+from bsg_models.belief.hydra import read_hydra, read_hydra_belief, write_hydra
+from bsg_models.inputs.graphs import MaskedGraphs
+from bsg_models.rendering.explorer import View, write_explorer
+from bsg_models.runs.checkpoint import load_checkpoint, restore_model
+from bsg_models.runs.predictor import Predictor
+from bsg_models.search.planners import PLANNERS, Knowledge, next_room
+from bsg_models.studies.comparison import compare_runs
+from bsg_models.studies.search_cases import StudyRecipe
+from bsg_models.studies.search_study import study_search
+from bsg_models.training.training import train_run
+from bsg_models.zoo.catalogue import BASELINES, ZOO, find_config, make_model
+from bsg_models.zoo.config import RunConfig
+from bsg_models.zoo.model import BeliefModel
 
 __all__ = [
     "BASELINES",

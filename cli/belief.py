@@ -11,20 +11,8 @@ import click
 import numpy as np
 import numpy.typing as npt
 
-from bsg_data.errors import BSGError, DatasetError
-from bsg_data.histograms import Counts
-from bsg_data.partial_graph import PartialGraph, mask_dataset
-from bsg_data.recipes import MaskRecipe
-from bsg_data.robot_json import list_unmapped, read_robot_graph
-from bsg_models.belief import BeliefGraph, Mode, believe, rank_unseen
-from bsg_models.belief_files import write_belief, write_tables
-from bsg_models.explorer import View, write_explorer
-from bsg_models.graph_dataset import open_dataset
-from bsg_models.hydra import read_hydra, write_hydra
-from bsg_models.predictor import Predictor
-
-from .data import FRACTION
-from .terminal import (
+from bsg_cli.data import FRACTION
+from bsg_cli.terminal import (
     Command,
     force_option,
     format_table,
@@ -33,6 +21,17 @@ from .terminal import (
     print_note,
     progress_bar,
 )
+from bsg_data.dataset.histograms import Counts
+from bsg_data.errors import BSGError, DatasetError
+from bsg_data.observation.partial_graph import PartialGraph, mask_dataset
+from bsg_data.observation.robot_json import list_unmapped, read_robot_graph
+from bsg_data.recipes import MaskRecipe
+from bsg_models.belief.belief_files import write_belief, write_tables
+from bsg_models.belief.belief_graph import BeliefGraph, Mode, believe, rank_unseen
+from bsg_models.belief.hydra import read_hydra, write_hydra
+from bsg_models.inputs.graphs import open_dataset
+from bsg_models.rendering.explorer import View, write_explorer
+from bsg_models.runs.predictor import Predictor
 
 MOST_ROWS = 60
 

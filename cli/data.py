@@ -9,25 +9,7 @@ from typing import Any
 
 import click
 
-from bsg_data.build import build_dataset
-from bsg_data.check import check_dataset
-from bsg_data.class_map import DEFAULT_CLASS_MAP, list_class_maps, load_class_map
-from bsg_data.coverage import measure_coverage
-from bsg_data.errors import BSGError
-from bsg_data.frequencies import count_frequencies, draw_frequencies
-from bsg_data.histograms import read_adjacency
-from bsg_data.manifest import Manifest, read_manifest
-from bsg_data.mesh_coverage import MeshCoverage
-from bsg_data.pairs import write_pairs
-from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
-from bsg_data.room_layouts import WithLayouts
-from bsg_data.sources import HM3DFolder, HM3DStatistics, Source
-from bsg_data.splits import read_splits, split_dataset
-from bsg_data.synthetic import MAX_SCENES, write_synthetic
-from bsg_data.synthetic_geometry import GeometryOptions
-from bsg_data.synthetic_mesh import SIZES
-
-from .terminal import (
+from bsg_cli.terminal import (
     CommandGroup,
     force_option,
     format_table,
@@ -39,6 +21,23 @@ from .terminal import (
     worker_pool,
     workers_option,
 )
+from bsg_data.build import build_dataset
+from bsg_data.checks.dataset import check_dataset
+from bsg_data.dataset.coverage import measure_coverage
+from bsg_data.dataset.frequencies import count_frequencies, plot_frequencies
+from bsg_data.dataset.histograms import read_adjacency
+from bsg_data.dataset.manifest import Manifest, read_manifest
+from bsg_data.dataset.splits import read_splits, split_dataset
+from bsg_data.errors import BSGError
+from bsg_data.observation.pairs import write_pairs
+from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
+from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, list_class_maps, load_class_map
+from bsg_data.scene.mesh_coverage import MeshCoverage
+from bsg_data.sources.hm3d import HM3DFolder, HM3DStatistics, Source
+from bsg_data.sources.room_layouts import WithLayouts
+from bsg_data.synthetic.buildings import MAX_SCENES, write_synthetic
+from bsg_data.synthetic.geometry import GeometryOptions
+from bsg_data.synthetic.meshes import SIZES
 
 
 class _Fraction(click.FloatRange):
@@ -375,7 +374,7 @@ def info(dataset: Path, figure: Path | None, as_json: bool) -> None:
     frame = count_frequencies(dataset)
     sizes = read_splits(dataset, manifest=manifest) if manifest.split else {}
     if figure is not None:
-        draw_frequencies(frame, figure, title=_totals_line(manifest))
+        plot_frequencies(frame, figure, title=_totals_line(manifest))
     if as_json:
         summary = manifest.model_dump(mode="json", exclude={"files"})
         summary["splits"] = {name: len(ids) for name, ids in sizes.items()}

@@ -10,22 +10,8 @@ from typing import Any, cast, get_args
 import click
 import numpy as np
 
-from bsg_data.errors import DatasetError
-from bsg_data.manifest import read_manifest
-from bsg_data.partial_graph import mask_dataset
-from bsg_data.recipes import MaskRecipe, Strategy
-from bsg_data.shards import write_bytes
-from bsg_models.belief import believe
-from bsg_models.comparison import Comparison, compare_runs
-from bsg_models.evaluation import Estimate
-from bsg_models.explorer import View, explorer_page
-from bsg_models.figures import draw_evaluation
-from bsg_models.leaderboard import LeaderboardRecipe
-from bsg_models.predictor import Predictor
-from bsg_models.report import Table, write_report
-
-from .leaderboard import run_leaderboard
-from .terminal import (
+from bsg_cli.leaderboard import run_leaderboard
+from bsg_cli.terminal import (
     Command,
     force_option,
     format_table,
@@ -36,6 +22,19 @@ from .terminal import (
     seed_option,
     workers_option,
 )
+from bsg_data.dataset.manifest import read_manifest
+from bsg_data.dataset.shards import write_bytes
+from bsg_data.errors import DatasetError
+from bsg_data.observation.partial_graph import mask_dataset
+from bsg_data.recipes import MaskRecipe, Strategy
+from bsg_models.belief.belief_graph import believe
+from bsg_models.evaluation.measurement import Estimate
+from bsg_models.rendering.explorer import View, explorer_page
+from bsg_models.rendering.figures import plot_evaluation
+from bsg_models.rendering.report import Table, write_report
+from bsg_models.runs.predictor import Predictor
+from bsg_models.studies.comparison import Comparison, compare_runs
+from bsg_models.studies.leaderboard import LeaderboardRecipe
 
 # What the terminal shows: a plain name, the metric, and whether less of it is better.
 HEADLINES = (
@@ -346,7 +345,7 @@ def _cell(estimate: Estimate, *, interval: bool) -> str:
 def _draw(found: Comparison, out: Path) -> dict[str, Path]:
     figures: dict[str, Path] = {}
     for name in found.runs:
-        drawn = draw_evaluation(
+        drawn = plot_evaluation(
             out,
             name=name,
             expectation=found.expectations[name],

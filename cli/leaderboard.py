@@ -11,22 +11,26 @@ from pathlib import Path
 
 import click
 
+from bsg_cli.terminal import format_table, print_json, print_note, progress_bar, worker_pool
+from bsg_cli.train import load_config
+from bsg_data.dataset.shards import write_bytes
 from bsg_data.errors import DatasetError
-from bsg_data.shards import write_bytes
-from bsg_models.config import RunConfig
-from bsg_models.figures import draw_leaderboard
-from bsg_models.leaderboard import Leaderboard, LeaderboardRecipe, Standing, make_leaderboard
-from bsg_models.leaderboard_table import (
+from bsg_models.rendering.figures import plot_leaderboard
+from bsg_models.studies.leaderboard import (
+    Leaderboard,
+    LeaderboardRecipe,
+    ModelResult,
+    make_leaderboard,
+)
+from bsg_models.studies.leaderboard_table import (
     HEADLINES,
     UNVISITED,
     rank_models,
     write_json,
     write_markdown,
 )
-from bsg_models.zoo import ZOO
-
-from .terminal import format_table, print_json, print_note, progress_bar, worker_pool
-from .train import load_config
+from bsg_models.zoo.catalogue import ZOO
+from bsg_models.zoo.config import RunConfig
 
 REPORT, TABLE = "leaderboard.json", "leaderboard.md"
 
@@ -55,15 +59,15 @@ def run_leaderboard(
     except KeyboardInterrupt:
         print_note(f"{out}: the same command goes on; finished runs are kept")
         raise
-    figures = [_draw(standings, out / f"{mask}.png", mask) for mask, standings in _by_mask(board)]
+    figures = [_draw(results, out / f"{mask}.png", mask) for mask, results in _by_mask(board)]
     write_bytes(out / TABLE, write_markdown(board).encode())
     summary = write_json(board)
     write_bytes(out / REPORT, (json.dumps(summary, indent=1) + "\n").encode())
     if as_json:
         print_json(summary)
         return
-    for mask, standings in _by_mask(board):
-        click.echo(f"`{mask}` masks:\n{_summary(standings)}\n")
+    for mask, results in _by_mask(board):
+        click.echo(f"`{mask}` masks:\n{_summary(results)}\n")
     click.echo(f"table: {out / TABLE}; every metric: {out / REPORT}; figures:")
     click.echo("\n".join(f"  {path}" for path in figures))
 
@@ -92,31 +96,31 @@ def choose_models(models: str | None) -> dict[str, RunConfig]:
     return chosen
 
 
-def _by_mask(board: Leaderboard) -> Iterator[tuple[str, dict[str, Standing]]]:
-    yield from board.standings.items()
+def _by_mask(board: Leaderboard) -> Iterator[tuple[str, dict[str, ModelResult]]]:
+    yield from board.results.items()
 
 
-def _summary(standings: dict[str, Standing]) -> str:
+def _summary(results: dict[str, ModelResult]) -> str:
     columns = HEADLINES["what is hidden"][:6]
     rows = [
         [
             name,
-            *(f"{standings[name].metrics.point[column.metric]:.4f}" for column in columns),
-            f"{standings[name].seconds:.1f}",
+            *(f"{results[name].metrics.point[column.metric]:.4f}" for column in columns),
+            f"{results[name].seconds:.1f}",
         ]
-        for name in rank_models(standings)
+        for name in rank_models(results)
     ]
     arrows = [f"{column.label} {'↓' if column.less else '↑'}" for column in columns]
     return format_table(rows, header=["model", *arrows, "training, s"])
 
 
-def _draw(standings: dict[str, Standing], path: Path, mask: str) -> Path:
+def _draw(results: dict[str, ModelResult], path: Path, mask: str) -> Path:
     headlines = [*HEADLINES["what is hidden"], *HEADLINES["whole histograms"]]
     headlines += UNVISITED if mask != "uniform" else ()
     labels = {h.metric: f"{h.label} {'↓' if h.less else '↑'}" for h in headlines}
-    estimates = {name: standings[name].metrics.estimates() for name in rank_models(standings)}
+    estimates = {name: results[name].metrics.estimates() for name in rank_models(results)}
     title = f"`{mask}` masks; 95 % intervals over buildings; dashed: the best; grey: far beyond"
-    draw_leaderboard(estimates, labels, path, title=title)
+    plot_leaderboard(estimates, labels, path, title=title)
     return path
 
 

@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 import click
 
-from . import belief, data, evaluate, search, train
+from bsg_cli import belief, data, evaluate, search, train
 
 COMMANDS: Mapping[str, click.Command] = MappingProxyType(
     {

@@ -11,29 +11,7 @@ from typing import Literal, cast
 
 import click
 
-from bsg_data.errors import DatasetError, RecipeError
-from bsg_data.shards import write_bytes
-from bsg_models.checkpoint import load_checkpoint
-from bsg_models.explorer import write_explorer
-from bsg_models.figures import draw_savings
-from bsg_models.graph_dataset import Buildings, open_dataset
-from bsg_models.planners import PLANNERS
-from bsg_models.run_folder import checkpoint_of
-from bsg_models.savings import (
-    LEAST_BUILDINGS,
-    Interval,
-    Saving,
-    Standings,
-    saving_of_buildings,
-    summarise,
-)
-from bsg_models.search_cases import BASELINE, StudyRecipe
-from bsg_models.search_files import encode_study, write_searches
-from bsg_models.search_study import Study, choose_runs, known_worlds, study_search
-from bsg_models.search_trace import TraceRequest, trace_search
-from bsg_models.worlds import DEFAULT_WORLDS, WorldRecipe, parse_world
-
-from .terminal import (
+from bsg_cli.terminal import (
     Command,
     force_option,
     format_table,
@@ -45,6 +23,27 @@ from .terminal import (
     worker_pool,
     workers_option,
 )
+from bsg_data.dataset.shards import write_bytes
+from bsg_data.errors import DatasetError, RecipeError
+from bsg_models.inputs.graphs import Buildings, open_dataset
+from bsg_models.rendering.explorer import write_explorer
+from bsg_models.rendering.figures import plot_savings
+from bsg_models.runs.checkpoint import load_checkpoint
+from bsg_models.runs.run_folder import checkpoint_of
+from bsg_models.search.planners import PLANNERS
+from bsg_models.search.room_graphs import DEFAULT_WORLDS, WorldRecipe, parse_world
+from bsg_models.studies.replay import TraceRequest, trace_search
+from bsg_models.studies.savings import (
+    LEAST_BUILDINGS,
+    Interval,
+    Saving,
+    WorldResult,
+    saving_of_buildings,
+    summarise,
+)
+from bsg_models.studies.search_cases import BASELINE, StudyRecipe
+from bsg_models.studies.search_files import encode_study, write_searches
+from bsg_models.studies.search_study import Study, choose_runs, known_worlds, study_search
 
 ROOM_SPECIFIC = (
     "stove",
@@ -229,7 +228,7 @@ def main(
         raise click.UsageError("--trace, --stop and --truth posterior need a --run")
     with worker_pool(workers) as executor, progress_bar("search", unit="building") as progress:
         study = study_search(data, chosen, recipe, executor=executor, progress=progress)
-    standings = summarise(study, resamples=resamples)
+    results = summarise(study, resamples=resamples)
     model = ", ".join(dict.fromkeys(_family(run) for run in runs)) or None
     written = {"every search": out / TABLE}
     write_searches(study, classes, out / TABLE)
@@ -245,7 +244,7 @@ def main(
         "split": None if split == "all" else split,
         "resamples": resamples,
     }
-    summary = encode_study(study, standings, classes=classes, facts=facts)
+    summary = encode_study(study, results, classes=classes, facts=facts)
     write_bytes(report, (json.dumps(summary, indent=1) + "\n").encode())  # last: it means finished
     for note in [*notes, *_say_left_out(study)]:
         print_note(note)
@@ -260,10 +259,10 @@ def main(
             "artifacts were put where the model believes them: its belief is right, and only the "
             "oracle knows better"
         )
-    if resamples > 1 and any(one.buildings < LEAST_BUILDINGS for one in standings):
+    if resamples > 1 and any(one.buildings < LEAST_BUILDINGS for one in results):
         print_note(f"intervals are over buildings, and need {LEAST_BUILDINGS} of them")
-    for one in standings:
-        click.echo("\n" + format_standings(one))
+    for one in results:
+        click.echo("\n" + format_result(one))
     click.echo(f"\nall of it: {report}; " + "; ".join(f"{k}: {v}" for k, v in written.items()))
 
 
@@ -324,12 +323,12 @@ def _choose_worlds(text: str | None, data: Path) -> tuple[WorldRecipe, ...]:
 
 def _choose_planners(text: str | None, *, believed: bool) -> tuple[str, ...]:
     if text is None:
-        return tuple(n for n, p in PLANNERS.items() if believed or p.source != "belief")
+        return tuple(n for n, p in PLANNERS.items() if believed or p.reads != "belief")
     names = tuple(dict.fromkeys(name.strip() for name in text.split(",")))
     unknown = [name for name in names if name not in PLANNERS]
     if unknown:
         raise click.UsageError(f"--planners: {unknown[0]!r} is none of {', '.join(PLANNERS)}")
-    needing = [name for name in names if PLANNERS[name].source == "belief"]
+    needing = [name for name in names if PLANNERS[name].reads == "belief"]
     if needing and not believed:
         raise click.UsageError(f"--planners: {needing[0]} needs a belief; name a --run")
     return names
@@ -382,7 +381,7 @@ def _draw(study: Study, path: Path, model: str | None) -> bool:
                 name: saving_of_buildings(searches, task, name) for name in shown
             }
     title = f"Object search with the beliefs of {model}" if model else "Object search"
-    draw_savings(panels, path, title=title, whole="oracle")
+    plot_savings(panels, path, title=title, whole="oracle")
     return True
 
 
@@ -392,7 +391,7 @@ def _write_trace(
     """Replay search `number` of the first building and world of a study; say which that is."""
     first = study.searches[0]
     world = next(one for one in study.recipe.worlds if one.name == first.world)
-    names = [name for name in study.recipe.planners if PLANNERS[name].source == "belief"]
+    names = [name for name in study.recipe.planners if PLANNERS[name].reads == "belief"]
     planner = "expected-cost" if "expected-cost" in names else (names or study.recipe.planners)[0]
     request = TraceRequest(first.scene_id, number, world, study.recipe.tasks[0], planner)
     run = cast(Path, chosen[first.scene_id])  # --trace needs a --run
@@ -400,8 +399,8 @@ def _write_trace(
     return f"search {number} of {first.scene_id} in {world.name}, {request.task}, by {planner}"
 
 
-def format_standings(one: Standings) -> str:
-    """Return the standings of a world and task as text."""
+def format_result(one: WorldResult) -> str:
+    """Return the results of a world and task as text."""
     line = f"{one.world}, {one.task}: {one.searches:,} searches of {one.buildings} buildings"
     if not math.isnan(one.ranked_first):
         line += (

@@ -9,16 +9,15 @@ from pathlib import Path
 import click
 from tqdm import tqdm  # noqa: TID251 -- the command line is where bars belong
 
-from bsg_models.config import RunConfig, override, read_config, validate_config, write_toml
+from bsg_cli.terminal import Command, force_option, json_option, print_json, print_note
 from bsg_models.errors import ConfigError
-from bsg_models.families import EnsembleConfig, GCNConfig, NetworkConfig
-from bsg_models.figures import draw_learning_curve
-from bsg_models.learning_curve import EpochReport, read_metrics
-from bsg_models.run_folder import BEST, CURVE, MEMBERS, METRICS
-from bsg_models.training import train_run
-from bsg_models.zoo import ZOO, find_config
-
-from .terminal import Command, force_option, json_option, print_json, print_note
+from bsg_models.rendering.figures import plot_learning_curve
+from bsg_models.runs.run_folder import BEST, CURVE, MEMBERS, METRICS
+from bsg_models.training.learning_curve import EpochReport, read_metrics
+from bsg_models.training.training import train_run
+from bsg_models.zoo.catalogue import ZOO, find_config
+from bsg_models.zoo.config import RunConfig, override, read_config, validate_config, write_toml
+from bsg_models.zoo.families import EnsembleConfig, GCNConfig, NetworkConfig
 
 
 @click.command(cls=Command)
@@ -133,7 +132,7 @@ def _draw_curve(config: RunConfig, out: Path) -> list[EpochReport]:
     likelihood = getattr(config.model, "likelihood", "mse")
     loss = "mean squared error" if likelihood == "mse" else "-log P(hidden count), mean over cells"
     title = f"{config.model.family}, seed {config.seed}"
-    draw_learning_curve(reports, out / CURVE, title=title, loss=loss)
+    plot_learning_curve(reports, out / CURVE, title=title, loss=loss)
     return reports
 
 

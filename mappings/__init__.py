@@ -1,1 +1,1 @@
-"""Published class maps: data files only; `bsg_data.class_map` reads them."""
+"""Published class maps: data files only; `bsg_data.scene.class_map` reads them."""

@@ -21,11 +21,10 @@ import torch
 from torch_geometric.data import Batch, Data
 
 from bsg_data.executors import run_all
-from bsg_models.checkpoint import load_checkpoint, restore_model
-from bsg_models.config import RunConfig, override, validate_config
-from bsg_models.gradient import TrainingGraphs, train_epochs
-from bsg_models.graph_dataset import Buildings, open_dataset
-from bsg_models.leaderboard import (
+from bsg_models.inputs.graphs import Buildings, open_dataset
+from bsg_models.runs.checkpoint import load_checkpoint, restore_model
+from bsg_models.runs.run_folder import BEST, clear_run, is_finished, open_run
+from bsg_models.studies.leaderboard import (
     DATASET,
     SECONDS,
     LeaderboardRecipe,
@@ -33,10 +32,11 @@ from bsg_models.leaderboard import (
     make_leaderboard,
     run_of,
 )
-from bsg_models.model import BeliefModel
-from bsg_models.run_folder import BEST, clear_run, is_finished, open_run
-from bsg_models.training import calibrate_run, new_model, one_thread
-from bsg_models.zoo import ZOO
+from bsg_models.training.epochs import TrainingGraphs, train_epochs
+from bsg_models.training.training import calibrate_run, new_model, one_thread
+from bsg_models.zoo.catalogue import ZOO
+from bsg_models.zoo.config import RunConfig, override, validate_config
+from bsg_models.zoo.model import BeliefModel
 
 VARIANTS: dict[str, tuple[str, ...]] = {
     "ceci-sage": (),
@@ -64,11 +64,11 @@ class TaughtGraphs(TrainingGraphs):
         self._teacher = teacher
 
     def of_epoch(self, epoch: int) -> list[Data]:  # type: ignore[override]
-        """Return the graphs of an epoch, some with targets sampled from the teacher's law."""
+        """Return the graphs of an epoch, some with targets sampled from the teacher."""
         graphs = list(super().of_epoch(epoch))
         rng = np.random.default_rng(epoch)
-        law = self._teacher.predict(Batch.from_data_list(graphs)).law
-        believed = torch.from_numpy(law.sample(rng).astype(np.float32))
+        distribution = self._teacher.predict(Batch.from_data_list(graphs)).hidden_counts
+        believed = torch.from_numpy(distribution.sample(rng).astype(np.float32))
         sizes = [len(graph.x) for graph in graphs]
         for graph, hidden in zip(graphs, believed.split(sizes), strict=True):
             if rng.random() < 0.5:

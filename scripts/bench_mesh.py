@@ -20,10 +20,10 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from bsg_data.annotations import read_annotation
-from bsg_data.semantic_mesh import survey_mesh
-from bsg_data.synthetic import write_synthetic
-from bsg_data.synthetic_geometry import GeometryOptions
+from bsg_data.geometry.semantic_mesh import survey_mesh
+from bsg_data.sources.annotations import read_annotation
+from bsg_data.synthetic.buildings import write_synthetic
+from bsg_data.synthetic.geometry import GeometryOptions
 
 REPEATS = 5
 SCENE = 1  # of seed 0: 22 rooms, about 1,000 objects

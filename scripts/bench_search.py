@@ -19,15 +19,15 @@ import networkx
 import numpy as np
 
 from bsg_data.build import build_dataset
-from bsg_data.sources import HM3DFolder
-from bsg_data.synthetic import write_synthetic
-from bsg_models.graph_dataset import open_dataset
-from bsg_models.planners import PLANNERS
-from bsg_models.search import Episodes, search
-from bsg_models.search_cases import Case, StudyRecipe, draw_case
-from bsg_models.search_study import study_search
-from bsg_models.visiting_order import expected_cost, order_rooms
-from bsg_models.worlds import WorldRecipe, draw_travel
+from bsg_data.sources.hm3d import HM3DFolder
+from bsg_data.synthetic.buildings import write_synthetic
+from bsg_models.inputs.graphs import open_dataset
+from bsg_models.search.orders import expected_cost, order_rooms
+from bsg_models.search.planners import PLANNERS
+from bsg_models.search.room_graphs import WorldRecipe, sample_travel
+from bsg_models.search.simulator import Episodes, search
+from bsg_models.studies.search_cases import Case, StudyRecipe, sample_case
+from bsg_models.studies.search_study import study_search
 
 WORLDS = tuple(WorldRecipe(kind=kind) for kind in ("star", "complete-paths", "tree"))
 EPISODES, MANY = 200, 100_000
@@ -70,7 +70,7 @@ def compare(cases: list[Case]) -> tuple[float, float]:
 def measure_orders(*, rooms: int = 13, cases: int = 200) -> None:
     """Print by how much more the searched order is expected to cost than the exact one."""
     print(f"\norders of {rooms} rooms, {cases} random cases: excess over the exact order, %")
-    travel = draw_travel(WORLDS[1], nodes=rooms + 2, episodes=cases, scene_id="bench", seed=0)
+    travel = sample_travel(WORLDS[1], nodes=rooms + 2, episodes=cases, scene_id="bench", seed=0)
     for single, classes in ((True, 1), (True, 2), (True, 3), (False, 1)):
         rng = np.random.default_rng(0)
         excess = []
@@ -101,7 +101,7 @@ def run(dataset: Path) -> None:
     for world in WORLDS:
         recipe = StudyRecipe(artifacts=classes, worlds=(world,), episodes=EPISODES)
         drawn = [
-            draw_case(data.cells[scene], world, recipe, scene_id=scene, measured={})
+            sample_case(data.cells[scene], world, recipe, scene_id=scene, measured={})
             for scene in scenes
         ]
         plain, ours = compare([case for case in drawn if isinstance(case, Case)])

@@ -19,8 +19,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize
 
-from bsg_data import passages
-from bsg_data.room_layouts import read_layout
+from bsg_data.geometry import passages
+from bsg_data.sources.room_layouts import read_layout
 
 Floats = npt.NDArray[np.float64]
 RIDGE, RIDGE_BIAS, RIDGE_OUTPUT = 1.0, 0.3, 5.0

@@ -1,7 +1,7 @@
 """Fit the rates behind `bsg-data synth` on HM3D, and say how close the result is.
 
 Fit:      python scripts/fit_synthetic_rates.py --hm3d-stats ../shared/hm3d/HM3DSem-v0.2-train.zip \
-              --annotations ../shared/hm3d/annotations --out bsg_data/synthetic_rates.json
+              --annotations ../shared/hm3d/annotations --out bsg_data/synthetic/rates.json
 Compare:  the same two inputs with `--compare DIR`, a folder written by `bsg-data synth`; prints the
           Markdown tables of docs/synthetic.md.
 
@@ -421,7 +421,7 @@ def fit_regularity(
 def fit_composition(data: Counts, assigned: Ints) -> tuple[list[float], list[object]]:
     """Return the weight of each number of rooms, and the counts of each type per size of building.
 
-    Both are smoothed: the first by a triangle of neighbours, the second towards a Poisson law.
+    Both are smoothed: the first by a triangle of neighbours, the second towards a Poisson.
     """
     rooms = np.bincount(data.building)
     histogram = np.bincount(rooms, minlength=rooms.max() + 3).astype(float)
@@ -543,7 +543,7 @@ def _without(variance: Floats, part: Floats) -> Floats:
 
 
 def fit(instances: Sequence[Instance]) -> dict[str, object]:
-    """Fit everything that `bsg_data/synthetic_rates.json` holds."""
+    """Fit everything that `bsg_data/synthetic/rates.json` holds."""
     data = count_rooms(instances)
     rates, assigned, scores = choose_types(data)
     means = rates[assigned]

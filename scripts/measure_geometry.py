@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from bsg_data.manifest import read_manifest
-from bsg_data.passages import find_passages
-from bsg_data.scene_graph import Box, SceneGraph
-from bsg_data.shards import read_scene_graphs
+from bsg_data.dataset.manifest import read_manifest
+from bsg_data.dataset.shards import read_scene_graphs
+from bsg_data.geometry.passages import find_passages
+from bsg_data.scene.scene_graph import Box, SceneGraph
 
 LEAST_TEXELS = 100  # of an instance whose box is judged
 Pairs = set[tuple[int, int]]

@@ -18,14 +18,14 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from bsg_data.histograms import read_cells, to_histograms
-from bsg_data.manifest import read_manifest
-from bsg_data.partial_graph import KnownRoom, PartialGraph, enter_room, mask_scene
+from bsg_data.dataset.histograms import read_cells, to_histograms
+from bsg_data.dataset.manifest import read_manifest
+from bsg_data.dataset.shards import read_scene_graphs
+from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, enter_room, mask_scene
 from bsg_data.recipes import MaskRecipe
-from bsg_data.scene_graph import SceneGraph
-from bsg_data.shards import read_scene_graphs
-from bsg_models.graph_dataset import open_dataset
-from bsg_models.predictor import Predictor
+from bsg_data.scene.scene_graph import SceneGraph
+from bsg_models.inputs.graphs import open_dataset
+from bsg_models.runs.predictor import Predictor
 
 Floats = npt.NDArray[np.float64]
 ORDERS = 6

@@ -21,12 +21,10 @@ from pathlib import Path
 
 import numpy as np
 
-from bsg_data.pairs import write_pairs
+from bsg_data.dataset.splits import split_dataset
+from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import PairsRecipe, SplitRecipe
-from bsg_data.splits import split_dataset
-from bsg_models.checkpoint import load_checkpoint, restore_model
-from bsg_models.config import override, validate_config
-from bsg_models.evaluation import (
+from bsg_models.evaluation.measurement import (
     Estimate,
     Measurement,
     SplitsMeasurement,
@@ -35,11 +33,13 @@ from bsg_models.evaluation import (
     predict_all,
     read_truth,
 )
-from bsg_models.graph_dataset import MaskedGraphs
-from bsg_models.learning_curve import read_metrics
-from bsg_models.run_folder import BEST, METRICS
-from bsg_models.training import train_run
-from bsg_models.zoo import BASELINES, ZOO
+from bsg_models.inputs.graphs import MaskedGraphs
+from bsg_models.runs.checkpoint import load_checkpoint, restore_model
+from bsg_models.runs.run_folder import BEST, METRICS
+from bsg_models.training.learning_curve import read_metrics
+from bsg_models.training.training import train_run
+from bsg_models.zoo.catalogue import BASELINES, ZOO
+from bsg_models.zoo.config import override, validate_config
 
 # The open points of the paper, one reading a row; each differs from the first in what it names.
 READINGS: dict[str, tuple[str, ...]] = {

@@ -11,12 +11,12 @@ import sys
 from pathlib import Path
 
 import click
-from bsg_cli.registry import COMMANDS
 
-from bsg_data.card import column_table
-from bsg_data.class_map import load_class_map
-from bsg_data.schema import SPLITS, TABLES, pairs_schema
-from bsg_models.zoo import ZOO
+from bsg_cli.registry import COMMANDS
+from bsg_data.dataset.card import column_table
+from bsg_data.dataset.schema import SPLITS, TABLES, pairs_schema
+from bsg_data.scene.class_map import load_class_map
+from bsg_models.zoo.catalogue import ZOO
 
 DOCS = Path(__file__).resolve().parent.parent
 PART = re.compile(r"(<!-- generated: (\S+) (.+?) -->\n).*?(<!-- end -->)", re.DOTALL)

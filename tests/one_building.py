@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch_geometric.data import Data
 
-from bsg_models.graph_dataset import connect
+from bsg_models.inputs.graphs import connect
 
 
 def graph(inputs: list[list[float]], *, fraction: float = 0.5, vocabulary: int = 0) -> Data:

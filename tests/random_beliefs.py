@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from bsg_data.class_map import load_class_map
-from bsg_data.manifest import ClassMapEntry
-from bsg_data.partial_graph import KnownRoom, PartialGraph, SeenObject, classify
-from bsg_data.scene_graph import Box
-from bsg_models.belief import BeliefGraph, believe
-from bsg_models.expectation import from_law
-from bsg_models.hidden_counts import poisson
+from bsg_data.dataset.manifest import ClassMapEntry
+from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, classify
+from bsg_data.scene.class_map import load_class_map
+from bsg_data.scene.scene_graph import Box
+from bsg_models.belief.belief_graph import BeliefGraph, believe
+from bsg_models.belief.count_distribution import poisson
+from bsg_models.belief.expectation import from_hidden_counts
 
 LOADED = load_class_map()
 CLASS_MAP = ClassMapEntry.of(LOADED)
@@ -50,4 +50,4 @@ def make_belief(seed: int, *, mode: Any = "complete", scene_id: str = "s") -> Be
     graph = PartialGraph(scene_id, CLASS_MAP, 0.25, tuple(rooms), tuple(objects), tuple(pairs))
     inputs = graph.histograms().astype(float)
     law = poisson(rng.gamma(0.1, 1.0, inputs.shape))
-    return believe(graph, from_law(inputs, law), mode=mode, model="random")
+    return believe(graph, from_hidden_counts(inputs, law), mode=mode, model="random")

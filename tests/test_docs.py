@@ -10,13 +10,13 @@ from pathlib import Path
 
 import click
 import pytest
-from bsg_cli.registry import COMMANDS
 from click.testing import CliRunner
 from conftest import REPOSITORY, load_script
 
-from bsg_data.schema import SPLITS, TABLES, pairs_schema
-from bsg_models.training import train_run
-from bsg_models.zoo import ZOO
+from bsg_cli.registry import COMMANDS
+from bsg_data.dataset.schema import SPLITS, TABLES, pairs_schema
+from bsg_models.training.training import train_run
+from bsg_models.zoo.catalogue import ZOO
 
 DOCS = REPOSITORY / "docs"
 

@@ -11,9 +11,10 @@ import pytest
 from conftest import KITCHEN, REPOSITORY, annotation_text, write_scene
 
 from bsg_data.build import build_dataset
-from bsg_data.check import check_dataset
-from bsg_data.class_map import load_class_map
-from bsg_data.coverage import measure_coverage
+from bsg_data.checks.dataset import check_dataset
+from bsg_data.dataset.coverage import measure_coverage
+from bsg_data.dataset.manifest import encode_manifest, read_manifest
+from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import (
     AnnotationError,
     ClassMapError,
@@ -21,11 +22,10 @@ from bsg_data.errors import (
     SourceError,
     UnmappedNameError,
 )
-from bsg_data.manifest import encode_manifest, read_manifest
-from bsg_data.shards import read_scene_graphs
-from bsg_data.sources import HM3DFolder, HM3DStatistics
-from bsg_data.synthetic import write_synthetic
-from bsg_data.synthetic_geometry import GeometryOptions
+from bsg_data.scene.class_map import load_class_map
+from bsg_data.sources.hm3d import HM3DFolder, HM3DStatistics
+from bsg_data.synthetic.buildings import write_synthetic
+from bsg_data.synthetic.geometry import GeometryOptions
 
 
 def all_bytes(folder: Path) -> dict[str, bytes]:

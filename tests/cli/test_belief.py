@@ -7,14 +7,14 @@ import shutil
 from pathlib import Path
 
 import pytest
-from bsg_cli.belief import main
 from click.testing import CliRunner, Result
 from conftest import REPOSITORY
 
-from bsg_models.belief_files import read_belief, read_tables
-from bsg_models.hydra import read_hydra_belief
-from bsg_models.training import train_run
-from bsg_models.zoo import ZOO
+from bsg_cli.belief import main
+from bsg_models.belief.belief_files import read_belief, read_tables
+from bsg_models.belief.hydra import read_hydra_belief
+from bsg_models.training.training import train_run
+from bsg_models.zoo.catalogue import ZOO
 
 
 @pytest.fixture

@@ -9,11 +9,11 @@ import time
 from pathlib import Path
 
 import pytest
-from bsg_cli.data import main
 from click.testing import CliRunner, Result
 from conftest import write_scene
 
-from bsg_data.check import check_dataset
+from bsg_cli.data import main
+from bsg_data.checks.dataset import check_dataset
 
 
 def run(*words: str | Path, code: int = 0) -> Result:

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from bsg_cli import train
-from bsg_cli.evaluate import HEADLINES, judge, main
 from click.testing import CliRunner, Result
 
-from bsg_models.evaluation import Estimate
-from bsg_models.zoo import BASELINES
+from bsg_cli import train
+from bsg_cli.evaluate import HEADLINES, judge, main
+from bsg_models.evaluation.measurement import Estimate
+from bsg_models.zoo.catalogue import BASELINES
 
 
 def run(*words: str | Path, code: int = 0) -> Result:

@@ -4,13 +4,13 @@ import json
 from pathlib import Path
 
 import pytest
-from bsg_cli import leaderboard as leaderboard_module
-from bsg_cli.evaluate import main
-from bsg_cli.leaderboard import choose_models
 from click import UsageError
 from click.testing import CliRunner, Result
 
-from bsg_models.zoo import ZOO
+from bsg_cli import leaderboard as leaderboard_module
+from bsg_cli.evaluate import main
+from bsg_cli.leaderboard import choose_models
+from bsg_models.zoo.catalogue import ZOO
 
 COMMON = ("--leaderboard", "--folds", "3", "--draws", "2", "--resamples", "2", "--workers", "1")
 

@@ -7,12 +7,12 @@ import shutil
 from pathlib import Path
 
 import pytest
-from bsg_cli.search import ROOM_SPECIFIC, main
 from click.testing import CliRunner, Result
 
-from bsg_data.class_map import load_class_map
-from bsg_models.training import train_run
-from bsg_models.zoo import ZOO
+from bsg_cli.search import ROOM_SPECIFIC, main
+from bsg_data.scene.class_map import load_class_map
+from bsg_models.training.training import train_run
+from bsg_models.zoo.catalogue import ZOO
 
 
 def run_command(*arguments: object) -> Result:

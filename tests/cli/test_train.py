@@ -10,9 +10,10 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from bsg_cli.train import main
 from click.testing import CliRunner, Result
 from safetensors.torch import load_file
+
+from bsg_cli.train import main
 
 SMALL = ["--set", "model.width=8", "--set", "training.epochs=4", "--set", "training.batch_size=4"]
 

@@ -1,0 +1,157 @@
+"""Check that a dataset is what its manifest says, and that the tables agree with each other.
+
+Nothing here trusts the writer: every fact is read again from the files.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from bsg_data.checks.faults import Fault
+from bsg_data.checks.pairs import PairTruth, check_every_scene_has_pairs, check_splits
+from bsg_data.checks.tables import (
+    check_edges,
+    check_meshes,
+    check_objects,
+    check_parts,
+    check_rooms,
+    check_scenes,
+)
+from bsg_data.dataset.manifest import MANIFEST, FileEntry, Manifest, read_manifest
+from bsg_data.dataset.publication import CARD, CROISSANT, list_strays
+from bsg_data.dataset.schema import SPLITS, TABLES, pairs_schema
+from bsg_data.dataset.shards import check_file_metadata, describe_file
+from bsg_data.errors import BSGError, ClassMapError
+from bsg_data.scene.class_map import list_class_maps, load_class_map
+
+
+def check_dataset(
+    dataset: Path, *, progress: Callable[[int, int], None] | None = None
+) -> tuple[Fault, ...]:
+    """Return every fault of a dataset; none for a sound one.
+
+    Raises:
+        DatasetError: if the manifest cannot be read, so that there is nothing to check against.
+    """
+    manifest = read_manifest(dataset)
+    faults = [*_check_class_map(manifest), *_check_strays(dataset, manifest)]
+    faults += _check_recipes(manifest)
+    tables: dict[str, list[pa.Table]] = {}
+    pairs = manifest.files_of("pairs")
+    for done, entry in enumerate((f for f in manifest.files if f not in pairs), start=1):
+        found, table = _check_file(dataset, entry, manifest)
+        faults += found
+        if table is not None:
+            tables.setdefault(_table_of(entry), []).append(table)
+        if progress is not None:
+            progress(done, len(manifest.files))
+    if faults:  # the rows of a damaged file would only raise more of the same
+        return tuple(faults)
+    faults += check_parts(tables)
+    frames = {name: pa.concat_tables(tables[name]).to_pandas() for name in TABLES}
+    faults += check_scenes(frames, manifest)
+    if faults:
+        return tuple(faults)
+    faults += [*check_objects(frames, manifest), *check_rooms(frames), *check_edges(frames)]
+    faults += check_meshes(manifest, frames["scenes"])
+    if faults or manifest.split is None:
+        return tuple(faults)
+    splits = pa.concat_tables(tables["splits"]).to_pandas()
+    faults += check_splits(splits, frames["scenes"], manifest.split)
+    truth = PairTruth(frames, splits, manifest)
+    held: list[str] = []
+    for done, entry in enumerate(pairs, start=len(manifest.files) - len(pairs) + 1):
+        found, table = _check_file(dataset, entry, manifest)  # one file in memory at a time
+        faults += found
+        if table is not None:
+            faults += truth.check(entry, table)
+            held += table["scene_id"].unique().to_pylist()
+        if progress is not None:
+            progress(done, len(manifest.files))
+    if manifest.pairs is not None:
+        faults += check_every_scene_has_pairs(held, splits)
+    return tuple(faults)
+
+
+def _check_recipes(manifest: Manifest) -> Iterator[Fault]:
+    """A recipe without files, or files without a recipe, would go unchecked."""
+    for table, recipe in (("splits", manifest.split), ("pairs", manifest.pairs)):
+        if bool(manifest.files_of(table)) != (recipe is not None):
+            yield Fault(MANIFEST, f"has a recipe of {table} without files, or files without one")
+    for table in TABLES:
+        if not manifest.files_of(table):
+            yield Fault(MANIFEST, f"lists no file of {table}")
+
+
+def _check_class_map(manifest: Manifest) -> Iterator[Fault]:
+    ours = manifest.class_map
+    if ours.version not in list_class_maps():
+        return  # a map of the user's own: there is nothing published to compare with
+    try:
+        published = load_class_map(ours.version)
+    except ClassMapError as error:
+        yield Fault(MANIFEST, str(error))
+        return
+    if (published.sha256, published.classes) != (ours.sha256, ours.classes):
+        yield Fault(
+            MANIFEST,
+            f"class map {ours.version} is not the published one: expected sha256 "
+            f"{published.sha256}, found {ours.sha256}",
+        )
+
+
+def _check_strays(dataset: Path, manifest: Manifest) -> Iterator[Fault]:
+    for name in list_strays(dataset, manifest):
+        yield Fault(name, "is not in the manifest: left by a stopped command, or put there")
+    for name in (CARD, CROISSANT):
+        if not (dataset / name).is_file():
+            yield Fault(name, "is missing; any of build, split or pairs writes it again")
+
+
+def _table_of(entry: FileEntry) -> str:
+    return entry.path.split("/")[0].removesuffix(".parquet")
+
+
+def _check_file(
+    dataset: Path, entry: FileEntry, manifest: Manifest
+) -> tuple[list[Fault], pa.Table | None]:
+    path = dataset / entry.path
+    if not path.is_file():
+        return [Fault(entry.path, "is in the manifest but not there")], None
+    faults = []
+    try:
+        found = describe_file(dataset, entry.path, rows=entry.rows)
+        if found != entry:
+            faults.append(
+                Fault(
+                    entry.path,
+                    f"was changed: expected {entry.bytes} bytes, sha256 {entry.sha256[:12]}…, "
+                    f"found {found.bytes} bytes, sha256 {found.sha256[:12]}…",
+                )
+            )
+        table = pq.ParquetFile(path).read()
+        check_file_metadata(path, table.schema, manifest)
+    except BSGError as error:
+        return [*faults, Fault(entry.path, str(error))], None
+    except (OSError, pa.ArrowInvalid) as error:
+        return [*faults, Fault(entry.path, f"is not readable parquet: {error}")], None
+    expected = {
+        **TABLES,
+        "splits": SPLITS,
+        "pairs": pairs_schema(len(manifest.class_map.classes)),
+    }[_table_of(entry)]
+    if not table.schema.equals(expected, check_metadata=False):
+        faults.append(Fault(entry.path, f"expected the columns\n{expected}\nfound\n{table.schema}"))
+        return faults, None
+    if len(table) != entry.rows:
+        faults.append(Fault(entry.path, f"expected {entry.rows} rows, found {len(table)}"))
+    faults += [
+        Fault(entry.path, f"column {field.name} has nulls and must not")
+        for field in expected
+        if not field.nullable and table[field.name].null_count
+    ]
+    return faults, table

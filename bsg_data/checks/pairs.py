@@ -1,0 +1,146 @@
+"""Check that splits do not leak and that pairs follow from the objects and their recipe."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from bsg_data.checks.faults import Fault
+from bsg_data.dataset.histograms import Counts, count_cells, to_histograms
+from bsg_data.dataset.manifest import FileEntry, Manifest
+from bsg_data.dataset.splits import assign_splits
+from bsg_data.errors import RecipeError
+from bsg_data.observation.masks import hidden_bounds
+from bsg_data.observation.pairs import histogram_column, sample_pairs, split_of_file
+from bsg_data.recipes import SplitRecipe
+from bsg_data.sources.hm3d import building_hash
+
+
+def check_splits(
+    splits: pd.DataFrame, scenes: pd.DataFrame, recipe: SplitRecipe
+) -> Iterator[Fault]:
+    """Check that every building is in exactly one split, the one that the recipe says."""
+    twice = splits["scene_id"][splits["scene_id"].duplicated()]
+    for scene in twice:
+        yield Fault("splits", f"{scene} is in two splits or twice in one")
+    for scene in sorted(set(splits["scene_id"]) ^ set(scenes["scene_id"])):
+        yield Fault("splits", f"{scene} is not in both scenes and splits")
+    spread = splits.groupby(splits["scene_id"].map(building_hash))["split"].nunique()
+    for building in spread.index[spread > 1]:
+        yield Fault("splits", f"building {building} leaks: it is in more than one split")
+    own = scenes["source_split"].where(scenes["source_split"].notna(), None)
+    try:
+        said = assign_splits(dict(zip(scenes["scene_id"], own, strict=True)), recipe)
+    except RecipeError as error:
+        yield Fault("splits", f"cannot be made by the recipe: {error}")
+        return
+    for scene, split in zip(splits["scene_id"], splits["split"], strict=True):
+        if scene in said and said[scene] != split:
+            yield Fault("splits", f"{scene} is in {split}, by the recipe it is in {said[scene]}")
+
+
+class PairTruth:
+    """What the pairs must be, from the other tables and the recipes alone."""
+
+    def __init__(
+        self, frames: dict[str, pd.DataFrame], splits: pd.DataFrame, manifest: Manifest
+    ) -> None:
+        self.cells = count_frames(frames, width=len(manifest.class_map.classes))
+        self.split = dict(zip(splits["scene_id"], splits["split"], strict=True))
+        self.recipe = manifest.pairs
+        edges = frames["edges"][frames["edges"]["kind"] == "adjacent"]
+        self.adjacency: dict[str, list[tuple[int, int]]] = {}
+        for scene, a, b in zip(edges["scene_id"], edges["source"], edges["target"], strict=True):
+            self.adjacency.setdefault(scene, []).append((int(a), int(b)))
+
+    def check(self, entry: FileEntry, table: pa.Table) -> Iterator[Fault]:
+        """Check one file of pairs."""
+        if self.recipe is None:
+            return
+        own = split_of_file(entry.path)
+        scenes = table["scene_id"].to_pandas()
+        for scene, rows in scenes.groupby(scenes, sort=False).indices.items():
+            name = str(scene)
+            where = f"{entry.path}, {name}"
+            if self.split.get(name) != own:
+                yield Fault(where, f"is of split {self.split.get(name)}, not {own}")
+            elif (np.diff(rows) != 1).any():
+                yield Fault(where, "its rows do not stand together")
+            else:
+                yield from self._check_scene(where, name, table.slice(rows[0], len(rows)))
+
+    def _check_scene(self, where: str, scene: str, table: pa.Table) -> Iterator[Fault]:
+        cells, recipe = self.cells[scene], self.recipe
+        if recipe is None:
+            return
+        shape = (recipe.draws, *cells.shape)
+        expected = f"expected draws 0..{shape[0] - 1} of nodes 0..{shape[1] - 1}, in order"
+        if len(table) != shape[0] * shape[1]:
+            yield Fault(where, f"{expected}: {shape[0] * shape[1]} rows, found {len(table)}")
+            return
+        draws, nodes = np.divmod(np.arange(len(table)), shape[1])
+        found = (table["draw"].to_numpy(), table["node_index"].to_numpy())
+        if (found[0] != draws).any() or (found[1] != nodes).any():
+            yield Fault(where, expected)
+            return
+        inputs = histogram_column(table, "input").astype(np.int64).reshape(shape)
+        targets = histogram_column(table, "target").reshape(shape)
+        faults = list(_check_histograms(where, inputs, targets, cells))
+        hidden = (targets.astype(np.int64) - inputs)[:, 0].sum(axis=1)
+        low, high = hidden_bounds(cells, recipe.mask)
+        for draw in np.flatnonzero((hidden < low) | (hidden > high))[:3]:
+            bounds = str(low) if low == high else f"{low} to {high}"
+            faults.append(
+                Fault(where, f"draw {draw}: the mask hides {hidden[draw]} objects, not {bounds}")
+            )
+        yield from faults
+        if not faults:
+            adjacent = tuple(self.adjacency.get(scene, ()))
+            visited, drawn = sample_pairs(cells, recipe, scene_id=scene, adjacent=adjacent)
+            same = (drawn == inputs).all() and (
+                visited.ravel() == table["visited"].to_numpy()
+            ).all()
+            if not same:
+                yield Fault(where, "is not the mask of its recipe (or another NumPy drew it)")
+
+
+def _check_histograms(
+    where: str, inputs: Counts, targets: Counts, cells: Counts
+) -> Iterator[Fault]:
+    if (targets != to_histograms(cells)).any():
+        yield Fault(where, "target is not the histogram of the objects table")
+    if (inputs > targets).any():
+        yield Fault(where, "input is above target: a mask would have added objects")
+    null_region = inputs[:, 0] - inputs[:, 1:].sum(axis=1)
+    if (null_region < 0).any() or (null_region > cells[0]).any():
+        yield Fault(where, "the building's input is not the sum of its rooms and the null region")
+
+
+def count_frames(frames: dict[str, pd.DataFrame], *, width: int) -> dict[str, Counts]:
+    """Count the cells `[1 + R, C]` of every scene, from the tables alone."""
+    objects, scenes = frames["objects"], frames["scenes"]
+    classified = objects[objects["class_index"].notna()]
+    rows_of = classified.groupby("scene_id").indices
+    rooms = classified["room_index"].to_numpy(np.int64)
+    classes = classified["class_index"].to_numpy(np.int64)
+    nobody = np.zeros(0, dtype=np.int64)
+    return {
+        scene: count_cells(
+            rooms[rows_of.get(scene, nobody)],
+            classes[rows_of.get(scene, nobody)],
+            shape=(size + 1, width),
+        )
+        for scene, size in zip(scenes["scene_id"], scenes["num_rooms"].tolist(), strict=True)
+    }
+
+
+def check_every_scene_has_pairs(held: Sequence[str], splits: pd.DataFrame) -> Iterator[Fault]:
+    """Check that every scene that is split has pairs, in one file."""
+    for scene in sorted(set(splits["scene_id"]) - set(held)):
+        yield Fault("pairs", f"{scene} has none")
+    for scene in sorted(scene for scene, files in Counter(held).items() if files > 1):
+        yield Fault("pairs", f"{scene} is in two files")

@@ -1,0 +1,1 @@
+"""The dataset on disk: schema, manifest, shards, splits, histograms and cards."""

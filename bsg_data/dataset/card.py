@@ -1,0 +1,222 @@
+"""The dataset card and the Croissant description, both written from the manifest alone."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pyarrow as pa
+
+from bsg_data.dataset.manifest import Manifest
+from bsg_data.dataset.schema import SPLITS, TABLES, describe_fields, pairs_schema
+
+MATTERPORT = "https://matterport.com/matterport-end-user-license-agreement-academic-use-model-data"
+APACHE = "https://www.apache.org/licenses/LICENSE-2.0"
+_MEANINGS = {
+    "scenes": "one row a building",
+    "rooms": "one row a room",
+    "objects": "one row an annotated object",
+    "edges": "containment, and room adjacency where known",
+    "splits": "the split of each building",
+    "pairs": "masked input and target histograms: one row a building or room, for each draw",
+}
+_CROISSANT_TYPES = {
+    "bool": "sc:Boolean",
+    "double": "sc:Float",
+    "int16": "sc:Integer",
+    "int32": "sc:Integer",
+    "string": "sc:Text",
+    "uint16": "sc:Integer",
+    "uint8": "sc:Integer",
+}
+
+
+def write_card(manifest: Manifest) -> str:
+    """Return the dataset card: Hugging Face front matter and Markdown."""
+    schemas = _schemas(manifest)
+    totals = manifest.totals
+    source = " ".join(filter(None, (manifest.source.kind, manifest.source.version)))
+    lines = [
+        *_front_matter(manifest),
+        "# 3D scene graphs of buildings",
+        "",
+        f"{totals.scenes:,} buildings, {totals.rooms:,} rooms, {totals.objects:,} objects, "
+        f"{totals.classified:,} of them in one of {len(manifest.class_map.classes)} classes. "
+        f"Built by {manifest.generator} from {source} through the class map "
+        f"`{manifest.class_map.version}`. {len(manifest.skipped)} scenes were skipped and "
+        f"{totals.unmapped} objects had a name that the map does not know; `dataset.json` lists "
+        "both, with the hash of every file.",
+        "",
+        "Metres, Z up, right-handed. " + _terms(manifest),
+        "",
+        "Classes, in the order of every histogram: " + ", ".join(manifest.class_map.classes) + ".",
+        "",
+    ]
+    for table, schema in schemas.items():
+        lines += [
+            f"## {table}",
+            "",
+            f"{_MEANINGS[table].capitalize()}.",
+            "",
+            *column_table(schema),
+            "",
+        ]
+    lines += _recipe_lines(manifest)
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def column_table(schema: pa.Schema) -> list[str]:
+    """Return the columns of a table as the lines of a Markdown table."""
+    rows = ["| column | type | unit | meaning | null |", "|---|---|---|---|---|"]
+    for name, kind, unit, meaning, null in describe_fields(schema):
+        rows.append(f"| `{name}` | {kind} | {unit} | {meaning} | {null or 'never'} |")
+    return rows
+
+
+def write_croissant(manifest: Manifest) -> str:
+    """Return the dataset as Croissant 1.0 JSON-LD (https://mlcommons.org/croissant)."""
+    description = {
+        "@context": _CONTEXT,
+        "@type": "sc:Dataset",
+        "name": "belief-scene-graphs",
+        "description": "3D scene graphs of buildings: rooms, objects, containment, masked pairs.",
+        "conformsTo": "http://mlcommons.org/croissant/1.0",
+        "version": f"{manifest.format_version}.0.0",
+        "license": APACHE if manifest.source.kind == "synthetic" else MATTERPORT,
+        "url": "https://aihabitat.org/datasets/hm3d-semantics/",
+        "citeAs": "Saucedo et al., Belief Scene Graphs, ICRA 2024, arXiv:2402.03840",
+        "distribution": [
+            {
+                "@type": "cr:FileSet",
+                "@id": f"files/{name}",
+                "name": name,
+                "includes": pattern,
+                "encodingFormat": "application/x-parquet",
+            }
+            for name, pattern, _ in _file_sets(manifest)
+        ],
+        "recordSet": [_record_set(name, schema) for name, _, schema in _file_sets(manifest)],
+    }
+    return json.dumps(description, indent=1) + "\n"
+
+
+def _terms(manifest: Manifest) -> str:
+    if manifest.source.kind == "synthetic":
+        return "The buildings are synthetic: no building like them exists, and none was scanned."
+    return (
+        "What is derived from Habitat-Matterport 3D stays under Matterport's terms of use for "
+        "academic research."
+    )
+
+
+def _schemas(manifest: Manifest) -> dict[str, pa.Schema]:
+    """Return the schema of every table that the dataset holds."""
+    every = {
+        **TABLES,
+        "splits": SPLITS,
+        "pairs": pairs_schema(len(manifest.class_map.classes)),
+    }
+    return {table: schema for table, schema in every.items() if manifest.files_of(table)}
+
+
+def _file_sets(manifest: Manifest) -> list[tuple[str, str, pa.Schema]]:
+    """Return (name, pattern of its files, schema) of every table, and of every split's pairs."""
+    sets = []
+    for table, schema in _schemas(manifest).items():
+        files = [file.path for file in manifest.files_of(table)]
+        if table == "pairs":
+            splits = sorted({path.rpartition("-")[0] for path in files})
+            sets += [(name, f"{name}-*.parquet", schema) for name in splits]
+        else:
+            sets.append((table, f"{table}/*.parquet" if "/" in files[0] else files[0], schema))
+    return sets
+
+
+def _front_matter(manifest: Manifest) -> list[str]:
+    """Return YAML that lets `datasets.load_dataset(folder, table)` find the files of a table."""
+    real = ["license: other", "license_name: matterport-academic"]
+    synthetic = manifest.source.kind == "synthetic"
+    lines = ["---", *(["license: apache-2.0"] if synthetic else real), "configs:"]
+    last = ""
+    for name, pattern, _ in _file_sets(manifest):
+        table, _, split = name.partition("/")
+        if table != last:
+            lines += [f"- config_name: {table}", "  data_files:"]
+        # A split's name has no hyphen there: fold-0 is fold_0.
+        lines += [f"  - split: {split.replace('-', '_') or 'all'}", f"    path: {pattern}"]
+        last = table
+    return [*lines, "---", ""]
+
+
+def _recipe_lines(manifest: Manifest) -> list[str]:
+    lines = []
+    if manifest.split is not None:
+        split = manifest.split
+        ratios = " / ".join(f"{ratio:g}" for ratio in split.ratios or ())
+        what = f"{split.folds} folds" if split.folds else f"{split.method} {ratios}"
+        lines += [f"Split by building: {what}, seed {split.seed}.", ""]
+    if manifest.pairs is not None:
+        mask = manifest.pairs.mask
+        lines += [
+            f"Pairs: {manifest.pairs.draws} draws of the mask `{mask.strategy}`, fraction "
+            f"{mask.fraction}, seed {mask.seed}."
+        ]
+    return lines
+
+
+def _record_set(table: str, schema: pa.Schema) -> dict[str, Any]:
+    fields = []
+    for name, _, unit, meaning, _ in describe_fields(schema):
+        kind = schema.field(name).type
+        repeated = pa.types.is_fixed_size_list(kind) or pa.types.is_list(kind)
+        field = {
+            "@type": "cr:Field",
+            "@id": f"{table}/{name}",
+            "name": name,
+            "description": f"{meaning} [{unit}]" if unit else meaning,
+            "dataType": _CROISSANT_TYPES[str(kind.value_type if repeated else kind)],
+            "source": {"fileSet": {"@id": f"files/{table}"}, "extract": {"column": name}},
+        }
+        fields.append({**field, "repeated": True} if repeated else field)
+    return {"@type": "cr:RecordSet", "@id": f"records/{table}", "name": table, "field": fields}
+
+
+# The context that Croissant 1.0 asks every description to carry.
+_CONTEXT = {
+    "@language": "en",
+    "@vocab": "https://schema.org/",
+    "citeAs": "cr:citeAs",
+    "column": "cr:column",
+    "conformsTo": "dct:conformsTo",
+    "cr": "http://mlcommons.org/croissant/",
+    "data": {"@id": "cr:data", "@type": "@json"},
+    "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
+    "equivalentProperty": "cr:equivalentProperty",
+    "dct": "http://purl.org/dc/terms/",
+    "examples": {"@id": "cr:examples", "@type": "@json"},
+    "extract": "cr:extract",
+    "field": "cr:field",
+    "fileObject": "cr:fileObject",
+    "fileProperty": "cr:fileProperty",
+    "fileSet": "cr:fileSet",
+    "format": "cr:format",
+    "includes": "cr:includes",
+    "isLiveDataset": "cr:isLiveDataset",
+    "jsonPath": "cr:jsonPath",
+    "key": "cr:key",
+    "md5": "cr:md5",
+    "parentField": "cr:parentField",
+    "path": "cr:path",
+    "rai": "http://mlcommons.org/croissant/RAI/",
+    "recordSet": "cr:recordSet",
+    "references": "cr:references",
+    "regex": "cr:regex",
+    "repeated": "cr:repeated",
+    "replace": "cr:replace",
+    "samplingRate": "cr:samplingRate",
+    "sc": "https://schema.org/",
+    "separator": "cr:separator",
+    "source": "cr:source",
+    "subField": "cr:subField",
+    "transform": "cr:transform",
+}

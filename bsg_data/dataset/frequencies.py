@@ -1,0 +1,63 @@
+"""How often each class occurs in a dataset: instances, rooms and scenes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from bsg_data.dataset.histograms import read_cells
+from bsg_data.dataset.manifest import read_manifest
+from bsg_data.errors import BSGError
+
+
+def count_frequencies(dataset: Path) -> pd.DataFrame:
+    """Return one row a class, most frequent first.
+
+    Columns: `class`, `instances`, `rooms` and `scenes` that hold one.
+    """
+    manifest = read_manifest(dataset)
+    cells = list(read_cells(dataset, manifest=manifest).values())
+    every = np.concatenate(cells)
+    rooms = np.concatenate([c[1:] for c in cells])
+    frame = pd.DataFrame(
+        {
+            "class": manifest.class_map.classes,
+            "instances": every.sum(axis=0),
+            "rooms": (rooms > 0).sum(axis=0),
+            "scenes": np.stack([(c.sum(axis=0) > 0) for c in cells]).sum(axis=0),
+        }
+    )
+    return frame.sort_values(["instances", "class"], ascending=[False, True], ignore_index=True)
+
+
+def plot_frequencies(frame: pd.DataFrame, path: Path, *, title: str) -> None:
+    """Draw the instances and the rooms of every class as bars into an image file.
+
+    Raises:
+        BSGError: if matplotlib is not installed or the file cannot be written.
+    """
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise BSGError(
+            "a figure needs matplotlib: pip install 'belief-scene-graphs[figures]'"
+        ) from error
+    figure = Figure(figsize=(9, 0.22 * len(frame) + 1.2), layout="constrained")
+    FigureCanvasAgg(figure)
+    left, right = figure.subplots(1, 2, sharey=True)
+    for axes, column, colour in ((left, "instances", "#FF8000"), (right, "rooms", "#9702FA")):
+        bars = axes.barh(frame["class"], frame[column], color=colour, height=0.75)
+        axes.bar_label(bars, fontsize=7, padding=2)
+        axes.set_xlabel(column)
+        axes.margins(x=0.12, y=0.01)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.tick_params(labelsize=8)
+    left.invert_yaxis()
+    figure.suptitle(title, fontsize=10)
+    try:
+        figure.savefig(path, dpi=150)
+    except (OSError, ValueError) as error:
+        raise BSGError(f"{path}: the figure cannot be written ({error})") from error

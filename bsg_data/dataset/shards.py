@@ -1,0 +1,167 @@
+"""Scene graphs to parquet shards and back.
+
+`write_shards` and `read_scene_graphs` are inverse to each other. A file is written beside its
+place and renamed, so it is whole or absent.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from bsg_data.dataset.manifest import ClassMapEntry, FileEntry, Manifest, read_manifest
+from bsg_data.dataset.scene_tables import assemble_graphs, collect_columns
+from bsg_data.dataset.schema import FORMAT_VERSION, TABLES
+from bsg_data.errors import DatasetError, MismatchError
+from bsg_data.scene.scene_graph import SceneGraph
+
+
+def write_shards(
+    graphs: Sequence[SceneGraph], folder: Path, *, part: int, class_map: ClassMapEntry
+) -> tuple[FileEntry, ...]:
+    """Write one part of every table for some scenes, in the order given.
+
+    Raises:
+        DatasetError: if a file cannot be written; none is left half-written.
+    """
+    columns = collect_columns(graphs, classes=class_map.classes)
+    entries = []
+    for name, schema in TABLES.items():
+        table = pa.Table.from_pydict(columns[name], schema=schema)
+        path = f"{name}/part-{part:05d}.parquet"
+        with open_parquet(folder / path, schema, table=name, class_map=class_map) as writer:
+            writer.write_table(table)
+        entries.append(describe_file(folder, path, rows=table.num_rows))
+    return tuple(entries)
+
+
+def read_table(
+    dataset: Path, name: str, *, columns: list[str] | None = None, manifest: Manifest | None = None
+) -> pa.Table:
+    """Read a whole table of a dataset, rows in order.
+
+    Args:
+        dataset: its folder.
+        name: `scenes`, `rooms`, `objects`, `edges` or `splits`.
+        columns: only these, in this order.
+        manifest: read already; otherwise read from the folder.
+
+    Raises:
+        DatasetError: if a file is missing or not readable.
+        MismatchError: if a file is of another class map or format than the manifest.
+    """
+    manifest = manifest or read_manifest(dataset)
+    entries = manifest.files_of(name)
+    if not entries:
+        raise DatasetError(f"{dataset}: has no {name}; `bsg-data info` says what it holds")
+    return pa.concat_tables(
+        read_file(dataset / entry.path, manifest=manifest, columns=columns) for entry in entries
+    )
+
+
+def read_file(path: Path, *, manifest: Manifest, columns: list[str] | None = None) -> pa.Table:
+    """Read one parquet file of a dataset, and see that it belongs there."""
+    try:
+        file = pq.ParquetFile(path)
+        check_file_metadata(path, file.schema_arrow, manifest)
+        return file.read(columns=columns)
+    except FileNotFoundError as error:
+        raise DatasetError(f"{path}: in the manifest but not there; build again") from error
+    except (OSError, pa.ArrowInvalid, KeyError) as error:
+        raise DatasetError(
+            f"{path}: not readable as this dataset's parquet ({error}); `bsg-data check` says more"
+        ) from error
+
+
+def read_scene_graphs(dataset: Path) -> Iterator[SceneGraph]:
+    """Yield the scene graphs of a dataset, one shard in memory at a time."""
+    manifest = read_manifest(dataset)
+    parts = zip(*(manifest.files_of(name) for name in TABLES), strict=True)
+    for files in parts:
+        tables = {
+            name: read_file(dataset / file.path, manifest=manifest)
+            for name, file in zip(TABLES, files, strict=True)
+        }
+        yield from assemble_graphs(tables)
+
+
+@contextmanager
+def open_parquet(
+    path: Path, schema: pa.Schema, *, table: str, class_map: ClassMapEntry, **extra: str
+) -> Iterator[pq.ParquetWriter]:
+    """Open a parquet file beside its place; rename it there when the block ends well.
+
+    Every file says its table, format version and class map in its own metadata, and `extra`.
+    """
+    words = {
+        "bsg.table": table,
+        "bsg.format_version": str(FORMAT_VERSION),
+        "bsg.class_map": class_map.version,
+        "bsg.class_map_sha256": class_map.sha256,
+        **{f"bsg.{key}": value for key, value in extra.items()},
+    }
+    partial = path.with_name(f".{path.name}.partial")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with pq.ParquetWriter(
+            partial, schema.with_metadata(words), compression="zstd", compression_level=3
+        ) as writer:
+            yield writer
+        partial.replace(path)
+    except OSError as error:
+        raise DatasetError(f"{path}: cannot be written ({error.strerror or error})") from error
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a small file beside its place and rename it there.
+
+    Raises:
+        DatasetError: if it cannot be written; what was there stays.
+    """
+    partial = path.with_name(f".{path.name}.partial")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with partial.open("wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        partial.replace(path)
+    except OSError as error:
+        raise DatasetError(f"{path}: cannot be written ({error.strerror or error})") from error
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def describe_file(folder: Path, path: str, *, rows: int) -> FileEntry:
+    """Return the manifest's entry of a file that was just written."""
+    with (folder / path).open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    return FileEntry(path=path, rows=rows, bytes=(folder / path).stat().st_size, sha256=digest)
+
+
+def check_file_metadata(path: Path, schema: pa.Schema, manifest: Manifest) -> None:
+    """See that a file is of the dataset's format and class map.
+
+    Raises:
+        MismatchError: naming what the file says and what the manifest says.
+    """
+    words = {k.decode(): v.decode() for k, v in (schema.metadata or {}).items()}
+    found = tuple(
+        words.get(f"bsg.{key}", "none")
+        for key in ("format_version", "class_map", "class_map_sha256")
+    )
+    ours = manifest.class_map
+    expected = (str(manifest.format_version), ours.version, ours.sha256)
+    if found != expected:
+        raise MismatchError(
+            f"{path}: expected format {expected[0]}, class map {expected[1]} ({expected[2][:12]}…) "
+            f"as in the manifest, found format {found[0]}, {found[1]} ({found[2][:12]}…)"
+        )

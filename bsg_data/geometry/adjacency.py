@@ -1,0 +1,163 @@
+"""Which rooms of a placed building connect: by doors and stairs that are seen, else by their boxes.
+
+A door that is annotated in one room and stands against the footprint of another joins the two. So
+do stairs that begin at the floor of one room and end at that of another. What no door explains,
+open kitchens and openings without a door, is left to the rule of `bsg_data.geometry.passages`,
+which then has to be surer than where no door is seen at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from bsg_data.geometry.passages import THRESHOLD, choose_pairs, score_pairs
+from bsg_data.geometry.placement import STAIRS
+from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph, SceneObject
+
+Floats = npt.NDArray[np.float64]
+
+# Corrected categories.
+DOORS = frozenset(
+    {
+        "door",
+        "door frame",
+        "door window",
+        "door/window",
+        "doorpost",
+        "doorway",
+        "glass door",
+        "sliding door",
+        "sliding glass door",
+    }
+)
+_DOOR_REACH = 0.35  # metres from a door to the room behind it: a wall, and the frame
+_DOOR_HEIGHT = 1.0  # metres of height that both must share with it: more than a hatch
+_STAIRS_REACH = 0.5  # metres from the stairs to a room at their end
+_LANDING = 0.7  # metres between an end of the stairs and the floor of the room there
+_SURE = 0.6  # of a pair without a door, in a building that shows doors
+
+
+def connect_rooms(graph: SceneGraph) -> SceneGraph:
+    """Return the scene graph with the adjacency of its rooms, from their boxes and their objects.
+
+    Every edge has its `method`, `door`, `stairs` or `boxes` in this order of trust, and the
+    distance of the rooms' centroids. Rooms without geometry stay unconnected.
+    """
+    placed = [room for room in graph.rooms if room.box is not None]
+    floors = [room.floor_z or 0.0 for room in placed]
+    seen = dict.fromkeys(_by_stairs(placed, floors, graph.objects), "stairs")
+    seen |= dict.fromkeys(_by_doors(placed, graph.objects), "door")
+    boxes = np.array([[r.box.minimum, r.box.maximum] for r in placed if r.box]).reshape(-1, 2, 3)
+    boxes[:, 0, 2] = np.minimum(floors, boxes[:, 1, 2])
+    pairs, probability = score_pairs(boxes)
+    threshold = _SURE if "door" in seen.values() else THRESHOLD
+    kept = choose_pairs(pairs, probability, rooms=len(placed), known=seen, threshold=threshold)
+    found = {(int(a), int(b)): "boxes" for a, b in pairs[kept]} | seen
+    edges = [
+        Edge(
+            placed[a].room_index,
+            placed[b].room_index,
+            "adjacent",
+            method,
+            measure_distance(placed[a], placed[b]),
+        )
+        for (a, b), method in sorted(found.items())
+    ]
+    return replace(graph, adjacency=tuple(edges))
+
+
+def measure_distance(one: Room, other: Room) -> float | None:
+    """Return the metres between the centroids of two rooms; None without geometry."""
+    if one.centroid is None or other.centroid is None:
+        return None
+    return float(np.linalg.norm(np.subtract(one.centroid, other.centroid)))
+
+
+def _by_doors(rooms: Sequence[Room], objects: Sequence[SceneObject]) -> Iterator[tuple[int, int]]:
+    """Yield the pairs, ascending places in `rooms`, that a door stands between."""
+    place = {room.room_index: number for number, room in enumerate(rooms)}
+    for door in objects:
+        if door.category not in DOORS or door.part_box is None or door.room_index not in place:
+            continue
+        here = place[door.room_index]
+        near = [
+            (gap, number)
+            for number, room in enumerate(rooms)
+            if number != here
+            and room.box is not None
+            and _share_height(door.part_box, room.box) >= _DOOR_HEIGHT
+            and (gap := _gap(door.part_box, room)) <= _DOOR_REACH
+        ]
+        if near:
+            there = min(near)[1]
+            yield min(here, there), max(here, there)
+
+
+def _by_stairs(
+    rooms: Sequence[Room], floors: Sequence[float], objects: Sequence[SceneObject]
+) -> Iterator[tuple[int, int]]:
+    """Yield the pairs that the stairs of a room lead from and to."""
+    for here, room in enumerate(rooms):
+        steps = [
+            obj.part_box
+            for obj in objects
+            if obj.room_index == room.room_index and obj.category in STAIRS and obj.part_box
+        ]
+        if not steps:
+            continue
+        flight = _surround(steps)
+        for end in (flight.minimum[2], flight.maximum[2]):
+            near = [
+                (gap, number)
+                for number, other in enumerate(rooms)
+                if number != here
+                and abs(floors[number] - end) <= _LANDING
+                and (gap := _gap(flight, other)) <= _STAIRS_REACH
+            ]
+            if near and abs(end - floors[here]) > _LANDING:  # else this end is in the room itself
+                there = min(near)[1]
+                yield min(here, there), max(here, there)
+
+
+def _surround(boxes: Sequence[Box]) -> Box:
+    low = np.min([box.minimum for box in boxes], axis=0)
+    high = np.max([box.maximum for box in boxes], axis=0)
+    return Box((low[0], low[1], low[2]), (high[0], high[1], high[2]))
+
+
+def _share_height(one: Box, other: Box) -> float:
+    return min(one.maximum[2], other.maximum[2]) - max(one.minimum[2], other.minimum[2])
+
+
+def _gap(box: Box, room: Room) -> float:
+    """Return the metres from above between a box and the footprint of a room, 0 where they meet."""
+    (a, b, _), (c, d, _) = box.minimum, box.maximum
+    return separate(np.array([[a, b], [c, b], [c, d], [a, d]]), np.array(room.footprint))
+
+
+def separate(one: Floats, other: Floats) -> float:
+    """Return the distance of two convex polygons `[P, 2]` and `[Q, 2]`; 0 where they meet."""
+    if _overlap(one, other) and _overlap(other, one):
+        return 0.0
+    return min(_to_edges(one, other), _to_edges(other, one))
+
+
+def _overlap(one: Floats, other: Floats) -> bool:
+    """Say that no side of the first polygon separates the two."""
+    sides = np.roll(one, -1, axis=0) - one
+    normals = np.stack([sides[:, 1], -sides[:, 0]], axis=1)
+    first, second = normals @ one.T, normals @ other.T
+    return bool(((first.min(1) <= second.max(1)) & (second.min(1) <= first.max(1))).all())
+
+
+def _to_edges(points: Floats, polygon: Floats) -> float:
+    """Return the least distance of points `[P, 2]` to the sides of a polygon `[Q, 2]`."""
+    sides = np.roll(polygon, -1, axis=0) - polygon
+    length = np.maximum((sides**2).sum(axis=1), 1e-18)
+    away = points[:, None] - polygon
+    share = np.clip((away * sides).sum(axis=2) / length, 0, 1)
+    return float(np.linalg.norm(away - share[..., None] * sides, axis=2).min())

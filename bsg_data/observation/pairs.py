@@ -1,0 +1,206 @@
+"""Masked pairs: what the robot saw (input) beside what is there (target), per node of interest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from bsg_data.dataset.histograms import Counts, read_adjacency, read_cells, to_histograms
+from bsg_data.dataset.manifest import ClassMapEntry, FileEntry, Manifest, read_manifest
+from bsg_data.dataset.publication import publish, withdraw_pairs
+from bsg_data.dataset.schema import pairs_schema
+from bsg_data.dataset.shards import describe_file, open_parquet, read_file
+from bsg_data.dataset.splits import read_splits
+from bsg_data.errors import DatasetError, RecipeError
+from bsg_data.executors import run_all
+from bsg_data.lock import hold
+from bsg_data.observation.masks import sample_hidden, sample_visited
+from bsg_data.recipes import PairsRecipe
+
+SCENES_PER_FILE = 64
+ROWS_PER_GROUP = 65_536
+_MOST = np.iinfo(np.uint16).max
+
+
+@dataclass(frozen=True, slots=True)
+class _PairFile:
+    """One file of pairs to write: some scenes of one split."""
+
+    path: str
+    scenes: tuple[str, ...]
+    cells: tuple[Counts, ...]
+    adjacency: tuple[tuple[tuple[int, int], ...], ...]
+
+
+def sample_pairs(
+    cells: Counts,
+    recipe: PairsRecipe,
+    *,
+    scene_id: str,
+    adjacent: tuple[tuple[int, int], ...] = (),
+) -> tuple[npt.NDArray[np.bool_], Counts]:
+    """Draw all masks of one building.
+
+    Args:
+        cells: `[N, C]` classified objects, row 0 the null region.
+        recipe: the mask, and the number of draws D.
+        scene_id: of the building.
+        adjacent: pairs of room indices.
+
+    Returns:
+        visited `[D, N]` and input histograms `[D, N, C]`, row 0 the building.
+    """
+    visited = np.empty((recipe.draws, len(cells)), dtype=bool)
+    inputs = np.empty((recipe.draws, *cells.shape), dtype=np.int64)
+    for draw in range(recipe.draws):
+        visited[draw] = sample_visited(
+            cells, recipe.mask, scene_id=scene_id, draw=draw, adjacent=adjacent
+        )
+        inputs[draw] = cells - sample_hidden(
+            cells, visited[draw], recipe.mask, scene_id=scene_id, draw=draw
+        )
+    return visited, to_histograms(inputs)
+
+
+def write_pairs(
+    dataset: Path,
+    recipe: PairsRecipe,
+    *,
+    force: bool = False,
+    executor: Executor | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Manifest:
+    """Draw the masked pairs of every split and return the dataset's new manifest.
+
+    Args:
+        dataset: a dataset that is split.
+        recipe: the mask and the number of draws.
+        force: replace pairs that are there.
+        executor: where files are written; None writes them one after another here.
+        progress: called with (files done, files in all).
+
+    Raises:
+        DatasetError: if it is not split, has pairs and not `force`, or cannot be written.
+        RecipeError: if a count does not fit the format.
+    """
+    manifest = read_manifest(dataset)
+    if manifest.pairs is not None and not force:
+        raise DatasetError(f"{dataset}: has pairs already; --force replaces them")
+    splits = read_splits(dataset, manifest=manifest)
+    files = list(_plan(dataset, splits, manifest))
+    with hold(dataset):
+        manifest = withdraw_pairs(dataset, manifest)
+        tasks = [(dataset, file, recipe, manifest.class_map) for file in files]
+        entries = run_all(_write_file, tasks, executor=executor, progress=progress)
+        manifest = manifest.with_table("pairs", tuple(entries), pairs=recipe)
+        publish(dataset, manifest)
+    return manifest
+
+
+def read_pairs(dataset: Path, split: str, *, manifest: Manifest | None = None) -> pa.Table:
+    """Read the pairs of one split.
+
+    Raises:
+        DatasetError: if there are none, naming the splits that have some.
+    """
+    manifest = manifest or read_manifest(dataset)
+    entries = [f for f in manifest.files_of("pairs") if split_of_file(f.path) == split]
+    if not entries:
+        held = sorted({split_of_file(f.path) for f in manifest.files_of("pairs")})
+        hint = f"it has some of {', '.join(held)}" if held else "run `bsg-data pairs` first"
+        raise DatasetError(f"{dataset}: has no pairs of split {split!r}; {hint}")
+    return pa.concat_tables(read_file(dataset / f.path, manifest=manifest) for f in entries)
+
+
+def histogram_column(table: pa.Table, name: str) -> npt.NDArray[np.uint16]:
+    """Return a list column of the pairs as `[rows, C]`."""
+    width = table.schema.field(name).type.list_size
+    chunks = [chunk.flatten().to_numpy() for chunk in table[name].chunks]
+    return np.concatenate([np.zeros(0, np.uint16), *chunks]).reshape(-1, width)
+
+
+def split_of_file(path: str) -> str:
+    """Return the split of a file of pairs: `pairs/train-00000.parquet` → `train`."""
+    return path.split("/")[-1].rpartition("-")[0]
+
+
+def _plan(
+    dataset: Path, splits: dict[str, tuple[str, ...]], manifest: Manifest
+) -> Iterator[_PairFile]:
+    cells = read_cells(dataset, manifest=manifest)
+    adjacency = read_adjacency(dataset, manifest=manifest)
+    for split, scenes in splits.items():
+        for number, start in enumerate(range(0, len(scenes), SCENES_PER_FILE)):
+            some = scenes[start : start + SCENES_PER_FILE]
+            missing = [scene for scene in some if scene not in cells]
+            if missing:
+                raise DatasetError(f"{dataset}: splits name {missing[0]}, which is no scene of it")
+            for scene in some:
+                if cells[scene].sum(axis=0).max(initial=0) > _MOST:
+                    raise RecipeError(f"{scene}: more than {_MOST} objects of one class")
+            yield _PairFile(
+                path=f"pairs/{split}-{number:05d}.parquet",
+                scenes=some,
+                cells=tuple(cells[scene] for scene in some),
+                adjacency=tuple(tuple(adjacency.get(scene, ())) for scene in some),
+            )
+
+
+def _write_file(
+    dataset: Path, file: _PairFile, recipe: PairsRecipe, class_map: ClassMapEntry
+) -> FileEntry:
+    schema = pairs_schema(len(class_map.classes))
+    rows = 0
+    with open_parquet(
+        dataset / file.path,
+        schema,
+        table="pairs",
+        class_map=class_map,
+        pairs=recipe.model_dump_json(),
+    ) as writer:
+        waiting: list[pa.RecordBatch] = []
+        for scene, cells, adjacent in zip(file.scenes, file.cells, file.adjacency, strict=True):
+            waiting.append(_scene_batch(scene, cells, adjacent, recipe=recipe, schema=schema))
+            rows += waiting[-1].num_rows
+            if sum(batch.num_rows for batch in waiting) >= ROWS_PER_GROUP:
+                writer.write_table(pa.Table.from_batches(waiting, writer.schema))
+                waiting.clear()
+        if waiting:
+            writer.write_table(pa.Table.from_batches(waiting, writer.schema))
+    return describe_file(dataset, file.path, rows=rows)
+
+
+def _scene_batch(
+    scene: str,
+    cells: Counts,
+    adjacent: tuple[tuple[int, int], ...],
+    *,
+    recipe: PairsRecipe,
+    schema: pa.Schema,
+) -> pa.RecordBatch:
+    visited, inputs = sample_pairs(cells, recipe, scene_id=scene, adjacent=adjacent)
+    draws, nodes, _ = inputs.shape
+    targets = np.broadcast_to(to_histograms(cells), inputs.shape)
+    return pa.RecordBatch.from_arrays(
+        [
+            pa.array([scene]).take(pa.array(np.zeros(draws * nodes, dtype=np.int32))),
+            pa.array(np.repeat(np.arange(draws, dtype=np.int32), nodes)),
+            pa.array(np.tile(np.arange(nodes, dtype=np.int32), draws)),
+            pc.cast(pa.array(visited.ravel()), pa.bool_()),
+            _histograms(inputs, schema.field("input").type),
+            _histograms(targets, schema.field("target").type),
+        ],
+        schema=schema,
+    )
+
+
+def _histograms(counts: Counts, kind: pa.DataType) -> pa.Array:
+    values = pa.array(np.ascontiguousarray(counts).astype(np.uint16).ravel())
+    return pa.FixedSizeListArray.from_arrays(values, type=kind)

@@ -1,0 +1,270 @@
+"""The partial graph 𝒢′: what a robot has seen of a building (paper, section II).
+
+A robot knows the rooms, which of them it entered, what it saw there, and for each room which share
+of the objects it has not seen: all of a room that it never entered, a part of one that it passed
+through, nothing of one that it searched. Node indices are those of `bsg_data.scene.scene_graph`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from bsg_data.dataset.categories import place_columns
+from bsg_data.dataset.histograms import Counts, count_cells, read_cells, to_histograms
+from bsg_data.dataset.manifest import ClassMapEntry, read_manifest
+from bsg_data.dataset.shards import read_scene_graphs
+from bsg_data.errors import RecipeError
+from bsg_data.observation.masks import Stream, sample_hidden, sample_visited, share_hidden
+from bsg_data.recipes import MaskRecipe
+from bsg_data.scene.class_map import ClassMap, is_nameless
+from bsg_data.scene.scene_graph import Box, Point, SceneGraph, SceneObject
+
+Floats = npt.NDArray[np.float64]
+_PARTS: tuple[Stream, Stream] = ("classified", "unclassified")
+
+
+@dataclass(frozen=True, slots=True)
+class SeenObject:
+    """One object that the robot saw.
+
+    Attributes:
+        name: its id in its source, unique in the graph.
+        room_index: its room, 1..R; 0 for one that is in no room.
+        raw_category: what its source calls it.
+        category: the corrected name by the class map; None if the map does not know it.
+        class_index: its class; None outside the classes.
+        position: metres, Z up; None where unknown.
+    """
+
+    name: str
+    room_index: int
+    raw_category: str
+    category: str | None
+    class_index: int | None
+    position: Point | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class KnownRoom:
+    """One room that the robot knows of.
+
+    Attributes:
+        name: its id in its source, unique in the graph.
+        hidden_share: share of its objects that the robot has not seen, 0 to 1.
+        visited: whether it was inside.
+        label: what its source calls it; models never read it.
+        position: metres, Z up; None where unknown.
+        box: metres; None where unknown.
+        footprint: corners (x, y) from above, metres; None where unknown.
+        floor_index: storey, 0 at the bottom; None where unknown.
+    """
+
+    name: str
+    hidden_share: float
+    visited: bool = True
+    label: str | None = None
+    position: Point | None = None
+    box: Box | None = None
+    footprint: tuple[tuple[float, float], ...] | None = None
+    floor_index: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PartialGraph:
+    """What a robot has seen of one building.
+
+    Attributes:
+        scene_id: names the building.
+        class_map: whose classes the objects have.
+        hidden_share: share of the building's objects that the robot has not seen.
+        rooms: in the order of their indices, 1..R.
+        objects: in any order.
+        adjacency: pairs of indices of rooms that connect, ascending.
+    """
+
+    scene_id: str
+    class_map: ClassMapEntry
+    hidden_share: float
+    rooms: tuple[KnownRoom, ...]
+    objects: tuple[SeenObject, ...]
+    adjacency: tuple[tuple[int, int], ...] = ()
+
+    def histograms(self) -> Counts:
+        """Return the histograms of what was seen, E′ × O′, `[1 + R, C]`, the building first."""
+        known = [obj for obj in self.objects if obj.class_index is not None]
+        shape = (len(self.rooms) + 1, len(self.class_map.classes))
+        rooms = np.array([obj.room_index for obj in known], dtype=np.int64)
+        classes = np.array([obj.class_index for obj in known], dtype=np.int64)
+        return to_histograms(count_cells(rooms, classes, shape=shape))
+
+    def others(self, vocabulary: Sequence[str]) -> Counts:
+        """Return what was seen outside the classes, by the categories of a vocabulary, `[N, V]`."""
+        known = [
+            (obj.room_index, obj.category)
+            for obj in self.objects
+            if obj.class_index is None and obj.category and not is_nameless(obj.category)
+        ]
+        columns = place_columns([category for _, category in known], vocabulary)
+        rooms = np.array([room for room, _ in known], dtype=np.int64)
+        shape = (len(self.rooms) + 1, len(vocabulary))
+        cells = count_cells(rooms[columns >= 0], columns[columns >= 0], shape=shape)
+        return to_histograms(cells)
+
+    def shares(self) -> Floats:
+        """Return the share that each node hides, `[1 + R]`."""
+        return np.array([self.hidden_share, *(room.hidden_share for room in self.rooms)])
+
+    def visited(self) -> npt.NDArray[np.bool_]:
+        """Return where the robot was, `[1 + R]`; it is in the building."""
+        return np.array([True, *(room.visited for room in self.rooms)])
+
+
+def observe(graph: PartialGraph, room_index: int, objects: Iterable[SeenObject]) -> PartialGraph:
+    """Return what a robot knows once it has searched a room.
+
+    The share that the building hides falls as the sum of its rooms' does.
+
+    Args:
+        graph: what it knew.
+        room_index: the room, 1..R.
+        objects: everything that is in the room, seen before or not; they replace what was known.
+
+    Raises:
+        RecipeError: if there is no such room, an object is of another, or is there twice.
+    """
+    if not 1 <= room_index <= len(graph.rooms):
+        raise RecipeError(f"{graph.scene_id}: room {room_index} of 1..{len(graph.rooms)}")
+    found = tuple(objects)
+    strays = [obj.name for obj in found if obj.room_index != room_index]
+    if strays:
+        raise RecipeError(f"{graph.scene_id}: object {strays[0]} is not of room {room_index}")
+    elsewhere = tuple(obj for obj in graph.objects if obj.room_index != room_index)
+    twice = {obj.name for obj in elsewhere} & {obj.name for obj in found}
+    if twice or len({obj.name for obj in found}) < len(found):
+        what = min(twice) if twice else "an object"
+        raise RecipeError(f"{graph.scene_id}: {what} is there twice")
+    rooms = list(graph.rooms)
+    rooms[room_index - 1] = replace(rooms[room_index - 1], visited=True, hidden_share=0.0)
+    before = sum(room.hidden_share for room in graph.rooms)
+    after = sum(room.hidden_share for room in rooms)
+    return replace(
+        graph,
+        rooms=tuple(rooms),
+        objects=elsewhere + found,
+        hidden_share=graph.hidden_share * after / before if before else graph.hidden_share,
+    )
+
+
+def mask_scene(
+    graph: SceneGraph, recipe: MaskRecipe, *, draw: int, class_map: ClassMapEntry
+) -> PartialGraph:
+    """Return what a mask leaves of a scene graph: the histograms that `bsg-data pairs` gives it.
+
+    A mask says how many objects of each class and room are hidden, not which; of equal ones those
+    that were listed last are.
+    """
+    adjacent = [(edge.source, edge.target) for edge in graph.adjacency]
+    classes = len(class_map.classes)
+    cells, others, kinds = _count(graph, classes)
+    visited = sample_visited(cells, recipe, scene_id=graph.scene_id, draw=draw, adjacent=adjacent)
+    hidden, unseen = (
+        sample_hidden(part, visited, recipe, scene_id=graph.scene_id, draw=draw, part=name)
+        for part, name in zip((cells, others), _PARTS, strict=True)
+    )
+    left = np.concatenate([cells - hidden, others - unseen], axis=1)
+    seen = []
+    for obj, kind in zip(graph.objects, kinds, strict=True):
+        left[obj.room_index, kind] -= 1
+        if left[obj.room_index, kind] >= 0:
+            seen.append(_see(obj))
+    share = share_hidden(visited, recipe)
+    return PartialGraph(
+        scene_id=graph.scene_id,
+        class_map=class_map,
+        hidden_share=float(share[0]),
+        rooms=tuple(
+            KnownRoom(
+                str(room.region_id),
+                float(share[room.room_index]),
+                bool(visited[room.room_index]),
+                room.source_label,
+                room.centroid,
+                room.box,
+                room.footprint,
+                room.floor_index,
+            )
+            for room in graph.rooms
+        ),
+        objects=tuple(seen),
+        adjacency=tuple(adjacent),
+    )
+
+
+def enter_room(known: PartialGraph, graph: SceneGraph, room_index: int) -> PartialGraph:
+    """Return what a robot knows once it has entered a room of a scene graph, and seen all in it.
+
+    Raises:
+        RecipeError: if there is no such room.
+    """
+    inside = (obj for obj in graph.objects if obj.room_index == room_index)
+    return observe(known, room_index, map(_see, inside))
+
+
+def mask_dataset(
+    dataset: Path, scenes: Collection[str], recipe: MaskRecipe, *, draw: int = 0
+) -> Iterator[tuple[PartialGraph, Counts]]:
+    """Yield what a mask leaves of some scenes of a dataset, with their true histograms `[N, C]`."""
+    manifest = read_manifest(dataset)
+    truths = read_cells(dataset, manifest=manifest)
+    for graph in read_scene_graphs(dataset):
+        if graph.scene_id in scenes:
+            left = mask_scene(graph, recipe, draw=draw, class_map=manifest.class_map)
+            yield left, to_histograms(truths[graph.scene_id])
+
+
+def _see(obj: SceneObject) -> SeenObject:
+    return SeenObject(
+        str(obj.instance_id),
+        obj.room_index,
+        obj.raw_category,
+        obj.category,
+        obj.class_index,
+        obj.centroid,
+    )
+
+
+def _count(graph: SceneGraph, classes: int) -> tuple[Counts, Counts, list[int]]:
+    """Return the classified and other cells of a scene, and each object's column of both."""
+    names = [
+        None if obj.category is None or is_nameless(obj.category) else obj.category
+        for obj in graph.objects
+    ]
+    others = sorted(
+        {
+            name or ""
+            for obj, name in zip(graph.objects, names, strict=True)
+            if obj.class_index is None
+        }
+    )
+    column = {name: classes + i for i, name in enumerate(others)}
+    kinds = [
+        column[name or ""] if obj.class_index is None else obj.class_index
+        for obj, name in zip(graph.objects, names, strict=True)
+    ]
+    rooms = np.array([obj.room_index for obj in graph.objects], dtype=np.int64)
+    shape = (len(graph.rooms) + 1, classes + len(others))
+    cells = count_cells(rooms, np.array(kinds, dtype=np.int64), shape=shape)
+    return cells[:, :classes], cells[:, classes:], kinds
+
+
+def classify(raw_category: str, class_map: ClassMap) -> tuple[str | None, int | None]:
+    """Return the corrected name and the class of a spelling, None where the map has none."""
+    entry = class_map.lookup(raw_category)
+    if entry is None:
+        return ("unknown" if is_nameless(raw_category) else None), None
+    return entry.category, entry.class_index

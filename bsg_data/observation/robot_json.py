@@ -1,0 +1,210 @@
+"""A robot's partial graph as plain JSON, in and out.
+
+    {
+      "format": "bsg-partial-graph", "version": 1,
+      "scene_id": "office",
+      "rooms": [
+        {"id": "kitchen", "visited": true, "hidden_share": 0.5, "label": null,
+         "position": [2.0, 1.5, 0.0]},
+        {"id": "hall", "visited": false}
+      ],
+      "objects": [{"id": "7", "room": "kitchen", "category": "fridge", "position": null}],
+      "adjacency": [["kitchen", "hall"]]
+    }
+
+`id`s are text, unique among rooms and among objects; a category is any public spelling; a room
+that was not visited hides everything, one that was hides half unless it says otherwise. Metres, Z
+up. docs/belief.md says more.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, StrictBool, ValidationError
+
+from bsg_data.dataset.manifest import ClassMapEntry
+from bsg_data.errors import SourceError
+from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, classify
+from bsg_data.recipes import Record, name_fault
+from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, load_class_map
+from bsg_data.scene.scene_graph import Box
+
+MAX_BYTES = 64 * 2**20
+SEEN_SHARE = 0.5  # of the objects of a room that the robot passed through, if it does not say
+Id = Annotated[str, Field(min_length=1, max_length=500)]
+Text = Annotated[str, Field(max_length=500)]
+Metres = Annotated[float, Field(ge=-1e6, le=1e6)]
+Triple = tuple[Metres, Metres, Metres]
+Share = Annotated[float, Field(ge=0, le=1, strict=True)]
+
+
+class RobotGraphError(SourceError):
+    """Report a robot's graph that cannot be read."""
+
+
+class _Room(Record):
+    id: Id
+    visited: StrictBool = True
+    hidden_share: Share | None = None
+    label: Text | None = None
+    position: Triple | None = None
+    box: tuple[Triple, Triple] | None = None
+    footprint: Annotated[tuple[tuple[Metres, Metres], ...], Field(min_length=3)] | None = None
+    floor_index: Annotated[int, Field(ge=-1000, le=1000)] | None = None
+
+
+class _Object(Record):
+    id: Id
+    room: Id | None = None
+    category: Text
+    position: Triple | None = None
+
+
+class _Graph(Record):
+    format: Literal["bsg-partial-graph"] = "bsg-partial-graph"
+    version: Literal[1] = 1
+    scene_id: Id
+    hidden_share: Share | None = None
+    rooms: tuple[_Room, ...]
+    objects: tuple[_Object, ...] = ()
+    adjacency: tuple[tuple[Id, Id], ...] = ()
+
+
+def read_robot_graph(path: Path, *, class_map: str = DEFAULT_CLASS_MAP) -> PartialGraph:
+    """Read a partial graph from JSON.
+
+    Objects whose category the map does not know stay, without a class: `list_unmapped` names them.
+
+    Raises:
+        RobotGraphError: naming the file, the entry, and what was expected there.
+    """
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise RobotGraphError(f"{path}: more than {MAX_BYTES:,} bytes")
+        said = json.loads(path.read_text("utf-8-sig"), object_pairs_hook=_once)
+    except OSError as error:
+        raise RobotGraphError(f"{path}: cannot be read ({error.strerror})") from error
+    except (ValueError, RecursionError) as error:
+        raise RobotGraphError(f"{path}: no JSON ({error})") from error
+    return parse_robot_graph(said, path=path, class_map=class_map)
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        keys = [key for key, _ in pairs]
+        raise ValueError(f"the key {max(keys, key=keys.count)!r} twice")
+    return found
+
+
+def parse_robot_graph(said: Any, *, path: Path, class_map: str = DEFAULT_CLASS_MAP) -> PartialGraph:
+    """Return the partial graph that a JSON document says.
+
+    Raises:
+        RobotGraphError: as `read_robot_graph`.
+    """
+    if isinstance(said, dict) and said.get("format") == "bsg-belief-graph":
+        said = said.get("partial")  # of a belief graph, what was seen
+    try:
+        found = _Graph.model_validate(said)
+    except ValidationError as error:
+        raise RobotGraphError(f"{path}: {name_fault(error)}") from error
+    index = _number([room.id for room in found.rooms], "room", path)
+    _number([obj.id for obj in found.objects], "object", path)
+    loaded = load_class_map(class_map)
+    rooms = tuple(_know(room) for room in found.rooms)
+    objects = []
+    for obj in found.objects:
+        room = _find(obj.room, index, f"objects: {obj.id}", path) if obj.room is not None else 0
+        category, class_index = classify(obj.category, loaded)
+        objects.append(SeenObject(obj.id, room, obj.category, category, class_index, obj.position))
+    adjacency = set()
+    for ends in found.adjacency:
+        a, b = (_find(end, index, "adjacency", path) for end in ends)
+        if a == b:
+            raise RobotGraphError(f"{path}: adjacency: {ends[0]!r} with itself")
+        adjacency.add((min(a, b), max(a, b)))
+    share = found.hidden_share
+    if share is None:
+        share = float(np.mean([room.hidden_share for room in rooms])) if rooms else SEEN_SHARE
+    return PartialGraph(
+        scene_id=found.scene_id,
+        class_map=ClassMapEntry.of(loaded),
+        hidden_share=share,
+        rooms=rooms,
+        objects=tuple(objects),
+        adjacency=tuple(sorted(adjacency)),
+    )
+
+
+def _number(ids: list[str], what: str, path: Path) -> dict[str, int]:
+    twice = [name for name, times in Counter(ids).items() if times > 1]
+    if twice:
+        raise RobotGraphError(f"{path}: {what} id {twice[0]!r} is there twice")
+    return {name: number for number, name in enumerate(ids, 1)}
+
+
+def _find(name: str, index: Mapping[str, int], where: str, path: Path) -> int:
+    if name not in index:
+        known = ", ".join(list(index)[:5]) or "none"
+        raise RobotGraphError(f"{path}: {where}: no room {name!r}; there are {known}")
+    return index[name]
+
+
+def _know(room: _Room) -> KnownRoom:
+    usual = SEEN_SHARE if room.visited else 1.0
+    return KnownRoom(
+        name=room.id,
+        hidden_share=usual if room.hidden_share is None else room.hidden_share,
+        visited=room.visited,
+        label=room.label,
+        position=room.position,
+        box=None if room.box is None else Box(*room.box),
+        footprint=room.footprint,
+        floor_index=room.floor_index,
+    )
+
+
+def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
+    """Return the JSON document of a partial graph; `parse_robot_graph` reads it back."""
+    names = [room.name for room in graph.rooms]
+    return {
+        "format": "bsg-partial-graph",
+        "version": 1,
+        "scene_id": graph.scene_id,
+        "hidden_share": graph.hidden_share,
+        "rooms": [
+            {
+                "id": room.name,
+                "visited": room.visited,
+                "hidden_share": room.hidden_share,
+                "label": room.label,
+                "position": room.position,
+                "box": None if room.box is None else [room.box.minimum, room.box.maximum],
+                "footprint": room.footprint,
+                "floor_index": room.floor_index,
+            }
+            for room in graph.rooms
+        ],
+        "objects": [
+            {
+                "id": obj.name,
+                "room": names[obj.room_index - 1] if obj.room_index else None,
+                "category": obj.raw_category,
+                "position": obj.position,
+            }
+            for obj in graph.objects
+        ],
+        "adjacency": [[names[a - 1], names[b - 1]] for a, b in graph.adjacency],
+    }
+
+
+def list_unmapped(graph: PartialGraph) -> dict[str, int]:
+    """Return the categories that the class map does not know, with how often each occurs."""
+    return dict(Counter(obj.raw_category for obj in graph.objects if obj.category is None))

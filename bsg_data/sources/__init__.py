@@ -1,0 +1,1 @@
+"""Sources of scene graphs: the protocol, and one file for each source."""

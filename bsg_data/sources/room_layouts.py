@@ -1,0 +1,281 @@
+"""Room layouts of DomestiGraph (Gallagher et al. 2024): labels, boxes and connections of rooms.
+
+One YAML file a building, `<scene id>.yaml`: `rooms` by name `room_k`, each with `label`, `centroid`
+and `dims` in metres, Y up, and `connections` as pairs of k. Room k is the k-th region, in the order
+of their ids and counted from 1, that the annotation has; a layout may lack some.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from bsg_data.errors import SourceError
+from bsg_data.geometry.adjacency import measure_distance
+from bsg_data.geometry.placement import find_storeys
+from bsg_data.recipes import name_fault
+from bsg_data.scene.class_map import ClassMap
+from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph
+from bsg_data.sources.hm3d import (
+    FoundScenes,
+    Reading,
+    SceneRef,
+    SkippedScene,
+    Source,
+    building_hash,
+)
+
+MAX_BYTES = 2**20  # the largest real layout is 20 kB
+MAX_METRES = 10_000.0
+_NAME = re.compile(r"room_([1-9][0-9]{0,5})")
+
+
+class LayoutError(SourceError):
+    """Report a layout that cannot be read or does not belong to its scene."""
+
+
+Metres = Annotated[float, Field(ge=-MAX_METRES, le=MAX_METRES)]
+Length = Annotated[float, Field(ge=0, le=MAX_METRES)]
+Number = Annotated[int, Field(ge=0, le=10**6)]
+
+
+class _Entry(BaseModel):
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+
+class _Place(_Entry):
+    x: Metres
+    y: Metres
+    z: Metres
+
+
+class _Size(_Entry):
+    x: Length
+    y: Length
+    z: Length
+
+
+class _LayoutRoom(_Entry):
+    label: Annotated[str, Field(min_length=1, max_length=200)]
+    centroid: _Place
+    dims: _Size
+
+
+class _Layout(_Entry):
+    rooms: Annotated[dict[str, _LayoutRoom], Field(min_length=1)]
+    connections: tuple[tuple[Number, Number], ...] = ()
+
+
+class _Loader(yaml.BaseLoader):  # type: ignore[misc]
+    """Read YAML as text, lists and mappings alone; refuse what layouts do not need."""
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        """Refuse aliases, with which a small file can stand for a huge one."""
+        if self.check_event(yaml.AliasEvent):
+            raise yaml.YAMLError(f"an alias, {self.peek_event().anchor!r}")
+        return super().compose_node(parent, index)
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> Any:
+        """Refuse a key that is there twice."""
+        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
+        twice = {str(key) for key in keys if keys.count(key) > 1}
+        if twice:
+            raise yaml.YAMLError(f"the key {min(twice)!r} twice")
+        return super().construct_mapping(node, deep)
+
+
+@dataclass(frozen=True, slots=True)
+class RoomLayout:
+    """The layout of one building.
+
+    Attributes:
+        rooms: label and box of every room by its number k; metres, Z up.
+        connections: pairs of numbers, ascending and once each.
+    """
+
+    rooms: dict[int, tuple[str, Box]]
+    connections: tuple[tuple[int, int], ...]
+
+
+def read_layout(path: Path) -> RoomLayout:
+    """Read one layout.
+
+    Raises:
+        LayoutError: naming the file, the entry, and what was expected there.
+    """
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise LayoutError(f"{path}: more than {MAX_BYTES:,} bytes: no layout of a building")
+        found = _Layout.model_validate(yaml.load(path.read_bytes(), _Loader))  # noqa: S506
+    except OSError as error:
+        raise LayoutError(f"{path}: cannot be read ({error.strerror})") from error
+    except ValidationError as error:
+        raise LayoutError(f"{path}: {name_fault(error)}") from error
+    except (yaml.YAMLError, ValueError, TypeError, RecursionError) as error:
+        raise LayoutError(f"{path}: no YAML ({' '.join(str(error).split())[:200]})") from error
+    rooms = {}
+    for name, room in found.rooms.items():
+        match = _NAME.fullmatch(name)
+        if match is None:
+            raise LayoutError(f"{path}: rooms.{name}: expected a name like room_1")
+        rooms[int(match[1])] = (room.label, _box(room))
+    for pair in found.connections:
+        for number in pair:
+            if number not in rooms:
+                raise LayoutError(f"{path}: connections: room_{number} is not among its rooms")
+        if pair[0] == pair[1]:
+            raise LayoutError(f"{path}: connections: room_{pair[0]} with itself")
+    pairs = {(min(pair), max(pair)) for pair in found.connections}
+    return RoomLayout(rooms, tuple(sorted(pairs)))
+
+
+def _box(room: _LayoutRoom) -> Box:
+    """Return the box of a room, Z up: of the layouts' axes, z points backwards."""
+    middle = np.array([room.centroid.x, -room.centroid.z, room.centroid.y])
+    half = np.array([room.dims.x, room.dims.z, room.dims.y]) / 2
+    low, high = ((float(x), float(y), float(z)) for x, y, z in (middle - half, middle + half))
+    return Box(low, high)
+
+
+def lay_out(graph: SceneGraph, layout: RoomLayout) -> SceneGraph:
+    """Return the scene graph with the labels and connections of a layout.
+
+    Boxes come from the layout where there is no mesh: the two need not have the same origin. Rooms
+    that the layout lacks stay as they are, with the connections that a mesh gave them; among the
+    others the layout's connections replace these.
+
+    Raises:
+        LayoutError: if the layout has a room that the scene has not.
+    """
+    beyond = [number for number in layout.rooms if number > len(graph.rooms)]
+    if beyond:
+        raise LayoutError(
+            f"room_{min(beyond)} is one of {len(layout.rooms)}, and {graph.scene_id} has "
+            f"{len(graph.rooms)} rooms: the layout is of another scene or another version"
+        )
+    rooms = [
+        _lay_out_room(room, *layout.rooms[room.room_index], placed=graph.up_axis is not None)
+        if room.room_index in layout.rooms
+        else room
+        for room in graph.rooms
+    ]
+    edges = [
+        Edge(a, b, "adjacent", "layout", measure_distance(rooms[a - 1], rooms[b - 1]))
+        for a, b in layout.connections
+    ]
+    edges += [
+        edge for edge in graph.adjacency if not {edge.source, edge.target} <= set(layout.rooms)
+    ]
+    edges.sort(key=lambda edge: (edge.source, edge.target))
+    placed = tuple(rooms) if graph.up_axis is not None else find_storeys(rooms)
+    return replace(graph, rooms=placed, adjacency=tuple(edges))
+
+
+def _lay_out_room(room: Room, label: str, box: Box, *, placed: bool) -> Room:
+    """Return the room with its label, and with its box unless a mesh placed the building."""
+    if placed:
+        return replace(room, source_label=label)
+    (a, b, _), (c, d, _) = box.minimum, box.maximum
+    x, y, z = (float(v) for v in np.mean([box.minimum, box.maximum], axis=0))
+    footprint = ((a, b), (c, b), (c, d), (a, d))
+    return replace(
+        room,
+        source_label=label,
+        box=box,
+        centroid=(x, y, z),
+        floor_z=box.minimum[2],
+        footprint=footprint,
+    )
+
+
+@dataclass(frozen=True)
+class WithLayouts:
+    """A source with room layouts beside it.
+
+    Attributes:
+        source: what yields the scene graphs.
+        folder: `<scene id>.yaml` or `<hash>.yaml` of some of its scenes.
+    """
+
+    source: Source
+    folder: Path
+
+    @property
+    def kind(self) -> str:
+        """The kind of the source itself."""
+        return self.source.kind
+
+    @property
+    def path(self) -> Path:
+        """The path of the source itself."""
+        return self.source.path
+
+    @property
+    def options(self) -> dict[str, int]:
+        """The source's own, and that there are layouts."""
+        return {**self.source.options, "room_layouts": 1}
+
+    def find(self) -> FoundScenes:
+        """Find the scenes of the source, and the layouts that no scene has.
+
+        Raises:
+            SourceError: as the source does, or if no layout belongs to any scene.
+        """
+        if not self.folder.is_dir():
+            raise SourceError(f"{self.folder}: no such folder of room layouts")
+        found = self.source.find()
+        files = sorted(self.folder.glob("*.yaml"))
+        scenes = tuple(self._refer(ref) for ref in found.scenes)
+        used = {path for ref in found.scenes if (path := self._layout_of(ref)) is not None}
+        if not files:
+            raise SourceError(f"{self.folder}: holds no .yaml file")
+        if not used:
+            raise SourceError(
+                f"{self.folder}: none of its {len(files)} layouts belongs to a scene of "
+                f"{self.source.path}; expected names like {found.scenes[0].scene_id}.yaml"
+            )
+        unused = tuple(
+            SkippedScene(path.stem, path.name, "a room layout of no scene of the source")
+            for path in files
+            if path not in used
+        )
+        return replace(found, scenes=scenes, unused=unused)
+
+    def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
+        """Read a scene, then its layout; one that cannot be used is left out with the reason."""
+        reading = self.source.read(ref, class_map)
+        path = self._layout_of(ref)
+        if path is None:
+            return reading
+        try:
+            layout = read_layout(path)
+            try:
+                return replace(reading, graph=lay_out(reading.graph, layout))
+            except LayoutError as error:
+                raise LayoutError(f"{path}: {error}") from error
+        except LayoutError as error:
+            reason = str(error).replace(f"{self.folder}/", "")
+            skip = SkippedScene(ref.scene_id, path.name, reason)
+            return replace(reading, left_out=(*reading.left_out, skip))
+
+    def _layout_of(self, ref: SceneRef) -> Path | None:
+        names = (ref.scene_id, building_hash(ref.scene_id))
+        paths = (self.folder / f"{name}.yaml" for name in names)
+        return next((path for path in paths if path.is_file()), None)
+
+    def _refer(self, ref: SceneRef) -> SceneRef:
+        path = self._layout_of(ref)
+        if path is None:
+            return ref
+        try:
+            digest = hashlib.sha256(path.read_bytes()).hexdigest()
+        except OSError as error:
+            digest = f"unreadable: {error.strerror}"
+        return replace(ref, geometry=f"{ref.geometry}, layout {digest}")

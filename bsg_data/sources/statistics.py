@@ -1,0 +1,120 @@
+"""The public statistics of HM3DSem: every instance's corrected name, scene and region; no meshes.
+
+`HM3DSem-v0.2.zip` holds `Per_Scene_Region_Neighborhoods.csv`: one row a region, its instances as
+`<corrected name>_<instance id>` joined by colons. The header has a sixth name without a column.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import lzma
+import re
+import zipfile
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+
+from bsg_data.errors import AnnotationError, SourceError
+from bsg_data.sources.annotations import Annotation, Instance
+
+MEMBER = "Per_Scene_Region_Neighborhoods.csv"
+HEADER = (
+    "Scene Name",
+    "Region #",
+    "# Unique Categories",
+    "# Objects",
+    "Object Instances in Region",
+)
+_WHOLE = re.compile(r"-?[0-9]{1,9}")
+_TOKEN = re.compile(r"(.*)_([0-9]{1,9})", re.DOTALL)
+MAX_BYTES = 256 * 2**20  # all of HM3DSem v0.2 is below 2 MiB
+
+
+def read_scene_lines(path: Path) -> dict[str, list[tuple[int, str]]]:
+    """Read the statistics as numbered lines by scene, scenes sorted by id.
+
+    Raises:
+        SourceError: if the zip or its member is missing, damaged, encrypted or far too large.
+    """
+    scenes: dict[str, list[tuple[int, str]]] = {}
+    lines = _read_member(path).split("\n")
+    if tuple(lines[0].split(",")[: len(HEADER)]) != HEADER:
+        raise AnnotationError(path / MEMBER, 1, lines[0], expected=",".join(HEADER))
+    for number, line in enumerate(lines[1:], start=2):
+        if line.strip():
+            scenes.setdefault(line.split(",", 1)[0], []).append((number, line))
+    return dict(sorted(scenes.items()))
+
+
+def parse_scene_lines(lines: list[tuple[int, str]], *, path: Path) -> Annotation:
+    """Parse the lines of one scene.
+
+    Raises:
+        AnnotationError: for the first malformed row, a count that disagrees with its instances,
+            or a repeated id or region.
+    """
+    instances: dict[int, Instance] = {}
+    regions: set[int] = set()
+    for number, line in lines:
+        for instance in _parse_region(line, path, number, regions):
+            if instance.instance_id in instances:
+                raise AnnotationError(
+                    path / MEMBER,
+                    number,
+                    f"{instance.name}_{instance.instance_id}",
+                    expected="an instance id that no earlier region of the scene has",
+                )
+            instances[instance.instance_id] = instance
+    ordered = tuple(instances[key] for key in sorted(instances))
+    return Annotation(ordered, digest_scene_lines(lines))
+
+
+def digest_scene_lines(lines: list[tuple[int, str]]) -> str:
+    """Return the sha256 of the lines of one scene, joined by line feeds."""
+    return hashlib.sha256("\n".join(line for _, line in lines).encode()).hexdigest()
+
+
+def _parse_region(line: str, path: Path, number: int, seen: set[int]) -> Iterator[Instance]:
+    def malformed(text: str, expected: str) -> AnnotationError:
+        return AnnotationError(path / MEMBER, number, text, expected=expected)
+
+    try:
+        row = next(csv.reader([line], strict=True))
+    except csv.Error as error:
+        raise malformed(line, f"a row of comma separated values ({error})") from error
+    if len(row) != len(HEADER) or not _WHOLE.fullmatch(row[1]) or not _WHOLE.fullmatch(row[3]):
+        raise malformed(line, f"{','.join(HEADER)}, with whole numbers as region and # Objects")
+    region, count = int(row[1]), int(row[3])
+    if region in seen:
+        raise malformed(line, f"region {region} of this scene once")
+    seen.add(region)
+    tokens = row[4].split(":") if row[4] else []
+    if len(tokens) != count:
+        raise malformed(line, f"{count} instances as the row says ({len(tokens)} are listed)")
+    for token in tokens:
+        match = _TOKEN.fullmatch(token)
+        if match is None:
+            raise malformed(token, "<name>_<instance id>")
+        yield Instance(int(match[2]), match[1], region)
+
+
+def _read_member(path: Path) -> str:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            names = [n for n in archive.namelist() if n.rsplit("/", 1)[-1] == MEMBER]
+            if not names:
+                held = ", ".join(archive.namelist()[:5]) or "nothing"
+                raise SourceError(f"{path}: expected {MEMBER} inside, found {held}")
+            size = archive.getinfo(names[0]).file_size
+            if size > MAX_BYTES:
+                raise SourceError(f"{path}: {MEMBER} unpacks to {size} bytes, over {MAX_BYTES}")
+            with archive.open(names[0]) as member:
+                return io.TextIOWrapper(member, encoding="utf-8-sig").read()
+    except OSError as error:
+        raise SourceError(f"{path}: cannot be read ({error.strerror or error})") from error
+    except (zipfile.BadZipFile, zlib.error, lzma.LZMAError, RuntimeError, EOFError) as error:
+        raise SourceError(f"{path}: not a readable zip file ({error})") from error
+    except UnicodeDecodeError as error:
+        raise SourceError(f"{path}: {MEMBER} is not UTF-8 (byte {error.start})") from error

@@ -1,0 +1,294 @@
+"""Synthetic buildings in HM3D's own layout, statistically like HM3D.
+
+A building has rooms, each of a latent type with a mean count per category. Counts vary with the
+building's richness and its style (a factor per category), with the room's size, and with a burst
+per room and category. Names then get HM3D's raw spellings, and the file its irregularities. Every
+rate comes from `rates.json`, which `scripts/fit_synthetic_rates.py` fits on HM3D.
+docs/synthetic.md has the model, and how close it is.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from bsg_data.dataset.shards import write_bytes
+from bsg_data.errors import DatasetError
+from bsg_data.sources.annotations import HEADER, Instance
+from bsg_data.sources.hm3d import SYNTHETIC_MARK
+from bsg_data.synthetic.geometry import GeometryOptions, shape_building
+from bsg_data.synthetic.rates import SyntheticError, SyntheticRates, load_rates
+
+MAX_SCENES = 900  # HM3D numbers 800 train scenes from 00000 and 100 val scenes from 00800
+FIRST_VAL_ID = 800
+VAL_EVERY = 9  # the last of every nine numbers is in val: 100 of 900, 2 of 20
+NULL_REGION = -1
+_LIMIT = f"HM3D has ids for {MAX_SCENES} buildings; for more, write another folder and seed"
+_ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789"
+
+Floats = npt.NDArray[np.float64]
+Placed = tuple[str, int]  # raw name, region id
+
+
+@dataclass(frozen=True, slots=True)
+class SyntheticBuilding:
+    """One synthetic building.
+
+    Attributes:
+        scene_id: five digits, a dash and the hash, for example `00017-8bHk3aXq1Zc`.
+        hash: eleven letters and digits.
+        split: `train` or `val`.
+        rows: in the order of the file.
+        room_types: the true latent type of every region, as (region id, index of the type).
+    """
+
+    scene_id: str
+    hash: str
+    split: str
+    rows: tuple[Instance, ...]
+    room_types: tuple[tuple[int, int], ...] = field(repr=False)
+
+
+def synthesise(rates: SyntheticRates, *, seed: int, number: int) -> SyntheticBuilding:
+    """Draw one building; it depends on the rates, the seed and the number only.
+
+    Args:
+        rates: what to draw from.
+        seed: 0 or more; names a set of buildings.
+        number: 0 to 899; the building's place in the set.
+
+    Raises:
+        SyntheticError: if the seed or the number is out of range.
+    """
+    _check_seed(seed)
+    if not 0 <= number < MAX_SCENES:
+        raise SyntheticError(f"there is no building number {number}, counted from 0: {_LIMIT}")
+    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence((seed, number))))
+    types = draw_room_types(rates, rng)
+    regions = _draw_regions(rates, len(types), rng)
+    rows = _number_rows(rates, _draw_names(rates, types, regions, rng), rng)
+    name = _hash(seed, number)
+    nines, place = divmod(number, VAL_EVERY)
+    split = "val" if place == VAL_EVERY - 1 else "train"
+    scene = FIRST_VAL_ID + nines if split == "val" else number - nines
+    room_types = tuple(zip(regions, types, strict=True))
+    return SyntheticBuilding(f"{scene:05d}-{name}", name, split, rows, room_types)
+
+
+def _check_seed(seed: int) -> None:
+    if seed < 0:
+        raise SyntheticError(f"the seed is {seed}; expected 0 or more")
+
+
+def _hash(seed: int, number: int) -> str:
+    value = int.from_bytes(hashlib.sha256(f"synthetic/{seed}/{number}".encode()).digest(), "big")
+    return "".join(_ALPHABET[value // 62**place % 62] for place in range(11))
+
+
+def draw_room_types(rates: SyntheticRates, rng: np.random.Generator) -> tuple[int, ...]:
+    """Draw the number of rooms, then how many are of each type given their sum; shuffled."""
+    total = _pick(np.array(rates.rooms), rng)
+    counts = next(counts for most, counts in rates.bins if total <= most)
+    rest = [np.eye(1, total + 1)[0]]  # rest[k][n]: weight of n rooms in the types from k on
+    for weights in reversed(counts):
+        ways = np.convolve(rest[0], weights)[: total + 1]
+        rest.insert(0, ways / ways.sum())
+    types: list[int] = []
+    for kind, weights in enumerate(counts):
+        left = total - len(types)
+        some = np.array(weights[: left + 1])
+        types += [kind] * _pick(some * rest[kind + 1][left - np.arange(len(some))], rng)
+    return tuple(int(kind) for kind in rng.permutation(types))
+
+
+def _pick(weights: Floats, rng: np.random.Generator) -> int:
+    """Draw an index in proportion to weights, which need not sum to 1."""
+    ends = np.cumsum(weights)
+    return int(np.searchsorted(ends, rng.random() * ends[-1], side="right"))
+
+
+def _urn(drawn: list[Any], novelty: float, weights: Floats, rng: np.random.Generator) -> int:
+    """Draw from a Polya urn, by weight or again what was drawn before, and remember the draw."""
+    new = rng.random() * (novelty + len(drawn)) < novelty
+    drawn.append(_pick(weights, rng) if new else drawn[int(rng.integers(len(drawn)))])
+    return int(drawn[-1])
+
+
+def _draw_regions(rates: SyntheticRates, rooms: int, rng: np.random.Generator) -> tuple[int, ...]:
+    """Draw ascending region ids, which mostly count from 0."""
+    regions = np.arange(rooms) + int(rng.random() < rates.starts_at_one)
+    if rng.random() < rates.gap and rooms > 1:
+        regions[rng.integers(1, rooms) :] += rng.integers(1, 4)
+    return tuple(int(region) for region in regions)
+
+
+def _draw_counts(
+    rates: SyntheticRates, types: tuple[int, ...], rng: np.random.Generator
+) -> npt.NDArray[np.int64]:
+    """Draw counts per room and category `[R, C + 1]`; no room is empty."""
+    regular, structure = np.array(rates.regularity), np.array(rates.structure)
+    style, burst, rich = np.array(rates.style), np.array(rates.burst), np.array(rates.richness)
+    building = rng.gamma(1 / rich, rich)[structure] * rng.gamma(1 / style, style)
+    counts = np.zeros((len(types), len(regular)), dtype=np.int64)
+    for room, kind in enumerate(types):
+        mean, size = np.array(rates.rates[kind]), rates.sizes[kind]
+        while not counts[room].any():
+            fixed = np.floor(regular * mean + rng.random(len(mean))).astype(np.int64)
+            follows = np.where(structure == 1, rates.growth, 1.0)
+            grown = 1 + follows * (rng.gamma(1 / size, size) - 1)
+            varying = (1 - regular) * mean * building * grown * rng.gamma(1 / burst, burst)
+            counts[room] = fixed + rng.poisson(varying)
+    return counts
+
+
+def _draw_names(
+    rates: SyntheticRates,
+    types: tuple[int, ...],
+    regions: tuple[int, ...],
+    rng: np.random.Generator,
+) -> list[Placed]:
+    """Draw the name and region of every instance, room by room."""
+    usual = np.array(rates.rates)[:, :-1] + 1e-9
+    scarce = usual.mean(axis=0) <= np.median(usual.mean(axis=0))  # stand in for the rare ones
+    weights = [np.array([weight for _, weight in known]) for known in rates.spellings]
+    stand_ins: list[int] = []
+    spelt: list[list[int]] = [[] for _ in rates.categories]
+    placed = []
+    for region, kind, counts in zip(regions, types, _draw_counts(rates, types, rng), strict=True):
+        present = np.flatnonzero(counts)
+        listed = np.argsort(np.array(rates.order)[present] + rng.normal(0, 0.25, len(present)))
+        for chosen in np.repeat(present[listed], counts[present[listed]]):
+            category = int(chosen)
+            if category == len(rates.categories):
+                category = _urn(stand_ins, rates.novelty[1], usual[kind] * scarce, rng)
+            spelling = _urn(spelt[category], rates.novelty[0], weights[category], rng)
+            placed.append((rates.spellings[category][spelling][0], region))
+    return placed
+
+
+def _number_rows(
+    rates: SyntheticRates, placed: list[Placed], rng: np.random.Generator
+) -> tuple[Instance, ...]:
+    """Fill the null region, move strays away from their rooms, and give ids and colours."""
+    listed = list(placed)
+    if rng.random() < rates.null_region:
+        listed += [(placed[int(i)][0], NULL_REGION) for i in rng.integers(0, len(placed), 3)]
+    for _ in range(rng.poisson(rates.stray * len({region for _, region in placed}))):
+        moved = listed.pop(int(rng.integers(len(listed))))
+        listed.insert(int(rng.integers(len(listed) + 1)), moved)
+    colours = rng.choice(0xFFFFFF, size=len(listed), replace=False) + 1  # black is no instance
+    rows = [
+        Instance(index, name, region, f"{colour:X}")
+        for index, ((name, region), colour) in enumerate(zip(listed, colours, strict=True), 1)
+    ]
+    if rng.random() < rates.shuffled:
+        rows = [rows[int(i)] for i in rng.permutation(len(rows))]
+    return tuple(rows)
+
+
+def write_building(building: SyntheticBuilding, out: Path) -> Path:
+    """Write `OUT/<split>/<scene_id>/<hash>.semantic.txt`, whole or not at all; return its path."""
+    path = out / building.split / building.scene_id / f"{building.hash}.semantic.txt"
+    rows = [f'{one.instance_id},{one.colour},"{one.name}",{one.region_id}' for one in building.rows]
+    write_bytes(path, "\n".join([HEADER, *rows, ""]).encode())
+    return path
+
+
+def write_synthetic(
+    out: Path,
+    *,
+    scenes: int,
+    seed: int,
+    geometry: GeometryOptions | None = None,
+    force: bool = False,
+    executor: Executor | None = None,
+) -> Iterator[Path]:
+    """Write buildings 0 to `scenes` - 1 of a seed as they are asked for, yielding their paths.
+
+    A `synthetic.json` in the folder says what they are, so that nobody takes them for real ones,
+    and at the end that all are there.
+
+    Args:
+        out: the folder above `train` and `val`.
+        scenes: 1 to 900.
+        seed: 0 or more; another seed gives other buildings.
+        geometry: how to write `<hash>.semantic.glb` and, as JSON, `<hash>.truth.json` beside each
+            annotation; None writes none. The annotation is the same either way.
+        force: replace synthetic buildings that are there.
+        executor: where buildings are made; None makes them one after another here.
+
+    Raises:
+        SyntheticError: at once, before anything is written, for a number that cannot be.
+        DatasetError: likewise, if something is in the way.
+    """
+    _check_seed(seed)
+    if not 0 < scenes <= MAX_SCENES:
+        raise SyntheticError(f"{scenes} scenes asked for, expected 1 to {MAX_SCENES}: {_LIMIT}")
+    rates = load_rates()
+    _clear(out, force=force)
+    mark = {"what": "synthetic buildings of bsg-data synth", "scenes": scenes, "seed": seed}
+    if geometry is not None:
+        mark["geometry"] = asdict(geometry)
+    out.mkdir(parents=True, exist_ok=True)
+    write_bytes(out / SYNTHETIC_MARK, _encode(mark, finished=False))
+    return _write_all(rates, out, mark, geometry, executor)
+
+
+def _write_all(
+    rates: SyntheticRates,
+    out: Path,
+    mark: dict[str, Any],
+    geometry: GeometryOptions | None,
+    executor: Executor | None,
+) -> Iterator[Path]:
+    tasks = [(rates, out, mark["seed"], number, geometry) for number in range(mark["scenes"])]
+    if executor is None:
+        yield from (_write_one(*task) for task in tasks)
+    else:
+        futures = [executor.submit(_write_one, *task) for task in tasks]
+        try:
+            yield from (future.result() for future in futures)
+        finally:
+            for future in futures:
+                future.cancel()
+    write_bytes(out / SYNTHETIC_MARK, _encode(mark, finished=True))
+
+
+def _write_one(
+    rates: SyntheticRates, out: Path, seed: int, number: int, geometry: GeometryOptions | None
+) -> Path:
+    building = synthesise(rates, seed=seed, number=number)
+    path = write_building(building, out)
+    if geometry is not None:
+        mesh, truth = shape_building(building.rows, geometry, seed=seed, number=number)
+        write_bytes(path.with_suffix(".glb"), mesh)
+        text = json.dumps(truth, separators=(",", ":")) + "\n"
+        write_bytes(path.with_name(f"{building.hash}.truth.json"), text.encode())
+    return path
+
+
+def _encode(mark: dict[str, Any], *, finished: bool) -> bytes:
+    return (json.dumps({**mark, "finished": finished}) + "\n").encode()
+
+
+def _clear(out: Path, *, force: bool) -> None:
+    """Remove the synthetic buildings of an earlier call; never anything else."""
+    if not out.exists() or (out.is_dir() and not any(out.iterdir())):
+        return
+    mark = out / SYNTHETIC_MARK
+    if not mark.is_file():
+        raise DatasetError(f"{out}: holds something else and is left alone; choose another --out")
+    if not force and b'"finished": true' in mark.read_bytes():
+        raise DatasetError(f"{out}: holds synthetic buildings; --force replaces them")
+    for split in ("train", "val"):
+        if (out / split).is_dir():
+            shutil.rmtree(out / split)

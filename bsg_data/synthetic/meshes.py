@@ -1,0 +1,345 @@
+"""Write a furnished synthetic building as HM3D's `semantic.glb`, with the truth beside it.
+
+What HM3D's files have, these have: one mesh a room with a primitive for every page of texels, a PNG
+texture each (palette or RGB) in which every texel is the colour of an instance, nested transforms,
+triangles that straddle instances, colours that nobody listed, and either axis up. glTF is written
+here and not by trimesh, whose writer makes one primitive a mesh and chooses the PNG mode itself.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image
+
+from bsg_data.scene.scene_graph import Box
+from bsg_data.synthetic.floor_plan import FloorPlan
+from bsg_data.synthetic.furnishing import Surface
+
+Colours = Literal["texture", "vertex", "both"]
+UpAxis = Literal["y", "z"]
+
+Floats = npt.NDArray[np.float64]
+Bytes = npt.NDArray[np.uint8]
+
+_PNG_LEVEL = 6
+_NEAREST, _FLOAT, _UINT, _UBYTE = 9728, 5126, 5125, 5121
+
+
+@dataclass(frozen=True, slots=True)
+class MeshSize:
+    """How fine a mesh is.
+
+    Attributes:
+        texel: side of a texel, metres.
+        quad: side of the squares that surfaces are cut into, texels.
+        page: side of a texture, texels.
+    """
+
+    texel: float
+    quad: int
+    page: int
+
+
+SIZES = {"small": MeshSize(0.02, 15, 512), "full": MeshSize(0.01, 4, 1024)}
+
+
+@dataclass(frozen=True, slots=True)
+class _Tile:
+    """A part of a surface, with the place of its first texel on a page."""
+
+    corner: Floats
+    across: Floats
+    upward: Floats
+    texels: npt.NDArray[np.int32]
+    place: tuple[int, int] = (0, 0)
+
+
+@dataclass(slots=True)
+class _Binary:
+    """The growing binary chunk of a GLB and the JSON that describes it."""
+
+    data: bytearray = field(default_factory=bytearray)
+    views: list[dict[str, int]] = field(default_factory=list)
+    accessors: list[dict[str, Any]] = field(default_factory=list)
+
+    def view(self, data: bytes) -> int:
+        """Append bytes; return the index of their buffer view."""
+        self.data += b"\0" * (-len(self.data) % 4)
+        self.views.append({"buffer": 0, "byteOffset": len(self.data), "byteLength": len(data)})
+        self.data += data
+        return len(self.views) - 1
+
+    def accessor(self, array: npt.NDArray[Any], kind: str, component: int, **more: Any) -> int:
+        """Append an array; return the index of its accessor."""
+        view = self.view(np.ascontiguousarray(array).tobytes())
+        count = array.size if kind == "SCALAR" else len(array)
+        entry = {"bufferView": view, "componentType": component, "count": count, "type": kind}
+        self.accessors.append({**entry, **more})
+        return len(self.accessors) - 1
+
+
+def encode_mesh(
+    surfaces: Sequence[Surface],
+    colours: npt.NDArray[np.uint8],
+    *,
+    size: MeshSize,
+    up_axis: UpAxis,
+    coloured_by: Colours,
+    rng: np.random.Generator,
+) -> bytes:
+    """Return the bytes of a GLB.
+
+    Args:
+        surfaces: of all rooms.
+        colours: `[L, 3]`, the colour of every label; row 0 is the background, and the last rows
+            are those of the labels below 0, which count from the end.
+        size: how fine.
+        up_axis: which axis of the file points up.
+        coloured_by: textures, vertex colours, or both.
+        rng: of the transforms.
+    """
+    binary = _Binary()
+    tree: dict[str, Any] = {
+        "asset": {"version": "2.0", "generator": "bsg-data synth"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"name": "building", "children": []}],
+        "meshes": [],
+    }
+    materials: dict[str, list[dict[str, Any]]] = {"images": [], "textures": [], "materials": []}
+    for room in sorted({surface.room for surface in surfaces}):
+        here = [surface for surface in surfaces if surface.room == room]
+        local = _add_nodes(tree, room, up_axis, rng)
+        primitives = []
+        for number, tiles in enumerate(_paginate(here, size)):
+            primitive = _add_primitive(binary, tiles, local, colours, size, coloured_by)
+            if coloured_by != "vertex":
+                image = _paint_page(tiles, size.page)
+                primitive["material"] = _add_texture(
+                    binary, materials, image, colours, palette=(room + number) % 2 == 0
+                )
+            primitives.append(primitive)
+        tree["meshes"].append({"name": f"chunk{room:03d}", "primitives": primitives})
+    if materials["images"]:
+        tree |= {**materials, "samplers": [{"magFilter": _NEAREST, "minFilter": _NEAREST}]}
+    return _pack(tree, binary)
+
+
+def _pack(tree: dict[str, Any], binary: _Binary) -> bytes:
+    binary.data += b"\0" * (-len(binary.data) % 4)
+    tree["accessors"], tree["bufferViews"] = binary.accessors, binary.views
+    tree["buffers"] = [{"byteLength": len(binary.data)}]
+    text = json.dumps(tree, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % 4)
+    head = struct.pack("<4sII", b"glTF", 2, 28 + len(text) + len(binary.data))
+    chunks = (
+        struct.pack("<I4s", len(text), b"JSON") + text,
+        struct.pack("<I4s", len(binary.data), b"BIN\0") + bytes(binary.data),
+    )
+    return head + b"".join(chunks)
+
+
+def turn(points: Floats, up_axis: UpAxis) -> Floats:
+    """Return points `[..., 3]` of the building, Z up, in the axes of a file."""
+    x, y, z = np.moveaxis(points, -1, 0)
+    return np.stack([x, z, -y] if up_axis == "y" else [x, y, z], axis=-1)
+
+
+def _add_nodes(tree: dict[str, Any], room: int, up_axis: UpAxis, rng: np.random.Generator) -> Any:
+    """Add a moved node with a turned and scaled child; return the way into the child's axes."""
+    shift, angle, scale = rng.uniform(-5, 5, 3), rng.uniform(-np.pi, np.pi), rng.uniform(0.5, 2)
+    up = turn(np.array([0.0, 0.0, 1.0]), up_axis)
+    quaternion = [*(up * np.sin(angle / 2)), np.cos(angle / 2)]
+    parent = len(tree["nodes"])
+    tree["nodes"][0]["children"].append(parent)
+    tree["nodes"] += [
+        {"name": f"group{room:03d}", "translation": shift.tolist(), "children": [parent + 1]},
+        {
+            "mesh": len(tree["meshes"]),
+            "rotation": [float(q) for q in quaternion],
+            "scale": [float(scale)] * 3,
+        },
+    ]
+    cross = np.array([[0, -up[2], up[1]], [up[2], 0, -up[0]], [-up[1], up[0], 0]])
+    rotation = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+
+    def local(points: Floats) -> Floats:
+        return np.asarray((turn(points, up_axis) - shift) @ rotation / scale)
+
+    return local
+
+
+def _paginate(surfaces: list[Surface], size: MeshSize) -> Iterator[list[_Tile]]:
+    """Cut surfaces into tiles and set these on shelves, page after page, with a margin of 1."""
+    most = size.page // 2 - 2
+    tiles = [tile for surface in surfaces for tile in _cut(surface, most, size.texel)]
+    tiles.sort(key=lambda tile: -tile.texels.shape[0])
+    page: list[_Tile] = []
+    row = column = height = 0
+    for tile in tiles:
+        rows, columns = (side + 2 for side in tile.texels.shape)
+        if column + columns > size.page:
+            row, column, height = row + height, 0, 0
+        if row + rows > size.page:
+            yield page
+            page, row, column, height = [], 0, 0, 0
+        page.append(
+            _Tile(tile.corner, tile.across, tile.upward, tile.texels, (row + 1, column + 1))
+        )
+        column, height = column + columns, max(height, rows)
+    yield page
+
+
+def _cut(surface: Surface, most: int, texel: float) -> Iterator[_Tile]:
+    rows, columns = surface.texels.shape
+    for row in range(0, rows, most):
+        for column in range(0, columns, most):
+            yield _Tile(
+                surface.corner + texel * (column * surface.across + row * surface.upward),
+                surface.across,
+                surface.upward,
+                surface.texels[row : row + most, column : column + most],
+            )
+
+
+def _paint_page(tiles: list[_Tile], page: int) -> npt.NDArray[np.int32]:
+    """Return the labels of a page `[page, page]`; every tile bleeds one texel into its margin."""
+    labels = np.zeros((page, page), dtype=np.int32)
+    for tile in tiles:
+        (row, column), (rows, columns) = tile.place, tile.texels.shape
+        part = labels[row - 1 : row + rows + 1, column - 1 : column + columns + 1]
+        part[:] = np.pad(tile.texels, 1, mode="edge")
+    return labels
+
+
+def _add_primitive(
+    binary: _Binary,
+    tiles: list[_Tile],
+    local: Any,
+    colours: Bytes,
+    size: MeshSize,
+    coloured_by: Colours,
+) -> dict[str, Any]:
+    points, places, faces, shades = [], [], [], []
+    total = 0
+    for tile in tiles:
+        rows, columns = (_cuts(length, size.quad) for length in tile.texels.shape)
+        row, column = (grid.ravel() for grid in np.meshgrid(rows, columns, indexing="ij"))
+        points.append(
+            tile.corner + size.texel * (column[:, None] * tile.across + row[:, None] * tile.upward)
+        )
+        places.append(np.stack([column + tile.place[1], row + tile.place[0]], axis=1) / size.page)
+        inside = np.minimum(row, rows[-1] - 1), np.minimum(column, columns[-1] - 1)
+        shades.append(colours[tile.texels[inside]])
+        faces.append(_quads(len(rows), len(columns)) + total)
+        total += len(row)
+    where = local(np.concatenate(points)).astype("<f4")
+    ends = {"min": where.min(axis=0).tolist(), "max": where.max(axis=0).tolist()}
+    attributes = {"POSITION": binary.accessor(where, "VEC3", _FLOAT, **ends)}
+    if coloured_by != "vertex":
+        texture = np.concatenate(places).astype("<f4")
+        attributes["TEXCOORD_0"] = binary.accessor(texture, "VEC2", _FLOAT)
+    if coloured_by != "texture":
+        shade = np.concatenate(shades)
+        opaque = np.concatenate([shade, np.full((len(shade), 1), 255, np.uint8)], axis=1)
+        attributes["COLOR_0"] = binary.accessor(opaque, "VEC4", _UBYTE, normalized=True)
+    corners = np.concatenate(faces).astype("<u4")
+    return {"attributes": attributes, "indices": binary.accessor(corners, "SCALAR", _UINT)}
+
+
+def _cuts(length: int, quad: int) -> npt.NDArray[np.int64]:
+    return np.unique(np.append(np.arange(0, length, quad), length))
+
+
+def _quads(rows: int, columns: int) -> npt.NDArray[np.int64]:
+    """Return the triangles `[F, 3]` of a grid of vertices."""
+    first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    right, above, corner = first + 1, first + columns, first + columns + 1
+    halves = [np.stack(three, axis=1) for three in ((first, right, corner), (first, corner, above))]
+    return np.concatenate(halves)
+
+
+def _add_texture(
+    binary: _Binary,
+    materials: dict[str, list[dict[str, Any]]],
+    labels: npt.NDArray[np.int32],
+    colours: Bytes,
+    *,
+    palette: bool,
+) -> int:
+    """Add a page as a PNG, with a palette if it may and can; return its material."""
+    places = labels % len(colours)  # labels below 0 count from the end
+    found = np.flatnonzero(np.bincount(places.ravel(), minlength=len(colours)))
+    if palette and len(found) <= 256:
+        rank = np.zeros(len(colours), dtype=np.uint8)
+        rank[found] = np.arange(len(found))
+        image = Image.fromarray(rank[places], mode="P")
+        image.putpalette(colours[found].tobytes())
+    else:
+        image = Image.fromarray(colours[places])
+    file = io.BytesIO()
+    image.save(file, format="PNG", compress_level=_PNG_LEVEL)
+    materials["images"].append(
+        {"bufferView": binary.view(file.getvalue()), "mimeType": "image/png"}
+    )
+    number = len(materials["textures"])
+    materials["textures"].append({"source": number, "sampler": 0})
+    shading = {"baseColorTexture": {"index": number}, "metallicFactor": 0}
+    materials["materials"].append({"pbrMetallicRoughness": shading, "doubleSided": True})
+    return number
+
+
+def measure_truth(
+    surfaces: Sequence[Surface], plan: FloorPlan, *, regions: Sequence[int], texel: float
+) -> dict[str, Any]:
+    """Return what is true of a building as JSON: boxes, areas and connections, Z up.
+
+    `box` and `centroid` are those of every texel of an instance, `main_box` leaves its specks out.
+    """
+    boxes: dict[int, list[Box]] = {}
+    mains: dict[int, list[Box]] = {}
+    moments: dict[int, Floats] = {}
+    for surface in surfaces:
+        for label in np.unique(surface.texels):
+            if label <= 0:
+                continue
+            chosen = surface.texels == label
+            boxes.setdefault(int(label), []).append(surface.box_of(chosen, texel=texel))
+            rows, columns = np.nonzero(chosen)
+            middle = texel * np.array([columns.mean() + 0.5, rows.mean() + 0.5])
+            at = surface.corner + middle[0] * surface.across + middle[1] * surface.upward
+            moment = len(rows) * np.array([*at, 1.0])
+            moments[int(label)] = moments.get(int(label), np.zeros(4)) + moment
+            main = chosen & ~surface.specks
+            if main.any():
+                mains.setdefault(int(label), []).append(surface.box_of(main, texel=texel))
+    return {
+        "instances": {
+            str(label): {
+                "texels": int(moments[label][3]),
+                "area": round(float(moments[label][3]) * texel**2, 6),
+                "centroid": [round(float(v), 6) for v in moments[label][:3] / moments[label][3]],
+                "box": _join(boxes[label]),
+                "main_box": _join(mains.get(label, [])),
+            }
+            for label in sorted(boxes)
+        },
+        "connections": [[regions[a], regions[b], kind] for a, b, kind in plan.connections()],
+    }
+
+
+def _join(boxes: list[Box]) -> list[list[float]] | None:
+    """Return the box around boxes as [lowest corner, highest corner]."""
+    if not boxes:
+        return None
+    low = np.min([box.minimum for box in boxes], axis=0)
+    high = np.max([box.maximum for box in boxes], axis=0)
+    return [[round(float(value), 6) for value in corner] for corner in (low, high)]

@@ -1,0 +1,1 @@
+"""Beliefs about what is hidden: count distributions, expectations, belief graphs, their files."""

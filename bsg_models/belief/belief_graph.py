@@ -1,0 +1,156 @@
+"""The belief graph 𝒢″: the partial graph with predicted histograms and blind nodes (paper, III-C).
+
+A blind node ℬ stands for an object that is expected in a room and was not seen. `complete` adds as
+many as the prediction has objects that were not seen; `unseen` adds one for each of the classes
+that are most expected among those of which a room shows none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from bsg_data.errors import RecipeError
+from bsg_data.observation.partial_graph import PartialGraph
+from bsg_models.belief.expectation import Expectation
+
+Floats = npt.NDArray[np.float64]
+Mode = Literal["complete", "unseen"]
+LEAST_PRESENCE = 0.005  # what is less likely is not expected
+
+
+@dataclass(frozen=True, slots=True)
+class BlindNode:
+    """An expected object.
+
+    Attributes:
+        room_index: the room that it is expected in, 1..R.
+        class_index: its class.
+        expected: number of hidden objects of its class that are expected in the room.
+        presence: P(at least one hidden object of its class in the room).
+    """
+
+    room_index: int
+    class_index: int
+    expected: float
+    presence: float
+
+
+@dataclass(frozen=True, eq=False)
+class BeliefGraph:
+    """A partial graph with what is believed about it.
+
+    Attributes:
+        partial: what was seen.
+        expected: `[N, C]` expected counts of everything, E″ × O″, the building first.
+        presence: `[N, C]` P(at least one hidden object of the class).
+        blind: by room, most expected first.
+        mode: how the blind nodes were chosen.
+        model: the name of the model that believes this.
+    """
+
+    partial: PartialGraph
+    expected: Floats
+    presence: Floats
+    blind: tuple[BlindNode, ...]
+    mode: Mode
+    model: str
+
+    @property
+    def inputs(self) -> Floats:
+        """Histograms of what was seen, E′ × O′, `[N, C]`."""
+        return self.partial.histograms().astype(np.float64)
+
+    @property
+    def hidden(self) -> Floats:
+        """Expected numbers of hidden objects, `[N, C]`."""
+        return self.expected - self.inputs
+
+    def __eq__(self, other: object) -> bool:
+        """Say whether two belief graphs agree to the last bit."""
+        if not isinstance(other, BeliefGraph):
+            return NotImplemented
+        return (
+            (self.partial, self.blind, self.mode, self.model)
+            == (other.partial, other.blind, other.mode, other.model)
+            and np.array_equal(self.expected, other.expected)
+            and np.array_equal(self.presence, other.presence)
+        )
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+def believe(
+    graph: PartialGraph,
+    expectation: Expectation,
+    *,
+    mode: Mode = "complete",
+    top: int = 3,
+    model: str = "",
+) -> BeliefGraph:
+    """Return the belief graph of a partial graph.
+
+    Args:
+        graph: with R rooms.
+        expectation: of its nodes of interest, `[1 + R, C]`.
+        mode: `complete` or `unseen`.
+        top: classes of a room that get a blind node under `unseen`.
+        model: named in the result.
+
+    Raises:
+        RecipeError: if the expectation is not of this graph.
+    """
+    inputs = graph.histograms().astype(np.float64)
+    if not np.array_equal(expectation.inputs, inputs):
+        raise RecipeError(
+            f"{graph.scene_id}: the expectation is of other inputs than the graph's "
+            f"{inputs.shape[0]} nodes and {inputs.shape[1]} classes"
+        )
+    hidden, presence = expectation.hidden, expectation.presence
+    chosen = (
+        complete(hidden[1:])
+        if mode == "complete"
+        else [
+            np.bincount(row, minlength=hidden.shape[1]) for row in rank_unseen(expectation, top)[1:]
+        ]
+    )
+    blind = [
+        BlindNode(room, int(c), float(hidden[room, c]), float(presence[room, c]))
+        for room, numbers in enumerate(chosen, start=1)
+        for c in sorted(np.flatnonzero(numbers), key=lambda c: (-presence[room, c], c))
+        for _ in range(numbers[c])
+    ]
+    return BeliefGraph(graph, expectation.expected, presence, tuple(blind), mode, model)
+
+
+def complete(hidden: Floats) -> npt.NDArray[np.int64]:
+    """Return how many blind nodes of each class complete each room, `[R, C]`.
+
+    Their number in a room is its expected number of hidden objects, rounded (a half up), and they
+    are shared among the classes by largest remainder; ties go to the lower class index.
+
+    Args:
+        hidden: `[R, C]` expected hidden counts.
+    """
+    numbers = np.floor(hidden).astype(np.int64)
+    missing = np.floor(hidden.sum(axis=1) + 0.5).astype(np.int64) - numbers.sum(axis=1)
+    order = np.argsort(numbers - hidden, axis=1, kind="stable")  # largest remainder first
+    rank = np.argsort(order, axis=1, kind="stable")
+    return np.asarray(numbers + (rank < missing[:, None]))
+
+
+def rank_unseen(expectation: Expectation, top: int) -> list[npt.NDArray[np.int64]]:
+    """Return for every node the classes, at most `top`, that are most expected and not seen there.
+
+    They are ranked by presence (DESIGN, §7); ties go to the lower class index. Classes with less
+    than `LEAST_PRESENCE` are left out.
+    """
+    found = []
+    for inputs, presence in zip(expectation.inputs, expectation.presence, strict=True):
+        belief = np.where(inputs > 0, 0.0, presence)
+        order = np.argsort(-belief, kind="stable")[:top]
+        found.append(order[belief[order] >= LEAST_PRESENCE])
+    return found

@@ -1,0 +1,230 @@
+"""The distribution of the hidden counts: per node and class a finite mixture of negative binomials.
+
+A negative binomial with mean μ and dispersion r has variance μ + μ²/r; r = ∞ is a Poisson. One
+component serves most models; latent room types and ensembles need more of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import gammaln, lambertw, logsumexp
+
+Floats = npt.NDArray[np.float64]
+MIN_RATE = 1e-3  # no model may call a hidden object impossible: log 0 would swallow all the rest
+
+
+@dataclass(frozen=True, eq=False)
+class CountDistribution:
+    """Beliefs about the hidden counts of N nodes of interest and C classes.
+
+    Attributes:
+        means: `[K, N, C]` μ ≥ 0 of the K components.
+        dispersions: `[K, N, C]` r > 0; ∞ for a Poisson.
+        weights: `[K, N, 1]` or `[K, N, C]`, sums over K to 1.
+    """
+
+    means: Floats
+    dispersions: Floats
+    weights: Floats
+
+    @property
+    def mean(self) -> Floats:
+        """Expected hidden counts λ, `[N, C]`."""
+        return np.asarray((self.weights * self.means).sum(axis=0))
+
+    @property
+    def variance(self) -> Floats:
+        """Variance of the hidden counts, `[N, C]`."""
+        second = self.means + self.means**2 * (1 + 1 / self.dispersions)
+        return np.asarray((self.weights * second).sum(axis=0) - self.mean**2)
+
+    @property
+    def presence(self) -> Floats:
+        """P(at least one hidden object of the class), `[N, C]`."""
+        return -np.expm1(self.log_probability(np.zeros(self.means.shape[1:]), floor=0.0))
+
+    def log_probability(self, counts: Floats, *, floor: float = MIN_RATE) -> Floats:
+        """Return log P(hidden = counts), `[N, C]`.
+
+        Args:
+            counts: `[N, C]` whole numbers.
+            floor: means below it count as this much.
+        """
+        each = _log_negative_binomial(counts, np.maximum(self.means, floor), self.dispersions)
+        if len(each) == 1:
+            return np.asarray(each[0])
+        with np.errstate(divide="ignore"):
+            weighed = each + np.log(self.weights)
+        return np.asarray(np.minimum(logsumexp(weighed, axis=0), 0.0))
+
+    def quantile(self, q: float) -> npt.NDArray[np.int64]:
+        """Return the smallest count that at least a share q of the probability is at or below.
+
+        Args:
+            q: 0 to below 1.
+
+        Returns:
+            `[N, C]`.
+
+        Raises:
+            ValueError: for another q.
+        """
+        if not 0 <= q < 1:
+            raise ValueError(f"q must be 0 to below 1, found {q}")
+        found = np.zeros(self.means.shape[1:], dtype=np.int64)
+        below = np.zeros(found.shape)
+        count, waiting = 0, np.ones(found.shape, dtype=bool)
+        most = np.ceil(self.mean.max(initial=0) + 60 * np.sqrt(self.variance.max(initial=0))) + 1
+        while waiting.any() and count <= most:
+            below += np.exp(self.log_probability(np.full(found.shape, float(count)), floor=0.0))
+            found[waiting] = count
+            waiting &= below < q - 1e-12
+            count += 1
+        return found
+
+    def sample(self, rng: np.random.Generator) -> npt.NDArray[np.int64]:
+        """Return one draw of all counts, `[N, C]`; a building's is not the sum of its rooms'."""
+        chosen = np.empty(self.means.shape[1:], dtype=np.int64)
+        level = rng.random((len(chosen), 1))
+        shares = np.broadcast_to(np.cumsum(self.weights, axis=0), self.means.shape)
+        np.minimum((shares < level).sum(axis=0), len(self.means) - 1, out=chosen)
+        means, r = (
+            np.take_along_axis(part, chosen[None], axis=0)[0]
+            for part in (self.means, np.broadcast_to(self.dispersions, self.means.shape))
+        )
+        finite = np.isfinite(r)
+        gamma = rng.gamma(np.where(finite, r, 1.0)) / np.where(finite, r, 1.0)
+        return np.asarray(rng.poisson(np.where(finite, gamma, 1.0) * means))
+
+    def take(self, rows: npt.NDArray[np.integer]) -> CountDistribution:
+        """Return the distribution of some nodes, `rows` `[M]`."""
+        return CountDistribution(
+            self.means[:, rows], self.dispersions[:, rows], self.weights[:, rows]
+        )
+
+    def take_classes(self, columns: npt.NDArray[np.integer]) -> CountDistribution:
+        """Return the distribution of some classes of every node, `columns` `[N, A]`."""
+        shape = (len(self.means), *columns.shape)
+        parts = [
+            np.take_along_axis(
+                np.broadcast_to(part, self.means.shape), np.broadcast_to(columns, shape), axis=2
+            )
+            for part in (self.means, self.dispersions, self.weights)
+        ]
+        return CountDistribution(*parts)
+
+    def recalibrated(self, *, shift: float, slope: float, spread: float) -> CountDistribution:
+        """Return the distribution with means e^shift · μ^slope and dispersions e^spread · r."""
+        means = np.exp(shift) * self.means**slope
+        return CountDistribution(means, np.exp(spread) * self.dispersions, self.weights)
+
+
+class KnownCounts(CountDistribution):
+    """Counts that are known: the distribution of an oracle, which no negative binomial is."""
+
+    @property
+    def variance(self) -> Floats:
+        """Nothing varies."""
+        return np.zeros(self.means.shape[1:])
+
+    def log_probability(self, counts: Floats, *, floor: float = MIN_RATE) -> Floats:
+        """Return 0 for the true counts and log of `floor`, or −∞, for others, `[N, C]`."""
+        with np.errstate(divide="ignore"):
+            return np.where(counts == self.mean, 0.0, np.log(floor))
+
+    def quantile(self, q: float) -> npt.NDArray[np.int64]:
+        """Return the counts, whatever q."""
+        return self.mean.astype(np.int64)
+
+    def sample(self, rng: np.random.Generator) -> npt.NDArray[np.int64]:
+        """Return the counts."""
+        return self.mean.astype(np.int64)
+
+    def take(self, rows: npt.NDArray[np.integer]) -> CountDistribution:
+        """Return the distribution of some nodes, `rows` `[M]`."""
+        return certain(self.mean[rows])
+
+
+def certain(counts: Floats) -> CountDistribution:
+    """Return the distribution of counts that are known, `[N, C]`."""
+    return KnownCounts(
+        counts[None], np.full((1, *counts.shape), np.inf), np.ones((1, len(counts), 1))
+    )
+
+
+def poisson(means: Floats) -> CountDistribution:
+    """Return independent Poisson counts with these means `[N, C]`."""
+    return negative_binomial(means, np.full_like(means, np.inf))
+
+
+def negative_binomial(means: Floats, dispersions: Floats) -> CountDistribution:
+    """Return independent negative binomials, means and dispersions `[N, C]`."""
+    return CountDistribution(means[None], dispersions[None], np.ones((1, len(means), 1)))
+
+
+def zero_inflated(presence: Floats, means: Floats) -> CountDistribution:
+    """Return the zero-inflated Poisson with P(at least one) and mean as given, both `[N, C]`.
+
+    Its Poisson component μ solves μ / (1 − e^−μ) = mean / presence: μ = m + W(−m e^−m), m the
+    mean given that there is one, W Lambert's function. Where the mean is too small for so likely a
+    class, no zeros are left to add: the distribution is the Poisson with that presence.
+    """
+    presence = np.clip(presence, 0.0, 1 - 1e-6)
+    given = np.divide(means, presence, out=np.ones_like(means), where=presence > 0)
+    given = np.maximum(given, 1 + 1e-9)  # one object at least, where there is one
+    least = -np.log1p(-presence)
+    rate = np.maximum(given + lambertw(-given * np.exp(-given)).real, np.maximum(least, 1e-9))
+    weight = np.minimum(presence / -np.expm1(-rate), 1.0)
+    zero = np.zeros_like(rate)
+    return CountDistribution(
+        np.stack([zero, rate]), np.full((2, *rate.shape), np.inf), np.stack([1 - weight, weight])
+    )
+
+
+def blend(
+    distributions: Sequence[CountDistribution], weights: Sequence[float]
+) -> CountDistribution:
+    """Return the mixture of several distributions of the same nodes."""
+    shape = distributions[0].means.shape[1:]
+    scaled = [
+        np.broadcast_to(distribution.weights * w, distribution.means.shape)
+        for distribution, w in zip(distributions, weights, strict=True)
+    ]
+    if any(distribution.means.shape[1:] != shape for distribution in distributions):
+        raise ValueError("the distributions are of different nodes or classes")
+    return CountDistribution(
+        np.concatenate([distribution.means for distribution in distributions]),
+        np.concatenate([distribution.dispersions for distribution in distributions]),
+        np.concatenate(scaled),
+    )
+
+
+def concatenate(distributions: Sequence[CountDistribution]) -> CountDistribution:
+    """Return the distributions of several batches of nodes as one of all nodes, in order."""
+    return CountDistribution(
+        np.concatenate([distribution.means for distribution in distributions], axis=1),
+        np.concatenate([distribution.dispersions for distribution in distributions], axis=1),
+        np.concatenate([distribution.weights for distribution in distributions], axis=1),
+    )
+
+
+def _log_negative_binomial(counts: Floats, mean: Floats, r: Floats) -> Floats:
+    """Return log P(counts) of every component, `[K, N, C]`.
+
+    Most counts are 0, where only the last term is left: the others are computed for the rest alone.
+    """
+    finite = np.isfinite(r)
+    shape = np.where(finite, r, 1.0)
+    found = -np.where(finite, shape * np.log1p(mean / shape), mean)
+    some = counts > 0
+    n, mean, shape, finite = counts[some], mean[:, some], shape[:, some], finite[:, some]
+    with np.errstate(divide="ignore"):
+        spread = np.where(finite, np.log(mean + shape), 0.0)
+        power = n * (np.log(mean) - spread)
+    choose = np.where(finite, gammaln(n + shape) - gammaln(shape), 0.0)
+    found[:, some] = choose - gammaln(n + 1) + power + found[:, some]
+    return found

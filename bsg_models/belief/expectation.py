@@ -1,0 +1,98 @@
+"""What a model believes about the nodes of interest: the contract of every model (DESIGN, §7).
+
+What was seen is a fact, so a model believes something about the *hidden* counts, and
+expected = input + hidden. A model that predicts totals, as the paper's does, gets
+hidden = max(total − input, 0) and keeps its raw totals for the paper's own metrics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from bsg_models.belief.count_distribution import (
+    MIN_RATE,
+    CountDistribution,
+    Floats,
+    certain,
+    concatenate,
+    poisson,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Expectation:
+    """Beliefs about N nodes of interest and C classes.
+
+    Attributes:
+        inputs: `[N, C]` histograms of what was seen, E′ × O′.
+        hidden_counts: their distribution.
+        totals: `[N, C]` what the model predicts as the whole histogram, before `input ≤ total` is
+            imposed: E″ × O″ as the paper measures it.
+    """
+
+    inputs: Floats
+    hidden_counts: CountDistribution
+    totals: Floats
+
+    @cached_property
+    def hidden(self) -> Floats:
+        """Expected number of hidden objects, λ ≥ 0, `[N, C]`."""
+        return self.hidden_counts.mean
+
+    @property
+    def expected(self) -> Floats:
+        """Expected counts of everything in the node, `[N, C]`."""
+        return self.inputs + self.hidden
+
+    @property
+    def total(self) -> Floats:
+        """Expected number of objects of all classes in the node, O″, `[N]`."""
+        return np.asarray(self.expected.sum(axis=1))
+
+    @property
+    def distribution(self) -> Floats:
+        """Shares of the classes in the expected counts, E″, `[N, C]`; all 0 where O″ is 0."""
+        total = self.total[:, None]
+        return np.divide(self.expected, total, out=np.zeros_like(self.expected), where=total > 0)
+
+    @cached_property
+    def presence(self) -> Floats:
+        """P(at least one hidden object of the class), `[N, C]`."""
+        return self.hidden_counts.presence
+
+    def log_probability(self, counts: Floats, *, floor: float = MIN_RATE) -> Floats:
+        """Return log P(hidden = counts), `[N, C]`; see `CountDistribution.log_probability`."""
+        return self.hidden_counts.log_probability(counts, floor=floor)
+
+    def quantile(self, q: float) -> npt.NDArray[np.float64]:
+        """Return the q-quantile of the count of everything in the node, `[N, C]`."""
+        return self.inputs + self.hidden_counts.quantile(q)
+
+
+def from_totals(inputs: Floats, totals: Floats) -> Expectation:
+    """Return the expectation of a model that predicts whole histograms `[N, C]`."""
+    return Expectation(inputs, poisson(np.maximum(totals - inputs, 0.0)), totals)
+
+
+def from_hidden_counts(inputs: Floats, distribution: CountDistribution) -> Expectation:
+    """Return the expectation of a model that predicts the hidden counts."""
+    return Expectation(inputs, distribution, inputs + distribution.mean)
+
+
+def from_truth(inputs: Floats, targets: Floats) -> Expectation:
+    """Return what an oracle believes: it knows the targets `[N, C]`."""
+    return Expectation(inputs, certain(targets - inputs), targets)
+
+
+def join(parts: Sequence[Expectation]) -> Expectation:
+    """Return the expectations of several batches of nodes as one of all nodes, in order."""
+    return Expectation(
+        np.concatenate([part.inputs for part in parts]),
+        concatenate([part.hidden_counts for part in parts]),
+        np.concatenate([part.totals for part in parts]),
+    )

@@ -1,0 +1,1 @@
+"""Metrics, and their measurement on masked pairs with intervals over buildings."""

@@ -1,0 +1,1 @@
+"""Pages and figures for people: the explorer, figures, the evaluation report."""

@@ -1,0 +1,152 @@
+"""The explorer: belief graphs as one self-contained HTML page, to look at without a server.
+
+The page is `explorer.html` with the beliefs written into it as JSON. Everything that comes from the
+data is put on the page as text, never as markup.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from bsg_data.dataset.shards import write_bytes
+from bsg_data.observation.partial_graph import KnownRoom
+from bsg_models.belief.belief_graph import BeliefGraph
+
+_PLACE = "/*DATA*/"
+_DIGITS = 4
+_HALF = 1.2  # metres: half a side of a room of which only the place is known
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """A moment of a search; rooms are numbered as in its belief graph.
+
+    Attributes:
+        artifacts: classes that are searched for.
+        route: rooms in the order in which they were entered; the robot is in the last.
+        cost: travelled so far.
+        target: room where it goes next; None at the end.
+        legs: `[N]` what it would cost to go to each node, None out of reach; nothing at the end.
+        holds: rooms that hold an artifact, which the robot does not know.
+        planner: that decides.
+        world: whose costs it travels at.
+    """
+
+    artifacts: tuple[int, ...]
+    route: tuple[int, ...]
+    cost: float
+    target: int | None
+    legs: tuple[float | None, ...]
+    holds: tuple[int, ...]
+    planner: str
+    world: str
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """One belief graph to look at.
+
+    Attributes:
+        belief: what was seen and what is believed.
+        truth: `[N, C]` what is there, the building first; None where nobody knows.
+        title: of the view; the scene id if empty.
+        moment: of a search; the views of a page are then its steps, in order.
+    """
+
+    belief: BeliefGraph
+    truth: npt.NDArray[np.integer] | None = None
+    title: str = ""
+    moment: Moment | None = None
+
+
+def write_explorer(views: Sequence[View], path: Path) -> None:
+    """Write the page, whole or not at all."""
+    write_bytes(path, explorer_page(views).encode())
+
+
+def explorer_page(views: Sequence[View]) -> str:
+    """Return the page of some views, the first of them open."""
+    return _template().replace(_PLACE, encode_for_script({"views": [_encode(v) for v in views]}))
+
+
+@cache
+def _template() -> str:
+    return resources.files("bsg_models.rendering").joinpath("explorer.html").read_text("utf-8")
+
+
+def encode_for_script(value: Any) -> str:
+    """Return JSON that cannot end the script element that it stands in."""
+    text = json.dumps(value, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    for sign in "<>&\u2028\u2029":
+        text = text.replace(sign, f"\\u{ord(sign):04x}")
+    return text
+
+
+def _encode(view: View) -> dict[str, Any]:
+    belief, partial = view.belief, view.belief.partial
+    return {
+        "title": view.title or partial.scene_id,
+        "model": belief.model,
+        "mode": belief.mode,
+        "classes": list(partial.class_map.classes),
+        "hidden_share": round(partial.hidden_share, _DIGITS),
+        "input": belief.inputs.astype(int).tolist(),
+        "expected": np.round(belief.expected, _DIGITS).tolist(),
+        "presence": np.round(belief.presence, _DIGITS).tolist(),
+        "truth": None if view.truth is None else np.asarray(view.truth).tolist(),
+        "rooms": [
+            {
+                "name": room.name,
+                "label": room.label,
+                "visited": room.visited,
+                "share": round(room.hidden_share, _DIGITS),
+                "floor": room.floor_index or 0,
+                "outline": _outline(room),
+            }
+            for room in partial.rooms
+        ],
+        "objects": [
+            {
+                "room": obj.room_index,
+                "name": obj.raw_category,
+                "class": obj.class_index,
+                "at": None if obj.position is None else [round(v, 2) for v in obj.position],
+            }
+            for obj in partial.objects
+        ],
+        "blind": [
+            {
+                "room": node.room_index,
+                "class": node.class_index,
+                "expected": round(node.expected, _DIGITS),
+                "presence": round(node.presence, _DIGITS),
+            }
+            for node in belief.blind
+        ],
+        "moment": None if view.moment is None else asdict(view.moment),
+        "adjacency": [list(pair) for pair in partial.adjacency],
+    }
+
+
+def _outline(room: KnownRoom) -> list[list[float]] | None:
+    """Return a room from above: its footprint, else its box, else a square at its place."""
+    if room.footprint is not None:
+        return [[round(x, 2), round(y, 2)] for x, y in room.footprint]
+    if room.box is not None:
+        (a, b, _), (c, d, _) = room.box.minimum, room.box.maximum
+    elif room.position is not None:
+        x, y, _ = room.position
+        a, b, c, d = x - _HALF, y - _HALF, x + _HALF, y + _HALF
+    else:
+        return None
+    corners = ((a, b), (c, b), (c, d), (a, d))
+    return [[round(x, 2), round(y, 2)] for x, y in corners]

@@ -1,0 +1,108 @@
+"""The folder of a run: what lies in it, who may write there, and whether it is finished."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+import torch
+
+from bsg_data.lock import hold
+from bsg_models.errors import CheckpointError, TrainingError
+from bsg_models.inputs.graphs import Buildings
+from bsg_models.runs.checkpoint import CheckpointHeader, load_checkpoint, save_checkpoint
+from bsg_models.zoo.config import RunConfig
+from bsg_models.zoo.model import BeliefModel
+
+BEST, LAST = "best.safetensors", "last.safetensors"
+METRICS, CURVE = "metrics.csv", "curve.png"
+MEMBERS = "members"  # the runs of an ensemble's members
+
+
+def checkpoint_of(run: Path) -> Path:
+    """Return the best checkpoint of a run; a file is taken to be one."""
+    return run / BEST if run.is_dir() else run
+
+
+@contextmanager
+def open_run(run: Path) -> Iterator[None]:
+    """Make the folder of a run and hold its lock: two trainings never write into one."""
+    try:
+        run.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise TrainingError(f"{run}: cannot be made ({error.strerror})") from error
+    with hold(run):
+        yield
+
+
+def refuse_overwriting(run: Path, *, resume: bool, force: bool) -> None:
+    """Refuse a folder that holds a run, unless it is to go on or to be replaced."""
+    if run.exists() and not run.is_dir():
+        raise TrainingError(f"{run}: is a file; a run is a folder")
+    if any((run / name).exists() for name in (BEST, LAST, METRICS)) and not (resume or force):
+        raise TrainingError(f"{run}: holds a run already; --resume goes on, --force replaces it")
+
+
+def clear_run(run: Path) -> None:
+    """Remove the files of a run."""
+    for name in (BEST, LAST, METRICS, CURVE):
+        (run / name).unlink(missing_ok=True)
+
+
+def make_header(
+    config: RunConfig,
+    data: Buildings,
+    *,
+    vocabulary: tuple[str, ...],
+    epoch: int = 0,
+    val_loss: float | None = None,
+    best_epoch: int = 0,
+    best_loss: float | None = None,
+) -> CheckpointHeader:
+    """Return what a checkpoint of a run says of itself."""
+    return CheckpointHeader(
+        config=config,
+        class_map=data.manifest.class_map,
+        vocabulary=vocabulary,
+        dataset_sha256=data.sha256,
+        epoch=epoch,
+        val_loss=val_loss,
+        best_epoch=best_epoch,
+        best_loss=best_loss,
+    )
+
+
+def name_tensors(prefix: str, state: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+    """Return a state dict with its names under `prefix.`."""
+    return {f"{prefix}.{name}": tensor for name, tensor in state.items()}
+
+
+def save_fitted(
+    model: BeliefModel,
+    config: RunConfig,
+    data: Buildings,
+    run: Path,
+    *,
+    calibrated: bool,
+    members: Mapping[str, RunConfig] | None = None,
+) -> None:
+    """Save a model that was fitted by counting, or made of members."""
+    header = make_header(config, data, vocabulary=model.vocabulary)
+    update = {"calibrated": calibrated, "members": dict(members or {})}
+    header = header.model_copy(update=update)
+    save_checkpoint(run / BEST, header, name_tensors("model", model.state_dict()))
+
+
+def is_finished(run: Path, config: RunConfig, data: Buildings) -> bool:
+    """Say whether a run is complete, of this configuration and this dataset."""
+    try:
+        header = load_checkpoint(run / BEST).header
+        last = load_checkpoint(run / LAST).header.epoch if (run / LAST).is_file() else None
+    except CheckpointError:
+        return False
+    if header.config != config or header.dataset_sha256 != data.sha256:
+        return False
+    if header.calibrated != getattr(config.model, "calibrate", False):
+        return False
+    return header.epoch == 0 or last == config.training.epochs

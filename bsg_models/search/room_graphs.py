@@ -1,0 +1,192 @@
+"""Worlds: the room graphs that a robot travels in, with what it costs.
+
+The paper draws the cost of every edge at random and does not say of which graph, and that decides
+what a belief is worth. So there are several kinds:
+
+- `star`: every room hangs on the building node, the paper's scene graph read literally.
+- `complete`: an edge between any two rooms, and the robot takes that edge.
+- `complete-paths`: the same, but it takes the cheapest way, through other rooms if need be.
+- `tree`: every room but the first is joined to a random one before it.
+- `tree-plus`: with half as many edges more as there are rooms, at random (some fall together).
+- `layout`: the rooms that connect in a room layout, the distance between their centroids in metres.
+- `geometry`: the same of connections found in a mesh.
+
+The costs of the first five are uniform between `low` and `high`. A world has the rooms that can be
+reached from each other: where a layout falls into parts, it is the part with the most rooms.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from dataclasses import dataclass
+from typing import Literal, Self, get_args
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field, model_validator
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from bsg_data.errors import RecipeError
+from bsg_data.recipes import Record
+from bsg_data.scene.scene_graph import SceneGraph
+from bsg_models.search.shortest_paths import Floats, Travel, find_ways, go_straight
+
+WorldKind = Literal["star", "complete", "complete-paths", "tree", "tree-plus", "layout", "geometry"]
+MEASURED: tuple[Literal["layout", "geometry"], ...] = ("layout", "geometry")
+METHODS = {"layout": ("layout",), "geometry": ("door", "stairs", "boxes")}
+_SPELLING = re.compile(r"([a-z-]+?)(?::([0-9.]+)-([0-9.]+))?")
+
+
+class WorldRecipe(Record):
+    """How the room graphs of a building are made.
+
+    Attributes:
+        kind: see above.
+        low: least cost of an edge; of measured kinds it is not read.
+        high: greatest cost of an edge.
+    """
+
+    kind: WorldKind
+    low: float = Field(default=1.0, ge=0, allow_inf_nan=False)
+    high: float = Field(default=10.0, gt=0, allow_inf_nan=False)
+
+    @model_validator(mode="after")
+    def _costs_rise(self) -> Self:
+        if self.low > self.high:
+            raise ValueError(f"costs must rise, found {self.low:g} to {self.high:g}")
+        return self
+
+    @property
+    def name(self) -> str:
+        """The recipe as `parse_world` reads it, e.g. `star:1-10`."""
+        return self.kind if self.kind in MEASURED else f"{self.kind}:{self.low:g}-{self.high:g}"
+
+
+DEFAULT_WORLDS = (
+    WorldRecipe(kind="star"),
+    WorldRecipe(kind="complete", low=5.0),
+    WorldRecipe(kind="tree"),
+)
+
+
+def parse_world(text: str) -> WorldRecipe:
+    """Return the recipe that a text like `complete:5-10` or `layout` names.
+
+    Raises:
+        RecipeError: if it names none.
+    """
+    match = _SPELLING.fullmatch(text.strip())
+    kinds = get_args(WorldKind)
+    if match is None or match[1] not in kinds:
+        raise RecipeError(
+            f"no world {text!r}: expected KIND or KIND:LOW-HIGH, of {', '.join(kinds)}"
+        )
+    if match[2] is None:
+        defaults = {world.kind: world for world in DEFAULT_WORLDS}
+        return defaults.get(match[1], WorldRecipe(kind=match[1]))  # type: ignore[arg-type]
+    if match[1] in MEASURED:
+        raise RecipeError(f"{text}: the costs of {match[1]} are metres, not drawn")
+    try:
+        return WorldRecipe(kind=match[1], low=float(match[2]), high=float(match[3]))
+    except ValueError as error:
+        raise RecipeError(f"{text}: 0 ≤ LOW ≤ HIGH, and HIGH above 0") from error
+
+
+@dataclass(frozen=True, eq=False)
+class RoomGraph:
+    """The connections of a building that have a length.
+
+    Attributes:
+        nodes: N = 1 + R.
+        edges: `[N, N]` metres; ∞ where there is no edge.
+        rooms: `[N]` those of the largest connected part; nothing if no connection is known.
+    """
+
+    nodes: int
+    edges: Floats
+    rooms: npt.NDArray[np.bool_]
+
+    def travel(self, episodes: int) -> Travel:
+        """Return the same travel for E episodes."""
+        one = find_ways(self.edges[None])
+        shape = (episodes, self.nodes, self.nodes)
+        return Travel(np.broadcast_to(one.costs, shape), np.broadcast_to(one.steps, shape))
+
+
+def measure_rooms(graph: SceneGraph, kind: Literal["layout", "geometry"]) -> RoomGraph:
+    """Return the connections of a scene graph whose lengths are known."""
+    nodes = 1 + len(graph.rooms)
+    edges = np.full((nodes, nodes), np.inf)
+    for edge in graph.adjacency:
+        if edge.method in METHODS[kind] and edge.distance_m is not None:
+            edges[edge.source, edge.target] = edges[edge.target, edge.source] = edge.distance_m
+    ends = np.argwhere(np.isfinite(edges)).T
+    joined = coo_array((np.ones(ends.shape[1]), (ends[0], ends[1])), shape=edges.shape)
+    _, part = connected_components(joined, directed=False)
+    largest = np.bincount(part[1:], minlength=1).argmax() if nodes > 1 else 0
+    rooms = (part == largest) & (nodes > 1)
+    rooms[0] = False
+    return RoomGraph(nodes, edges, rooms if rooms.sum() > 1 else np.zeros(nodes, dtype=bool))
+
+
+def sample_travel(
+    recipe: WorldRecipe, *, nodes: int, episodes: int, scene_id: str, seed: int
+) -> Travel:
+    """Draw the travel of a building's episodes, which depends on these arguments alone.
+
+    The travel of an episode does not depend on how many there are.
+
+    Args:
+        recipe: of a kind whose costs are drawn.
+        nodes: N = 1 + R.
+        episodes: E.
+        scene_id: of the building.
+        seed: of the study.
+    """
+    rng = world_generator(seed, scene_id, recipe.name)
+    edges = np.full((episodes, nodes, nodes), np.inf)
+    if recipe.kind == "star":
+        costs = rng.uniform(recipe.low, recipe.high, (episodes, nodes - 1))
+        edges[:, 0, 1:] = edges[:, 1:, 0] = costs
+        return find_ways(edges)
+    upper = np.triu_indices(nodes - 1, 1)
+    costs = rng.uniform(recipe.low, recipe.high, (episodes, len(upper[0])))
+    edges[:, 1 + upper[0], 1 + upper[1]] = edges[:, 1 + upper[1], 1 + upper[0]] = costs
+    if recipe.kind == "complete":
+        return go_straight(edges)
+    if recipe.kind == "complete-paths":
+        return find_ways(edges)
+    more = (nodes - 1) // 2 if recipe.kind == "tree-plus" else 0
+    joins = world_generator(seed, scene_id, f"{recipe.name} joins")
+    return find_ways(np.where(_sample_trees(joins, episodes, nodes, more), edges, np.inf))
+
+
+def world_generator(seed: int, scene_id: str, part: str) -> np.random.Generator:
+    """Return the generator of one part of the episodes of a building."""
+    words = (
+        np.frombuffer(hashlib.sha256(t.encode()).digest()[:16], "<u4") for t in (scene_id, part)
+    )
+    entropy = [seed, *np.concatenate(list(words)).tolist()]
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(entropy)))
+
+
+def _sample_trees(
+    rng: np.random.Generator, episodes: int, nodes: int, more: int
+) -> npt.NDArray[np.bool_]:
+    """Return random trees of the rooms with some edges more, `[E, N, N]`."""
+    rooms = nodes - 1
+    drawn = rng.random((episodes, 2 * rooms + 2 * more))
+    joined = np.zeros((episodes, nodes, nodes), dtype=bool)
+    order = 1 + np.argsort(drawn[:, :rooms], axis=1)
+    every = np.arange(episodes)
+    ends = [
+        (order[:, place], order[every, (drawn[:, rooms + place] * place).astype(int)])
+        for place in range(1, rooms)
+    ]
+    rest = (1 + drawn[:, 2 * rooms :] * rooms).astype(int)
+    ends += [(rest[:, 2 * i], rest[:, 2 * i + 1]) for i in range(more)]
+    for a, b in ends:
+        joined[every, a, b] = joined[every, b, a] = True
+    return joined

@@ -1,0 +1,1 @@
+"""Studies over many buildings: comparisons, leaderboards, object search."""

@@ -1,0 +1,216 @@
+"""Compare runs with each other and with the baselines on the same masked pairs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import pandas as pd
+
+from bsg_data.errors import DatasetError
+from bsg_models.belief.expectation import Expectation
+from bsg_models.errors import CheckpointError
+from bsg_models.evaluation.measurement import (
+    Estimate,
+    Measurement,
+    Truth,
+    count_empty,
+    estimate,
+    measure_classes,
+    predict_all,
+    read_truth,
+)
+from bsg_models.inputs.graphs import Buildings, MaskedGraphs, Split, open_dataset
+from bsg_models.runs.checkpoint import Checkpoint, load_checkpoint, require_dataset, restore_model
+from bsg_models.runs.run_folder import BEST, LAST
+from bsg_models.zoo.catalogue import BASELINES, ZOO, make_model
+from bsg_models.zoo.config import DataConfig, RunConfig
+from bsg_models.zoo.model import BeliefModel
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Runs and baselines on one truth.
+
+    Attributes:
+        runs: names of the runs, in the order given; the baselines follow them.
+        estimates: model → metric → value with interval.
+        expectations: model → beliefs about every node.
+        truth: of the split.
+        classes: one row a model, node set and class.
+        class_names: `[C]`.
+        facts: what was measured on: dataset, class map, buildings, draws, empty nodes.
+        notes: what a reader must know of these figures.
+    """
+
+    runs: tuple[str, ...]
+    estimates: dict[str, dict[str, Estimate]]
+    expectations: dict[str, Expectation]
+    truth: Truth
+    classes: pd.DataFrame
+    class_names: tuple[str, ...]
+    facts: dict[str, Any]
+    notes: tuple[str, ...]
+
+    @property
+    def example_node(self) -> int:
+        """The row of the building of median size, in its first draw: for the figures."""
+        first = np.flatnonzero(self.truth.is_building & (self.truth.draw == self.truth.draw.min()))
+        sizes = self.truth.targets[first].sum(axis=1)
+        return int(first[np.argsort(sizes, kind="stable")[len(first) // 2]])
+
+    @property
+    def example_building(self) -> str:
+        """The scene id of that building."""
+        return self.truth.scene_ids[int(self.truth.building[self.example_node])]
+
+
+def compare_runs(
+    runs: Sequence[Path],
+    dataset: Path,
+    *,
+    split: str,
+    resamples: int = 200,
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> Comparison:
+    """Measure runs and baselines on the stored pairs of a split.
+
+    Args:
+        runs: folders of `bsg-train`.
+        dataset: that is split and has pairs.
+        split: `train`, `val` or `test`.
+        resamples: of the bootstrap over buildings.
+        seed: of the bootstrap.
+        progress: called with (resamples done, resamples in all), over all models.
+
+    Raises:
+        CheckpointError: if a run cannot be loaded, or the runs were trained for different folds.
+        MismatchError: if a run is of another class map.
+        DatasetError: if the split has no pairs.
+    """
+    data = open_dataset(dataset)
+    loaded = [(run, load_checkpoint(run / BEST)) for run in runs]
+    for run, checkpoint in loaded:
+        require_dataset(run / BEST, checkpoint.header, data.manifest)
+    fold = _one_fold(loaded)
+    part = cast(Split, split)
+    truth = read_truth(MaskedGraphs.stored(data, part, fold=fold))
+    models = _models(loaded, data, fold=fold)
+    estimates, expectations = {}, {}
+    for done, (name, (config, model)) in enumerate(models.items()):
+        edges, vocabulary = config.data.edges, model.vocabulary
+        graphs = MaskedGraphs.stored(data, part, fold=fold, edges=edges, vocabulary=vocabulary)
+        expectations[name] = predict_all(model, graphs)
+        estimates[name] = estimate(
+            Measurement(truth, expectations[name]),
+            resamples=resamples,
+            seed=seed,
+            progress=_offset(progress, before=done * resamples, total=len(models) * resamples),
+        )
+    classes = data.manifest.class_map.classes
+    return Comparison(
+        runs=tuple(name for name in models if name not in BASELINES),
+        estimates=estimates,
+        expectations=expectations,
+        truth=truth,
+        classes=measure_classes(truth, expectations, classes),
+        class_names=classes,
+        facts=_facts(data, truth, fold=fold, resamples=resamples, seed=seed)
+        | {"runs": _describe(loaded, models)},
+        notes=tuple(_notes(loaded, data, split)),
+    )
+
+
+def _models(
+    loaded: Sequence[tuple[Path, Checkpoint]], data: Buildings, *, fold: int | None
+) -> dict[str, tuple[RunConfig, BeliefModel]]:
+    """Return the models by name: the runs by their folders, then the baselines, fitted on train."""
+    models: dict[str, tuple[RunConfig, BeliefModel]] = {}
+    for run, checkpoint in loaded:
+        name = run.name or run.resolve().name
+        taken, number = name, 2
+        while name in models or name in BASELINES:
+            name, number = f"{taken}-{number}", number + 1
+        models[name] = (checkpoint.header.config, restore_model(run / BEST, checkpoint))
+    for name in BASELINES:
+        model = make_model(ZOO[name], classes=len(data.manifest.class_map.classes))
+        model.fit(data, DataConfig(fold=fold))
+        models[name] = (ZOO[name], model)
+    return models
+
+
+def _describe(
+    loaded: Sequence[tuple[Path, Checkpoint]], models: dict[str, tuple[RunConfig, BeliefModel]]
+) -> dict[str, Any]:
+    """Return epoch, dataset and configuration of each run by its name."""
+    return {
+        name: {
+            "epoch": checkpoint.header.epoch,
+            "dataset_sha256": checkpoint.header.dataset_sha256,
+            "config": checkpoint.header.config.model_dump(mode="json"),
+        }
+        for name, (_, checkpoint) in zip(models, loaded, strict=False)
+    }
+
+
+def _one_fold(loaded: Sequence[tuple[Path, Checkpoint]]) -> int | None:
+    folds = {checkpoint.header.config.data.fold for _, checkpoint in loaded}
+    if len(folds) > 1:
+        said = ", ".join(f"{run}: {c.header.config.data.fold}" for run, c in loaded)
+        raise CheckpointError(f"the runs test on different folds ({said}); compare those of one")
+    return folds.pop()
+
+
+def _facts(
+    data: Buildings, truth: Truth, *, fold: int | None, resamples: int, seed: int
+) -> dict[str, Any]:
+    pairs = data.manifest.pairs
+    if pairs is None:
+        raise DatasetError(f"{data.path}: has no pairs; run `bsg-data pairs` first")
+    return {
+        "fold": fold,
+        "dataset_sha256": data.sha256,
+        "class_map": data.manifest.class_map.version,
+        "mask": pairs.mask.model_dump(mode="json"),
+        "buildings": len(truth.scene_ids),
+        "draws": pairs.draws,
+        "nodes": {
+            "rooms": int((~truth.is_building).sum()),
+            "building": int(truth.is_building.sum()),
+        },
+        **count_empty(truth),
+        "resamples": resamples,
+        "seed": seed,
+    }
+
+
+def _notes(loaded: Sequence[tuple[Path, Checkpoint]], data: Buildings, split: str) -> list[str]:
+    notes = []
+    for run, checkpoint in loaded:
+        if checkpoint.header.dataset_sha256 != data.sha256:
+            notes.append(
+                f"note: {run} was trained on another dataset or another version of this one; "
+                f"buildings of this {split} split may have been in its training set"
+            )
+        header = checkpoint.header
+        epochs = header.config.training.epochs
+        last = load_checkpoint(run / LAST).header.epoch if (run / LAST).is_file() else epochs
+        if header.calibrated != getattr(header.config.model, "calibrate", False):
+            notes.append(f"note: {run} stopped before its calibration; --resume finishes it")
+        if last < epochs:
+            notes.append(f"note: {run} stopped at epoch {last} of {epochs}; --resume goes on")
+    if split == "train":
+        notes.append("note: these are the buildings that the models were trained on")
+    return notes
+
+
+def _offset(
+    progress: Callable[[int, int], None] | None, *, before: int, total: int
+) -> Callable[[int, int], None] | None:
+    if progress is None:
+        return None
+    return lambda done, _: progress(before + done, total)

@@ -1,0 +1,274 @@
+"""The leaderboard: every model trained and measured on the same folds, for each kind of mask.
+
+    OUT/MASK/dataset          a copy of the dataset, in folds, with masked pairs
+    OUT/MASK/fold-K/MODEL     a run: trained without fold K, to be tested on it
+    OUT/leaderboard.json      written last; with leaderboard.md and leaderboard.png
+
+A leaderboard that was stopped goes on where it was: finished runs of the same configuration and
+dataset are kept. All models meet the same masks of the same buildings, and the same resamples.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+
+from bsg_data.dataset.manifest import MANIFEST, Manifest, read_manifest
+from bsg_data.dataset.publication import withdraw_split
+from bsg_data.dataset.shards import write_bytes
+from bsg_data.dataset.splits import split_dataset
+from bsg_data.errors import DatasetError
+from bsg_data.executors import run_all
+from bsg_data.lock import hold
+from bsg_data.observation.pairs import write_pairs
+from bsg_data.recipes import MaskRecipe, PairsRecipe, Record, SplitRecipe, Strategy
+from bsg_models.errors import ConfigError, TrainingError
+from bsg_models.evaluation.measurement import (
+    Bootstrap,
+    Measurement,
+    SplitsMeasurement,
+    bootstrap,
+    predict_all,
+    read_truth,
+)
+from bsg_models.inputs.graphs import open_dataset
+from bsg_models.runs.checkpoint import load_checkpoint, restore_model
+from bsg_models.runs.run_folder import BEST, is_finished
+from bsg_models.training.epochs import stored_graphs
+from bsg_models.training.training import combine_runs, member_config, one_thread, train_run
+from bsg_models.zoo.config import RunConfig
+from bsg_models.zoo.families import EnsembleConfig
+
+SECONDS = "seconds.json"
+DATASET = "dataset"
+
+
+class LeaderboardRecipe(Record):
+    """All that a leaderboard depends on besides the dataset and the models.
+
+    Attributes:
+        masks: kinds of masks; each is trained and tested on by itself.
+        fraction: share of the objects that they hide.
+        folds: of the buildings; every building is tested on once.
+        draws: masks of every building.
+        seed: of the folds, the masks and the trainings.
+        resamples: of the bootstrap over buildings.
+    """
+
+    masks: tuple[Strategy, ...] = ("uniform", "rooms")
+    fraction: float = 0.5
+    folds: int = 5
+    draws: int = 5
+    seed: int = 0
+    resamples: int = 200
+
+
+@dataclass(frozen=True, eq=False)
+class ModelResult:
+    """One model on one kind of mask.
+
+    Attributes:
+        metrics: the mean over the folds, and on resamples of the buildings.
+        seconds: that a training took, mean over the folds; of an ensemble with its members.
+    """
+
+    metrics: Bootstrap
+    seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class Leaderboard:
+    """All models on all kinds of masks.
+
+    Attributes:
+        recipe: that it was made by.
+        manifest: of the dataset.
+        results: mask → model → result.
+    """
+
+    recipe: LeaderboardRecipe
+    manifest: Manifest
+    results: dict[str, dict[str, ModelResult]]
+
+
+def make_leaderboard(
+    dataset: Path,
+    out: Path,
+    models: Mapping[str, RunConfig],
+    recipe: LeaderboardRecipe,
+    *,
+    executor: Executor | None = None,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> Leaderboard:
+    """Train and measure models in cross-validation.
+
+    Args:
+        dataset: of `bsg-data build`; it is copied, not changed.
+        out: folder of the leaderboard.
+        models: name → configuration.
+        recipe: masks, folds and resamples.
+        executor: where trainings and measurements are done; None does them here.
+        progress: called with (what, done, in all).
+
+    Raises:
+        DatasetError: if the dataset is unfinished, or `out` holds one of another dataset.
+        TrainingError: if a training fails.
+    """
+    report = progress or (lambda what, done, total: None)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise DatasetError(f"{out}: cannot be made ({error.strerror})") from error
+    single, ensembles = sort_models(models)
+    with hold(out):
+        for mask in recipe.masks:
+            prepare_dataset(dataset, out / mask / DATASET, recipe, mask=mask)
+        for what, function, some in (
+            ("train", _train, single),
+            ("combine", _combine, ensembles),  # of runs that are there by now
+        ):
+            tasks = [
+                (out / mask, name, fit_to(config, recipe, mask=mask, fold=fold))
+                for mask in recipe.masks
+                for fold in range(recipe.folds)
+                for name, config in some.items()
+            ]
+            run_all(function, tasks, executor=executor, progress=_name(report, what))
+        shown = [(out / mask, name, recipe) for mask in recipe.masks for name in models]
+        found = run_all(_measure, shown, executor=executor, progress=_name(report, "measure"))
+    results: dict[str, dict[str, ModelResult]] = {mask: {} for mask in recipe.masks}
+    for (folder, name, _), result in zip(shown, found, strict=True):
+        results[folder.name][name] = result
+    return Leaderboard(recipe, read_manifest(dataset), results)
+
+
+def sort_models(
+    models: Mapping[str, RunConfig],
+) -> tuple[dict[str, RunConfig], dict[str, RunConfig]]:
+    """Return the models that are trained, with those that ensembles need, and the ensembles.
+
+    Raises:
+        ConfigError: if an ensemble needs a model whose name is taken by another configuration.
+    """
+    single = {n: c for n, c in models.items() if not isinstance(c.model, EnsembleConfig)}
+    ensembles = {n: c for n, c in models.items() if n not in single}
+    for name, config in ensembles.items():
+        for member in _members(config):
+            needed = member_config(config, member)
+            if single.setdefault(member, needed) != needed:
+                raise ConfigError(
+                    f"{name} needs the zoo's {member} with its own seed and data, and another "
+                    "configuration has this name; rename its file, or set both alike"
+                )
+    return single, ensembles
+
+
+def prepare_dataset(source: Path, copy: Path, recipe: LeaderboardRecipe, *, mask: Strategy) -> None:
+    """Copy a dataset, split it into folds and draw its pairs, unless that is done.
+
+    Raises:
+        DatasetError: if another dataset is there.
+    """
+    manifest = read_manifest(source)
+    split = SplitRecipe(method="folds", ratios=None, folds=recipe.folds, seed=recipe.seed)
+    pairs = PairsRecipe(
+        mask=MaskRecipe(strategy=mask, fraction=recipe.fraction, seed=recipe.seed),
+        draws=recipe.draws,
+    )
+    if not (copy / MANIFEST).is_file():
+        partial = copy.with_name(f"{copy.name}.partial")
+        shutil.rmtree(partial, ignore_errors=True)
+        try:
+            shutil.copytree(source, partial)
+            withdraw_split(partial, manifest)
+            partial.rename(copy)
+        except OSError as error:
+            raise DatasetError(f"{copy}: cannot be written ({error})") from error
+    there = read_manifest(copy)
+    if (there.source, there.class_map) != (manifest.source, manifest.class_map):
+        raise DatasetError(f"{copy}: is a copy of another dataset; choose another --out")
+    if there.split != split:
+        split_dataset(copy, split, force=True)
+    if read_manifest(copy).pairs != pairs:
+        write_pairs(copy, pairs, force=True)
+
+
+def fit_to(config: RunConfig, recipe: LeaderboardRecipe, *, mask: Strategy, fold: int) -> RunConfig:
+    """Return a configuration for one kind of mask and one fold; its seed is added to the fold's."""
+    drawn = MaskRecipe(strategy=mask, fraction=recipe.fraction, seed=recipe.seed)
+    data = config.data.model_copy(update={"mask": drawn, "fold": fold})
+    return config.model_copy(update={"data": data, "seed": config.seed + recipe.seed})
+
+
+def run_of(folder: Path, name: str, fold: int) -> Path:
+    """Return the folder of a run below that of a mask."""
+    return folder / f"fold-{fold}" / name
+
+
+def _members(config: RunConfig) -> tuple[str, ...]:
+    return config.model.members if isinstance(config.model, EnsembleConfig) else ()
+
+
+def _train(folder: Path, name: str, config: RunConfig) -> None:
+    """Train one model for one fold, unless that is done."""
+    run = run_of(folder, name, config.data.fold or 0)
+    data = open_dataset(folder / DATASET)
+    if is_finished(run, config, data) and (run / SECONDS).is_file():
+        return
+    began = time.perf_counter()
+    for _ in train_run(config, data.path, run, force=True):
+        pass
+    _write_seconds(run, time.perf_counter() - began)
+
+
+def _combine(folder: Path, name: str, config: RunConfig) -> None:
+    """Make one ensemble for one fold of the runs of its members there."""
+    fold = config.data.fold or 0
+    data = open_dataset(folder / DATASET)
+    members = {member: run_of(folder, member, fold) for member in _members(config)}
+    for member, trained in members.items():
+        if not is_finished(trained, member_config(config, member), data):
+            raise TrainingError(f"{trained}: is not the run that {name} needs; remove it")
+    began = time.perf_counter()
+    combine_runs(config, data, members, run_of(folder, name, fold))
+    own = time.perf_counter() - began
+    _write_seconds(
+        run_of(folder, name, fold), own + sum(_read_seconds(run) for run in members.values())
+    )
+
+
+def _measure(folder: Path, name: str, recipe: LeaderboardRecipe) -> ModelResult:
+    """Measure one model over all folds."""
+    data = open_dataset(folder / DATASET)
+    splits, seconds = [], 0.0
+    with one_thread():
+        for fold in range(recipe.folds):
+            run = run_of(folder, name, fold)
+            checkpoint = load_checkpoint(run / BEST)
+            model = restore_model(run / BEST, checkpoint)
+            config = checkpoint.header.config
+            graphs = stored_graphs(config, data, "test", vocabulary=model.vocabulary)
+            splits.append(Measurement(read_truth(graphs), predict_all(model, graphs)))
+            seconds += _read_seconds(run) / recipe.folds
+        found = bootstrap(SplitsMeasurement(splits), resamples=recipe.resamples, seed=recipe.seed)
+    return ModelResult(found, seconds)
+
+
+def _write_seconds(run: Path, seconds: float) -> None:
+    write_bytes(run / SECONDS, json.dumps({"seconds": round(seconds, 3)}).encode())
+
+
+def _read_seconds(run: Path) -> float:
+    try:
+        return float(json.loads((run / SECONDS).read_text("utf-8"))["seconds"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise TrainingError(f"{run / SECONDS}: cannot be read ({error}); remove {run}") from error
+
+
+def _name(report: Callable[[str, int, int], None], what: str) -> Callable[[int, int], None]:
+    return lambda done, total: report(what, done, total)

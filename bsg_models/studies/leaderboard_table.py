@@ -1,0 +1,244 @@
+"""A leaderboard as Markdown for people and JSON for machines."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from bsg_models.evaluation.measurement import Estimate
+from bsg_models.studies.leaderboard import Leaderboard, ModelResult
+
+REFERENCE = "gamma-poisson"  # whose likelihood counts as 1
+CONSTANT = "train-mean"  # which says the same of every unvisited room
+
+
+class Headline(NamedTuple):
+    """A column of the first table: its label, the metric, and whether less of it is better."""
+
+    label: str
+    metric: str
+    less: bool
+
+
+HEADLINES: Mapping[str, tuple[Headline, ...]] = {
+    "what is hidden": (
+        Headline("NLL", "rooms/hidden_nll", True),
+        Headline("AUROC macro", "rooms/presence_auroc_macro/all", False),
+        Headline("AUROC micro", "rooms/presence_auroc_micro/all", False),
+        Headline("unseen AUROC macro", "rooms/presence_auroc_macro/unseen", False),
+        Headline("unseen AP micro", "rooms/presence_ap_micro/unseen", False),
+        Headline("calibration error", "rooms/presence_calibration_error/all", True),
+        Headline("top 3 unseen", "rooms/top3_unseen", False),
+    ),
+    "whole histograms": (
+        Headline("Wasserstein, all nodes", "all/wasserstein_values/mean", True),
+        Headline("energy, all nodes", "all/energy_values/mean", True),
+        Headline("total variation, rooms", "rooms/total_variation/mean", True),
+        Headline("Frobenius, rooms", "rooms/correlation_frobenius", True),
+        Headline("Frobenius, all nodes", "all/correlation_frobenius", True),
+        Headline("error in number, building", "building/mean_absolute_error", True),
+    ),
+}
+UNVISITED = (
+    Headline("unvisited AP micro", "rooms/presence_ap_micro/unvisited", False),
+    Headline("unvisited AP macro", "rooms/presence_ap_macro/unvisited", False),
+    Headline("unvisited AUROC macro", "rooms/presence_auroc_macro/unvisited", False),
+    Headline("unvisited calibration error", "rooms/presence_calibration_error/unvisited", True),
+)
+MOMENTS = ("mean", "variance", "skewness", "kurtosis")
+
+
+def write_json(board: Leaderboard) -> dict[str, Any]:
+    """Return a leaderboard as JSON.
+
+    `masks` → mask → model → `seconds`, `metrics` (value, interval, nodes), and what `compare` says.
+    """
+    masks: dict[str, Any] = {}
+    for mask, results in board.results.items():
+        masks[mask] = {
+            name: {
+                "seconds": round(result.seconds, 2),
+                **{k: _plain(v) for k, v in compare(results, name).items()},
+                "metrics": {k: _plain(e) for k, e in result.metrics.estimates().items()},
+            }
+            for name, result in results.items()
+        }
+    return {
+        "recipe": board.recipe.model_dump(mode="json"),
+        "dataset": {
+            "source": board.manifest.source.model_dump(mode="json"),
+            "class_map": board.manifest.class_map.version,
+            "scenes": board.manifest.totals.scenes,
+            "rooms": board.manifest.totals.rooms,
+        },
+        "masks": masks,
+    }
+
+
+def compare(results: Mapping[str, ModelResult], name: str) -> dict[str, Estimate | None]:
+    """Return a model's paired comparisons; None where the model to compare with is missing.
+
+    `nll_over_gamma_poisson` is a ratio of hidden NLL over rooms, `unvisited_ap_minus_train_mean` a
+    difference of average precision over unvisited rooms, `nll_minus_best` a difference of NLL.
+    """
+    ours, nll, ap = results[name].metrics, "rooms/hidden_nll", UNVISITED[0].metric
+    reference, constant = (results.get(other) for other in (REFERENCE, CONSTANT))
+    best = results[rank_models(results)[0]].metrics
+    return {
+        "nll_over_gamma_poisson": ours.ratio(reference.metrics, nll) if reference else None,
+        "unvisited_ap_minus_train_mean": (
+            ours.difference(constant.metrics, ap) if constant else None
+        ),
+        "nll_minus_best": ours.difference(best, nll),
+    }
+
+
+def rank_models(results: Mapping[str, ModelResult]) -> list[str]:
+    """Return the models by rising hidden NLL over rooms."""
+    return sorted(results, key=lambda name: results[name].metrics.point["rooms/hidden_nll"])
+
+
+def write_markdown(board: Leaderboard) -> str:
+    """Return a leaderboard as a document."""
+    recipe, totals = board.recipe, board.manifest.totals
+    lines = [
+        "# Leaderboard",
+        "",
+        f"{totals.scenes} buildings, {totals.rooms:,} rooms, class map "
+        f"{board.manifest.class_map.version}; {recipe.folds} folds by building, {recipe.draws} "
+        f"masks of every test building that hide {100 * recipe.fraction:g} %, seed {recipe.seed}. "
+        "Means over the folds, also of the training times; ± is half the 95 % interval over "
+        "buildings. In bold the best of a column and what its paired interval does not tell from "
+        "it. docs/evaluation.md says what the metrics are.",
+        "",
+    ]
+    for mask, results in board.results.items():
+        lines += [f"## Masks: {mask}", "", *_headline_tables(results), *_moments(results)]
+    for mask, results in board.results.items():
+        lines += [f"## Every metric, masks {mask}", "", *_everything(results)]
+    return "\n".join(lines)
+
+
+def _headline_tables(results: Mapping[str, ModelResult]) -> Iterator[str]:
+    names = rank_models(results)
+    some_unvisited = not np.isnan(results[names[0]].metrics.point[UNVISITED[0].metric])
+    hidden, whole = HEADLINES.values()
+    bold = _mark_best(results, hidden)
+    rows = {
+        name: [
+            *_cells(results[name], hidden, bold=bold[name]),
+            _cell(compare(results, name)["nll_over_gamma_poisson"]),
+            f"{results[name].seconds:.1f}",
+        ]
+        for name in names
+    }
+    yield from _table(rows, ["model", *map(_label, hidden), "NLL / gamma-poisson", "training, s"])
+    yield from _explain(hidden)
+    if some_unvisited:
+        bold = _mark_best(results, UNVISITED)
+        rows = {
+            name: [
+                *_cells(results[name], UNVISITED, bold=bold[name]),
+                _cell(compare(results, name)["unvisited_ap_minus_train_mean"]),
+            ]
+            for name in names
+        }
+        yield from _table(rows, ["model", *map(_label, UNVISITED), "AP micro − train-mean"])
+        yield from _explain(UNVISITED)
+        yield (
+            "Of whole histograms nothing is in bold here: a model that predicts nothing in an "
+            "unvisited room is at half the largest distance there, nearer than an honest guess."
+        )
+        yield ""
+    bold = _mark_best(results, () if some_unvisited else whole)
+    rows = {name: _cells(results[name], whole, bold=bold[name]) for name in names}
+    yield from _table(rows, ["model", *map(_label, whole)])
+    yield from _explain(whole)
+
+
+def _explain(headlines: tuple[Headline, ...]) -> Iterator[str]:
+    yield "Columns: " + ", ".join(f"{h.label} is `{h.metric}`" for h in headlines) + "."
+    yield ""
+
+
+def _moments(results: Mapping[str, ModelResult]) -> Iterator[str]:
+    """Yield the paper's Table I in its own four-column form."""
+    yield "The paper's Table I: distances of the probabilities as values, rooms and buildings."
+    yield ""
+    header = [f"{letter} {moment}" for letter in "WE" for moment in MOMENTS]
+    rows = {
+        name: [
+            f"{results[name].metrics.point[f'all/{metric}_values/{moment}']:.3g}"
+            for metric in ("wasserstein", "energy")
+            for moment in MOMENTS
+        ]
+        for name in rank_models(results)
+    }
+    yield from _table(rows, ["model", *header])
+
+
+def _everything(results: Mapping[str, ModelResult]) -> Iterator[str]:
+    estimates = {name: results[name].metrics.estimates() for name in rank_models(results)}
+    metrics = next(iter(estimates.values()))
+    rows = {
+        f"`{metric}`": [_cell(found[metric]) for found in estimates.values()] for metric in metrics
+    }
+    yield from _table(rows, ["metric", *estimates])
+
+
+def _mark_best(
+    results: Mapping[str, ModelResult], headlines: tuple[Headline, ...]
+) -> dict[str, frozenset[str]]:
+    """Return model → metrics in which it is the best, or not distinguishable from the best."""
+    marked: dict[str, set[str]] = {name: set() for name in results}
+    for headline in headlines:
+        metric = headline.metric
+        values = {n: s.metrics.point[metric] for n, s in results.items()}
+        known = [name for name, value in values.items() if not np.isnan(value)]
+        if not known:
+            continue
+        best = (min if headline.less else max)(known, key=lambda name: values[name])
+        for name in known:
+            gap = results[name].metrics.difference(results[best].metrics, metric)
+            if gap.value == 0 or gap.low <= 0 <= gap.high:
+                marked[name].add(metric)
+    return {name: frozenset(metrics) for name, metrics in marked.items()}
+
+
+def _cells(
+    result: ModelResult, headlines: tuple[Headline, ...], *, bold: frozenset[str]
+) -> list[str]:
+    cells = {h.metric: _cell(result.metrics.estimate(h.metric)) for h in headlines}
+    return [f"**{cell}**" if metric in bold else cell for metric, cell in cells.items()]
+
+
+def _label(headline: Headline) -> str:
+    return f"{headline.label} {'↓' if headline.less else '↑'}"
+
+
+def _cell(estimate: Estimate | None) -> str:
+    if estimate is None or np.isnan(estimate.value):
+        return "–"
+    half = (estimate.high - estimate.low) / 2
+    value = f"{estimate.value:.4g}"
+    return value if np.isnan(half) else f"{value} ± {half:.2g}"
+
+
+def _plain(estimate: Estimate | None) -> dict[str, float | int | None] | None:
+    if estimate is None or np.isnan(estimate.value):
+        return None
+    numbers = {"value": estimate.value, "low": estimate.low, "high": estimate.high}
+    return {
+        **{k: v if np.isfinite(v) else None for k, v in numbers.items()},
+        "nodes": estimate.nodes,
+    }
+
+
+def _table(rows: Mapping[str, list[str]], header: list[str]) -> Iterator[str]:
+    yield f"| {' | '.join(header)} |"
+    yield "|---" * len(header) + "|"
+    for name, cells in rows.items():
+        yield f"| {' | '.join([name, *cells])} |"
+    yield ""

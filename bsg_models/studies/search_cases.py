@@ -1,0 +1,188 @@
+"""Which searches a study makes: artifacts, starts, masks and worlds, drawn by a recipe."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, field_validator
+
+from bsg_data.dataset.histograms import Counts
+from bsg_data.errors import RecipeError
+from bsg_data.recipes import MaskRecipe, Record
+from bsg_models.search.planners import PLANNERS, Task
+from bsg_models.search.room_graphs import (
+    DEFAULT_WORLDS,
+    MEASURED,
+    RoomGraph,
+    WorldRecipe,
+    sample_travel,
+    world_generator,
+)
+from bsg_models.search.shortest_paths import Bools, Floats, Ints
+from bsg_models.search.simulator import Episodes
+
+BASELINE, ROUTING = "nearest", "routing"
+_NOT_MEASURED = {
+    "layout": "no room layout says which of their rooms connect",
+    "geometry": "no mesh says which of their rooms connect",
+}
+
+
+class StudyRecipe(Record):
+    """All that a study depends on besides the dataset and the models.
+
+    Attributes:
+        worlds: kinds of room graphs.
+        tasks: `single`, `all`.
+        planners: of `PLANNERS`; see `all_planners`.
+        artifacts: classes that are searched for, None for every one; a search takes those that some
+            room has and another has not.
+        at_once: classes that one search looks for.
+        episodes: searches of every building in every world.
+        masks: of every building; the searches take turns.
+        fraction: share of the objects that a mask hides.
+        stops: of `all`, with `expected-cost`: probabilities of anything left at which the robot
+            itself ends a search.
+        truth: `real`; or `posterior`, where the artifact is put where the model's first belief
+            says, so that the belief is exactly right and no planner could know better.
+        seed: of all chance.
+    """
+
+    worlds: tuple[WorldRecipe, ...] = DEFAULT_WORLDS
+    tasks: tuple[Task, ...] = ("single", "all")
+    planners: tuple[str, ...] = tuple(PLANNERS)
+    artifacts: tuple[int, ...] | None = None
+    at_once: int = Field(default=1, ge=1)
+    episodes: int = Field(default=200, ge=1)
+    masks: int = Field(default=10, ge=1)
+    fraction: float = Field(default=0.5, gt=0, le=1)
+    stops: tuple[Annotated[float, Field(gt=0, lt=1)], ...] = ()
+    truth: Literal["real", "posterior"] = "real"
+    seed: int = Field(default=0, ge=0)
+
+    @field_validator("planners")
+    @classmethod
+    def _planners_exist(cls, names: tuple[str, ...]) -> tuple[str, ...]:
+        unknown = [name for name in names if name not in PLANNERS]
+        if unknown:
+            raise ValueError(f"{unknown[0]!r} is none of {', '.join(PLANNERS)}")
+        return names
+
+    @property
+    def all_planners(self) -> tuple[str, ...]:
+        """The planners, with what they are measured by: `nearest`, and `routing` for beliefs."""
+        believing = any(PLANNERS[name].reads == "belief" for name in self.planners)
+        return tuple(dict.fromkeys((BASELINE, *self.planners, *[ROUTING] * believing)))
+
+    @property
+    def mask(self) -> MaskRecipe:
+        """The masks' recipe."""
+        return MaskRecipe(fraction=self.fraction, seed=self.seed)
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """The searches of a building in a world before any planner was asked."""
+
+    episodes: Episodes
+    draws: Ints
+
+
+def sample_case(
+    cells: Counts,
+    world: WorldRecipe,
+    recipe: StudyRecipe,
+    *,
+    scene_id: str,
+    measured: Mapping[str, RoomGraph],
+) -> Case | str:
+    """Draw the searches of one building in one world, or say why there are none."""
+    nodes = len(cells)
+    if world.kind in MEASURED:
+        rooms = measured[world.kind].rooms
+        if not rooms.any():
+            return _NOT_MEASURED[world.kind]
+    else:
+        rooms = np.arange(nodes) > 0
+    drawn = sample_searches(cells, rooms, recipe, scene_id=scene_id)
+    if drawn is None:
+        few = f"fewer than {recipe.at_once} artifacts" if recipe.at_once > 1 else "no artifact"
+        return f"{few} that some room has and another has not"
+    artifacts, starts = drawn
+    if world.kind in MEASURED:
+        travel = measured[world.kind].travel(len(starts))
+    else:
+        travel = sample_travel(
+            world, nodes=nodes, episodes=len(starts), scene_id=scene_id, seed=recipe.seed
+        )
+    lots = world_generator(recipe.seed, scene_id, "lots").random((len(starts), nodes))
+    instances = np.where(rooms[:, None], cells, 0)[:, artifacts].transpose(1, 0, 2)
+    draws = np.arange(len(starts)) % recipe.masks
+    return Case(Episodes(travel, rooms, starts, artifacts, instances, lots), draws)
+
+
+def sample_searches(
+    cells: Counts, rooms: Bools, recipe: StudyRecipe, *, scene_id: str
+) -> tuple[Ints, Ints] | None:
+    """Draw artifacts `[E, A]` and starts `[E]`, or nothing if no search is possible.
+
+    The first artifact is uniform over the classes that some room has and another has not, the start
+    over the rooms without it, further artifacts over the classes that the start has not, either.
+
+    Raises:
+        RecipeError: if an artifact is no class.
+    """
+    strange = [c for c in recipe.artifacts or () if not 0 <= c < cells.shape[1]]
+    if strange:
+        raise RecipeError(f"artifact {strange[0]}: there are {cells.shape[1]} classes, from 0")
+    pool = np.full(cells.shape[1], recipe.artifacts is None)
+    pool[list(recipe.artifacts or ())] = True
+    there = (cells > 0) & rooms[:, None]
+    sought = pool & there.any(axis=0)
+    lacking = sought & ~there  # [N, C] what a search that starts in a room may look for
+    lacking &= rooms[:, None] & (lacking.sum(axis=1) >= recipe.at_once)[:, None]
+    first = np.flatnonzero(lacking.any(axis=0))
+    if not len(first):
+        return None
+    numbers = world_generator(recipe.seed, scene_id, "searches").random(
+        (recipe.episodes, recipe.at_once + 1)
+    )
+    artifacts = np.zeros((recipe.episodes, recipe.at_once), dtype=np.int64)
+    artifacts[:, 0] = first[(numbers[:, 0] * len(first)).astype(int)]
+    starts = np.zeros(recipe.episodes, dtype=np.int64)
+    for e, row in enumerate(numbers):
+        possible = np.flatnonzero(lacking[:, artifacts[e, 0]])
+        starts[e] = possible[int(row[-1] * len(possible))]
+        for a in range(1, recipe.at_once):
+            rest = lacking[starts[e]].copy()
+            rest[artifacts[e, :a]] = False
+            classes = np.flatnonzero(rest)
+            artifacts[e, a] = classes[int(row[a] * len(classes))]
+    return artifacts, starts
+
+
+def sample_presence(presence: Floats, rooms: Bools, rng: np.random.Generator) -> Bools:
+    """Draw in which rooms the artifacts are, given that each is in one at least.
+
+    Args:
+        presence: `[E, N, A]` P(at least one instance), rooms being independent.
+        rooms: `[E, N]` where they may be.
+        rng: generator.
+
+    Returns:
+        `[E, N, A]`.
+    """
+    likely = np.where(rooms[:, :, None], np.clip(presence, 1e-6, 1 - 1e-12), 0.0)
+    # P(none from room n on), from the last room to the first: given that one is left, the first
+    # room has it with probability p / (1 − P(none)).
+    none = np.cumprod((1 - likely)[:, ::-1], axis=1)[:, ::-1]
+    drawn, level = np.zeros(likely.shape, dtype=bool), rng.random(likely.shape)
+    waiting = np.ones((len(likely), likely.shape[2]), dtype=bool)
+    for n in range(likely.shape[1]):
+        given = np.where(waiting, likely[:, n] / np.maximum(1 - none[:, n], 1e-300), likely[:, n])
+        drawn[:, n] = level[:, n] < given
+        waiting &= ~drawn[:, n]
+    return drawn & rooms[:, :, None]

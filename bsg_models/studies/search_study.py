@@ -1,0 +1,293 @@
+"""Compare planners over many searches of the buildings of a dataset.
+
+Every planner meets the same searches: the same worlds, starts, artifacts and masks. They depend on
+the recipe and the building alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from bsg_data.dataset.shards import read_scene_graphs, read_table
+from bsg_data.errors import DatasetError, MismatchError, RecipeError
+from bsg_data.executors import run_all
+from bsg_data.recipes import MaskRecipe
+from bsg_models.inputs.graphs import Buildings, Split, open_dataset
+from bsg_models.runs.checkpoint import Checkpoint, load_checkpoint, restore_model
+from bsg_models.runs.run_folder import checkpoint_of
+from bsg_models.search.planners import PLANNERS, Task
+from bsg_models.search.room_graphs import (
+    MEASURED,
+    METHODS,
+    RoomGraph,
+    WorldRecipe,
+    measure_rooms,
+    world_generator,
+)
+from bsg_models.search.shortest_paths import Floats, Ints
+from bsg_models.search.simulator import Beliefs, Outcome, search
+from bsg_models.studies.search_beliefs import FixedBeliefs, ModelBeliefs
+from bsg_models.studies.search_cases import (
+    BASELINE,
+    Case,
+    StudyRecipe,
+    sample_case,
+    sample_presence,
+)
+from bsg_models.training.training import one_thread
+from bsg_models.zoo.model import BeliefModel
+
+SWEEP = -1.0  # P(anything left) is never so low: such a search enters every room
+
+
+@dataclass(frozen=True, eq=False)
+class Searches:
+    """The searches of one building in one world, and how each planner did.
+
+    Attributes:
+        scene_id: of the building.
+        world: its name.
+        starts: `[E]` rooms.
+        artifacts: `[E, A]` classes.
+        draws: `[E]` number of the mask.
+        instances: `[E]` of the artifacts.
+        ranked_first: `[E]` whether the room that is believed likeliest at the start holds one; NaN
+            without a belief.
+        chance: `[E]` share of the rooms that hold one.
+        outcomes: (task, planner) → outcome; a robot that stops itself is (`all`, `stop 0.1`), and
+            `sweep` enters every room, nearest first.
+    """
+
+    scene_id: str
+    world: str
+    starts: Ints
+    artifacts: Ints
+    draws: Ints
+    instances: Ints
+    ranked_first: Floats
+    chance: Floats
+    outcomes: dict[tuple[Task, str], Outcome]
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """All searches, and what could not be searched.
+
+    Attributes:
+        recipe: that it was made by.
+        scenes: buildings that were asked for.
+        searches: of every building in every world.
+        left_out: world → reason → buildings that are not in it.
+    """
+
+    recipe: StudyRecipe
+    scenes: tuple[str, ...]
+    searches: tuple[Searches, ...]
+    left_out: dict[str, dict[str, int]]
+
+
+def study_search(
+    dataset: Path,
+    runs: Mapping[str, Path | None],
+    recipe: StudyRecipe,
+    *,
+    executor: Executor | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Study:
+    """Search buildings with every planner.
+
+    Args:
+        dataset: with room adjacency, if a world is measured.
+        runs: building → run whose beliefs are asked; None if no planner reads a belief.
+        recipe: of the study.
+        executor: where buildings are worked on; None does it here.
+        progress: called with (buildings done, in all).
+
+    Raises:
+        DatasetError: if the dataset is damaged or no building can be searched.
+        RecipeError: if a belief is needed and a building has no run, or an artifact is no class.
+    """
+    if recipe.truth == "posterior" and None in runs.values():
+        raise RecipeError("truth posterior needs a belief: give the run of a model")
+    measured = measure_dataset(dataset, runs, [world.kind for world in recipe.worlds])
+    tasks = [
+        (dataset, run, scene, recipe, {kind: rooms[scene] for kind, rooms in measured.items()})
+        for scene, run in runs.items()
+    ]
+    found = run_all(search_building, tasks, executor=executor, progress=progress)
+    left_out: dict[str, dict[str, int]] = {}
+    searches = []
+    for one in found:
+        for world, result in one.items():
+            if isinstance(result, str):
+                reasons = left_out.setdefault(world, {})
+                reasons[result] = reasons.get(result, 0) + 1
+            else:
+                searches.append(result)
+    if not searches:
+        why = "; ".join(f"{world}: {reason}" for world, all_ in left_out.items() for reason in all_)
+        raise DatasetError(f"{dataset}: nothing can be searched ({why or 'no buildings'})")
+    return Study(recipe, tuple(runs), tuple(searches), left_out)
+
+
+def choose_runs(
+    dataset: Path, runs: Sequence[Path], *, part: Split = "test"
+) -> tuple[dict[str, Path | None], list[str]]:
+    """Return which run is asked about which building, and what a reader should know of it.
+
+    With a dataset of folds, each run answers about the fold that it was not trained on.
+
+    Raises:
+        MismatchError: if a run is of another class map.
+        DatasetError: if two runs are of one fold, or the dataset is not split.
+    """
+    data = open_dataset(dataset)
+    chosen: dict[str, Path | None] = {}
+    notes, families = [], set()
+    for run in runs:
+        header = load_checkpoint(checkpoint_of(run)).header
+        if header.class_map != data.manifest.class_map:
+            raise MismatchError(
+                f"{run}: predicts classes of {header.class_map.version}, the dataset has those of "
+                f"{data.manifest.class_map.version}"
+            )
+        families.add(header.config.model.family)
+        fold = header.config.data.fold if "fold-0" in data.splits else None
+        scenes = data.scenes_of(part, fold=fold)
+        taken = sorted(set(scenes) & set(chosen))
+        if taken:
+            raise DatasetError(f"{run}: is of the same buildings as another run, e.g. {taken[0]}")
+        if header.dataset_sha256 != data.sha256:
+            notes.append(f"{run}: was trained on another dataset; it may know these buildings")
+        chosen.update(dict.fromkeys(scenes, run))
+    if len(families) > 1:
+        notes.append(f"the runs are of different models: {', '.join(sorted(families))}")
+    return chosen, notes
+
+
+def measure_dataset(
+    dataset: Path, scenes: Collection[str], kinds: Sequence[str]
+) -> dict[str, dict[str, RoomGraph]]:
+    """Return the measured room graphs of some scenes, by kind."""
+    wanted = [kind for kind in MEASURED if kind in kinds]
+    found: dict[str, dict[str, RoomGraph]] = {kind: {} for kind in wanted}
+    if wanted:
+        for graph in read_scene_graphs(dataset):
+            if graph.scene_id in scenes:
+                for kind in wanted:
+                    found[kind][graph.scene_id] = measure_rooms(graph, kind)
+    return found
+
+
+def known_worlds(dataset: Path) -> tuple[WorldRecipe, ...]:
+    """Return the measured worlds of which a dataset has any connection."""
+    methods = set(read_table(dataset, "edges", columns=["method"])["method"].unique().to_pylist())
+    return tuple(WorldRecipe(kind=kind) for kind in MEASURED if methods & set(METHODS[kind]))
+
+
+def search_building(
+    dataset: Path,
+    run: Path | None,
+    scene_id: str,
+    recipe: StudyRecipe,
+    measured: Mapping[str, RoomGraph],
+) -> dict[str, Searches | str]:
+    """Return world → the searches of one building with every planner, or why there are none."""
+    data = open_dataset(dataset)
+    cells = data.cells[scene_id]
+    found: dict[str, Searches | str] = {}
+    asked: dict[bytes, ModelBeliefs] = {}  # worlds of the same rooms have the same searches
+    with one_thread():
+        for world in recipe.worlds:
+            case = sample_case(cells, world, recipe, scene_id=scene_id, measured=measured)
+            if isinstance(case, str):
+                found[world.name] = case
+                continue
+            beliefs = None
+            if run is not None:
+                key = case.episodes.rooms.tobytes()
+                if key not in asked:
+                    asked[key] = ask_run(run, data, scene_id, recipe.mask, case)
+                beliefs = asked[key]
+            found[world.name] = compare_planners(case, world, recipe, scene_id, beliefs)
+    return found
+
+
+def ask_run(
+    run: Path, data: Buildings, scene_id: str, mask: MaskRecipe, case: Case
+) -> ModelBeliefs:
+    """Return the beliefs of a run about the searches of a building."""
+    path = checkpoint_of(run)
+    changed = path.stat().st_mtime_ns if path.exists() else 0
+    checkpoint, model = _restore_once(path, changed)
+    return ModelBeliefs(
+        model,
+        edges=checkpoint.header.config.data.edges,
+        data=data,
+        scene_id=scene_id,
+        mask=mask,
+        draws=case.draws,
+        artifacts=case.episodes.artifacts,
+    )
+
+
+@lru_cache(maxsize=8)
+def _restore_once(path: Path, changed: int) -> tuple[Checkpoint, BeliefModel]:
+    checkpoint = load_checkpoint(path)
+    return checkpoint, restore_model(path, checkpoint)
+
+
+def compare_planners(
+    case: Case,
+    world: WorldRecipe,
+    recipe: StudyRecipe,
+    scene_id: str,
+    beliefs: Beliefs | None,
+) -> Searches:
+    """Return how every planner did in the searches of one building in one world."""
+    episodes = case.episodes
+    every = np.arange(len(episodes.starts))
+    ranked_first = np.full(len(every), np.nan)
+    at_first = np.zeros(episodes.lots.shape, dtype=bool)
+    at_first[every, episodes.starts] = True
+    open_ = episodes.rooms & ~at_first
+    if beliefs is not None:
+        first, share = beliefs(every, at_first)
+        presence = np.where(open_[:, :, None], first, 0.0)
+        if recipe.truth == "posterior":
+            rng = world_generator(recipe.seed, scene_id, "posterior")
+            there = sample_presence(presence, open_, rng)
+            episodes = replace(episodes, instances=there.astype(np.int64))
+            beliefs = FixedBeliefs(presence, share)
+        likeliest = np.where(open_, 1 - (1 - presence).prod(axis=2), -1.0).argmax(axis=1)
+        ranked_first = (episodes.instances[every, likeliest].sum(axis=1) > 0).astype(float)
+    holds = (episodes.instances.sum(axis=2) > 0) & open_
+    outcomes: dict[tuple[Task, str], Outcome] = {}
+    for task in recipe.tasks:
+        for name in recipe.all_planners:
+            planner = PLANNERS[name]
+            outcomes[task, name] = search(episodes, planner, task=task, beliefs=beliefs)
+    if "all" in recipe.tasks and recipe.stops:
+        planned = PLANNERS["expected-cost"]
+        for stop in recipe.stops:
+            outcomes["all", f"stop {stop:g}"] = search(
+                episodes, planned, task="all", beliefs=beliefs, stop_at=stop
+            )
+        outcomes["all", "sweep"] = search(episodes, PLANNERS[BASELINE], task="all", stop_at=SWEEP)
+    return Searches(
+        scene_id=scene_id,
+        world=world.name,
+        starts=episodes.starts,
+        artifacts=episodes.artifacts,
+        draws=case.draws,
+        instances=episodes.instances.sum(axis=(1, 2)),
+        ranked_first=ranked_first,
+        chance=holds.sum(axis=1) / open_.sum(axis=1),
+        outcomes=outcomes,
+    )

@@ -1,0 +1,268 @@
+"""Training by gradient, epoch by epoch, on masked graphs (paper, section IV-A).
+
+The order and the dropout of an epoch are drawn from (seed, epoch) alone, its masks from (the mask's
+own seed, epoch): they do not depend on the epochs before it having run in this process. A run that
+was stopped therefore goes on to the same weights as one that was not.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch_geometric.loader import DataLoader
+
+from bsg_data.dataset.shards import write_bytes
+from bsg_models.errors import TrainingError
+from bsg_models.inputs.graphs import Buildings, MaskedGraphs, Split
+from bsg_models.runs.checkpoint import (
+    Checkpoint,
+    CheckpointHeader,
+    load_checkpoint,
+    restore_model,
+    save_checkpoint,
+)
+from bsg_models.runs.run_folder import BEST, LAST, METRICS, make_header, name_tensors
+from bsg_models.training.learning_curve import EpochReport, encode_metrics, read_metrics
+from bsg_models.training.optimiser import (
+    learning_rate,
+    load_optimiser,
+    make_optimiser,
+    optimiser_state,
+)
+from bsg_models.zoo.config import RunConfig, TrainingConfig
+from bsg_models.zoo.model import BeliefModel
+
+_VAL_DRAWS = 10  # of every val building, where the stored pairs are not what is trained for
+
+
+class TrainingGraphs:
+    """The graphs of every epoch of one training, from a dataset that was opened once."""
+
+    def __init__(self, config: RunConfig, data: Buildings, model: BeliefModel) -> None:
+        self._data, self._choice, self._vocabulary = data, config.data, model.vocabulary
+        self.val = validation_graphs(config, data, vocabulary=model.vocabulary)
+        self._fixed = (
+            stored_graphs(config, data, "train", vocabulary=model.vocabulary)
+            if config.data.masks == "fixed"
+            else None
+        )
+        self._number = len(self._fixed or data.scenes_of("train", fold=config.data.fold))
+
+    def steps_of(self, training: TrainingConfig) -> int:
+        """Return the number of steps of an epoch."""
+        return -(-self._number // training.batch_size)
+
+    def of_epoch(self, epoch: int) -> MaskedGraphs:
+        """Return the stored pairs, or mask number `epoch` of every training building."""
+        if self._fixed is not None:
+            return self._fixed
+        return MaskedGraphs.fresh(
+            self._data,
+            "train",
+            mask=self._choice.mask,
+            draw=epoch,
+            fractions=self._choice.fractions,
+            withhold=self._choice.withhold,
+            fold=self._choice.fold,
+            edges=self._choice.edges,
+            vocabulary=self._vocabulary,
+        )
+
+
+def stored_graphs(
+    config: RunConfig, data: Buildings, part: Split, *, vocabulary: tuple[str, ...]
+) -> MaskedGraphs:
+    """Return the stored pairs of a split as a configuration's graphs."""
+    return MaskedGraphs.stored(
+        data, part, fold=config.data.fold, edges=config.data.edges, vocabulary=vocabulary
+    )
+
+
+def validation_graphs(
+    config: RunConfig, data: Buildings, *, vocabulary: tuple[str, ...]
+) -> MaskedGraphs:
+    """Return the stored pairs of val or, if masks are those of a search, fresh ones of its own."""
+    choice = config.data
+    if not choice.withhold:
+        return stored_graphs(config, data, "val", vocabulary=vocabulary)
+    drawn = [
+        MaskedGraphs.fresh(
+            data,
+            "val",
+            mask=choice.mask,
+            draw=draw,
+            withhold=choice.withhold,
+            fold=choice.fold,
+            vocabulary=vocabulary,
+        )
+        for draw in range(_VAL_DRAWS)
+    ]
+    masked = [one for graphs in drawn for one in graphs.masked]
+    return MaskedGraphs(masked, edges=choice.edges, adjacency=data.adjacency)
+
+
+def train_epochs(
+    model: BeliefModel, config: RunConfig, data: Buildings, run: Path, graphs: TrainingGraphs
+) -> Iterator[EpochReport]:
+    """Train a model from its last checkpoint, or from the start, into the folder of a run.
+
+    Args:
+        model: new, or of any weights if the run has a last checkpoint.
+        config: of the run.
+        data: an open dataset.
+        run: folder, which the caller holds.
+        graphs: of every epoch.
+
+    Yields:
+        one report an epoch.
+
+    Raises:
+        TrainingError: if the loss is not finite, or the checkpoint is of another training.
+    """
+    training = config.training
+    optimiser = make_optimiser(model, training)
+    start, best_epoch, best_loss = 0, 0, float("inf")
+    rows: list[EpochReport] = []
+    if (run / LAST).exists():
+        header = _restore(model, optimiser, config, data, run)
+        start, best_epoch, best_loss = header.epoch, header.best_epoch, header.best_loss or 0.0
+        rows = [row for row in read_metrics(run / METRICS) if row.epoch <= start]
+    for epoch in range(start + 1, training.epochs + 1):
+        began = time.perf_counter()
+        train_loss = _train_epoch(model, optimiser, config, graphs, epoch=epoch)
+        val_loss = None
+        if epoch % training.validate_every == 0 or epoch == training.epochs:
+            val_loss = validation_loss(model, graphs.val)
+        if not np.isfinite([train_loss, val_loss or 0.0]).all():
+            raise TrainingError(
+                f"{run}: the loss of epoch {epoch} is not finite (training {train_loss}, "
+                f"validation {val_loss}); lower training.learning_rate. "
+                "What was saved is of earlier epochs"
+            )
+        is_best = val_loss is not None and val_loss < best_loss
+        if val_loss is not None and is_best:
+            best_epoch, best_loss = epoch, val_loss
+        report = EpochReport(
+            epoch=epoch,
+            epochs=training.epochs,
+            train_loss=train_loss,
+            val_loss=val_loss,
+            best_epoch=best_epoch,
+            seconds=time.perf_counter() - began,
+        )
+        rows.append(report)
+        if val_loss is not None:
+            header = make_header(
+                config,
+                data,
+                vocabulary=model.vocabulary,
+                epoch=epoch,
+                val_loss=val_loss,
+                best_epoch=best_epoch,
+                best_loss=best_loss,
+            )
+            state = name_tensors("model", model.state_dict())
+            write_bytes(run / METRICS, encode_metrics(rows))
+            if is_best:
+                save_checkpoint(run / BEST, header, state)
+            adam = name_tensors("adam", optimiser_state(optimiser, model))
+            save_checkpoint(run / LAST, header, {**state, **adam})
+        yield report
+
+
+def _restore(
+    model: BeliefModel,
+    optimiser: torch.optim.Optimizer,
+    config: RunConfig,
+    data: Buildings,
+    run: Path,
+) -> CheckpointHeader:
+    checkpoint = _load_last(run / LAST, config, data)
+    if not (run / BEST).is_file():
+        raise TrainingError(f"{run / BEST}: is gone; --force starts the run again")
+    if checkpoint.header.vocabulary != model.vocabulary:
+        raise TrainingError(f"{run / LAST}: reads other categories; --force starts the run again")
+    model.load_state_dict(restore_model(run / LAST, checkpoint).state_dict())
+    load_optimiser(optimiser, model, checkpoint.state_of("adam"), path=run / LAST)
+    return checkpoint.header
+
+
+def validation_loss(model: BeliefModel, graphs: MaskedGraphs) -> float:
+    """Return a model's validation loss per cell (node, class)."""
+    parts = [model.validation_loss(batch) for batch in DataLoader(graphs, batch_size=256)]
+    return sum(total for total, _ in parts) / max(sum(cells for _, cells in parts), 1)
+
+
+def _train_epoch(
+    model: BeliefModel,
+    optimiser: torch.optim.Optimizer,
+    config: RunConfig,
+    graphs: TrainingGraphs,
+    *,
+    epoch: int,
+) -> float:
+    training = config.training
+    seed = int(np.random.SeedSequence([config.seed, epoch]).generate_state(1)[0])
+    torch.manual_seed(seed)  # of dropout
+    order = torch.Generator().manual_seed(seed)
+    loader = DataLoader(
+        graphs.of_epoch(epoch), batch_size=training.batch_size, shuffle=True, generator=order
+    )
+    steps = graphs.steps_of(training)
+    losses = []
+    for step, batch in enumerate(loader, start=(epoch - 1) * steps):
+        for group in optimiser.param_groups:
+            group["lr"] = learning_rate(training, step, steps=steps * training.epochs)
+        model.train()
+        optimiser.zero_grad()
+        loss = model.loss(batch)
+        loss.backward()  # type: ignore[no-untyped-call]
+        if training.clip is not None:
+            torch.nn.utils.clip_grad_norm_(model.parameters(), training.clip)
+        optimiser.step()
+        losses.append(loss.item())
+    return float(np.mean(losses))
+
+
+def _load_last(path: Path, config: RunConfig, data: Buildings) -> Checkpoint:
+    checkpoint = load_checkpoint(path)
+    header = checkpoint.header
+    if header.dataset_sha256 != data.sha256:
+        raise TrainingError(
+            f"{path}: was trained on another dataset (manifest {header.dataset_sha256[:12]}…, "
+            f"this one {data.sha256[:12]}…); resume with the same, or start a new run"
+        )
+    if config.training.schedule == "one-cycle" and header.config.training.epochs != (
+        config.training.epochs
+    ):
+        raise TrainingError(
+            f"{path}: its learning rate falls over {header.config.training.epochs} epochs "
+            "(training.schedule one-cycle), so that it cannot be made longer; --force starts again"
+        )
+    same = config.model_copy(
+        update={
+            "training": config.training.model_copy(update={"epochs": header.config.training.epochs})
+        }
+    )
+    if header.config != same:
+        differing = ", ".join(_differences(header.config.model_dump(), same.model_dump()))
+        raise TrainingError(
+            f"{path}: was trained with another configuration ({differing}); only training.epochs "
+            "may change. Choose another --out, or --force"
+        )
+    return checkpoint
+
+
+def _differences(old: dict[str, Any], new: dict[str, Any], path: str = "") -> Iterator[str]:
+    """Yield `path: old → new` of every value that differs."""
+    for key in old.keys() | new.keys():
+        a, b = old.get(key), new.get(key)
+        if isinstance(a, dict) and isinstance(b, dict):
+            yield from _differences(a, b, f"{path}{key}.")
+        elif a != b:
+            yield f"{path}{key}: {a} → {b}"

@@ -1,0 +1,83 @@
+"""Adam as the paper has it (section IV-A), AdamW, and their state by name for checkpoints."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import torch
+
+from bsg_models.errors import CheckpointError
+from bsg_models.zoo.config import TrainingConfig
+from bsg_models.zoo.model import BeliefModel
+
+
+def make_optimiser(model: BeliefModel, training: TrainingConfig) -> torch.optim.Optimizer:
+    """Return Adam with the decay as `training.decay_as` reads it."""
+    if training.decay_as == "decoupled":
+        matrices = [p for p in model.parameters() if p.ndim > 1]  # norms and biases do not decay
+        vectors = [p for p in model.parameters() if p.ndim <= 1]
+        groups = [
+            {"params": matrices, "weight_decay": training.decay},
+            {"params": vectors, "weight_decay": 0.0},
+        ]
+        return torch.optim.AdamW(groups, lr=training.learning_rate)
+    decay = training.decay if training.decay_as == "weight-decay" else 0.0
+    return torch.optim.Adam(model.parameters(), lr=training.learning_rate, weight_decay=decay)
+
+
+def learning_rate(training: TrainingConfig, step: int, *, steps: int) -> float:
+    """Return the learning rate of a step, counted from 0, of so many.
+
+    >>> learning_rate(TrainingConfig(decay=0.5, decay_as="learning-rate"), 2, steps=9)
+    0.005
+    >>> cycle = TrainingConfig(schedule="one-cycle", learning_rate=1.0)
+    >>> [round(learning_rate(cycle, step, steps=20), 2) for step in (0, 1, 10, 19)]
+    [0.5, 1.0, 0.54, 0.01]
+    """
+    rate = training.learning_rate
+    if training.decay_as == "learning-rate":
+        rate /= 1 + training.decay * step
+    if training.schedule == "one-cycle":
+        rising = max(1, steps // 10)
+        if step < rising:
+            return rate * (step + 1) / rising
+        return rate * 0.5 * (1 + math.cos(math.pi * (step - rising + 1) / (steps - rising + 1)))
+    return rate
+
+
+def optimiser_state(
+    optimiser: torch.optim.Optimizer, model: BeliefModel
+) -> dict[str, torch.Tensor]:
+    """Return Adam's state by the names of the parameters."""
+    return {
+        f"{name}.{key}": torch.as_tensor(value)
+        for name, parameter in model.named_parameters()
+        for key, value in optimiser.state[parameter].items()
+    }
+
+
+def load_optimiser(
+    optimiser: torch.optim.Optimizer,
+    model: BeliefModel,
+    state: dict[str, torch.Tensor],
+    *,
+    path: Path,
+) -> None:
+    """Give Adam back what `optimiser_state` took from it.
+
+    Raises:
+        CheckpointError: if a tensor is missing or of another shape.
+    """
+    for name, parameter in model.named_parameters():
+        if not parameter.requires_grad:
+            continue
+        for key, shape in (
+            ("step", torch.Size()),
+            ("exp_avg", parameter.shape),
+            ("exp_avg_sq", parameter.shape),
+        ):
+            found = state.get(f"{name}.{key}")
+            if found is None or found.shape != shape:
+                raise CheckpointError(f"{path}: adam.{name}.{key} is missing or of another shape")
+            optimiser.state[parameter][key] = found.clone()

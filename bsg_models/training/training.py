@@ -1,0 +1,193 @@
+"""Train one configuration on one dataset: by gradient, by counting, or as an ensemble."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+import torch
+from torch_geometric.loader import DataLoader
+
+from bsg_models.belief.count_distribution import concatenate
+from bsg_models.errors import TrainingError
+from bsg_models.inputs.graphs import Buildings, MaskedGraphs, open_dataset
+from bsg_models.runs.checkpoint import load_checkpoint, restore_model, save_checkpoint
+from bsg_models.runs.run_folder import (
+    BEST,
+    LAST,
+    MEMBERS,
+    clear_run,
+    is_finished,
+    name_tensors,
+    open_run,
+    refuse_overwriting,
+    save_fitted,
+)
+from bsg_models.training.epochs import TrainingGraphs, train_epochs, validation_graphs
+from bsg_models.training.learning_curve import EpochReport
+from bsg_models.zoo.calibration import CalibratedModel, fit_calibration
+from bsg_models.zoo.catalogue import find_member, make_model, reads_categories
+from bsg_models.zoo.config import RunConfig
+from bsg_models.zoo.ensemble import Ensemble
+from bsg_models.zoo.families import EnsembleConfig
+from bsg_models.zoo.model import BeliefModel
+
+
+def train_run(
+    config: RunConfig, dataset: Path, run: Path, *, resume: bool = False, force: bool = False
+) -> Iterator[EpochReport]:
+    """Train a configuration on a dataset, epoch by epoch, into the folder of a run.
+
+    Args:
+        config: of the run.
+        dataset: that is split and has pairs.
+        run: folder for `best.safetensors`, `last.safetensors` and `metrics.csv`.
+        resume: go on from `last.safetensors`; without it, start.
+        force: replace a run that is there.
+
+    Yields:
+        one report an epoch; a model that is fitted by counting yields none.
+
+    Raises:
+        TrainingError: if the run is in the way, cannot be resumed, or the loss is not finite.
+        DatasetError: if the dataset lacks a split or its pairs.
+    """
+    data = open_dataset(dataset)
+    refuse_overwriting(run, resume=resume, force=force)
+    if isinstance(config.model, EnsembleConfig):
+        yield from _train_ensemble(config, config.model, data, run, resume=resume, force=force)
+        return
+    model = new_model(config, data)
+    if not model.trainable and resume:
+        raise TrainingError(
+            f"{config.model.family} is fitted by counting: there is nothing to resume"
+        )
+    # A dataset that cannot be trained on fails here, before anything is replaced.
+    graphs = TrainingGraphs(config, data, model) if model.trainable else None
+    with open_run(run), one_thread():
+        if not resume:
+            clear_run(run)
+        model.fit(data, config.data)
+        if graphs is None:
+            calibrated = calibrate_if_wanted(model, config, data)
+            save_fitted(model, config, data, run, calibrated=calibrated)
+            return
+        yield from train_epochs(model, config, data, run, graphs)
+        calibrate_run(config, data, run)
+
+
+def new_model(config: RunConfig, data: Buildings) -> BeliefModel:
+    """Return a new model for a dataset; what it reads outside the classes is in its training set.
+
+    Raises:
+        DatasetError: if the dataset lacks the split.
+    """
+    torch.manual_seed(config.seed)
+    scenes = data.scenes_of("train", fold=config.data.fold)
+    reads = reads_categories(config)
+    return make_model(
+        config,
+        classes=len(data.manifest.class_map.classes),
+        vocabulary=(
+            data.choose_vocabulary(scenes, min_scenes=config.data.min_scenes) if reads else ()
+        ),
+    )
+
+
+def calibrate_run(config: RunConfig, data: Buildings, run: Path) -> None:
+    """Calibrate a run's best checkpoint, if its configuration says so."""
+    checkpoint = load_checkpoint(run / BEST)
+    model = restore_model(run / BEST, checkpoint)
+    if calibrate_if_wanted(model, config, data):
+        header = checkpoint.header.model_copy(update={"calibrated": True})
+        save_checkpoint(run / BEST, header, name_tensors("model", model.state_dict()))
+
+
+def calibrate_if_wanted(model: BeliefModel, config: RunConfig, data: Buildings) -> bool:
+    """Calibrate a model on val if its configuration says so; say whether."""
+    if not (isinstance(model, CalibratedModel) and getattr(config.model, "calibrate", False)):
+        return False
+    calibrate(model, validation_graphs(config, data, vocabulary=model.vocabulary))
+    return True
+
+
+def calibrate(model: CalibratedModel, graphs: MaskedGraphs) -> None:
+    """Fit a model's calibration on masked graphs with their targets."""
+    distributions, hidden = [], []
+    for batch in DataLoader(graphs, batch_size=256):
+        rooms = np.flatnonzero(~batch.is_building.numpy())
+        distributions.append(model.predict_hidden_counts(batch).take(rooms))
+        hidden.append((batch.y - batch.x).numpy()[rooms].astype(float))
+    if sum(len(part) for part in hidden):
+        found = fit_calibration(concatenate(distributions), np.concatenate(hidden))
+        model.calibration.copy_(torch.from_numpy(found))
+
+
+def _train_ensemble(
+    config: RunConfig,
+    ensemble: EnsembleConfig,
+    data: Buildings,
+    run: Path,
+    *,
+    resume: bool,
+    force: bool,
+) -> Iterator[EpochReport]:
+    """Train the members into `members/NAME` of the run, one after another, then mix them."""
+    members = {name: run / MEMBERS / name for name in ensemble.members}
+    new_model(config, data)  # a configuration that cannot be made fails before anything is replaced
+    if not resume:
+        with open_run(run):
+            clear_run(run)
+    for name, folder in members.items():
+        member = member_config(config, name)
+        if resume and is_finished(folder, member, data):
+            continue
+        again = resume and (folder / LAST).is_file()
+        yield from train_run(member, data.path, folder, resume=again, force=force or resume)
+    combine_runs(config, data, members, run)
+
+
+def member_config(config: RunConfig, name: str) -> RunConfig:
+    """Return the configuration of a member: its own recipe, with the ensemble's seed and data."""
+    member = find_member(name)
+    chosen = {name: getattr(config.data, name) for name in ("fold", "mask", "min_scenes")}
+    data = member.data.model_copy(update=chosen)
+    return member.model_copy(update={"seed": config.seed, "data": data})
+
+
+def combine_runs(
+    config: RunConfig, data: Buildings, members: Mapping[str, Path], run: Path
+) -> None:
+    """Make the ensemble of trained runs, calibrate it on val, and save it.
+
+    Args:
+        config: of the ensemble.
+        data: that the members were trained on.
+        members: name in the zoo → folder of its run.
+        run: folder of the ensemble.
+    """
+    model = cast(Ensemble, new_model(config, data))
+    for name, folder in members.items():
+        trained = restore_model(folder / BEST, load_checkpoint(folder / BEST))
+        model.take_member(name, trained)
+    with open_run(run), one_thread():
+        calibrated = calibrate_if_wanted(model, config, data)
+        recipes = {name: member_config(config, name) for name in members}
+        save_fitted(model, config, data, run, calibrated=calibrated, members=recipes)
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Let torch compute on one thread: sums then do not depend on the number of cores.
+
+    These networks are so small that more threads are not faster.
+    """
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)

@@ -1,0 +1,1 @@
+"""The models: one interface, one file a family, one catalogue."""

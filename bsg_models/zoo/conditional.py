@@ -1,0 +1,93 @@
+"""The paper's equations 1 to 3, estimated by counting.
+
+The paper writes the probability of a class c given the observations B = {b_1 … b_m} as
+
+    P(c | B) = Σ_j P(c ∩ b_j) / Π_j P(b_j)                                     (equation 1)
+
+with counts a_bj of the observations in equation 2, and for the count a_c of the class in
+equation 3. A sum of joint probabilities over a product of marginals is no probability: it grows
+without bound with m. We read it as what it is for one observation, P(c | b_j), and take the
+observations as equally likely to be the one that speaks, which normalises it:
+
+    P(c | B) = 1/m Σ_j P(c | b_j)
+    P(c | b_j) = (n(c, b_j) + s P(c)) / (n(b_j) + s)
+
+n counts rooms of the training buildings under masks, b_j that class j was seen (`observe =
+"classes"`) or seen 1, 2, 3 or more times (`"counts"`), c that an object of the class was hidden; s
+is the smoothing. The observations are thereby independent of each other given c, and each pair
+(c, b_j) is estimated on its own. Equation 3's distribution of the hidden count is kept as its P(0)
+and its mean, averaged in the same way: the zero-inflated Poisson with both, or where the mean is
+too small for that, the Poisson with this P(0). Where nothing was seen it is that of all rooms. At
+another fraction than that of the counting, the rate is scaled.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch_geometric.data import Data
+
+from bsg_models.belief.count_distribution import Floats, zero_inflated
+from bsg_models.belief.expectation import Expectation, from_hidden_counts
+from bsg_models.inputs.graphs import Buildings
+from bsg_models.zoo.config import DataConfig
+from bsg_models.zoo.families import ConditionalConfig
+from bsg_models.zoo.masked_rooms import sample_uniform
+from bsg_models.zoo.model import BeliefModel, share_of, to_array
+from bsg_models.zoo.room_sums import sum_rooms
+
+_LEVELS = 4  # 1, 2, 3, and more
+
+
+class ConditionalModel(BeliefModel):
+    """The mean over what was seen of what each of it says.
+
+    Attributes:
+        presence: `[C · levels + 1, C]` P(an object of the column's class is hidden | the row's
+            observation); the last row is of all rooms.
+        hidden: the same of the mean number.
+        fraction: of the masks that were counted.
+    """
+
+    presence: torch.Tensor
+    hidden: torch.Tensor
+    fraction: torch.Tensor
+
+    def __init__(self, config: ConditionalConfig, classes: int) -> None:
+        super().__init__()
+        self.config = config
+        self.levels = _LEVELS if config.observe == "counts" else 1
+        shape = (classes * self.levels + 1, classes)
+        self.register_buffer("presence", torch.zeros(shape, dtype=torch.float64))
+        self.register_buffer("hidden", torch.zeros(shape, dtype=torch.float64))
+        self.register_buffer("fraction", torch.ones((), dtype=torch.float64))
+
+    def fit(self, data: Buildings, choice: DataConfig) -> None:
+        """Count on masks of the training rooms."""
+        masked = sample_uniform(data, choice, draws=self.config.draws)
+        rooms = ~masked.is_building.numpy()
+        seen, hidden = to_array(masked.x)[rooms], to_array(masked.y - masked.x)[rooms]
+        observed = self._observe(seen)
+        number = observed.sum(axis=0)[:, None]
+        s = self.config.smoothing
+        for table, values in ((self.presence, (hidden > 0).astype(float)), (self.hidden, hidden)):
+            overall = values.mean(axis=0)
+            given = (observed.T @ values + s * overall) / (number + s)
+            table.copy_(torch.from_numpy(np.vstack([given, overall])))
+        self.fraction.fill_(choice.mask.fraction)
+
+    def predict(self, graphs: Data) -> Expectation:
+        """Return the mean over the observations of every node."""
+        inputs = to_array(graphs.x)
+        observed = self._observe(inputs)
+        weights = np.hstack([observed, observed.sum(axis=1, keepdims=True) == 0])
+        weights /= weights.sum(axis=1, keepdims=True)
+        scale = to_array(share_of(graphs)) / float(self.fraction)
+        presence = 1 - (1 - weights @ to_array(self.presence)) ** scale
+        distribution = zero_inflated(presence, scale * (weights @ to_array(self.hidden)))
+        return from_hidden_counts(inputs, sum_rooms(distribution, inputs, graphs))
+
+    def _observe(self, seen: Floats) -> Floats:
+        """Return which observations hold in each node, `[N, C · levels]`."""
+        levels = np.minimum(seen, self.levels)[:, :, None] == np.arange(1, self.levels + 1)
+        return np.asarray(levels.reshape(len(seen), -1).astype(float))

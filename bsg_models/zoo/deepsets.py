@@ -1,0 +1,35 @@
+"""DeepSets: a room from itself and from sums over its building, by a multilayer perceptron."""
+
+from __future__ import annotations
+
+import torch
+from torch import nn
+from torch_geometric.data import Data
+
+from bsg_models.zoo.count_network import CountNetwork
+from bsg_models.zoo.families import DeepSetsConfig
+
+
+class DeepSets(CountNetwork):
+    """Node features, which sum over the rooms (Zaheer et al., 2017), through dense layers."""
+
+    def __init__(self, config: DeepSetsConfig, classes: int, vocabulary: tuple[str, ...]) -> None:
+        super().__init__(config, classes, vocabulary)
+        widths = [self.features.width, *[config.width] * config.depth]
+        self.layers = nn.Sequential(
+            nn.Dropout(config.dropout / 2),
+            *(
+                nn.Sequential(
+                    nn.Linear(before, config.width),
+                    nn.LayerNorm(config.width),
+                    nn.SiLU(),
+                    nn.Dropout(config.dropout),
+                )
+                for before in widths[:-1]
+            ),
+        )
+
+    def encode(self, features: torch.Tensor, graphs: Data) -> torch.Tensor:
+        """Return every node's features through the layers."""
+        encoded: torch.Tensor = self.layers(features)
+        return encoded

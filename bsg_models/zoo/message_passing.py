@@ -1,0 +1,43 @@
+"""What the graph networks share: residual rounds of messages between building and rooms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import torch
+from torch import nn
+from torch_geometric.data import Data
+
+from bsg_models.zoo.count_network import CountNetwork
+from bsg_models.zoo.families import NetworkConfig
+
+
+class MessagePassing(CountNetwork):
+    """`depth` rounds of h ← h + dropout(SiLU(norm(convolve(h)))).
+
+    The sum keeps what a node knows of itself; without it, rounds of averaging over a star of rooms
+    make the rooms alike.
+    """
+
+    def __init__(
+        self,
+        config: NetworkConfig,
+        classes: int,
+        vocabulary: tuple[str, ...],
+        *,
+        convolution: Callable[[int], nn.Module],
+    ) -> None:
+        super().__init__(config, classes, vocabulary)
+        self.enter = nn.Sequential(
+            nn.Dropout(config.dropout / 2), nn.Linear(self.features.width, config.width), nn.SiLU()
+        )
+        self.convolutions = nn.ModuleList(convolution(config.width) for _ in range(config.depth))
+        self.norms = nn.ModuleList(nn.LayerNorm(config.width) for _ in range(config.depth))
+        self.leave = nn.Sequential(nn.SiLU(), nn.Dropout(config.dropout))
+
+    def encode(self, features: torch.Tensor, graphs: Data) -> torch.Tensor:
+        """Return every node's features after all rounds."""
+        h: torch.Tensor = self.enter(features)
+        for convolution, norm in zip(self.convolutions, self.norms, strict=True):
+            h = h + self.leave(norm(convolution(h, graphs.edge_index)))
+        return h

@@ -1,0 +1,274 @@
+"""Latent room types: what kind of room is this, and what does that kind hold?
+
+    type of a room              k ~ π
+    count of class c in it      T | k ~ NB(mean m_kc, dispersion r_kc), independent given k
+    a mask that hides f of it   V | T ~ Binomial(T, 1 − f), H = T − V
+    so                          P(k | V) ∝ π_k Π_c NB(V_c; (1 − f) m_kc, r_kc)^τ
+                                H | V, k ~ NB(f (r + V) / (r / m + 1 − f), r + V)
+
+π, m and r are fitted to the training rooms by expectation maximisation. τ < 1 (`temper`) because
+the classes of a room are not independent given its type, so that the product alone is too sure.
+
+The building is a second level (`building`). Its habits show in the *other* visited rooms:
+
+    which types it has          π_b ∝ η π + Σ P(k | V) over the other rooms
+    how much of class c         g_bc = (α_c + Σ V_c) / (α_c + Σ E V_c), the mean of a
+                                Gamma(α_c, α_c) given the other rooms; it multiplies m_kc
+
+and every room is answered again with π_b and g_b m. In an unvisited room f is 1 and V says nothing:
+the answer is the building's types and habits. f is that of the class where one is withheld.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from scipy.optimize import minimize_scalar
+from scipy.special import gammaln, logsumexp
+from torch_geometric.data import Data
+
+from bsg_models.belief.count_distribution import CountDistribution, Floats
+from bsg_models.errors import TrainingError
+from bsg_models.inputs.graphs import Buildings
+from bsg_models.zoo.calibration import CalibratedModel
+from bsg_models.zoo.config import DataConfig
+from bsg_models.zoo.families import MixtureConfig
+from bsg_models.zoo.model import building_numbers, share_of, to_array
+
+Ints = npt.NDArray[np.int64]
+_MOST = 60  # objects of one class in one room that the fit tells apart
+_LEAST = 1e-9  # no type calls a class impossible
+_LOG_SHAPE = 4.0  # |log r| at most; its prior is a standard normal
+_PRIOR_ROOMS = 2.0  # mean rooms that every type's means are shrunk towards
+_PRIOR_TYPES = 8.0  # η: rooms of an average building that π_b starts from
+
+
+class RoomTypeMixture(CalibratedModel):
+    """Fitted by counting; its posterior is in closed form.
+
+    Attributes:
+        log_types: `[K]` log π.
+        means: `[K, C]` m.
+        dispersions: `[K, C]` r.
+        habits: `[C]` α; large where buildings do not differ.
+    """
+
+    log_types: torch.Tensor
+    means: torch.Tensor
+    dispersions: torch.Tensor
+    habits: torch.Tensor
+
+    def __init__(self, config: MixtureConfig, classes: int) -> None:
+        super().__init__()
+        self.config = config
+        shape = (config.types, classes)
+        self.register_buffer("log_types", torch.zeros(config.types, dtype=torch.float64))
+        self.register_buffer("means", torch.ones(shape, dtype=torch.float64))
+        self.register_buffer("dispersions", torch.ones(shape, dtype=torch.float64))
+        self.register_buffer("habits", torch.ones(classes, dtype=torch.float64))
+
+    def fit(self, data: Buildings, choice: DataConfig) -> None:
+        """Fit types, and how much buildings differ, to the rooms of the training buildings."""
+        scenes = data.scenes_of("train", fold=choice.fold)
+        rooms = [np.minimum(data.cells[scene][1:], _MOST) for scene in scenes]
+        counts = np.concatenate(rooms)
+        if len(counts) < self.config.types:
+            raise TrainingError(
+                f"{len(counts)} training rooms are too few for {self.config.types} room types; "
+                "lower model.types"
+            )
+        seed = int(torch.randint(2**31, (1,)).item())  # torch was seeded with the run's seed
+        log_types, means, dispersions, belonging = fit_types(
+            counts, types=self.config.types, iterations=self.config.iterations, seed=seed
+        )
+        of_building = np.repeat(np.arange(len(rooms)), [len(one) for one in rooms])
+        totals, expected = np.zeros((2, len(rooms), counts.shape[1]))
+        np.add.at(totals, of_building, counts)
+        np.add.at(expected, of_building, belonging @ means)
+        habits = [fit_habit(t, e) for t, e in zip(totals.T, expected.T, strict=True)]
+        for name, value in (
+            ("log_types", log_types),
+            ("means", means),
+            ("dispersions", dispersions),
+            ("habits", np.array(habits)),
+        ):
+            getattr(self, name).copy_(torch.from_numpy(value))
+
+    def predict_hidden_counts(self, graphs: Data) -> CountDistribution:
+        """Return the posterior of the hidden counts of every room, K components."""
+        is_room = ~graphs.is_building.numpy()
+        evidence = _Evidence(
+            seen=to_array(graphs.x)[is_room],
+            share=to_array(share_of(graphs))[is_room],
+            visited=graphs.visited.numpy()[is_room],
+            building=building_numbers(graphs).numpy()[is_room],
+        )
+        means = to_array(self.means)[:, None]
+        types = np.broadcast_to(to_array(self.log_types)[:, None], (len(means), is_room.sum()))
+        log_posterior = self._classify(evidence, types, means)
+        if self.config.building:
+            types, habit = self._learn_habits(evidence, np.exp(log_posterior), means)
+            means = means * habit
+            log_posterior = self._classify(evidence, types, means)
+        r = to_array(self.dispersions)[:, None]
+        share = evidence.share
+        found = share * (r + evidence.seen) / (r / means + 1 - share)
+        distribution = CountDistribution(
+            found, r + evidence.seen, np.exp(log_posterior)[:, :, None]
+        )
+        return _spread_over_nodes(distribution, is_room)
+
+    def _classify(self, evidence: _Evidence, log_types: Floats, means: Floats) -> Floats:
+        """Return log P(type | what was seen), `[K, rooms]`."""
+        kept = 1 - evidence.share
+        rows, columns = np.nonzero(evidence.seen)
+        seen = evidence.seen[rows, columns]
+        found = np.empty(log_types.shape)
+        for k, r in enumerate(to_array(self.dispersions)):
+            mean = np.maximum(kept * means[k], _LEAST)
+            spread = np.log1p(mean / r)
+            found[k] = -(r * spread).sum(axis=1)  # the log-probability of seeing nothing
+            some, r_some = mean[rows, columns], r[columns]
+            power = seen * (np.log(some / r_some) - spread[rows, columns])
+            choose = gammaln(seen + r_some) - gammaln(r_some) - gammaln(seen + 1)
+            np.add.at(found[k], rows, choose + power)
+        found = log_types + self.config.temper * found * evidence.visited
+        return np.asarray(found - logsumexp(found, axis=0))
+
+    def _learn_habits(
+        self, evidence: _Evidence, posterior: Floats, means: Floats
+    ) -> tuple[Floats, Floats]:
+        """Return log π_b `[K, rooms]` and g_b `[rooms, C]`, each from the other visited rooms."""
+        visited = evidence.visited[:, None].astype(float)
+        belonging = posterior.T * visited
+        expected = (1 - evidence.share) * (belonging @ means[:, 0])
+        of_others = [
+            _sum_others(values, evidence.building)
+            for values in (belonging, evidence.seen * visited, expected)
+        ]
+        types = of_others[0] + _PRIOR_TYPES * np.exp(to_array(self.log_types))
+        habit = to_array(self.habits)
+        gain = (habit + of_others[1]) / (habit + of_others[2])
+        return np.log(types / types.sum(axis=1, keepdims=True)).T, gain
+
+
+class _Evidence:
+    """What the rooms of a batch show."""
+
+    def __init__(
+        self, *, seen: Floats, share: Floats, visited: npt.NDArray[np.bool_], building: Ints
+    ) -> None:
+        self.seen, self.share, self.visited, self.building = seen, share, visited, building
+
+
+def fit_types(
+    counts: Ints, *, types: int, iterations: int, seed: int
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Fit a mixture of negative binomials to complete rooms by expectation maximisation.
+
+    Args:
+        counts: `[R, C]`.
+        types: K.
+        iterations: of the algorithm.
+        seed: of its start, rooms grouped around K random ones.
+
+    Returns:
+        log π `[K]`, m `[K, C]`, r `[K, C]`, and P(type | room) `[R, K]`.
+    """
+    rooms, classes = counts.shape
+    values = np.arange(counts.max(initial=0) + 1)
+    # One row a room, one column a (class, count): all sums over rooms become matrix products.
+    indicator = (counts[:, :, None] == values).astype(np.float32).reshape(rooms, -1)
+    overall = np.maximum(counts.mean(axis=0), 0.5 / rooms)
+    belonging = _group(np.log1p(counts), types, seed=seed)
+    dispersions = np.ones((types, classes))
+    for _ in range(iterations):
+        size = belonging.sum(axis=0)
+        log_types = np.log((size + 1) / (rooms + types))
+        means = (belonging.T @ counts + _PRIOR_ROOMS * overall) / (size[:, None] + _PRIOR_ROOMS)
+        frequency = (belonging.T.astype(np.float32) @ indicator).reshape(types, classes, -1)
+        dispersions = _improve_dispersions(dispersions, means, frequency.astype(float), values)
+        table = _log_probability(values, means[..., None], dispersions[..., None])
+        found = log_types + indicator @ table.reshape(types, -1).T.astype(np.float32)
+        belonging = np.exp(found - logsumexp(found, axis=1, keepdims=True))
+    return log_types, means, dispersions, belonging
+
+
+def fit_habit(totals: Floats, expected: Floats) -> float:
+    """Return α of one class: buildings hold NB(expected, dispersion α) of it; both `[B]`."""
+
+    def cost(log_shape: float) -> float:
+        shape = float(np.exp(log_shape))
+        return -float(_log_probability(totals, np.maximum(expected, 1e-9), shape).sum())
+
+    found = minimize_scalar(cost, bounds=(-3.0, 8.0), method="bounded")
+    return float(np.exp(found.x))
+
+
+def _improve_dispersions(r: Floats, mean: Floats, frequency: Floats, values: Ints) -> Floats:
+    """Return dispersions `[K, C]` after Newton steps in log r on the weighted likelihood.
+
+    Args:
+        r: `[K, C]`.
+        mean: `[K, C]`.
+        frequency: `[K, C, values]` weight of the rooms with each count.
+        values: the counts.
+    """
+    for _ in range(3):
+        s, m = r[..., None], mean[..., None]
+        steps = 1 / (s + values[:-1])  # sums of these are the differences of the digamma function
+        first = _sum_before(steps) - np.log1p(m / s) + (m - values) / (m + s)
+        second = m / (s * (m + s)) - _sum_before(steps**2) - (m - values) / (m + s) ** 2
+        slope = (frequency * first).sum(axis=-1) * r
+        bend = (frequency * second).sum(axis=-1) * r**2 + slope
+        log_r = np.log(r)
+        slope, bend = slope - log_r, np.where(bend < 0, bend, -np.abs(bend)) - 1  # the prior
+        r = np.exp(np.clip(log_r - np.clip(slope / bend, -1, 1), -_LOG_SHAPE, _LOG_SHAPE))
+    return r
+
+
+def _sum_before(steps: Floats) -> Floats:
+    """Return 0 and the running sums over the last axis: `[..., n]` to `[..., n + 1]`."""
+    sums = np.cumsum(steps, axis=-1)
+    return np.concatenate([np.zeros_like(sums, shape=(*sums.shape[:-1], 1)), sums], axis=-1)
+
+
+def _log_probability(counts: Floats | Ints, mean: Floats, r: Floats | float) -> Floats:
+    choose = gammaln(counts + r) - gammaln(r) - gammaln(counts + 1)
+    power = counts * (np.log(mean) - np.log(mean + r))
+    return np.asarray(choose - r * np.log1p(mean / r) + power)
+
+
+def _group(points: Floats, groups: int, *, seed: int) -> Floats:
+    """Return soft memberships `[R, K]` after ten rounds of k-means from random points."""
+    rng = np.random.Generator(np.random.PCG64(seed))
+    centres = points[rng.choice(len(points), groups, replace=len(points) < groups)]
+    for _ in range(10):
+        distance = ((points**2).sum(1)[:, None] - 2 * points @ centres.T) + (centres**2).sum(1)
+        nearest = distance.argmin(axis=1)
+        for group in np.unique(nearest):
+            centres[group] = points[nearest == group].mean(axis=0)
+    return np.asarray(0.9 * np.eye(groups)[nearest] + 0.1 / groups)
+
+
+def _sum_others(values: Floats, building: Ints) -> Floats:
+    """Return the sum over the other rooms of each room's building, `[rooms, ...]`."""
+    sums = np.zeros((int(building.max(initial=-1)) + 1, values.shape[1]))
+    np.add.at(sums, building, values)
+    return np.asarray(np.maximum(sums[building] - values, 0.0))
+
+
+def _spread_over_nodes(
+    distribution: CountDistribution, is_room: npt.NDArray[np.bool_]
+) -> CountDistribution:
+    """Put the rooms' distribution into that of all nodes; buildings get a placeholder."""
+    shape = (len(distribution.means), len(is_room))
+    means, weights = (
+        np.zeros((*shape, distribution.means.shape[2])),
+        np.full((*shape, 1), 1 / shape[0]),
+    )
+    dispersions = np.ones_like(means)
+    means[:, is_room], dispersions[:, is_room] = distribution.means, distribution.dispersions
+    weights[:, is_room] = distribution.weights
+    return CountDistribution(means, dispersions, weights)

@@ -1,0 +1,78 @@
+"""Naive Bayes: is an object of a class hidden, given which classes are seen in the room?
+
+    logit P(c | B) = logit P(c) + τ Σ_j log P(b_j | c) / P(b_j | not c)
+
+over all classes j, seen or not, as if they were independent given c; τ < 1 since they are not. In
+an unvisited room nothing was looked for, so that only the prior speaks.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from scipy.special import expit, logit
+from torch_geometric.data import Data
+
+from bsg_models.belief.count_distribution import zero_inflated
+from bsg_models.belief.expectation import Expectation, from_hidden_counts
+from bsg_models.inputs.graphs import Buildings
+from bsg_models.zoo.config import DataConfig
+from bsg_models.zoo.families import NaiveBayesConfig
+from bsg_models.zoo.masked_rooms import sample_uniform
+from bsg_models.zoo.model import BeliefModel, share_of, to_array
+from bsg_models.zoo.room_sums import sum_rooms
+
+
+class NaiveBayesModel(BeliefModel):
+    """Presence by Bayes' rule, and the class's mean number where it is present.
+
+    Attributes:
+        prior: `[C]` P(c): an object of the class is hidden.
+        seen: `[2, C, C]` P(b_j | not c) and P(b_j | c): row j, column c.
+        number: `[C]` mean number hidden where there is one.
+        fraction: of the masks that were counted.
+    """
+
+    prior: torch.Tensor
+    seen: torch.Tensor
+    number: torch.Tensor
+    fraction: torch.Tensor
+
+    def __init__(self, config: NaiveBayesConfig, classes: int) -> None:
+        super().__init__()
+        self.config = config
+        self.register_buffer("prior", torch.full((classes,), 0.5, dtype=torch.float64))
+        self.register_buffer("seen", torch.full((2, classes, classes), 0.5, dtype=torch.float64))
+        self.register_buffer("number", torch.ones(classes, dtype=torch.float64))
+        self.register_buffer("fraction", torch.ones((), dtype=torch.float64))
+
+    def fit(self, data: Buildings, choice: DataConfig) -> None:
+        """Count on masks of the training rooms."""
+        masked = sample_uniform(data, choice, draws=self.config.draws)
+        rooms = ~masked.is_building.numpy()
+        seen, hidden = to_array(masked.x)[rooms] > 0, to_array(masked.y - masked.x)[rooms]
+        there, s = (hidden > 0).astype(float), self.config.smoothing
+        overall = (seen.mean(axis=0)[:, None] * s + 0.5) / (s + 1)  # never 0 or 1
+        for row, outcome in enumerate((1 - there, there)):
+            given = (seen.T.astype(float) @ outcome + (s + 1) * overall) / (
+                outcome.sum(axis=0) + s + 1
+            )
+            self.seen[row].copy_(torch.from_numpy(given))
+        prior = (there.sum(axis=0) + 0.5) / (len(there) + 1)
+        number = (hidden.sum(axis=0) + s) / (there.sum(axis=0) + s)
+        self.prior.copy_(torch.from_numpy(prior))
+        self.number.copy_(torch.from_numpy(number))
+        self.fraction.fill_(choice.mask.fraction)
+
+    def predict(self, graphs: Data) -> Expectation:
+        """Return Bayes' rule for every node."""
+        inputs, share = to_array(graphs.x), to_array(share_of(graphs))
+        absent, present = to_array(self.seen)
+        evidence = (inputs > 0) @ np.log(present / absent)
+        evidence += ((inputs == 0) & (share < 1)) @ np.log((1 - present) / (1 - absent))
+        evidence *= graphs.visited.numpy()[:, None]
+        odds = logit(to_array(self.prior)) + self.config.temper * evidence
+        scale = share / float(self.fraction)
+        presence = 1 - expit(-odds) ** scale
+        distribution = zero_inflated(presence, presence * to_array(self.number))
+        return from_hidden_counts(inputs, sum_rooms(distribution, inputs, graphs))

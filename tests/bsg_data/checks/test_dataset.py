@@ -1,0 +1,234 @@
+"""Every kind of damage is found, wherever it is."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from bsg_data.build import build_dataset
+from bsg_data.checks.dataset import check_dataset
+from bsg_data.dataset.manifest import encode_manifest, read_manifest
+from bsg_data.dataset.shards import describe_file
+from bsg_data.sources.hm3d import HM3DFolder
+from bsg_data.synthetic.buildings import write_synthetic
+from bsg_data.synthetic.geometry import GeometryOptions
+
+
+def edit(dataset: Path, file: str, change: Callable[[pd.DataFrame], pd.DataFrame]) -> None:
+    """Change a table by hand and make the manifest agree, so that only the rows can tell."""
+    path = dataset / file
+    table = pq.read_table(path)
+    frame = change(table.to_pandas())
+    edited = pa.Table.from_pandas(frame, schema=table.schema, preserve_index=False)
+    pq.write_table(edited.replace_schema_metadata(table.schema.metadata), path)
+    manifest = read_manifest(dataset)
+    files = tuple(
+        describe_file(dataset, file, rows=len(frame)) if entry.path == file else entry
+        for entry in manifest.files
+    )
+    (dataset / "dataset.json").write_bytes(
+        encode_manifest(manifest.model_copy(update={"files": files}))
+    )
+
+
+def setting(column: str, value: object, row: int = 0) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    def change(frame: pd.DataFrame) -> pd.DataFrame:
+        values = list(frame[column])
+        values[row] = value
+        return frame.assign(**{column: pd.Series(values, dtype=frame[column].dtype)})
+
+    return change
+
+
+def test_a_sound_dataset_has_no_fault(dataset: Path) -> None:
+    assert check_dataset(dataset) == ()
+
+
+OBJECTS = "objects/part-00000.parquet"
+ROOMS = "rooms/part-00000.parquet"
+SCENES = "scenes/part-00000.parquet"
+EDGES = "edges/part-00000.parquet"
+PAIRS = "pairs/train-00000.parquet"
+
+
+@pytest.mark.parametrize(
+    ("file", "change", "expected"),
+    [
+        (SCENES, setting("num_rooms", 99), "num_rooms is 99"),
+        (SCENES, setting("num_classified", 1), "num_classified is 1"),
+        (SCENES, setting("scene_id", "00001-abcdefghi01"), "is there twice"),
+        (SCENES, setting("scene_id", "99999-abcdefghi01"), "under two scene ids"),
+        (ROOMS, setting("room_index", 7), "room_index does not run"),
+        (ROOMS, setting("scene_id", "nowhere"), "nowhere is no scene"),
+        (OBJECTS, setting("room_index", 77), "room_index is not 0..R"),
+        (OBJECTS, setting("class", "sofa", 4), "class is not the name of class_index"),
+        (OBJECTS, setting("class_index", 200, 4), "class_index is not 0..44"),
+        (OBJECTS, setting("raw_category", "toilet", 4), "class_index is not what hm3d45-v1 says"),
+        (OBJECTS, setting("instance_id", 2), "instance_id is there twice"),
+        (OBJECTS, lambda f: f.iloc[1:], "num_objects is"),
+        (EDGES, setting("target", 3), "contains edges are not what"),
+        (EDGES, setting("kind", "beside"), "'beside' is neither"),
+        (EDGES, lambda f: f.iloc[[0, 0, *range(1, len(f))]], "is there twice"),
+        (EDGES, lambda f: f.iloc[::-1], "rows of other scenes, or not in their order"),
+        (SCENES, lambda f: f.iloc[::-1], "is not sorted by scene_id"),
+        (ROOMS, setting("region_id", -7), "region_id does not rise"),
+        (ROOMS, setting("label", "kitchen"), "a label is not 'room'"),
+        (OBJECTS, setting("colour", "red"), "colour is not RRGGBB"),
+        (OBJECTS, setting("has_geometry", True), "has_geometry is not what the box says"),
+        (OBJECTS, setting("room_index", -1), "room_index is not 0..R"),
+        (PAIRS, setting("visited", False, 1), "is not the mask of its recipe"),
+        ("splits.parquet", setting("split", "training"), "by the recipe it is in"),
+        ("splits.parquet", lambda f: f.assign(split="train"), "by the recipe it is in"),
+        ("splits.parquet", lambda f: f.iloc[1:], "not in both scenes and splits"),
+        (
+            "splits.parquet",
+            lambda f: pd.concat([f, f.head(1).assign(split="test")]),
+            "in two splits",
+        ),
+        (
+            "splits.parquet",
+            lambda f: f.assign(split=f["split"].replace({"train": "val"})),
+            "is of split val, not train",
+        ),
+        (PAIRS, setting("draw", 3), "expected draws 0..3"),
+        (PAIRS, lambda f: f.iloc[:-1], "expected draws 0..3"),
+        (PAIRS, setting("input", np.full(45, 9, np.uint16)), "input is above target"),
+        (PAIRS, setting("target", np.zeros(45, np.uint16)), "target is not the histogram"),
+        (PAIRS, setting("input", np.zeros(45, np.uint16), 1), "not the sum of its rooms"),
+    ],
+)
+def test_damage_is_found(
+    dataset: Path, file: str, change: Callable[[pd.DataFrame], pd.DataFrame], expected: str
+) -> None:
+    edit(dataset, file, change)
+    found = [f"{fault.where}: {fault.what}" for fault in check_dataset(dataset)]
+    assert any(expected in line for line in found), found
+
+
+def test_a_mask_that_hides_another_number_is_found(dataset: Path) -> None:
+    def unhide(frame: pd.DataFrame) -> pd.DataFrame:
+        first = (frame["scene_id"] == frame["scene_id"][0]) & (frame["draw"] == 0)
+        inputs = [
+            t if f else i for i, t, f in zip(frame["input"], frame["target"], first, strict=True)
+        ]
+        return frame.assign(input=inputs)
+
+    edit(dataset, PAIRS, unhide)
+    assert any("draw 0: the mask hides 0 objects" in f.what for f in check_dataset(dataset))
+
+
+def test_files_that_changed_vanished_or_appeared_are_named(dataset: Path) -> None:
+    (dataset / OBJECTS).write_bytes((dataset / OBJECTS).read_bytes()[:-1] + b"X")
+    (dataset / ROOMS).unlink()
+    (dataset / "pairs" / "notes.txt").write_text("mine")
+    (dataset / "README.md").unlink()
+    found = {fault.where: fault.what for fault in check_dataset(dataset)}
+    assert found[ROOMS] == "is in the manifest but not there"
+    assert "was changed" in found[OBJECTS] or "not readable parquet" in found[OBJECTS]
+    assert "is not in the manifest" in found["pairs/notes.txt"]
+    assert "is missing" in found["README.md"]
+
+
+def test_another_schema_and_nulls_are_named(dataset: Path) -> None:
+    path = dataset / SCENES
+    table = pq.read_table(path)
+    pq.write_table(table.drop_columns(["up_axis"]), path)
+    assert any("expected the columns" in fault.what for fault in check_dataset(dataset))
+
+
+def test_a_class_map_that_is_not_the_published_one_is_named(dataset: Path) -> None:
+    path = dataset / "dataset.json"
+    manifest = json.loads(path.read_text("utf-8"))
+    manifest["class_map"]["sha256"] = "0" * 64
+    path.write_text(json.dumps(manifest), "utf-8")
+    found = [fault.what for fault in check_dataset(dataset)]
+    assert any("is not the published one" in what for what in found)
+    assert any("class map hm3d45-v1 (000000000000…)" in what for what in found)
+
+
+@pytest.fixture(scope="module")
+def _placed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("placed")
+    list(write_synthetic(folder / "places", scenes=2, seed=2, geometry=GeometryOptions()))
+    build_dataset(HM3DFolder(folder / "places"), folder / "dataset")
+    return folder / "dataset"
+
+
+@pytest.fixture
+def placed(_placed: Path, tmp_path: Path) -> Path:
+    """A dataset with geometry; each test has its own copy."""
+    return Path(shutil.copytree(_placed, tmp_path / "placed"))
+
+
+def adjacent(column: str, value: object) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    def change(frame: pd.DataFrame) -> pd.DataFrame:
+        row = int(np.flatnonzero(frame["kind"] == "adjacent")[0])
+        return setting(column, value, row)(frame)
+
+    return change
+
+
+def with_a_box(column: str, value: object) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    def change(frame: pd.DataFrame) -> pd.DataFrame:
+        row = int(np.flatnonzero(frame["box_min_x"].notna())[0])
+        return setting(column, value, row)(frame)
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("file", "change", "expected"),
+    [
+        (OBJECTS, with_a_box("box_min_x", 99.0), "outside its box in x"),
+        (OBJECTS, with_a_box("part_max_z", 99.0), "outside its box in z"),
+        (OBJECTS, with_a_box("centroid_y", -99.0), "outside its box in y"),
+        (OBJECTS, with_a_box("centroid_y", None), "only part of its geometry"),
+        (OBJECTS, with_a_box("area", 0.0), "area is not above 0"),
+        (OBJECTS, with_a_box("area", np.inf), "area is not above 0"),
+        (ROOMS, with_a_box("box_max_z", -99.0), "its geometry is impossible"),
+        (ROOMS, with_a_box("footprint", None), "its geometry is impossible"),
+        (ROOMS, with_a_box("footprint", [1.0, 2.0, 3.0]), "its geometry is impossible"),
+        (ROOMS, with_a_box("floor_index", -1), "its geometry is impossible"),
+        (ROOMS, with_a_box("box_max_x", np.inf), "its geometry is impossible"),
+        (ROOMS, with_a_box("box_max_x", 900.0), "its geometry is impossible"),
+        (ROOMS, with_a_box("footprint", [0.0, 0, 900, 0, 0, 900]), "its geometry is impossible"),
+        (OBJECTS, with_a_box("box_max_x", np.inf), "its geometry is not finite"),
+        (SCENES, setting("up_axis", "w"), "up_axis is none of"),
+        (SCENES, setting("up_axis", None), "has a mesh in the manifest or an up_axis, not both"),
+        (EDGES, setting("distance_m", 1.0), "another method, or a distance"),
+        (EDGES, setting("method", "door"), "another method, or a distance"),
+        (EDGES, adjacent("distance_m", 1.0), "unknown method or distance"),
+        (SCENES, setting("has_geometry", False), "totals.placed is 2, 1 are there"),
+        (EDGES, adjacent("method", "guess"), "unknown method or distance"),
+        (EDGES, adjacent("distance_m", -1.0), "unknown method or distance"),
+        (EDGES, adjacent("distance_m", np.inf), "unknown method or distance"),
+        (EDGES, adjacent("distance_m", None), "unknown method or distance"),
+    ],
+)
+def test_damaged_geometry_is_found(
+    placed: Path, file: str, change: Callable[[pd.DataFrame], pd.DataFrame], expected: str
+) -> None:
+    assert check_dataset(placed) == ()
+    edit(placed, file, change)
+    found = [f"{fault.where}: {fault.what}" for fault in check_dataset(placed)]
+    assert any(expected in line for line in found), found
+
+
+def test_a_coverage_that_does_not_add_up_is_found(placed: Path) -> None:
+    path = placed / "dataset.json"
+    manifest = json.loads(path.read_text("utf-8"))
+    first, second = manifest["meshes"].values()
+    first["listed"] += 1
+    second["listed_area"] += 5
+    path.write_text(json.dumps(manifest), "utf-8")
+    found = [fault.what for fault in check_dataset(placed)]
+    assert any("the texels of its mesh do not add up" in what for what in found)
+    assert any("the surface of its mesh does not add up" in what for what in found)

@@ -1,0 +1,50 @@
+"""The card and the Croissant description, read by the libraries that they are written for."""
+
+from __future__ import annotations
+
+import json
+import logging
+from pathlib import Path
+
+import mlcroissant
+import pytest
+
+from bsg_data.build import build_dataset
+from bsg_data.sources.hm3d import HM3DFolder
+from bsg_data.synthetic.buildings import write_synthetic
+
+
+@pytest.mark.filterwarnings("ignore")  # what mlcroissant uses of rdflib and pandas is deprecated
+def test_mlcroissant_reads_every_record_set(
+    dataset: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.ERROR):
+        found = mlcroissant.Dataset(jsonld=str(dataset / "croissant.json"))
+    names = {record_set.id for record_set in found.metadata.record_sets}
+    assert names == {
+        *(f"records/{table}" for table in ("scenes", "rooms", "objects", "edges", "splits")),
+        *(f"records/pairs/{split}" for split in ("train", "val", "test")),
+    }
+    scenes = list(found.records("records/scenes"))
+    assert len(scenes) == 12
+    pair = next(iter(found.records("records/pairs/val")))
+    assert len(pair["pairs/val/input"]) == 45
+    assert not caplog.records
+
+
+def test_the_card_says_what_the_manifest_says(dataset: Path) -> None:
+    card = (dataset / "README.md").read_text("utf-8")
+    assert "12 buildings, 90 rooms" in card
+    assert "license_name: matterport-academic" in card
+    assert "Split by building: ratios 0.8 / 0.1 / 0.1, seed 0." in card
+    assert "Pairs: 4 draws of the mask `uniform`, fraction 0.5, seed 0." in card
+
+
+def test_synthetic_buildings_are_not_matterports(tmp_path: Path) -> None:
+    list(write_synthetic(tmp_path / "made", scenes=1, seed=0))
+    build_dataset(HM3DFolder(tmp_path / "made"), tmp_path / "out")
+    card = (tmp_path / "out" / "README.md").read_text("utf-8")
+    assert "license: apache-2.0" in card
+    assert "Matterport" not in card
+    croissant = json.loads((tmp_path / "out" / "croissant.json").read_text("utf-8"))
+    assert "apache.org" in croissant["license"]

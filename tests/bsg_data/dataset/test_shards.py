@@ -1,0 +1,151 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from bsg_data.dataset.manifest import (
+    ClassMapEntry,
+    Manifest,
+    SourceEntry,
+    Totals,
+    encode_manifest,
+    read_manifest,
+)
+from bsg_data.dataset.schema import TABLES
+from bsg_data.dataset.shards import read_scene_graphs, read_table, write_bytes, write_shards
+from bsg_data.errors import DatasetError, MismatchError
+from bsg_data.scene.class_map import load_class_map
+from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph, SceneObject
+
+CLASS_MAP = ClassMapEntry.of(load_class_map())
+names = st.text(st.characters(exclude_categories=["Cs"]), max_size=12)
+metres = st.floats(-1e3, 1e3)
+points = st.tuples(metres, metres, metres)
+boxes = st.builds(Box, points, points)
+
+
+@st.composite
+def scene_graphs(draw: st.DrawFn, scene_id: str = "00001-aaaaaaaaaaa") -> SceneGraph:
+    rooms = draw(st.integers(0, 3))
+    objects = draw(st.integers(0, 6))
+    return SceneGraph(
+        scene_id=scene_id,
+        source="hm3d",
+        source_version=draw(st.none() | names),
+        source_split=draw(st.none() | st.just("train")),
+        annotation_sha256="0" * 64,
+        rooms=tuple(
+            Room(
+                i,
+                10 * i,
+                draw(st.none() | names),
+                draw(st.none() | points),
+                draw(st.none() | boxes),
+                draw(st.none() | st.integers(0, 9)),
+            )
+            for i in range(1, rooms + 1)
+        ),
+        objects=tuple(
+            SceneObject(
+                i,
+                7 * i,
+                draw(st.integers(0, rooms)),
+                draw(names),
+                draw(st.none() | names),
+                draw(st.none() | st.integers(0, 44)),
+                draw(st.none() | st.just("00FF00")),
+                draw(st.none() | points),
+                draw(st.none() | boxes),
+            )
+            for i in range(1, objects + 1)
+        ),
+        adjacency=tuple(
+            Edge(1, i, "adjacent", "layout", draw(st.none() | metres)) for i in range(2, rooms + 1)
+        ),
+        up_axis=draw(st.none() | st.just("z")),
+    )
+
+
+def publish(folder: Path, graphs: list[SceneGraph]) -> None:
+    manifest = Manifest(
+        generator="test",
+        source=SourceEntry(kind="hm3d", version=None, fingerprint=""),
+        class_map=CLASS_MAP,
+        options={},
+        totals=Totals(),
+        files=write_shards(graphs, folder, part=0, class_map=CLASS_MAP),
+    )
+    write_bytes(folder / "dataset.json", encode_manifest(manifest))
+    assert read_manifest(folder) == manifest
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=40)
+@given(scene_graphs(), scene_graphs(scene_id="00002-bbbbbbbbbbb"))
+def test_reading_is_the_inverse_of_writing(
+    tmp_path: Path, first: SceneGraph, second: SceneGraph
+) -> None:
+    publish(tmp_path, [first, second])
+    assert list(read_scene_graphs(tmp_path)) == [first, second]
+
+
+def test_files_carry_schema_meaning_and_class_map(dataset: Path) -> None:
+    for name, schema in TABLES.items():
+        file = pq.ParquetFile(dataset / name / "part-00000.parquet")
+        assert file.schema_arrow.equals(schema, check_metadata=False)
+        words = {k.decode(): v.decode() for k, v in file.schema_arrow.metadata.items()}
+        assert words["bsg.table"] == name
+        assert words["bsg.class_map_sha256"] == CLASS_MAP.sha256
+        assert file.metadata.row_group(0).column(0).compression == "ZSTD"
+        for field in file.schema_arrow:
+            assert field.metadata[b"meaning"]
+
+
+def test_a_missing_cut_or_foreign_file_is_refused(dataset: Path) -> None:
+    path = dataset / "rooms" / "part-00001.parquet"
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-20])
+    with pytest.raises(DatasetError, match=r"part-00001\.parquet: not readable"):
+        read_table(dataset, "rooms")
+    path.unlink()
+    with pytest.raises(DatasetError, match="in the manifest but not there"):
+        read_table(dataset, "rooms")
+    table = pq.read_table(dataset / "rooms" / "part-00000.parquet")
+    pq.write_table(table.replace_schema_metadata({"bsg.class_map": "other-v1"}), path)
+    with pytest.raises(MismatchError, match="found format none, other-v1"):
+        read_table(dataset, "rooms")
+
+
+def test_a_folder_without_manifest_is_no_dataset(tmp_path: Path) -> None:
+    with pytest.raises(DatasetError, match="not a finished dataset"):
+        read_table(tmp_path, "rooms")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"format_version": 1', '"format_version": 99', "format version 99"),
+        ('"totals"', '"total"', "totals: Field required"),
+        ('"rows": ', '"rows": -', "files.0.rows"),
+        ('"path": "', '"path": "../../etc/', "files.0.path"),
+        ("{", "", "not JSON"),
+    ],
+)
+def test_a_manifest_changed_by_hand_is_refused(
+    dataset: Path, old: str, new: str, message: str
+) -> None:
+    path = dataset / "dataset.json"
+    path.write_text(path.read_text("utf-8").replace(old, new, 1), "utf-8")
+    with pytest.raises(DatasetError, match=message):
+        read_manifest(dataset)
+
+
+def test_a_write_that_fails_leaves_what_was_there(tmp_path: Path) -> None:
+    path = tmp_path / "file"
+    path.mkdir()
+    with pytest.raises(DatasetError, match="cannot be written"):
+        write_bytes(path, b"x")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["file"]

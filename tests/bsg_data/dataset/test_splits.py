@@ -1,0 +1,97 @@
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bsg_data.checks.dataset import check_dataset
+from bsg_data.dataset.manifest import read_manifest
+from bsg_data.dataset.splits import assign_splits, read_splits, split_dataset
+from bsg_data.errors import DatasetError, RecipeError
+from bsg_data.recipes import SplitRecipe
+
+
+def ids(number: int, split: str = "train") -> dict[str, str | None]:
+    return {f"{split}{i:04d}": split for i in range(number)}
+
+
+@pytest.mark.parametrize(
+    ("number", "ratios", "sizes"),
+    [
+        (145, (0.8, 0.1, 0.1), (116, 15, 14)),
+        (10, (0.8, 0.1, 0.1), (8, 1, 1)),
+        (7, (0.5, 0.25, 0.25), (3, 2, 2)),
+        (4, (0.5, 0.5, 0.0), (2, 2, 0)),
+        (3, (1.0, 0.0, 0.0), (3, 0, 0)),
+    ],
+)
+def test_sizes_by_largest_remainder(
+    number: int, ratios: tuple[float, float, float], sizes: tuple[int, int, int]
+) -> None:
+    found = Counter(assign_splits(ids(number), SplitRecipe(ratios=ratios)).values())
+    assert tuple(found[name] for name in ("train", "val", "test")) == sizes
+
+
+@given(st.integers(20, 80), st.integers(0, 3), st.randoms())
+def test_order_of_the_scenes_does_not_matter(number: int, seed: int, random: object) -> None:
+    scenes = list(ids(number).items())
+    random.shuffle(scenes)  # type: ignore[attr-defined]
+    recipe = SplitRecipe(seed=seed)
+    chosen = assign_splits(dict(scenes), recipe)
+    assert chosen == assign_splits(ids(number), recipe)
+    assert list(chosen) == sorted(chosen)
+
+
+def test_seeds_differ() -> None:
+    assert len({tuple(assign_splits(ids(50), SplitRecipe(seed=s)).items()) for s in range(5)}) == 5
+
+
+@given(st.integers(5, 60), st.integers(2, 5))
+def test_folds_are_even_and_disjoint(number: int, folds: int) -> None:
+    recipe = SplitRecipe(method="folds", ratios=None, folds=folds)
+    found = Counter(assign_splits(ids(number), recipe).values())
+    assert set(found) == {f"fold-{k}" for k in range(folds)}
+    assert max(found.values()) - min(found.values()) <= 1
+
+
+def test_official_holds_the_sources_val_out() -> None:
+    recipe = SplitRecipe(method="official", ratios=(0.9, 0.1, 0.0))
+    chosen = assign_splits({**ids(20), **ids(5, "val")}, recipe)
+    assert Counter(chosen.values()) == {"train": 18, "val": 2, "test": 5}
+    assert {scene[:3] for scene, split in chosen.items() if split == "test"} == {"val"}
+    with pytest.raises(RecipeError, match="found 20 of train"):
+        assign_splits(ids(20), recipe)
+    with pytest.raises(RecipeError, match="2 of None"):
+        assign_splits({**ids(20), **ids(5, "val"), "a": None, "b": None}, recipe)
+
+
+@pytest.mark.parametrize(
+    ("number", "recipe", "message"),
+    [
+        (3, SplitRecipe(), "leave val and test empty|leave test empty"),
+        (20, SplitRecipe(ratios=(0.5, 0.1, 0.1)), "add up to 1"),
+        (20, SplitRecipe(ratios=(1.5, -0.5, 0.0)), "0 or more"),
+        (20, SplitRecipe(ratios=(float("nan"), 0.5, 0.5)), "add up to 1"),
+        (3, SplitRecipe(method="folds", ratios=None, folds=4), "folds must be 2 to"),
+    ],
+)
+def test_an_impossible_split_is_refused(number: int, recipe: SplitRecipe, message: str) -> None:
+    with pytest.raises(RecipeError, match=message):
+        assign_splits(ids(number), recipe)
+
+
+def test_splitting_again_needs_force_and_removes_the_pairs(dataset: Path) -> None:
+    before = read_splits(dataset)
+    with pytest.raises(DatasetError, match="--force"):
+        split_dataset(dataset, SplitRecipe(seed=1))
+    assert read_splits(dataset) == before
+    manifest = split_dataset(dataset, SplitRecipe(seed=1), force=True)
+    assert manifest.pairs is None
+    assert not manifest.files_of("pairs")
+    assert not (dataset / "pairs").exists()
+    assert read_splits(dataset) != before
+    assert read_manifest(dataset) == manifest
+    assert check_dataset(dataset) == ()

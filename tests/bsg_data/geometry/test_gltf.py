@@ -1,0 +1,282 @@
+"""Reading GLB: transforms and colours by hand, and every way in which a file can be bad."""
+
+from __future__ import annotations
+
+import contextlib
+import struct
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from mesh_files import CORNERS, SQUARE, edited, take_apart, textured, write_glb
+from PIL import Image
+
+from bsg_data.geometry import gltf
+from bsg_data.geometry.gltf import MeshError, read_parts
+
+RED = [[[255, 0, 0]]]
+
+
+@pytest.fixture
+def glb(tmp_path: Path) -> Path:
+    return write_glb(tmp_path / "mesh.glb", textured(RED))
+
+
+def test_a_square_by_hand(glb: Path) -> None:
+    (part,) = read_parts(glb)
+    np.testing.assert_allclose(part.vertices, SQUARE)
+    assert part.faces.tolist() == [[0, 1, 2], [0, 2, 3]]
+    assert part.texture is not None
+    assert part.texture.size == (1, 1)
+    np.testing.assert_allclose(np.asarray(part.places), CORNERS)
+    assert part.colours is None
+
+
+def test_nested_transforms_multiply(glb: Path) -> None:
+    def nest(tree: dict[str, Any]) -> None:
+        mesh = next(i for i, node in enumerate(tree["nodes"]) if "mesh" in node)
+        root = len(tree["nodes"])
+        tree["nodes"] += [
+            {"translation": [10, 0, 0], "children": [root + 1]},
+            {"rotation": [0, 0, np.sqrt(0.5), np.sqrt(0.5)], "scale": [2, 2, 2], "mesh": 0},
+        ]
+        tree["nodes"][mesh].pop("matrix", None)
+        tree["scenes"][0]["nodes"] = [root]
+
+    (part,) = read_parts(edited(glb, nest))
+    # (x, y) is doubled, turned to (-y, x), and moved by 10.
+    expected = [[10, 0, 0], [10, 2, 0], [8, 2, 0], [8, 0, 0]]
+    np.testing.assert_allclose(part.vertices, expected, atol=1e-6)
+
+
+def test_a_mesh_that_two_nodes_show_is_there_twice_in_one_order(glb: Path) -> None:
+    def show_twice(tree: dict[str, Any]) -> None:
+        first = len(tree["nodes"])
+        tree["nodes"] += [
+            {"translation": [5, 0, 0], "mesh": 0},
+            {"translation": [3, 0, 0], "mesh": 0},
+        ]
+        tree["scenes"][0]["nodes"] = [first, first + 1]
+
+    path = edited(glb, show_twice)
+    for _ in range(3):  # trimesh gives nodes random names
+        assert [part.vertices[0, 0] for part in read_parts(path)] == [3, 5]
+
+
+def test_vertex_colours_stand_beside_a_texture(tmp_path: Path) -> None:
+    mesh = textured(RED)
+    mesh.visual.vertex_attributes["color"] = np.array([[9, 8, 7, 255]] * 4, dtype=np.uint8)
+    (part,) = read_parts(write_glb(tmp_path / "both.glb", mesh))
+    assert part.texture is not None
+    assert np.asarray(part.colours).tolist() == [[9, 8, 7]] * 4
+
+
+def set_in(*keys: Any, to: Any) -> Callable[[dict[str, Any]], None]:
+    def change(tree: dict[str, Any]) -> None:
+        entry: Any = tree
+        for key in keys[:-1]:
+            entry = entry[key]
+        entry[keys[-1]] = to
+
+    return change
+
+
+def drop(*keys: Any) -> Callable[[dict[str, Any]], None]:
+    def change(tree: dict[str, Any]) -> None:
+        entry: Any = tree
+        for key in keys[:-1]:
+            entry = entry[key]
+        del entry[keys[-1]]
+
+    return change
+
+
+def circle(tree: dict[str, Any]) -> None:
+    tree["nodes"][0]["children"] = [0]
+
+
+def nothing_shown(tree: dict[str, Any]) -> None:
+    tree["scenes"][0]["nodes"] = []
+
+
+def deep(tree: dict[str, Any]) -> None:
+    first = len(tree["nodes"])
+    tree["nodes"] += [{"children": [first + k + 1]} for k in range(100)] + [{"mesh": 0}]
+    tree["scenes"][0]["nodes"] = [first]
+
+
+def show_a_thousand_times(tree: dict[str, Any]) -> None:
+    tree["accessors"][1]["count"] = tree["accessors"][2]["count"] = 4
+    first = len(tree["nodes"])
+    tree["nodes"] += [{"mesh": 0}] * 19_000
+    tree["scenes"][0]["nodes"] = list(range(first, first + 19_000))
+    tree["meshes"][0]["primitives"] *= 500
+
+
+def empty_parent(tree: dict[str, Any]) -> None:
+    first = len(tree["nodes"])
+    tree["meshes"].append({"primitives": []})
+    tree["nodes"] += [{"mesh": 1, "children": [first + 1]}, {"mesh": 0}]
+    tree["scenes"][0]["nodes"] = [first]
+
+
+def unpack_again(tree: dict[str, Any]) -> None:
+    tree["accessors"] += [tree["accessors"][1]] * 100_000
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (set_in("accessors", 1, "count", to=10**9), "accessor 1 counts 1,000,000,000 items"),
+        (set_in("accessors", 1, "count", to=-4), "count is -4"),
+        (set_in("accessors", 1, "count", to=True), "count is True"),
+        (set_in("accessors", 1, "componentType", to=1), "no glTF"),
+        (set_in("accessors", 0, "sparse", to={}), "accessor 0 is sparse"),
+        (drop("accessors", 0, "bufferView"), "accessor 0 is sparse"),
+        (set_in("bufferViews", 0, "byteLength", to=10**12), "bufferView 0 ends beyond the buffer"),
+        (set_in("bufferViews", 0, "byteOffset", to=-1), "byteOffset is -1"),
+        (set_in("buffers", 0, "byteLength", to=10**12), "longer than its binary chunk"),
+        (set_in("buffers", 0, "uri", to="../../../etc/passwd"), "not in the file"),
+        (set_in("images", 0, to={"uri": "file:///etc/passwd"}), "image 0 is not in the file"),
+        (set_in("images", 0, "bufferView", to=0), "image 0 is no readable PNG"),
+        (set_in("textures", 0, to={}), "texture 0 has no image"),
+        (set_in("meshes", 0, "primitives", 0, "indices", to=99), "index 99"),
+        (set_in("meshes", 0, "primitives", 0, "material", to=-1), "index -1"),
+        (set_in("meshes", to=[]), "holds no triangle"),
+        (set_in("meshes", to="many"), "no glTF"),
+        (set_in("extensionsRequired", to=["KHR_draco_mesh_compression"]), "compressed by"),
+        (circle, "run in a circle"),
+        (deep, "64 deep"),
+        (show_a_thousand_times, "shows 19,000,000 triangles"),
+        (empty_parent, "mesh 1 has no primitive"),
+        (set_in("accessors", 1, "type", to="SCALAR"), "mesh 0 has POSITION as SCALAR"),
+        (set_in("accessors", 0, "componentType", to=5126), "mesh 0 has indices as SCALAR"),
+        (set_in("accessors", 2, "count", to=3), "mesh 0 has 4 vertices, 3 TEXCOORD_0"),
+        (set_in("meshes", 0, "primitives", 0, "mode", to=6), "triangle fan"),
+        (set_in("meshes", 0, "primitives", 0, "mode", to=1), "holds no triangle"),
+        (set_in("samplers", to=[{"wrapS": 33648}]), "repeat in mirrors"),
+        (
+            set_in(
+                "meshes", 0, "primitives", 0, "extensions", to={"KHR_draco_mesh_compression": {}}
+            ),
+            "is compressed by",
+        ),
+        (
+            set_in("materials", 0, "pbrMetallicRoughness", "baseColorTexture", "texCoord", to=1),
+            "moves its texture, or has a second one",
+        ),
+        (nothing_shown, "no node of its scene shows a triangle"),
+        (unpack_again, "the same bytes again and again"),
+    ],
+)
+def test_a_tree_that_lies_is_refused_with_the_reason(
+    glb: Path, change: Callable[[dict[str, Any]], None], expected: str
+) -> None:
+    with pytest.raises(MeshError, match=expected) as caught:
+        list(read_parts(edited(glb, change)))
+    assert str(glb) in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (lambda data: b"", "is empty"),
+        (lambda data: b"PK\3\4" + data[4:], "begins with 'glTF'"),
+        (lambda data: data[:-9], "is cut off"),
+        (lambda data: data[:30], "is cut off"),
+        (lambda data: data + b"more", "goes on after its end"),
+        (lambda data: data[:4] + struct.pack("<I", 1) + data[8:], "found version 1"),
+        (lambda data: data[:12] + struct.pack("<I", 2**31) + data[16:], "which cannot be"),
+        (lambda data: data[:20] + b"\xff" + data[21:], "its JSON is damaged"),
+    ],
+)
+def test_bytes_that_are_no_glb_are_refused_with_the_reason(
+    glb: Path, change: Callable[[bytes], bytes], expected: str
+) -> None:
+    glb.write_bytes(change(glb.read_bytes()))
+    with pytest.raises(MeshError, match=expected):
+        list(read_parts(glb))
+
+
+def test_a_missing_file_and_a_folder_are_errors_of_ours(tmp_path: Path) -> None:
+    for path in (tmp_path / "none.glb", tmp_path):
+        with pytest.raises(MeshError, match="cannot be read"):
+            list(read_parts(path))
+
+
+def test_a_texture_too_large_is_refused_before_it_is_unpacked(tmp_path: Path) -> None:
+    wide = Image.new("1", (gltf.MAX_TEXTURE + 1, 1))
+    path = write_glb(tmp_path / "wide.glb", textured(None, image=wide))
+    with pytest.raises(MeshError, match="8,193 × 1 texels"):
+        list(read_parts(path))
+
+
+def test_a_vertex_that_is_not_finite_is_refused(tmp_path: Path) -> None:
+    mesh = textured(RED)
+    mesh.vertices = np.where(SQUARE == 1, np.nan, SQUARE)
+    with pytest.raises(MeshError, match="not finite"):
+        list(read_parts(write_glb(tmp_path / "nan.glb", mesh)))
+
+
+def test_a_face_beyond_the_vertices_is_refused(glb: Path) -> None:
+    tree, binary = take_apart(glb.read_bytes())
+    at = tree["bufferViews"][tree["accessors"][0]["bufferView"]].get("byteOffset", 0)
+    start = glb.read_bytes().index(binary) + at
+    data = bytearray(glb.read_bytes())
+    data[start : start + 4] = struct.pack("<I", 4_000_000)
+    glb.write_bytes(bytes(data))
+    with pytest.raises(MeshError, match="a vertex that is not there"):
+        list(read_parts(glb))
+
+
+@settings(
+    max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(
+    places=st.lists(st.integers(0, 1), min_size=1, max_size=4),
+    data=st.data(),
+)
+def test_any_damage_is_read_or_refused_and_nothing_else(
+    glb: Path, places: list[int], data: st.DataObject
+) -> None:
+    whole = glb.with_name("whole")
+    if not whole.exists():
+        whole.write_bytes(glb.read_bytes())
+    damaged = bytearray(whole.read_bytes())
+    for _ in places:
+        at = data.draw(st.integers(0, len(damaged) - 1))
+        damaged[at] = data.draw(st.integers(0, 255))
+    glb.write_bytes(bytes(damaged))
+    with contextlib.suppress(MeshError):  # and no other error, and no warning
+        for part in read_parts(glb):
+            assert np.isfinite(part.vertices).all()
+            assert part.faces.max(initial=-1) < len(part.vertices)
+
+
+def test_triangles_without_indices_are_read(glb: Path) -> None:
+    def first_three_vertices(tree: dict[str, Any]) -> None:
+        del tree["meshes"][0]["primitives"][0]["indices"]
+        tree["accessors"][1]["count"] = tree["accessors"][2]["count"] = 3
+
+    (part,) = read_parts(edited(glb, first_three_vertices))
+    assert part.faces.tolist() == [[0, 1, 2]]
+
+
+def test_textures_that_end_at_their_edges_end_there(tmp_path: Path) -> None:
+    path = write_glb(tmp_path / "m.glb", textured(RED, uv=CORNERS * 2 - 0.5))
+    (part,) = read_parts(edited(path, set_in("samplers", to=[{"wrapS": 33071, "wrapT": 33071}])))
+    places = np.asarray(part.places)
+    assert places.min() == 0
+    assert 0.99 < places.max() < 1
+
+
+def test_lines_and_points_are_no_surface(tmp_path: Path) -> None:
+    scene = trimesh.Scene([textured(RED), trimesh.PointCloud(SQUARE)])
+    path = tmp_path / "mixed.glb"
+    path.write_bytes(scene.export(file_type="glb"))
+    assert len(list(read_parts(path))) == 1

@@ -1,0 +1,265 @@
+"""Surfaces by colour: squares worked out by hand, and beside a loop over texels."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from mesh_files import CORNERS, FACES, SQUARE, as_file, textured, write_glb
+from PIL import Image
+
+from bsg_data.geometry.gltf import MeshError
+from bsg_data.geometry.semantic_mesh import CELL, survey_mesh
+
+COLOURS = ("FF0000", "00FF00", "0000FF")
+RGB = {"r": (255, 0, 0), "g": (0, 255, 0), "b": (0, 0, 255), ".": (0, 0, 0), "?": (1, 2, 3)}
+
+
+def paint(*rows: str) -> np.ndarray:
+    """Return pixels from letters, row 0 first."""
+    return np.array([[RGB[letter] for letter in row] for row in rows], dtype=np.uint8)
+
+
+def test_a_square_of_one_colour(tmp_path: Path) -> None:
+    path = write_glb(tmp_path / "m.glb", textured(paint("g"), size=(2, 3)))
+    survey = survey_mesh(path, COLOURS)
+    np.testing.assert_allclose(survey.area, [0, 6, 0])
+    np.testing.assert_allclose(survey.centroid[1], [1, 1.5, 0])
+    np.testing.assert_allclose(survey.box[1], [[0, 0, 0], [2, 3, 0]])
+    np.testing.assert_allclose(survey.part_box[1], [[0, 0, 0], [2, 3, 0]])
+    assert np.isnan(survey.box[[0, 2]]).all()
+    coverage = survey.coverage
+    assert (coverage.texels, coverage.listed, coverage.faces) == (1, 1, 2)
+    assert (coverage.area, coverage.listed_area, coverage.without_geometry) == (6, 6, 2)
+    assert len(coverage.sha256) == 64
+
+
+def test_triangles_that_straddle_are_divided_texel_by_texel(tmp_path: Path) -> None:
+    # Ten columns over one metre: three red, seven green; the diagonal runs through both.
+    path = write_glb(tmp_path / "m.glb", textured(paint(*["rrrggggggg"] * 10)))
+    survey = survey_mesh(path, COLOURS)
+    np.testing.assert_allclose(survey.area, [0.3, 0.7, 0], atol=0.01)
+    np.testing.assert_allclose(survey.box[0], [[0, 0, 0], [0.3, 1, 0]], atol=0.03)
+    np.testing.assert_allclose(survey.box[1], [[0.3, 0, 0], [1, 1, 0]], atol=0.03)
+    np.testing.assert_allclose(survey.centroid[0], [0.15, 0.5, 0], atol=0.01)
+
+
+@settings(
+    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(
+    letters=st.lists(st.sampled_from("rgb.?"), min_size=16, max_size=16),
+    palette=st.booleans(),
+    shift=st.integers(-3, 3),
+)
+def test_any_picture_agrees_with_a_loop_over_its_texels(
+    tmp_path: Path, letters: list[str], palette: bool, shift: int
+) -> None:
+    rows = ["".join(letters[k : k + 4]) for k in range(0, 16, 4)]
+    rows[0] = "rggb"  # enough that it is this scene's
+    image = Image.fromarray(paint(*rows))
+    image = image.quantize(8, method=Image.Quantize.FASTOCTREE) if palette else image
+    shown = np.asarray(image.convert("RGB"))
+    # Textures repeat: whole turns of the coordinates change nothing.
+    mesh = textured(None, size=(4, 4), uv=CORNERS + shift, image=image)
+    path = write_glb(tmp_path / "m.glb", mesh)
+    survey = survey_mesh(path, COLOURS)
+    for number, colour in enumerate(COLOURS):
+        here = np.argwhere((shown == [int(colour[i : i + 2], 16) for i in (0, 2, 4)]).all(axis=2))
+        assert survey.area[number] == pytest.approx(len(here), abs=0.35)
+        if len(here):
+            low, high = here.min(axis=0)[::-1], here.max(axis=0)[::-1] + 1
+            np.testing.assert_allclose(survey.box[number, 0, :2], low, atol=0.35)
+            np.testing.assert_allclose(survey.box[number, 1, :2], high, atol=0.35)
+    coverage = survey.coverage
+    parts = (coverage.listed, coverage.snapped, coverage.black, coverage.unlisted)
+    assert sum(parts) == coverage.texels == 16
+    black = (shown == 0).all(axis=2).sum()
+    assert coverage.black == black
+    areas = (coverage.listed_area, coverage.unlisted_area, coverage.uncoloured_area)
+    assert sum(areas) == pytest.approx(coverage.area, abs=0.01)
+
+
+def test_the_largest_part_leaves_out_what_is_painted_astray(tmp_path: Path) -> None:
+    far = textured(paint("r"), size=(0.3, 0.3))
+    far.apply_translation([8, 0, 0])
+    path = write_glb(tmp_path / "m.glb", textured(paint("r"), size=(2, 2)), far)
+    survey = survey_mesh(path, COLOURS)
+    np.testing.assert_allclose(survey.box[0], [[0, 0, 0], [8.3, 2, 0]], atol=1e-6)
+    np.testing.assert_allclose(survey.part_box[0], [[0, 0, 0], [2, 2, 0]], atol=1e-6)
+    assert survey.area[0] == pytest.approx(4.09)  # all of it is counted
+    assert (survey.cells[:, 1, 0] < 3).all()
+
+
+def test_parts_that_nearly_touch_are_one(tmp_path: Path) -> None:
+    near = textured(paint("r"))
+    near.apply_translation([1 + CELL / 2, 0, 0])
+    path = write_glb(tmp_path / "m.glb", textured(paint("r")), near)
+    survey = survey_mesh(path, COLOURS)
+    np.testing.assert_allclose(survey.part_box[0], survey.box[0])
+
+
+def test_vertex_colours_stand_in_for_a_texture(tmp_path: Path) -> None:
+    colours = np.array([[255, 0, 0], [255, 0, 0], [0, 255, 0], [0, 255, 0]], dtype=np.uint8)
+    mesh = trimesh.Trimesh(SQUARE, FACES, vertex_colors=colours, process=False)
+    survey = survey_mesh(write_glb(tmp_path / "m.glb", mesh), COLOURS)
+    # Of each triangle, the third nearest to a corner is that corner's.
+    np.testing.assert_allclose(survey.area, [0.5 * 2 / 3 + 0.5 / 3, 0.5 / 3 + 0.5 * 2 / 3, 0])
+    assert survey.coverage.texels == 0
+
+
+def test_faces_without_any_colour_are_counted(tmp_path: Path) -> None:
+    bare = trimesh.Trimesh(SQUARE + 3, FACES, process=False)
+    bare.visual = trimesh.visual.texture.TextureVisuals()
+    path = write_glb(tmp_path / "m.glb", textured(paint("r")), bare)
+    assert survey_mesh(path, COLOURS).coverage.uncoloured_area == pytest.approx(1)
+
+
+def test_unlisted_colours_are_counted(tmp_path: Path) -> None:
+    path = write_glb(tmp_path / "m.glb", textured(paint("rr?.", "rr??")))
+    coverage = survey_mesh(path, COLOURS).coverage
+    assert (coverage.listed, coverage.black, coverage.unlisted) == (4, 1, 3)
+    assert coverage.unlisted_colours == 1
+
+
+def test_black_may_be_an_instance(tmp_path: Path) -> None:
+    path = write_glb(tmp_path / "m.glb", textured(paint(".")))
+    survey = survey_mesh(path, ["000000"])
+    assert (survey.coverage.listed, survey.coverage.black) == (1, 0)
+
+
+def test_the_mesh_of_another_scene_is_refused(tmp_path: Path) -> None:
+    path = write_glb(tmp_path / "m.glb", textured(paint("?????r")))
+    with pytest.raises(MeshError, match="another scene's"):
+        survey_mesh(path, COLOURS)
+
+
+def test_jpeg_is_refused_unless_colours_are_snapped(tmp_path: Path) -> None:
+    pixels = np.repeat(np.repeat(paint("rg", "bb"), 16, axis=0), 16, axis=1)
+    jpeg = as_file(Image.fromarray(pixels), "JPEG", quality=95)
+    path = write_glb(tmp_path / "m.glb", textured(None, image=jpeg))
+    with pytest.raises(MeshError, match="--snap-colours N"):
+        survey_mesh(path, COLOURS)
+    survey = survey_mesh(path, COLOURS, snap_colours=60)
+    coverage = survey.coverage
+    assert coverage.texels == 32 * 32
+    assert coverage.snapped > 0
+    assert coverage.listed + coverage.snapped + coverage.black + coverage.unlisted == 1024
+    np.testing.assert_allclose(survey.area, [0.25, 0.25, 0.5], atol=0.05)
+
+
+@pytest.mark.parametrize("mode", ["RGB", "RGBA", "P", "PA"])
+def test_modes_of_png_do_not_matter(tmp_path: Path, mode: str) -> None:
+    image = Image.fromarray(paint("rrgg", "rrgg"))
+    image = image.convert("P", palette=Image.Palette.ADAPTIVE) if "P" in mode else image
+    kept = as_file(image.convert(mode) if mode != "PA" else image, "PNG")
+    survey = survey_mesh(write_glb(tmp_path / "m.glb", textured(None, image=kept)), COLOURS)
+    np.testing.assert_allclose(survey.area, [0.5, 0.5, 0], atol=0.02)
+
+
+def test_kilometres_are_refused(tmp_path: Path) -> None:
+    path = write_glb(tmp_path / "m.glb", textured(paint("r"), size=(9000, 1)))
+    with pytest.raises(MeshError, match="are its units metres"):
+        survey_mesh(path, COLOURS)
+
+
+def test_texture_coordinates_far_outside_are_refused(tmp_path: Path) -> None:
+    mesh = textured(paint("rg"), uv=CORNERS * 1e20)
+    with pytest.raises(MeshError, match="texture coordinates"):
+        survey_mesh(write_glb(tmp_path / "m.glb", mesh), COLOURS)
+
+
+def test_a_damaged_png_is_refused(tmp_path: Path) -> None:
+    noise = np.random.default_rng(0).integers(0, 255, (64, 64, 3), dtype=np.uint8)
+    path = write_glb(tmp_path / "m.glb", textured(noise))
+    data = bytearray(path.read_bytes())
+    at = data.index(b"IDAT")
+    data[at + 40 : at + 400] = bytes(360)
+    path.write_bytes(bytes(data))
+    with pytest.raises(MeshError, match="a texture is damaged"):
+        survey_mesh(path, COLOURS)
+
+
+LIMITED = """
+import resource, sys
+from pathlib import Path
+resource.setrlimit(resource.RLIMIT_AS, (4 * 2**30, 4 * 2**30))
+from bsg_data.geometry.gltf import MeshError
+from bsg_data.geometry.semantic_mesh import survey_mesh
+try:
+    survey = survey_mesh(Path(sys.argv[1]), ["FF0000", "00FF00"])
+    print("read", *survey.area.round(2).tolist())
+except MeshError as error:
+    print("refused", error)
+"""
+
+
+def read_within_4_gigabytes(path: Path) -> str:
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", LIMITED, str(path)],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_one_huge_triangle_is_read_or_refused_within_four_gigabytes(tmp_path: Path) -> None:
+    small = write_glb(tmp_path / "100.glb", textured(paint("r"), size=(100, 100)))
+    assert read_within_4_gigabytes(small) == "read 10000.0 0.0\n"
+    large = write_glb(tmp_path / "600.glb", textured(paint("r"), size=(600, 600)))
+    assert "larger than that of any building" in read_within_4_gigabytes(large)
+
+
+def test_a_square_over_a_huge_texture_is_read_within_four_gigabytes(tmp_path: Path) -> None:
+    pixels = np.full((4096, 4096, 3), RGB["r"], dtype=np.uint8)
+    pixels[:, 1024:] = RGB["g"]
+    path = write_glb(tmp_path / "4k.glb", textured(pixels, size=(4, 4)))
+    assert read_within_4_gigabytes(path) == "read 4.0 12.0\n"
+
+
+def test_a_tiny_mesh_of_another_scene_is_refused_too(tmp_path: Path) -> None:
+    path = write_glb(tmp_path / "m.glb", textured(paint("?"), size=(0.01, 0.01)))
+    with pytest.raises(MeshError, match="another scene's"):
+        survey_mesh(path, COLOURS)
+
+
+def test_triangles_without_area_are_no_mesh(tmp_path: Path) -> None:
+    path = write_glb(tmp_path / "m.glb", textured(paint("r"), size=(1, 0)))
+    with pytest.raises(MeshError, match="have no area"):
+        survey_mesh(path, COLOURS)
+
+
+def test_a_mesh_without_colours_says_so(tmp_path: Path) -> None:
+    bare = trimesh.Trimesh(SQUARE, FACES, process=False)
+    bare.visual = trimesh.visual.texture.TextureVisuals()
+    path = write_glb(tmp_path / "m.glb", bare)
+    with pytest.raises(MeshError, match="100% of its surface has neither a texture"):
+        survey_mesh(path, COLOURS)
+
+
+def test_places_beyond_a_short_palette_are_unlisted(tmp_path: Path) -> None:
+    image = Image.fromarray(np.array([[0, 0, 0, 9]], dtype=np.uint8)).convert("P")
+    image.putpalette([255, 0, 0])
+    path = write_glb(tmp_path / "m.glb", textured(None, image=image))
+    coverage = survey_mesh(path, COLOURS).coverage
+    assert (coverage.listed, coverage.black, coverage.unlisted) == (3, 0, 1)
+
+
+def test_boxes_by_vertex_colours_hold_their_centroids(tmp_path: Path) -> None:
+    colours = np.array([[255, 0, 0], [255, 0, 0], [0, 255, 0], [0, 255, 0]], dtype=np.uint8)
+    mesh = trimesh.Trimesh(SQUARE, FACES, vertex_colors=colours, process=False)
+    survey = survey_mesh(write_glb(tmp_path / "m.glb", mesh), COLOURS)
+    # The red thirds of the second triangle reach its centre, (1/3, 2/3).
+    np.testing.assert_allclose(survey.box[0], [[0, 0, 0], [1, 2 / 3, 0]], atol=1e-6)
+    np.testing.assert_allclose(survey.centroid[0] + survey.centroid[1], [1, 1, 0], atol=1e-6)
+    assert (survey.box[:2, 0] <= survey.centroid[:2]).all()
+    assert (survey.centroid[:2] <= survey.box[:2, 1]).all()

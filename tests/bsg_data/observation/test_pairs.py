@@ -1,0 +1,123 @@
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import annotation_text, write_scene
+
+from bsg_data.build import build_dataset
+from bsg_data.checks.dataset import check_dataset
+from bsg_data.dataset.histograms import read_adjacency, read_cells, to_histograms
+from bsg_data.dataset.manifest import read_manifest
+from bsg_data.dataset.splits import read_splits, split_dataset
+from bsg_data.errors import DatasetError, RecipeError
+from bsg_data.observation.masks import sample_hidden, sample_visited
+from bsg_data.observation.pairs import histogram_column, read_pairs, write_pairs
+from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
+from bsg_data.scene.class_map import ClassMap
+from bsg_data.scene.scene_graph import Edge, SceneGraph
+from bsg_data.sources.hm3d import HM3DFolder, SceneRef
+
+
+@pytest.mark.parametrize("strategy", ["uniform", "rooms", "frontier"])
+def test_pairs_are_the_masks_of_their_recipe_in_order(dataset: Path, strategy: str) -> None:
+    mask = MaskRecipe.model_validate({"strategy": strategy, "fraction": 0.4, "seed": 3})
+    write_pairs(dataset, PairsRecipe(mask=mask, draws=3), force=True)
+    cells = read_cells(dataset)
+    for split, scenes in read_splits(dataset).items():
+        table = read_pairs(dataset, split)
+        expected = []
+        for scene in scenes:
+            for draw in range(3):
+                visited = sample_visited(cells[scene], mask, scene_id=scene, draw=draw)
+                hidden = sample_hidden(cells[scene], visited, mask, scene_id=scene, draw=draw)
+                inputs = to_histograms(cells[scene] - hidden)
+                expected += [
+                    (scene, draw, node, bool(visited[node]), tuple(inputs[node]))
+                    for node in range(len(inputs))
+                ]
+        keys = table.select(["scene_id", "draw", "node_index", "visited"]).to_pylist()
+        rows = histogram_column(table, "input")
+        found = [(*k.values(), tuple(row)) for k, row in zip(keys, rows, strict=True)]
+        assert found == expected
+        targets = histogram_column(table, "target")
+        assert (rows <= targets).all()
+
+
+def test_the_same_bytes_with_any_number_of_workers(
+    dataset: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("bsg_data.observation.pairs.SCENES_PER_FILE", 3)
+    monkeypatch.setattr("bsg_data.observation.pairs.ROWS_PER_GROUP", 10)
+    one = write_pairs(dataset, PairsRecipe(draws=5), force=True)
+    with ThreadPoolExecutor(4) as pool:
+        many = write_pairs(dataset, PairsRecipe(draws=5), force=True, executor=pool)
+    assert one == many
+    assert len(one.files_of("pairs")) == 6  # 10 buildings of train in four files
+
+
+def test_folds_have_pairs_too(dataset: Path) -> None:
+    split_dataset(dataset, SplitRecipe(method="folds", ratios=None, folds=3), force=True)
+    write_pairs(dataset, PairsRecipe(draws=1))
+    assert len(read_pairs(dataset, "fold-2")) > 0
+    with pytest.raises(DatasetError, match="has some of fold-0, fold-1, fold-2"):
+        read_pairs(dataset, "train")
+
+
+def test_pairs_need_a_split_and_force_to_replace(dataset: Path, hm3d_folder: Path) -> None:
+    manifest = read_manifest(dataset)
+    with pytest.raises(DatasetError, match="has pairs already"):
+        write_pairs(dataset, PairsRecipe())
+    assert read_manifest(dataset) == manifest
+
+
+def test_a_stopped_command_leaves_a_dataset_without_pairs(
+    dataset: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stop(done: int, total: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_pairs(dataset, PairsRecipe(), force=True, progress=stop)
+    assert read_manifest(dataset).pairs is None
+    with pytest.raises(DatasetError, match="run `bsg-data pairs` first"):
+        read_pairs(dataset, "train")
+    write_pairs(dataset, PairsRecipe())
+    assert len(read_pairs(dataset, "train")) > 0
+
+
+def test_a_count_beyond_the_format_is_refused(
+    dataset: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("bsg_data.observation.pairs._MOST", 3)
+    with pytest.raises(RecipeError, match="more than 3 objects of one class"):
+        write_pairs(dataset, PairsRecipe(), force=True)
+    assert np.iinfo(np.uint16).max == 65535
+
+
+def test_adjacency_reaches_the_masks(tmp_path: Path) -> None:
+    """A source that knows adjacency: what `frontier` leaves unvisited follows it."""
+    rooms = 12
+
+    class Chain(HM3DFolder):
+        def read(self, ref: SceneRef, class_map: ClassMap) -> SceneGraph:
+            edges = [Edge(k, k + 1, "adjacent", "layout") for k in range(1, rooms)]
+            reading = super().read(ref, class_map)
+            return replace(reading, graph=replace(reading.graph, adjacency=tuple(edges)))
+
+    for number in range(10):
+        text = annotation_text({k: ["chair"] * 6 for k in range(rooms)})
+        write_scene(tmp_path / "hm3d", f"{number:05d}-abcdefghi{number:02d}", text)
+    out = tmp_path / "dataset"
+    build_dataset(Chain(tmp_path / "hm3d"), out)
+    assert read_adjacency(out)["00000-abcdefghi00"] == [(k, k + 1) for k in range(1, rooms)]
+    split_dataset(out, SplitRecipe())
+    write_pairs(out, PairsRecipe(mask=MaskRecipe(strategy="frontier"), draws=20))
+    assert check_dataset(out) == ()
+    visited = read_pairs(out, "train")["visited"].to_numpy().reshape(-1, rooms + 1)[:, 1:]
+    assert not visited.all()
+    changes = (visited[:, 1:] != visited[:, :-1]).sum(axis=1)
+    assert changes.max() <= 2  # one run of visited rooms along the chain

@@ -1,0 +1,89 @@
+"""What a robot has seen: by hand, by masks, and room after room."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bsg_data.dataset.histograms import read_cells, to_histograms
+from bsg_data.dataset.manifest import ClassMapEntry, read_manifest
+from bsg_data.dataset.shards import read_scene_graphs
+from bsg_data.errors import RecipeError
+from bsg_data.observation.masks import sample_hidden, sample_visited, share_hidden
+from bsg_data.observation.partial_graph import (
+    KnownRoom,
+    PartialGraph,
+    SeenObject,
+    mask_scene,
+    observe,
+)
+from bsg_data.recipes import MaskRecipe
+from bsg_data.scene.class_map import load_class_map
+
+CLASS_MAP = ClassMapEntry.of(load_class_map())
+CLASS = {name: number for number, name in enumerate(CLASS_MAP.classes)}
+
+
+def seen(name: str, room: int, category: str) -> SeenObject:
+    return SeenObject(name, room, category, category, CLASS.get(category))
+
+
+GRAPH = PartialGraph(
+    "home",
+    CLASS_MAP,
+    0.5,
+    (KnownRoom("a", 0.5), KnownRoom("b", 1.0, visited=False)),
+    (seen("1", 1, "bed"), seen("2", 1, "bed"), seen("3", 1, "tap"), seen("4", 0, "book")),
+    ((1, 2),),
+)
+
+
+def test_histograms_by_hand() -> None:
+    found = GRAPH.histograms()
+    assert found.shape == (3, 45)
+    assert found[:, CLASS["bed"]].tolist() == [2, 2, 0]
+    assert found[:, CLASS["book"]].tolist() == [1, 0, 0]  # in no room: the building's
+    assert found.sum() == 5
+    assert GRAPH.others(("drawer", "tap")).tolist() == [[0, 1], [0, 1], [0, 0]]
+    assert GRAPH.shares().tolist() == [0.5, 0.5, 1.0]
+    assert GRAPH.visited().tolist() == [True, True, False]
+
+
+def test_a_searched_room_hides_nothing() -> None:
+    after = observe(GRAPH, 2, [seen("5", 2, "sink"), seen("6", 2, "toilet")])
+    assert after.rooms[1] == replace(GRAPH.rooms[1], visited=True, hidden_share=0.0)
+    assert after.hidden_share == pytest.approx(0.5 * 0.5 / 1.5)
+    assert after.histograms()[2].sum() == 2
+    assert after.histograms()[1].tolist() == GRAPH.histograms()[1].tolist()
+    again = observe(after, 2, [seen("5", 2, "sink")])
+    assert again.histograms()[2].sum() == 1  # what is seen now replaces what was
+
+
+def test_what_cannot_be_observed_is_refused() -> None:
+    with pytest.raises(RecipeError, match=r"room 3 of 1\.\.2"):
+        observe(GRAPH, 3, [])
+    with pytest.raises(RecipeError, match="object 5 is not of room 1"):
+        observe(GRAPH, 1, [seen("5", 2, "sink")])
+    with pytest.raises(RecipeError, match="1 is there twice"):
+        observe(GRAPH, 2, [seen("1", 2, "sink")])
+
+
+@pytest.mark.parametrize("strategy", ["uniform", "rooms", "frontier"])
+def test_a_mask_leaves_the_histograms_of_its_pairs(dataset: Path, strategy: str) -> None:
+    recipe = MaskRecipe.model_validate({"strategy": strategy, "fraction": 0.6, "seed": 4})
+    manifest = read_manifest(dataset)
+    cells = read_cells(dataset, manifest=manifest)
+    for graph in read_scene_graphs(dataset):
+        own = cells[graph.scene_id]
+        visited = sample_visited(own, recipe, scene_id=graph.scene_id, draw=2)
+        hidden = sample_hidden(own, visited, recipe, scene_id=graph.scene_id, draw=2)
+        left = mask_scene(graph, recipe, draw=2, class_map=manifest.class_map)
+        np.testing.assert_array_equal(left.histograms(), to_histograms(own - hidden))
+        np.testing.assert_array_equal(left.visited(), visited)
+        np.testing.assert_array_equal(left.shares(), share_hidden(visited, recipe))
+        real = {str(obj.instance_id): obj for obj in graph.objects}
+        assert all(real[obj.name].raw_category == obj.raw_category for obj in left.objects)
+        assert all(real[obj.name].room_index == obj.room_index for obj in left.objects)

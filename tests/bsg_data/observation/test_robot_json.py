@@ -1,0 +1,127 @@
+"""A robot's own JSON: read by hand, written and read back, refused where it is wrong."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from conftest import REPOSITORY
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bsg_data.observation.robot_json import (
+    RobotGraphError,
+    encode_robot_graph,
+    list_unmapped,
+    parse_robot_graph,
+    read_robot_graph,
+)
+
+SAID: dict[str, Any] = {
+    "scene_id": "home",
+    "rooms": [{"id": "kitchen"}, {"id": "hall", "visited": False, "position": [1, 2, 0.5]}],
+    "objects": [
+        {"id": "1", "room": "kitchen", "category": "Fridge"},
+        {"id": "2", "category": "zzqx thing"},
+    ],
+    "adjacency": [["hall", "kitchen"]],
+}
+
+
+def test_a_graph_by_hand() -> None:
+    graph = parse_robot_graph(SAID, path=Path("x"))
+    assert [room.hidden_share for room in graph.rooms] == [0.5, 1.0]
+    assert graph.hidden_share == 0.75
+    assert graph.rooms[1].position == (1, 2, 0.5)
+    first, second = graph.objects
+    assert (first.room_index, first.category) == (1, "refrigerator")
+    assert graph.class_map.classes[first.class_index or 0] == "refrigerator"
+    assert (second.room_index, second.category, second.class_index) == (0, None, None)
+    assert graph.adjacency == ((1, 2),)
+    assert list_unmapped(graph) == {"zzqx thing": 1}
+
+
+texts = st.text(min_size=1, max_size=8).filter(lambda text: text.isprintable())
+
+
+@given(
+    rooms=st.lists(texts, min_size=1, max_size=5, unique=True),
+    categories=st.lists(st.sampled_from(["bed", "sofa", "tap", "", "x<y"]), max_size=6),
+    data=st.data(),
+)
+def test_any_graph_is_read_back(
+    rooms: list[str], categories: list[str], data: st.DataObject
+) -> None:
+    said = {
+        "scene_id": data.draw(texts),
+        "rooms": [
+            {
+                "id": name,
+                "visited": data.draw(st.booleans()),
+                "hidden_share": data.draw(st.none() | st.floats(0, 1)),
+                "footprint": data.draw(st.none() | st.just([[0, 0], [1, 0], [1, 1.5]])),
+            }
+            for name in rooms
+        ],
+        "objects": [
+            {
+                "id": str(number),
+                "room": data.draw(st.none() | st.sampled_from(rooms)),
+                "category": c,
+            }
+            for number, c in enumerate(categories)
+        ],
+    }
+    graph = parse_robot_graph(said, path=Path("x"))
+    written = json.loads(json.dumps(encode_robot_graph(graph)))
+    assert parse_robot_graph(written, path=Path("x")) == graph
+
+
+def changed(**values: Any) -> str:
+    return json.dumps({**SAID, **values})
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("{", "no JSON"),
+        ("[]", "the whole file"),
+        ('{"scene_id": "a", "scene_id": "b", "rooms": []}', "the key 'scene_id' twice"),
+        (changed(rooms=[{"id": "a"}, {"id": "a"}]), "room id 'a' is there twice"),
+        (changed(rooms=[{"id": ""}]), "rooms.0.id"),
+        (changed(rooms=[{"id": "kitchen", "hidden_share": 1.5}]), "rooms.0.hidden_share"),
+        (changed(rooms=[{"id": "kitchen", "colour": 1}]), "rooms.0.colour"),
+        (changed(objects=[{"id": "1", "room": "attic", "category": "bed"}]), "no room 'attic'"),
+        (changed(objects=[{"id": "1", "room": "kitchen"}]), "objects.0.category"),
+        (changed(adjacency=[["hall", "hall"]]), "'hall' with itself"),
+        (changed(adjacency=[["hall", "attic"]]), "no room 'attic'"),
+        (changed(version=2), "version"),
+        (changed(rooms=[{"id": "a", "visited": "yes"}]), "rooms.0.visited"),
+        (changed(rooms=[{"id": "a", "hidden_share": True}]), "rooms.0.hidden_share"),
+        (changed(rooms=[{"id": "a", "label": "\ud800"}]), "rooms.0.label"),
+        (changed(rooms=[{"id": "a", "footprint": [[0, 0]]}]), "rooms.0.footprint"),
+        (changed(rooms=[{"id": "a", "position": [1e300, 0, 0]}]), "rooms.0.position"),
+        (changed(rooms=[{"id": "a", "floor_index": 10**30}]), "rooms.0.floor_index"),
+        (changed(scene_id="a").replace('"a"', "NaN"), "scene_id"),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path: Path, text: str, expected: str) -> None:
+    path = tmp_path / "graph.json"
+    path.write_text(text)
+    with pytest.raises(RobotGraphError, match=expected) as caught:
+        read_robot_graph(path)
+    assert str(path) in str(caught.value)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(RobotGraphError, match="cannot be read"):
+        read_robot_graph(tmp_path / "none.json")
+
+
+def test_the_example_of_the_docs_is_understood() -> None:
+    graph = read_robot_graph(REPOSITORY / "docs" / "office.json")
+    assert list_unmapped(graph) == {}
+    assert len(graph.rooms) == 3
+    assert graph.histograms()[0].sum() >= 15

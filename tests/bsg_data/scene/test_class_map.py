@@ -1,0 +1,203 @@
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from importlib.resources import files
+from pathlib import Path
+
+import pytest
+from conftest import SHARED
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bsg_data.errors import ClassMapError
+from bsg_data.scene.class_map import list_class_maps, load_class_map, normalise_name
+from bsg_data.sources.hm3d import HM3DFolder, HM3DStatistics
+
+# The paper's own names (section IV); the other 23 are in mappings/README.md.
+PAPER = (
+    "chair,mirror,curtain,chandelier,stove,refrigerator,bathtub,clothes,floor mat,bookshelf,"
+    "wardrobe,toilet,desk,bottle,plant,garbage bin,microwave,sink,vase,fan,paper,pillow"
+)
+# A published map never changes: a new map is a new version, added here.
+PUBLISHED = {
+    "hm3d45-v1": "46b5459227be1b27098463326f523e2e7149bb7168da928cbebdae982dfab9d3",
+}
+
+
+def test_published_maps_never_change() -> None:
+    assert {v: load_class_map(v).sha256 for v in list_class_maps()} == PUBLISHED
+
+
+def test_the_map_has_the_papers_classes_among_its_45() -> None:
+    class_map = load_class_map()
+    assert len(class_map.classes) == len(set(class_map.classes)) == 45
+    assert class_map.classes == tuple(sorted(class_map.classes))
+    assert set(PAPER.split(",")) <= set(class_map.classes)
+    assert all(definition.endswith(".") for definition in class_map.definitions)
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("chair", "chair"),
+        ("CHAIR", "chair"),
+        ("  office   chair ", "chair"),
+        ("armchair", "chair"),
+        ("bed sheet", "blanket"),
+        ("bed", "bed"),
+        ("toilet", "toilet"),
+        ("toilet paper", None),
+        ("toilet paper holder", None),
+        ("toilet brush", None),
+        ("trash can", "garbage bin"),
+        ("trashcan", "garbage bin"),
+        ("fridge", "refrigerator"),
+        ("shower curtain", "curtain"),
+        ("shower wall", None),
+        ("kitchen cabinet", "cabinet"),
+        ("cabinet door", None),
+        ("mirror frame", None),
+        ("window frame", None),
+        ("wall", None),
+        ("unknown", None),
+        ("", None),
+        ("table lamp", "lamp"),
+        ("bedside lamp", "lamp"),
+        ("plush toy", "toy"),
+        ("curtain rod", None),
+        ("clothes hanger", None),
+    ],
+)
+def test_names_whose_class_is_plain(name: str, expected: str | None) -> None:
+    class_map = load_class_map()
+    entry = class_map.lookup(name)
+    assert entry is not None
+    found = None if entry.class_index is None else class_map.classes[entry.class_index]
+    assert found == expected
+
+
+def test_structure_has_no_class_and_is_spelled_as_in_the_map() -> None:
+    class_map = load_class_map()
+    categories = {entry.category for entry in class_map.entries.values()}
+    classified = {e.category for e in class_map.entries.values() if e.class_index is not None}
+    assert class_map.structure <= categories
+    assert not class_map.structure & classified
+    assert {"wall", "floor", "ceiling", "door", "window", "stairs"} <= class_map.structure
+
+
+def test_one_category_has_one_class() -> None:
+    classes: dict[str, set[int | None]] = {}
+    for entry in load_class_map().entries.values():
+        classes.setdefault(entry.category, set()).add(entry.class_index)
+    assert {name for name, found in classes.items() if len(found) > 1} == set()
+
+
+def test_unmapped_names_have_neighbours() -> None:
+    class_map = load_class_map()
+    assert class_map.lookup("chairr") is None
+    assert "chair" in class_map.nearest("chairr")
+    with pytest.raises(ClassMapError, match=r"did you mean .*chair"):
+        class_map.class_index("chairs")
+
+
+@given(st.text())
+def test_case_and_spaces_do_not_matter_to_a_name(name: str) -> None:
+    assert normalise_name(f"  {name}\t") == normalise_name(name)
+    assert normalise_name("Śign  A") == normalise_name("s\u0301ign a")
+
+
+def test_sha256sums_are_those_of_the_files() -> None:
+    folder = files("bsg_mappings")
+    for line in folder.joinpath("SHA256SUMS").read_text("utf-8").splitlines():
+        digest, name = line.split()
+        assert hashlib.sha256(folder.joinpath(name).read_bytes()).hexdigest() == digest
+
+
+def own_map(folder: Path, spellings: str, classes: str = "0,chair,A chair.\n") -> str:
+    (folder / "own.csv").write_text(f"raw_category,category,class\n{spellings}", "utf-8")
+    (folder / "own.classes.csv").write_text(f"index,class,definition\n{classes}", "utf-8")
+    return str(folder / "own.csv")
+
+
+def test_a_map_of_ones_own(tmp_path: Path) -> None:
+    path = own_map(tmp_path, '"a ""big"", chair",chair,chair\nwall,wall,\n')
+    class_map = load_class_map(path)
+    assert class_map.version == "own"
+    assert class_map.lookup('A  "BIG", chair') == class_map.entries['a "big", chair']
+    both = (tmp_path / "own.csv").read_bytes() + (tmp_path / "own.classes.csv").read_bytes()
+    assert class_map.sha256 == hashlib.sha256(both).hexdigest()
+
+
+@pytest.mark.parametrize(
+    ("spellings", "classes", "message"),
+    [
+        ("chair,chair,seat\n", "0,chair,A chair.\n", "'seat' is not in own.classes.csv"),
+        (
+            "chair,chair,chair\nchair,chair,\n",
+            "0,chair,A chair.\n",
+            "line 3: 'chair' is listed twice",
+        ),
+        (
+            "chair,chair,chair\nCHAIR,chair,\n",
+            "0,chair,A chair.\n",
+            "differs from an earlier row only",
+        ),
+        ("chair,chair\n", "0,chair,A chair.\n", "line 2: expected 3 fields, found 2"),
+        ("chair,chair,chair\n", "1,chair,A chair.\n", "expected index 0"),
+        ("chair,chair,chair\n", "", "1 to 256 classes"),
+        ('"chair,chair,chair\n', "0,chair,A chair.\n", "not a readable CSV"),
+    ],
+)
+def test_a_malformed_map_is_refused(
+    tmp_path: Path, spellings: str, classes: str, message: str
+) -> None:
+    with pytest.raises(ClassMapError, match=message):
+        load_class_map(own_map(tmp_path, spellings, classes))
+
+
+def test_unknown_and_missing_maps_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ClassMapError, match="published are hm3d45-v1"):
+        load_class_map("hm3d45-v0")
+    with pytest.raises(ClassMapError, match="no such file"):
+        load_class_map(str(tmp_path / "none.csv"))
+    path = Path(own_map(tmp_path, ""))
+    path.write_bytes(b"raw_category,category,class\n\xff,a,\n")
+    with pytest.raises(ClassMapError, match="expected UTF-8"):
+        load_class_map(str(path))
+
+
+def test_raw_and_corrected_spellings_give_the_same_rooms(shared: Path) -> None:
+    """All 2,066 rooms of the 145 scenes: the text's raw names against the zip's corrected ones."""
+    class_map = load_class_map()
+
+    def rooms(source: HM3DFolder | HM3DStatistics) -> dict[tuple[str, int], Counter[int]]:
+        found = {}
+        for ref in source.find().scenes:
+            graph = source.read(ref, class_map).graph
+            region_of = {room.room_index: room.region_id for room in graph.rooms}
+            for region in region_of.values():
+                found[ref.scene_id, region] = Counter[int]()
+            for obj in graph.objects:
+                if obj.class_index is not None:
+                    found[ref.scene_id, region_of[obj.room_index]][obj.class_index] += 1
+        return found
+
+    raw = rooms(HM3DFolder(shared / "annotations"))
+    corrected = rooms(HM3DStatistics(shared / "HM3DSem-v0.2-train.zip"))
+    assert len(raw) == 2066
+    assert raw == corrected
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="../shared is not on this machine")
+def test_every_public_spelling_is_in_the_map() -> None:
+    import csv
+
+    vocabulary = SHARED.parent / "reference" / "hm3d_vocabulary.csv"
+    with vocabulary.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    entries = load_class_map().entries
+    assert len(rows) == 2532
+    assert [r["raw_category"] for r in rows if r["raw_category"] not in entries] == []
+    wrong = [r for r in rows if entries[r["raw_category"]].category != r["category"]]
+    assert wrong == []

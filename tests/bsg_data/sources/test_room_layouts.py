@@ -1,0 +1,173 @@
+"""Room layouts: one by hand, every malformed one, and real ones joined to their scenes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bsg_data.build import build_dataset
+from bsg_data.checks.dataset import check_dataset
+from bsg_data.dataset.manifest import read_manifest
+from bsg_data.dataset.shards import read_scene_graphs
+from bsg_data.errors import SourceError
+from bsg_data.scene.class_map import load_class_map
+from bsg_data.scene.scene_graph import Box
+from bsg_data.sources.hm3d import HM3DFolder, HM3DStatistics
+from bsg_data.sources.room_layouts import LayoutError, WithLayouts, read_layout
+from bsg_data.synthetic.buildings import write_synthetic
+from bsg_data.synthetic.geometry import GeometryOptions
+
+LAYOUT = """\
+rooms:
+  room_1:
+    label: kitchen
+    centroid: {x: 1.0, y: 1.25, z: -2.0}
+    dims: {x: 2.0, y: 2.5, z: 4.0}
+  room_2:
+    label: hallway
+    centroid: {x: 4.0, y: 4.25, z: -2.0}
+    dims: {x: 2.0, y: 2.5, z: 1.0}
+connections:
+- [1, 2]
+- [2, 1]
+"""
+
+
+@pytest.fixture
+def layouts(hm3d_folder: Path, tmp_path: Path) -> Path:
+    folder = tmp_path / "layouts"
+    folder.mkdir()
+    (folder / "00001-abcdefghi01.yaml").write_text(LAYOUT)
+    return folder
+
+
+def test_a_layout_by_hand(layouts: Path) -> None:
+    layout = read_layout(layouts / "00001-abcdefghi01.yaml")
+    # Y up with z to the back becomes Z up with y to the front.
+    assert layout.rooms[1] == ("kitchen", Box((0, 0, 0), (2, 4, 2.5)))
+    assert layout.connections == ((1, 2),)
+
+
+def test_a_layout_joins_its_scene(hm3d_folder: Path, layouts: Path, tmp_path: Path) -> None:
+    source = WithLayouts(HM3DFolder(hm3d_folder), layouts)
+    manifest = build_dataset(source, tmp_path / "out", scenes_per_shard=3)
+    assert (manifest.totals.placed, manifest.totals.adjacent) == (1, 1)
+    assert manifest.options["room_layouts"] == 1
+    graph = next(g for g in read_scene_graphs(tmp_path / "out") if g.has_geometry)
+    assert graph.scene_id == "00001-abcdefghi01"
+    first, second, third = graph.rooms  # regions 0, 3 and 10
+    assert (first.source_label, second.source_label, third.source_label) == (
+        "kitchen",
+        "hallway",
+        None,
+    )
+    assert (first.floor_index, second.floor_index, third.floor_index) == (0, 1, None)
+    assert first.footprint == ((0, 0), (2, 0), (2, 4), (0, 4))
+    (edge,) = graph.adjacency
+    assert (edge.source, edge.target, edge.method) == (1, 2, "layout")
+    assert edge.distance_m == pytest.approx((9 + 9) ** 0.5)
+    assert graph.up_axis is None
+    assert check_dataset(tmp_path / "out") == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("rooms: [", "no YAML"),
+        ("just words", "the whole file"),
+        ("connections: []", "rooms: Field required"),
+        (LAYOUT.replace("x: 1.0", "x: .nan"), "rooms.room_1.centroid.x"),
+        (LAYOUT.replace("y: 2.5", "y: -2.5", 1), "rooms.room_1.dims.y"),
+        (LAYOUT.replace("room_2", "cellar"), "rooms.cellar: expected a name like room_1"),
+        (LAYOUT.replace("room_2", "room_0"), "rooms.room_0"),
+        (LAYOUT.replace("[2, 1]", "[2, 7]"), "room_7 is not among its rooms"),
+        (LAYOUT.replace("[2, 1]", "[2]"), "connections.1"),
+        (LAYOUT.replace("room_2", "room_99").replace("2]", "99]").replace("[2", "[99"), "room_99"),
+        ("a: &a [1]\nb: &b [*a,*a]\nrooms: *b", "an alias, 'a'"),
+        (LAYOUT + "<<: &x {a: 1}\n<<: {b: 2}\n", "the key '<<' twice"),
+        (LAYOUT.replace("room_2", "room_1", 1), "the key 'room_1' twice"),
+        (LAYOUT.replace("x: 2.0", "x: .inf", 1), "rooms.room_1.dims.x"),
+        (LAYOUT.replace("x: 2.0", "x: 1.7e308", 1), "rooms.room_1.dims.x"),
+        (LAYOUT.replace("x: 1.0", "x: 2024-13-45"), "rooms.room_1.centroid.x"),
+        (LAYOUT.replace("x: 1.0", "x: " + "9" * 5000), "rooms.room_1.centroid.x"),
+        (LAYOUT.replace("x: 1.0", "x: !!timestamp abc"), "rooms.room_1.centroid.x"),
+        (LAYOUT.replace("label: kitchen", 'label: "\\ud800"'), "rooms.room_1.label"),
+        (LAYOUT.replace("[2, 1]", "[true, 1]"), "connections.1.0"),
+        (LAYOUT.replace("[2, 1]", "[2, 2]"), "room_2 with itself"),
+        ("rooms: {}", "rooms: Dictionary should have at least 1 item"),
+    ],
+)
+def test_a_malformed_layout_is_left_out_with_the_reason(
+    hm3d_folder: Path, layouts: Path, tmp_path: Path, text: str, expected: str
+) -> None:
+    (layouts / "00001-abcdefghi01.yaml").write_text(text)
+    source = WithLayouts(HM3DFolder(hm3d_folder), layouts)
+    manifest = build_dataset(source, tmp_path / "out")
+    (skip,) = manifest.left_out
+    assert skip.scene_id == "00001-abcdefghi01"
+    assert skip.location == "00001-abcdefghi01.yaml"
+    assert expected in skip.reason
+    assert str(tmp_path) not in skip.reason
+    assert manifest.totals.scenes == 12  # the scene is kept
+    with pytest.raises(SourceError):
+        build_dataset(source, tmp_path / "strict", strict=True)
+
+
+def test_bytes_that_are_no_text_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.yaml"
+    path.write_bytes(b"\xff\xfe\x00\xd8rooms")
+    with pytest.raises(LayoutError, match="no YAML"):
+        read_layout(path)
+
+
+def test_layouts_of_no_scene_are_reported(hm3d_folder: Path, layouts: Path, tmp_path: Path) -> None:
+    (layouts / "00777-zzzzzzzzzzz.yaml").write_text(LAYOUT)
+    manifest = build_dataset(WithLayouts(HM3DFolder(hm3d_folder), layouts), tmp_path / "out")
+    assert [skip.location for skip in manifest.left_out] == ["00777-zzzzzzzzzzz.yaml"]
+    (layouts / "00001-abcdefghi01.yaml").unlink()
+    with pytest.raises(SourceError, match="none of its 1 layouts belongs to a scene"):
+        WithLayouts(HM3DFolder(hm3d_folder), layouts).find()
+    with pytest.raises(SourceError, match="no such folder"):
+        WithLayouts(HM3DFolder(hm3d_folder), tmp_path / "none").find()
+
+
+def test_a_building_that_a_mesh_placed_takes_labels_and_connections_alone(tmp_path: Path) -> None:
+    places, folder = tmp_path / "places", tmp_path / "layouts"
+    (path,) = write_synthetic(places, scenes=1, seed=0, geometry=GeometryOptions())
+    folder.mkdir()
+    (folder / f"{path.parent.name}.yaml").write_text(LAYOUT)
+    mesh, both = HM3DFolder(places), WithLayouts(HM3DFolder(places), folder)
+    class_map = load_class_map()
+    alone = mesh.read(mesh.find().scenes[0], class_map).graph
+    found = both.read(both.find().scenes[0], class_map).graph
+    assert [room.box for room in found.rooms] == [room.box for room in alone.rooms]
+    assert [room.source_label for room in found.rooms[:3]] == ["kitchen", "hallway", None]
+    layout = [edge for edge in found.adjacency if edge.method == "layout"]
+    assert [(edge.source, edge.target) for edge in layout] == [(1, 2)]
+    # Rooms that the layout lacks keep what the mesh gave them.
+    rest = [edge for edge in alone.adjacency if edge.target > 2]
+    assert rest
+    assert [edge for edge in found.adjacency if edge.method != "layout"] == rest
+
+
+def test_a_changed_layout_is_another_build(hm3d_folder: Path, layouts: Path) -> None:
+    source = WithLayouts(HM3DFolder(hm3d_folder), layouts)
+    before = [ref.geometry for ref in source.find().scenes]
+    (layouts / "00001-abcdefghi01.yaml").write_text(LAYOUT.replace("kitchen", "cellar"))
+    after = [ref.geometry for ref in source.find().scenes]
+    assert [a != b for a, b in zip(before, after, strict=True)].count(True) == 1
+
+
+@pytest.mark.parametrize("kind", ["text", "statistics"])
+def test_real_layouts_join_text_and_statistics(shared: Path, tmp_path: Path, kind: str) -> None:
+    text = HM3DFolder(shared / "annotations")
+    statistics = HM3DStatistics(shared / "HM3DSem-v0.2-train.zip")
+    source = WithLayouts(text if kind == "text" else statistics, shared / "room_layouts")
+    build_dataset(source, tmp_path / "out")
+    manifest = read_manifest(tmp_path / "out")
+    assert manifest.left_out == ()
+    assert (manifest.totals.placed, manifest.totals.adjacent) == (50, 688)
+    rooms = [r for g in read_scene_graphs(tmp_path / "out") for r in g.rooms if r.box]
+    assert len(rooms) == 712
+    assert all(r.source_label and r.floor_index is not None for r in rooms)

@@ -1,0 +1,342 @@
+"""Synthetic buildings: reproducible, in HM3D's layout, with its irregularities and its rates."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import Counter
+from collections.abc import Callable
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bsg_data.errors import DatasetError
+from bsg_data.synthetic.buildings import (
+    MAX_SCENES,
+    SyntheticBuilding,
+    draw_room_types,
+    synthesise,
+    write_building,
+    write_synthetic,
+)
+from bsg_data.synthetic.rates import SyntheticRates, load_rates, parse_rates
+
+ROW = re.compile(r'([1-9][0-9]*),([1-9A-F][0-9A-F]{0,5}),"([^"\n]*)",(-1|[0-9]+)')
+RATES_TEXT = resources.files("bsg_data.synthetic").joinpath("rates.json").read_text("utf-8")
+RATES = load_rates()
+
+
+@pytest.fixture(scope="module")
+def buildings() -> list[SyntheticBuilding]:
+    """Two hundred buildings of one seed."""
+    return [synthesise(RATES, seed=7, number=number) for number in range(200)]
+
+
+def contents(paths: list[Path], root: Path) -> dict[str, bytes]:
+    return {path.relative_to(root).as_posix(): path.read_bytes() for path in paths}
+
+
+def z_score(found: list[float], expected: list[float]) -> float:
+    """Return how many standard errors the mean of paired differences is from 0."""
+    difference = np.array(found, dtype=float) - np.array(expected, dtype=float)
+    return float(difference.mean() / (difference.std(ddof=1) / np.sqrt(len(difference))))
+
+
+def expected_objects(rates: SyntheticRates, building: SyntheticBuilding) -> float:
+    return sum(sum(rates.rates[kind]) for _, kind in building.room_types)
+
+
+def in_rooms(building: SyntheticBuilding) -> int:
+    return sum(row.region_id >= 0 for row in building.rows)
+
+
+# Reproducibility
+
+
+def test_bytes_depend_on_seed_and_number_only(tmp_path: Path) -> None:
+    in_order = list(write_synthetic(tmp_path / "a", scenes=12, seed=3))
+    fewer_backwards = [
+        write_building(synthesise(load_rates(), seed=3, number=number), tmp_path / "b")
+        for number in reversed(range(12))
+    ]
+    assert contents(in_order, tmp_path / "a") == contents(fewer_backwards, tmp_path / "b")
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 2**64), number=st.integers(0, MAX_SCENES - 1))
+def test_any_building_is_whole_and_the_same_again(seed: int, number: int) -> None:
+    building = synthesise(RATES, seed=seed, number=number)
+    assert building == synthesise(RATES, seed=seed, number=number)
+    assert sorted(row.instance_id for row in building.rows) == [
+        *range(1, len(building.rows) + 1),
+    ]
+    assert len({row.colour for row in building.rows}) == len(building.rows)
+    regions = {region for region, _ in building.room_types}
+    assert {row.region_id for row in building.rows} - {-1} == regions
+    assert min(regions) in {0, 1}
+
+
+def test_other_seeds_and_numbers_give_other_buildings() -> None:
+    made = [synthesise(RATES, seed=seed, number=n) for seed in range(5) for n in range(20)]
+    assert len({one.hash for one in made}) == 100
+    assert len({one.rows for one in made}) == 100
+
+
+def test_a_stream_of_one_seed_is_not_a_shift_of_another() -> None:
+    rows = {synthesise(RATES, seed=seed, number=2 - seed).rows for seed in range(3)}
+    assert len(rows) == 3
+
+
+# Layout
+
+
+@pytest.mark.parametrize(("scenes", "val"), [(8, 0), (9, 1), (20, 2), (100, 11), (900, 100)])
+def test_about_every_tenth_building_is_in_val(
+    scenes: int, val: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("bsg_data.synthetic.buildings._draw_names", lambda *_: [("wall", 0)])
+    made = [synthesise(RATES, seed=0, number=number) for number in range(scenes)]
+    ids = [int(one.scene_id[:5]) for one in made]
+    assert len(set(ids)) == scenes
+    assert sum(one.split == "val" for one in made) == val
+    for one, scene in zip(made, ids, strict=True):
+        assert scene in (range(800, 900) if one.split == "val" else range(800))
+
+
+def test_files_are_where_hm3d_has_them(tmp_path: Path) -> None:
+    paths = list(write_synthetic(tmp_path, scenes=9, seed=0))
+    for path in paths:
+        split, scene, name = path.relative_to(tmp_path).parts
+        assert split in {"train", "val"}
+        assert re.fullmatch(r"[0-9]{5}-[A-Za-z0-9]{11}", scene)
+        assert name == f"{scene[6:]}.semantic.txt"
+    found = [path for path in tmp_path.rglob("*.*") if path.name != "synthetic.json"]
+    assert sorted(found) == sorted(paths), "nothing else is left behind"
+
+
+def test_every_line_is_a_row_of_hm3d(tmp_path: Path) -> None:
+    for path in write_synthetic(tmp_path, scenes=20, seed=1):
+        data = path.read_bytes()
+        assert b"\r" not in data
+        first, *rows, last = data.decode("utf-8").split("\n")
+        assert (first, last) == ("HM3D Semantic Annotations", "")
+        matches = [ROW.fullmatch(row) for row in rows]
+        assert all(matches)
+        assert len({match[2] for match in matches if match}) == len(rows)
+
+
+def test_a_second_run_does_not_mix_two_sets(tmp_path: Path) -> None:
+    first = contents(list(write_synthetic(tmp_path, scenes=2, seed=0)), tmp_path)
+    with pytest.raises(DatasetError, match="--force replaces them"):
+        write_synthetic(tmp_path, scenes=2, seed=1)
+    again = contents(list(write_synthetic(tmp_path, scenes=2, seed=0, force=True)), tmp_path)
+    assert again == first
+
+
+def test_buildings_are_written_lazily(tmp_path: Path) -> None:
+    stream = write_synthetic(tmp_path, scenes=MAX_SCENES, seed=0)
+    assert not list(tmp_path.rglob("*.semantic.txt"))
+    assert next(stream).is_file()
+    assert len(list(tmp_path.rglob("*.txt"))) == 1
+
+
+# Irregularities
+
+
+def test_the_irregularities_of_real_files_occur(buildings: list[SyntheticBuilding]) -> None:
+    some = buildings[:50]
+    rows = [row for one in some for row in one.rows]
+    names = Counter(row.name for row in rows)
+    assert {"unknown", "wall"} <= set(names)
+    assert any("," in name for name in names)
+    assert any("/" in name for name in names)
+    short = np.mean([len(row.colour) < 6 for row in rows])
+    assert short == pytest.approx(1 / 16, abs=0.01), "as many colours as have a leading zero"
+    assert any(row.region_id == -1 for row in rows)
+    firsts = [one.room_types[0][0] for one in some]
+    assert set(firsts) == {0, 1}
+    assert any(row.region_id == 0 for row in rows), "region 0 is a real room"
+    spans = [one.room_types[-1][0] - one.room_types[0][0] + 1 for one in some]
+    assert any(span > len(one.room_types) for span, one in zip(spans, some, strict=True))
+    ids = [[row.instance_id for row in one.rows] for one in some]
+    assert 0 < sum(listed != sorted(listed) for listed in ids) < 15
+    odd = [name for name in names if name not in RATES.categories]
+    assert sum(names[name] for name in odd) / len(rows) == pytest.approx(0.05, abs=0.025)
+
+
+@pytest.mark.parametrize(
+    "is_such",
+    [
+        lambda name: name == "",
+        lambda name: "," in name,
+        lambda name: "/" in name,
+        lambda name: name != name.strip(),
+        lambda name: name != name.lower(),
+        lambda name: not name.isascii(),
+    ],
+    ids=["blank", "comma", "slash", "outer space", "capitals", "non-ASCII"],
+)
+def test_odd_names_can_occur(is_such: Callable[[str], bool]) -> None:
+    known = {raw for spellings in RATES.spellings for raw, weight in spellings if weight > 0}
+    assert any(is_such(raw) for raw in known)
+
+
+# Statistics: z-scores of 200 buildings; 4 standard errors are passed once in 16,000
+
+
+def test_number_of_rooms_follows_its_weights(buildings: list[SyntheticBuilding]) -> None:
+    weights = np.array(RATES.rooms)
+    mean = float(np.arange(len(weights)) @ weights / weights.sum())
+    rooms = [float(len(one.room_types)) for one in buildings]
+    assert abs(z_score(rooms, [mean] * len(rooms))) < 4
+
+
+def test_number_of_objects_follows_the_rates_of_its_rooms(
+    buildings: list[SyntheticBuilding],
+) -> None:
+    found = [float(in_rooms(one)) for one in buildings]
+    assert abs(z_score(found, [expected_objects(RATES, one) for one in buildings])) < 4
+
+
+@pytest.mark.parametrize("category", ["wall", "ceiling", "door", "chair", "toilet", "bed"])
+def test_each_category_follows_the_rates_of_its_rooms(
+    buildings: list[SyntheticBuilding], category: str
+) -> None:
+    index = RATES.categories.index(category)
+    spellings = {raw for raw, _ in RATES.spellings[index]}
+    others = {raw for i, s in enumerate(RATES.spellings) if i != index for raw, _ in s}
+    assert not spellings & others, "the test counts by spelling"
+    found = [
+        float(sum(row.name in spellings and row.region_id >= 0 for row in one.rows))
+        for one in buildings
+    ]
+    expected = [sum(RATES.rates[kind][index] for _, kind in one.room_types) for one in buildings]
+    assert abs(z_score(found, expected)) < 4
+
+
+def test_composition_follows_its_bin() -> None:
+    """Draw compositions of one size; compare with all that rejection leaves of free draws."""
+    rng = np.random.default_rng(0)
+    total = 9
+    fixed = json.loads(RATES_TEXT) | {"rooms": [0] * total + [1]}
+    rates = parse_rates(json.dumps(fixed))
+    counts = next(weights for most, weights in rates.bins if total <= most)
+    drawn = np.array(
+        [np.bincount(draw_room_types(rates, rng), minlength=len(counts)) for _ in range(3000)]
+    )
+    free = np.stack([rng.choice(len(w), 60000, p=np.array(w) / sum(w)) for w in counts], axis=1)
+    kept = free[free.sum(axis=1) == total]
+    error = np.sqrt(drawn.var(axis=0) / len(drawn) + kept.var(axis=0) / len(kept))
+    assert (drawn.sum(axis=1) == total).all()
+    assert (abs(drawn.mean(axis=0) - kept.mean(axis=0)) < 4.5 * error + 1e-3).all()
+
+
+def test_a_building_mostly_keeps_to_one_spelling() -> None:
+    """Two instances of a category in a building agree more often than in two buildings."""
+    index = next(i for i, s in enumerate(RATES.spellings) if len(s) > 1 and s[0][1] < 0.95)
+    spellings = [raw for raw, _ in RATES.spellings[index]]
+    shares = np.array([weight for _, weight in RATES.spellings[index]])
+    pairs = []
+    for number in range(200):
+        names = [row.name for row in synthesise(RATES, seed=9, number=number).rows]
+        here = [name for name in names if name in spellings]
+        pairs += [here[0] == here[-1]] if len(here) > 1 else []
+    assert np.mean(pairs) > float((shares**2).sum() / shares.sum() ** 2)
+
+
+# Errors
+
+
+@pytest.mark.parametrize("scenes", [-1, 0, MAX_SCENES + 1])
+def test_too_many_or_no_scenes_are_refused_at_once(tmp_path: Path, scenes: int) -> None:
+    with pytest.raises(ValueError, match=r"expected 1 to 900.*another folder"):
+        write_synthetic(tmp_path, scenes=scenes, seed=0)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("number", [-1, MAX_SCENES])
+def test_a_number_out_of_range_is_refused(number: int) -> None:
+    with pytest.raises(ValueError, match=f"no building number {number}"):
+        synthesise(RATES, seed=0, number=number)
+
+
+def test_a_negative_seed_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="the seed is -1"):
+        synthesise(RATES, seed=-1, number=0)
+    with pytest.raises(ValueError, match="the seed is -1"):
+        write_synthetic(tmp_path, scenes=1, seed=-1)
+
+
+@pytest.mark.parametrize("field", [k for k in json.loads(RATES_TEXT) if k not in ("about",)])
+def test_a_missing_field_is_named(field: str) -> None:
+    data = json.loads(RATES_TEXT)
+    del data[field]
+    if field == "fitted_on":  # only told, not used
+        assert parse_rates(json.dumps(data)) == RATES
+        return
+    with pytest.raises(ValueError, match=rf"rates.json: {field}: expected"):
+        parse_rates(json.dumps(data))
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("version", 2),
+        ("order", [0.5]),
+        ("style", None),
+        ("style", "many"),
+        ("growth", 1.5),
+        ("growth", [0.5]),
+        ("gap", -0.1),
+        ("stray", float("nan")),
+        ("richness", [0, 0.1]),
+        ("novelty", [1, 2, 3]),
+        ("sizes", []),
+        ("rates", [[1.0]]),
+        ("rooms", [1, 1]),
+        ("rooms", [0, 0]),
+        ("rooms", []),
+        ("rooms", [0] * 200 + [1]),
+        ("bins", []),
+        ("bins", [[99, [[1.0]]]]),
+        ("bins", 3),
+        ("bins", [5]),
+        ("categories", ["wall", "wall"]),
+        ("spellings", []),
+        ("spellings", [[['a "quoted" name', 1.0]]]),
+        ("spellings", [[["wall", 0.0]]]),
+        ("spellings", [["wall"]]),
+    ],
+)
+def test_a_malformed_field_is_refused(field: str, value: Any) -> None:
+    with pytest.raises(ValueError, match=r"^synthetic_rates\.json: "):
+        parse_rates(json.dumps(json.loads(RATES_TEXT) | {field: value}))
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "3"])
+def test_text_that_is_no_object_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match=r"^synthetic_rates\.json: "):
+        parse_rates(text)
+
+
+# What is committed
+
+
+def test_the_rates_are_small_and_aggregate() -> None:
+    data = json.loads(RATES_TEXT)
+    assert len(RATES_TEXT.encode()) < 200_000
+    assert data["fitted_on"]["least_scenes_of_a_name"] >= 5
+    assert not re.search(r"[0-9]{5}-[A-Za-z0-9]{11}", RATES_TEXT), "no scene ids"
+
+
+def test_what_is_not_synthetic_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "train").mkdir()
+    (tmp_path / "train" / "scan.txt").write_text("real")
+    with pytest.raises(DatasetError, match="is left alone"):
+        write_synthetic(tmp_path, scenes=1, seed=0, force=True)
+    assert (tmp_path / "train" / "scan.txt").read_text() == "real"

@@ -1,0 +1,57 @@
+"""Floor plans: rooms that fill a storey, doorways in shared walls, and a way everywhere."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import networkx as nx
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bsg_data.synthetic.floor_plan import DOORWAY, WALL, Rectangle, draw_floor_plan
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+@settings(max_examples=60, deadline=None)
+@given(rooms=st.integers(1, 40), seed=seeds, with_stairs=st.sets(st.integers(0, 39), max_size=3))
+def test_any_plan_can_be_walked_and_no_room_lies_in_another(
+    rooms: int, seed: int, with_stairs: set[int]
+) -> None:
+    listed = {room for room in with_stairs if room < rooms}
+    plan = draw_floor_plan(rooms, with_stairs=listed, rng=np.random.default_rng(seed))
+    graph = nx.Graph()
+    graph.add_nodes_from(range(rooms))
+    graph.add_edges_from((a, b) for a, b, _ in plan.connections())
+    assert nx.is_connected(graph)
+    assert len(plan.rooms) == len(plan.storeys) == rooms
+    assert (max(plan.storeys) > 0) == bool(listed and rooms > 1)
+    for a, b in combinations(range(rooms), 2):
+        if plan.storeys[a] == plan.storeys[b]:
+            assert min(plan.rooms[a].meet(plan.rooms[b]).sides()) <= 1e-9
+
+
+@settings(max_examples=60, deadline=None)
+@given(rooms=st.integers(2, 30), seed=seeds)
+def test_doorways_fit_into_a_wall_of_both_rooms(rooms: int, seed: int) -> None:
+    plan = draw_floor_plan(rooms, with_stairs={0}, rng=np.random.default_rng(seed))
+    for door in plan.doorways:
+        a, b = (plan.rooms[room] for room in door.rooms)
+        shared = a.grow(WALL / 2).meet(b.grow(WALL / 2))
+        assert abs(shared.sides()[1 - door.axis]) < 1e-9  # the wall's own line
+        assert np.isclose(door.span[1] - door.span[0], DOORWAY)
+        for room in (a, b):
+            assert room.low[door.axis] <= door.span[0] + 1e-9
+            assert door.span[1] <= room.high[door.axis] + 1e-9
+    for stairs in plan.stairs:
+        lower, upper = stairs.rooms
+        assert plan.storeys[upper] == plan.storeys[lower] + 1
+
+
+def test_rectangles_by_hand() -> None:
+    one, other = Rectangle((0, 0), (4, 3)), Rectangle((3, 1), (6, 2))
+    assert one.meet(other) == Rectangle((3, 1), (4, 2))
+    assert one.sides() == (4, 3)
+    assert one.cut(1, 1, 2) == Rectangle((0, 1), (4, 2))
+    assert one.grow(-0.5) == Rectangle((0.5, 0.5), (3.5, 2.5))

@@ -1,0 +1,187 @@
+"""Synthetic meshes: what real files have, they have, and what is said to be true of them is."""
+
+from __future__ import annotations
+
+import json
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from mesh_files import take_apart
+
+from bsg_data.build import build_dataset
+from bsg_data.checks.dataset import check_dataset
+from bsg_data.dataset.manifest import Manifest
+from bsg_data.dataset.shards import read_scene_graphs
+from bsg_data.errors import SourceError
+from bsg_data.geometry.semantic_mesh import survey_mesh
+from bsg_data.scene.scene_graph import SceneGraph
+from bsg_data.sources.annotations import Instance, read_annotation
+from bsg_data.sources.hm3d import HM3DFolder
+from bsg_data.synthetic.buildings import write_synthetic
+from bsg_data.synthetic.geometry import GeometryOptions, shape_building
+
+NAMES = ("wall", "floor", "ceiling", "door", "bed", "chair", "picture", "rug", "lamp", "stairs")
+ROWS = tuple(
+    Instance(number, name, region, f"{number * 70001 % 0xFFFFFF:06X}")
+    for number, (region, name) in enumerate(((r, n) for r in (0, 2, 5) for n in NAMES), 1)
+)
+
+
+@pytest.fixture(scope="module")
+def places(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("places") / "buildings"
+    list(write_synthetic(folder, scenes=3, seed=5, geometry=GeometryOptions()))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def built(places: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Manifest]:
+    out = tmp_path_factory.mktemp("built") / "dataset"
+    return out, build_dataset(HM3DFolder(places), out)
+
+
+def truth_of(folder: Path, scene_id: str) -> dict[str, Any]:
+    (path,) = folder.glob(f"*/{scene_id}/*.truth.json")
+    found: dict[str, Any] = json.loads(path.read_text("utf-8"))
+    return found
+
+
+def test_boxes_areas_and_centroids_are_the_truth(
+    places: Path, built: tuple[Path, Manifest]
+) -> None:
+    judged = 0
+    for graph in read_scene_graphs(built[0]):
+        truth = truth_of(places, graph.scene_id)
+        assert graph.up_axis == truth["up_axis"]
+        for obj in graph.objects:
+            true = truth["instances"].get(str(obj.instance_id))
+            assert (obj.box is None) == (true is None), obj
+            if true is None or true["texels"] <= 100:
+                continue
+            assert obj.box is not None
+            assert obj.area is not None
+            found = [obj.box.minimum, obj.box.maximum]
+            np.testing.assert_allclose(found, true["box"], atol=0.02)
+            np.testing.assert_allclose(obj.centroid or (), true["centroid"], atol=0.03)
+            assert obj.area == pytest.approx(true["area"], rel=0.1)
+            judged += 1
+    assert judged > 1000
+
+
+def test_what_is_painted_astray_is_in_the_box_and_not_in_the_part(
+    places: Path, built: tuple[Path, Manifest]
+) -> None:
+    specks = 0
+    for graph in read_scene_graphs(built[0]):
+        truth = truth_of(places, graph.scene_id)["instances"]
+        for obj in graph.objects:
+            true = truth.get(str(obj.instance_id))
+            if true and true["main_box"] and true["main_box"] != true["box"]:
+                assert obj.part_box is not None
+                part = [obj.part_box.minimum, obj.part_box.maximum]
+                np.testing.assert_allclose(part, true["main_box"], atol=0.02)
+                specks += 1
+    assert specks > 0
+
+
+def test_coverage_adds_up(built: tuple[Path, Manifest]) -> None:
+    assert len(built[1].meshes) == 3
+    for mesh in built[1].meshes.values():
+        assert mesh.texels == mesh.listed + mesh.snapped + mesh.black + mesh.unlisted
+        areas = mesh.listed_area + mesh.unlisted_area + mesh.uncoloured_area
+        assert areas == pytest.approx(mesh.area, abs=0.01)
+        assert mesh.unlisted_colours > 0
+        assert mesh.without_geometry > 0
+    assert check_dataset(built[0]) == ()
+
+
+def true_pairs(graph: SceneGraph, truth: dict[str, Any]) -> set[tuple[int, int]]:
+    index = {room.region_id: room.room_index for room in graph.rooms}
+    pairs = ((index[a], index[b]) for a, b, _ in truth["connections"])
+    return {(min(pair), max(pair)) for pair in pairs}
+
+
+def test_most_connections_are_found(places: Path, built: tuple[Path, Manifest]) -> None:
+    right = found = true = 0
+    for graph in read_scene_graphs(built[0]):
+        pairs = true_pairs(graph, truth_of(places, graph.scene_id))
+        edges = {(edge.source, edge.target) for edge in graph.adjacency}
+        right, found, true = right + len(pairs & edges), found + len(edges), true + len(pairs)
+    assert 2 * right / (found + true) > 0.8
+
+
+def test_two_storeys_are_found_where_there_are_stairs() -> None:
+    mesh, truth = shape_building(ROWS, GeometryOptions(), seed=0, number=0)
+    assert [kind for *_, kind in truth["connections"]].count("stairs") == 1
+    assert mesh[:4] == b"glTF"
+
+
+def test_the_annotation_is_the_same_with_and_without_meshes(places: Path, tmp_path: Path) -> None:
+    for path in write_synthetic(tmp_path / "plain", scenes=3, seed=5):
+        other = places / path.relative_to(tmp_path / "plain")
+        assert other.read_bytes() == path.read_bytes()
+
+
+def test_workers_write_the_same_files(places: Path, tmp_path: Path) -> None:
+    out, options = tmp_path / "many", GeometryOptions()
+    with ThreadPoolExecutor(2) as pool:
+        list(write_synthetic(out, scenes=3, seed=5, geometry=options, executor=pool))
+    files = [path.relative_to(out) for path in out.rglob("*") if path.is_file()]
+    assert len(files) == 10
+    assert all((out / name).read_bytes() == (places / name).read_bytes() for name in files)
+
+
+def test_same_arguments_same_bytes() -> None:
+    one = shape_building(ROWS, GeometryOptions(), seed=3, number=4)
+    assert shape_building(ROWS, GeometryOptions(), seed=3, number=4) == one
+    assert shape_building(ROWS, GeometryOptions(), seed=3, number=5)[0] != one[0]
+
+
+def test_files_have_what_real_ones_have(tmp_path: Path) -> None:
+    options = GeometryOptions(coloured_by="both")
+    tree, binary = take_apart(shape_building(ROWS, options, seed=0, number=0)[0])
+    assert len(tree["meshes"]) == 3
+    attributes = tree["meshes"][0]["primitives"][0]["attributes"]
+    assert set(attributes) == {"POSITION", "TEXCOORD_0", "COLOR_0"}
+    assert any("children" in tree["nodes"][child] for child in tree["nodes"][0]["children"])
+    modes = set()
+    for image in tree["images"]:
+        view = tree["bufferViews"][image["bufferView"]]
+        png = binary[view["byteOffset"] :]
+        assert png[:8] == b"\x89PNG\r\n\x1a\n"
+        modes.add(png[25])  # the type of colour in its header: 2 is RGB, 3 a palette
+    assert modes == {2, 3}
+
+
+@pytest.mark.parametrize("up_axis", ["y", "z"])
+@pytest.mark.parametrize("coloured_by", ["texture", "vertex", "both"])
+def test_every_kind_of_file_is_read(tmp_path: Path, coloured_by: Any, up_axis: Any) -> None:
+    options = GeometryOptions(coloured_by=coloured_by, up_axis=up_axis)
+    mesh, truth = shape_building(ROWS, options, seed=1, number=0)
+    path = tmp_path / "m.glb"
+    path.write_bytes(mesh)
+    survey = survey_mesh(path, [str(row.colour) for row in ROWS])
+    assert truth["up_axis"] == up_axis
+    bed = next(row for row in ROWS if row.name == "bed")
+    true = truth["instances"][str(bed.instance_id)]
+    height = {"y": 1, "z": 2}[up_axis]
+    found = survey.part_box[bed.instance_id - 1, :, height]
+    np.testing.assert_allclose(found, np.array(true["main_box"])[:, 2], atol=0.02)
+    assert (survey.coverage.texels == 0) == (coloured_by == "vertex")
+    scene = trimesh.load_scene(path)
+    assert scene.extents.min() > 2
+
+
+def test_a_stopped_run_is_seen(tmp_path: Path) -> None:
+    out = tmp_path / "stopped"
+    next(write_synthetic(out, scenes=2, seed=0, geometry=GeometryOptions()))
+    (path,) = out.rglob("*.semantic.glb")
+    assert path.stat().st_size > 1000
+    annotation = next(out.rglob("*.semantic.txt"))
+    assert len(read_annotation(annotation).instances) > 1
+    with pytest.raises(SourceError, match="was stopped"):
+        HM3DFolder(out).find()

@@ -1,0 +1,145 @@
+"""Blind nodes by hand and by property, and beliefs that improve as rooms are searched."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from conftest import load_script
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from bsg_data.build import build_dataset
+from bsg_data.dataset.manifest import ClassMapEntry, read_manifest
+from bsg_data.dataset.shards import read_scene_graphs
+from bsg_data.dataset.splits import split_dataset
+from bsg_data.errors import MismatchError, RecipeError
+from bsg_data.observation.pairs import write_pairs
+from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, mask_scene
+from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
+from bsg_data.sources.hm3d import HM3DFolder
+from bsg_data.synthetic.buildings import write_synthetic
+from bsg_models.belief.belief_graph import believe, complete, rank_unseen
+from bsg_models.belief.count_distribution import poisson
+from bsg_models.belief.expectation import from_hidden_counts, from_totals, from_truth
+from bsg_models.inputs.graphs import MaskedGraphs
+from bsg_models.runs.predictor import Predictor, to_data
+from bsg_models.training.training import train_run
+from bsg_models.zoo.catalogue import ZOO
+from bsg_models.zoo.config import override, validate_config
+
+FOUR = ClassMapEntry(version="test", sha256="0" * 64, classes=("bed", "lamp", "sink", "tv"))
+GRAPH = PartialGraph(
+    "s",
+    FOUR,
+    0.5,
+    (KnownRoom("a", 0.5), KnownRoom("b", 0.5)),
+    (SeenObject("1", 1, "bed", "bed", 0), SeenObject("2", 2, "sink", "sink", 2)),
+)
+
+
+def test_remainders_are_shared_by_hand() -> None:
+    # 2.6 objects are expected: 3 nodes. One lamp whole; the remainders .8 and .5 take the rest.
+    assert complete(np.array([[0.8, 1.2, 0.1, 0.5]])).tolist() == [[1, 1, 0, 1]]
+    # A tie goes to the lower index; a half is rounded up.
+    assert complete(np.array([[0.25, 0.25, 0.0, 0.0]])).tolist() == [[1, 0, 0, 0]]
+    assert complete(np.array([[0.2, 0.2, 0.0, 0.0]])).tolist() == [[0, 0, 0, 0]]
+
+
+@given(arrays(np.float64, (3, 7), elements=st.floats(0, 30)))
+def test_blind_nodes_complete_a_room_to_its_rounded_total(hidden: np.ndarray) -> None:
+    numbers = complete(hidden)
+    np.testing.assert_array_equal(numbers.sum(axis=1), np.floor(hidden.sum(axis=1) + 0.5))
+    assert (numbers >= np.floor(hidden)).all()
+    assert (numbers <= np.ceil(hidden)).all()
+
+
+def test_a_belief_graph_by_hand() -> None:
+    inputs = GRAPH.histograms().astype(float)
+    hidden = np.array([[0.1, 2.0, 0.7, 0], [0.1, 1.4, 0.6, 0], [0, 0.6, 0.1, 0]])
+    expectation = from_hidden_counts(inputs, poisson(hidden))
+    belief = believe(GRAPH, expectation, model="by hand")
+    found = [(node.room_index, node.class_index, node.expected) for node in belief.blind]
+    assert found == [(1, 1, 1.4), (1, 2, 0.6), (2, 1, 0.6)]
+    assert belief.blind[0].presence == pytest.approx(1 - np.exp(-1.4))
+    np.testing.assert_allclose(belief.hidden, hidden)
+    unseen = believe(GRAPH, expectation, mode="unseen", top=1)
+    assert [(node.room_index, node.class_index) for node in unseen.blind] == [(1, 1), (2, 1)]
+    # The sink of room 2 was seen, and a tv is certainly not there.
+    assert [row.tolist() for row in rank_unseen(expectation, 9)] == [[1], [1, 2], [1]]
+
+
+def test_distributions_and_totals() -> None:
+    found = from_totals(np.zeros((2, 2)), np.array([[3.0, 1.0], [0.0, 0.0]]))
+    assert found.total.tolist() == [4, 0]
+    assert found.distribution.tolist() == [[0.75, 0.25], [0, 0]]
+
+
+def test_an_oracle_is_certain() -> None:
+    inputs = GRAPH.histograms().astype(float)
+    targets = inputs + np.array([[0, 3, 0, 0], [0, 2, 0, 0], [0, 1, 0, 0]])
+    oracle = from_truth(inputs, targets)
+    assert oracle.presence.tolist() == (targets > inputs).astype(float).tolist()
+    assert (oracle.log_probability(targets - inputs) == 0).all()
+    assert (oracle.quantile(0.9) == targets).all()
+    belief = believe(GRAPH, oracle)
+    assert [(node.room_index, node.class_index) for node in belief.blind] == [
+        (1, 1),
+        (1, 1),
+        (2, 1),
+    ]
+
+
+def test_the_expectation_of_another_graph_is_refused() -> None:
+    with pytest.raises(RecipeError, match="of other inputs"):
+        believe(GRAPH, from_totals(np.zeros((3, 4)), np.ones((3, 4))))
+
+
+@pytest.fixture
+def run(dataset: Path, tmp_path: Path) -> Path:
+    list(train_run(ZOO["mixture"], dataset, tmp_path / "run"))
+    return tmp_path / "run"
+
+
+@pytest.mark.parametrize("strategy", ["uniform", "rooms", "frontier"])
+def test_a_model_reads_a_partial_graph_as_it_reads_a_masked_building(
+    dataset: Path, run: Path, strategy: str
+) -> None:
+    recipe = MaskRecipe.model_validate({"strategy": strategy})
+    manifest, vocabulary = read_manifest(dataset), ("wall", "floor", "kitchen cabinet")
+    scenes = {graph.scene_id: graph for graph in read_scene_graphs(dataset)}
+    masked = MaskedGraphs.fresh(dataset, "train", mask=recipe, draw=1, vocabulary=vocabulary)
+    assert len(masked) > 5
+    for one in masked:
+        partial = mask_scene(scenes[one.scene_id], recipe, draw=1, class_map=manifest.class_map)
+        data = to_data(partial, edges=("up", "down"), vocabulary=vocabulary)
+        for key in ("x", "others", "edge_index", "adjacent_index", "visited", "fraction"):
+            torch.testing.assert_close(data[key], one[key])
+
+
+def test_a_graph_of_another_class_map_is_refused(run: Path) -> None:
+    with pytest.raises(MismatchError, match="the graph s has those of test"):
+        Predictor(run)(GRAPH)
+
+
+@pytest.mark.parametrize("source", ["synthetic", "real"])
+def test_beliefs_about_unvisited_rooms_improve_as_others_are_searched(
+    source: str, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    if source == "real":
+        folder = request.getfixturevalue("shared") / "annotations"
+    else:
+        folder = tmp_path / "buildings"
+        list(write_synthetic(folder, scenes=120, seed=0))
+    data, mask = tmp_path / "data", MaskRecipe(strategy="rooms")
+    build_dataset(HM3DFolder(folder), data)
+    split_dataset(data, SplitRecipe())
+    write_pairs(data, PairsRecipe(mask=mask, draws=2))
+    tables = override(ZOO["mixture"].model_dump(mode="json"), ["data.mask.strategy=rooms"])
+    list(train_run(validate_config(tables, source="test"), data, tmp_path / "run"))
+    gains = load_script("measure_search").measure_search(data, tmp_path / "run", orders=3)
+    assert len(gains) > 10
+    assert (gains.mean(axis=0) > 0).all(), gains.mean(axis=0)

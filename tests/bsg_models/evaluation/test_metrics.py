@@ -1,0 +1,200 @@
+"""Every metric against SciPy or a naive loop, and by hand."""
+
+from __future__ import annotations
+
+import doctest
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from scipy import stats
+
+from bsg_models.evaluation import metrics
+from bsg_models.evaluation.metrics import Floats
+
+counts = hnp.arrays(np.float64, (4, 6), elements=st.integers(0, 9).map(float))
+filled = counts.map(lambda a: a + np.eye(4, 6))
+weights = hnp.arrays(np.float64, 4, elements=st.integers(0, 3).map(float))
+scores = st.lists(
+    st.tuples(st.sampled_from([0.0, 0.1, 0.5, 0.7, 1.0]), st.booleans(), st.integers(0, 3)),
+    min_size=1,
+    max_size=12,
+)
+
+
+def test_doctests() -> None:
+    found = doctest.testmod(metrics)
+    assert found.attempted >= 12
+    assert found.failed == 0
+
+
+@given(counts, counts)
+def test_value_distances_are_scipys(a: Floats, b: Floats) -> None:
+    p, q = metrics.normalise(a), metrics.normalise(b)
+    for found, reference in (
+        (metrics.wasserstein_values(p, q), stats.wasserstein_distance),
+        (metrics.energy_values(p, q), stats.energy_distance),
+    ):
+        expected = [reference(x, y) for x, y in zip(p, q, strict=True)]
+        np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
+@given(filled, filled)
+def test_class_distances_are_scipys(a: Floats, b: Floats) -> None:
+    p, q = metrics.normalise(a), metrics.normalise(b)
+    support = np.arange(6)
+    for found, reference in (
+        (metrics.wasserstein_classes(p, q), stats.wasserstein_distance),
+        (metrics.energy_classes(p, q), stats.energy_distance),
+    ):
+        expected = [reference(support, support, x, y) for x, y in zip(p, q, strict=True)]
+        np.testing.assert_allclose(found, expected, atol=1e-7)
+
+
+def test_an_empty_histogram_has_no_place_among_the_classes() -> None:
+    p, q = np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([[1.0, 0.0], [1.0, 0.0]])
+    assert np.isnan(metrics.wasserstein_classes(p, q)).tolist() == [True, False]
+    assert np.isnan(metrics.energy_classes(p, q)).tolist() == [True, False]
+    assert metrics.wasserstein_values(p, q).tolist() == [0.5, 0.0]
+
+
+def test_the_papers_distances_cannot_tell_one_class_from_another() -> None:
+    """The true histogram with its classes permuted scores 0: docs/reproduction.md."""
+    rng = np.random.default_rng(0)
+    true = metrics.normalise(rng.poisson(0.5, (20, 45)).astype(float))
+    permuted = true[:, rng.permutation(45)]
+    assert metrics.wasserstein_values(permuted, true).max() == 0
+    assert metrics.energy_values(permuted, true).max() == pytest.approx(0)
+    assert metrics.total_variation(permuted, true).mean() > 0.5
+
+
+@given(hnp.arrays(np.float64, 8, elements=st.integers(-4, 4).map(float)))
+def test_moments_are_scipys(values: Floats) -> None:
+    found = metrics.moments(values)
+    assert found.mean == pytest.approx(values.mean())
+    assert found.variance == pytest.approx(values.var())
+    if values.var() > 0:
+        assert found.skewness == pytest.approx(stats.skew(values), abs=1e-9)
+        assert found.kurtosis == pytest.approx(stats.kurtosis(values), abs=1e-9)
+    else:
+        assert np.isnan(found.skewness)
+
+
+@given(
+    hnp.arrays(np.float64, 4, elements=st.integers(-4, 4).map(float)),
+    weights.filter(lambda w: w.sum() > 0),
+)
+def test_a_weight_is_a_repetition(values: Floats, times: Floats) -> None:
+    repeated = np.repeat(values, times.astype(int))
+    weighted = metrics.moments(values, times)
+    for found, expected in zip(weighted, metrics.moments(repeated), strict=True):
+        assert found == pytest.approx(expected, nan_ok=True)
+
+
+def test_moments_leave_nan_out() -> None:
+    assert metrics.moments(np.array([1.0, np.nan, 3.0])).mean == 2
+    assert np.isnan(metrics.moments(np.array([np.nan]))).all()
+
+
+@given(hnp.arrays(np.float64, (7, 5), elements=st.integers(0, 5).map(float)))
+def test_correlations_are_numpys_where_they_exist(table: Floats) -> None:
+    found = metrics.correlation_matrix(table)
+    varying = table.std(axis=0) > 0
+    if varying.sum() > 1:
+        expected = np.corrcoef(table[:, varying], rowvar=False)
+        np.testing.assert_allclose(found[np.ix_(varying, varying)], expected, atol=1e-9)
+    assert (np.diag(found) == 1).all()
+    constant = np.flatnonzero(~varying)
+    assert (np.delete(found[constant], constant, axis=1) == 0).all()
+
+
+@given(filled, weights.filter(lambda w: w.sum() > 0))
+def test_a_weighted_frobenius_norm_is_that_of_repeated_rows(a: Floats, times: Floats) -> None:
+    b = a[::-1]
+    repeat = times.astype(int)
+    expected = metrics.correlation_frobenius(
+        np.repeat(a, repeat, axis=0), np.repeat(b, repeat, axis=0)
+    )
+    assert metrics.correlation_frobenius(a, b, times) == pytest.approx(expected, abs=1e-6)
+
+
+def naive_auroc(pairs: list[tuple[float, bool, int]]) -> float:
+    wins = total = 0.0
+    for a, positive, m in pairs:
+        for b, other, n in pairs:
+            if positive and not other:
+                total += m * n
+                wins += m * n * ((a > b) + 0.5 * (a == b))
+    return wins / total if total else float("nan")
+
+
+def naive_average_precision(pairs: list[tuple[float, bool, int]]) -> float:
+    positives = sum(m for _, positive, m in pairs if positive)
+    if not positives:
+        return float("nan")
+    area = recall = 0.0
+    for threshold in sorted({score for score, _, _ in pairs}, reverse=True):
+        above = [(positive, m) for score, positive, m in pairs if score >= threshold]
+        true = sum(m for positive, m in above if positive)
+        seen = sum(m for _, m in above)
+        if seen:
+            area += (true / positives - recall) * true / seen
+            recall = true / positives
+    return area
+
+
+@given(scores)
+def test_ranked_measures_are_those_of_a_naive_loop(pairs: list[tuple[float, bool, int]]) -> None:
+    values, truth, times = (np.array(column) for column in zip(*pairs, strict=True))
+    ranking = metrics.rank(values, truth)
+    mass = times.astype(float)
+    assert metrics.auroc(ranking, mass) == pytest.approx(naive_auroc(pairs), nan_ok=True)
+    assert metrics.average_precision(ranking, mass) == pytest.approx(
+        naive_average_precision(pairs), nan_ok=True
+    )
+
+
+def test_auroc_is_scipys_mann_whitney() -> None:
+    rng = np.random.default_rng(1)
+    values = rng.integers(0, 20, 300) / 20
+    truth = rng.random(300) < values
+    expected = stats.mannwhitneyu(values[truth], values[~truth]).statistic
+    found = metrics.auroc(metrics.rank(values, truth))
+    assert found == pytest.approx(expected / (truth.sum() * (~truth).sum()))
+
+
+def test_calibration_by_hand() -> None:
+    presence = np.array([0.1, 0.1, 0.9, 0.9])
+    truth = np.array([False, True, True, True])
+    # bins of 1/15: 0.1 has frequency 1/2, 0.9 has 1; half of the cells in each
+    assert metrics.calibration_error(presence, truth) == pytest.approx(0.5 * 0.4 + 0.5 * 0.1)
+    assert metrics.calibration_error(presence, truth, np.array([1.0, 0, 0, 0])) == pytest.approx(
+        0.1
+    )
+    assert np.isnan(metrics.calibration_error(presence, truth, np.zeros(4)))
+    assert metrics.brier(presence, truth) == pytest.approx((0.01 + 0.81 + 0.01 + 0.01) / 4)
+
+
+def test_top_k_by_hand() -> None:
+    presence = np.array([[0.9, 0.6, 0.6, 0.1]] * 3)
+    seen = np.array([[True, False, False, False]] * 3)
+    hidden = np.array(
+        [[True, False, True, False], [True, False, False, False], [False, False, False, True]]
+    )
+    # class 0 is seen and does not compete; classes 1 and 2 tie, and the lower index goes first
+    assert np.array_equal(
+        metrics.topk_unseen(presence, seen, hidden, k=1), [0, np.nan, 0], equal_nan=True
+    )
+    assert np.array_equal(
+        metrics.topk_unseen(presence, seen, hidden, k=2), [1, np.nan, 0], equal_nan=True
+    )
+    assert np.array_equal(
+        metrics.topk_unseen(presence, seen, hidden, k=3), [1, np.nan, 1], equal_nan=True
+    )
+
+
+def test_top_k_never_counts_a_seen_class() -> None:
+    presence, seen = np.array([[0.9, 0.1]]), np.array([[True, False]])
+    assert metrics.topk_unseen(presence, seen, np.array([[True, False]]), k=5)[0] != 1

@@ -1,0 +1,111 @@
+"""Orders of rooms against all orders, and against a naive sum."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bsg_models.search.orders import choose_rooms, expected_cost, order_rooms
+from bsg_models.search.shortest_paths import find_ways
+
+Floats = npt.NDArray[np.float64]
+
+
+def sample_case(seed: int, rooms: int, classes: int) -> tuple[Floats, Floats]:
+    rng = np.random.default_rng(seed)
+    edges = rng.uniform(1, 10, (1, rooms + 1, rooms + 1))
+    return find_ways(edges).costs[0], 1 - rng.beta(0.3, 1.5, (rooms, classes)).clip(1e-6, 1)
+
+
+def naive(costs: Floats, miss: Floats, order: tuple[int, ...], *, single: bool) -> float:
+    """Return the expected cost by summing over everything that may be where."""
+    rooms, classes = miss.shape
+    total = weight = 0.0
+    for there in itertools.product([False, True], repeat=rooms * classes):
+        holds = np.array(there).reshape(rooms, classes)
+        if single and not holds.any(axis=0).all():
+            continue  # it is known that each class is somewhere
+        probability = float(np.where(holds, 1 - miss, miss).prod())
+        weight += probability
+        left, place, cost = holds.copy(), rooms, 0.0
+        for room in order:
+            found = ~left.any(axis=0) if not single else (left.any(axis=0) < holds.any(axis=0))
+            done = not left.any() if not single else bool((found | ~holds.any(axis=0)).all())
+            if done:
+                break
+            cost += costs[place, room]
+            place = room
+            if single:
+                hit = left[room].copy()
+                left[:, hit] = False
+            else:
+                left[room] = False
+        total += probability * cost
+    return total / weight if single else total
+
+
+@given(seed=st.integers(0, 2**32), rooms=st.integers(1, 4), single=st.booleans())
+@settings(max_examples=25, deadline=None)
+def test_the_expected_cost_is_the_mean_over_all_that_may_be(
+    seed: int, rooms: int, single: bool
+) -> None:
+    costs, miss = sample_case(seed, rooms, 2 if single else 1)
+    order = tuple(np.random.default_rng(seed).permutation(rooms).tolist())
+    found = expected_cost(costs, rooms, miss, np.array(order), single=single)
+    assert found == pytest.approx(naive(costs, miss, order, single=single), rel=1e-6)
+
+
+@given(
+    seed=st.integers(0, 2**32),
+    rooms=st.integers(1, 7),
+    classes=st.integers(1, 2),
+    single=st.booleans(),
+)
+@settings(max_examples=30, deadline=None)
+def test_the_exact_order_is_the_best_of_all(
+    seed: int, rooms: int, classes: int, single: bool
+) -> None:
+    costs, miss = sample_case(seed, rooms, classes if single else 1)
+    order = order_rooms(costs, rooms, miss, single=single)
+    assert sorted(order.tolist()) == list(range(rooms))
+    best = min(
+        expected_cost(costs, rooms, miss, np.array(other), single=single)
+        for other in itertools.permutations(range(rooms))
+    )
+    assert expected_cost(costs, rooms, miss, order, single=single) == pytest.approx(best)
+
+
+@pytest.mark.parametrize("single", [True, False])
+def test_the_search_for_orders_of_many_rooms_is_nearly_exact(single: bool) -> None:
+    found, best = [], []
+    for seed in range(60):
+        costs, miss = sample_case(seed, 10, 1)
+        for exact, values in ((10, best), (0, found)):
+            order = order_rooms(costs, 10, miss, single=single, exact=exact)
+            values.append(expected_cost(costs, 10, miss, order, single=single))
+    excess = np.array(found) / np.array(best) - 1
+    assert excess.min() > -1e-9
+    assert excess.mean() < 0.005
+
+
+@pytest.mark.parametrize("single", [True, False])
+def test_certain_and_impossible_rooms_are_no_trouble(single: bool) -> None:
+    costs, _ = sample_case(0, 12, 1)
+    presence = np.zeros((1, 13, 1))
+    presence[0, 7] = 1.0
+    rooms = np.ones((1, 13), dtype=bool)
+    rooms[0, 12] = False
+    where = (costs[None], np.array([12]), rooms)
+    wanted = np.ones((1, 1), dtype=bool)
+    for exact in (12, 2):
+        chosen = choose_rooms(*where, presence, wanted=wanted, single=single, exact=exact)
+        assert costs[12, chosen[0]] + costs[chosen[0], 7] == pytest.approx(costs[12, 7])
+    nowhere = choose_rooms(*where, 0 * presence, wanted=wanted, single=single)
+    assert rooms[0, nowhere[0]]
+    none_left = choose_rooms(*where[:2], 0 * rooms > 0, presence, wanted=wanted, single=single)
+    assert none_left.tolist() == [-1]

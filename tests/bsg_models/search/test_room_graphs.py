@@ -1,0 +1,95 @@
+"""Worlds: what their graphs are, and that they depend on their recipe alone."""
+
+from __future__ import annotations
+
+import networkx
+import numpy as np
+import pytest
+
+from bsg_data.errors import RecipeError
+from bsg_data.scene.scene_graph import Edge, Room, SceneGraph
+from bsg_models.search.room_graphs import (
+    DEFAULT_WORLDS,
+    WorldRecipe,
+    measure_rooms,
+    parse_world,
+    sample_travel,
+)
+
+DRAWN = ("star", "complete", "complete-paths", "tree", "tree-plus")
+
+
+@pytest.mark.parametrize("text", ["star:1-10", "complete:5-10", "tree-plus:0-0.5", "layout"])
+def test_a_name_is_read_back(text: str) -> None:
+    assert parse_world(text).name == text
+
+
+def test_defaults_have_their_own_costs() -> None:
+    assert [parse_world(world.kind) for world in DEFAULT_WORLDS] == list(DEFAULT_WORLDS)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "ring", "star:", "star:10-1", "star:1", "layout:1-10", "star:0-0", "star:1-1e3"]
+)
+def test_other_texts_are_refused(text: str) -> None:
+    with pytest.raises(RecipeError):
+        parse_world(text)
+
+
+@pytest.mark.parametrize("kind", DRAWN)
+def test_travel_does_not_depend_on_the_number_of_episodes(kind: str) -> None:
+    recipe = WorldRecipe(kind=kind)  # type: ignore[arg-type]
+    few, many = (
+        sample_travel(recipe, nodes=7, episodes=number, scene_id="s", seed=3) for number in (2, 9)
+    )
+    np.testing.assert_array_equal(few.costs, many.costs[:2])
+    other = sample_travel(recipe, nodes=7, episodes=2, scene_id="t", seed=3)
+    assert not np.array_equal(few.costs, other.costs)
+
+
+@pytest.mark.parametrize("kind", DRAWN)
+def test_costs_are_symmetric_and_rooms_reach_each_other(kind: str) -> None:
+    recipe = WorldRecipe(kind=kind, low=2, high=3)  # type: ignore[arg-type]
+    travel = sample_travel(recipe, nodes=8, episodes=5, scene_id="s", seed=0)
+    rooms = travel.costs[:, 1:, 1:]
+    np.testing.assert_allclose(rooms, rooms.transpose(0, 2, 1))
+    assert np.isfinite(rooms).all()
+    assert rooms[:, ~np.eye(7, dtype=bool)].min() >= 2
+
+
+def test_a_star_goes_through_the_building() -> None:
+    travel = sample_travel(WorldRecipe(kind="star"), nodes=5, episodes=3, scene_id="s", seed=0)
+    legs = travel.costs[:, 0]
+    for a in range(1, 5):
+        for b in range(1, 5):
+            expected = 0.0 if a == b else legs[:, a] + legs[:, b]
+            np.testing.assert_allclose(travel.costs[:, a, b], expected)
+
+
+@pytest.mark.parametrize(("kind", "most"), [("tree", 0), ("tree-plus", 4)])
+def test_trees_are_trees(kind: str, most: int) -> None:
+    recipe = WorldRecipe(kind=kind)  # type: ignore[arg-type]
+    travel = sample_travel(recipe, nodes=9, episodes=20, scene_id="s", seed=0)
+    for steps in travel.steps:
+        edges = [(a, b) for a in range(1, 9) for b in range(1, 9) if a != b and steps[a, b] == b]
+        graph = networkx.Graph(edges)
+        assert 7 <= graph.number_of_edges() <= 7 + most
+        assert networkx.is_tree(graph) or most
+
+
+def test_a_layout_in_two_parts_is_its_larger_part() -> None:
+    rooms = tuple(Room(room_index=i, region_id=i) for i in range(1, 7))
+    edges = (
+        Edge(1, 2, "adjacent", "layout", 3.0),
+        Edge(3, 4, "adjacent", "layout", 1.0),
+        Edge(4, 5, "adjacent", "layout", 2.0),
+        Edge(2, 3, "adjacent", "layout", None),  # of unknown length
+        Edge(5, 6, "adjacent", "door", 1.0),  # of a mesh
+    )
+    graph = SceneGraph("s", "test", "1", "train", "0" * 64, rooms, (), edges)
+    found = measure_rooms(graph, "layout")
+    assert np.flatnonzero(found.rooms).tolist() == [3, 4, 5]
+    assert found.travel(2).costs[1, 3, 5] == 3.0
+    assert np.flatnonzero(measure_rooms(graph, "geometry").rooms).tolist() == [5, 6]
+    nothing = SceneGraph("s", "test", "1", "train", "0" * 64, rooms, ())
+    assert not measure_rooms(nothing, "layout").rooms.any()

@@ -1,0 +1,252 @@
+"""The simulator and the planners: by hand, and what must hold in every world."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bsg_data.errors import RecipeError
+from bsg_models.search.planners import PLANNERS, Task, next_room
+from bsg_models.search.room_graphs import WorldRecipe, sample_travel
+from bsg_models.search.shortest_paths import find_ways
+from bsg_models.search.simulator import Episodes, Step, search, still_to_find
+from bsg_models.studies.search_beliefs import FixedBeliefs
+
+Floats = npt.NDArray[np.float64]
+TASKS: tuple[Task, ...] = ("single", "all")
+
+
+def in_a_row(costs: list[float], instances: list[int], *, start: int) -> Episodes:
+    """Return one search among rooms 1, 2, … in a row, with the costs between neighbours."""
+    nodes = len(instances) + 1
+    edges = np.full((1, nodes, nodes), np.inf)
+    for room, cost in enumerate(costs, 1):
+        edges[0, room, room + 1] = edges[0, room + 1, room] = cost
+    return Episodes(
+        travel=find_ways(edges),
+        rooms=np.arange(nodes) > 0,
+        starts=np.array([start]),
+        artifacts=np.array([[5]]),
+        instances=np.array([0, *instances])[None, :, None],
+        lots=np.linspace(0, 1, nodes)[None],
+    )
+
+
+def draw_episodes(seed: int, *, rooms: int, kind: str, classes: int = 1) -> Episodes:
+    """Return six random searches whose artifacts are somewhere, and not where they start."""
+    rng = np.random.default_rng(seed)
+    recipe = WorldRecipe(kind=kind)  # type: ignore[arg-type]
+    instances = rng.poisson(0.6, (6, rooms + 1, classes))
+    starts = 1 + rng.integers(rooms, size=6)
+    instances[np.arange(6), starts] = 0
+    instances[:, 0] = 0
+    elsewhere = 1 + starts % rooms
+    for a in range(classes):
+        instances[np.arange(6), elsewhere, a] = np.maximum(1, instances[np.arange(6), elsewhere, a])
+    return Episodes(
+        travel=sample_travel(recipe, nodes=rooms + 1, episodes=6, scene_id="s", seed=seed),
+        rooms=np.arange(rooms + 1) > 0,
+        starts=starts,
+        artifacts=np.tile(np.arange(classes), (6, 1)),
+        instances=instances,
+        lots=rng.random((6, rooms + 1)),
+    )
+
+
+def test_nearest_first_by_hand() -> None:
+    row = in_a_row([2, 1, 1, 5], [0, 0, 0, 1, 1], start=2)  # 1 –2– 2 –1– 3 –1– 4 –5– 5
+    single = search(row, PLANNERS["nearest"], task="single")
+    assert (single.costs[0], single.entered[0]) == (2.0, 2)  # 3, then 4
+    everything = search(row, PLANNERS["nearest"], task="all")
+    assert everything.costs[0] == 1 + 1 + (1 + 1 + 2) + (2 + 1 + 1 + 5)  # 3, 4, back to 1, then 5
+    assert everything.missed[0] == 0
+
+
+def test_what_is_passed_through_is_entered() -> None:
+    row = in_a_row([1, 1, 1], [0, 0, 1, 0], start=1)
+    presence = np.array([0, 0, 0.1, 0.2, 0.9])[None, :, None]
+    steps: list[Step] = []
+    done = search(
+        row,
+        PLANNERS["greedy-belief"],
+        task="single",
+        beliefs=FixedBeliefs(presence),
+        watch=steps.append,
+    )
+    assert [int(step.target[0]) for step in steps] == [4, 4]
+    assert [int(step.entered[0]) for step in steps] == [2, 3]  # where it is found, on the way to 4
+    assert done.costs[0] == 2.0
+
+
+def test_a_robot_that_stops_itself_misses_what_it_does_not_believe_in() -> None:
+    row = in_a_row([1, 1, 1], [0, 1, 0, 2], start=1)
+    presence = np.array([0, 0, 0.5, 0.04, 0.05])[None, :, None]
+    planner, beliefs = PLANNERS["expected-cost"], FixedBeliefs(presence)
+    eager = search(row, planner, task="all", beliefs=beliefs, stop_at=0.1)
+    assert (eager.costs[0], eager.missed[0]) == (1.0, 2)
+    careful = search(row, planner, task="all", beliefs=beliefs, stop_at=0.01)
+    assert (careful.costs[0], careful.missed[0]) == (3.0, 0)
+    sweep = search(row, PLANNERS["nearest"], task="all", stop_at=-1.0)
+    assert sweep.entered[0] == 3
+
+
+def test_several_classes_single_needs_one_of_each() -> None:
+    row = in_a_row([1, 1, 1], [0, 0, 0, 0], start=1)
+    instances = np.zeros((1, 5, 2), dtype=np.int64)
+    instances[0, 2, 0] = instances[0, 3, 0] = 1
+    instances[0, 4, 1] = 1
+    both = replace(row, artifacts=np.array([[5, 6]]), instances=instances)
+    assert search(both, PLANNERS["nearest"], task="single").costs[0] == 3.0
+    before, found = np.array([[2, 1]]), np.array([[1, 0]])
+    assert still_to_find(before, found, task="single").tolist() == [[0, 1]]
+    assert still_to_find(before, found, task="all").tolist() == [[1, 1]]
+
+
+@given(
+    seed=st.integers(0, 2**32),
+    rooms=st.integers(2, 9),
+    kind=st.sampled_from(["star", "complete", "complete-paths", "tree", "tree-plus"]),
+    task=st.sampled_from(TASKS),
+    classes=st.integers(1, 2),
+)
+@settings(max_examples=40, deadline=None)
+def test_the_oracle_is_never_beaten(
+    seed: int, rooms: int, kind: str, task: Task, classes: int
+) -> None:
+    if classes == rooms:
+        return
+    episodes = draw_episodes(seed, rooms=rooms, kind=kind, classes=classes)
+    beliefs = FixedBeliefs(np.random.default_rng(seed).random(episodes.instances.shape))
+    best = search(episodes, PLANNERS["oracle"], task=task).costs
+    for planner in PLANNERS.values():
+        found = search(episodes, planner, task=task, beliefs=beliefs)
+        assert (found.costs >= best - 1e-9).all()
+        assert (found.missed == 0).all()
+        assert (found.entered <= rooms - 1).all()
+
+
+@given(
+    seed=st.integers(0, 2**32),
+    kind=st.sampled_from(["star", "complete-paths", "tree"]),
+)
+@settings(max_examples=30, deadline=None)
+def test_with_a_perfect_belief_expected_cost_is_the_oracle(seed: int, kind: str) -> None:
+    episodes = draw_episodes(seed, rooms=7, kind=kind)
+    truth = FixedBeliefs((episodes.instances > 0).astype(float))
+    planned = search(episodes, PLANNERS["expected-cost"], task="single", beliefs=truth)
+    known = search(episodes, PLANNERS["oracle"], task="single")
+    np.testing.assert_allclose(planned.costs, known.costs, rtol=1e-4)
+
+
+def routes(episodes: Episodes, name: str, task: Task, *, sweep: bool = False) -> list[list[int]]:
+    """Return the rooms that each search enters, in order."""
+    steps: list[Step] = []
+    beliefs = FixedBeliefs(np.random.default_rng(0).random(episodes.instances.shape))
+    stop = -1.0 if sweep else None
+    planner = PLANNERS[name]
+    search(episodes, planner, task=task, beliefs=beliefs, stop_at=stop, watch=steps.append)
+    return [
+        [int(step.entered[step.rows == e][0]) for step in steps if e in step.rows]
+        for e in range(len(episodes.starts))
+    ]
+
+
+@pytest.mark.parametrize("task", TASKS)
+@pytest.mark.parametrize("name", [n for n, p in PLANNERS.items() if p.reads != "truth"])
+def test_no_planner_knows_the_truth(name: str, task: Task) -> None:
+    """Wherever the artifact is put, the robot goes the same way until it has found it."""
+    episodes = draw_episodes(1, rooms=8, kind="tree")
+    whole = routes(episodes, name, "all", sweep=True)
+    last = [route[-1] for route in whole]
+    hidden = np.zeros_like(episodes.instances)
+    hidden[np.arange(6), last] = 1
+    assert routes(replace(episodes, instances=hidden), name, "all") == whole
+    found = routes(episodes, name, task)
+    for one, longest in zip(
+        found, routes(replace(episodes, instances=hidden), name, task), strict=True
+    ):
+        assert one == longest[: len(one)]
+
+
+def test_routing_and_lots_ignore_the_belief() -> None:
+    episodes = draw_episodes(2, rooms=8, kind="complete")
+    for name in ("nearest", "random", "routing"):
+        costs = [
+            search(
+                episodes,
+                PLANNERS[name],
+                task="all",
+                beliefs=FixedBeliefs(np.full(episodes.instances.shape, value)),
+            ).costs
+            for value in (0.1, 0.9)
+        ]
+        np.testing.assert_array_equal(*costs)
+
+
+def test_the_next_room_of_a_robot_of_its_own() -> None:
+    edges = np.full((6, 6), np.inf)  # rooms 1 – 2 – 3 – 4 in a row, 5 out of reach
+    for a, cost in ((1, 1.0), (2, 1.0), (3, 5.0)):
+        edges[a, a + 1] = edges[a + 1, a] = cost
+    explored = np.array([False, False, True, False, False, False])
+    presence = np.array([0, 0.3, 0.9, 0.4, 0.5, 1.0])
+    for planner, room in (("nearest", 1), ("greedy-belief", 4), ("ratio", 3), ("expected-cost", 1)):
+        found = next_room(edges, here=2, explored=explored, presence=presence, planner=planner)
+        assert found == room
+    explored[:5] = True
+    assert next_room(edges, here=2, explored=explored, presence=presence) is None
+    with pytest.raises(RecipeError, match="oracle"):
+        next_room(edges, here=2, explored=explored, presence=presence, planner="oracle")
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"presence": [0, np.nan, 0.5]}, "presence"),
+        ({"presence": [0, 0.5]}, "presence"),
+        ({"presence": [0, 0.5, 1.5]}, "presence"),
+        ({"edges": -np.ones((3, 3))}, "edges"),
+        ({"edges": np.ones((3, 2))}, "edges"),
+        ({"explored": np.zeros(2, dtype=bool)}, "explored"),
+        ({"here": 3}, "here 3"),
+        ({"task": "both"}, "task 'both'"),
+    ],
+)
+def test_what_no_robot_can_mean_is_refused(change: dict[str, Any], words: str) -> None:
+    known: dict[str, Any] = {
+        "edges": np.ones((3, 3)),
+        "here": 1,
+        "explored": np.zeros(3, dtype=bool),
+        "presence": [0, 0.5, 0.5],
+    }
+    with pytest.raises(RecipeError, match=words):
+        next_room(**{**known, **change})
+
+
+@pytest.mark.parametrize("kind", ["star", "complete", "complete-paths", "tree-plus"])
+@pytest.mark.parametrize("classes", [1, 2, 3])
+def test_the_oracle_of_single_is_exact_in_many_rooms(kind: str, classes: int) -> None:
+    for seed in range(4):
+        episodes = draw_episodes(seed, rooms=20, kind=kind, classes=classes)
+        truth = FixedBeliefs((episodes.instances > 0).astype(float))
+        best = search(episodes, PLANNERS["oracle"], task="single").costs
+        for name in ("nearest", "ratio", "expected-cost"):
+            found = search(episodes, PLANNERS[name], task="single", beliefs=truth)
+            assert (found.costs >= best - 1e-9).all()
+
+
+@pytest.mark.parametrize("kind", ["complete", "complete-paths", "tree-plus"])
+def test_the_oracle_of_all_is_not_beaten_in_many_rooms(kind: str) -> None:
+    """Above twelve rooms with an artifact its tour is searched for, not found for certain."""
+    for seed in range(4):
+        episodes = draw_episodes(seed, rooms=22, kind=kind, classes=2)
+        truth = FixedBeliefs((episodes.instances > 0).astype(float))
+        best = search(episodes, PLANNERS["oracle"], task="all").costs
+        for name in ("nearest", "expected-cost"):
+            found = search(episodes, PLANNERS[name], task="all", beliefs=truth)
+            assert (found.costs >= best - 1e-9).all()

@@ -1,0 +1,73 @@
+"""The beliefs of a search are those of the model about the partial graph that the robot holds."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bsg_data.dataset.manifest import read_manifest
+from bsg_data.dataset.shards import read_scene_graphs
+from bsg_data.observation.partial_graph import enter_room, mask_scene
+from bsg_data.recipes import MaskRecipe
+from bsg_models.inputs.graphs import open_dataset
+from bsg_models.runs.checkpoint import load_checkpoint, restore_model
+from bsg_models.runs.predictor import Predictor
+from bsg_models.runs.run_folder import BEST
+from bsg_models.studies.search_beliefs import FixedBeliefs, ModelBeliefs
+from bsg_models.training.training import train_run
+from bsg_models.zoo.catalogue import find_config
+
+
+@pytest.mark.parametrize("name", ["mixture", "ceci-sage", "search-sage"])
+def test_beliefs_are_those_of_the_partial_graph(name: str, dataset: Path, tmp_path: Path) -> None:
+    config = find_config(name)
+    few = config.training.model_copy(update={"epochs": 2, "validate_every": 1})
+    config = config.model_copy(
+        update={"training": few, "data": config.data.model_copy(update={"min_scenes": 1})}
+    )
+    list(train_run(config, dataset, tmp_path / "run"))
+    path = tmp_path / "run" / BEST
+    data, mask, stove = open_dataset(dataset), MaskRecipe(seed=4), 35
+    graph = max(read_scene_graphs(dataset), key=lambda one: len(one.rooms))
+    model = restore_model(path, load_checkpoint(path))
+    beliefs = ModelBeliefs(
+        model,
+        edges=config.data.edges,
+        data=data,
+        scene_id=graph.scene_id,
+        mask=mask,
+        draws=np.array([0, 1, 0]),
+        artifacts=np.array([[stove], [stove], [3]]),
+    )
+    nodes = 1 + len(graph.rooms)
+    explored = np.zeros((3, nodes), dtype=bool)
+    explored[:, 2] = explored[1, 4] = True
+    presence, share = beliefs(np.arange(3), explored)
+    predictor, class_map = Predictor(path), read_manifest(dataset).class_map
+    for e, (draw, artifact) in enumerate([(0, stove), (1, stove), (0, 3)]):
+        known = mask_scene(graph, mask, draw=draw, class_map=class_map)
+        kept = tuple(obj for obj in known.objects if obj.class_index != artifact)
+        known = replace(known, objects=kept)
+        for room in np.flatnonzero(explored[e]).tolist():
+            known = enter_room(known, graph, room)
+        found = predictor(known, withheld=[artifact])
+        open_ = ~explored[e]
+        np.testing.assert_allclose(
+            presence[e, open_, 0], found.presence[open_, artifact], rtol=1e-4, atol=1e-6
+        )
+        np.testing.assert_allclose(
+            share[e, open_, 0], found.distribution[open_, artifact], rtol=1e-4, atol=1e-6
+        )
+    again, _ = beliefs(np.array([1]), explored[[1]])
+    np.testing.assert_array_equal(again[0], presence[1])
+
+
+def test_fixed_beliefs_do_not_change() -> None:
+    presence = np.random.default_rng(0).random((4, 3, 1))
+    beliefs = FixedBeliefs(presence)
+    which = np.array([2, 0])
+    for explored in (np.zeros((2, 3), dtype=bool), np.ones((2, 3), dtype=bool)):
+        np.testing.assert_array_equal(beliefs(which, explored)[0], presence[which])

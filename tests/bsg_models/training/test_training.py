@@ -1,0 +1,287 @@
+from __future__ import annotations
+
+import doctest
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from safetensors.torch import load_file, save_file
+
+from bsg_data.dataset.manifest import encode_manifest, read_manifest
+from bsg_data.dataset.splits import split_dataset
+from bsg_data.errors import DatasetError, MismatchError
+from bsg_data.observation.pairs import write_pairs
+from bsg_data.recipes import PairsRecipe, SplitRecipe
+from bsg_models.errors import CheckpointError, TrainingError
+from bsg_models.inputs.graphs import open_dataset
+from bsg_models.runs.checkpoint import (
+    CheckpointHeader,
+    load_checkpoint,
+    require_dataset,
+    restore_model,
+    save_checkpoint,
+)
+from bsg_models.runs.run_folder import BEST, LAST, METRICS
+from bsg_models.training import optimiser as optimiser_module
+from bsg_models.training.learning_curve import read_metrics
+from bsg_models.training.training import train_run
+from bsg_models.zoo.catalogue import ZOO
+from bsg_models.zoo.config import RunConfig, TrainingConfig, override, validate_config
+
+NOT_COUNTING = ("ceci-gcn", "ensemble")
+SMALL = ("model.width=8", "model.depth=2", "training.batch_size=4", "training.validate_every=2")
+
+
+def configure(*settings: str, name: str = "ceci-gcn") -> RunConfig:
+    small = SMALL if name == "ceci-gcn" else ()
+    return validate_config(
+        override(ZOO[name].model_dump(mode="json"), [*small, "training.epochs=8", *settings]),
+        source="test",
+    )
+
+
+def weights(path: Path) -> dict[str, torch.Tensor]:
+    return load_file(path)
+
+
+def same(a: dict[str, torch.Tensor], b: dict[str, torch.Tensor]) -> bool:
+    return a.keys() == b.keys() and all(torch.equal(a[name], b[name]) for name in a)
+
+
+def test_doctests() -> None:
+    assert doctest.testmod(optimiser_module).attempted == 3
+    assert doctest.testmod(optimiser_module).failed == 0
+
+
+def test_a_run_leaves_checkpoints_and_metrics(dataset: Path, tmp_path: Path) -> None:
+    reports = list(train_run(configure(), dataset, tmp_path / "run"))
+    assert [r.epoch for r in reports] == list(range(1, 9))
+    assert [r.epoch for r in reports if r.val_loss is not None] == [2, 4, 6, 8]
+    assert read_metrics(tmp_path / "run" / METRICS)[-1].epoch == 8
+    best = load_checkpoint(tmp_path / "run" / BEST).header
+    lowest = min((r for r in reports if r.val_loss), key=lambda r: r.val_loss or 0)
+    assert (best.epoch, best.val_loss) == (lowest.epoch, lowest.val_loss)
+    assert reports[-1].best_epoch == best.epoch
+    assert best.dataset_sha256 == open_dataset(dataset).sha256
+
+
+def test_training_learns(dataset: Path, tmp_path: Path) -> None:
+    """On buildings that are alike, the loss falls well below that of the first epoch."""
+    config = configure("training.epochs=120", "model.dropout=0.0")
+    reports = list(train_run(config, dataset, tmp_path / "run"))
+    assert reports[-1].train_loss < 0.5 * reports[0].train_loss
+
+
+@pytest.mark.parametrize("masks", ["fresh", "fixed"])
+def test_the_same_seed_gives_the_same_weights_and_another_does_not(
+    dataset: Path, tmp_path: Path, masks: str
+) -> None:
+    for name, seed in (("a", 0), ("b", 0), ("c", 1)):
+        config = configure(f"seed={seed}", f"data.masks={masks}")
+        list(train_run(config, dataset, tmp_path / name))
+    a, b, c = (weights(tmp_path / name / LAST) for name in "abc")
+    assert same(a, b)
+    assert not same(a, c)
+
+
+@pytest.mark.parametrize("stop", [3, 4, 5])
+@pytest.mark.parametrize("decay", ["weight-decay", "learning-rate"])
+def test_a_stopped_run_resumes_to_the_same_weights(
+    dataset: Path, tmp_path: Path, stop: int, decay: str
+) -> None:
+    config = configure(f"training.decay_as={decay}", "training.decay=0.01")
+    list(train_run(config, dataset, tmp_path / "whole"))
+    for report in train_run(config, dataset, tmp_path / "stopped"):
+        if report.epoch == stop:
+            break  # as Ctrl-C does: the generator is closed between two epochs
+    resumed = list(train_run(config, dataset, tmp_path / "stopped", resume=True))
+    assert resumed[0].epoch == 2 * (stop // 2) + 1
+    for name in (LAST, BEST):
+        assert same(weights(tmp_path / "whole" / name), weights(tmp_path / "stopped" / name))
+    whole, stopped = (read_metrics(tmp_path / n / METRICS) for n in ("whole", "stopped"))
+    assert [(r.epoch, r.train_loss, r.val_loss) for r in whole] == [
+        (r.epoch, r.train_loss, r.val_loss) for r in stopped
+    ]
+
+
+def test_a_run_can_be_made_longer(dataset: Path, tmp_path: Path) -> None:
+    list(train_run(configure(), dataset, tmp_path / "long"))
+    list(train_run(configure("training.epochs=4"), dataset, tmp_path / "short"))
+    list(train_run(configure(), dataset, tmp_path / "short", resume=True))
+    assert same(weights(tmp_path / "long" / LAST), weights(tmp_path / "short" / LAST))
+
+
+def test_what_cannot_be_resumed_is_refused(dataset: Path, tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    list(train_run(configure(), dataset, run))
+    with pytest.raises(TrainingError, match="--resume goes on, --force replaces"):
+        list(train_run(configure(), dataset, run))
+    with pytest.raises(TrainingError, match=r"only training\.epochs may change"):
+        list(train_run(configure("model.dropout=0.1"), dataset, run, resume=True))
+    with pytest.raises(TrainingError, match=r"model\.dropout: 0\.5 → 0\.1"):
+        list(train_run(configure("model.dropout=0.1"), dataset, run, resume=True))
+    with pytest.raises(TrainingError, match="nothing to resume"):
+        list(train_run(configure(name="doubled"), dataset, run, resume=True))
+    split_dataset(dataset, SplitRecipe(seed=5), force=True)
+    before = {path.name: path.read_bytes() for path in run.iterdir()}
+    with pytest.raises(DatasetError, match="has no pairs"):
+        list(train_run(configure(), dataset, run, force=True))
+    assert {path.name: path.read_bytes() for path in run.iterdir()} == before
+    write_pairs(dataset, PairsRecipe(draws=1))
+    with pytest.raises(TrainingError, match="was trained on another dataset"):
+        list(train_run(configure(), dataset, run, resume=True))
+    list(train_run(configure(name="doubled"), dataset, run, force=True))
+    assert not (run / LAST).exists()
+
+
+def test_a_run_that_was_stopped_before_its_first_checkpoint_starts(
+    dataset: Path, tmp_path: Path
+) -> None:
+    list(train_run(configure(), dataset, tmp_path / "whole"))
+    for _ in train_run(configure(), dataset, tmp_path / "stopped"):
+        break
+    list(train_run(configure(), dataset, tmp_path / "stopped", resume=True))
+    assert same(weights(tmp_path / "whole" / LAST), weights(tmp_path / "stopped" / LAST))
+
+
+def test_two_trainings_never_write_into_one_run(dataset: Path, tmp_path: Path) -> None:
+    first = train_run(configure(), dataset, tmp_path / "run")
+    next(first)
+    with pytest.raises(DatasetError, match="another command is writing there"):
+        list(train_run(configure(), dataset, tmp_path / "run", force=True))
+    list(first)
+    list(train_run(configure(), dataset, tmp_path / "alone"))
+    assert same(weights(tmp_path / "run" / LAST), weights(tmp_path / "alone" / LAST))
+
+
+def test_a_run_that_lost_a_part_is_not_resumed(dataset: Path, tmp_path: Path) -> None:
+    run, longer = tmp_path / "run", configure("training.epochs=10")
+    list(train_run(configure(), dataset, run))
+    whole = (run / METRICS).read_text()
+    (run / METRICS).write_text("nonsense\n1\n")
+    with pytest.raises(TrainingError, match="not the metrics of a run"):
+        list(train_run(longer, dataset, run, resume=True))
+    (run / METRICS).write_text(whole)
+    tensors = weights(run / LAST)
+    rewrite(run / LAST, {n: t for n, t in tensors.items() if not n.endswith("bias.step")})
+    with pytest.raises(CheckpointError, match=r"adam\..*bias\.step is missing"):
+        list(train_run(longer, dataset, run, resume=True))
+    rewrite(run / LAST, tensors)
+    (run / BEST).unlink()
+    with pytest.raises(TrainingError, match="is gone"):
+        list(train_run(longer, dataset, run, resume=True))
+
+
+def test_a_dataset_that_changes_under_a_training_does_not_change_it(
+    dataset: Path, tmp_path: Path
+) -> None:
+    list(train_run(configure(), dataset, tmp_path / "quiet"))
+    for report in train_run(configure(), dataset, tmp_path / "disturbed"):
+        if report.epoch == 3:
+            split_dataset(dataset, SplitRecipe(seed=9), force=True)
+    a, b = (weights(tmp_path / name / LAST) for name in ("quiet", "disturbed"))
+    assert same(a, b)
+
+
+def test_a_diverging_run_says_so_and_keeps_what_it_had(dataset: Path, tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    list(train_run(configure("training.epochs=2"), dataset, run))
+    header = load_checkpoint(run / LAST).header
+    hot = header.config.training.model_copy(update={"learning_rate": 1e30})
+    config = header.config.model_copy(update={"training": hot})
+    rewrite(run / LAST, weights(run / LAST), config=config)
+    before = {path.name: path.read_bytes() for path in run.iterdir()}
+    longer = config.model_copy(update={"training": hot.model_copy(update={"epochs": 9})})
+    with pytest.raises(TrainingError, match=r"is not finite.*lower training\.learning_rate"):
+        list(train_run(longer, dataset, run, resume=True))
+    assert {path.name: path.read_bytes() for path in run.iterdir()} == before
+
+
+COUNTING = [
+    name for name in ZOO if ZOO[name].training == TrainingConfig() and name not in NOT_COUNTING
+]
+
+
+@pytest.mark.parametrize("name", COUNTING)
+def test_models_that_count_are_saved_and_loaded_alike(
+    name: str, dataset: Path, tmp_path: Path
+) -> None:
+    assert list(train_run(configure(name=name), dataset, tmp_path / "run")) == []
+    checkpoint = load_checkpoint(tmp_path / "run" / BEST)
+    model = restore_model(tmp_path / "run" / BEST, checkpoint)
+    assert same(dict(model.state_dict()), checkpoint.state_of("model"))
+    assert checkpoint.header.config.model.family == name
+
+
+def saved(dataset: Path, tmp_path: Path) -> Path:
+    list(train_run(configure("training.epochs=2"), dataset, tmp_path / "run"))
+    return tmp_path / "run" / BEST
+
+
+def test_damaged_and_foreign_checkpoints_are_refused(dataset: Path, tmp_path: Path) -> None:
+    path = saved(dataset, tmp_path)
+    whole = path.read_bytes()
+    path.write_bytes(whole[:100])
+    with pytest.raises(CheckpointError, match="not a readable checkpoint"):
+        load_checkpoint(path)
+    save_file({"x": torch.zeros(1)}, path)
+    with pytest.raises(CheckpointError, match="its header is not"):
+        load_checkpoint(path)
+    save_file({"x": torch.zeros(1)}, path, metadata={"bsg": json.dumps({"checkpoint_version": 9})})
+    with pytest.raises(CheckpointError, match="checkpoint version 9, this program reads 1"):
+        load_checkpoint(path)
+
+
+def rewrite(path: Path, tensors: dict[str, torch.Tensor], **update: Any) -> None:
+    header = load_checkpoint(path).header.model_copy(update=update)
+    save_checkpoint(path, CheckpointHeader.model_validate(header.model_dump()), tensors)
+
+
+def test_a_checkpoint_of_another_shape_is_refused(dataset: Path, tmp_path: Path) -> None:
+    path = saved(dataset, tmp_path)
+    tensors = weights(path)
+    narrow = {n: t[:1] if n == "model.convolutions.0.bias" else t for n, t in tensors.items()}
+    rewrite(path, narrow)
+    with pytest.raises(CheckpointError, match=r"needs \(8,\), the file has \(1,\)"):
+        restore_model(path, load_checkpoint(path))
+    nans = {n: t * float("nan") if t.is_floating_point() else t for n, t in tensors.items()}
+    rewrite(path, nans)
+    with pytest.raises(CheckpointError, match="not finite"):
+        restore_model(path, load_checkpoint(path))
+    rewrite(path, {n: t for n, t in tensors.items() if n != "model.convolutions.0.bias"})
+    with pytest.raises(CheckpointError, match="the file has no such tensor"):
+        restore_model(path, load_checkpoint(path))
+
+
+def test_a_checkpoint_of_another_class_map_is_refused(dataset: Path, tmp_path: Path) -> None:
+    path = saved(dataset, tmp_path)
+    header = load_checkpoint(path).header
+    manifest = read_manifest(dataset)
+    require_dataset(path, header, manifest)
+    shuffled = header.class_map.model_copy(update={"classes": header.class_map.classes[::-1]})
+    with pytest.raises(MismatchError):
+        require_dataset(path, header.model_copy(update={"class_map": shuffled}), manifest)
+    with pytest.raises(MismatchError, match="dataset format 7"):
+        require_dataset(path, header.model_copy(update={"format_version": 7}), manifest)
+    other = header.class_map.model_copy(update={"version": "mine-v1", "sha256": "f" * 64})
+    foreign = header.model_copy(update={"class_map": other})
+    with pytest.raises(MismatchError, match=r"mine-v1 \(sha256 ffffffffffff…\).*hm3d45-v1"):
+        require_dataset(path, foreign, manifest)
+
+
+def test_a_dataset_of_another_format_is_refused(dataset: Path, tmp_path: Path) -> None:
+    manifest = read_manifest(dataset).model_copy(update={"format_version": 2})
+    (dataset / "dataset.json").write_bytes(encode_manifest(manifest))
+    with pytest.raises(MismatchError, match="format version 2, this program reads 1"):
+        list(train_run(configure(), dataset, tmp_path / "run"))
+
+
+def test_no_code_can_hide_in_a_checkpoint(dataset: Path, tmp_path: Path) -> None:
+    """A safetensors file is a length, a JSON header and numbers: nothing to execute."""
+    data = saved(dataset, tmp_path).read_bytes()
+    length = int.from_bytes(data[:8], "little")
+    header = json.loads(data[8 : 8 + length])
+    ends = [entry["data_offsets"][1] for name, entry in header.items() if name != "__metadata__"]
+    assert len(data) == 8 + length + max(ends)

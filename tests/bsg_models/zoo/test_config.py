@@ -1,0 +1,98 @@
+from __future__ import annotations
+
+import doctest
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bsg_models.errors import ConfigError
+from bsg_models.zoo import config as config_module
+from bsg_models.zoo.catalogue import ZOO, find_config
+from bsg_models.zoo.config import RunConfig, override, read_config, validate_config, write_toml
+
+
+def tables(name: str = "ceci-gcn") -> dict[str, Any]:
+    return ZOO[name].model_dump(mode="json")
+
+
+def test_doctests() -> None:
+    assert doctest.testmod(config_module).failed == 0
+
+
+@pytest.mark.parametrize("name", ZOO)
+def test_every_configuration_survives_toml(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "config.toml"
+    path.write_text(write_toml(ZOO[name]), "utf-8")
+    assert validate_config(read_config(path), source="file") == ZOO[name]
+
+
+def test_the_papers_values_are_the_defaults() -> None:
+    """Section IV-A: 5 layers, 5000 epochs, batches of 24, Adam 0.01, decay 5e-6, MSE."""
+    paper = find_config("ceci-gcn")
+    assert paper.model.depth == 5  # type: ignore[union-attr]
+    training = paper.training
+    assert (training.epochs, training.batch_size, paper.model.likelihood) == (5000, 24, "mse")  # type: ignore[union-attr]
+    assert (training.learning_rate, training.decay) == (0.01, 5e-6)
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("training.epoch=5", "training.epoch is no key; did you mean epochs?"),
+        ("model.widht=5", "model.widht is no key; did you mean width?"),
+        ("data.mask.fractoin=0.1", "data.mask.fractoin is no key; did you mean fraction?"),
+        ("sed=1", "sed is no key; did you mean seed?"),
+        ("training.zzz=1", "training.zzz is no key; valid are epochs"),
+        (
+            "training.epochs=0",
+            "training.epochs: input should be greater than or equal to 1",
+        ),
+        ("training.epochs=many", "training.epochs: input should be a valid integer"),
+        ("model.dropout=1.0", "model.dropout: input should be less than 1"),
+        ("data.edges=['sideways']", "data.edges.0: input should be 'up', 'down'"),
+        ("model.family=gcn", "model.family must be one of input, doubled"),
+        ("training", "expected path=value"),
+        ("input=3", "input is no key"),
+        ("training.input=1", "training.input is no key"),
+        ("training.epochs=true", "training.epochs: input should be a valid integer"),
+        ("training.epochs=5.5", "training.epochs: input should be a valid integer"),
+        ("training.learning_rate=inf", "input should be a finite number"),
+        ("seed=99999999999999999999", "seed: input should be less than"),
+        ("seed.x=1", "seed is a value and has no keys"),
+    ],
+)
+def test_a_wrong_value_is_named_with_its_path(setting: str, message: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        validate_config(override(tables(), [setting]), source="test")
+    assert message in str(caught.value)
+
+
+def test_unknown_names_and_files(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"did you mean ceci-gcn\?"):
+        find_config("ceci-gcnn")
+    with pytest.raises(ConfigError, match="cannot be read"):
+        read_config(tmp_path / "none.toml")
+    (tmp_path / "bad.toml").write_text("seed = = 1")
+    with pytest.raises(ConfigError, match="not TOML"):
+        read_config(tmp_path / "bad.toml")
+
+
+def test_overrides_do_not_touch_the_zoo() -> None:
+    before = ZOO["ceci-gcn"].model_dump()
+    changed = validate_config(override(tables(), ["model.width=8", "seed=3"]), source="test")
+    assert changed.model.width == 8  # type: ignore[union-attr]
+    assert changed.seed == 3
+    assert ZOO["ceci-gcn"].model_dump() == before
+
+
+def test_strings_with_quotes_survive_toml() -> None:
+    line = next(iter(config_module._toml_lines({"a": 'b"\\c'}, path=())))
+    assert tomllib.loads(line) == {"a": 'b"\\c'}
+
+
+def test_a_run_without_a_model_is_refused() -> None:
+    with pytest.raises(ConfigError, match="model: field required"):
+        validate_config({"seed": 0}, source="test")
+    assert RunConfig.model_fields["model"].is_required()

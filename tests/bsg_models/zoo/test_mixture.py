@@ -1,0 +1,119 @@
+"""Room types: the posterior by a naive loop, the fit on planted types, the building's habits."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from one_building import graph
+from scipy import stats
+
+from bsg_models.zoo.families import MixtureConfig
+from bsg_models.zoo.mixture import RoomTypeMixture, fit_habit, fit_types
+
+
+def two_types(*, temper: float = 1.0, building: bool = False) -> RoomTypeMixture:
+    model = RoomTypeMixture(MixtureConfig(types=2, temper=temper, building=building), 2)
+    model.log_types.copy_(torch.log(torch.tensor([0.7, 0.3])))
+    model.means.copy_(torch.tensor([[4.0, 0.1], [0.2, 3.0]]))
+    model.dispersions.copy_(torch.tensor([[2.0, 1.0], [1.0, 5.0]]))
+    model.habits.fill_(2.0)
+    return model
+
+
+def naive_posterior(model: RoomTypeMixture, seen: list[float], f: float) -> np.ndarray:
+    weights = []
+    for k in range(2):
+        weight = float(model.log_types[k].exp())
+        for c in range(2):
+            m, r = (1 - f) * float(model.means[k, c]), float(model.dispersions[k, c])
+            weight *= stats.nbinom.pmf(seen[c], r, r / (r + m)) ** model.config.temper
+        weights.append(weight)
+    return np.array(weights) / sum(weights)
+
+
+@pytest.mark.parametrize("temper", [1.0, 0.5])
+def test_the_posterior_is_that_of_a_naive_loop(temper: float) -> None:
+    model = two_types(temper=temper)
+    seen, f = [2.0, 1.0], 0.4
+    found = model.predict(graph([seen, seen], fraction=f))
+    posterior = naive_posterior(model, seen, f)
+    np.testing.assert_allclose(found.hidden_counts.weights[:, 1, 0], posterior)
+    mean = np.zeros(2)
+    for k in range(2):
+        for c in range(2):
+            r, m = float(model.dispersions[k, c]), float(model.means[k, c])
+            mean[c] += posterior[k] * f * (r + seen[c]) / (r / m + 1 - f)
+    np.testing.assert_allclose(found.hidden[1], mean)
+
+
+def test_the_posterior_predicts_what_its_own_rooms_hide() -> None:
+    """Among rooms drawn from the model with (1, 0) seen, the hidden ones follow its posterior."""
+    rng = np.random.default_rng(0)
+    model, rooms = two_types(), 400_000
+    kind = rng.choice(2, rooms, p=[0.7, 0.3])
+    means, shapes = model.means.numpy()[kind], model.dispersions.numpy()[kind]
+    there = rng.poisson(rng.gamma(shapes, means / shapes))
+    seen = rng.binomial(there, 0.5)
+    chosen = (seen == [1, 0]).all(axis=1)
+    hidden = (there - seen)[chosen]
+    found = model.predict(graph([[1.0, 0.0], [1.0, 0.0]]))
+    for c in range(2):
+        distribution = [
+            np.exp(found.log_probability(np.full((2, 2), float(n))))[1, c] for n in range(5)
+        ]
+        share = np.bincount(hidden[:, c], minlength=5)[:5] / len(hidden)
+        np.testing.assert_allclose(share, distribution, atol=0.01)
+
+
+def test_an_unvisited_room_is_what_the_others_are() -> None:
+    """Three rooms of the second type make it likelier, and their habit raises its count."""
+    model = two_types(building=True)
+    rooms = [[0.0, 4.0]] * 3
+    graphs = graph([[0.0, 12.0], *rooms, [0.0, 0.0]])
+    graphs.visited[4] = False
+    graphs.fraction = torch.tensor([0.5, 0.5, 0.5, 0.5, 1.0])
+    found = model.predict(graphs)
+    alone = graph([[0.0, 0.0], [0.0, 0.0]], fraction=1.0)
+    alone.visited[1] = False
+    before = model.predict(alone)
+    np.testing.assert_allclose(before.hidden_counts.weights[:, 1, 0], [0.7, 0.3])
+    assert found.hidden_counts.weights[1, 4, 0] > 0.45
+    assert found.hidden[4, 1] > before.hidden[1, 1]
+    assert found.hidden[4, 0] < before.hidden[1, 0]
+
+
+def test_planted_types_are_found() -> None:
+    rng = np.random.default_rng(0)
+    means = np.array([[6.0, 0.1, 1.0], [0.1, 4.0, 1.0]])
+    kind = rng.choice(2, 3000, p=[0.6, 0.4])
+    counts = rng.poisson(rng.gamma(2.0, means[kind] / 2.0))
+    log_types, found, shapes, belonging = fit_types(counts, types=2, iterations=60, seed=0)
+    order = np.argsort(-found[:, 0])
+    np.testing.assert_allclose(found[order], means, rtol=0.15, atol=0.05)
+    np.testing.assert_allclose(np.exp(log_types[order]), [0.6, 0.4], atol=0.03)
+    assert (belonging.argmax(axis=1) == order[kind]).mean() > 0.93  # types overlap
+    np.testing.assert_allclose(shapes[order[0], 0], 2.0, rtol=0.25)
+
+
+def test_more_iterations_never_lose_likelihood() -> None:
+    rng = np.random.default_rng(1)
+    counts = rng.poisson(rng.gamma(0.7, 2.0, (300, 6)))
+
+    def likelihood(iterations: int) -> float:
+        log_types, means, r, _ = fit_types(counts, types=4, iterations=iterations, seed=0)
+        distribution = stats.nbinom.logpmf(counts[:, None], r, r / (r + means)).sum(axis=2)
+        prior = stats.norm.logpdf(np.log(r)).sum()  # what the fit maximises has it
+        return float(np.logaddexp.reduce(log_types + distribution, axis=1).sum() + prior)
+
+    values = [likelihood(iterations) for iterations in (2, 10, 40)]
+    assert values == sorted(values)
+
+
+def test_buildings_that_differ_have_habits_and_those_that_do_not_have_none() -> None:
+    rng = np.random.default_rng(0)
+    expected = rng.uniform(5, 20, 400)
+    alike = rng.poisson(expected).astype(float)
+    differing = rng.poisson(rng.gamma(1.5, expected / 1.5)).astype(float)
+    assert fit_habit(alike, expected) > 100
+    assert fit_habit(differing, expected) == pytest.approx(1.5, rel=0.2)

@@ -1,0 +1,202 @@
+"""The contract that every model of the zoo keeps, and each model by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from one_building import graph
+from scipy import stats
+from torch_geometric.loader import DataLoader
+from torch_geometric.nn import GCNConv
+
+from bsg_models.belief.count_distribution import negative_binomial
+from bsg_models.inputs.graphs import MaskedGraphs, open_dataset
+from bsg_models.training.training import new_model
+from bsg_models.zoo.catalogue import ZOO
+from bsg_models.zoo.families import GCNConfig
+from bsg_models.zoo.gamma_poisson import GammaPoissonModel, fit_dispersion, fit_gamma_prior
+from bsg_models.zoo.gcn import CECIGCN
+from bsg_models.zoo.model import BeliefModel
+from bsg_models.zoo.room_sums import sum_rooms
+
+
+def fitted(name: str, dataset: Path) -> BeliefModel:
+    torch.manual_seed(0)
+    data = open_dataset(dataset)
+    model = new_model(ZOO[name], data)
+    model.fit(data, ZOO[name].data)
+    return model.eval()
+
+
+@pytest.mark.parametrize("name", ZOO)
+def test_every_model_keeps_the_contract(name: str, dataset: Path) -> None:
+    model = fitted(name, dataset)
+    graphs = MaskedGraphs.stored(dataset, "test", vocabulary=model.vocabulary)
+    (batch,) = DataLoader(graphs, batch_size=len(graphs))
+    together = model.predict(batch)
+    assert together.hidden.shape == batch.x.shape
+    assert (together.hidden >= 0).all()
+    np.testing.assert_allclose(together.expected, together.inputs + together.hidden)
+    assert ((together.presence >= 0) & (together.presence <= 1)).all()
+    start = 0
+    for one in graphs:  # a building's beliefs do not depend on its batch
+        alone = model.predict(next(iter(DataLoader([one]))))
+        rows = slice(start, start + len(one.x))
+        np.testing.assert_allclose(alone.hidden, together.hidden[rows], rtol=1e-4, atol=1e-5)
+        start += len(one.x)
+
+
+@pytest.mark.parametrize("name", ZOO)
+def test_a_building_without_rooms_and_one_without_objects_get_an_answer(
+    name: str, dataset: Path
+) -> None:
+    model = fitted(name, dataset)
+    for inputs in ([[0.0] * 45], [[0.0] * 45] * 3, [[7.0] * 45]):
+        found = model.predict(graph(inputs, vocabulary=len(model.vocabulary)))
+        assert np.isfinite(found.hidden).all()
+        assert np.isfinite(found.log_probability(np.ones_like(found.hidden))).all()
+
+
+@pytest.mark.parametrize("name", ZOO)
+def test_the_order_of_the_rooms_does_not_matter(name: str, dataset: Path) -> None:
+    model = fitted(name, dataset)
+    rooms = np.random.default_rng(0).poisson(1.0, (4, 45)).astype(np.float32)
+    inputs = np.vstack([rooms.sum(axis=0), rooms])
+    order = [0, 3, 1, 4, 2]
+    width = len(model.vocabulary)
+    there = model.predict(graph(inputs.tolist(), vocabulary=width)).hidden
+    shuffled = model.predict(graph(inputs[order].tolist(), vocabulary=width)).hidden
+    np.testing.assert_allclose(shuffled, there[order], rtol=1e-4, atol=1e-5)
+
+
+def test_input_and_doubled_by_hand(dataset: Path) -> None:
+    inputs = [[4.0, 1.0], [3.0, 1.0]]
+    assert (fitted("input", dataset).predict(graph(inputs)).hidden == 0).all()
+    doubled = fitted("doubled", dataset)
+    assert doubled.predict(graph(inputs)).expected.tolist() == [[8.0, 2.0], [6.0, 2.0]]
+    assert doubled.predict(graph(inputs, fraction=0.75)).expected.tolist()[1] == [12.0, 4.0]
+    assert doubled.predict(graph(inputs, fraction=0.0)).expected.tolist() == inputs
+    assert np.isfinite(doubled.predict(graph([[0.0, 0.0]], fraction=1.0)).hidden).all()
+
+
+def test_train_mean_is_the_mean_of_the_training_rooms_and_buildings(dataset: Path) -> None:
+    data = open_dataset(dataset)
+    scenes = data.scenes_of("train")
+    found = fitted("train-mean", dataset).predict(graph([[0.0] * 45] * 3))
+    rooms = np.concatenate([data.cells[scene][1:] for scene in scenes])
+    buildings = np.stack([data.cells[scene].sum(axis=0) for scene in scenes])
+    np.testing.assert_allclose(found.totals[1], rooms.mean(axis=0))
+    np.testing.assert_allclose(found.totals[0], buildings.mean(axis=0))
+    np.testing.assert_allclose(found.hidden, found.totals / 2)
+
+
+def test_the_gamma_prior_maximises_scipys_likelihood() -> None:
+    counts = stats.nbinom(1.5, 1.5 / (1.5 + 2.0)).rvs(4000, random_state=0)
+    a, b = fit_gamma_prior(counts)
+    assert a / b == pytest.approx(counts.mean())
+
+    def likelihood(shape: float) -> float:
+        mean = counts.mean()
+        return float(stats.nbinom.logpmf(counts, shape, shape / (shape + mean)).sum())
+
+    assert likelihood(a) >= max(likelihood(0.97 * a), likelihood(1.03 * a))
+    assert a == pytest.approx(1.5, rel=0.15)
+
+
+def test_a_class_that_never_occurs_has_a_weak_prior() -> None:
+    a, b = fit_gamma_prior(np.zeros(50, dtype=int))
+    assert a / b == pytest.approx(0.01)
+
+
+def test_gamma_poisson_by_hand() -> None:
+    """Prior Gamma(2, 1), 3 seen of a mask of one half: posterior Gamma(5, 1.5), hidden mean 5/3."""
+    model = GammaPoissonModel(1)
+    model.shape.fill_(2.0)
+    model.rate.fill_(1.0)
+    found = model.predict(graph([[3.0], [3.0], [0.0]]))
+    assert found.hidden[1, 0] == pytest.approx(0.5 * 5 / 1.5)
+    assert found.hidden_counts.dispersions[0, 1, 0] == 5
+    assert found.hidden[0, 0] == pytest.approx(found.hidden[1:].sum())
+
+
+def test_gamma_poisson_is_the_posterior_of_its_own_model() -> None:
+    """Among rooms drawn from the model with 3 objects seen, the hidden ones follow it."""
+    rng = np.random.default_rng(0)
+    rates = rng.gamma(2.0, 1 / 1.0, 200_000)
+    there = rng.poisson(rates)
+    seen = rng.binomial(there, 0.5)
+    hidden = (there - seen)[seen == 3]
+    model = GammaPoissonModel(1)
+    model.shape.fill_(2.0)
+    model.rate.fill_(1.0)
+    found = model.predict(graph([[3.0], [3.0]]))
+    distribution = [
+        np.exp(found.log_probability(np.full((2, 1), float(n))))[1, 0] for n in range(8)
+    ]
+    np.testing.assert_allclose(
+        np.bincount(hidden, minlength=8)[:8] / len(hidden), distribution, atol=0.01
+    )
+
+
+def test_the_sum_of_rooms_has_their_mean_and_variance() -> None:
+    distribution = negative_binomial(
+        np.array([[9.0], [2.0], [3.0], [5.0]]), np.array([[9.0], [1.0], [4.0], [2.0]])
+    )
+    batch = graph([[0.0], [0.0], [0.0], [4.0]], fraction=0.75)
+    batch.is_building = torch.tensor([True, False, False, True])
+    found = sum_rooms(distribution, batch.x.numpy().astype(float), batch)
+    assert found.mean[:3].ravel().tolist() == [5.0, 2.0, 3.0]
+    assert found.variance[0, 0] == pytest.approx(2 + 2**2 / 1 + 3 + 3**2 / 4)
+    assert found.mean[3, 0] == pytest.approx(4 * 0.75 / 0.25)  # without rooms: what was seen
+
+
+def test_the_dispersion_maximises_scipys_likelihood() -> None:
+    rng = np.random.default_rng(0)
+    means = rng.gamma(2.0, 1.0, (4000, 1))
+    counts = rng.poisson(rng.gamma(0.8, means / 0.8)).astype(float)
+    (found,) = fit_dispersion(counts, means)
+
+    def likelihood(r: float) -> float:
+        return float(stats.nbinom.logpmf(counts, r, r / (r + means)).sum())
+
+    assert likelihood(found) >= max(likelihood(0.98 * found), likelihood(1.02 * found))
+
+
+def test_the_gcn_is_the_papers_layers() -> None:
+    model = CECIGCN(GCNConfig(), 45)
+    assert [(c.in_channels, c.out_channels) for c in model.convolutions] == [
+        (45, 64),
+        (64, 64),
+        (64, 64),
+        (64, 64),
+        (64, 45),
+    ]
+    assert len(model.blocks) == 4
+    assert len(CECIGCN(GCNConfig(last_layer="block"), 45).blocks) == 5
+    assert [type(layer).__name__ for layer in model.blocks[0]] == ["BatchNorm1d", "ReLU", "Dropout"]
+
+
+def test_one_layer_of_the_gcn_by_hand() -> None:
+    """x′ = D^-½ (A + I) D^-½ x W (Kipf and Welling, eq. 2) on a building with two rooms."""
+    model = CECIGCN(GCNConfig(depth=1), 2)
+    weight = torch.tensor([[1.0, 2.0], [0.0, 1.0]])
+    convolution = model.convolutions[0]
+    assert isinstance(convolution, GCNConv)
+    with torch.no_grad():
+        convolution.lin.weight.copy_(weight)
+        convolution.bias.zero_()
+    x = np.array([[4.0, 2.0], [3.0, 0.0], [1.0, 2.0]])
+    adjacency = np.array([[1.0, 1, 1], [1, 1, 0], [1, 0, 1]])
+    scale = np.diag(adjacency.sum(axis=1) ** -0.5)
+    expected = scale @ adjacency @ scale @ x @ weight.numpy().T
+    found = model(graph(x.astype(np.float32).tolist()))
+    np.testing.assert_allclose(found.detach().numpy(), expected, rtol=1e-5)
+
+
+def test_the_gcn_has_no_negative_totals() -> None:
+    torch.manual_seed(0)
+    model = CECIGCN(GCNConfig(), 45)
+    assert (model.predict(graph([[1.0] * 45] * 4)).totals >= 0).all()
