@@ -6,8 +6,6 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-Strategy = Literal["uniform", "rooms", "frontier"]
-
 
 class Record(BaseModel):
     """A frozen record that refuses unknown keys."""
@@ -44,12 +42,12 @@ class MaskRecipe(Record):
     """How objects are hidden: with a scene and a draw, this is all that a mask depends on.
 
     Attributes:
-        strategy: `uniform` (the paper's), `rooms` or `frontier`; see `bsg_data.observation.masks`.
+        strategy: a name of `bsg_data.observation.masks.MASKS`; `uniform` is the paper's.
         fraction: share of a building's classified objects to hide, 0..1.
         seed: of the generator.
     """
 
-    strategy: Strategy = "uniform"
+    strategy: str = Field(default="uniform", pattern=r"^[a-z][a-z0-9-]*$")
     fraction: float = Field(default=0.5, ge=0.0, le=1.0)
     seed: int = Field(default=0, ge=0)
 

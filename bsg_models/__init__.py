@@ -20,8 +20,9 @@ from bsg_models.studies.comparison import compare_runs
 from bsg_models.studies.search_cases import StudyRecipe
 from bsg_models.studies.search_study import study_search
 from bsg_models.training.training import train_run
-from bsg_models.zoo.catalogue import BASELINES, ZOO, find_config, make_model
-from bsg_models.zoo.config import RunConfig
+from bsg_models.zoo.catalogue import BASELINES, ZOO
+from bsg_models.zoo.config import RunConfig, find_config
+from bsg_models.zoo.construction import make_model
 from bsg_models.zoo.model import BeliefModel
 
 __all__ = [

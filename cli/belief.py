@@ -21,7 +21,8 @@ from bsg_cli.terminal import (
     print_note,
     progress_bar,
 )
-from bsg_data.dataset.histograms import Counts
+from bsg_data.arrays import Counts
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import BSGError, DatasetError
 from bsg_data.observation.partial_graph import PartialGraph, mask_dataset
 from bsg_data.observation.robot_json import list_unmapped, read_robot_graph
@@ -29,7 +30,7 @@ from bsg_data.recipes import MaskRecipe
 from bsg_models.belief.belief_files import write_belief, write_tables
 from bsg_models.belief.belief_graph import BeliefGraph, Mode, believe, rank_unseen
 from bsg_models.belief.hydra import read_hydra, write_hydra
-from bsg_models.inputs.graphs import open_dataset
+from bsg_models.inputs.folds import scenes_of
 from bsg_models.rendering.explorer import View, write_explorer
 from bsg_models.runs.predictor import Predictor
 
@@ -190,12 +191,12 @@ def _choose(
     data: Path, split: Literal["train", "val", "test"], fold: int | None, scene: str | None
 ) -> frozenset[str]:
     """Return the scenes of a dataset that are asked for."""
-    opened = open_dataset(data)
+    opened = Dataset.open(data)
     if scene is not None:
-        if scene not in opened.cells:
+        if scene not in opened:
             raise DatasetError(f"{data}: has no scene {scene!r}")
         return frozenset([scene])
-    return frozenset(opened.scenes_of(split, fold=fold))
+    return frozenset(scenes_of(opened, split, fold=fold))
 
 
 def _answer(belief: BeliefGraph, ranked: list[npt.NDArray[np.int64]]) -> Iterator[dict[str, Any]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, cast, get_args
+from typing import Any
 
 import click
 import numpy as np
@@ -25,8 +25,9 @@ from bsg_cli.terminal import (
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.shards import write_bytes
 from bsg_data.errors import DatasetError
+from bsg_data.observation.masks import MASKS
 from bsg_data.observation.partial_graph import mask_dataset
-from bsg_data.recipes import MaskRecipe, Strategy
+from bsg_data.recipes import MaskRecipe
 from bsg_models.belief.belief_graph import believe
 from bsg_models.evaluation.measurement import Estimate
 from bsg_models.rendering.explorer import View, explorer_page
@@ -185,12 +186,12 @@ def read_recipe(
 ) -> LeaderboardRecipe:
     """Return the recipe of a leaderboard from its options."""
     names = tuple(dict.fromkeys(name.strip() for name in masks.split(",")))
-    unknown = [name for name in names if name not in get_args(Strategy)]
+    unknown = [name for name in names if name not in MASKS]
     if unknown:
-        known = ", ".join(get_args(Strategy))
+        known = ", ".join(MASKS)
         raise click.UsageError(f"--masks: {unknown[0]!r} is none of {known}")
     return LeaderboardRecipe(
-        masks=cast(tuple[Strategy, ...], names),
+        masks=names,
         folds=folds,
         draws=draws,
         seed=seed,

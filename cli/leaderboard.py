@@ -30,7 +30,7 @@ from bsg_models.studies.leaderboard_table import (
     write_markdown,
 )
 from bsg_models.zoo.catalogue import ZOO
-from bsg_models.zoo.config import RunConfig
+from bsg_models.zoo.config import RunConfig, find_config
 
 REPORT, TABLE = "leaderboard.json", "leaderboard.md"
 
@@ -75,7 +75,7 @@ def run_leaderboard(
 def choose_models(models: str | None) -> dict[str, RunConfig]:
     """Return the models of a comma-separated list of zoo names and TOML files; None is the zoo."""
     if models is None:
-        chosen = dict(ZOO)
+        chosen = {name: find_config(name) for name in ZOO}
         if importlib.util.find_spec("lightgbm") is None:
             del chosen["poisson-boosting"]
             print_note(

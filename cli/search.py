@@ -23,9 +23,10 @@ from bsg_cli.terminal import (
     worker_pool,
     workers_option,
 )
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.shards import write_bytes
 from bsg_data.errors import DatasetError, RecipeError
-from bsg_models.inputs.graphs import Buildings, open_dataset
+from bsg_models.inputs.folds import scenes_of
 from bsg_models.rendering.explorer import write_explorer
 from bsg_models.rendering.figures import plot_savings
 from bsg_models.runs.checkpoint import load_checkpoint
@@ -204,7 +205,7 @@ def main(
             f"{report}: is there already; --force replaces it, --out puts it elsewhere"
         )
     _make_folder(out)
-    opened = open_dataset(data)
+    opened = Dataset.open(data)
     classes = opened.manifest.class_map.classes
     chosen, notes = _choose_buildings(opened, runs, split, scene)
     recipe = StudyRecipe(
@@ -267,7 +268,7 @@ def main(
 
 
 def _choose_buildings(
-    opened: Buildings,
+    opened: Dataset,
     runs: Sequence[Path],
     split: Literal["train", "val", "test", "all"],
     scene: str | None,
@@ -284,16 +285,16 @@ def _choose_buildings(
             notes.append(
                 "these buildings trained the runs: what is saved here is not what to expect"
             )
-        if folds and split == "test" and scene is None and len(chosen) < len(opened.cells):
+        if folds and split == "test" and scene is None and len(chosen) < len(opened.scene_ids):
             notes.append(
-                f"{len(chosen)} of {len(opened.cells)} buildings: give a --run for every fold"
+                f"{len(chosen)} of {len(opened.scene_ids)} buildings: give a --run for every fold"
             )
     elif folds and split not in ("all", "test"):
         raise click.UsageError(f"--split {split} of a dataset of folds needs a --run")
     elif split == "all" or folds:
-        chosen = dict.fromkeys(opened.cells)
+        chosen = dict.fromkeys(opened.scene_ids)
     else:
-        chosen = dict.fromkeys(opened.scenes_of(split))
+        chosen = dict.fromkeys(scenes_of(opened, split))
     if scene is not None:
         if scene not in chosen:
             raise DatasetError(f"{opened.path}: {scene!r} is none of its {split} buildings")
@@ -302,7 +303,7 @@ def _choose_buildings(
 
 
 def _family(run: Path) -> str:
-    return load_checkpoint(checkpoint_of(run)).header.config.model.family
+    return load_checkpoint(checkpoint_of(run)).header.config.name
 
 
 def _make_folder(out: Path) -> None:

@@ -15,9 +15,17 @@ from bsg_models.rendering.figures import plot_learning_curve
 from bsg_models.runs.run_folder import BEST, CURVE, MEMBERS, METRICS
 from bsg_models.training.learning_curve import EpochReport, read_metrics
 from bsg_models.training.training import train_run
-from bsg_models.zoo.catalogue import ZOO, find_config
-from bsg_models.zoo.config import RunConfig, override, read_config, validate_config, write_toml
-from bsg_models.zoo.families import EnsembleConfig, GCNConfig, NetworkConfig
+from bsg_models.zoo.catalogue import ZOO
+from bsg_models.zoo.config import (
+    RunConfig,
+    find_config,
+    override,
+    read_config,
+    validate_config,
+    write_toml,
+)
+from bsg_models.zoo.construction import can_resume
+from bsg_models.zoo.ensemble import EnsembleConfig
 
 
 @click.command(cls=Command)
@@ -78,8 +86,7 @@ def main(
         saved = f"saved up to epoch {reports[-1].epoch}" if reports else "nothing is saved yet"
         if isinstance(config.model, EnsembleConfig):
             saved = "finished members are kept"
-        resumable = isinstance(config.model, EnsembleConfig | NetworkConfig | GCNConfig)
-        again = "with --resume goes on" if resumable else "starts again"
+        again = "with --resume goes on" if can_resume(config) else "starts again"
         print_note(f"{out}: {saved}; the same command {again}")
         raise
     if resume and not trained:
@@ -115,10 +122,10 @@ def _finish(config: RunConfig, out: Path, *, as_json: bool) -> None:
         click.echo(f"ensemble of {members}; their runs are in {out / MEMBERS}")
         click.echo(f"checkpoint {out / BEST}")
     elif best is None:
-        click.echo(f"{config.model.family} fitted by counting; checkpoint {out / BEST}")
+        click.echo(f"{config.name} fitted by counting; checkpoint {out / BEST}")
     else:
         click.echo(
-            f"{config.model.family}: {len(reports)} epochs in {summary['seconds']:.1f} s; lowest "
+            f"{config.name}: {len(reports)} epochs in {summary['seconds']:.1f} s; lowest "
             f"validation loss {best.val_loss:.4f} at epoch {best.epoch}"
         )
         click.echo(f"checkpoint {out / BEST}, learning curve {out / CURVE}")
@@ -131,7 +138,7 @@ def _draw_curve(config: RunConfig, out: Path) -> list[EpochReport]:
     reports = read_metrics(out / METRICS)
     likelihood = getattr(config.model, "likelihood", "mse")
     loss = "mean squared error" if likelihood == "mse" else "-log P(hidden count), mean over cells"
-    title = f"{config.model.family}, seed {config.seed}"
+    title = f"{config.name}, seed {config.seed}"
     plot_learning_curve(reports, out / CURVE, title=title, loss=loss)
     return reports
 
@@ -139,7 +146,7 @@ def _draw_curve(config: RunConfig, out: Path) -> list[EpochReport]:
 @contextmanager
 def _bar(config: RunConfig) -> Iterator[Callable[[EpochReport], None]]:
     """Yield what draws a bar with the losses and the time left on stderr, if that is a terminal."""
-    with tqdm(desc=config.model.family, unit="epoch", disable=None, leave=False) as bar:
+    with tqdm(desc=config.name, unit="epoch", disable=None, leave=False) as bar:
         val = "-"
 
         def draw(report: EpochReport) -> None:

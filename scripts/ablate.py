@@ -13,15 +13,16 @@ import sys
 import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
+from typing import cast
 
 import numpy as np
-import torch
-from torch_geometric.data import Batch, Data
 
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.executors import run_all
-from bsg_models.inputs.graphs import Buildings, open_dataset
+from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import BEST, clear_run, is_finished, open_run
 from bsg_models.studies.leaderboard import (
@@ -32,11 +33,10 @@ from bsg_models.studies.leaderboard import (
     make_leaderboard,
     run_of,
 )
-from bsg_models.training.epochs import TrainingGraphs, train_epochs
+from bsg_models.training.epochs import TrainingBuildings, train_epochs
 from bsg_models.training.training import calibrate_run, new_model, one_thread
-from bsg_models.zoo.catalogue import ZOO
-from bsg_models.zoo.config import RunConfig, override, validate_config
-from bsg_models.zoo.model import BeliefModel
+from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
+from bsg_models.zoo.model import BeliefModel, Network
 
 VARIANTS: dict[str, tuple[str, ...]] = {
     "ceci-sage": (),
@@ -54,33 +54,30 @@ VARIANTS: dict[str, tuple[str, ...]] = {
 DISTILLED, TEACHER = "distilled", "ensemble"
 
 
-class TaughtGraphs(TrainingGraphs):
-    """Training graphs of which half, drawn anew each epoch, hide what a teacher believes."""
+class TaughtBuildings(TrainingBuildings):
+    """Training buildings of which half, chosen anew each epoch, hide what a teacher believes."""
 
     def __init__(
-        self, config: RunConfig, data: Buildings, model: BeliefModel, teacher: BeliefModel
+        self, config: RunConfig, data: Dataset, model: BeliefModel, teacher: BeliefModel
     ) -> None:
         super().__init__(config, data, model)
         self._teacher = teacher
 
-    def of_epoch(self, epoch: int) -> list[Data]:  # type: ignore[override]
-        """Return the graphs of an epoch, some with targets sampled from the teacher."""
-        graphs = list(super().of_epoch(epoch))
+    def of_epoch(self, epoch: int) -> MaskedBuildings:
+        """Return the buildings of an epoch, some with targets sampled from the teacher."""
+        masked = super().of_epoch(epoch)
         rng = np.random.default_rng(epoch)
-        distribution = self._teacher.predict(Batch.from_data_list(graphs)).hidden_counts
-        believed = torch.from_numpy(distribution.sample(rng).astype(np.float32))
-        sizes = [len(graph.x) for graph in graphs]
-        for graph, hidden in zip(graphs, believed.split(sizes), strict=True):
-            if rng.random() < 0.5:
-                graph.y = graph.x + hidden
-        return graphs
+        believed = self._teacher.predict(masked.seen).hidden_counts.sample(rng)
+        taught = (rng.random(len(masked)) < 0.5)[masked.seen.building, None]
+        targets = np.where(taught, masked.seen.inputs + believed, masked.targets)
+        return replace(masked, targets=targets)
 
 
 def distil(folder: Path, config: RunConfig) -> None:
     """Train the variant that learns from the ensemble, for one fold."""
     fold = config.data.fold or 0
     run, teacher_run = run_of(folder, DISTILLED, fold), run_of(folder, TEACHER, fold)
-    data = open_dataset(folder / DATASET)
+    data = Dataset.open(folder / DATASET)
     if is_finished(run, config, data) and (run / SECONDS).is_file():
         return
     teacher = restore_model(teacher_run / BEST, load_checkpoint(teacher_run / BEST))
@@ -89,8 +86,8 @@ def distil(folder: Path, config: RunConfig) -> None:
         clear_run(run)
         model = new_model(config, data)
         model.fit(data, config.data)
-        graphs = TaughtGraphs(config, data, model, teacher)
-        for _ in train_epochs(model, config, data, run, graphs):
+        masked = TaughtBuildings(config, data, model, teacher)
+        for _ in train_epochs(cast(Network, model), config, data, run, masked):
             pass
         calibrate_run(config, data, run)
     (run / SECONDS).write_text(json.dumps({"seconds": time.perf_counter() - began}))
@@ -98,7 +95,7 @@ def distil(folder: Path, config: RunConfig) -> None:
 
 def configure(settings: tuple[str, ...]) -> RunConfig:
     """Return ceci-sage with some settings."""
-    tables = override(ZOO["ceci-sage"].model_dump(mode="json"), settings)
+    tables = override(find_config("ceci-sage").model_dump(mode="json"), settings)
     return validate_config(tables, source="ablation")
 
 
@@ -132,7 +129,7 @@ def main() -> int:
         make_leaderboard(
             options.data,
             options.out,
-            {TEACHER: ZOO[TEACHER]},
+            {TEACHER: find_config(TEACHER)},
             recipe,
             executor=executor,
             progress=show,

@@ -19,9 +19,9 @@ import networkx
 import numpy as np
 
 from bsg_data.build import build_dataset
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.synthetic.buildings import write_synthetic
-from bsg_models.inputs.graphs import open_dataset
 from bsg_models.search.orders import expected_cost, order_rooms
 from bsg_models.search.planners import PLANNERS
 from bsg_models.search.room_graphs import WorldRecipe, sample_travel
@@ -93,7 +93,7 @@ def measure_orders(*, rooms: int = 13, cases: int = 200) -> None:
 
 def run(dataset: Path) -> None:
     """Print searches a second in every world, and the time of many searches."""
-    data = open_dataset(dataset)
+    data = Dataset.open(dataset)
     classes = tuple(range(len(data.manifest.class_map.classes)))
     scenes = list(data.cells)[:BUILDINGS]
     print(f"{len(scenes)} buildings, {EPISODES} searches each, nearest-first, for one instance\n")
@@ -101,7 +101,7 @@ def run(dataset: Path) -> None:
     for world in WORLDS:
         recipe = StudyRecipe(artifacts=classes, worlds=(world,), episodes=EPISODES)
         drawn = [
-            sample_case(data.cells[scene], world, recipe, scene_id=scene, measured={})
+            sample_case(data.cells(scene), world, recipe, scene_id=scene, measured={})
             for scene in scenes
         ]
         plain, ours = compare([case for case in drawn if isinstance(case, Case)])

@@ -18,13 +18,14 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from bsg_data.dataset.histograms import read_cells, to_histograms
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.dataset.histograms import to_histograms
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, enter_room, mask_scene
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.scene_graph import SceneGraph
-from bsg_models.inputs.graphs import open_dataset
+from bsg_models.inputs.folds import scenes_of
 from bsg_models.runs.predictor import Predictor
 
 Floats = npt.NDArray[np.float64]
@@ -33,9 +34,10 @@ ORDERS = 6
 
 def val_scenes(dataset: Path) -> list[tuple[SceneGraph, npt.NDArray[np.int64]]]:
     """Return the val buildings of four rooms or more with their true histograms `[N, C]`."""
-    wanted, cells = set(open_dataset(dataset).scenes_of("val")), read_cells(dataset)
+    data = Dataset.open(dataset)
+    wanted = set(scenes_of(data, "val"))
     graphs = (graph for graph in read_scene_graphs(dataset) if graph.scene_id in wanted)
-    return [(g, to_histograms(cells[g.scene_id])) for g in graphs if len(g.rooms) >= 4]
+    return [(g, to_histograms(data.cells(g.scene_id))) for g in graphs if len(g.rooms) >= 4]
 
 
 def measure_search(dataset: Path, run: Path, *, orders: int = ORDERS) -> Floats:

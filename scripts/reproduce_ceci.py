@@ -21,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import PairsRecipe, SplitRecipe
@@ -33,13 +34,13 @@ from bsg_models.evaluation.measurement import (
     predict_all,
     read_truth,
 )
-from bsg_models.inputs.graphs import MaskedGraphs
+from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import BEST, METRICS
 from bsg_models.training.learning_curve import read_metrics
 from bsg_models.training.training import train_run
 from bsg_models.zoo.catalogue import BASELINES, ZOO
-from bsg_models.zoo.config import override, validate_config
+from bsg_models.zoo.config import find_config, override, validate_config
 
 # The open points of the paper, one reading a row; each differs from the first in what it names.
 READINGS: dict[str, tuple[str, ...]] = {
@@ -74,7 +75,7 @@ def train(name: str, settings: tuple[str, ...], dataset: Path, run: Path) -> flo
     done = run / "seconds.json"
     if not done.is_file():
         zoo_name = name if name in ZOO else "ceci-gcn"
-        tables = override(ZOO[zoo_name].model_dump(mode="json"), settings)
+        tables = override(find_config(zoo_name).model_dump(mode="json"), settings)
         config = validate_config(tables, source=name)
         began = time.perf_counter()
         for _ in train_run(config, dataset, run, force=True):
@@ -90,10 +91,9 @@ def measure(
     splits, errors = [], []
     for dataset, run in zip(datasets, runs, strict=True):
         checkpoint = load_checkpoint(run / BEST)
-        edges = checkpoint.header.config.data.edges
-        graphs = MaskedGraphs.stored(dataset, "test", edges=edges)
-        truth = read_truth(graphs)
-        found = predict_all(restore_model(run / BEST, checkpoint), graphs)
+        masked = read_split(Dataset.open(dataset), "test")
+        truth = read_truth(masked)
+        found = predict_all(restore_model(run / BEST, checkpoint), masked)
         splits.append(Measurement(truth, found))
         errors.append(np.abs(found.totals - truth.targets)[~truth.is_building].mean(axis=0))
     classes = checkpoint.header.class_map.classes
@@ -194,7 +194,7 @@ def main() -> int:
     measured = {name: measure(datasets, runs[name], options.resamples) for name in models}
     found = {name: metrics for name, (metrics, _) in measured.items()}
     readings = [name for name in models if name not in BASELINES]
-    truths = [read_truth(MaskedGraphs.stored(dataset, "test")) for dataset in datasets]
+    truths = [read_truth(read_split(Dataset.open(dataset), "test")) for dataset in datasets]
     buildings = {scene for truth in truths for scene in truth.scene_ids}
     empty = [count_empty(truth) for truth in truths]
     print(

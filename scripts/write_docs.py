@@ -49,9 +49,7 @@ def _generate(kind: str, name: str) -> str:
 
 
 def _describe(name: str) -> str:
-    family = type(ZOO[name].model)
-    trained = " Trained on masks of a search." if ZOO[name].data.withhold else ""
-    return f"| `{name}` | {(family.__doc__ or '').strip().splitlines()[0]}{trained} |"
+    return f"| `{name}` | {ZOO[name].describe()} |"
 
 
 def _help(words: list[str]) -> str:

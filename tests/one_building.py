@@ -1,22 +1,52 @@
-"""One building as a graph, written out by hand."""
+"""What was seen of one building, written out by hand."""
 
 from __future__ import annotations
 
-import torch
-from torch_geometric.data import Data
+from collections.abc import Sequence
 
-from bsg_models.inputs.graphs import connect
+import numpy as np
+
+from bsg_data.observation.observation import Observation
+from bsg_data.scene.connections import Connections
 
 
-def graph(inputs: list[list[float]], *, fraction: float = 0.5, vocabulary: int = 0) -> Data:
-    """Return a building of histograms `[N, C]`, all of it visited and hidden in the same share."""
-    nodes = len(inputs)
-    return Data(
-        x=torch.tensor(inputs),
-        edge_index=connect(nodes, ("up", "down")),
-        adjacent_index=connect(nodes, ()),
-        is_building=torch.arange(nodes) == 0,
-        visited=torch.ones(nodes, dtype=torch.bool),
-        fraction=torch.full((nodes,), fraction),
-        others=torch.zeros(nodes, vocabulary),
+def observe_building(
+    inputs: Sequence[Sequence[float]],
+    *,
+    hidden_share: float | Sequence[float] = 0.5,
+    visited: Sequence[bool] | None = None,
+    withheld: Sequence[int] = (),
+    others: Sequence[Sequence[float]] | None = None,
+    vocabulary: tuple[str, ...] = (),
+    connected: Sequence[tuple[int, int]] = (),
+    scene_id: str = "by hand",
+) -> Observation:
+    """Return an observation of one building.
+
+    Args:
+        inputs: `[N, C]` histograms, the building first.
+        hidden_share: of every node, or one of each, `[N]`.
+        visited: `[N]`; everywhere if it is not said.
+        withheld: classes that are withheld in all nodes.
+        others: `[N, V]`; nothing if it is not said.
+        vocabulary: `[V]`.
+        connected: pairs of rooms.
+        scene_id: names the building.
+    """
+    histograms = np.array(inputs).astype(np.int64)
+    nodes, classes = histograms.shape
+    return Observation(
+        scene_ids=(scene_id,),
+        starts=np.array([0, nodes]),
+        inputs=histograms,
+        hidden_share=np.broadcast_to(np.array(hidden_share, dtype=np.float32), (nodes,)).copy(),
+        visited=np.ones(nodes, dtype=bool) if visited is None else np.array(visited),
+        withheld=np.tile(np.isin(np.arange(classes), list(withheld)), (nodes, 1)),
+        vocabulary=vocabulary,
+        others=(
+            np.zeros((nodes, len(vocabulary)), dtype=np.int64)
+            if others is None
+            else np.array(others, dtype=np.int64).reshape(nodes, len(vocabulary))
+        ),
+        connections=Connections.of_pairs(connected),
     )

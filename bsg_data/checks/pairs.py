@@ -9,12 +9,13 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
+from bsg_data.arrays import Counts
 from bsg_data.checks.faults import Fault
-from bsg_data.dataset.histograms import Counts, count_cells, to_histograms
+from bsg_data.dataset.histograms import count_cells, to_histograms
 from bsg_data.dataset.manifest import FileEntry, Manifest
 from bsg_data.dataset.splits import assign_splits
 from bsg_data.errors import RecipeError
-from bsg_data.observation.masks import hidden_bounds
+from bsg_data.observation.masks import MASKS
 from bsg_data.observation.pairs import histogram_column, sample_pairs, split_of_file
 from bsg_data.recipes import SplitRecipe
 from bsg_data.sources.hm3d import building_hash
@@ -91,7 +92,7 @@ class PairTruth:
         targets = histogram_column(table, "target").reshape(shape)
         faults = list(_check_histograms(where, inputs, targets, cells))
         hidden = (targets.astype(np.int64) - inputs)[:, 0].sum(axis=1)
-        low, high = hidden_bounds(cells, recipe.mask)
+        low, high = MASKS[recipe.mask.strategy].hidden_bounds(cells, recipe.mask)
         for draw in np.flatnonzero((hidden < low) | (hidden > high))[:3]:
             bounds = str(low) if low == high else f"{low} to {high}"
             faults.append(

@@ -14,7 +14,8 @@ import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from bsg_data.dataset.histograms import Counts, count_cells
+from bsg_data.arrays import Counts
+from bsg_data.dataset.histograms import count_cells
 from bsg_data.dataset.manifest import Manifest, read_manifest
 from bsg_data.dataset.shards import read_table
 from bsg_data.scene.class_map import is_nameless

@@ -14,11 +14,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from bsg_data.arrays import Counts
 from bsg_data.dataset.manifest import Manifest, read_manifest
 from bsg_data.dataset.shards import read_table
 from bsg_data.errors import DatasetError
-
-Counts = npt.NDArray[np.int64]
 
 
 def count_cells(

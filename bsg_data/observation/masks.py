@@ -1,6 +1,6 @@
-"""Masks: what a robot has not seen yet, drawn at random (paper, section III-B).
+"""Masks: what a robot has not seen yet, sampled at random (paper, section III-B).
 
-A mask hides objects of a building. Its strategies:
+A mask hides objects of a building. Each strategy is one class here and one row of `MASKS`:
 
 - `uniform`, the paper's: ⌊fraction · n⌋ of the n classified objects, uniformly without
   replacement. Every room is visited.
@@ -11,8 +11,8 @@ A mask hides objects of a building. Its strategies:
   the visited ones and the null region lose the rest, uniformly. Without adjacency every room
   neighbours every other; where a connected part is exhausted, it goes on in another room.
 
-Objects without a class are drawn apart, by the same rule and the same visited rooms, so that a mask
-of the classified ones does not depend on them.
+Objects without a class are hidden apart, by the same rule and in the same visited rooms, so that a
+mask of the classified ones does not depend on them.
 
 A mask depends on (recipe, scene_id, draw) alone: never on order, workers or other scenes.
 """
@@ -21,29 +21,182 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable
 from decimal import Decimal
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from bsg_data.dataset.histograms import Counts
+from bsg_data.arrays import Bools, Counts
 from bsg_data.recipes import MaskRecipe
+from bsg_data.registry import Registry
+from bsg_data.scene.connections import Connections
 
 UNVISITED_SHARE = Decimal("0.5")  # of the objects that `frontier` hides, at most, by not visiting
 Stream = Literal["rooms", "classified", "unclassified", "search"]
 _STREAM: dict[Stream, int] = {"rooms": 0, "classified": 1, "unclassified": 2, "search": 3}
 
-Visited = npt.NDArray[np.bool_]
+
+class Mask(ABC):
+    """A strategy of hiding objects.
+
+    Attributes:
+        summary: what it hides, in one line.
+        reads_connections: whether it asks which rooms connect.
+    """
+
+    summary: ClassVar[str]
+    reads_connections: ClassVar[bool] = False
+
+    @abstractmethod
+    def sample_visited(
+        self,
+        cells: Counts,
+        recipe: MaskRecipe,
+        *,
+        connections: Connections,
+        rng: np.random.Generator,
+    ) -> Bools:
+        """Sample which nodes the robot visits, `[N]`; the building (0) is always visited.
+
+        Args:
+            cells: `[N, C]` classified objects, row 0 the null region; there is one room or more.
+            recipe: of the mask.
+            connections: of the building's rooms.
+            rng: of this building and draw.
+        """
+
+    @abstractmethod
+    def share_of_visited(self, fraction: float) -> float:
+        """Return the share of its objects that a visited room hides, as a robot knows it."""
+
+    def thin(self, cells: Counts, visited: Bools, recipe: MaskRecipe) -> tuple[Bools, int]:
+        """Return the nodes `[N]` that lose single objects, and how many they lose together.
+
+        Unvisited rooms lose everything besides.
+        """
+        gone = int(cells[~visited].sum())
+        return visited, max(0, share_of(recipe, cells.sum(), math.floor) - gone)
+
+    def hidden_bounds(self, cells: Counts, recipe: MaskRecipe) -> tuple[int, int]:
+        """Return the least and the most objects that any draw hides in a building."""
+        exact = share_of(recipe, cells.sum(), math.floor)
+        return exact, exact
+
+
+class UniformMask(Mask):
+    """Hide ⌊fraction · n⌋ objects uniformly; every room is visited."""
+
+    summary = "the paper's: single objects, uniformly; every room is visited"
+
+    def sample_visited(
+        self,
+        cells: Counts,
+        recipe: MaskRecipe,
+        *,
+        connections: Connections,
+        rng: np.random.Generator,
+    ) -> Bools:
+        """Visit every room."""
+        return np.ones(len(cells), dtype=bool)
+
+    def share_of_visited(self, fraction: float) -> float:
+        """Return the fraction."""
+        return fraction
+
+
+class RoomsMask(Mask):
+    """Hide all of some rooms, which stay unvisited, until the fraction is hidden."""
+
+    summary = "whole rooms, until the fraction is hidden"
+
+    def sample_visited(
+        self,
+        cells: Counts,
+        recipe: MaskRecipe,
+        *,
+        connections: Connections,
+        rng: np.random.Generator,
+    ) -> Bools:
+        """Leave rooms out in random order."""
+        sizes = cells.sum(axis=1)
+        order = 1 + rng.permutation(len(cells) - 1)
+        needed = share_of(recipe, sizes.sum(), math.ceil) - share_of(recipe, sizes[0], math.ceil)
+        hidden_before = np.cumsum(sizes[order]) - sizes[order]
+        visited = np.ones(len(cells), dtype=bool)
+        visited[order[hidden_before < needed]] = False
+        return visited
+
+    def share_of_visited(self, fraction: float) -> float:
+        """Return 0: a visited room shows everything."""
+        return 0.0
+
+    def thin(self, cells: Counts, visited: Bools, recipe: MaskRecipe) -> tuple[Bools, int]:
+        """Take single objects from the null region alone."""
+        return np.arange(len(cells)) == 0, share_of(recipe, cells[0].sum(), math.ceil)
+
+    def hidden_bounds(self, cells: Counts, recipe: MaskRecipe) -> tuple[int, int]:
+        """Return at least the fraction, and less than a room more."""
+        sizes = cells.sum(axis=1)
+        least = share_of(recipe, sizes.sum(), math.ceil)
+        return least, max(least, least + int(sizes[1:].max(initial=0)) - 1)
+
+
+class FrontierMask(Mask):
+    """Visit a connected set of rooms, and hide objects in these rooms, too."""
+
+    summary = "rooms beyond a connected set of visited ones, and objects in these"
+    reads_connections = True
+
+    def sample_visited(
+        self,
+        cells: Counts,
+        recipe: MaskRecipe,
+        *,
+        connections: Connections,
+        rng: np.random.Generator,
+    ) -> Bools:
+        """Grow the set of visited rooms from a random one."""
+        sizes = cells.sum(axis=1)
+        allowed = math.floor(share_of(recipe, sizes.sum(), math.floor) * UNVISITED_SHARE)
+        neighbours = _neighbours(len(sizes), connections)
+        visited = np.zeros(len(sizes), dtype=bool)
+        visited[0] = True
+        room = 1 + int(rng.integers(len(sizes) - 1))
+        while True:
+            visited[room] = True
+            if sizes[~visited].sum() <= allowed:
+                return visited
+            reachable = neighbours[visited].any(axis=0) & ~visited
+            frontier = np.flatnonzero(reachable if reachable.any() else ~visited)
+            room = int(rng.choice(frontier))
+
+    def share_of_visited(self, fraction: float) -> float:
+        """Return (f − f/2) / (1 − f/2): what is left to hide if half of f is not visited."""
+        return fraction / (2 - fraction)
+
+
+MASKS: Registry[Mask] = Registry(
+    "mask",
+    Mask,  # type: ignore[type-abstract]
+    group="bsg_data.masks",
+    rows={
+        "uniform": "bsg_data.observation.masks:UNIFORM",
+        "rooms": "bsg_data.observation.masks:ROOMS",
+        "frontier": "bsg_data.observation.masks:FRONTIER",
+    },
+)
+UNIFORM, ROOMS, FRONTIER = UniformMask(), RoomsMask(), FrontierMask()
 
 
 def mask_generator(
-    recipe: MaskRecipe, *, scene_id: str, draw: int, part: Stream
+    recipe: MaskRecipe, *, scene_id: str, draw: int, stream: Stream
 ) -> np.random.Generator:
     """Return the generator of one part of one draw of one scene."""
     digest = np.frombuffer(hashlib.sha256(scene_id.encode()).digest()[:16], dtype="<u4")
-    entropy = [recipe.seed, *digest.tolist(), draw, _STREAM[part]]
+    entropy = [recipe.seed, *digest.tolist(), draw, _STREAM[stream]]
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(entropy)))
 
 
@@ -53,47 +206,43 @@ def sample_visited(
     *,
     scene_id: str,
     draw: int,
-    adjacent: Sequence[tuple[int, int]] = (),
-) -> Visited:
-    """Draw which nodes of interest the robot visits.
+    connections: Connections | None = None,
+) -> Bools:
+    """Sample which nodes of interest the robot visits.
 
     Args:
         cells: `[1 + R, C]` classified objects; row 0 is the null region.
         recipe: of the mask.
         scene_id: of the building.
         draw: number of the draw.
-        adjacent: pairs of room indices; only `frontier` reads them.
+        connections: between the rooms; None where none is known.
 
     Returns:
         `[1 + R]`; the building itself (index 0) is always visited.
+
+    Raises:
+        RecipeError: if nobody knows the strategy.
     """
-    visited = np.ones(len(cells), dtype=bool)
-    if recipe.strategy == "uniform" or len(cells) == 1:
-        return visited
-    rng = mask_generator(recipe, scene_id=scene_id, draw=draw, part="rooms")
-    sizes = cells.sum(axis=1)
-    if recipe.strategy == "rooms":
-        order = 1 + rng.permutation(len(cells) - 1)
-        needed = _share(recipe, sizes.sum(), math.ceil) - _share(recipe, sizes[0], math.ceil)
-        hidden_before = np.cumsum(sizes[order]) - sizes[order]
-        visited[order[hidden_before < needed]] = False
-        return visited
-    allowed = math.floor(_share(recipe, sizes.sum(), math.floor) * UNVISITED_SHARE)
-    return _grow_frontier(sizes, adjacent, allowed=allowed, rng=rng)
+    mask = MASKS[recipe.strategy]
+    if len(cells) == 1:
+        return np.ones(1, dtype=bool)
+    rng = mask_generator(recipe, scene_id=scene_id, draw=draw, stream="rooms")
+    known = connections if connections is not None else Connections.of_pairs(())
+    return mask.sample_visited(cells, recipe, connections=known, rng=rng)
 
 
 def sample_hidden(
     cells: Counts,
-    visited: Visited,
+    visited: Bools,
     recipe: MaskRecipe,
     *,
     scene_id: str,
     draw: int,
-    part: Stream = "classified",
+    stream: Stream = "classified",
 ) -> Counts:
-    """Draw how many objects of every cell are hidden.
+    """Sample how many objects of every cell are hidden.
 
-    A draw without replacement of single objects, seen per cell, is multivariate hypergeometric.
+    Single objects taken without replacement, counted per cell, are multivariate hypergeometric.
 
     Args:
         cells: `[1 + R, K]` objects per room and kind, classified or not.
@@ -101,88 +250,45 @@ def sample_hidden(
         recipe: of the mask.
         scene_id: of the building.
         draw: number of the draw.
-        part: which objects these are; each part has a generator of its own.
+        stream: which objects these are; each kind has a generator of its own.
 
     Returns:
         `[1 + R, K]`, nowhere above `cells`.
     """
+    thinned, number = MASKS[recipe.strategy].thin(cells, visited, recipe)
     hidden = np.where(visited[:, None], 0, cells)
-    if recipe.strategy == "rooms":
-        thinned = np.arange(len(cells)) == 0
-        number = _share(recipe, cells[0].sum(), math.ceil)
-    else:
-        thinned = visited
-        number = max(0, _share(recipe, cells.sum(), math.floor) - int(hidden.sum()))
     candidates = np.flatnonzero(np.where(thinned[:, None], cells, 0))
     if number and len(candidates):
-        rng = mask_generator(recipe, scene_id=scene_id, draw=draw, part=part)
-        drawn = rng.multivariate_hypergeometric(
+        rng = mask_generator(recipe, scene_id=scene_id, draw=draw, stream=stream)
+        hidden.ravel()[candidates] = rng.multivariate_hypergeometric(
             cells.ravel()[candidates], number, method="marginals"
         )
-        hidden.ravel()[candidates] = drawn
     return hidden
 
 
-def share_hidden(visited: Visited, recipe: MaskRecipe) -> npt.NDArray[np.float64]:
+def share_hidden(visited: Bools, recipe: MaskRecipe) -> npt.NDArray[np.float64]:
     """Return the share of its objects that each node hides, as a robot knows it, `[1 + R]`.
 
     It follows from the recipe and from where the robot was, never from the objects: all of an
-    unvisited room; of a visited one `uniform` hides the fraction and `rooms` nothing. `frontier`
-    hides at most half of the fraction f by not visiting; were it half, visited rooms would lose
-    (f − f/2) / (1 − f/2). The building hides the fraction.
+    unvisited room, of a visited one what the mask says; the building hides the fraction.
 
     >>> share_hidden(np.array([True, True, False]), MaskRecipe(strategy="rooms")).tolist()
     [0.5, 0.0, 1.0]
     """
-    f = recipe.fraction
-    of_visited = {"uniform": f, "rooms": 0.0, "frontier": f / (2 - f)}[recipe.strategy]
+    of_visited = MASKS[recipe.strategy].share_of_visited(recipe.fraction)
     share = np.where(visited, of_visited, 1.0)
-    share[0] = f
+    share[0] = recipe.fraction
     return share
 
 
-def hidden_bounds(cells: Counts, recipe: MaskRecipe) -> tuple[int, int]:
-    """Return the least and the most objects that any draw of a mask hides in a building.
-
-    `uniform` and `frontier` hide exactly ⌊fraction · n⌋; `rooms` goes over by less than a room.
-    """
-    sizes = cells.sum(axis=1)
-    if recipe.strategy != "rooms":
-        exact = _share(recipe, sizes.sum(), math.floor)
-        return exact, exact
-    least = _share(recipe, sizes.sum(), math.ceil)
-    return least, max(least, least + int(sizes[1:].max(initial=0)) - 1)
-
-
-def _share(recipe: MaskRecipe, number: int, rounding: Callable[[Decimal], int]) -> int:
+def share_of(recipe: MaskRecipe, number: int, rounding: Callable[[Decimal], int]) -> int:
     """Return fraction · number, exact in decimals: 0.29 of 100 is 29, not 28."""
     return rounding(Decimal(repr(recipe.fraction)) * int(number))
 
 
-def _grow_frontier(
-    sizes: npt.NDArray[np.int64],
-    adjacent: Sequence[tuple[int, int]],
-    *,
-    allowed: int,
-    rng: np.random.Generator,
-) -> Visited:
-    neighbours = _neighbours(len(sizes), adjacent)
-    visited = np.zeros(len(sizes), dtype=bool)
-    visited[0] = True
-    room = 1 + int(rng.integers(len(sizes) - 1))
-    while True:
-        visited[room] = True
-        if sizes[~visited].sum() <= allowed:
-            return visited
-        reachable = neighbours[visited].any(axis=0) & ~visited
-        frontier = np.flatnonzero(reachable if reachable.any() else ~visited)
-        room = int(rng.choice(frontier))
-
-
-def _neighbours(nodes: int, adjacent: Sequence[tuple[int, int]]) -> npt.NDArray[np.bool_]:
-    """Return the room adjacency `[1 + R, 1 + R]`; complete where none is known."""
-    matrix = np.full((nodes, nodes), not adjacent)
-    if adjacent:
-        left, right = np.array(adjacent).T
-        matrix[left, right] = matrix[right, left] = True
+def _neighbours(nodes: int, connections: Connections) -> Bools:
+    """Return which rooms connect, `[1 + R, 1 + R]`; all of them where nothing is known."""
+    matrix = np.full((nodes, nodes), not len(connections))
+    left, right = connections.pairs.T
+    matrix[left, right] = matrix[right, left] = True
     return matrix

@@ -12,7 +12,8 @@ import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from bsg_data.dataset.histograms import Counts, read_adjacency, read_cells, to_histograms
+from bsg_data.arrays import Counts
+from bsg_data.dataset.histograms import read_adjacency, read_cells, to_histograms
 from bsg_data.dataset.manifest import ClassMapEntry, FileEntry, Manifest, read_manifest
 from bsg_data.dataset.publication import publish, withdraw_pairs
 from bsg_data.dataset.schema import pairs_schema
@@ -23,6 +24,7 @@ from bsg_data.executors import run_all
 from bsg_data.lock import hold
 from bsg_data.observation.masks import sample_hidden, sample_visited
 from bsg_data.recipes import PairsRecipe
+from bsg_data.scene.connections import Connections
 
 SCENES_PER_FILE = 64
 ROWS_PER_GROUP = 65_536
@@ -57,11 +59,12 @@ def sample_pairs(
     Returns:
         visited `[D, N]` and input histograms `[D, N, C]`, row 0 the building.
     """
+    connections = Connections.of_pairs(adjacent)
     visited = np.empty((recipe.draws, len(cells)), dtype=bool)
     inputs = np.empty((recipe.draws, *cells.shape), dtype=np.int64)
     for draw in range(recipe.draws):
         visited[draw] = sample_visited(
-            cells, recipe.mask, scene_id=scene_id, draw=draw, adjacent=adjacent
+            cells, recipe.mask, scene_id=scene_id, draw=draw, connections=connections
         )
         inputs[draw] = cells - sample_hidden(
             cells, visited[draw], recipe.mask, scene_id=scene_id, draw=draw

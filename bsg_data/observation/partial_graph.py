@@ -12,20 +12,22 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from bsg_data.arrays import Counts
 from bsg_data.dataset.categories import place_columns
-from bsg_data.dataset.histograms import Counts, count_cells, read_cells, to_histograms
-from bsg_data.dataset.manifest import ClassMapEntry, read_manifest
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.dataset.histograms import count_cells, to_histograms
+from bsg_data.dataset.manifest import ClassMapEntry
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import RecipeError
 from bsg_data.observation.masks import Stream, sample_hidden, sample_visited, share_hidden
+from bsg_data.observation.observation import Observation
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_map import ClassMap, is_nameless
+from bsg_data.scene.connections import Connections
 from bsg_data.scene.scene_graph import Box, Point, SceneGraph, SceneObject
 
-Floats = npt.NDArray[np.float64]
-_PARTS: tuple[Stream, Stream] = ("classified", "unclassified")
+_STREAMS: tuple[Stream, Stream] = ("classified", "unclassified")
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +104,32 @@ class PartialGraph:
         classes = np.array([obj.class_index for obj in known], dtype=np.int64)
         return to_histograms(count_cells(rooms, classes, shape=shape))
 
-    def others(self, vocabulary: Sequence[str]) -> Counts:
+    def observation(
+        self, *, vocabulary: tuple[str, ...] = (), withheld: Collection[int] = ()
+    ) -> Observation:
+        """Return the same as arrays, which is what models read.
+
+        Args:
+            vocabulary: categories outside the classes that are looked for.
+            withheld: classes that the graph leaves out of rooms which were not searched, so that
+                none being there says nothing.
+        """
+        inputs = self.histograms()
+        share = np.array([self.hidden_share, *(room.hidden_share for room in self.rooms)])
+        classes = np.isin(np.arange(inputs.shape[1]), list(withheld))
+        return Observation(
+            scene_ids=(self.scene_id,),
+            starts=np.array([0, len(inputs)]),
+            inputs=inputs,
+            hidden_share=share.astype(np.float32),
+            visited=np.array([True, *(room.visited for room in self.rooms)]),
+            withheld=classes & (share > 0)[:, None],
+            vocabulary=vocabulary,
+            others=self._others(vocabulary),
+            connections=Connections.of_pairs(self.adjacency),
+        )
+
+    def _others(self, vocabulary: Sequence[str]) -> Counts:
         """Return what was seen outside the classes, by the categories of a vocabulary, `[N, V]`."""
         known = [
             (obj.room_index, obj.category)
@@ -114,14 +141,6 @@ class PartialGraph:
         shape = (len(self.rooms) + 1, len(vocabulary))
         cells = count_cells(rooms[columns >= 0], columns[columns >= 0], shape=shape)
         return to_histograms(cells)
-
-    def shares(self) -> Floats:
-        """Return the share that each node hides, `[1 + R]`."""
-        return np.array([self.hidden_share, *(room.hidden_share for room in self.rooms)])
-
-    def visited(self) -> npt.NDArray[np.bool_]:
-        """Return where the robot was, `[1 + R]`; it is in the building."""
-        return np.array([True, *(room.visited for room in self.rooms)])
 
 
 def observe(graph: PartialGraph, room_index: int, objects: Iterable[SeenObject]) -> PartialGraph:
@@ -171,10 +190,16 @@ def mask_scene(
     adjacent = [(edge.source, edge.target) for edge in graph.adjacency]
     classes = len(class_map.classes)
     cells, others, kinds = _count(graph, classes)
-    visited = sample_visited(cells, recipe, scene_id=graph.scene_id, draw=draw, adjacent=adjacent)
+    visited = sample_visited(
+        cells,
+        recipe,
+        scene_id=graph.scene_id,
+        draw=draw,
+        connections=Connections.of_pairs(adjacent),
+    )
     hidden, unseen = (
-        sample_hidden(part, visited, recipe, scene_id=graph.scene_id, draw=draw, part=name)
-        for part, name in zip((cells, others), _PARTS, strict=True)
+        sample_hidden(part, visited, recipe, scene_id=graph.scene_id, draw=draw, stream=stream)
+        for part, stream in zip((cells, others), _STREAMS, strict=True)
     )
     left = np.concatenate([cells - hidden, others - unseen], axis=1)
     seen = []
@@ -219,12 +244,11 @@ def mask_dataset(
     dataset: Path, scenes: Collection[str], recipe: MaskRecipe, *, draw: int = 0
 ) -> Iterator[tuple[PartialGraph, Counts]]:
     """Yield what a mask leaves of some scenes of a dataset, with their true histograms `[N, C]`."""
-    manifest = read_manifest(dataset)
-    truths = read_cells(dataset, manifest=manifest)
+    data = Dataset.open(dataset)
     for graph in read_scene_graphs(dataset):
         if graph.scene_id in scenes:
-            left = mask_scene(graph, recipe, draw=draw, class_map=manifest.class_map)
-            yield left, to_histograms(truths[graph.scene_id])
+            left = mask_scene(graph, recipe, draw=draw, class_map=data.manifest.class_map)
+            yield left, to_histograms(data.cells(graph.scene_id))
 
 
 def _see(obj: SceneObject) -> SeenObject:

@@ -13,11 +13,11 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from bsg_data.arrays import Floats
 from bsg_data.errors import RecipeError
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_models.belief.expectation import Expectation
 
-Floats = npt.NDArray[np.float64]
 Mode = Literal["complete", "unseen"]
 LEAST_PRESENCE = 0.005  # what is less likely is not expected
 

@@ -1,7 +1,6 @@
 """The distribution of the hidden counts: per node and class a finite mixture of negative binomials.
 
-A negative binomial with mean μ and dispersion r has variance μ + μ²/r; r = ∞ is a Poisson. One
-component serves most models; latent room types and ensembles need more of them.
+One component serves most models; latent room types and ensembles need more of them.
 """
 
 from __future__ import annotations
@@ -13,7 +12,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import gammaln, lambertw, logsumexp
 
-Floats = npt.NDArray[np.float64]
+from bsg_data.arrays import Floats
+from bsg_models.belief.negative_binomial import log_none
+
 MIN_RATE = 1e-3  # no model may call a hidden object impossible: log 0 would swallow all the rest
 
 
@@ -54,7 +55,7 @@ class CountDistribution:
             counts: `[N, C]` whole numbers.
             floor: means below it count as this much.
         """
-        each = _log_negative_binomial(counts, np.maximum(self.means, floor), self.dispersions)
+        each = _log_components(counts, np.maximum(self.means, floor), self.dispersions)
         if len(each) == 1:
             return np.asarray(each[0])
         with np.errstate(divide="ignore"):
@@ -212,19 +213,19 @@ def concatenate(distributions: Sequence[CountDistribution]) -> CountDistribution
     )
 
 
-def _log_negative_binomial(counts: Floats, mean: Floats, r: Floats) -> Floats:
-    """Return log P(counts) of every component, `[K, N, C]`.
+def _log_components(counts: Floats, mean: Floats, dispersion: Floats) -> Floats:
+    """Return log P(counts) of every component, `[K, N, C]`, Poissons too.
 
     Most counts are 0, where only the last term is left: the others are computed for the rest alone.
     """
-    finite = np.isfinite(r)
-    shape = np.where(finite, r, 1.0)
-    found = -np.where(finite, shape * np.log1p(mean / shape), mean)
+    finite = np.isfinite(dispersion)
+    r = np.where(finite, dispersion, 1.0)
+    log_p = np.where(finite, log_none(mean, r), -mean)
     some = counts > 0
-    n, mean, shape, finite = counts[some], mean[:, some], shape[:, some], finite[:, some]
+    n, mean, r, finite = counts[some], mean[:, some], r[:, some], finite[:, some]
     with np.errstate(divide="ignore"):
-        spread = np.where(finite, np.log(mean + shape), 0.0)
+        spread = np.where(finite, np.log(mean + r), 0.0)
         power = n * (np.log(mean) - spread)
-    choose = np.where(finite, gammaln(n + shape) - gammaln(shape), 0.0)
-    found[:, some] = choose - gammaln(n + 1) + power + found[:, some]
-    return found
+    choose = np.where(finite, gammaln(n + r) - gammaln(r), 0.0)
+    log_p[:, some] = choose - gammaln(n + 1) + power + log_p[:, some]
+    return log_p

@@ -14,10 +14,10 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from bsg_data.arrays import Floats
 from bsg_models.belief.count_distribution import (
     MIN_RATE,
     CountDistribution,
-    Floats,
     certain,
     concatenate,
     poisson,

@@ -13,13 +13,12 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from torch_geometric.loader import DataLoader
 
+from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_models.belief.expectation import Expectation, join
 from bsg_models.evaluation import metrics
 from bsg_models.evaluation.metrics import Bools, Floats
 from bsg_models.evaluation.presence import PresenceMeasurement
-from bsg_models.inputs.graphs import MaskedGraphs
 from bsg_models.zoo.model import BeliefModel
 
 NODE_SETS = ("rooms", "building", "all")
@@ -63,25 +62,26 @@ class Estimate:
     nodes: int
 
 
-def read_truth(graphs: MaskedGraphs) -> Truth:
-    """Return the truth of masked graphs, nodes in the order of the graphs."""
-    scene_ids = tuple(dict.fromkeys(m.scene_id for m in graphs.masked))
+def read_truth(masked: MaskedBuildings) -> Truth:
+    """Return the truth of masked buildings, nodes in their order."""
+    seen = masked.seen
+    scene_ids = tuple(dict.fromkeys(seen.scene_ids))
     number = {scene: i for i, scene in enumerate(scene_ids)}
-    sizes = [len(m.inputs) for m in graphs.masked]
+    sizes = np.diff(seen.starts)
     return Truth(
-        inputs=np.concatenate([m.inputs for m in graphs.masked]).astype(float),
-        targets=np.concatenate([m.targets for m in graphs.masked]).astype(float),
-        is_building=np.concatenate([np.arange(size) == 0 for size in sizes]),
-        visited=np.concatenate([m.visited for m in graphs.masked]),
-        building=np.repeat([number[m.scene_id] for m in graphs.masked], sizes),
-        draw=np.repeat([m.draw for m in graphs.masked], sizes),
+        inputs=seen.inputs.astype(float),
+        targets=masked.targets.astype(float),
+        is_building=seen.is_building,
+        visited=seen.visited,
+        building=np.repeat([number[scene] for scene in seen.scene_ids], sizes),
+        draw=np.repeat(masked.draws, sizes),
         scene_ids=scene_ids,
     )
 
 
-def predict_all(model: BeliefModel, graphs: MaskedGraphs, *, batch_size: int = 256) -> Expectation:
-    """Return a model's expectation of every node of masked graphs, in their order."""
-    return join([model.predict(batch) for batch in DataLoader(graphs, batch_size=batch_size)])
+def predict_all(model: BeliefModel, masked: MaskedBuildings, *, batch: int = 256) -> Expectation:
+    """Return a model's expectation of every node of masked buildings, in their order."""
+    return join([model.predict(some.seen) for some in masked.batches(batch)])
 
 
 class Measurement:

@@ -21,8 +21,8 @@ from bsg_data.dataset.shards import write_bytes
 from bsg_data.errors import MismatchError
 from bsg_data.recipes import Record
 from bsg_models.errors import CheckpointError, ConfigError
-from bsg_models.zoo.catalogue import make_model
 from bsg_models.zoo.config import RunConfig
+from bsg_models.zoo.construction import make_model
 from bsg_models.zoo.model import BeliefModel
 
 CHECKPOINT_VERSION = 1

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import torch
 
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.lock import hold
 from bsg_models.errors import CheckpointError, TrainingError
-from bsg_models.inputs.graphs import Buildings
 from bsg_models.runs.checkpoint import CheckpointHeader, load_checkpoint, save_checkpoint
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.model import BeliefModel
@@ -52,7 +52,7 @@ def clear_run(run: Path) -> None:
 
 def make_header(
     config: RunConfig,
-    data: Buildings,
+    data: Dataset,
     *,
     vocabulary: tuple[str, ...],
     epoch: int = 0,
@@ -81,7 +81,7 @@ def name_tensors(prefix: str, state: dict[str, torch.Tensor]) -> dict[str, torch
 def save_fitted(
     model: BeliefModel,
     config: RunConfig,
-    data: Buildings,
+    data: Dataset,
     run: Path,
     *,
     calibrated: bool,
@@ -94,7 +94,7 @@ def save_fitted(
     save_checkpoint(run / BEST, header, name_tensors("model", model.state_dict()))
 
 
-def is_finished(run: Path, config: RunConfig, data: Buildings) -> bool:
+def is_finished(run: Path, config: RunConfig, data: Dataset) -> bool:
     """Say whether a run is complete, of this configuration and this dataset."""
     try:
         header = load_checkpoint(run / BEST).header

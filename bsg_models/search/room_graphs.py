@@ -30,7 +30,7 @@ from scipy.sparse.csgraph import connected_components
 
 from bsg_data.errors import RecipeError
 from bsg_data.recipes import Record
-from bsg_data.scene.scene_graph import SceneGraph
+from bsg_data.scene.connections import Connections
 from bsg_models.search.shortest_paths import Floats, Travel, find_ways, go_straight
 
 WorldKind = Literal["star", "complete", "complete-paths", "tree", "tree-plus", "layout", "geometry"]
@@ -115,13 +115,14 @@ class RoomGraph:
         return Travel(np.broadcast_to(one.costs, shape), np.broadcast_to(one.steps, shape))
 
 
-def measure_rooms(graph: SceneGraph, kind: Literal["layout", "geometry"]) -> RoomGraph:
-    """Return the connections of a scene graph whose lengths are known."""
-    nodes = 1 + len(graph.rooms)
+def measure_rooms(
+    connections: Connections, *, nodes: int, kind: Literal["layout", "geometry"]
+) -> RoomGraph:
+    """Return the connections of a building with N nodes whose lengths are known."""
     edges = np.full((nodes, nodes), np.inf)
-    for edge in graph.adjacency:
-        if edge.method in METHODS[kind] and edge.distance_m is not None:
-            edges[edge.source, edge.target] = edges[edge.target, edge.source] = edge.distance_m
+    known = np.isin(connections.methods, METHODS[kind]) & ~np.isnan(connections.lengths)
+    left, right = connections.pairs[known].T
+    edges[left, right] = edges[right, left] = connections.lengths[known]
     ends = np.argwhere(np.isfinite(edges)).T
     joined = coo_array((np.ones(ends.shape[1]), (ends[0], ends[1])), shape=edges.shape)
     _, part = connected_components(joined, directed=False)

@@ -10,6 +10,7 @@ from typing import Any, cast
 import numpy as np
 import pandas as pd
 
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError
 from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import CheckpointError
@@ -23,12 +24,15 @@ from bsg_models.evaluation.measurement import (
     predict_all,
     read_truth,
 )
-from bsg_models.inputs.graphs import Buildings, MaskedGraphs, Split, open_dataset
+from bsg_models.inputs.folds import Split
+from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import Checkpoint, load_checkpoint, require_dataset, restore_model
 from bsg_models.runs.run_folder import BEST, LAST
-from bsg_models.zoo.catalogue import BASELINES, ZOO, make_model
-from bsg_models.zoo.config import DataConfig, RunConfig
+from bsg_models.zoo.catalogue import BASELINES
+from bsg_models.zoo.config import find_config
+from bsg_models.zoo.construction import make_model
 from bsg_models.zoo.model import BeliefModel
+from bsg_models.zoo.settings import DataConfig
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,19 +96,18 @@ def compare_runs(
         MismatchError: if a run is of another class map.
         DatasetError: if the split has no pairs.
     """
-    data = open_dataset(dataset)
+    data = Dataset.open(dataset)
     loaded = [(run, load_checkpoint(run / BEST)) for run in runs]
     for run, checkpoint in loaded:
         require_dataset(run / BEST, checkpoint.header, data.manifest)
     fold = _one_fold(loaded)
     part = cast(Split, split)
-    truth = read_truth(MaskedGraphs.stored(data, part, fold=fold))
+    truth = read_truth(read_split(data, part, fold=fold))
     models = _models(loaded, data, fold=fold)
     estimates, expectations = {}, {}
-    for done, (name, (config, model)) in enumerate(models.items()):
-        edges, vocabulary = config.data.edges, model.vocabulary
-        graphs = MaskedGraphs.stored(data, part, fold=fold, edges=edges, vocabulary=vocabulary)
-        expectations[name] = predict_all(model, graphs)
+    for done, (name, model) in enumerate(models.items()):
+        masked = read_split(data, part, fold=fold, vocabulary=model.vocabulary)
+        expectations[name] = predict_all(model, masked)
         estimates[name] = estimate(
             Measurement(truth, expectations[name]),
             resamples=resamples,
@@ -126,25 +129,25 @@ def compare_runs(
 
 
 def _models(
-    loaded: Sequence[tuple[Path, Checkpoint]], data: Buildings, *, fold: int | None
-) -> dict[str, tuple[RunConfig, BeliefModel]]:
+    loaded: Sequence[tuple[Path, Checkpoint]], data: Dataset, *, fold: int | None
+) -> dict[str, BeliefModel]:
     """Return the models by name: the runs by their folders, then the baselines, fitted on train."""
-    models: dict[str, tuple[RunConfig, BeliefModel]] = {}
+    models: dict[str, BeliefModel] = {}
     for run, checkpoint in loaded:
         name = run.name or run.resolve().name
         taken, number = name, 2
         while name in models or name in BASELINES:
             name, number = f"{taken}-{number}", number + 1
-        models[name] = (checkpoint.header.config, restore_model(run / BEST, checkpoint))
+        models[name] = restore_model(run / BEST, checkpoint)
     for name in BASELINES:
-        model = make_model(ZOO[name], classes=len(data.manifest.class_map.classes))
+        model = make_model(find_config(name), classes=len(data.manifest.class_map.classes))
         model.fit(data, DataConfig(fold=fold))
-        models[name] = (ZOO[name], model)
+        models[name] = model
     return models
 
 
 def _describe(
-    loaded: Sequence[tuple[Path, Checkpoint]], models: dict[str, tuple[RunConfig, BeliefModel]]
+    loaded: Sequence[tuple[Path, Checkpoint]], models: dict[str, BeliefModel]
 ) -> dict[str, Any]:
     """Return epoch, dataset and configuration of each run by its name."""
     return {
@@ -166,7 +169,7 @@ def _one_fold(loaded: Sequence[tuple[Path, Checkpoint]]) -> int | None:
 
 
 def _facts(
-    data: Buildings, truth: Truth, *, fold: int | None, resamples: int, seed: int
+    data: Dataset, truth: Truth, *, fold: int | None, resamples: int, seed: int
 ) -> dict[str, Any]:
     pairs = data.manifest.pairs
     if pairs is None:
@@ -188,7 +191,7 @@ def _facts(
     }
 
 
-def _notes(loaded: Sequence[tuple[Path, Checkpoint]], data: Buildings, split: str) -> list[str]:
+def _notes(loaded: Sequence[tuple[Path, Checkpoint]], data: Dataset, split: str) -> list[str]:
     notes = []
     for run, checkpoint in loaded:
         if checkpoint.header.dataset_sha256 != data.sha256:

@@ -18,6 +18,9 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 
+from pydantic import field_validator
+
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import MANIFEST, Manifest, read_manifest
 from bsg_data.dataset.publication import withdraw_split
 from bsg_data.dataset.shards import write_bytes
@@ -25,8 +28,9 @@ from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.executors import run_all
 from bsg_data.lock import hold
+from bsg_data.observation.masks import MASKS
 from bsg_data.observation.pairs import write_pairs
-from bsg_data.recipes import MaskRecipe, PairsRecipe, Record, SplitRecipe, Strategy
+from bsg_data.recipes import MaskRecipe, PairsRecipe, Record, SplitRecipe
 from bsg_models.errors import ConfigError, TrainingError
 from bsg_models.evaluation.measurement import (
     Bootstrap,
@@ -36,13 +40,12 @@ from bsg_models.evaluation.measurement import (
     predict_all,
     read_truth,
 )
-from bsg_models.inputs.graphs import open_dataset
+from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import BEST, is_finished
-from bsg_models.training.epochs import stored_graphs
 from bsg_models.training.training import combine_runs, member_config, one_thread, train_run
 from bsg_models.zoo.config import RunConfig
-from bsg_models.zoo.families import EnsembleConfig
+from bsg_models.zoo.ensemble import EnsembleConfig
 
 SECONDS = "seconds.json"
 DATASET = "dataset"
@@ -60,12 +63,20 @@ class LeaderboardRecipe(Record):
         resamples: of the bootstrap over buildings.
     """
 
-    masks: tuple[Strategy, ...] = ("uniform", "rooms")
+    masks: tuple[str, ...] = ("uniform", "rooms")
     fraction: float = 0.5
     folds: int = 5
     draws: int = 5
     seed: int = 0
     resamples: int = 200
+
+    @field_validator("masks")
+    @classmethod
+    def _masks_exist(cls, masks: tuple[str, ...]) -> tuple[str, ...]:
+        for name in masks:
+            if name not in MASKS:
+                raise ValueError(f"no mask {name!r}; known are {', '.join(MASKS)}")
+        return masks
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +179,7 @@ def sort_models(
     return single, ensembles
 
 
-def prepare_dataset(source: Path, copy: Path, recipe: LeaderboardRecipe, *, mask: Strategy) -> None:
+def prepare_dataset(source: Path, copy: Path, recipe: LeaderboardRecipe, *, mask: str) -> None:
     """Copy a dataset, split it into folds and draw its pairs, unless that is done.
 
     Raises:
@@ -198,7 +209,7 @@ def prepare_dataset(source: Path, copy: Path, recipe: LeaderboardRecipe, *, mask
         write_pairs(copy, pairs, force=True)
 
 
-def fit_to(config: RunConfig, recipe: LeaderboardRecipe, *, mask: Strategy, fold: int) -> RunConfig:
+def fit_to(config: RunConfig, recipe: LeaderboardRecipe, *, mask: str, fold: int) -> RunConfig:
     """Return a configuration for one kind of mask and one fold; its seed is added to the fold's."""
     drawn = MaskRecipe(strategy=mask, fraction=recipe.fraction, seed=recipe.seed)
     data = config.data.model_copy(update={"mask": drawn, "fold": fold})
@@ -217,7 +228,7 @@ def _members(config: RunConfig) -> tuple[str, ...]:
 def _train(folder: Path, name: str, config: RunConfig) -> None:
     """Train one model for one fold, unless that is done."""
     run = run_of(folder, name, config.data.fold or 0)
-    data = open_dataset(folder / DATASET)
+    data = Dataset.open(folder / DATASET)
     if is_finished(run, config, data) and (run / SECONDS).is_file():
         return
     began = time.perf_counter()
@@ -229,7 +240,7 @@ def _train(folder: Path, name: str, config: RunConfig) -> None:
 def _combine(folder: Path, name: str, config: RunConfig) -> None:
     """Make one ensemble for one fold of the runs of its members there."""
     fold = config.data.fold or 0
-    data = open_dataset(folder / DATASET)
+    data = Dataset.open(folder / DATASET)
     members = {member: run_of(folder, member, fold) for member in _members(config)}
     for member, trained in members.items():
         if not is_finished(trained, member_config(config, member), data):
@@ -244,7 +255,7 @@ def _combine(folder: Path, name: str, config: RunConfig) -> None:
 
 def _measure(folder: Path, name: str, recipe: LeaderboardRecipe) -> ModelResult:
     """Measure one model over all folds."""
-    data = open_dataset(folder / DATASET)
+    data = Dataset.open(folder / DATASET)
     splits, seconds = [], 0.0
     with one_thread():
         for fold in range(recipe.folds):
@@ -252,8 +263,8 @@ def _measure(folder: Path, name: str, recipe: LeaderboardRecipe) -> ModelResult:
             checkpoint = load_checkpoint(run / BEST)
             model = restore_model(run / BEST, checkpoint)
             config = checkpoint.header.config
-            graphs = stored_graphs(config, data, "test", vocabulary=model.vocabulary)
-            splits.append(Measurement(read_truth(graphs), predict_all(model, graphs)))
+            masked = read_split(data, "test", fold=config.data.fold, vocabulary=model.vocabulary)
+            splits.append(Measurement(read_truth(masked), predict_all(model, masked)))
             seconds += _read_seconds(run) / recipe.folds
         found = bootstrap(SplitsMeasurement(splits), resamples=recipe.resamples, seed=recipe.seed)
     return ModelResult(found, seconds)

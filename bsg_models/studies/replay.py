@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import to_histograms
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import DatasetError
 from bsg_data.observation.partial_graph import enter_room, mask_scene
 from bsg_models.belief.belief_graph import believe
-from bsg_models.inputs.graphs import open_dataset
 from bsg_models.rendering.explorer import Moment, View
 from bsg_models.runs.predictor import Predictor
 from bsg_models.search.planners import PLANNERS, Task
@@ -21,7 +21,7 @@ from bsg_models.search.room_graphs import WorldRecipe
 from bsg_models.search.shortest_paths import Bools, Floats, Ints
 from bsg_models.search.simulator import Beliefs, Step, search
 from bsg_models.studies.search_cases import StudyRecipe, sample_case
-from bsg_models.studies.search_study import ask_run, measure_dataset
+from bsg_models.studies.search_study import ask_run, measure_building
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,11 +51,10 @@ def trace_search(
     Raises:
         DatasetError: if there is no such search.
     """
-    data = open_dataset(dataset)
-    by_kind = measure_dataset(dataset, [request.scene_id], [request.world.kind])
-    measured = {kind: rooms[request.scene_id] for kind, rooms in by_kind.items()}
+    data = Dataset.open(dataset)
+    measured = measure_building(data, request.scene_id, [request.world])
     case = sample_case(
-        data.cells[request.scene_id],
+        data.cells(request.scene_id),
         request.world,
         recipe,
         scene_id=request.scene_id,
@@ -85,7 +84,7 @@ def trace_search(
     )
     kept = tuple(obj for obj in partial.objects if obj.class_index not in artifacts)
     predictor = Predictor(run)
-    truth = to_histograms(data.cells[request.scene_id])
+    truth = to_histograms(data.cells(request.scene_id))
     holds = tuple(room for room in range(1, len(truth)) if truth[room, list(artifacts)].any())
     views, route, cost = [], [start], 0.0
     known = enter_room(replace(partial, objects=kept), graph, start)

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, field_validator
 
-from bsg_data.dataset.histograms import Counts
+from bsg_data.arrays import Counts
 from bsg_data.errors import RecipeError
 from bsg_data.recipes import MaskRecipe, Record
 from bsg_models.search.planners import PLANNERS, Task

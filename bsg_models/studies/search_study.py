@@ -6,7 +6,7 @@ the recipe and the building alone.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -14,12 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
-from bsg_data.dataset.shards import read_scene_graphs, read_table
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError, MismatchError, RecipeError
 from bsg_data.executors import run_all
 from bsg_data.recipes import MaskRecipe
-from bsg_models.inputs.graphs import Buildings, Split, open_dataset
-from bsg_models.runs.checkpoint import Checkpoint, load_checkpoint, restore_model
+from bsg_models.inputs.folds import Split, scenes_of
+from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import checkpoint_of
 from bsg_models.search.planners import PLANNERS, Task
 from bsg_models.search.room_graphs import (
@@ -115,11 +115,7 @@ def study_search(
     """
     if recipe.truth == "posterior" and None in runs.values():
         raise RecipeError("truth posterior needs a belief: give the run of a model")
-    measured = measure_dataset(dataset, runs, [world.kind for world in recipe.worlds])
-    tasks = [
-        (dataset, run, scene, recipe, {kind: rooms[scene] for kind, rooms in measured.items()})
-        for scene, run in runs.items()
-    ]
+    tasks = [(dataset, run, scene, recipe) for scene, run in runs.items()]
     found = run_all(search_building, tasks, executor=executor, progress=progress)
     left_out: dict[str, dict[str, int]] = {}
     searches = []
@@ -147,9 +143,9 @@ def choose_runs(
         MismatchError: if a run is of another class map.
         DatasetError: if two runs are of one fold, or the dataset is not split.
     """
-    data = open_dataset(dataset)
+    data = Dataset.open(dataset)
     chosen: dict[str, Path | None] = {}
-    notes, families = [], set()
+    notes, models = [], set()
     for run in runs:
         header = load_checkpoint(checkpoint_of(run)).header
         if header.class_map != data.manifest.class_map:
@@ -157,37 +153,36 @@ def choose_runs(
                 f"{run}: predicts classes of {header.class_map.version}, the dataset has those of "
                 f"{data.manifest.class_map.version}"
             )
-        families.add(header.config.model.family)
+        models.add(header.config.name)
         fold = header.config.data.fold if "fold-0" in data.splits else None
-        scenes = data.scenes_of(part, fold=fold)
+        scenes = scenes_of(data, part, fold=fold)
         taken = sorted(set(scenes) & set(chosen))
         if taken:
             raise DatasetError(f"{run}: is of the same buildings as another run, e.g. {taken[0]}")
         if header.dataset_sha256 != data.sha256:
             notes.append(f"{run}: was trained on another dataset; it may know these buildings")
         chosen.update(dict.fromkeys(scenes, run))
-    if len(families) > 1:
-        notes.append(f"the runs are of different models: {', '.join(sorted(families))}")
+    if len(models) > 1:
+        notes.append(f"the runs are of different models: {', '.join(sorted(models))}")
     return chosen, notes
 
 
-def measure_dataset(
-    dataset: Path, scenes: Collection[str], kinds: Sequence[str]
-) -> dict[str, dict[str, RoomGraph]]:
-    """Return the measured room graphs of some scenes, by kind."""
-    wanted = [kind for kind in MEASURED if kind in kinds]
-    found: dict[str, dict[str, RoomGraph]] = {kind: {} for kind in wanted}
-    if wanted:
-        for graph in read_scene_graphs(dataset):
-            if graph.scene_id in scenes:
-                for kind in wanted:
-                    found[kind][graph.scene_id] = measure_rooms(graph, kind)
-    return found
+def measure_building(
+    data: Dataset, scene_id: str, recipes: Sequence[WorldRecipe]
+) -> dict[str, RoomGraph]:
+    """Return the measured room graphs of a building that some worlds are made of, by kind."""
+    kinds = {recipe.kind for recipe in recipes}
+    connections, nodes = data.connections(scene_id), len(data.cells(scene_id))
+    return {
+        kind: measure_rooms(connections, nodes=nodes, kind=kind)
+        for kind in MEASURED
+        if kind in kinds
+    }
 
 
 def known_worlds(dataset: Path) -> tuple[WorldRecipe, ...]:
     """Return the measured worlds of which a dataset has any connection."""
-    methods = set(read_table(dataset, "edges", columns=["method"])["method"].unique().to_pylist())
+    methods = Dataset.open(dataset).connection_methods
     return tuple(WorldRecipe(kind=kind) for kind in MEASURED if methods & set(METHODS[kind]))
 
 
@@ -196,11 +191,11 @@ def search_building(
     run: Path | None,
     scene_id: str,
     recipe: StudyRecipe,
-    measured: Mapping[str, RoomGraph],
 ) -> dict[str, Searches | str]:
     """Return world → the searches of one building with every planner, or why there are none."""
-    data = open_dataset(dataset)
-    cells = data.cells[scene_id]
+    data = Dataset.open(dataset)
+    cells = data.cells(scene_id)
+    measured = measure_building(data, scene_id, recipe.worlds)
     found: dict[str, Searches | str] = {}
     asked: dict[bytes, ModelBeliefs] = {}  # worlds of the same rooms have the same searches
     with one_thread():
@@ -219,16 +214,12 @@ def search_building(
     return found
 
 
-def ask_run(
-    run: Path, data: Buildings, scene_id: str, mask: MaskRecipe, case: Case
-) -> ModelBeliefs:
+def ask_run(run: Path, data: Dataset, scene_id: str, mask: MaskRecipe, case: Case) -> ModelBeliefs:
     """Return the beliefs of a run about the searches of a building."""
     path = checkpoint_of(run)
     changed = path.stat().st_mtime_ns if path.exists() else 0
-    checkpoint, model = _restore_once(path, changed)
     return ModelBeliefs(
-        model,
-        edges=checkpoint.header.config.data.edges,
+        _restore_once(path, changed),
         data=data,
         scene_id=scene_id,
         mask=mask,
@@ -238,9 +229,8 @@ def ask_run(
 
 
 @lru_cache(maxsize=8)
-def _restore_once(path: Path, changed: int) -> tuple[Checkpoint, BeliefModel]:
-    checkpoint = load_checkpoint(path)
-    return checkpoint, restore_model(path, checkpoint)
+def _restore_once(path: Path, changed: int) -> BeliefModel:
+    return restore_model(path, load_checkpoint(path))
 
 
 def compare_planners(

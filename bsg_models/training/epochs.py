@@ -14,11 +14,15 @@ from typing import Any
 
 import numpy as np
 import torch
-from torch_geometric.loader import DataLoader
+from torch.utils.data import DataLoader
+from torch_geometric.data import Data
 
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.shards import write_bytes
+from bsg_data.observation.masked_buildings import MaskedBuildings, sample_masked, stack_masked
 from bsg_models.errors import TrainingError
-from bsg_models.inputs.graphs import Buildings, MaskedGraphs, Split
+from bsg_models.inputs.folds import scenes_of
+from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import (
     Checkpoint,
     CheckpointHeader,
@@ -34,80 +38,72 @@ from bsg_models.training.optimiser import (
     make_optimiser,
     optimiser_state,
 )
-from bsg_models.zoo.config import RunConfig, TrainingConfig
-from bsg_models.zoo.model import BeliefModel
+from bsg_models.zoo.config import RunConfig
+from bsg_models.zoo.model import BeliefModel, Network
+from bsg_models.zoo.settings import TrainingConfig
 
+_VAL_BATCH = 256  # buildings
 _VAL_DRAWS = 10  # of every val building, where the stored pairs are not what is trained for
 
 
-class TrainingGraphs:
-    """The graphs of every epoch of one training, from a dataset that was opened once."""
+class TrainingBuildings:
+    """The masked buildings of every epoch of one training, from a dataset that was opened once."""
 
-    def __init__(self, config: RunConfig, data: Buildings, model: BeliefModel) -> None:
+    def __init__(self, config: RunConfig, data: Dataset, model: BeliefModel) -> None:
         self._data, self._choice, self._vocabulary = data, config.data, model.vocabulary
-        self.val = validation_graphs(config, data, vocabulary=model.vocabulary)
+        self.val = validation_buildings(config, data, vocabulary=model.vocabulary)
+        self._scenes = scenes_of(data, "train", fold=config.data.fold)
         self._fixed = (
-            stored_graphs(config, data, "train", vocabulary=model.vocabulary)
+            read_split(data, "train", fold=config.data.fold, vocabulary=model.vocabulary)
             if config.data.masks == "fixed"
             else None
         )
-        self._number = len(self._fixed or data.scenes_of("train", fold=config.data.fold))
 
     def steps_of(self, training: TrainingConfig) -> int:
         """Return the number of steps of an epoch."""
-        return -(-self._number // training.batch_size)
+        number = len(self._scenes) if self._fixed is None else len(self._fixed)
+        return -(-number // training.batch_size)
 
-    def of_epoch(self, epoch: int) -> MaskedGraphs:
+    def of_epoch(self, epoch: int) -> MaskedBuildings:
         """Return the stored pairs, or mask number `epoch` of every training building."""
         if self._fixed is not None:
             return self._fixed
-        return MaskedGraphs.fresh(
+        return sample_masked(
             self._data,
-            "train",
+            self._scenes,
             mask=self._choice.mask,
             draw=epoch,
             fractions=self._choice.fractions,
             withhold=self._choice.withhold,
-            fold=self._choice.fold,
-            edges=self._choice.edges,
             vocabulary=self._vocabulary,
         )
 
 
-def stored_graphs(
-    config: RunConfig, data: Buildings, part: Split, *, vocabulary: tuple[str, ...]
-) -> MaskedGraphs:
-    """Return the stored pairs of a split as a configuration's graphs."""
-    return MaskedGraphs.stored(
-        data, part, fold=config.data.fold, edges=config.data.edges, vocabulary=vocabulary
-    )
-
-
-def validation_graphs(
-    config: RunConfig, data: Buildings, *, vocabulary: tuple[str, ...]
-) -> MaskedGraphs:
+def validation_buildings(
+    config: RunConfig, data: Dataset, *, vocabulary: tuple[str, ...]
+) -> MaskedBuildings:
     """Return the stored pairs of val or, if masks are those of a search, fresh ones of its own."""
     choice = config.data
     if not choice.withhold:
-        return stored_graphs(config, data, "val", vocabulary=vocabulary)
-    drawn = [
-        MaskedGraphs.fresh(
-            data,
-            "val",
-            mask=choice.mask,
-            draw=draw,
-            withhold=choice.withhold,
-            fold=choice.fold,
-            vocabulary=vocabulary,
-        )
-        for draw in range(_VAL_DRAWS)
-    ]
-    masked = [one for graphs in drawn for one in graphs.masked]
-    return MaskedGraphs(masked, edges=choice.edges, adjacency=data.adjacency)
+        return read_split(data, "val", fold=choice.fold, vocabulary=vocabulary)
+    scenes = scenes_of(data, "val", fold=choice.fold)
+    return stack_masked(
+        [
+            sample_masked(
+                data,
+                scenes,
+                mask=choice.mask,
+                draw=draw,
+                withhold=choice.withhold,
+                vocabulary=vocabulary,
+            )
+            for draw in range(_VAL_DRAWS)
+        ]
+    )
 
 
 def train_epochs(
-    model: BeliefModel, config: RunConfig, data: Buildings, run: Path, graphs: TrainingGraphs
+    model: Network, config: RunConfig, data: Dataset, run: Path, buildings: TrainingBuildings
 ) -> Iterator[EpochReport]:
     """Train a model from its last checkpoint, or from the start, into the folder of a run.
 
@@ -116,7 +112,7 @@ def train_epochs(
         config: of the run.
         data: an open dataset.
         run: folder, which the caller holds.
-        graphs: of every epoch.
+        buildings: of every epoch.
 
     Yields:
         one report an epoch.
@@ -134,10 +130,10 @@ def train_epochs(
         rows = [row for row in read_metrics(run / METRICS) if row.epoch <= start]
     for epoch in range(start + 1, training.epochs + 1):
         began = time.perf_counter()
-        train_loss = _train_epoch(model, optimiser, config, graphs, epoch=epoch)
+        train_loss = _train_epoch(model, optimiser, config, buildings, epoch=epoch)
         val_loss = None
         if epoch % training.validate_every == 0 or epoch == training.epochs:
-            val_loss = validation_loss(model, graphs.val)
+            val_loss = validation_loss(model, buildings.val)
         if not np.isfinite([train_loss, val_loss or 0.0]).all():
             raise TrainingError(
                 f"{run}: the loss of epoch {epoch} is not finite (training {train_loss}, "
@@ -176,10 +172,10 @@ def train_epochs(
 
 
 def _restore(
-    model: BeliefModel,
+    model: Network,
     optimiser: torch.optim.Optimizer,
     config: RunConfig,
-    data: Buildings,
+    data: Dataset,
     run: Path,
 ) -> CheckpointHeader:
     checkpoint = _load_last(run / LAST, config, data)
@@ -192,17 +188,40 @@ def _restore(
     return checkpoint.header
 
 
-def validation_loss(model: BeliefModel, graphs: MaskedGraphs) -> float:
+def load_graphs(
+    model: Network,
+    masked: MaskedBuildings,
+    *,
+    batch_size: int,
+    generator: torch.Generator | None = None,
+) -> DataLoader[Data]:
+    """Return masked buildings batch by batch, in random order if a generator is given."""
+
+    def batch(numbers: list[int]) -> Data:
+        some = masked.take(numbers)
+        return model.graph_of(some.seen, some.targets)
+
+    return DataLoader(
+        range(len(masked)),  # type: ignore[arg-type] # what a batch is made of are numbers
+        batch_size=batch_size,
+        shuffle=generator is not None,
+        generator=generator,
+        collate_fn=batch,
+    )
+
+
+def validation_loss(model: Network, masked: MaskedBuildings) -> float:
     """Return a model's validation loss per cell (node, class)."""
-    parts = [model.validation_loss(batch) for batch in DataLoader(graphs, batch_size=256)]
+    batches = load_graphs(model, masked, batch_size=_VAL_BATCH)
+    parts = [model.validation_loss(batch) for batch in batches]
     return sum(total for total, _ in parts) / max(sum(cells for _, cells in parts), 1)
 
 
 def _train_epoch(
-    model: BeliefModel,
+    model: Network,
     optimiser: torch.optim.Optimizer,
     config: RunConfig,
-    graphs: TrainingGraphs,
+    buildings: TrainingBuildings,
     *,
     epoch: int,
 ) -> float:
@@ -210,10 +229,10 @@ def _train_epoch(
     seed = int(np.random.SeedSequence([config.seed, epoch]).generate_state(1)[0])
     torch.manual_seed(seed)  # of dropout
     order = torch.Generator().manual_seed(seed)
-    loader = DataLoader(
-        graphs.of_epoch(epoch), batch_size=training.batch_size, shuffle=True, generator=order
+    loader = load_graphs(
+        model, buildings.of_epoch(epoch), batch_size=training.batch_size, generator=order
     )
-    steps = graphs.steps_of(training)
+    steps = buildings.steps_of(training)
     losses = []
     for step, batch in enumerate(loader, start=(epoch - 1) * steps):
         for group in optimiser.param_groups:
@@ -229,7 +248,7 @@ def _train_epoch(
     return float(np.mean(losses))
 
 
-def _load_last(path: Path, config: RunConfig, data: Buildings) -> Checkpoint:
+def _load_last(path: Path, config: RunConfig, data: Dataset) -> Checkpoint:
     checkpoint = load_checkpoint(path)
     header = checkpoint.header
     if header.dataset_sha256 != data.sha256:

@@ -8,8 +8,8 @@ from pathlib import Path
 import torch
 
 from bsg_models.errors import CheckpointError
-from bsg_models.zoo.config import TrainingConfig
 from bsg_models.zoo.model import BeliefModel
+from bsg_models.zoo.settings import TrainingConfig
 
 
 def make_optimiser(model: BeliefModel, training: TrainingConfig) -> torch.optim.Optimizer:

@@ -9,11 +9,12 @@ from typing import cast
 
 import numpy as np
 import torch
-from torch_geometric.loader import DataLoader
 
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_models.belief.count_distribution import concatenate
 from bsg_models.errors import TrainingError
-from bsg_models.inputs.graphs import Buildings, MaskedGraphs, open_dataset
+from bsg_models.inputs.folds import scenes_of, vocabulary_of
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model, save_checkpoint
 from bsg_models.runs.run_folder import (
     BEST,
@@ -26,14 +27,19 @@ from bsg_models.runs.run_folder import (
     refuse_overwriting,
     save_fitted,
 )
-from bsg_models.training.epochs import TrainingGraphs, train_epochs, validation_graphs
+from bsg_models.training.epochs import (
+    TrainingBuildings,
+    train_epochs,
+    validation_buildings,
+)
 from bsg_models.training.learning_curve import EpochReport
 from bsg_models.zoo.calibration import CalibratedModel, fit_calibration
-from bsg_models.zoo.catalogue import find_member, make_model, reads_categories
 from bsg_models.zoo.config import RunConfig
-from bsg_models.zoo.ensemble import Ensemble
-from bsg_models.zoo.families import EnsembleConfig
-from bsg_models.zoo.model import BeliefModel
+from bsg_models.zoo.construction import find_member, make_model, reads_categories
+from bsg_models.zoo.ensemble import Ensemble, EnsembleConfig
+from bsg_models.zoo.model import BeliefModel, Network
+
+_BATCH = 256  # buildings
 
 
 def train_run(
@@ -55,49 +61,49 @@ def train_run(
         TrainingError: if the run is in the way, cannot be resumed, or the loss is not finite.
         DatasetError: if the dataset lacks a split or its pairs.
     """
-    data = open_dataset(dataset)
+    data = Dataset.open(dataset)
     refuse_overwriting(run, resume=resume, force=force)
     if isinstance(config.model, EnsembleConfig):
         yield from _train_ensemble(config, config.model, data, run, resume=resume, force=force)
         return
     model = new_model(config, data)
-    if not model.trainable and resume:
+    if not isinstance(model, Network) and resume:
         raise TrainingError(
             f"{config.model.family} is fitted by counting: there is nothing to resume"
         )
     # A dataset that cannot be trained on fails here, before anything is replaced.
-    graphs = TrainingGraphs(config, data, model) if model.trainable else None
+    masked = TrainingBuildings(config, data, model) if isinstance(model, Network) else None
     with open_run(run), one_thread():
         if not resume:
             clear_run(run)
         model.fit(data, config.data)
-        if graphs is None:
+        if not isinstance(model, Network) or masked is None:
             calibrated = calibrate_if_wanted(model, config, data)
             save_fitted(model, config, data, run, calibrated=calibrated)
             return
-        yield from train_epochs(model, config, data, run, graphs)
+        yield from train_epochs(model, config, data, run, masked)
         calibrate_run(config, data, run)
 
 
-def new_model(config: RunConfig, data: Buildings) -> BeliefModel:
+def new_model(config: RunConfig, data: Dataset) -> BeliefModel:
     """Return a new model for a dataset; what it reads outside the classes is in its training set.
 
     Raises:
         DatasetError: if the dataset lacks the split.
     """
     torch.manual_seed(config.seed)
-    scenes = data.scenes_of("train", fold=config.data.fold)
+    scenes = scenes_of(data, "train", fold=config.data.fold)
     reads = reads_categories(config)
     return make_model(
         config,
         classes=len(data.manifest.class_map.classes),
         vocabulary=(
-            data.choose_vocabulary(scenes, min_scenes=config.data.min_scenes) if reads else ()
+            vocabulary_of(data, scenes, min_scenes=config.data.min_scenes) if reads else ()
         ),
     )
 
 
-def calibrate_run(config: RunConfig, data: Buildings, run: Path) -> None:
+def calibrate_run(config: RunConfig, data: Dataset, run: Path) -> None:
     """Calibrate a run's best checkpoint, if its configuration says so."""
     checkpoint = load_checkpoint(run / BEST)
     model = restore_model(run / BEST, checkpoint)
@@ -106,21 +112,21 @@ def calibrate_run(config: RunConfig, data: Buildings, run: Path) -> None:
         save_checkpoint(run / BEST, header, name_tensors("model", model.state_dict()))
 
 
-def calibrate_if_wanted(model: BeliefModel, config: RunConfig, data: Buildings) -> bool:
+def calibrate_if_wanted(model: BeliefModel, config: RunConfig, data: Dataset) -> bool:
     """Calibrate a model on val if its configuration says so; say whether."""
     if not (isinstance(model, CalibratedModel) and getattr(config.model, "calibrate", False)):
         return False
-    calibrate(model, validation_graphs(config, data, vocabulary=model.vocabulary))
+    calibrate(model, validation_buildings(config, data, vocabulary=model.vocabulary))
     return True
 
 
-def calibrate(model: CalibratedModel, graphs: MaskedGraphs) -> None:
-    """Fit a model's calibration on masked graphs with their targets."""
+def calibrate(model: CalibratedModel, masked: MaskedBuildings) -> None:
+    """Fit a model's calibration on masked buildings with their targets."""
     distributions, hidden = [], []
-    for batch in DataLoader(graphs, batch_size=256):
-        rooms = np.flatnonzero(~batch.is_building.numpy())
-        distributions.append(model.predict_hidden_counts(batch).take(rooms))
-        hidden.append((batch.y - batch.x).numpy()[rooms].astype(float))
+    for some in masked.batches(_BATCH):
+        rooms = np.flatnonzero(~some.seen.is_building)
+        distributions.append(model.predict_hidden_counts(some.seen).take(rooms))
+        hidden.append(some.hidden[rooms].astype(np.float64))
     if sum(len(part) for part in hidden):
         found = fit_calibration(concatenate(distributions), np.concatenate(hidden))
         model.calibration.copy_(torch.from_numpy(found))
@@ -129,7 +135,7 @@ def calibrate(model: CalibratedModel, graphs: MaskedGraphs) -> None:
 def _train_ensemble(
     config: RunConfig,
     ensemble: EnsembleConfig,
-    data: Buildings,
+    data: Dataset,
     run: Path,
     *,
     resume: bool,
@@ -158,9 +164,7 @@ def member_config(config: RunConfig, name: str) -> RunConfig:
     return member.model_copy(update={"seed": config.seed, "data": data})
 
 
-def combine_runs(
-    config: RunConfig, data: Buildings, members: Mapping[str, Path], run: Path
-) -> None:
+def combine_runs(config: RunConfig, data: Dataset, members: Mapping[str, Path], run: Path) -> None:
     """Make the ensemble of trained runs, calibrate it on val, and save it.
 
     Args:

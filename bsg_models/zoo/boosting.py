@@ -12,28 +12,50 @@ from __future__ import annotations
 import json
 import zlib
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import torch
-from torch_geometric.data import Data
+from pydantic import Field
 
-from bsg_models.belief.count_distribution import (
-    MIN_RATE,
-    CountDistribution,
-    Floats,
-    negative_binomial,
-)
+from bsg_data.arrays import Floats
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.observation.observation import Observation
+from bsg_models.belief.count_distribution import MIN_RATE, CountDistribution, negative_binomial
 from bsg_models.errors import CheckpointError, TrainingError
-from bsg_models.inputs.graphs import Buildings
 from bsg_models.zoo.calibration import CalibratedModel
-from bsg_models.zoo.config import DataConfig
-from bsg_models.zoo.families import BoostingConfig
+from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.gamma_poisson import fit_dispersion
 from bsg_models.zoo.masked_rooms import sample_chosen
-from bsg_models.zoo.model import building_numbers, others_of, to_array
+from bsg_models.zoo.model import ModelInputs, others_of, to_array
+from bsg_models.zoo.settings import DataConfig, ModelConfig
+from bsg_models.zoo.training_recipes import VARIED
 
 _MOST_BYTES = 2**28  # of unpacked trees; the recipe's are some megabytes
+
+
+TreeReading = Literal["mask", "building", "categories"]
+
+
+class BoostingConfig(ModelConfig):
+    """Boosted trees with a Poisson loss, one model a class (LightGBM).
+
+    Attributes:
+        trees: of each class.
+        leaves: of each tree.
+        learning_rate: of boosting.
+        draws: masks of every training building.
+        reads: what it sees besides a room's own histogram; see `NodeFeatures`.
+        calibrate: fit three numbers on the val buildings that mend how sure the model is.
+    """
+
+    family: Literal["poisson-boosting"] = "poisson-boosting"
+    trees: int = Field(default=80, ge=1, le=10_000)
+    leaves: int = Field(default=15, ge=2, le=1024)
+    learning_rate: float = Field(default=0.06, gt=0, le=1)
+    draws: int = Field(default=5, ge=1, le=1000)
+    reads: tuple[TreeReading, ...] = ("mask", "building", "categories")
+    calibrate: bool = True
 
 
 class PoissonBoosting(CalibratedModel):
@@ -47,24 +69,24 @@ class PoissonBoosting(CalibratedModel):
     trees: torch.Tensor
     dispersions: torch.Tensor
 
-    def __init__(self, config: BoostingConfig, classes: int, vocabulary: tuple[str, ...]) -> None:
-        super().__init__()
-        self.config = config
-        self.vocabulary = vocabulary
+    config: BoostingConfig
+
+    def __init__(self, config: BoostingConfig, inputs: ModelInputs) -> None:
+        super().__init__(config, inputs)
         self.register_buffer("trees", torch.zeros(0, dtype=torch.uint8))
-        self.register_buffer("dispersions", torch.ones(classes, dtype=torch.float64))
+        self.register_buffer("dispersions", torch.ones(inputs.classes, dtype=torch.float64))
         self._boosters: list[tuple[float, Any]] = []
 
-    def fit(self, data: Buildings, choice: DataConfig) -> None:
+    def fit(self, data: Dataset, choice: DataConfig) -> None:
         """Grow the trees of every class."""
         lightgbm = _import_lightgbm()
         masked = sample_chosen(data, choice, draws=self.config.draws, vocabulary=self.vocabulary)
-        share = to_array(masked.fraction)
-        rows = ~masked.is_building.numpy() & (share > 0)
+        share = masked.seen.hidden_share.astype(np.float64)
+        rows = ~masked.seen.is_building & (share > 0)
         if not rows.any():
             raise TrainingError("the masks of poisson-boosting hide nothing: raise data.fractions")
-        features, offset = self._describe(masked)[rows], np.log(share[rows])
-        hidden = to_array(masked.y - masked.x)[rows]
+        features, offset = self._describe(masked.seen)[rows], np.log(share[rows])
+        hidden = masked.hidden[rows].astype(np.float64)
         texts, rates = [], np.empty_like(hidden)
         for c, counts in enumerate(hidden.T):
             if not counts.any():  # nothing to grow on: a weak prior of half an object in all rooms
@@ -94,9 +116,9 @@ class PoissonBoosting(CalibratedModel):
             self.trees = torch.zeros_like(found)
             self._boosters = self._read(found.numpy().tobytes())
 
-    def predict_hidden_counts(self, graphs: Data) -> CountDistribution:
+    def predict_hidden_counts(self, seen: Observation) -> CountDistribution:
         """Return the distribution that the trees give."""
-        features, share = self._describe(graphs), to_array(graphs.fraction)[:, None]
+        features, share = self._describe(seen), seen.hidden_share[:, None].astype(np.float64)
         rates = np.zeros((len(features), len(self.dispersions)))
         for c, (start, booster) in enumerate(self._boosters):
             grown = booster.predict(features, raw_score=True, num_threads=1) if booster else 0.0
@@ -134,19 +156,18 @@ class PoissonBoosting(CalibratedModel):
             + len(self.vocabulary) * ("categories" in reads)
         )
 
-    def _describe(self, graphs: Data) -> Floats:
+    def _describe(self, seen: Observation) -> Floats:
         """Return what the trees read of every node, `[N, F]`."""
-        seen, building = to_array(graphs.x), building_numbers(graphs).numpy()
-        parts = [seen, seen.sum(axis=1, keepdims=True)]
+        counts, building = seen.inputs.astype(np.float64), seen.building
+        parts = [counts, counts.sum(axis=1, keepdims=True)]
         if "mask" in self.config.reads:
-            parts += [to_array(graphs.fraction)[:, None], to_array(graphs.visited)[:, None]]
+            parts += [seen.hidden_share[:, None], seen.visited[:, None]]
         if "building" in self.config.reads:
-            first = np.flatnonzero(graphs.is_building.numpy())
-            rooms = np.bincount(building)[building][:, None]
-            parts += [seen[first][building] - seen, rooms]
+            rooms = np.diff(seen.starts)[building][:, None]
+            parts += [counts[seen.starts[:-1]][building] - counts, rooms]
         if "categories" in self.config.reads:
-            parts.append(to_array(others_of(graphs, len(self.vocabulary))))
-        return np.hstack(parts)
+            parts.append(others_of(seen, self.vocabulary) > 0)
+        return np.hstack([part.astype(np.float64) for part in parts])
 
     def _recipe(self) -> dict[str, Any]:
         return {
@@ -181,3 +202,6 @@ def _import_lightgbm() -> Any:
             "poisson-boosting needs lightgbm: pip install 'belief-scene-graphs[boosting]'"
         ) from error
     return lightgbm
+
+
+POISSON_BOOSTING = ZooRow(BoostingConfig(), PoissonBoosting, data=VARIED)

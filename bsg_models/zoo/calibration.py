@@ -12,12 +12,14 @@ from abc import abstractmethod
 import numpy as np
 import torch
 from scipy.optimize import minimize
-from torch_geometric.data import Data
 
-from bsg_models.belief.count_distribution import CountDistribution, Floats
+from bsg_data.arrays import Floats
+from bsg_data.observation.observation import Observation
+from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation, from_hidden_counts
-from bsg_models.zoo.model import BeliefModel, to_array
+from bsg_models.zoo.model import BeliefModel, ModelInputs, to_array
 from bsg_models.zoo.room_sums import sum_rooms
+from bsg_models.zoo.settings import ModelConfig
 
 
 class CalibratedModel(BeliefModel):
@@ -29,19 +31,19 @@ class CalibratedModel(BeliefModel):
 
     calibration: torch.Tensor
 
-    def __init__(self) -> None:
-        super().__init__()
+    def __init__(self, config: ModelConfig, inputs: ModelInputs) -> None:
+        super().__init__(config, inputs)
         self.register_buffer("calibration", torch.zeros(3, dtype=torch.float64))
 
     @abstractmethod
-    def predict_hidden_counts(self, graphs: Data) -> CountDistribution:
+    def predict_hidden_counts(self, seen: Observation) -> CountDistribution:
         """Return the hidden counts as learned; the rows of buildings are not read."""
 
-    def predict(self, graphs: Data) -> Expectation:
+    def predict(self, seen: Observation) -> Expectation:
         """Return the calibrated expectation; a building hides what its rooms hide."""
-        inputs = to_array(graphs.x)
-        distribution = recalibrate(self.predict_hidden_counts(graphs), to_array(self.calibration))
-        return from_hidden_counts(inputs, sum_rooms(distribution, inputs, graphs))
+        learned = self.predict_hidden_counts(seen)
+        calibrated = recalibrate(learned, to_array(self.calibration))
+        return from_hidden_counts(seen.inputs.astype(np.float64), sum_rooms(calibrated, seen))
 
 
 def recalibrate(distribution: CountDistribution, calibration: Floats) -> CountDistribution:

@@ -23,20 +23,39 @@ another fraction than that of the counting, the rate is scaled.
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 import torch
-from torch_geometric.data import Data
+from pydantic import Field
 
-from bsg_models.belief.count_distribution import Floats, zero_inflated
+from bsg_data.arrays import Floats
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.observation.observation import Observation
+from bsg_models.belief.count_distribution import zero_inflated
 from bsg_models.belief.expectation import Expectation, from_hidden_counts
-from bsg_models.inputs.graphs import Buildings
-from bsg_models.zoo.config import DataConfig
-from bsg_models.zoo.families import ConditionalConfig
+from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.masked_rooms import sample_uniform
-from bsg_models.zoo.model import BeliefModel, share_of, to_array
+from bsg_models.zoo.model import BeliefModel, ModelInputs, to_array
 from bsg_models.zoo.room_sums import sum_rooms
+from bsg_models.zoo.settings import DataConfig, ModelConfig
 
 _LEVELS = 4  # 1, 2, 3, and more
+
+
+class ConditionalConfig(ModelConfig):
+    """The paper's equations 1 to 3, by counting on masks of the training rooms.
+
+    Attributes:
+        observe: condition on which classes are seen (equation 1), or on how many of each (2, 3).
+        smoothing: added to every count, as a share of the class's mean.
+        draws: masks of every training building.
+    """
+
+    family: Literal["conditional"] = "conditional"
+    observe: Literal["classes", "counts"] = "counts"
+    smoothing: float = Field(default=2.0, gt=0, allow_inf_nan=False)
+    draws: int = Field(default=20, ge=1, le=1000)
 
 
 class ConditionalModel(BeliefModel):
@@ -53,21 +72,23 @@ class ConditionalModel(BeliefModel):
     hidden: torch.Tensor
     fraction: torch.Tensor
 
-    def __init__(self, config: ConditionalConfig, classes: int) -> None:
-        super().__init__()
-        self.config = config
+    config: ConditionalConfig
+
+    def __init__(self, config: ConditionalConfig, inputs: ModelInputs) -> None:
+        super().__init__(config, inputs)
+        classes = inputs.classes
         self.levels = _LEVELS if config.observe == "counts" else 1
         shape = (classes * self.levels + 1, classes)
         self.register_buffer("presence", torch.zeros(shape, dtype=torch.float64))
         self.register_buffer("hidden", torch.zeros(shape, dtype=torch.float64))
         self.register_buffer("fraction", torch.ones((), dtype=torch.float64))
 
-    def fit(self, data: Buildings, choice: DataConfig) -> None:
+    def fit(self, data: Dataset, choice: DataConfig) -> None:
         """Count on masks of the training rooms."""
         masked = sample_uniform(data, choice, draws=self.config.draws)
-        rooms = ~masked.is_building.numpy()
-        seen, hidden = to_array(masked.x)[rooms], to_array(masked.y - masked.x)[rooms]
-        observed = self._observe(seen)
+        rooms = ~masked.seen.is_building
+        hidden = masked.hidden[rooms].astype(np.float64)
+        observed = self._observe(masked.seen.inputs[rooms].astype(np.float64))
         number = observed.sum(axis=0)[:, None]
         s = self.config.smoothing
         for table, values in ((self.presence, (hidden > 0).astype(float)), (self.hidden, hidden)):
@@ -76,18 +97,21 @@ class ConditionalModel(BeliefModel):
             table.copy_(torch.from_numpy(np.vstack([given, overall])))
         self.fraction.fill_(choice.mask.fraction)
 
-    def predict(self, graphs: Data) -> Expectation:
+    def predict(self, seen: Observation) -> Expectation:
         """Return the mean over the observations of every node."""
-        inputs = to_array(graphs.x)
+        inputs = seen.inputs.astype(np.float64)
         observed = self._observe(inputs)
         weights = np.hstack([observed, observed.sum(axis=1, keepdims=True) == 0])
         weights /= weights.sum(axis=1, keepdims=True)
-        scale = to_array(share_of(graphs)) / float(self.fraction)
+        scale = seen.cell_share / float(self.fraction)
         presence = 1 - (1 - weights @ to_array(self.presence)) ** scale
         distribution = zero_inflated(presence, scale * (weights @ to_array(self.hidden)))
-        return from_hidden_counts(inputs, sum_rooms(distribution, inputs, graphs))
+        return from_hidden_counts(inputs, sum_rooms(distribution, seen))
 
     def _observe(self, seen: Floats) -> Floats:
         """Return which observations hold in each node, `[N, C · levels]`."""
         levels = np.minimum(seen, self.levels)[:, :, None] == np.arange(1, self.levels + 1)
         return np.asarray(levels.reshape(len(seen), -1).astype(float))
+
+
+CONDITIONAL = ZooRow(ConditionalConfig(), ConditionalModel)

@@ -11,90 +11,68 @@ import json
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, get_args
+from typing import Any, Self
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import (
+    Field,
+    SerializeAsAny,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
 
+from bsg_data.errors import RecipeError
 from bsg_data.recipes import MaskRecipe, Record
 from bsg_models.errors import ConfigError
-from bsg_models.inputs.graphs import EdgeSet
-from bsg_models.zoo.families import ModelConfig
-
-Share = Annotated[float, Field(ge=0, le=1)]
-
-
-class DataConfig(Record):
-    """What a run is trained on.
-
-    Attributes:
-        masks: `fresh` draws new masks of the training buildings each epoch; `fixed` takes the
-            stored pairs, as the paper does. Validation and test always take stored pairs.
-        mask: of the fresh masks.
-        fractions: from where to where the fraction of the fresh masks varies, instead of the
-            mask's own: a model that met one fraction only is not to be trusted at another.
-        edges: which edges the graphs have; see `bsg_models.inputs.graphs.connect`.
-        min_scenes: training buildings in which a category outside the classes must occur to be
-            read, by models that read them.
-        withhold: share of the classes that training masks withhold. Above 0 they are those of a
-            search: a random number of rooms was searched, and elsewhere no object of the withheld
-            classes is shown. Models that read `withheld` are told.
-        fold: the fold to test on, in a dataset of folds.
-    """
-
-    masks: Literal["fresh", "fixed"] = "fresh"
-    mask: MaskRecipe = MaskRecipe()
-    fractions: tuple[Share, Share] | None = None
-    edges: tuple[EdgeSet, ...] = ("up", "down")
-    min_scenes: int = Field(default=4, ge=1)
-    withhold: Share = 0.0
-    fold: int | None = Field(default=None, ge=0)
-
-    @model_validator(mode="after")
-    def _fractions_rise(self) -> Self:
-        if self.fractions and self.fractions[0] > self.fractions[1]:
-            raise ValueError(f"fractions must rise, found {list(self.fractions)}")
-        return self
-
-    @model_validator(mode="after")
-    def _search_masks_are_fresh(self) -> Self:
-        if self.withhold and (self.masks, self.mask.strategy) != ("fresh", "uniform"):
-            raise ValueError("withhold needs fresh masks of the strategy uniform")
-        return self
-
-
-class TrainingConfig(Record):
-    """How a network is trained; the paper's values are the defaults (section IV-A).
-
-    Attributes:
-        epochs: the paper's 5000.
-        batch_size: graphs a step.
-        learning_rate: of Adam.
-        decay: the paper's "learning rate decay of 5e-6".
-        decay_as: read as Adam's `weight-decay`, or as `learning-rate` / (1 + decay · step); or, not
-            the paper's, `decoupled`: AdamW's, on matrices only.
-        schedule: a `constant` learning rate, or `one-cycle`: a tenth of all steps up, then down to
-            nothing as a cosine; `epochs` is then part of what is learned.
-        clip: norm that gradients are cut to; None leaves them.
-        validate_every: epochs between validations; each also writes the checkpoints.
-    """
-
-    epochs: int = Field(default=5000, ge=1)
-    batch_size: int = Field(default=24, ge=1)
-    learning_rate: float = Field(default=0.01, gt=0, allow_inf_nan=False)
-    decay: float = Field(default=5e-6, ge=0, allow_inf_nan=False)
-    decay_as: Literal["weight-decay", "learning-rate", "decoupled"] = "weight-decay"
-    schedule: Literal["constant", "one-cycle"] = "constant"
-    clip: float | None = Field(default=None, gt=0, allow_inf_nan=False)
-    validate_every: int = Field(default=10, ge=1)
+from bsg_models.zoo.catalogue import ZOO
+from bsg_models.zoo.settings import DataConfig, ModelConfig, TrainingConfig
 
 
 class RunConfig(Record):
-    """One run. `training` is not read by the models that are fitted by counting."""
+    """One run.
 
+    Attributes:
+        name: of the model, as in the zoo; a configuration of one's own is named by its family.
+        seed: of everything that is sampled.
+        model: the settings of its family.
+        data: what it is trained on.
+        training: how; models that are fitted by counting do not read it.
+    """
+
+    name: str = ""
     seed: int = Field(default=0, ge=0, lt=2**63)
-    model: ModelConfig
+    model: SerializeAsAny[ModelConfig]
     data: DataConfig = DataConfig()
     training: TrainingConfig = TrainingConfig()
+
+    @field_validator("model", mode="before")
+    @classmethod
+    def _read_family(cls, value: Any) -> ModelConfig:
+        """Read the settings of a family as what the zoo says they are."""
+        if isinstance(value, ModelConfig):
+            return value
+        family = str(value.get("family")) if isinstance(value, Mapping) else ""
+        if family not in ZOO:
+            raise ValueError(f"model.family must be one of {', '.join(ZOO)}; found {family!r}")
+        # As JSON, a list is a tuple and nothing else is taken for something that it is not.
+        return type(ZOO[family].config).model_validate_json(json.dumps(value), strict=True)
+
+    @model_validator(mode="after")
+    def _take_name(self) -> Self:
+        return self if self.name else self.model_copy(update={"name": self.model.family})
+
+
+def find_config(name: str) -> RunConfig:
+    """Return the configuration of a zoo name.
+
+    Raises:
+        ConfigError: for an unknown name, with the nearest.
+    """
+    try:
+        row = ZOO[name]
+    except RecipeError as error:
+        raise ConfigError(str(error)) from error
+    return RunConfig(name=name, model=row.config, data=row.data, training=row.training)
 
 
 def read_config(path: Path) -> dict[str, Any]:
@@ -142,7 +120,8 @@ def validate_config(tables: Mapping[str, Any], *, source: str) -> RunConfig:
         # As JSON, a list is a tuple and nothing else is taken for something that it is not.
         return RunConfig.model_validate_json(json.dumps(tables, default=str), strict=True)
     except ValidationError as error:
-        faults = [_explain(fault) for fault in error.errors()]
+        family = _family_of(tables)
+        faults = [line for fault in error.errors() for line in _explain(fault, family=family)]
         raise ConfigError(f"{source}: " + "; ".join(faults)) from error
 
 
@@ -151,34 +130,38 @@ def write_toml(config: RunConfig) -> str:
     return "\n".join(_toml_lines(config.model_dump(mode="json"), path=())) + "\n"
 
 
-def valid_keys(path: Sequence[str | int]) -> tuple[str, ...]:
-    """Return the keys that the table at `path` may have; a model's table is named by its family."""
-    name = str(path[-1]) if path else ""
-    return tuple(_TABLES.get(name, RunConfig).model_fields)
+def _family_of(tables: Mapping[str, Any]) -> type[ModelConfig]:
+    """Return the settings of the family that tables name; those of all families if they do not."""
+    model = tables.get("model")
+    family = str(model.get("family")) if isinstance(model, Mapping) else ""
+    return type(ZOO[family].config) if family in ZOO else ModelConfig
 
 
-def _explain(fault: Any) -> str:
-    path = list(fault["loc"])
-    if len(path) > 1 and path[0] == "model" and path[1] in _FAMILIES:
-        del path[1]  # pydantic's tag of the kind of model, which no key of the file names
+def _explain(
+    fault: Any, *, family: type[ModelConfig], above: tuple[str | int, ...] = ()
+) -> Iterator[str]:
+    """Yield what is wrong, with the path of the key and what is valid there."""
+    cause = fault.get("ctx", {}).get("error")
+    path = (*above, *fault["loc"])
+    if isinstance(cause, ValidationError):  # of a family's own settings
+        for inner in cause.errors():
+            yield from _explain(inner, family=family, above=path)
+        return
     where = ".".join(str(part) for part in path) or "the configuration"
     if fault["type"] == "extra_forbidden":
-        known = valid_keys(fault["loc"][:-1])
+        tables = {**_TABLES, "model": family}
+        known = tuple(tables.get(str(path[-2]) if path[1:] else "", RunConfig).model_fields)
         near = difflib.get_close_matches(str(path[-1]), known, n=1)
         hint = f"did you mean {near[0]}?" if near else f"valid are {', '.join(known)}"
-        return f"{where} is no key; {hint}"
-    if fault["type"] in ("union_tag_invalid", "union_tag_not_found"):
-        return f"{where}.family must be one of {', '.join(_FAMILIES)}"
-    if fault["type"] == "value_error":  # of our own: it says what was found
-        return f"{where}: {fault['ctx']['error']}"
-    return f"{where}: {fault['msg'].lower()}, found {fault['input']!r}"
+        yield f"{where} is no key; {hint}"
+    elif fault["type"] == "value_error":  # of our own: it says what was found
+        words = str(cause)
+        yield words if words.startswith(f"{where}.") else f"{where}: {words}"
+    else:
+        yield f"{where}: {fault['msg'].lower()}, found {fault['input']!r}"
 
 
-_FAMILIES: Mapping[str, type[Record]] = {
-    config.model_fields["family"].default: config for config in get_args(get_args(ModelConfig)[0])
-}
 _TABLES: Mapping[str, type[Record]] = {
-    **_FAMILIES,
     "data": DataConfig,
     "mask": MaskRecipe,
     "training": TrainingConfig,

@@ -21,43 +21,46 @@ from torch import nn
 from torch.nn import functional
 from torch_geometric.data import Data
 
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.observation.masked_buildings import place_others
+from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import (
     MIN_RATE,
     CountDistribution,
     negative_binomial,
     poisson,
 )
-from bsg_models.inputs.graphs import Buildings
+from bsg_models.belief.negative_binomial import hidden_posterior
+from bsg_models.inputs.folds import scenes_of
 from bsg_models.zoo.calibration import CalibratedModel
-from bsg_models.zoo.config import DataConfig
-from bsg_models.zoo.families import Likelihood, NetworkConfig
-from bsg_models.zoo.model import share_of, to_array
-from bsg_models.zoo.node_features import NodeFeatures
+from bsg_models.zoo.model import ModelInputs, Network, share_of, to_array
+from bsg_models.zoo.node_features import Likelihood, NetworkConfig, NodeFeatures
+from bsg_models.zoo.settings import DataConfig
 
 _MOST = 5.0  # of log m and |log r|: e^5 objects of one class in one room; log m ≥ −10
 
 
-class CountNetwork(CalibratedModel):
+class CountNetwork(CalibratedModel, Network):
     """A network that predicts the hidden counts of rooms; a building hides what its rooms hide."""
 
-    trainable = True
-
-    def __init__(self, config: NetworkConfig, classes: int, vocabulary: tuple[str, ...]) -> None:
-        super().__init__()
-        self.vocabulary = vocabulary
+    def __init__(self, config: NetworkConfig, inputs: ModelInputs) -> None:
+        super().__init__(config, inputs)
         self.likelihood: Likelihood = config.likelihood
-        self.features = NodeFeatures(config, classes, len(vocabulary))
-        self.head = PriorHead(config, classes)
+        self.features = NodeFeatures(config, inputs.classes, len(inputs.vocabulary))
+        self.head = PriorHead(config, inputs.classes)
 
     @abstractmethod
     def encode(self, features: torch.Tensor, graphs: Data) -> torch.Tensor:
         """Return what the trunk makes of features `[N, F]`: `[N, width]`."""
 
-    def fit(self, data: Buildings, choice: DataConfig) -> None:
+    def fit(self, data: Dataset, choice: DataConfig) -> None:
         """Let the head start from the mean histogram of the training rooms."""
-        scenes = data.scenes_of("train", fold=choice.fold)
-        self.features.fit([data.present(scene, self.vocabulary)[1:] for scene in scenes])
-        rooms = np.concatenate([data.cells[scene][1:] for scene in scenes])
+        scenes = scenes_of(data, "train", fold=choice.fold)
+        others = [data.others(scene) for scene in scenes]
+        self.features.fit(
+            [place_others(one.cells, one.categories, self.vocabulary)[1:] > 0 for one in others]
+        )
+        rooms = np.concatenate([data.cells(scene)[1:] for scene in scenes])
         self.head.start(torch.from_numpy(rooms.mean(axis=0)))
 
     def forward(self, graphs: Data) -> tuple[torch.Tensor, torch.Tensor]:
@@ -80,11 +83,11 @@ class CountNetwork(CalibratedModel):
             cells = (~graphs.is_building).sum().item() * graphs.x.shape[1]
             return (self.loss(graphs).item() * cells if cells else 0.0), cells
 
-    def predict_hidden_counts(self, graphs: Data) -> CountDistribution:
+    def predict_hidden_counts(self, seen: Observation) -> CountDistribution:
         """Return the distribution that the network gives."""
         self.eval()
         with torch.no_grad():
-            mean, dispersion = (to_array(part) for part in self(graphs))
+            mean, dispersion = (to_array(part) for part in self(self.graph_of(seen)))
         if self.likelihood == "negative-binomial":
             return negative_binomial(mean, dispersion)
         return poisson(mean)
@@ -111,8 +114,7 @@ class PriorHead(nn.Module):
         """Return mean and dispersion of the posterior of the hidden counts, both `[N, C]`."""
         mean = self.mean(self.dropout(encoded)).clamp(-2 * _MOST, _MOST).exp()
         shape = self.shape(self.dropout(encoded)).clamp(-_MOST, _MOST).exp()
-        share, dispersion = share_of(graphs), shape + graphs.x
-        return share * dispersion / (shape / mean + 1 - share), dispersion
+        return hidden_posterior(shape, shape / mean, graphs.x, share_of(graphs))
 
 
 def cell_loss(

@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import torch
 from torch import nn
 from torch_geometric.data import Data
 
+from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.count_network import CountNetwork
-from bsg_models.zoo.families import DeepSetsConfig
+from bsg_models.zoo.model import ModelInputs
+from bsg_models.zoo.node_features import NetworkConfig
+from bsg_models.zoo.training_recipes import COUNTS, VARIED
+
+
+class DeepSetsConfig(NetworkConfig):
+    """Dense layers over a room's features and sums over its building."""
+
+    family: Literal["deepsets"] = "deepsets"
 
 
 class DeepSets(CountNetwork):
     """Node features, which sum over the rooms (Zaheer et al., 2017), through dense layers."""
 
-    def __init__(self, config: DeepSetsConfig, classes: int, vocabulary: tuple[str, ...]) -> None:
-        super().__init__(config, classes, vocabulary)
+    def __init__(self, config: DeepSetsConfig, inputs: ModelInputs) -> None:
+        super().__init__(config, inputs)
         widths = [self.features.width, *[config.width] * config.depth]
         self.layers = nn.Sequential(
             nn.Dropout(config.dropout / 2),
@@ -33,3 +44,6 @@ class DeepSets(CountNetwork):
         """Return every node's features through the layers."""
         encoded: torch.Tensor = self.layers(features)
         return encoded
+
+
+DEEPSETS = ZooRow(DeepSetsConfig(), DeepSets, data=VARIED, training=COUNTS)

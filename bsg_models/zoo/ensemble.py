@@ -3,16 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import cast
+from typing import Literal, Self, cast
 
 import torch
+from pydantic import Field, model_validator
 from torch import nn
-from torch_geometric.data import Data
 
+from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import CountDistribution, blend
-from bsg_models.inputs.graphs import EdgeSet, reconnect
 from bsg_models.zoo.calibration import CalibratedModel
-from bsg_models.zoo.model import BeliefModel
+from bsg_models.zoo.catalogue import ZooRow
+from bsg_models.zoo.model import BeliefModel, ModelInputs
+from bsg_models.zoo.settings import ModelConfig
+
+
+class EnsembleConfig(ModelConfig):
+    """Several models of the zoo, whose distributions are mixed in equal parts.
+
+    Attributes:
+        members: names of the zoo; each is trained by its own recipe.
+        calibrate: fit three numbers on the val buildings that mend how sure the mixture is.
+    """
+
+    family: Literal["ensemble"] = "ensemble"
+    members: tuple[str, ...] = Field(
+        default=("mixture", "ceci-gcn-residual", "ceci-sage", "room-transformer"), min_length=1
+    )
+    calibrate: bool = True
+
+    @model_validator(mode="after")
+    def _members_differ(self) -> Self:
+        if len(set(self.members)) < len(self.members):
+            raise ValueError(f"members must differ, found {', '.join(self.members)}")
+        return self
 
 
 class Ensemble(CalibratedModel):
@@ -21,20 +44,15 @@ class Ensemble(CalibratedModel):
     Where members agree it is as sure as they are; where they differ it is less so.
     """
 
-    def __init__(
-        self,
-        members: Mapping[str, BeliefModel],
-        edges: Mapping[str, tuple[EdgeSet, ...]],
-        vocabulary: tuple[str, ...],
-    ) -> None:
-        super().__init__()
-        self.vocabulary = vocabulary
-        self.edges = dict(edges)  # every member was trained on graphs with its own
-        self.members = nn.ModuleDict(dict(members))
+    config: EnsembleConfig
 
-    def take_member(self, name: str, trained: BeliefModel) -> None:
-        """Put a trained model in a member's place."""
-        self.members[name] = trained
+    def __init__(self, config: EnsembleConfig, inputs: ModelInputs) -> None:
+        super().__init__(config, inputs)
+        self.members = nn.ModuleDict()
+
+    def take_member(self, name: str, member: BeliefModel) -> None:
+        """Put a model in a member's place."""
+        self.members[name] = member
 
     def resize_buffers(self, state: Mapping[str, torch.Tensor]) -> None:
         """Prepare every member for its part of a checkpoint."""
@@ -43,14 +61,14 @@ class Ensemble(CalibratedModel):
             own = {k.removeprefix(prefix): v for k, v in state.items() if k.startswith(prefix)}
             member.resize_buffers(own)
 
-    def predict_hidden_counts(self, graphs: Data) -> CountDistribution:
+    def predict_hidden_counts(self, seen: Observation) -> CountDistribution:
         """Return the mixture of the members' distributions."""
-        distributions = [
-            member.predict(reconnect(graphs, self.edges[name])).hidden_counts
-            for name, member in self._each()
-        ]
-        return blend(distributions, [1 / len(distributions)] * len(distributions))
+        parts = [member.predict(seen).hidden_counts for _, member in self._each()]
+        return blend(parts, [1 / len(parts)] * len(parts))
 
     def _each(self) -> Iterator[tuple[str, BeliefModel]]:
         for name, member in self.members.items():
             yield name, cast(BeliefModel, member)
+
+
+ENSEMBLE = ZooRow(EnsembleConfig(), Ensemble)

@@ -11,19 +11,30 @@ a and b maximise the likelihood of the training rooms' counts, T ~ NB(mean a/b, 
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 import numpy.typing as npt
 import torch
 from scipy.optimize import minimize, minimize_scalar
-from scipy.special import gammaln
-from torch_geometric.data import Data
 
-from bsg_models.belief.count_distribution import Floats, negative_binomial
+from bsg_data.arrays import Floats
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.observation.observation import Observation
+from bsg_models.belief.count_distribution import negative_binomial
 from bsg_models.belief.expectation import Expectation, from_hidden_counts
-from bsg_models.inputs.graphs import Buildings
-from bsg_models.zoo.config import DataConfig
-from bsg_models.zoo.model import BeliefModel, share_of, to_array
+from bsg_models.belief.negative_binomial import hidden_posterior, log_likelihood
+from bsg_models.inputs.folds import scenes_of
+from bsg_models.zoo.catalogue import ZooRow
+from bsg_models.zoo.model import BeliefModel, ModelInputs, to_array
 from bsg_models.zoo.room_sums import sum_rooms
+from bsg_models.zoo.settings import DataConfig, ModelConfig
+
+
+class GammaPoissonConfig(ModelConfig):
+    """Shrink each count to its class: Poisson counts with a Gamma prior fitted per class."""
+
+    family: Literal["gamma-poisson"] = "gamma-poisson"
 
 
 class GammaPoissonModel(BeliefModel):
@@ -37,27 +48,26 @@ class GammaPoissonModel(BeliefModel):
     shape: torch.Tensor
     rate: torch.Tensor
 
-    def __init__(self, classes: int) -> None:
-        super().__init__()
+    def __init__(self, config: GammaPoissonConfig, inputs: ModelInputs) -> None:
+        super().__init__(config, inputs)
+        classes = inputs.classes
         self.register_buffer("shape", torch.ones(classes, dtype=torch.float64))
         self.register_buffer("rate", torch.ones(classes, dtype=torch.float64))
 
-    def fit(self, data: Buildings, choice: DataConfig) -> None:
+    def fit(self, data: Dataset, choice: DataConfig) -> None:
         """Fit the prior of every class to the counts of the training rooms."""
-        scenes = data.scenes_of("train", fold=choice.fold)
-        rooms = np.concatenate([data.cells[scene][1:] for scene in scenes])
+        scenes = scenes_of(data, "train", fold=choice.fold)
+        rooms = np.concatenate([data.cells(scene)[1:] for scene in scenes])
         fitted = np.array([fit_gamma_prior(column) for column in rooms.T])
         self.shape.copy_(torch.from_numpy(fitted[:, 0]))
         self.rate.copy_(torch.from_numpy(fitted[:, 1]))
 
-    def predict(self, graphs: Data) -> Expectation:
+    def predict(self, seen: Observation) -> Expectation:
         """Return the posterior of the hidden counts."""
-        inputs, fraction = to_array(graphs.x), to_array(share_of(graphs))
+        inputs, share = seen.inputs.astype(np.float64), seen.cell_share
         a, b = to_array(self.shape), to_array(self.rate)
-        dispersion = a + inputs
-        hidden = fraction * dispersion / (b + 1 - fraction)
-        distribution = negative_binomial(hidden, dispersion)
-        return from_hidden_counts(inputs, sum_rooms(distribution, inputs, graphs))
+        hidden = negative_binomial(*hidden_posterior(a, b, inputs, share))
+        return from_hidden_counts(inputs, sum_rooms(hidden, seen))
 
 
 def fit_gamma_prior(counts: npt.NDArray[np.integer]) -> tuple[float, float]:
@@ -70,9 +80,7 @@ def fit_gamma_prior(counts: npt.NDArray[np.integer]) -> tuple[float, float]:
 
     def cost(log_shape: Floats) -> float:
         a = float(np.exp(log_shape[0]))
-        terms = gammaln(a + values) - gammaln(a) - a * np.log1p(mean / a)
-        terms = terms + values * np.log(mean / (mean + a))
-        return -float(times @ terms)
+        return -float(times @ log_likelihood(values, mean, a))
 
     found = minimize(cost, x0=np.zeros(1), bounds=[(-8.0, 8.0)], method="L-BFGS-B")
     a = float(np.exp(found.x[0]))
@@ -86,8 +94,10 @@ def fit_dispersion(counts: Floats, means: Floats) -> Floats:
 
         def cost(log_r: float, values: Floats = values, mean: Floats = mean) -> float:
             r = float(np.exp(log_r))
-            terms = gammaln(r + values) - gammaln(r) - r * np.log1p(mean / r)
-            return -float((terms + values * np.log(mean / (mean + r))).sum())
+            return -float(log_likelihood(values, mean, r).sum())
 
         found[c] = np.exp(minimize_scalar(cost, bounds=(-4.0, 6.0), method="bounded").x)
     return found
+
+
+GAMMA_POISSON = ZooRow(GammaPoissonConfig(), GammaPoissonModel)

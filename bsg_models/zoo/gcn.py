@@ -7,25 +7,50 @@ ReLU and dropout." Input and output are histograms E × O of the nodes of intere
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import Literal
 
+import numpy as np
 import torch
+from pydantic import Field
 from torch import nn
 from torch_geometric.data import Data
 from torch_geometric.nn import GCNConv
 
+from bsg_data.arrays import Floats
+from bsg_data.observation.observation import Observation
 from bsg_models.belief.expectation import Expectation, from_totals
-from bsg_models.zoo.families import GCNConfig
-from bsg_models.zoo.model import BeliefModel, to_array
+from bsg_models.zoo.catalogue import ZooRow
+from bsg_models.zoo.model import ModelInputs, Network, to_array
+from bsg_models.zoo.settings import ModelConfig
 
 
-class CECIGCN(BeliefModel):
+class GCNConfig(ModelConfig):
+    """The paper's CECI: GCNConv layers with batch normalisation, ReLU and dropout.
+
+    Attributes:
+        depth: GCNConv layers; the paper has 5.
+        width: channels of the hidden layers; the paper does not say.
+        dropout: share of channels dropped after each hidden layer; the paper does not say.
+        last_layer: what follows the last GCNConv: nothing (`linear`), or what follows the others
+            (`block`), which is the paper's sentence read literally.
+        likelihood: mean squared error of whole histograms, as in the paper.
+    """
+
+    family: Literal["ceci-gcn"] = "ceci-gcn"
+    depth: int = Field(default=5, ge=1, le=64)
+    width: int = Field(default=64, ge=1, le=4096)
+    dropout: float = Field(default=0.5, ge=0.0, lt=1.0)
+    last_layer: Literal["linear", "block"] = "linear"
+    likelihood: Literal["mse"] = "mse"
+
+
+class CECIGCN(Network):
     """Predict the whole histogram of every node of interest from the histograms that were seen."""
 
-    trainable = True
-
-    def __init__(self, config: GCNConfig, classes: int) -> None:
-        super().__init__()
-        widths = [classes, *[config.width] * (config.depth - 1), classes]
+    def __init__(self, config: GCNConfig, inputs: ModelInputs) -> None:
+        super().__init__(config, inputs)
+        hidden = [config.width] * (config.depth - 1)
+        widths = [inputs.classes, *hidden, inputs.classes]
         self.convolutions = nn.ModuleList(
             GCNConv(before, after) for before, after in pairwise(widths)
         )
@@ -50,12 +75,18 @@ class CECIGCN(BeliefModel):
 
     def validation_loss(self, graphs: Data) -> tuple[float, int]:
         """Return the squared error of the totals, not below 0, and the number of cells."""
-        totals = self.predict(graphs).totals
+        totals = self._predict_totals(graphs)
         return float(((totals - graphs.y.numpy()) ** 2).sum()), totals.size
 
-    def predict(self, graphs: Data) -> Expectation:
+    def predict(self, seen: Observation) -> Expectation:
         """Return the totals, not below 0, and what they leave hidden."""
+        totals = self._predict_totals(self.graph_of(seen))
+        return from_totals(seen.inputs.astype(np.float64), totals)
+
+    def _predict_totals(self, graphs: Data) -> Floats:
         self.eval()
         with torch.no_grad():
-            totals = self(graphs).clamp(min=0)
-        return from_totals(to_array(graphs.x), to_array(totals))
+            return to_array(self(graphs).clamp(min=0))
+
+
+CECI_GCN = ZooRow(GCNConfig(), CECIGCN)

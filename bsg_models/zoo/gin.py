@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from torch import nn
 from torch_geometric.nn import GINConv
 
-from bsg_models.zoo.families import GINConfig
+from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.message_passing import MessagePassing
+from bsg_models.zoo.model import ModelInputs
+from bsg_models.zoo.node_features import NetworkConfig
+from bsg_models.zoo.training_recipes import COUNTS, VARIED
+
+
+class GINConfig(NetworkConfig):
+    """Graph isomorphism network between building and rooms."""
+
+    family: Literal["ceci-gin"] = "ceci-gin"
 
 
 class CECIGIN(MessagePassing):
     """h ← MLP((1 + ε) h + Σ of the neighbours) (Xu et al., 2019)."""
 
-    def __init__(self, config: GINConfig, classes: int, vocabulary: tuple[str, ...]) -> None:
-        super().__init__(config, classes, vocabulary, convolution=_convolution)
+    def __init__(self, config: GINConfig, inputs: ModelInputs) -> None:
+        super().__init__(config, inputs, convolution=_convolution)
 
 
 def _convolution(width: int) -> nn.Module:
@@ -23,3 +34,6 @@ def _convolution(width: int) -> nn.Module:
     )
     found: nn.Module = GINConv(layers, train_eps=True)
     return found
+
+
+CECI_GIN = ZooRow(GINConfig(), CECIGIN, data=VARIED, training=COUNTS)

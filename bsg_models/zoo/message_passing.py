@@ -9,7 +9,8 @@ from torch import nn
 from torch_geometric.data import Data
 
 from bsg_models.zoo.count_network import CountNetwork
-from bsg_models.zoo.families import NetworkConfig
+from bsg_models.zoo.model import ModelInputs
+from bsg_models.zoo.node_features import NetworkConfig
 
 
 class MessagePassing(CountNetwork):
@@ -22,12 +23,11 @@ class MessagePassing(CountNetwork):
     def __init__(
         self,
         config: NetworkConfig,
-        classes: int,
-        vocabulary: tuple[str, ...],
+        inputs: ModelInputs,
         *,
         convolution: Callable[[int], nn.Module],
     ) -> None:
-        super().__init__(config, classes, vocabulary)
+        super().__init__(config, inputs)
         self.enter = nn.Sequential(
             nn.Dropout(config.dropout / 2), nn.Linear(self.features.width, config.width), nn.SiLU()
         )

@@ -21,27 +21,53 @@ the answer is the building's types and habits. f is that of the class where one 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Literal
+
 import numpy as np
 import numpy.typing as npt
 import torch
+from pydantic import Field
 from scipy.optimize import minimize_scalar
-from scipy.special import gammaln, logsumexp
-from torch_geometric.data import Data
+from scipy.special import logsumexp
 
-from bsg_models.belief.count_distribution import CountDistribution, Floats
+from bsg_data.arrays import Floats, Ints
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.observation.observation import Observation
+from bsg_models.belief.count_distribution import CountDistribution
+from bsg_models.belief.negative_binomial import hidden_posterior, log_negative_binomial, log_none
 from bsg_models.errors import TrainingError
-from bsg_models.inputs.graphs import Buildings
+from bsg_models.inputs.folds import scenes_of
 from bsg_models.zoo.calibration import CalibratedModel
-from bsg_models.zoo.config import DataConfig
-from bsg_models.zoo.families import MixtureConfig
-from bsg_models.zoo.model import building_numbers, share_of, to_array
+from bsg_models.zoo.catalogue import ZooRow
+from bsg_models.zoo.model import ModelInputs, to_array
+from bsg_models.zoo.settings import DataConfig, ModelConfig
 
-Ints = npt.NDArray[np.int64]
 _MOST = 60  # objects of one class in one room that the fit tells apart
 _LEAST = 1e-9  # no type calls a class impossible
 _LOG_SHAPE = 4.0  # |log r| at most; its prior is a standard normal
 _PRIOR_ROOMS = 2.0  # mean rooms that every type's means are shrunk towards
 _PRIOR_TYPES = 8.0  # η: rooms of an average building that π_b starts from
+
+
+class MixtureConfig(ModelConfig):
+    """Latent room types with negative-binomial counts, fitted by expectation maximisation.
+
+    Attributes:
+        types: number of room types.
+        iterations: of expectation maximisation.
+        temper: exponent on the likelihood of what is seen; below 1, since the classes of a room
+            are not as independent as a type says.
+        building: whether the other rooms of a building tell its types and habits.
+        calibrate: fit three numbers on the val buildings that mend how sure the model is.
+    """
+
+    family: Literal["mixture"] = "mixture"
+    types: int = Field(default=24, ge=1, le=1000)
+    iterations: int = Field(default=60, ge=1, le=10_000)
+    temper: float = Field(default=0.85, gt=0, le=1)
+    building: bool = True
+    calibrate: bool = True
 
 
 class RoomTypeMixture(CalibratedModel):
@@ -59,19 +85,20 @@ class RoomTypeMixture(CalibratedModel):
     dispersions: torch.Tensor
     habits: torch.Tensor
 
-    def __init__(self, config: MixtureConfig, classes: int) -> None:
-        super().__init__()
-        self.config = config
-        shape = (config.types, classes)
+    config: MixtureConfig
+
+    def __init__(self, config: MixtureConfig, inputs: ModelInputs) -> None:
+        super().__init__(config, inputs)
+        shape = (config.types, inputs.classes)
         self.register_buffer("log_types", torch.zeros(config.types, dtype=torch.float64))
         self.register_buffer("means", torch.ones(shape, dtype=torch.float64))
         self.register_buffer("dispersions", torch.ones(shape, dtype=torch.float64))
-        self.register_buffer("habits", torch.ones(classes, dtype=torch.float64))
+        self.register_buffer("habits", torch.ones(inputs.classes, dtype=torch.float64))
 
-    def fit(self, data: Buildings, choice: DataConfig) -> None:
+    def fit(self, data: Dataset, choice: DataConfig) -> None:
         """Fit types, and how much buildings differ, to the rooms of the training buildings."""
-        scenes = data.scenes_of("train", fold=choice.fold)
-        rooms = [np.minimum(data.cells[scene][1:], _MOST) for scene in scenes]
+        scenes = scenes_of(data, "train", fold=choice.fold)
+        rooms = [np.minimum(data.cells(scene)[1:], _MOST) for scene in scenes]
         counts = np.concatenate(rooms)
         if len(counts) < self.config.types:
             raise TrainingError(
@@ -95,14 +122,14 @@ class RoomTypeMixture(CalibratedModel):
         ):
             getattr(self, name).copy_(torch.from_numpy(value))
 
-    def predict_hidden_counts(self, graphs: Data) -> CountDistribution:
+    def predict_hidden_counts(self, seen: Observation) -> CountDistribution:
         """Return the posterior of the hidden counts of every room, K components."""
-        is_room = ~graphs.is_building.numpy()
+        is_room = ~seen.is_building
         evidence = _Evidence(
-            seen=to_array(graphs.x)[is_room],
-            share=to_array(share_of(graphs))[is_room],
-            visited=graphs.visited.numpy()[is_room],
-            building=building_numbers(graphs).numpy()[is_room],
+            seen=seen.inputs[is_room].astype(np.float64),
+            share=seen.cell_share[is_room],
+            visited=seen.visited[is_room],
+            building=seen.building[is_room],
         )
         means = to_array(self.means)[:, None]
         types = np.broadcast_to(to_array(self.log_types)[:, None], (len(means), is_room.sum()))
@@ -112,11 +139,8 @@ class RoomTypeMixture(CalibratedModel):
             means = means * habit
             log_posterior = self._classify(evidence, types, means)
         r = to_array(self.dispersions)[:, None]
-        share = evidence.share
-        found = share * (r + evidence.seen) / (r / means + 1 - share)
-        distribution = CountDistribution(
-            found, r + evidence.seen, np.exp(log_posterior)[:, :, None]
-        )
+        hidden, dispersions = hidden_posterior(r, r / means, evidence.seen, evidence.share)
+        distribution = CountDistribution(hidden, dispersions, np.exp(log_posterior)[:, :, None])
         return _spread_over_nodes(distribution, is_room)
 
     def _classify(self, evidence: _Evidence, log_types: Floats, means: Floats) -> Floats:
@@ -127,12 +151,10 @@ class RoomTypeMixture(CalibratedModel):
         found = np.empty(log_types.shape)
         for k, r in enumerate(to_array(self.dispersions)):
             mean = np.maximum(kept * means[k], _LEAST)
-            spread = np.log1p(mean / r)
-            found[k] = -(r * spread).sum(axis=1)  # the log-probability of seeing nothing
-            some, r_some = mean[rows, columns], r[columns]
-            power = seen * (np.log(some / r_some) - spread[rows, columns])
-            choose = gammaln(seen + r_some) - gammaln(r_some) - gammaln(seen + 1)
-            np.add.at(found[k], rows, choose + power)
+            none = log_none(mean, r)
+            found[k] = none.sum(axis=1)
+            some = log_negative_binomial(seen, mean[rows, columns], r[columns])
+            np.add.at(found[k], rows, some - none[rows, columns])
         found = log_types + self.config.temper * found * evidence.visited
         return np.asarray(found - logsumexp(found, axis=0))
 
@@ -153,13 +175,21 @@ class RoomTypeMixture(CalibratedModel):
         return np.log(types / types.sum(axis=1, keepdims=True)).T, gain
 
 
+@dataclass(frozen=True, eq=False)
 class _Evidence:
-    """What the rooms of a batch show."""
+    """What rooms show.
 
-    def __init__(
-        self, *, seen: Floats, share: Floats, visited: npt.NDArray[np.bool_], building: Ints
-    ) -> None:
-        self.seen, self.share, self.visited, self.building = seen, share, visited, building
+    Attributes:
+        seen: `[rooms, C]`.
+        share: `[rooms, C]` that is hidden.
+        visited: `[rooms]`.
+        building: `[rooms]` number of the building.
+    """
+
+    seen: Floats
+    share: Floats
+    visited: npt.NDArray[np.bool_]
+    building: Ints
 
 
 def fit_types(
@@ -189,7 +219,7 @@ def fit_types(
         means = (belonging.T @ counts + _PRIOR_ROOMS * overall) / (size[:, None] + _PRIOR_ROOMS)
         frequency = (belonging.T.astype(np.float32) @ indicator).reshape(types, classes, -1)
         dispersions = _improve_dispersions(dispersions, means, frequency.astype(float), values)
-        table = _log_probability(values, means[..., None], dispersions[..., None])
+        table = log_negative_binomial(values, means[..., None], dispersions[..., None])
         found = log_types + indicator @ table.reshape(types, -1).T.astype(np.float32)
         belonging = np.exp(found - logsumexp(found, axis=1, keepdims=True))
     return log_types, means, dispersions, belonging
@@ -200,7 +230,7 @@ def fit_habit(totals: Floats, expected: Floats) -> float:
 
     def cost(log_shape: float) -> float:
         shape = float(np.exp(log_shape))
-        return -float(_log_probability(totals, np.maximum(expected, 1e-9), shape).sum())
+        return -float(log_negative_binomial(totals, np.maximum(expected, 1e-9), shape).sum())
 
     found = minimize_scalar(cost, bounds=(-3.0, 8.0), method="bounded")
     return float(np.exp(found.x))
@@ -232,12 +262,6 @@ def _sum_before(steps: Floats) -> Floats:
     """Return 0 and the running sums over the last axis: `[..., n]` to `[..., n + 1]`."""
     sums = np.cumsum(steps, axis=-1)
     return np.concatenate([np.zeros_like(sums, shape=(*sums.shape[:-1], 1)), sums], axis=-1)
-
-
-def _log_probability(counts: Floats | Ints, mean: Floats, r: Floats | float) -> Floats:
-    choose = gammaln(counts + r) - gammaln(r) - gammaln(counts + 1)
-    power = counts * (np.log(mean) - np.log(mean + r))
-    return np.asarray(choose - r * np.log1p(mean / r) + power)
 
 
 def _group(points: Floats, groups: int, *, seed: int) -> Floats:
@@ -272,3 +296,6 @@ def _spread_over_nodes(
     means[:, is_room], dispersions[:, is_room] = distribution.means, distribution.dispersions
     weights[:, is_room] = distribution.weights
     return CountDistribution(means, dispersions, weights)
+
+
+MIXTURE = ZooRow(MixtureConfig(), RoomTypeMixture)

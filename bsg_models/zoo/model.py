@@ -1,59 +1,104 @@
-"""The one interface of all models: `counts [N, C] → Expectation`, whatever number of rooms."""
+"""The one interface of all models: an observation in, an expectation out, whatever the rooms."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import torch
 from torch_geometric.data import Data
 
+from bsg_data.arrays import Counts
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import MismatchError
+from bsg_data.observation.observation import Observation
 from bsg_models.belief.expectation import Expectation
-from bsg_models.inputs.graphs import Buildings
-from bsg_models.zoo.config import DataConfig
+from bsg_models.inputs.edges import EdgeSet
+from bsg_models.inputs.graphs import to_graph
+from bsg_models.zoo.settings import DataConfig, ModelConfig
+
+
+@dataclass(frozen=True, slots=True)
+class ModelInputs:
+    """What a model is given to read.
+
+    Attributes:
+        classes: C, of the histograms.
+        vocabulary: `[V]` the categories outside the classes that it reads.
+        edges: of the graphs, for a model that reads edges.
+    """
+
+    classes: int
+    vocabulary: tuple[str, ...] = ()
+    edges: tuple[EdgeSet, ...] = ("up", "down")
 
 
 class BeliefModel(torch.nn.Module, ABC):
     """A model of what is hidden.
 
-    A model is either fitted by counting (`fit`), or a network that `bsg_models.training.training`
-    trains by the gradient of its `loss`. All that it learns is in its state dict, so one
-    checkpoint format serves all.
+    It is fitted by counting (`fit`), or it is a `Network`, which is trained by gradient. All that
+    it learns is in its state dict, so that one checkpoint format serves all.
 
     Attributes:
-        trainable: whether it is trained by gradient.
-        vocabulary: the categories outside the classes that it reads, `[V]`: the columns of `others`
-            of the graphs that it is given.
+        config: its settings.
+        inputs: what it is given to read.
     """
 
-    trainable: ClassVar[bool] = False
-    vocabulary: tuple[str, ...] = ()
+    def __init__(self, config: ModelConfig, inputs: ModelInputs) -> None:
+        super().__init__()
+        self.config = config
+        self.inputs = inputs
 
-    def fit(self, data: Buildings, choice: DataConfig) -> None:
+    @property
+    def vocabulary(self) -> tuple[str, ...]:
+        """The categories outside the classes that it reads, `[V]`: those of its observations."""
+        return self.inputs.vocabulary
+
+    def fit(self, data: Dataset, choice: DataConfig) -> None:
         """Learn from the training buildings of a dataset, or begin where training should."""
-
-    def loss(self, graphs: Data) -> torch.Tensor:
-        """Return what a step of training lowers, for masked graphs with their targets `y`."""
-        raise TypeError(f"{type(self).__name__} is fitted by counting and has no loss")
-
-    def validation_loss(self, graphs: Data) -> tuple[float, int]:
-        """Return the sum of the loss over cells (node, class), and their number."""
-        raise TypeError(f"{type(self).__name__} is fitted by counting and has no loss")
 
     def resize_buffers(self, state: Mapping[str, torch.Tensor]) -> None:
         """Prepare for the state of a checkpoint, where the shape of a tensor follows from data."""
 
     @abstractmethod
-    def predict(self, graphs: Data) -> Expectation:
-        """Return the expectation of a graph, or of a batch of graphs.
+    def predict(self, seen: Observation) -> Expectation:
+        """Return the expectation of every node of an observation, of one building or of many."""
 
-        Args:
-            graphs: with `x` `[N, C]`, `others` `[N, V]`, `is_building`, `visited` and `fraction`
-                `[N]`, `edge_index`; `withheld` `[N, C]` if anything is, see `share_of`.
-        """
+
+class Network(BeliefModel):
+    """A model that is trained by the gradient of its loss on graphs."""
+
+    def graph_of(self, seen: Observation, targets: Counts | None = None) -> Data:
+        """Return an observation as the graph that the network reads, with its own edges."""
+        seen = replace(seen, vocabulary=self.vocabulary, others=others_of(seen, self.vocabulary))
+        return to_graph(seen, edges=self.inputs.edges, targets=targets)
+
+    @abstractmethod
+    def loss(self, graphs: Data) -> torch.Tensor:
+        """Return what a step of training lowers, for graphs with their targets `y`."""
+
+    @abstractmethod
+    def validation_loss(self, graphs: Data) -> tuple[float, int]:
+        """Return the sum of the loss over cells (node, class), and their number."""
+
+
+def others_of(seen: Observation, vocabulary: tuple[str, ...]) -> Counts:
+    """Return the objects that were seen outside the classes, `[N, V]`; none if nobody looked.
+
+    Raises:
+        MismatchError: if the observation is of another vocabulary.
+    """
+    if seen.vocabulary == vocabulary:
+        return seen.others
+    if not seen.vocabulary:
+        return np.zeros((len(seen.inputs), len(vocabulary)), dtype=np.int64)
+    raise MismatchError(
+        f"the observation has {len(seen.vocabulary)} categories outside the classes, and not the "
+        f"{len(vocabulary)} that the model reads; make it with vocabulary=model.vocabulary"
+    )
 
 
 def to_array(tensor: torch.Tensor) -> np.ndarray[Any, np.dtype[np.float64]]:
@@ -61,30 +106,12 @@ def to_array(tensor: torch.Tensor) -> np.ndarray[Any, np.dtype[np.float64]]:
     return tensor.detach().cpu().numpy().astype(np.float64)
 
 
-def others_of(graphs: Data, vocabulary: int) -> torch.Tensor:
-    """Return which categories of a vocabulary are visible where, `[N, V]`; none if not said.
-
-    Raises:
-        MismatchError: if the graphs were made with another vocabulary.
-    """
-    others: torch.Tensor | None = graphs.get("others")
-    if others is None or not others.shape[1]:
-        return torch.zeros(len(graphs.x), vocabulary)
-    if others.shape[1] != vocabulary:
-        raise MismatchError(
-            f"the graphs have {others.shape[1]} categories outside the classes, the model reads "
-            f"{vocabulary}; make them with vocabulary=model.vocabulary"
-        )
-    present: torch.Tensor = (others > 0).float()
-    return present
-
-
 def share_of(graphs: Data) -> torch.Tensor:
     """Return the share of its objects of each class that each node hides, `[N, C]`.
 
-    That of the node, and 1 where a class is withheld: a search is told nothing of its artifact.
+    That of the node, and 1 where a class is withheld, as `Observation.cell_share`.
     """
-    share: torch.Tensor = graphs.fraction[:, None].expand_as(graphs.x)
+    share: torch.Tensor = graphs.hidden_share[:, None].expand_as(graphs.x)
     withheld: torch.Tensor | None = graphs.get("withheld")
     return share if withheld is None else torch.where(withheld, torch.ones_like(share), share)
 

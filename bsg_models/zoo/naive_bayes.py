@@ -8,19 +8,37 @@ an unvisited room nothing was looked for, so that only the prior speaks.
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 import torch
+from pydantic import Field
 from scipy.special import expit, logit
-from torch_geometric.data import Data
 
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import zero_inflated
 from bsg_models.belief.expectation import Expectation, from_hidden_counts
-from bsg_models.inputs.graphs import Buildings
-from bsg_models.zoo.config import DataConfig
-from bsg_models.zoo.families import NaiveBayesConfig
+from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.masked_rooms import sample_uniform
-from bsg_models.zoo.model import BeliefModel, share_of, to_array
+from bsg_models.zoo.model import BeliefModel, ModelInputs, to_array
 from bsg_models.zoo.room_sums import sum_rooms
+from bsg_models.zoo.settings import DataConfig, ModelConfig
+
+
+class NaiveBayesConfig(ModelConfig):
+    """Presence of each class from which classes are seen, as if these were independent given it.
+
+    Attributes:
+        smoothing: added to every count, as a share of the class's mean.
+        draws: masks of every training building.
+        temper: exponent on what each class says, since they are not independent.
+    """
+
+    family: Literal["naive-bayes"] = "naive-bayes"
+    smoothing: float = Field(default=2.0, gt=0, allow_inf_nan=False)
+    draws: int = Field(default=20, ge=1, le=1000)
+    temper: float = Field(default=0.5, gt=0, le=1)
 
 
 class NaiveBayesModel(BeliefModel):
@@ -38,19 +56,21 @@ class NaiveBayesModel(BeliefModel):
     number: torch.Tensor
     fraction: torch.Tensor
 
-    def __init__(self, config: NaiveBayesConfig, classes: int) -> None:
-        super().__init__()
-        self.config = config
+    config: NaiveBayesConfig
+
+    def __init__(self, config: NaiveBayesConfig, inputs: ModelInputs) -> None:
+        super().__init__(config, inputs)
+        classes = inputs.classes
         self.register_buffer("prior", torch.full((classes,), 0.5, dtype=torch.float64))
         self.register_buffer("seen", torch.full((2, classes, classes), 0.5, dtype=torch.float64))
         self.register_buffer("number", torch.ones(classes, dtype=torch.float64))
         self.register_buffer("fraction", torch.ones((), dtype=torch.float64))
 
-    def fit(self, data: Buildings, choice: DataConfig) -> None:
+    def fit(self, data: Dataset, choice: DataConfig) -> None:
         """Count on masks of the training rooms."""
         masked = sample_uniform(data, choice, draws=self.config.draws)
-        rooms = ~masked.is_building.numpy()
-        seen, hidden = to_array(masked.x)[rooms] > 0, to_array(masked.y - masked.x)[rooms]
+        rooms = ~masked.seen.is_building
+        seen, hidden = masked.seen.inputs[rooms] > 0, masked.hidden[rooms].astype(np.float64)
         there, s = (hidden > 0).astype(float), self.config.smoothing
         overall = (seen.mean(axis=0)[:, None] * s + 0.5) / (s + 1)  # never 0 or 1
         for row, outcome in enumerate((1 - there, there)):
@@ -64,15 +84,18 @@ class NaiveBayesModel(BeliefModel):
         self.number.copy_(torch.from_numpy(number))
         self.fraction.fill_(choice.mask.fraction)
 
-    def predict(self, graphs: Data) -> Expectation:
+    def predict(self, seen: Observation) -> Expectation:
         """Return Bayes' rule for every node."""
-        inputs, share = to_array(graphs.x), to_array(share_of(graphs))
+        inputs, share = seen.inputs.astype(np.float64), seen.cell_share
         absent, present = to_array(self.seen)
         evidence = (inputs > 0) @ np.log(present / absent)
         evidence += ((inputs == 0) & (share < 1)) @ np.log((1 - present) / (1 - absent))
-        evidence *= graphs.visited.numpy()[:, None]
+        evidence *= seen.visited[:, None]
         odds = logit(to_array(self.prior)) + self.config.temper * evidence
         scale = share / float(self.fraction)
         presence = 1 - expit(-odds) ** scale
         distribution = zero_inflated(presence, presence * to_array(self.number))
-        return from_hidden_counts(inputs, sum_rooms(distribution, inputs, graphs))
+        return from_hidden_counts(inputs, sum_rooms(distribution, seen))
+
+
+NAIVE_BAYES = ZooRow(NaiveBayesConfig(), NaiveBayesModel)

@@ -6,18 +6,52 @@ Every feature is of order one, whatever the size of a room or a building.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 import torch
+from pydantic import Field
 from torch import nn
 from torch_geometric.data import Data
 from torch_geometric.utils import scatter
 
-from bsg_models.zoo.families import NetworkConfig
-from bsg_models.zoo.model import building_numbers, others_of, share_of
+from bsg_models.zoo.model import building_numbers, share_of
+from bsg_models.zoo.settings import ModelConfig
 
 _EDGE = 0.02  # shares are at least this far from 0 and 1 where a logarithm is taken
+
+
+Likelihood = Literal["mse", "poisson", "negative-binomial"]
+Reading = Literal["mask", "building", "categories", "withheld"]
+
+
+class NetworkConfig(ModelConfig):
+    """What all networks of hidden counts have (`bsg_models.zoo.count_network`).
+
+    Attributes:
+        width: channels of the hidden layers.
+        depth: rounds or layers.
+        dropout: share of channels dropped after each; half of it of the features.
+        likelihood: of the hidden counts.
+        reads: what a node's features hold besides its own histogram; see `NodeFeatures`.
+        embedding: width of the embedding of the categories outside the classes.
+        embed: `learned` with all the rest, or `svd`: the first components of which categories are
+            in which training rooms, kept as they are.
+        category_dropout: share of these categories that training overlooks.
+        calibrate: fit three numbers on the val buildings that mend how sure the model is.
+    """
+
+    family: str = ""  # each names its own
+    width: int = Field(default=128, ge=1, le=4096)
+    depth: int = Field(default=2, ge=1, le=64)
+    dropout: float = Field(default=0.4, ge=0.0, lt=1.0)
+    likelihood: Likelihood = "negative-binomial"
+    reads: tuple[Reading, ...] = ("mask", "building", "categories")
+    embedding: int = Field(default=32, ge=1, le=4096)
+    embed: Literal["learned", "svd"] = "learned"
+    category_dropout: float = Field(default=0.3, ge=0.0, lt=1.0)
+    calibrate: bool = True
 
 
 class NodeFeatures(nn.Module):
@@ -31,7 +65,7 @@ class NodeFeatures(nn.Module):
     - `building`: log(1 + count) of the building, the share of the other visited rooms in which each
       class was seen, the logarithm of the number of rooms, and what kind of node it is.
     - `withheld`: of each class whether it is withheld, so that "none" is no news; see
-      `bsg_models.inputs.search_masks`.
+      `bsg_data.observation.search_moment`.
     - `categories`: a learned embedding of the set of visible categories outside the classes, of
       the node and in the mean of the other visited rooms; single categories are dropped at random
       in training.
@@ -79,7 +113,7 @@ class NodeFeatures(nn.Module):
         seen = (graphs.x > 0).float()
         parts = [torch.log1p(graphs.x), seen, torch.log1p(graphs.x.sum(dim=1, keepdim=True))]
         if "mask" in self.reads:
-            share = graphs.fraction.clamp(_EDGE, 1 - _EDGE)
+            share = graphs.hidden_share.clamp(_EDGE, 1 - _EDGE)
             parts += [torch.logit(share)[:, None] / 2, graphs.visited.float()[:, None]]
         looked_for = (share_of(graphs) < 1).float()
         if "withheld" in self.reads:
@@ -96,7 +130,7 @@ class NodeFeatures(nn.Module):
         return torch.cat(parts, dim=1)
 
     def _embed(self, graphs: Data) -> torch.Tensor:
-        present = others_of(graphs, self.embedding.in_features)
+        present = (graphs.others > 0).float()
         if self.training:  # dropped, not scaled up: a robot overlooks things, too
             present = present * (torch.rand_like(present) >= self.category_dropout)
         embedded: torch.Tensor = self.embedding(present)

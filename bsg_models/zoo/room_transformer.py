@@ -2,23 +2,39 @@
 
 from __future__ import annotations
 
+from typing import Literal, Self
+
 import torch
+from pydantic import Field, model_validator
 from torch import nn
 from torch_geometric.data import Data
 from torch_geometric.utils import to_dense_batch
 
+from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.count_network import CountNetwork
-from bsg_models.zoo.families import RoomTransformerConfig
-from bsg_models.zoo.model import building_numbers
+from bsg_models.zoo.model import ModelInputs, building_numbers
+from bsg_models.zoo.node_features import NetworkConfig
+from bsg_models.zoo.training_recipes import COUNTS, VARIED
+
+
+class RoomTransformerConfig(NetworkConfig):
+    """Attention of all nodes of a building to each other; `heads` divides `width`."""
+
+    family: Literal["room-transformer"] = "room-transformer"
+    heads: int = Field(default=4, ge=1)
+
+    @model_validator(mode="after")
+    def _heads_divide(self) -> Self:
+        if self.width % self.heads:
+            raise ValueError(f"width {self.width} must be a multiple of heads {self.heads}")
+        return self
 
 
 class RoomTransformer(CountNetwork):
     """Pre-norm self-attention over rooms, which have no order (Vaswani et al., 2017)."""
 
-    def __init__(
-        self, config: RoomTransformerConfig, classes: int, vocabulary: tuple[str, ...]
-    ) -> None:
-        super().__init__(config, classes, vocabulary)
+    def __init__(self, config: RoomTransformerConfig, inputs: ModelInputs) -> None:
+        super().__init__(config, inputs)
         self.enter = nn.Sequential(
             nn.Dropout(config.dropout / 2), nn.Linear(self.features.width, config.width)
         )
@@ -38,3 +54,6 @@ class RoomTransformer(CountNetwork):
         nodes, real = to_dense_batch(self.enter(features), building_numbers(graphs))
         encoded: torch.Tensor = self.layers(nodes, src_key_padding_mask=~real)[real]
         return encoded
+
+
+ROOM_TRANSFORMER = ZooRow(RoomTransformerConfig(), RoomTransformer, data=VARIED, training=COUNTS)

@@ -6,17 +6,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 from conftest import load_script
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from bsg_data.build import build_dataset
-from bsg_data.dataset.manifest import ClassMapEntry, read_manifest
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.dataset.manifest import ClassMapEntry
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import MismatchError, RecipeError
+from bsg_data.observation.masked_buildings import sample_masked
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, mask_scene
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
@@ -25,11 +26,10 @@ from bsg_data.synthetic.buildings import write_synthetic
 from bsg_models.belief.belief_graph import believe, complete, rank_unseen
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import from_hidden_counts, from_totals, from_truth
-from bsg_models.inputs.graphs import MaskedGraphs
-from bsg_models.runs.predictor import Predictor, to_data
+from bsg_models.inputs.folds import scenes_of
+from bsg_models.runs.predictor import Predictor
 from bsg_models.training.training import train_run
-from bsg_models.zoo.catalogue import ZOO
-from bsg_models.zoo.config import override, validate_config
+from bsg_models.zoo.config import find_config, override, validate_config
 
 FOUR = ClassMapEntry(version="test", sha256="0" * 64, classes=("bed", "lamp", "sink", "tv"))
 GRAPH = PartialGraph(
@@ -100,24 +100,28 @@ def test_the_expectation_of_another_graph_is_refused() -> None:
 
 @pytest.fixture
 def run(dataset: Path, tmp_path: Path) -> Path:
-    list(train_run(ZOO["mixture"], dataset, tmp_path / "run"))
+    list(train_run(find_config("mixture"), dataset, tmp_path / "run"))
     return tmp_path / "run"
 
 
 @pytest.mark.parametrize("strategy", ["uniform", "rooms", "frontier"])
 def test_a_model_reads_a_partial_graph_as_it_reads_a_masked_building(
-    dataset: Path, run: Path, strategy: str
+    dataset: Path, strategy: str
 ) -> None:
     recipe = MaskRecipe.model_validate({"strategy": strategy})
-    manifest, vocabulary = read_manifest(dataset), ("wall", "floor", "kitchen cabinet")
-    scenes = {graph.scene_id: graph for graph in read_scene_graphs(dataset)}
-    masked = MaskedGraphs.fresh(dataset, "train", mask=recipe, draw=1, vocabulary=vocabulary)
+    data, vocabulary = Dataset.open(dataset), ("wall", "floor", "kitchen cabinet")
+    scenes = scenes_of(data, "train")
+    graphs = {graph.scene_id: graph for graph in read_scene_graphs(dataset)}
+    masked = sample_masked(data, scenes, mask=recipe, draw=1, vocabulary=vocabulary)
     assert len(masked) > 5
-    for one in masked:
-        partial = mask_scene(scenes[one.scene_id], recipe, draw=1, class_map=manifest.class_map)
-        data = to_data(partial, edges=("up", "down"), vocabulary=vocabulary)
-        for key in ("x", "others", "edge_index", "adjacent_index", "visited", "fraction"):
-            torch.testing.assert_close(data[key], one[key])
+    for number, scene in enumerate(scenes):
+        partial = mask_scene(graphs[scene], recipe, draw=1, class_map=data.manifest.class_map)
+        ours, theirs = partial.observation(vocabulary=vocabulary), masked.seen.take([number])
+        assert ours.scene_ids == theirs.scene_ids == (scene,)
+        assert ours.vocabulary == theirs.vocabulary == vocabulary
+        for name in ("starts", "inputs", "hidden_share", "visited", "withheld", "others"):
+            np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name), name)
+        np.testing.assert_array_equal(ours.connections.pairs, theirs.connections.pairs)
 
 
 def test_a_graph_of_another_class_map_is_refused(run: Path) -> None:
@@ -138,7 +142,7 @@ def test_beliefs_about_unvisited_rooms_improve_as_others_are_searched(
     build_dataset(HM3DFolder(folder), data)
     split_dataset(data, SplitRecipe())
     write_pairs(data, PairsRecipe(mask=mask, draws=2))
-    tables = override(ZOO["mixture"].model_dump(mode="json"), ["data.mask.strategy=rooms"])
+    tables = override(find_config("mixture").model_dump(mode="json"), ["data.mask.strategy=rooms"])
     list(train_run(validate_config(tables, source="test"), data, tmp_path / "run"))
     gains = load_script("measure_search").measure_search(data, tmp_path / "run", orders=3)
     assert len(gains) > 10

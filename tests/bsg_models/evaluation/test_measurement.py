@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.observation.pairs import write_pairs
@@ -27,13 +28,15 @@ from bsg_models.evaluation.measurement import (
     predict_all,
     read_truth,
 )
-from bsg_models.inputs.graphs import MaskedGraphs, open_dataset
+from bsg_models.inputs.graphs import read_split
 from bsg_models.rendering.figures import plot_evaluation, plot_learning_curve
 from bsg_models.studies.comparison import compare_runs
 from bsg_models.training.learning_curve import EpochReport
 from bsg_models.training.training import train_run
-from bsg_models.zoo.catalogue import BASELINES, ZOO, make_model
-from bsg_models.zoo.config import DataConfig, override, validate_config
+from bsg_models.zoo.catalogue import BASELINES
+from bsg_models.zoo.config import find_config, override, validate_config
+from bsg_models.zoo.construction import make_model
+from bsg_models.zoo.settings import DataConfig
 
 
 @pytest.fixture
@@ -180,7 +183,7 @@ def test_errors_per_class_by_hand(truth: Truth) -> None:
 def train(dataset: Path, run: Path, *settings: str) -> Path:
     small = ["model.width=8", "training.epochs=2", "training.batch_size=4", *settings]
     config = validate_config(
-        override(ZOO["ceci-gcn"].model_dump(mode="json"), small), source="test"
+        override(find_config("ceci-gcn").model_dump(mode="json"), small), source="test"
     )
     list(train_run(config, dataset, run))
     return run
@@ -193,10 +196,10 @@ def test_runs_are_compared_with_the_baselines_on_the_same_masks(
     found = compare_runs(runs, dataset, split="val", resamples=2)
     assert list(found.estimates) == ["a", "b", *BASELINES]
     assert found.runs == ("a", "b")
-    graphs = MaskedGraphs.stored(dataset, "val")
-    truth = read_truth(graphs)
-    doubled = make_model(ZOO["doubled"], classes=45)
-    alone = Measurement(truth, predict_all(doubled, graphs)).evaluate()
+    masked = read_split(Dataset.open(dataset), "val")
+    truth = read_truth(masked)
+    doubled = make_model(find_config("doubled"), classes=45)
+    alone = Measurement(truth, predict_all(doubled, masked)).evaluate()
     for name, value in alone.items():
         assert found.estimates["doubled"][name].value == pytest.approx(value, nan_ok=True)
     assert len(found.classes) == 6 * 2 * 45
@@ -237,11 +240,11 @@ def test_splits_are_averaged_and_never_pooled(dataset: Path) -> None:
     for seed in (0, 1, 2):
         split_dataset(dataset, SplitRecipe(seed=seed, ratios=(0.5, 0.0, 0.5)), force=True)
         write_pairs(dataset, PairsRecipe(draws=2))
-        data = open_dataset(dataset)
-        model = make_model(ZOO["train-mean"], classes=45)
+        data = Dataset.open(dataset)
+        model = make_model(find_config("train-mean"), classes=45)
         model.fit(data, DataConfig())
-        graphs = MaskedGraphs.stored(data, "test")
-        splits.append(Measurement(read_truth(graphs), predict_all(model, graphs)))
+        masked = read_split(data, "test")
+        splits.append(Measurement(read_truth(masked), predict_all(model, masked)))
     every = SplitsMeasurement(splits)
     found = every.evaluate()
     assert found["rooms/presence_auroc_macro/all"] == 0.5

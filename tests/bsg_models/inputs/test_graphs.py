@@ -5,24 +5,58 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from one_building import observe_building
 from torch_geometric.loader import DataLoader
 
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import read_cells, to_histograms
 from bsg_data.dataset.splits import read_splits, split_dataset
 from bsg_data.errors import DatasetError
+from bsg_data.observation.observation import stack
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
-from bsg_models.inputs.graphs import EdgeSet, MaskedGraphs, connect, open_dataset, reconnect
+from bsg_models.inputs.edges import EdgeSet
+from bsg_models.inputs.folds import scenes_of
+from bsg_models.inputs.graphs import MaskedGraphs, read_split, to_graph
 
 
-def test_edges_by_hand() -> None:
-    assert connect(3, ("up",)).tolist() == [[1, 2], [0, 0]]
-    assert connect(3, ("down",)).tolist() == [[0, 0], [1, 2]]
-    assert connect(3, ("up", "down")).tolist() == [[0, 0, 1, 2], [1, 2, 0, 0]]
-    assert connect(4, ("adjacent",), adjacent=[(1, 3)]).tolist() == [[1, 3], [3, 1]]
-    assert connect(4, ("complete",)).shape == (2, 6)
-    assert connect(1, ("up", "down")).shape == (2, 0)
-    assert connect(3, ()).shape == (2, 0)
+def test_a_graph_by_hand() -> None:
+    """A building with two rooms, of which the second was not visited, and one without rooms."""
+    seen = stack(
+        [
+            observe_building(
+                [[4, 1], [3, 1], [0, 0]],
+                hidden_share=[0.5, 0.25, 1.0],
+                visited=[True, True, False],
+                withheld=[1],
+                others=[[7], [7], [0]],
+                vocabulary=("tap",),
+                connected=[(1, 2)],
+            ),
+            observe_building([[9, 9]], vocabulary=("tap",)),
+        ]
+    )
+    graph = to_graph(seen, edges=("up", "adjacent"), targets=2 * seen.inputs)
+    assert graph.x.dtype == graph.y.dtype == graph.others.dtype == torch.float32
+    assert graph.x.tolist() == [[4, 1], [3, 1], [0, 0], [9, 9]]
+    assert graph.y.tolist() == [[8, 2], [6, 2], [0, 0], [18, 18]]
+    assert graph.others.tolist() == [[7], [7], [0], [0]]
+    assert graph.edge_index.tolist() == [[1, 1, 2, 2], [0, 2, 0, 1]]
+    assert graph.is_building.tolist() == [True, False, False, True]
+    assert graph.visited.tolist() == [True, True, False, True]
+    assert graph.hidden_share.tolist() == [0.5, 0.25, 1.0, 0.5]
+    assert graph.withheld.tolist() == [[False, True]] * 3 + [[False, False]]
+    assert "y" not in to_graph(seen, edges=())
+
+
+def test_a_graph_shares_no_memory_with_what_it_is_made_of() -> None:
+    seen = observe_building([[4, 1], [4, 1]])
+    graph = to_graph(seen, edges=("up",))
+    for name in ("x", "visited", "hidden_share", "withheld"):
+        graph[name].zero_()
+    assert seen.inputs.tolist() == [[4, 1], [4, 1]]
+    assert seen.visited.all()
+    assert seen.hidden_share.tolist() == [0.5, 0.5]
 
 
 @pytest.mark.parametrize("part", ["train", "val", "test"])
@@ -35,8 +69,21 @@ def test_stored_graphs_are_the_stored_pairs(dataset: Path, part: str) -> None:
         assert graph.y.numpy().tolist() == to_histograms(cells[graph.scene_id]).tolist()
         assert (graph.x <= graph.y).all()
         assert graph.is_building.tolist() == [True] + [False] * (len(graph.x) - 1)
-        assert (graph.fraction == 0.5).all()
+        assert (graph.hidden_share == 0.5).all()
         assert graph.visited.all()
+
+
+def test_an_open_dataset_serves_as_its_folder_does(dataset: Path) -> None:
+    data = Dataset.open(dataset)
+    pairs = [
+        (MaskedGraphs.stored(data, "val"), MaskedGraphs.stored(dataset, "val")),
+        (
+            MaskedGraphs.fresh(data, "val", mask=MaskRecipe(), draw=3),
+            MaskedGraphs.fresh(dataset, "val", mask=MaskRecipe(), draw=3),
+        ),
+    ]
+    for ours, theirs in pairs:
+        assert all(torch.equal(a.x, b.x) for a, b in zip(ours, theirs, strict=True))
 
 
 def test_fresh_masks_are_the_stored_ones_of_the_same_recipe_and_draw(dataset: Path) -> None:
@@ -49,25 +96,16 @@ def test_fresh_masks_are_the_stored_ones_of_the_same_recipe_and_draw(dataset: Pa
 
 
 @pytest.mark.parametrize("edges", [("up", "down"), ("complete",), ("down", "adjacent"), ()])
-def test_a_batch_is_reconnected_as_if_it_had_been_made_so(
+def test_many_buildings_are_one_graph_as_pyg_batches_them(
     dataset: Path, edges: tuple[EdgeSet, ...]
 ) -> None:
-    graphs = MaskedGraphs.stored(dataset, "train")
-    adjacency = {one.scene_id: [(1, 2)] for one in graphs.masked}
-    batches = [
-        next(
-            iter(
-                DataLoader(
-                    MaskedGraphs(graphs.masked, edges=kinds, adjacency=adjacency), batch_size=7
-                )
-            )
-        )
-        for kinds in (("up",), edges)
-    ]
-    found = reconnect(batches[0], edges).edge_index
-    assert sorted(map(tuple, found.T.tolist())) == sorted(
-        map(tuple, batches[1].edge_index.T.tolist())
-    )
+    masked = read_split(Dataset.open(dataset), "train").take(range(7))
+    graphs = MaskedGraphs(masked, edges=edges)
+    (batch,) = DataLoader(graphs, batch_size=len(graphs))
+    whole = to_graph(masked.seen, edges=edges, targets=masked.targets)
+    for name in ("x", "y", "others", "edge_index", "is_building", "visited", "hidden_share"):
+        assert torch.equal(batch[name], whole[name]), name
+    assert torch.equal(batch.withheld, whole.withheld)
 
 
 def test_a_batch_keeps_buildings_apart(dataset: Path) -> None:
@@ -79,29 +117,15 @@ def test_a_batch_keeps_buildings_apart(dataset: Path) -> None:
     assert len(batch.scene_id) == len(graphs)
 
 
-def test_folds_rotate_and_never_overlap(dataset: Path) -> None:
+def test_the_pairs_of_a_fold_are_those_of_its_scenes(dataset: Path) -> None:
     split_dataset(dataset, SplitRecipe(method="folds", ratios=None, folds=3), force=True)
-    write_pairs(dataset, PairsRecipe(draws=1))
-    data = open_dataset(dataset)
-    tested: list[str] = []
-    for fold in range(3):
-        parts = [set(data.scenes_of(part, fold=fold)) for part in ("train", "val", "test")]
-        assert set.union(*parts) == set(data.cells)
-        assert sum(map(len, parts)) == len(data.cells)
-        assert len(MaskedGraphs.stored(dataset, "train", fold=fold)) == len(parts[0])
-        tested += parts[2]
-    assert sorted(tested) == sorted(data.cells)
-    with pytest.raises(DatasetError, match="say which one to test on"):
-        data.scenes_of("test")
-    with pytest.raises(DatasetError, match="there is no fold 3"):
-        data.scenes_of("test", fold=3)
-
-
-def test_a_changed_dataset_is_opened_again(dataset: Path) -> None:
-    first = open_dataset(dataset)
-    assert open_dataset(dataset) is first
-    split_dataset(dataset, SplitRecipe(seed=1), force=True)
-    assert open_dataset(dataset).splits != first.splits
+    write_pairs(dataset, PairsRecipe(draws=2))
+    data = Dataset.open(dataset)
+    for part in ("train", "val", "test"):
+        masked = read_split(data, part, fold=1)  # type: ignore[arg-type]
+        scenes = scenes_of(data, part, fold=1)  # type: ignore[arg-type]
+        assert masked.seen.scene_ids == tuple(s for s in scenes for _ in range(2))
+        assert masked.draws.tolist() == [0, 1] * len(scenes)
 
 
 def test_what_is_missing_is_said(dataset: Path, tmp_path: Path) -> None:

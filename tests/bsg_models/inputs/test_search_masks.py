@@ -10,7 +10,7 @@ import torch
 from one_building import graph
 
 from bsg_data.recipes import MaskRecipe
-from bsg_models.inputs.graphs import MaskedGraphs, open_dataset
+from bsg_models.inputs.graphs import MaskedGraphs
 from bsg_models.inputs.search_masks import sample_search, view_search
 from bsg_models.training.training import new_model
 from bsg_models.zoo.catalogue import ZOO
@@ -87,7 +87,7 @@ def test_search_masks_are_fresh_and_uniform() -> None:
 
 def fitted(name: str, dataset: Path) -> BeliefModel:
     torch.manual_seed(0)
-    data = open_dataset(dataset)
+    data = Dataset.open(dataset)
     model = new_model(ZOO[name], data)
     model.fit(data, ZOO[name].data)
     return model.eval()
@@ -126,7 +126,7 @@ def test_a_withheld_class_is_expected_more_than_one_that_was_not_seen(
 
 
 def test_trees_meet_withheld_classes_and_cannot_be_told(dataset: Path) -> None:
-    data = open_dataset(dataset)
+    data = Dataset.open(dataset)
     choice = DataConfig(withhold=0.3)
     masked = sample_chosen(data, choice, draws=2, vocabulary=())
     assert masked.withheld.any()

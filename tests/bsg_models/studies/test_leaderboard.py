@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from bsg_data.build import build_dataset
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import ClassMapEntry, Manifest, SourceEntry, Totals, read_manifest
 from bsg_data.errors import DatasetError
 from bsg_data.lock import hold
@@ -15,7 +16,6 @@ from bsg_data.scene.class_map import load_class_map
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_models.errors import ConfigError
 from bsg_models.evaluation.measurement import Bootstrap
-from bsg_models.inputs.graphs import open_dataset
 from bsg_models.rendering.figures import plot_leaderboard
 from bsg_models.runs.checkpoint import load_checkpoint
 from bsg_models.runs.run_folder import BEST
@@ -36,15 +36,14 @@ from bsg_models.studies.leaderboard_table import (
     write_json,
     write_markdown,
 )
-from bsg_models.zoo.catalogue import ZOO
-from bsg_models.zoo.config import RunConfig, override, validate_config
+from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
 
 RECIPE = LeaderboardRecipe(folds=3, draws=2, resamples=3)
 SMALL = ("training.epochs=2", "model.width=8", "model.embedding=4")
 
 
 def configure(name: str, *settings: str) -> RunConfig:
-    tables = override(ZOO[name].model_dump(mode="json"), settings)
+    tables = override(find_config(name).model_dump(mode="json"), settings)
     return validate_config(tables, source="test")
 
 
@@ -55,8 +54,8 @@ def unsplit(hm3d_folder: Path, tmp_path: Path) -> Path:
 
 
 MODELS: Mapping[str, RunConfig] = {
-    "train-mean": ZOO["train-mean"],
-    "gamma-poisson": ZOO["gamma-poisson"],
+    "train-mean": find_config("train-mean"),
+    "gamma-poisson": find_config("gamma-poisson"),
     "ceci-sage": configure("ceci-sage", *SMALL),
     "pair": configure("ensemble", 'model.members=["gamma-poisson","train-mean"]'),
 }
@@ -73,7 +72,7 @@ def test_every_model_is_tested_on_every_building_once(unsplit: Path, tmp_path: P
     assert ("measure", 8, 8) in seen
     rooms = read_manifest(unsplit).totals.rooms
     for mask in ("uniform", "rooms"):
-        data = open_dataset(tmp_path / "board" / mask / "dataset")
+        data = Dataset.open(tmp_path / "board" / mask / "dataset")
         assert data.manifest.pairs is not None
         assert data.manifest.pairs.mask.strategy == mask
         assert list(board.results[mask]) == list(MODELS)
@@ -113,7 +112,7 @@ def test_a_copy_of_another_dataset_is_refused(
     unsplit: Path, dataset: Path, hm3d_folder: Path, tmp_path: Path
 ) -> None:
     recipe = RECIPE.model_copy(update={"masks": ("uniform",)})
-    models = {"train-mean": ZOO["train-mean"]}
+    models = {"train-mean": find_config("train-mean")}
     make_leaderboard(unsplit, tmp_path / "board", models, recipe)
     for path in (hm3d_folder / "train").glob("*00/*.txt"):
         path.unlink()
@@ -144,14 +143,14 @@ def test_a_name_that_an_ensemble_needs_is_not_taken_by_another_model() -> None:
     seeded = configure("ensemble", 'model.members=["train-mean"]', "seed=3")
     assert sort_models({"seeded": seeded})[0]["train-mean"].seed == 3
     with pytest.raises(ConfigError, match="with its own seed"):
-        sort_models({"seeded": seeded, "train-mean": ZOO["train-mean"]})
-    taken = {"pair": MODELS["pair"], "train-mean": ZOO["input"]}
+        sort_models({"seeded": seeded, "train-mean": find_config("train-mean")})
+    taken = {"pair": MODELS["pair"], "train-mean": find_config("input")}
     with pytest.raises(ConfigError, match="needs the zoo's train-mean"):
         sort_models(taken)
 
 
 def test_two_leaderboards_never_write_into_one_folder(unsplit: Path, tmp_path: Path) -> None:
-    models = {"train-mean": ZOO["train-mean"]}
+    models = {"train-mean": find_config("train-mean")}
     (tmp_path / "board").mkdir()
     with hold(tmp_path / "board"), pytest.raises(DatasetError, match="another command"):
         make_leaderboard(unsplit, tmp_path / "board", models, RECIPE)

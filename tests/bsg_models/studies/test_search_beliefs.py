@@ -8,17 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.observation.partial_graph import enter_room, mask_scene
 from bsg_data.recipes import MaskRecipe
-from bsg_models.inputs.graphs import open_dataset
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.predictor import Predictor
 from bsg_models.runs.run_folder import BEST
 from bsg_models.studies.search_beliefs import FixedBeliefs, ModelBeliefs
 from bsg_models.training.training import train_run
-from bsg_models.zoo.catalogue import find_config
+from bsg_models.zoo.config import find_config
 
 
 @pytest.mark.parametrize("name", ["mixture", "ceci-sage", "search-sage"])
@@ -30,12 +30,11 @@ def test_beliefs_are_those_of_the_partial_graph(name: str, dataset: Path, tmp_pa
     )
     list(train_run(config, dataset, tmp_path / "run"))
     path = tmp_path / "run" / BEST
-    data, mask, stove = open_dataset(dataset), MaskRecipe(seed=4), 35
+    data, mask, stove = Dataset.open(dataset), MaskRecipe(seed=4), 35
     graph = max(read_scene_graphs(dataset), key=lambda one: len(one.rooms))
     model = restore_model(path, load_checkpoint(path))
     beliefs = ModelBeliefs(
         model,
-        edges=config.data.edges,
         data=data,
         scene_id=graph.scene_id,
         mask=mask,

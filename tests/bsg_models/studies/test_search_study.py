@@ -10,9 +10,10 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import read_cells
 from bsg_data.errors import DatasetError, RecipeError
-from bsg_models.inputs.graphs import open_dataset
+from bsg_models.inputs.folds import scenes_of
 from bsg_models.rendering.explorer import explorer_page
 from bsg_models.search.planners import PLANNERS
 from bsg_models.search.room_graphs import WorldRecipe
@@ -23,7 +24,7 @@ from bsg_models.studies.search_cases import StudyRecipe, sample_presence, sample
 from bsg_models.studies.search_files import encode_study, write_searches
 from bsg_models.studies.search_study import Searches, Study, choose_runs, study_search
 from bsg_models.training.training import train_run
-from bsg_models.zoo.catalogue import ZOO
+from bsg_models.zoo.config import find_config
 
 EVERY = tuple(range(45))
 BLIND = tuple(name for name, planner in PLANNERS.items() if planner.reads != "belief")
@@ -32,7 +33,7 @@ DRAWN = (WorldRecipe(kind="star"), WorldRecipe(kind="tree"))
 
 @pytest.fixture
 def run(dataset: Path, tmp_path: Path) -> Path:
-    list(train_run(ZOO["gamma-poisson"], dataset, tmp_path / "run"))
+    list(train_run(find_config("gamma-poisson"), dataset, tmp_path / "run"))
     return tmp_path / "run"
 
 
@@ -204,7 +205,7 @@ def test_a_robot_that_stops_itself_costs_less_and_misses_more(dataset: Path, run
 def test_files_of_a_study(dataset: Path, run: Path, tmp_path: Path) -> None:
     recipe = StudyRecipe(artifacts=EVERY, worlds=DRAWN, episodes=3, planners=("ratio",))
     study = study_search(dataset, dict.fromkeys(list(read_cells(dataset))[-2:], run), recipe)
-    classes = open_dataset(dataset).manifest.class_map.classes
+    classes = Dataset.open(dataset).manifest.class_map.classes
     write_searches(study, classes, tmp_path / "searches.parquet")
     table = pq.read_table(tmp_path / "searches.parquet").to_pandas()
     assert len(table) == 2 * 2 * 2 * 3 * 3  # buildings, worlds, tasks, planners, searches
@@ -225,7 +226,7 @@ def test_files_of_a_study(dataset: Path, run: Path, tmp_path: Path) -> None:
 
 def test_runs_are_asked_about_the_buildings_that_they_do_not_know(dataset: Path, run: Path) -> None:
     chosen, notes = choose_runs(dataset, [run])
-    assert set(chosen) == set(open_dataset(dataset).scenes_of("test"))
+    assert set(chosen) == set(scenes_of(Dataset.open(dataset), "test"))
     assert notes == []
     with pytest.raises(DatasetError, match="same buildings"):
         choose_runs(dataset, [run, run])

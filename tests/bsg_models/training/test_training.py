@@ -9,13 +9,13 @@ import pytest
 import torch
 from safetensors.torch import load_file, save_file
 
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import encode_manifest, read_manifest
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError, MismatchError
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import PairsRecipe, SplitRecipe
 from bsg_models.errors import CheckpointError, TrainingError
-from bsg_models.inputs.graphs import open_dataset
 from bsg_models.runs.checkpoint import (
     CheckpointHeader,
     load_checkpoint,
@@ -28,7 +28,8 @@ from bsg_models.training import optimiser as optimiser_module
 from bsg_models.training.learning_curve import read_metrics
 from bsg_models.training.training import train_run
 from bsg_models.zoo.catalogue import ZOO
-from bsg_models.zoo.config import RunConfig, TrainingConfig, override, validate_config
+from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
+from bsg_models.zoo.settings import TrainingConfig
 
 NOT_COUNTING = ("ceci-gcn", "ensemble")
 SMALL = ("model.width=8", "model.depth=2", "training.batch_size=4", "training.validate_every=2")
@@ -37,7 +38,7 @@ SMALL = ("model.width=8", "model.depth=2", "training.batch_size=4", "training.va
 def configure(*settings: str, name: str = "ceci-gcn") -> RunConfig:
     small = SMALL if name == "ceci-gcn" else ()
     return validate_config(
-        override(ZOO[name].model_dump(mode="json"), [*small, "training.epochs=8", *settings]),
+        override(find_config(name).model_dump(mode="json"), [*small, "training.epochs=8", *settings]),
         source="test",
     )
 
@@ -64,7 +65,7 @@ def test_a_run_leaves_checkpoints_and_metrics(dataset: Path, tmp_path: Path) -> 
     lowest = min((r for r in reports if r.val_loss), key=lambda r: r.val_loss or 0)
     assert (best.epoch, best.val_loss) == (lowest.epoch, lowest.val_loss)
     assert reports[-1].best_epoch == best.epoch
-    assert best.dataset_sha256 == open_dataset(dataset).sha256
+    assert best.dataset_sha256 == Dataset.open(dataset).sha256
 
 
 def test_training_learns(dataset: Path, tmp_path: Path) -> None:

@@ -2,50 +2,51 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from one_building import observe_building
 from scipy import stats
 from torch_geometric.data import Data
 
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import MismatchError
+from bsg_data.observation.masked_buildings import sample_masked
+from bsg_data.observation.observation import Observation
 from bsg_data.recipes import MaskRecipe
 from bsg_models.errors import TrainingError
-from bsg_models.inputs.graphs import MaskedGraphs, connect, open_dataset
+from bsg_models.inputs.folds import scenes_of
+from bsg_models.inputs.graphs import read_split, to_graph
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import BEST, LAST
 from bsg_models.training.training import new_model, train_run
 from bsg_models.zoo.catalogue import ZOO
-from bsg_models.zoo.config import RunConfig, override, validate_config
+from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
 from bsg_models.zoo.count_network import CountNetwork, PriorHead, cell_loss
-from bsg_models.zoo.families import NetworkConfig
-from bsg_models.zoo.gamma_poisson import GammaPoissonModel
-from bsg_models.zoo.node_features import NodeFeatures
+from bsg_models.zoo.gamma_poisson import GammaPoissonConfig, GammaPoissonModel
+from bsg_models.zoo.model import ModelInputs
+from bsg_models.zoo.node_features import NetworkConfig, NodeFeatures
 
-NETWORKS = [name for name in ZOO if isinstance(ZOO[name].model, NetworkConfig)]
+NETWORKS = [name for name in ZOO if isinstance(ZOO[name].config, NetworkConfig)]
 SMALL = ("model.width=8", "model.embedding=4", "training.epochs=4", "training.validate_every=2")
 
 
 def configure(name: str, *settings: str) -> RunConfig:
-    tables = override(ZOO[name].model_dump(mode="json"), [*SMALL, *settings])
+    tables = override(find_config(name).model_dump(mode="json"), [*SMALL, *settings])
     return validate_config(tables, source="test")
 
 
 def building(
     counts: list[list[float]], *, others: list[list[float]], visited: list[bool], share: list[float]
 ) -> Data:
-    nodes = len(counts)
-    return Data(
-        x=torch.tensor(counts),
-        y=torch.tensor(counts),
-        others=torch.tensor(others),
-        edge_index=connect(nodes, ("up", "down")),
-        is_building=torch.arange(nodes) == 0,
-        visited=torch.tensor(visited),
-        fraction=torch.tensor(share),
+    categories = tuple(f"category {number}" for number in range(len(others[0])))
+    seen = observe_building(
+        counts, hidden_share=share, visited=visited, others=others, vocabulary=categories
     )
+    return to_graph(seen, edges=("up", "down"), targets=seen.inputs)
 
 
 def test_the_head_is_shrinkage_with_a_prior_of_its_own() -> None:
@@ -54,17 +55,16 @@ def test_the_head_is_shrinkage_with_a_prior_of_its_own() -> None:
     head.start(torch.tensor([2.0, 0.5]))
     with torch.no_grad():
         head.shape.bias.copy_(torch.log(torch.tensor([3.0, 0.7])))
-    graphs = building(
-        [[9.0, 1.0], [3.0, 0.0], [6.0, 1.0], [0.0, 0.0]],
-        others=[[], [], [], []],
+    seen = observe_building(
+        [[9, 1], [3, 0], [6, 1], [0, 0]],
+        hidden_share=[0.5, 0.5, 0.2, 1.0],
         visited=[True, True, True, False],
-        share=[0.5, 0.5, 0.2, 1.0],
     )
-    mean, dispersion = head(torch.randn(4, 4), graphs)
-    model = GammaPoissonModel(2)
+    mean, dispersion = head(torch.randn(4, 4), to_graph(seen, edges=("up", "down")))
+    model = GammaPoissonModel(GammaPoissonConfig(), ModelInputs(classes=2))
     model.shape.copy_(torch.tensor([3.0, 0.7]))
     model.rate.copy_(torch.tensor([3.0 / 2.0, 0.7 / 0.5]))
-    expected = model.predict(graphs)
+    expected = model.predict(seen)
     np.testing.assert_allclose(mean[1:].detach().numpy(), expected.hidden[1:], rtol=1e-5)
     np.testing.assert_allclose(
         dispersion[1:].detach().numpy(), expected.hidden_counts.dispersions[0, 1:], rtol=1e-5
@@ -113,7 +113,7 @@ def test_features_by_hand() -> None:
 @pytest.mark.parametrize(
     ("reads", "changed"),
     [
-        ("mask", ("fraction", "visited")),
+        ("mask", ("hidden_share", "visited")),
         ("building", ("x",)),
         ("categories", ("others",)),
     ],
@@ -131,7 +131,7 @@ def test_a_network_reads_what_it_is_told_to_and_nothing_else(
         share=[0.5, 1.0, 0.5],
     )
     features = NodeFeatures(config, 2, 1).eval()
-    for key in ("fraction", "visited", "x", "others"):
+    for key in ("hidden_share", "visited", "x", "others"):
         mixed = graphs.clone()
         mixed[key] = other[key]
         same = torch.equal(features(graphs)[1], features(mixed)[1])
@@ -154,14 +154,14 @@ def test_every_network_learns_and_is_saved_and_loaded_alike(
 
 
 @pytest.mark.parametrize("likelihood", ["mse", "poisson", "negative-binomial"])
-def test_a_likelihood_is_the_law_that_is_given(
+def test_a_likelihood_is_the_distribution_that_is_given(
     likelihood: str, dataset: Path, tmp_path: Path
 ) -> None:
     config = configure("deepsets", f"model.likelihood={likelihood}", "model.calibrate=false")
     list(train_run(config, dataset, tmp_path / "run"))
     model = restore_model(tmp_path / "run" / BEST, load_checkpoint(tmp_path / "run" / BEST))
-    graphs = MaskedGraphs.stored(dataset, "test", vocabulary=model.vocabulary)
-    distribution = model.predict(graphs[0]).hidden_counts.take(np.array([1, 2]))
+    seen = read_split(Dataset.open(dataset), "test", vocabulary=model.vocabulary).seen
+    distribution = model.predict(seen.take([0])).hidden_counts.take(np.array([1, 2]))
     assert np.isfinite(distribution.dispersions).all() == (likelihood == "negative-binomial")
 
 
@@ -178,7 +178,7 @@ def test_an_svd_embedding_is_numpys() -> None:
 
 def test_an_svd_embedding_stays_as_it_is(dataset: Path, tmp_path: Path) -> None:
     config = configure("ceci-sage", "model.embed=svd")
-    data = open_dataset(dataset)
+    data = Dataset.open(dataset)
     model = new_model(config, data)
     assert isinstance(model, CountNetwork)
     model.fit(data, config.data)
@@ -214,62 +214,80 @@ def test_a_stopped_network_resumes_to_the_same_weights(dataset: Path, tmp_path: 
 def test_what_is_seen_of_other_categories_is_masked_too(dataset: Path) -> None:
     """At share 1 − f of them in uniform masks, none of an unvisited room, the same in all draws."""
     vocabulary = ("ceiling", "floor", "wall")
-    data = open_dataset(dataset)
-    whole = MaskedGraphs.fresh(
-        data, "train", mask=MaskRecipe(fraction=0.0), draw=0, vocabulary=vocabulary
-    )
-    half = MaskedGraphs.fresh(data, "train", mask=MaskRecipe(), draw=0, vocabulary=vocabulary)
-    for a, b in zip(whole, half, strict=True):
-        assert (b.others <= a.others).all()
-        assert (b.others[0] == b.others[1:].sum(dim=0)).all()
-        assert (a.others[1:, 1:] == 1).all()  # every room of the fixture has a floor and a wall
-    seen = sum(float(graph.others[0].sum()) for graph in half)
-    total = sum(float(graph.others[0].sum()) for graph in whole)
-    assert 0.3 < seen / total < 0.7
-    rooms = MaskRecipe(strategy="rooms")
-    for graph in MaskedGraphs.fresh(data, "train", mask=rooms, draw=1, vocabulary=vocabulary):
-        unvisited = ~graph.visited
-        assert unvisited.any()
-        assert (graph.others[unvisited] == 0).all()
-        assert (graph.fraction[unvisited] == 1).all()
-        assert (graph.fraction[graph.visited & ~graph.is_building] == 0).all()
-    narrow = MaskedGraphs.fresh(data, "train", mask=MaskRecipe(), draw=0, vocabulary=("wall",))
-    for a, b in zip(half, narrow, strict=True):  # a mask does not depend on who reads it
-        assert torch.equal(a.others[:, [2]], b.others)
+    data = Dataset.open(dataset)
+    scenes = scenes_of(data, "train")
+
+    def sample(
+        mask: MaskRecipe, *, draw: int = 0, vocabulary: tuple[str, ...] = vocabulary
+    ) -> Observation:
+        return sample_masked(data, scenes, mask=mask, draw=draw, vocabulary=vocabulary).seen
+
+    whole, half = sample(MaskRecipe(fraction=0.0)), sample(MaskRecipe())
+    assert (half.others <= whole.others).all()
+    of_rooms = np.zeros((len(half), 3), dtype=int)
+    np.add.at(of_rooms, half.building[~half.is_building], half.others[~half.is_building])
+    assert (half.others[half.is_building] == of_rooms).all()
+    # Every room of the fixture has a floor and a wall.
+    assert (whole.others[~whole.is_building, 1:] == 1).all()
+    share = half.others[half.is_building].sum() / whole.others[whole.is_building].sum()
+    assert 0.3 < share < 0.7
+    rooms = sample(MaskRecipe(strategy="rooms"), draw=1)
+    for number in range(len(rooms)):
+        one = rooms.take([number])
+        assert (~one.visited).any()
+        assert (one.others[~one.visited] == 0).all()
+        assert (one.hidden_share[~one.visited] == 1).all()
+        assert (one.hidden_share[one.visited & ~one.is_building] == 0).all()
+    narrow = sample(MaskRecipe(), vocabulary=("wall",))  # a mask does not depend on who reads it
+    assert (half.others[:, [2]] == narrow.others).all()
 
 
 def test_the_fraction_varies_from_mask_to_mask_and_not_from_run_to_run(dataset: Path) -> None:
+    data = Dataset.open(dataset)
+
     def shares(draw: int) -> list[float]:
-        graphs = MaskedGraphs.fresh(
-            dataset, "train", mask=MaskRecipe(), draw=draw, fractions=(0.1, 0.9)
+        masked = sample_masked(
+            data,
+            scenes_of(data, "train"),
+            mask=MaskRecipe(),
+            draw=draw,
+            fractions=(0.1, 0.9),
         )
-        return [float(graph.fraction[0]) for graph in graphs]
+        return [float(share) for share in masked.seen.hidden_share[masked.seen.is_building]]
 
     assert shares(0) == shares(0) != shares(1)
     assert len(set(shares(0))) > 3
-    assert all(0.1 <= share <= 0.9 for share in shares(0))
+    # A share is a 32-bit float, and 0.9 is a little above the 64-bit one.
+    assert all(0.1 <= round(share, 6) <= 0.9 for share in shares(0))
 
 
-def test_a_graph_without_other_categories_gets_an_answer_and_one_of_others_an_error(
+def test_an_observation_without_other_categories_gets_an_answer_and_one_of_others_an_error(
     dataset: Path,
 ) -> None:
-    data = open_dataset(dataset)
+    data = Dataset.open(dataset)
     model = new_model(configure("ceci-sage"), data).eval()
-    (graph,) = MaskedGraphs.stored(data, "test", vocabulary=model.vocabulary)[:1]
-    nothing = graph.clone()
-    nothing.others = torch.zeros_like(graph.others)
-    del graph.others
-    np.testing.assert_array_equal(model.predict(graph).hidden, model.predict(nothing).hidden)
-    graph.others = torch.ones(len(graph.x), 7)
-    with pytest.raises(MismatchError, match=r"make them with vocabulary=model\.vocabulary"):
-        model.predict(graph)
+    assert isinstance(model, CountNetwork)
+    torch.nn.init.normal_(model.head.mean.weight, std=0.1)  # as if trained: it reads its features
+    seen = read_split(data, "test", vocabulary=model.vocabulary).seen.take([0])
+    nothing = replace(seen, others=np.zeros_like(seen.others))
+    unasked = replace(seen, vocabulary=(), others=seen.others[:, :0])
+    np.testing.assert_array_equal(model.predict(unasked).hidden, model.predict(nothing).hidden)
+    assert not np.array_equal(model.predict(seen).hidden, model.predict(nothing).hidden)
+    foreign = replace(
+        seen,
+        vocabulary=tuple("abcdefg"),
+        others=np.ones((len(seen.inputs), 7), dtype=np.int64),
+    )
+    with pytest.raises(MismatchError, match=r"make it with vocabulary=model\.vocabulary"):
+        model.predict(foreign)
     narrow = new_model(configure("ceci-sage", "data.min_scenes=99"), data)
     assert narrow.vocabulary == ()
-    assert np.isfinite(narrow.predict(MaskedGraphs.stored(data, "test")[0]).hidden).all()
+    assert np.isfinite(narrow.predict(read_split(data, "test").seen.take([0])).hidden).all()
 
 
 def test_a_batch_without_rooms_has_no_loss(dataset: Path) -> None:
-    model = new_model(configure("deepsets"), open_dataset(dataset))
+    model = new_model(configure("deepsets"), Dataset.open(dataset))
+    assert isinstance(model, CountNetwork)
     alone = building([[3.0] * 45], others=[[]], visited=[True], share=[0.5])
     loss = model.loss(alone)
     assert loss.item() == 0

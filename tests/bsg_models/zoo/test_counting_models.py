@@ -11,51 +11,54 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from one_building import graph
+from one_building import observe_building
 from safetensors.torch import load_file
 
+from bsg_data.dataset.dataset import Dataset
 from bsg_models.belief.count_distribution import negative_binomial
 from bsg_models.errors import CheckpointError, ConfigError, TrainingError
-from bsg_models.inputs.graphs import MaskedGraphs, open_dataset
+from bsg_models.inputs.edges import edges_of
+from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model, save_checkpoint
 from bsg_models.runs.run_folder import BEST, LAST, MEMBERS
 from bsg_models.training.training import new_model, train_run
 from bsg_models.zoo.calibration import fit_calibration, recalibrate
 from bsg_models.zoo.catalogue import ZOO
-from bsg_models.zoo.conditional import ConditionalModel
-from bsg_models.zoo.config import DataConfig, RunConfig, override, validate_config
+from bsg_models.zoo.conditional import ConditionalConfig, ConditionalModel
+from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
 from bsg_models.zoo.ensemble import Ensemble
-from bsg_models.zoo.families import ConditionalConfig, NaiveBayesConfig
 from bsg_models.zoo.masked_rooms import sample_uniform
-from bsg_models.zoo.naive_bayes import NaiveBayesModel
+from bsg_models.zoo.model import ModelInputs, Network
+from bsg_models.zoo.naive_bayes import NaiveBayesConfig, NaiveBayesModel
+from bsg_models.zoo.settings import DataConfig
 
 
 def configure(name: str, *settings: str) -> RunConfig:
-    return validate_config(override(ZOO[name].model_dump(mode="json"), settings), source="test")
+    return validate_config(override(find_config(name).model_dump(mode="json"), settings), source="test")
 
 
 def test_conditional_is_the_mean_over_what_was_seen() -> None:
-    model = ConditionalModel(ConditionalConfig(observe="classes"), 2)
+    model = ConditionalModel(ConditionalConfig(observe="classes"), ModelInputs(classes=2))
     model.presence.copy_(torch.tensor([[0.8, 0.1], [0.2, 0.5], [0.3, 0.3]]))
     model.hidden.copy_(torch.tensor([[2.6, 0.2], [0.4, 1.0], [0.6, 0.6]]))
     model.fraction.fill_(0.5)
-    found = model.predict(graph([[9.0, 9.0], [2.0, 0.0], [1.0, 3.0], [0.0, 0.0]]))
+    found = model.predict(observe_building([[9, 9], [2, 0], [1, 3], [0, 0]]))
     np.testing.assert_allclose(found.presence[1:], [[0.8, 0.1], [0.5, 0.3], [0.3, 0.3]])
     np.testing.assert_allclose(found.hidden[1:], [[2.6, 0.2], [1.5, 0.6], [0.6, 0.6]])
-    quarter = model.predict(graph([[2.0, 0.0], [2.0, 0.0]], fraction=0.25))
+    quarter = model.predict(observe_building([[2, 0], [2, 0]], hidden_share=0.25))
     np.testing.assert_allclose(quarter.hidden[1], [1.3, 0.1])
     np.testing.assert_allclose(quarter.presence[1], 1 - np.sqrt([0.2, 0.9]))
 
 
 @pytest.mark.parametrize("observe", ["classes", "counts"])
 def test_conditional_counts_as_a_naive_loop_does(dataset: Path, observe: str) -> None:
-    data = open_dataset(dataset)
+    data = Dataset.open(dataset)
     config = ConditionalConfig(observe=observe, draws=2, smoothing=1.5)  # type: ignore[arg-type]
-    model = ConditionalModel(config, 45)
+    model = ConditionalModel(config, ModelInputs(classes=45))
     model.fit(data, DataConfig())
     masked = sample_uniform(data, DataConfig(), draws=2)
-    rows = ~masked.is_building
-    seen, hidden = masked.x[rows].numpy(), (masked.y - masked.x)[rows].numpy()
+    rows = ~masked.seen.is_building
+    seen, hidden = masked.seen.inputs[rows], (masked.targets - masked.seen.inputs)[rows]
     classes = data.manifest.class_map.classes
     levels = 4 if observe == "counts" else 1
     for name, level in (("chair", 2), ("pillow", 1), ("bed", 1)):
@@ -69,15 +72,15 @@ def test_conditional_counts_as_a_naive_loop_does(dataset: Path, observe: str) ->
 
 
 def test_naive_bayes_is_bayes_rule() -> None:
-    model = NaiveBayesModel(NaiveBayesConfig(temper=1.0), 2)
+    model = NaiveBayesModel(NaiveBayesConfig(temper=1.0), ModelInputs(classes=2))
     model.prior.copy_(torch.tensor([0.5, 0.2]))
     model.seen[0].copy_(torch.tensor([[0.1, 0.4], [0.3, 0.2]]))
     model.seen[1].copy_(torch.tensor([[0.6, 0.4], [0.3, 0.9]]))
     model.number.copy_(torch.tensor([3.0, 3.0]))
     model.fraction.fill_(0.5)
-    graphs = graph([[1.0, 0.0], [1.0, 0.0], [0.0, 0.0]])
-    graphs.visited[2] = False
-    found = model.predict(graphs)
+    found = model.predict(
+        observe_building([[1, 0], [1, 0], [0, 0]], visited=[True, True, False])
+    )
     there, absent = 0.5 * 0.6 * 0.7, 0.5 * 0.1 * 0.7  # class 0: saw class 0, not class 1
     assert found.presence[1, 0] == pytest.approx(there / (there + absent))
     there, absent = 0.2 * 0.4 * 0.1, 0.8 * 0.4 * 0.8
@@ -94,8 +97,8 @@ def test_boosting_survives_its_checkpoint_and_says_when_it_is_damaged(
     checkpoint = load_checkpoint(tmp_path / "run" / BEST)
     first = restore_model(tmp_path / "run" / BEST, checkpoint)
     again = restore_model(tmp_path / "run" / BEST, checkpoint)
-    graphs = MaskedGraphs.stored(dataset, "test", vocabulary=first.vocabulary)
-    np.testing.assert_array_equal(first.predict(graphs[0]).hidden, again.predict(graphs[0]).hidden)
+    seen = read_split(Dataset.open(dataset), "test", vocabulary=first.vocabulary).seen
+    np.testing.assert_array_equal(first.predict(seen).hidden, again.predict(seen).hidden)
     list(train_run(config, dataset, tmp_path / "twin"))
     twin = load_file(tmp_path / "twin" / BEST)
     assert all(torch.equal(t, twin[name]) for name, t in load_file(tmp_path / "run" / BEST).items())
@@ -218,15 +221,15 @@ def test_an_ensemble_trains_its_members_and_is_their_mean(dataset: Path, tmp_pat
         == load_checkpoint(run / MEMBERS / "mixture" / BEST).header.config
     )  # so that another zoo's recipe of this name changes nothing
     whole = restore_model(run / BEST, saved)
-    graphs = MaskedGraphs.stored(dataset, "test")
+    seen = read_split(Dataset.open(dataset), "test").seen.take([0])
     members = []
     for name in ("gamma-poisson", "mixture"):
         path = run / MEMBERS / name / BEST
         checkpoint = load_checkpoint(path)
         assert checkpoint.header.config.seed == 3
-        members.append(restore_model(path, checkpoint).predict(graphs[0]))
-    rooms = np.arange(1, len(graphs[0].x))
-    found = whole.predict(graphs[0])
+        members.append(restore_model(path, checkpoint).predict(seen))
+    rooms = np.arange(1, len(seen.inputs))
+    found = whole.predict(seen)
     mean = np.mean([m.presence for m in members], axis=0)
     np.testing.assert_allclose(found.presence[rooms], mean[rooms])
     np.testing.assert_allclose(
@@ -254,20 +257,23 @@ def test_calibration_mends_what_is_too_sure() -> None:
     np.testing.assert_allclose(fit_calibration(perfect, hidden), 0, atol=0.05)
 
 
-def test_every_member_of_an_ensemble_gets_graphs_with_its_own_edges(dataset: Path) -> None:
+def test_every_member_of_an_ensemble_makes_graphs_with_its_own_edges(dataset: Path) -> None:
     config = configure("ensemble", 'model.members=["ceci-sage","ceci-gin"]')
     assert ZOO["ceci-sage"].data.edges != ZOO["ceci-gin"].data.edges
-    data = open_dataset(dataset)
+    data = Dataset.open(dataset)
     whole = new_model(config, data)
     assert isinstance(whole, Ensemble)
     torch.manual_seed(0)
     for parameter in whole.parameters():  # as if trained: no head is all zeros
         torch.nn.init.normal_(parameter, std=0.1)
+    seen = read_split(data, "test", vocabulary=whole.vocabulary).seen.take([0])
     expected = []
     for name, member in whole.members.items():
-        edges = ZOO[name].data.edges
-        graphs = MaskedGraphs.stored(data, "test", edges=edges, vocabulary=whole.vocabulary)
-        expected.append(member.predict(graphs[0]).presence)  # type: ignore[operator]
-    graphs = MaskedGraphs.stored(data, "test", vocabulary=whole.vocabulary)
-    found = whole.predict(graphs[0]).presence
+        assert isinstance(member, Network)
+        edges = edges_of(seen, ZOO[name].data.edges)
+        assert member.graph_of(seen).edge_index.tolist() == edges.tolist()
+        alone = new_model(find_config(name), data)  # that knows of no ensemble
+        alone.load_state_dict(member.state_dict())
+        expected.append(alone.predict(seen).presence)
+    found = whole.predict(seen).presence
     np.testing.assert_allclose(found[1:], np.mean(expected, axis=0)[1:], rtol=1e-5)

@@ -5,15 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
-from one_building import graph
+from one_building import observe_building
 from scipy import stats
 
-from bsg_models.zoo.families import MixtureConfig
-from bsg_models.zoo.mixture import RoomTypeMixture, fit_habit, fit_types
+from bsg_models.zoo.mixture import MixtureConfig, RoomTypeMixture, fit_habit, fit_types
+from bsg_models.zoo.model import ModelInputs
 
 
 def two_types(*, temper: float = 1.0, building: bool = False) -> RoomTypeMixture:
-    model = RoomTypeMixture(MixtureConfig(types=2, temper=temper, building=building), 2)
+    config = MixtureConfig(types=2, temper=temper, building=building)
+    model = RoomTypeMixture(config, ModelInputs(classes=2))
     model.log_types.copy_(torch.log(torch.tensor([0.7, 0.3])))
     model.means.copy_(torch.tensor([[4.0, 0.1], [0.2, 3.0]]))
     model.dispersions.copy_(torch.tensor([[2.0, 1.0], [1.0, 5.0]]))
@@ -35,8 +36,8 @@ def naive_posterior(model: RoomTypeMixture, seen: list[float], f: float) -> np.n
 @pytest.mark.parametrize("temper", [1.0, 0.5])
 def test_the_posterior_is_that_of_a_naive_loop(temper: float) -> None:
     model = two_types(temper=temper)
-    seen, f = [2.0, 1.0], 0.4
-    found = model.predict(graph([seen, seen], fraction=f))
+    seen, f = [2.0, 1.0], 0.375
+    found = model.predict(observe_building([seen, seen], hidden_share=f))
     posterior = naive_posterior(model, seen, f)
     np.testing.assert_allclose(found.hidden_counts.weights[:, 1, 0], posterior)
     mean = np.zeros(2)
@@ -57,7 +58,7 @@ def test_the_posterior_predicts_what_its_own_rooms_hide() -> None:
     seen = rng.binomial(there, 0.5)
     chosen = (seen == [1, 0]).all(axis=1)
     hidden = (there - seen)[chosen]
-    found = model.predict(graph([[1.0, 0.0], [1.0, 0.0]]))
+    found = model.predict(observe_building([[1, 0], [1, 0]]))
     for c in range(2):
         distribution = [
             np.exp(found.log_probability(np.full((2, 2), float(n))))[1, c] for n in range(5)
@@ -69,13 +70,13 @@ def test_the_posterior_predicts_what_its_own_rooms_hide() -> None:
 def test_an_unvisited_room_is_what_the_others_are() -> None:
     """Three rooms of the second type make it likelier, and their habit raises its count."""
     model = two_types(building=True)
-    rooms = [[0.0, 4.0]] * 3
-    graphs = graph([[0.0, 12.0], *rooms, [0.0, 0.0]])
-    graphs.visited[4] = False
-    graphs.fraction = torch.tensor([0.5, 0.5, 0.5, 0.5, 1.0])
-    found = model.predict(graphs)
-    alone = graph([[0.0, 0.0], [0.0, 0.0]], fraction=1.0)
-    alone.visited[1] = False
+    seen = observe_building(
+        [[0, 12], *[[0, 4]] * 3, [0, 0]],
+        hidden_share=[0.5, 0.5, 0.5, 0.5, 1.0],
+        visited=[True, True, True, True, False],
+    )
+    found = model.predict(seen)
+    alone = observe_building([[0, 0], [0, 0]], hidden_share=1.0, visited=[True, False])
     before = model.predict(alone)
     np.testing.assert_allclose(before.hidden_counts.weights[:, 1, 0], [0.7, 0.3])
     assert found.hidden_counts.weights[1, 4, 0] > 0.45

@@ -7,87 +7,96 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from one_building import graph
+from one_building import observe_building
 from scipy import stats
-from torch_geometric.loader import DataLoader
 from torch_geometric.nn import GCNConv
 
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.observation.observation import stack
 from bsg_models.belief.count_distribution import negative_binomial
-from bsg_models.inputs.graphs import MaskedGraphs, open_dataset
+from bsg_models.inputs.folds import scenes_of
+from bsg_models.inputs.graphs import read_split
 from bsg_models.training.training import new_model
 from bsg_models.zoo.catalogue import ZOO
-from bsg_models.zoo.families import GCNConfig
-from bsg_models.zoo.gamma_poisson import GammaPoissonModel, fit_dispersion, fit_gamma_prior
-from bsg_models.zoo.gcn import CECIGCN
-from bsg_models.zoo.model import BeliefModel
+from bsg_models.zoo.config import find_config
+from bsg_models.zoo.gamma_poisson import (
+    GammaPoissonConfig,
+    GammaPoissonModel,
+    fit_dispersion,
+    fit_gamma_prior,
+)
+from bsg_models.zoo.gcn import CECIGCN, GCNConfig
+from bsg_models.zoo.model import BeliefModel, ModelInputs
 from bsg_models.zoo.room_sums import sum_rooms
 
 
 def fitted(name: str, dataset: Path) -> BeliefModel:
     torch.manual_seed(0)
-    data = open_dataset(dataset)
-    model = new_model(ZOO[name], data)
-    model.fit(data, ZOO[name].data)
+    data = Dataset.open(dataset)
+    config = find_config(name)
+    model = new_model(config, data)
+    model.fit(data, config.data)
     return model.eval()
 
 
-@pytest.mark.parametrize("name", ZOO)
+@pytest.mark.parametrize("name", ZOO.names())
 def test_every_model_keeps_the_contract(name: str, dataset: Path) -> None:
     model = fitted(name, dataset)
-    graphs = MaskedGraphs.stored(dataset, "test", vocabulary=model.vocabulary)
-    (batch,) = DataLoader(graphs, batch_size=len(graphs))
-    together = model.predict(batch)
-    assert together.hidden.shape == batch.x.shape
+    seen = read_split(Dataset.open(dataset), "test", vocabulary=model.vocabulary).seen
+    assert len(seen) > 1
+    together = model.predict(seen)
+    assert together.hidden.shape == seen.inputs.shape
+    np.testing.assert_array_equal(together.inputs, seen.inputs)
     assert (together.hidden >= 0).all()
     np.testing.assert_allclose(together.expected, together.inputs + together.hidden)
     assert ((together.presence >= 0) & (together.presence <= 1)).all()
-    start = 0
-    for one in graphs:  # a building's beliefs do not depend on its batch
-        alone = model.predict(next(iter(DataLoader([one]))))
-        rows = slice(start, start + len(one.x))
+    for number in range(len(seen)):  # a building's beliefs do not depend on its batch
+        alone = model.predict(seen.take([number]))
+        rows = slice(seen.starts[number], seen.starts[number + 1])
         np.testing.assert_allclose(alone.hidden, together.hidden[rows], rtol=1e-4, atol=1e-5)
-        start += len(one.x)
 
 
-@pytest.mark.parametrize("name", ZOO)
+@pytest.mark.parametrize("name", ZOO.names())
 def test_a_building_without_rooms_and_one_without_objects_get_an_answer(
     name: str, dataset: Path
 ) -> None:
     model = fitted(name, dataset)
     for inputs in ([[0.0] * 45], [[0.0] * 45] * 3, [[7.0] * 45]):
-        found = model.predict(graph(inputs, vocabulary=len(model.vocabulary)))
+        found = model.predict(observe_building(inputs, vocabulary=model.vocabulary))
         assert np.isfinite(found.hidden).all()
         assert np.isfinite(found.log_probability(np.ones_like(found.hidden))).all()
 
 
-@pytest.mark.parametrize("name", ZOO)
+@pytest.mark.parametrize("name", ZOO.names())
 def test_the_order_of_the_rooms_does_not_matter(name: str, dataset: Path) -> None:
     model = fitted(name, dataset)
-    rooms = np.random.default_rng(0).poisson(1.0, (4, 45)).astype(np.float32)
+    rooms = np.random.default_rng(0).poisson(1.0, (4, 45))
     inputs = np.vstack([rooms.sum(axis=0), rooms])
     order = [0, 3, 1, 4, 2]
-    width = len(model.vocabulary)
-    there = model.predict(graph(inputs.tolist(), vocabulary=width)).hidden
-    shuffled = model.predict(graph(inputs[order].tolist(), vocabulary=width)).hidden
+    first, second = (
+        observe_building(some.tolist(), vocabulary=model.vocabulary)
+        for some in (inputs, inputs[order])
+    )
+    there, shuffled = model.predict(first).hidden, model.predict(second).hidden
     np.testing.assert_allclose(shuffled, there[order], rtol=1e-4, atol=1e-5)
 
 
 def test_input_and_doubled_by_hand(dataset: Path) -> None:
     inputs = [[4.0, 1.0], [3.0, 1.0]]
-    assert (fitted("input", dataset).predict(graph(inputs)).hidden == 0).all()
+    assert (fitted("input", dataset).predict(observe_building(inputs)).hidden == 0).all()
     doubled = fitted("doubled", dataset)
-    assert doubled.predict(graph(inputs)).expected.tolist() == [[8.0, 2.0], [6.0, 2.0]]
-    assert doubled.predict(graph(inputs, fraction=0.75)).expected.tolist()[1] == [12.0, 4.0]
-    assert doubled.predict(graph(inputs, fraction=0.0)).expected.tolist() == inputs
-    assert np.isfinite(doubled.predict(graph([[0.0, 0.0]], fraction=1.0)).hidden).all()
+    assert doubled.predict(observe_building(inputs)).expected.tolist() == [[8.0, 2.0], [6.0, 2.0]]
+    assert doubled.predict(observe_building(inputs, hidden_share=0.75)).expected.tolist()[1] == [12.0, 4.0]
+    assert doubled.predict(observe_building(inputs, hidden_share=0.0)).expected.tolist() == inputs
+    assert np.isfinite(doubled.predict(observe_building([[0.0, 0.0]], hidden_share=1.0)).hidden).all()
 
 
 def test_train_mean_is_the_mean_of_the_training_rooms_and_buildings(dataset: Path) -> None:
-    data = open_dataset(dataset)
-    scenes = data.scenes_of("train")
-    found = fitted("train-mean", dataset).predict(graph([[0.0] * 45] * 3))
-    rooms = np.concatenate([data.cells[scene][1:] for scene in scenes])
-    buildings = np.stack([data.cells[scene].sum(axis=0) for scene in scenes])
+    data = Dataset.open(dataset)
+    scenes = scenes_of(data, "train")
+    found = fitted("train-mean", dataset).predict(observe_building([[0.0] * 45] * 3))
+    rooms = np.concatenate([data.cells(scene)[1:] for scene in scenes])
+    buildings = np.stack([data.cells(scene).sum(axis=0) for scene in scenes])
     np.testing.assert_allclose(found.totals[1], rooms.mean(axis=0))
     np.testing.assert_allclose(found.totals[0], buildings.mean(axis=0))
     np.testing.assert_allclose(found.hidden, found.totals / 2)
@@ -113,10 +122,10 @@ def test_a_class_that_never_occurs_has_a_weak_prior() -> None:
 
 def test_gamma_poisson_by_hand() -> None:
     """Prior Gamma(2, 1), 3 seen of a mask of one half: posterior Gamma(5, 1.5), hidden mean 5/3."""
-    model = GammaPoissonModel(1)
+    model = GammaPoissonModel(GammaPoissonConfig(), ModelInputs(classes=1))
     model.shape.fill_(2.0)
     model.rate.fill_(1.0)
-    found = model.predict(graph([[3.0], [3.0], [0.0]]))
+    found = model.predict(observe_building([[3.0], [3.0], [0.0]]))
     assert found.hidden[1, 0] == pytest.approx(0.5 * 5 / 1.5)
     assert found.hidden_counts.dispersions[0, 1, 0] == 5
     assert found.hidden[0, 0] == pytest.approx(found.hidden[1:].sum())
@@ -129,10 +138,10 @@ def test_gamma_poisson_is_the_posterior_of_its_own_model() -> None:
     there = rng.poisson(rates)
     seen = rng.binomial(there, 0.5)
     hidden = (there - seen)[seen == 3]
-    model = GammaPoissonModel(1)
+    model = GammaPoissonModel(GammaPoissonConfig(), ModelInputs(classes=1))
     model.shape.fill_(2.0)
     model.rate.fill_(1.0)
-    found = model.predict(graph([[3.0], [3.0]]))
+    found = model.predict(observe_building([[3.0], [3.0]]))
     distribution = [
         np.exp(found.log_probability(np.full((2, 1), float(n))))[1, 0] for n in range(8)
     ]
@@ -145,9 +154,13 @@ def test_the_sum_of_rooms_has_their_mean_and_variance() -> None:
     distribution = negative_binomial(
         np.array([[9.0], [2.0], [3.0], [5.0]]), np.array([[9.0], [1.0], [4.0], [2.0]])
     )
-    batch = graph([[0.0], [0.0], [0.0], [4.0]], fraction=0.75)
-    batch.is_building = torch.tensor([True, False, False, True])
-    found = sum_rooms(distribution, batch.x.numpy().astype(float), batch)
+    seen = stack(
+        [
+            observe_building([[0], [0], [0]], hidden_share=0.75),
+            observe_building([[4]], hidden_share=0.75),
+        ]
+    )
+    found = sum_rooms(distribution, seen)
     assert found.mean[:3].ravel().tolist() == [5.0, 2.0, 3.0]
     assert found.variance[0, 0] == pytest.approx(2 + 2**2 / 1 + 3 + 3**2 / 4)
     assert found.mean[3, 0] == pytest.approx(4 * 0.75 / 0.25)  # without rooms: what was seen
@@ -166,7 +179,7 @@ def test_the_dispersion_maximises_scipys_likelihood() -> None:
 
 
 def test_the_gcn_is_the_papers_layers() -> None:
-    model = CECIGCN(GCNConfig(), 45)
+    model = CECIGCN(GCNConfig(), ModelInputs(classes=45))
     assert [(c.in_channels, c.out_channels) for c in model.convolutions] == [
         (45, 64),
         (64, 64),
@@ -175,13 +188,14 @@ def test_the_gcn_is_the_papers_layers() -> None:
         (64, 45),
     ]
     assert len(model.blocks) == 4
-    assert len(CECIGCN(GCNConfig(last_layer="block"), 45).blocks) == 5
+    literal = CECIGCN(GCNConfig(last_layer="block"), ModelInputs(classes=45))
+    assert len(literal.blocks) == 5
     assert [type(layer).__name__ for layer in model.blocks[0]] == ["BatchNorm1d", "ReLU", "Dropout"]
 
 
 def test_one_layer_of_the_gcn_by_hand() -> None:
     """x′ = D^-½ (A + I) D^-½ x W (Kipf and Welling, eq. 2) on a building with two rooms."""
-    model = CECIGCN(GCNConfig(depth=1), 2)
+    model = CECIGCN(GCNConfig(depth=1), ModelInputs(classes=2))
     weight = torch.tensor([[1.0, 2.0], [0.0, 1.0]])
     convolution = model.convolutions[0]
     assert isinstance(convolution, GCNConv)
@@ -192,11 +206,11 @@ def test_one_layer_of_the_gcn_by_hand() -> None:
     adjacency = np.array([[1.0, 1, 1], [1, 1, 0], [1, 0, 1]])
     scale = np.diag(adjacency.sum(axis=1) ** -0.5)
     expected = scale @ adjacency @ scale @ x @ weight.numpy().T
-    found = model(graph(x.astype(np.float32).tolist()))
+    found = model(model.graph_of(observe_building(x.tolist())))
     np.testing.assert_allclose(found.detach().numpy(), expected, rtol=1e-5)
 
 
 def test_the_gcn_has_no_negative_totals() -> None:
     torch.manual_seed(0)
-    model = CECIGCN(GCNConfig(), 45)
-    assert (model.predict(graph([[1.0] * 45] * 4)).totals >= 0).all()
+    model = CECIGCN(GCNConfig(), ModelInputs(classes=45))
+    assert (model.predict(observe_building([[1] * 45] * 4)).totals >= 0).all()

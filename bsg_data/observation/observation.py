@@ -1,0 +1,125 @@
+"""What a robot has seen, as arrays: the one form that every model reads.
+
+A robot's own graph, a masked building and a moment of a search all end here. An observation is of
+one building or of several: the rows of a building are together, the building's own row first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from bsg_data.arrays import Bools, Counts, Floats, Ints
+from bsg_data.scene.connections import Connections, stack_connections
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """What is seen of B buildings, with N nodes of interest in all and C classes.
+
+    Attributes:
+        scene_ids: `[B]`; one building may be there several times.
+        starts: `[B + 1]` row of each building's first node, and N.
+        inputs: `[N, C]` histograms of what was seen, E′ × O′.
+        hidden_share: `[N]` share of its objects that a node hides, as far as the robot knows.
+        visited: `[N]` where the robot was; it is in the building.
+        withheld: `[N, C]` where a class is left out of what was seen, so that the node hides all of
+            it whatever its share.
+        vocabulary: `[V]` categories outside the classes.
+        others: `[N, V]` objects that were seen outside the classes, by the vocabulary.
+        connections: between rooms, by rows.
+    """
+
+    scene_ids: tuple[str, ...]
+    starts: Ints
+    inputs: Counts
+    hidden_share: npt.NDArray[np.float32]
+    visited: Bools
+    withheld: Bools
+    vocabulary: tuple[str, ...]
+    others: Counts
+    connections: Connections
+
+    def __len__(self) -> int:
+        """Return the number of buildings B."""
+        return len(self.scene_ids)
+
+    @cached_property
+    def is_building(self) -> Bools:
+        """Which nodes are buildings, `[N]`."""
+        marks = np.zeros(len(self.inputs), dtype=bool)
+        marks[self.starts[:-1]] = True
+        return marks
+
+    @cached_property
+    def building(self) -> Ints:
+        """Number of each node's building, `[N]` from 0."""
+        return np.repeat(np.arange(len(self)), np.diff(self.starts))
+
+    @cached_property
+    def cell_share(self) -> Floats:
+        """Share of its objects of each class that a node hides, `[N, C]`.
+
+        That of the node, and 1 where the class is withheld: a search is told nothing of its
+        artifact.
+        """
+        return np.where(self.withheld, 1.0, self.hidden_share[:, None].astype(np.float64))
+
+    def take(self, buildings: Sequence[int] | Ints) -> Observation:
+        """Return some of the buildings, in the order that is asked for."""
+        return stack([self._one(int(number)) for number in buildings])
+
+    def _one(self, number: int) -> Observation:
+        first, last = (int(end) for end in self.starts[number : number + 2])
+        rows = slice(first, last)
+        return Observation(
+            scene_ids=(self.scene_ids[number],),
+            starts=np.array([0, last - first]),
+            inputs=self.inputs[rows],
+            hidden_share=self.hidden_share[rows],
+            visited=self.visited[rows],
+            withheld=self.withheld[rows],
+            vocabulary=self.vocabulary,
+            others=self.others[rows],
+            connections=self.connections_of(number),
+        )
+
+    def connections_of(self, number: int) -> Connections:
+        """Return the connections of one building, by its own nodes."""
+        own = self.connections.take(self._connection_rows[number])
+        return Connections(own.pairs - self.starts[number], own.methods, own.lengths)
+
+    @cached_property
+    def _connection_rows(self) -> list[slice]:
+        """The connections of each building, which are together."""
+        of_building = self.building[self.connections.pairs[:, 0]]
+        ends = np.searchsorted(of_building, np.arange(len(self) + 1))
+        return [slice(int(a), int(b)) for a, b in pairwise(ends)]
+
+
+def stack(observations: Sequence[Observation]) -> Observation:
+    """Return several observations, of one vocabulary, as one of all their buildings, in order.
+
+    Raises:
+        ValueError: if there is none, or they are of different vocabularies.
+    """
+    if len({one.vocabulary for one in observations}) != 1:
+        raise ValueError("observations of one vocabulary are stacked, and of one building or more")
+    sizes = np.concatenate([np.diff(one.starts) for one in observations])
+    offsets = np.cumsum([0, *(len(one.inputs) for one in observations)])[:-1]
+    return Observation(
+        scene_ids=tuple(scene for one in observations for scene in one.scene_ids),
+        starts=np.concatenate([[0], np.cumsum(sizes)]),
+        inputs=np.concatenate([one.inputs for one in observations]),
+        hidden_share=np.concatenate([one.hidden_share for one in observations]),
+        visited=np.concatenate([one.visited for one in observations]),
+        withheld=np.concatenate([one.withheld for one in observations]),
+        vocabulary=observations[0].vocabulary,
+        others=np.concatenate([one.others for one in observations]),
+        connections=stack_connections([one.connections for one in observations], offsets.tolist()),
+    )

@@ -1,0 +1,56 @@
+"""Connections: which rooms of a building are known to connect, how that is known, and how far."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+GIVEN = "given"  # the method of a connection that a robot reports
+
+
+@dataclass(frozen=True, eq=False)
+class Connections:
+    """Connections between rooms, each stored once; A of them.
+
+    Attributes:
+        pairs: `[A, 2]` node indices, the lower first.
+        methods: `[A]` how each is known: `layout`, `door`, `stairs`, `boxes` or `given`.
+        lengths: `[A]` metres between the centroids of the two rooms; NaN where unknown.
+    """
+
+    pairs: npt.NDArray[np.int64]
+    methods: npt.NDArray[np.str_]
+    lengths: npt.NDArray[np.float64]
+
+    def __len__(self) -> int:
+        """Return their number A."""
+        return len(self.pairs)
+
+    @classmethod
+    def of_pairs(cls, pairs: Iterable[tuple[int, int]], *, method: str = GIVEN) -> Connections:
+        """Return connections of unknown length."""
+        array = np.array(list(pairs), dtype=np.int64).reshape(-1, 2)
+        return cls(array, np.full(len(array), method), np.full(len(array), np.nan))
+
+    def take(self, rows: npt.NDArray[np.integer] | npt.NDArray[np.bool_] | slice) -> Connections:
+        """Return some of the connections."""
+        return Connections(self.pairs[rows], self.methods[rows], self.lengths[rows])
+
+
+def stack_connections(parts: Sequence[Connections], offsets: Sequence[int]) -> Connections:
+    """Return the connections of several buildings, whose nodes are numbered one after another.
+
+    Args:
+        parts: of each building.
+        offsets: number of the first node of each.
+    """
+    if not parts:
+        return Connections.of_pairs(())
+    return Connections(
+        np.concatenate([part.pairs + first for part, first in zip(parts, offsets, strict=True)]),
+        np.concatenate([part.methods for part in parts]),
+        np.concatenate([part.lengths for part in parts]),
+    )

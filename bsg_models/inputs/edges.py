@@ -1,0 +1,64 @@
+"""The edges of a graph: building and rooms, rooms that connect, or every room with every other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from functools import lru_cache
+from typing import Literal
+
+import numpy as np
+
+from bsg_data.arrays import Ints
+from bsg_data.observation.observation import Observation
+
+EdgeSet = Literal["up", "down", "adjacent", "complete"]
+
+
+def connect(
+    nodes: int, edges: Sequence[EdgeSet], *, adjacent: Iterable[tuple[int, int]] = ()
+) -> Ints:
+    """Return directed edges `[2, E]` among a building (0) and its rooms, sorted.
+
+    Args:
+        nodes: N = 1 + R.
+        edges: `up` rooms → building, `down` building → rooms, `adjacent` both ways between rooms
+            that are known to connect, `complete` both ways between all rooms.
+        adjacent: pairs of rooms.
+
+    >>> connect(3, ["up"]).tolist()
+    [[1, 2], [0, 0]]
+    """
+    rooms = range(1, nodes)
+    chosen: set[tuple[int, int]] = set()
+    if "up" in edges:
+        chosen |= {(room, 0) for room in rooms}
+    if "down" in edges:
+        chosen |= {(0, room) for room in rooms}
+    if "adjacent" in edges:
+        chosen |= {pair for a, b in adjacent for pair in ((a, b), (b, a))}
+    if "complete" in edges:
+        chosen |= {(a, b) for a in rooms for b in rooms if a != b}
+    return np.array(sorted(chosen), dtype=np.int64).reshape(-1, 2).T
+
+
+def edges_of(seen: Observation, edges: Sequence[EdgeSet]) -> Ints:
+    """Return the directed edges of all buildings of an observation by row, `[2, E]`.
+
+    Those of a building are together and sorted, in the order of the buildings.
+    """
+    parts = []
+    for number, first in enumerate(seen.starts[:-1].tolist()):
+        nodes = int(seen.starts[number + 1]) - first
+        pairs: tuple[tuple[int, int], ...] = ()
+        if "adjacent" in edges:
+            own = seen.connections_of(number).pairs.tolist()
+            pairs = tuple((a, b) for a, b in own)
+        parts.append(first + _connect_once(nodes, tuple(edges), pairs))
+    return np.concatenate([np.zeros((2, 0), dtype=np.int64), *parts], axis=1)
+
+
+@lru_cache(maxsize=4096)
+def _connect_once(
+    nodes: int, edges: tuple[EdgeSet, ...], adjacent: tuple[tuple[int, int], ...]
+) -> Ints:
+    return connect(nodes, edges, adjacent=adjacent)

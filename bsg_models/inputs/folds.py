@@ -1,0 +1,70 @@
+"""Which buildings of a dataset are trained on, validated on and tested on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+from bsg_data.dataset.categories import choose_vocabulary
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.errors import DatasetError
+
+Split = Literal["train", "val", "test"]
+
+
+def splits_of(data: Dataset, split: Split, *, fold: int | None = None) -> tuple[str, ...]:
+    """Return the stored splits that train, val or test is taken from.
+
+    Args:
+        data: an open dataset.
+        split: which.
+        fold: with a dataset of K folds, the one to test on; see `scenes_of`.
+
+    Raises:
+        DatasetError: if the dataset is not split that way, or the split is empty.
+    """
+    names: tuple[str, ...] = tuple(data.splits)
+    chosen: tuple[str, ...]
+    if not names:
+        raise DatasetError(f"{data.path}: is not split yet; run `bsg-data split` first")
+    folds = len(names) if names[0].startswith("fold-") else 0
+    if folds and fold is None:
+        raise DatasetError(
+            f"{data.path}: is split into {folds} folds; say which one to test on, as in "
+            "`--set data.fold=0`"
+        )
+    if fold is not None and not 0 <= fold < folds:
+        raise DatasetError(f"{data.path}: has {folds or 'no'} folds; there is no fold {fold}")
+    if fold is None:
+        chosen = tuple(name for name in names if name == split)
+    else:
+        test, val = f"fold-{fold}", f"fold-{(fold + 1) % folds}"
+        rest = tuple(name for name in names if name != test)
+        chosen = {"test": (test,), "val": (val,), "train": rest}[split]
+    if not chosen:
+        raise DatasetError(f"{data.path}: its {split} split is empty; split it in another way")
+    return chosen
+
+
+def scenes_of(data: Dataset, split: Split, *, fold: int | None = None) -> tuple[str, ...]:
+    """Return the scene ids of train, val or test.
+
+    With a dataset of K folds, `fold` is tested on, every other building of the next fold is
+    validated on (a tenth of all for 5 folds), and all the rest is trained on: buildings are what
+    learning lacks.
+
+    Raises:
+        DatasetError: if the dataset is not split that way, or the split is empty.
+    """
+    names = splits_of(data, split, fold=fold)
+    scenes = tuple(scene for name in names for scene in data.splits[name])
+    if fold is None or split == "test":
+        return scenes
+    (next_fold,) = splits_of(data, "val", fold=fold)
+    held = set(data.splits[next_fold][::2])
+    return tuple(scene for scene in scenes if (scene in held) == (split == "val"))
+
+
+def vocabulary_of(data: Dataset, scenes: Sequence[str], *, min_scenes: int) -> tuple[str, ...]:
+    """Return the categories outside the classes that occur in enough of some scenes."""
+    return choose_vocabulary((data.others(scene) for scene in scenes), min_scenes=min_scenes)

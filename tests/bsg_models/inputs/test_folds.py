@@ -1,0 +1,81 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.dataset.splits import read_splits, split_dataset
+from bsg_data.errors import DatasetError
+from bsg_data.observation.pairs import write_pairs
+from bsg_data.recipes import PairsRecipe, SplitRecipe
+from bsg_models.inputs.folds import Split, scenes_of, splits_of, vocabulary_of
+from bsg_models.inputs.graphs import MaskedGraphs
+
+PARTS: tuple[Split, ...] = ("train", "val", "test")
+
+
+@pytest.fixture
+def folded(dataset: Path) -> Path:
+    """The twelve buildings in three folds of four, with one draw."""
+    split_dataset(dataset, SplitRecipe(method="folds", ratios=None, folds=3), force=True)
+    write_pairs(dataset, PairsRecipe(draws=1))
+    return dataset
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_without_folds_a_part_is_its_split(dataset: Path, part: Split) -> None:
+    data = Dataset.open(dataset)
+    assert scenes_of(data, part) == tuple(read_splits(dataset)[part])
+    assert splits_of(data, part) == (part,)
+
+
+def test_folds_rotate_and_never_overlap(folded: Path) -> None:
+    data = Dataset.open(folded)
+    tested: list[str] = []
+    for fold in range(3):
+        parts = [set(scenes_of(data, part, fold=fold)) for part in PARTS]
+        assert set.union(*parts) == set(data.scene_ids)
+        assert sum(map(len, parts)) == len(data.scene_ids)
+        assert len(MaskedGraphs.stored(folded, "train", fold=fold)) == len(parts[0])
+        tested += parts[2]
+    assert sorted(tested) == sorted(data.scene_ids)
+    with pytest.raises(DatasetError, match="say which one to test on"):
+        scenes_of(data, "test")
+    with pytest.raises(DatasetError, match="there is no fold 3"):
+        scenes_of(data, "test", fold=3)
+
+
+def test_a_rotation_by_hand(folded: Path) -> None:
+    """Fold 2 is tested on; every other building of fold 0 is validated on, the rest is trained."""
+    data = Dataset.open(folded)
+    first, second, third = (data.splits[f"fold-{k}"] for k in range(3))
+    assert len(first) == len(second) == len(third) == 4
+    assert scenes_of(data, "test", fold=2) == third
+    assert scenes_of(data, "val", fold=2) == (first[0], first[2])
+    assert scenes_of(data, "train", fold=2) == (first[1], first[3], *second)
+    assert splits_of(data, "test", fold=2) == ("fold-2",)
+    assert splits_of(data, "val", fold=2) == ("fold-0",)
+    assert splits_of(data, "train", fold=2) == ("fold-0", "fold-1")
+
+
+def test_a_fold_of_a_dataset_without_folds_and_an_empty_split_are_refused(dataset: Path) -> None:
+    with pytest.raises(DatasetError, match="has no folds; there is no fold 0"):
+        scenes_of(Dataset.open(dataset), "train", fold=0)
+    split_dataset(dataset, SplitRecipe(ratios=(0.5, 0.5, 0.0)), force=True)
+    with pytest.raises(DatasetError, match="its test split is empty"):
+        scenes_of(Dataset.open(dataset), "test")
+
+
+def test_a_vocabulary_is_of_the_scenes_that_are_asked_for(dataset: Path) -> None:
+    """All twelve buildings have a kitchen with a cabinet; building 0 alone has no bedroom."""
+    data = Dataset.open(dataset)
+    everywhere = vocabulary_of(data, data.scene_ids, min_scenes=12)
+    assert {"floor", "wall"} <= set(everywhere)
+    assert "" not in everywhere
+    assert list(everywhere) == sorted(everywhere)
+    assert vocabulary_of(data, data.scene_ids, min_scenes=13) == ()
+    alone = vocabulary_of(data, ["00000-abcdefghi00"], min_scenes=1)
+    every = vocabulary_of(data, data.scene_ids, min_scenes=11)
+    assert set(alone) == set(everywhere)  # what is in no bedroom is in all buildings
+    assert set(every) > set(everywhere)  # what is in bedrooms is in eleven
