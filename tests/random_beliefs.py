@@ -49,5 +49,5 @@ def make_belief(seed: int, *, mode: Any = "complete", scene_id: str = "s") -> Be
     pairs = [(a, a + 1) for a in range(1, len(rooms)) if rng.random() < 0.6]
     graph = PartialGraph(scene_id, CLASS_MAP, 0.25, tuple(rooms), tuple(objects), tuple(pairs))
     inputs = graph.histograms().astype(float)
-    law = poisson(rng.gamma(0.1, 1.0, inputs.shape))
-    return believe(graph, from_hidden_counts(inputs, law), mode=mode, model="random")
+    expectation = from_hidden_counts(inputs, poisson(rng.gamma(0.1, 1.0, inputs.shape)))
+    return believe(graph, expectation, mode=mode, model="random")

@@ -64,3 +64,10 @@ def log_likelihood(
 def log_none(mean: Floats | float, dispersion: Floats | float) -> Floats:
     """Return log P(0); dispersions are finite."""
     return np.asarray(-dispersion * np.log1p(mean / dispersion))
+
+
+def log_beyond_none(counts: Floats, mean: Floats, dispersion: Floats) -> Floats:
+    """Return log P(counts) − log P(0), which most counts, being 0, do not need."""
+    power = counts * (np.log(mean / dispersion) - np.log1p(mean / dispersion))
+    choose = gammaln(counts + dispersion) - gammaln(dispersion) - gammaln(counts + 1)
+    return np.asarray(choose + power)

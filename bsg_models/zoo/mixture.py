@@ -35,7 +35,12 @@ from bsg_data.arrays import Floats, Ints
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import CountDistribution
-from bsg_models.belief.negative_binomial import hidden_posterior, log_negative_binomial, log_none
+from bsg_models.belief.negative_binomial import (
+    hidden_posterior,
+    log_beyond_none,
+    log_negative_binomial,
+    log_none,
+)
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.zoo.calibration import CalibratedModel
@@ -151,10 +156,8 @@ class RoomTypeMixture(CalibratedModel):
         found = np.empty(log_types.shape)
         for k, r in enumerate(to_array(self.dispersions)):
             mean = np.maximum(kept * means[k], _LEAST)
-            none = log_none(mean, r)
-            found[k] = none.sum(axis=1)
-            some = log_negative_binomial(seen, mean[rows, columns], r[columns])
-            np.add.at(found[k], rows, some - none[rows, columns])
+            found[k] = log_none(mean, r).sum(axis=1)
+            np.add.at(found[k], rows, log_beyond_none(seen, mean[rows, columns], r[columns]))
         found = log_types + self.config.temper * found * evidence.visited
         return np.asarray(found - logsumexp(found, axis=0))
 

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import doctest
+
 import networkx as nx
 import numpy as np
 import pytest
@@ -10,9 +12,20 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from scipy import stats
 
 from bsg_data.dataset.histograms import Counts, to_histograms
-from bsg_data.observation.masks import UNVISITED_SHARE, hidden_bounds, sample_hidden, sample_visited
+from bsg_data.errors import RecipeError
+from bsg_data.observation import masks as masks_module
+from bsg_data.observation.masks import (
+    MASKS,
+    UNVISITED_SHARE,
+    Mask,
+    sample_hidden,
+    sample_visited,
+    share_hidden,
+)
 from bsg_data.recipes import MaskRecipe
+from bsg_data.scene.connections import Connections
 
+STRATEGIES = ("uniform", "rooms", "frontier")
 cells_strategy = hnp.arrays(
     np.int64,
     st.tuples(st.integers(1, 6), st.integers(1, 5)),
@@ -20,7 +33,7 @@ cells_strategy = hnp.arrays(
 )
 recipes = st.builds(
     MaskRecipe,
-    strategy=st.sampled_from(["uniform", "rooms", "frontier"]),
+    strategy=st.sampled_from(STRATEGIES),
     fraction=st.integers(0, 100).map(lambda percent: percent / 100),
     seed=st.integers(0, 5),
 )
@@ -38,7 +51,7 @@ def test_any_mask(cells: Counts, recipe: MaskRecipe, draw: int) -> None:
     assert (hidden <= cells).all()
     assert visited[0]
     assert (hidden[~visited] == cells[~visited]).all()
-    low, high = hidden_bounds(cells, recipe)
+    low, high = MASKS[recipe.strategy].hidden_bounds(cells, recipe)
     assert low <= hidden.sum() <= high
     inputs = to_histograms(cells - hidden)
     assert (inputs[0] == (cells - hidden).sum(axis=0)).all()
@@ -72,8 +85,8 @@ def test_one_cell_follows_the_hypergeometric_distribution() -> None:
     cells = np.array([[2, 1], [6, 3], [4, 4]])
     recipe = MaskRecipe(fraction=0.5, seed=7)
     seen = np.array([draw_mask(cells, recipe, draw)[1][1, 0] for draw in range(4000)])
-    law = stats.hypergeom(M=20, n=6, N=10)
-    expected = 4000 * law.pmf(np.arange(7))
+    distribution = stats.hypergeom(M=20, n=6, N=10)
+    expected = 4000 * distribution.pmf(np.arange(7))
     assert stats.chisquare(np.bincount(seen, minlength=7), expected).pvalue > 1e-3
 
 
@@ -84,7 +97,7 @@ def test_the_fraction_is_exact_in_decimals() -> None:
 
 def test_nothing_and_everything() -> None:
     cells = np.array([[1, 0], [3, 2], [0, 5]])
-    for strategy in ("uniform", "rooms", "frontier"):
+    for strategy in STRATEGIES:
         assert draw_mask(cells, MaskRecipe(strategy=strategy, fraction=0.0))[1].sum() == 0
         assert (draw_mask(cells, MaskRecipe(strategy=strategy, fraction=1.0))[1] == cells).all()
 
@@ -98,12 +111,12 @@ def test_a_draw_depends_on_seed_scene_and_draw_and_on_nothing_else() -> None:
             MaskRecipe(seed=seed),
             scene_id=scene,
             draw=draw,
-            part=part,
+            stream=stream,
         ).tobytes()
         for seed in (0, 1)
         for scene in ("a", "b")
         for draw in (0, 1)
-        for part in ("classified", "unclassified")
+        for stream in ("classified", "unclassified")
     }
     assert len(every) == 16
 
@@ -146,10 +159,10 @@ def test_frontier_leaves_rooms_out() -> None:
 def test_objects_without_a_class_are_hidden_by_the_same_rule() -> None:
     classified = np.array([[0, 0], [5, 5], [5, 5], [5, 5], [5, 5]])
     others = np.array([[2], [10], [0], [7], [1]])
-    for strategy in ("uniform", "rooms", "frontier"):
+    for strategy in STRATEGIES:
         recipe = MaskRecipe(strategy=strategy)
         visited = sample_visited(classified, recipe, scene_id="s", draw=0)
-        hidden = sample_hidden(others, visited, recipe, scene_id="s", draw=0, part="unclassified")
+        hidden = sample_hidden(others, visited, recipe, scene_id="s", draw=0, stream="unclassified")
         assert (hidden[~visited] == others[~visited]).all()
         if strategy == "uniform":
             assert hidden.sum() == 10
@@ -160,8 +173,8 @@ def test_frontier_visits_a_connected_set_over_the_adjacency(draw: int) -> None:
     cells = np.full((9, 2), 5)
     cells[0] = 0
     adjacent = [(i, i + 1) for i in range(1, 8)]
-    recipe = MaskRecipe(strategy="frontier")
-    visited = sample_visited(cells, recipe, scene_id="s", draw=draw, adjacent=adjacent)
+    recipe, known = MaskRecipe(strategy="frontier"), Connections.of_pairs(adjacent)
+    visited = sample_visited(cells, recipe, scene_id="s", draw=draw, connections=known)
     rooms = np.flatnonzero(visited[1:]) + 1
     assert nx.is_connected(nx.Graph(adjacent).subgraph(rooms.tolist()))
     assert cells[~visited].sum() <= 0.25 * cells.sum() + 1e-9
@@ -172,9 +185,67 @@ def test_frontier_visits_a_connected_set_over_the_adjacency(draw: int) -> None:
 def test_frontier_leaves_an_exhausted_part() -> None:
     cells = np.array([[0], [10], [10], [10], [10]])
     recipe = MaskRecipe(strategy="frontier", fraction=0.2)
+    parts = Connections.of_pairs([(1, 2), (3, 4)])
     for draw in range(10):
-        visited = sample_visited(cells, recipe, scene_id="s", draw=draw, adjacent=[(1, 2), (3, 4)])
+        visited = sample_visited(cells, recipe, scene_id="s", draw=draw, connections=parts)
         assert cells[~visited].sum() <= 4
+
+
+def test_doctests() -> None:
+    assert doctest.testmod(masks_module).attempted == 1
+    assert doctest.testmod(masks_module).failed == 0
+
+
+def test_every_strategy_is_a_row_of_the_registry() -> None:
+    assert MASKS.names()[:3] == STRATEGIES
+    rows = [MASKS[name] for name in STRATEGIES]
+    assert all(isinstance(row, Mask) and row.summary for row in rows)
+    assert [row.reads_connections for row in rows] == [False, False, True]
+
+
+def test_a_strategy_that_nobody_knows_is_refused_with_the_nearest() -> None:
+    cells, recipe = np.array([[0], [5]]), MaskRecipe(strategy="room")
+    with pytest.raises(RecipeError, match=r"no mask 'room'; did you mean rooms\?"):
+        sample_visited(cells, recipe, scene_id="s", draw=0)
+    with pytest.raises(RecipeError, match="no mask 'room'"):
+        sample_hidden(cells, np.ones(2, dtype=bool), recipe, scene_id="s", draw=0)
+    with pytest.raises(RecipeError, match="no mask 'room'"):
+        share_hidden(np.ones(2, dtype=bool), recipe)
+
+
+def test_what_is_thinned_and_the_bounds_by_hand() -> None:
+    """Ten objects in the null region, 6 and 4 in two rooms; the second room is not visited."""
+    cells, visited = np.array([[7, 3], [6, 0], [1, 3]]), np.array([True, True, False])
+    for strategy, thinned, number, bounds in (
+        ("uniform", visited, 10 - 4, (10, 10)),  # half of twenty, less what the room takes
+        ("frontier", visited, 10 - 4, (10, 10)),
+        ("rooms", np.array([True, False, False]), 5, (10, 15)),  # a room of six more at most
+    ):
+        recipe = MaskRecipe(strategy=strategy)
+        found, lost = MASKS[strategy].thin(cells, visited, recipe)
+        assert (found.tolist(), lost) == (thinned.tolist(), number), strategy
+        assert MASKS[strategy].hidden_bounds(cells, recipe) == bounds, strategy
+        hidden = sample_hidden(cells, visited, recipe, scene_id="s", draw=0)
+        assert hidden[2].tolist() == [1, 3]
+        assert hidden[~visited].sum() + number == hidden.sum()
+
+
+def test_shares_by_hand() -> None:
+    visited = np.array([True, True, False])
+    for strategy, of_visited in (("uniform", 0.5), ("rooms", 0.0), ("frontier", 1 / 3)):
+        found = share_hidden(visited, MaskRecipe(strategy=strategy))
+        assert found.tolist() == pytest.approx([0.5, of_visited, 1.0])
+
+
+def test_no_connections_and_unknown_ones_are_the_same() -> None:
+    cells = np.full((6, 2), 5)
+    recipe = MaskRecipe(strategy="frontier")
+    for draw in range(10):
+        silent = sample_visited(cells, recipe, scene_id="s", draw=draw)
+        empty = sample_visited(
+            cells, recipe, scene_id="s", draw=draw, connections=Connections.of_pairs(())
+        )
+        assert silent.tolist() == empty.tolist()
 
 
 def hide_one_by_one(cells: Counts, number: int, rng: np.random.Generator) -> Counts:

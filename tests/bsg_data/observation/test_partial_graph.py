@@ -47,9 +47,41 @@ def test_histograms_by_hand() -> None:
     assert found[:, CLASS["bed"]].tolist() == [2, 2, 0]
     assert found[:, CLASS["book"]].tolist() == [1, 0, 0]  # in no room: the building's
     assert found.sum() == 5
-    assert GRAPH.others(("drawer", "tap")).tolist() == [[0, 1], [0, 1], [0, 0]]
-    assert GRAPH.shares().tolist() == [0.5, 0.5, 1.0]
-    assert GRAPH.visited().tolist() == [True, True, False]
+
+
+def test_an_observation_by_hand() -> None:
+    seen = GRAPH.observation(vocabulary=("drawer", "tap"), withheld=[CLASS["sink"]])
+    assert seen.scene_ids == ("home",)
+    assert seen.starts.tolist() == [0, 3]
+    np.testing.assert_array_equal(seen.inputs, GRAPH.histograms())
+    assert seen.others.tolist() == [[0, 1], [0, 1], [0, 0]]
+    assert seen.vocabulary == ("drawer", "tap")
+    assert seen.hidden_share.tolist() == [0.5, 0.5, 1.0]
+    assert seen.visited.tolist() == [True, True, False]
+    assert seen.withheld[:, CLASS["sink"]].all()
+    assert seen.withheld.sum() == 3
+    assert seen.connections.pairs.tolist() == [[1, 2]]
+    assert seen.connections.methods.tolist() == ["given"]
+    assert np.isnan(seen.connections.lengths).all()
+    plain = GRAPH.observation()
+    assert plain.others.shape == (3, 0)
+    assert not plain.withheld.any()
+
+
+def test_nothing_is_withheld_in_a_searched_room() -> None:
+    after = observe(GRAPH, 2, [seen("5", 2, "sink")])
+    bed = CLASS["bed"]
+    assert after.observation(withheld=[bed]).withheld[:, bed].tolist() == [True, True, False]
+    both = observe(after, 1, [seen("1", 1, "bed")])
+    assert both.hidden_share == 0
+    assert not both.observation(withheld=[bed]).withheld.any()
+
+
+def test_a_graph_without_rooms_and_objects_is_observed() -> None:
+    seen = PartialGraph("empty", CLASS_MAP, 0.5, (), ()).observation(vocabulary=("tap",))
+    assert seen.inputs.tolist() == [[0] * 45]
+    assert seen.others.tolist() == [[0]]
+    assert len(seen.connections) == 0
 
 
 def test_a_searched_room_hides_nothing() -> None:
@@ -82,8 +114,10 @@ def test_a_mask_leaves_the_histograms_of_its_pairs(dataset: Path, strategy: str)
         hidden = sample_hidden(own, visited, recipe, scene_id=graph.scene_id, draw=2)
         left = mask_scene(graph, recipe, draw=2, class_map=manifest.class_map)
         np.testing.assert_array_equal(left.histograms(), to_histograms(own - hidden))
-        np.testing.assert_array_equal(left.visited(), visited)
-        np.testing.assert_array_equal(left.shares(), share_hidden(visited, recipe))
+        arrays = left.observation()
+        np.testing.assert_array_equal(arrays.visited, visited)
+        share = share_hidden(visited, recipe).astype(np.float32)
+        np.testing.assert_array_equal(arrays.hidden_share, share)
         real = {str(obj.instance_id): obj for obj in graph.objects}
         assert all(real[obj.name].raw_category == obj.raw_category for obj in left.objects)
         assert all(real[obj.name].room_index == obj.room_index for obj in left.objects)

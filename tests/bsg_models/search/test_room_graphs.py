@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bsg_data.errors import RecipeError
-from bsg_data.scene.scene_graph import Edge, Room, SceneGraph
+from bsg_data.scene.connections import Connections
 from bsg_models.search.room_graphs import (
     DEFAULT_WORLDS,
     WorldRecipe,
@@ -78,18 +78,27 @@ def test_trees_are_trees(kind: str, most: int) -> None:
 
 
 def test_a_layout_in_two_parts_is_its_larger_part() -> None:
-    rooms = tuple(Room(room_index=i, region_id=i) for i in range(1, 7))
-    edges = (
-        Edge(1, 2, "adjacent", "layout", 3.0),
-        Edge(3, 4, "adjacent", "layout", 1.0),
-        Edge(4, 5, "adjacent", "layout", 2.0),
-        Edge(2, 3, "adjacent", "layout", None),  # of unknown length
-        Edge(5, 6, "adjacent", "door", 1.0),  # of a mesh
+    connections = Connections(
+        np.array([(1, 2), (3, 4), (4, 5), (2, 3), (5, 6)]),
+        np.array(["layout", "layout", "layout", "layout", "door"]),  # the last is of a mesh
+        np.array([3.0, 1.0, 2.0, np.nan, 1.0]),  # one is of unknown length
     )
-    graph = SceneGraph("s", "test", "1", "train", "0" * 64, rooms, (), edges)
-    found = measure_rooms(graph, "layout")
-    assert np.flatnonzero(found.rooms).tolist() == [3, 4, 5]
-    assert found.travel(2).costs[1, 3, 5] == 3.0
-    assert np.flatnonzero(measure_rooms(graph, "geometry").rooms).tolist() == [5, 6]
-    nothing = SceneGraph("s", "test", "1", "train", "0" * 64, rooms, ())
-    assert not measure_rooms(nothing, "layout").rooms.any()
+    graph = measure_rooms(connections, nodes=7, kind="layout")
+    assert np.flatnonzero(graph.rooms).tolist() == [3, 4, 5]
+    assert graph.travel(2).costs[1, 3, 5] == 3.0
+    meshed = measure_rooms(connections, nodes=7, kind="geometry")
+    assert np.flatnonzero(meshed.rooms).tolist() == [5, 6]
+    nothing = Connections.of_pairs(())
+    for nodes in (1, 7):
+        assert not measure_rooms(nothing, nodes=nodes, kind="layout").rooms.any()
+
+
+@pytest.mark.parametrize("method", ["door", "stairs", "boxes"])
+def test_a_mesh_knows_doors_stairs_and_boxes_and_a_robot_no_lengths(method: str) -> None:
+    known = Connections(np.array([(1, 2)]), np.array([method]), np.array([2.5]))
+    graph = measure_rooms(known, nodes=3, kind="geometry")
+    assert graph.edges[1, 2] == graph.edges[2, 1] == 2.5
+    assert graph.rooms.tolist() == [False, True, True]
+    assert not measure_rooms(known, nodes=3, kind="layout").rooms.any()
+    given = Connections.of_pairs([(1, 2)])
+    assert not measure_rooms(given, nodes=3, kind="geometry").rooms.any()

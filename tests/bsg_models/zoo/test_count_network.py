@@ -288,7 +288,7 @@ def test_an_observation_without_other_categories_gets_an_answer_and_one_of_other
 def test_a_batch_without_rooms_has_no_loss(dataset: Path) -> None:
     model = new_model(configure("deepsets"), Dataset.open(dataset))
     assert isinstance(model, CountNetwork)
-    alone = building([[3.0] * 45], others=[[]], visited=[True], share=[0.5])
-    loss = model.loss(alone)
+    alone = observe_building([[3] * 45])
+    loss = model.loss(model.graph_of(alone, alone.inputs))
     assert loss.item() == 0
     loss.backward()  # type: ignore[no-untyped-call]

@@ -1,0 +1,137 @@
+"""Masked buildings: sampled, read from stored pairs, and taken apart."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from one_building import observe_building
+
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.dataset.histograms import to_histograms
+from bsg_data.dataset.splits import split_dataset
+from bsg_data.errors import DatasetError
+from bsg_data.observation.masked_buildings import (
+    MaskedBuildings,
+    place_others,
+    read_masked,
+    sample_masked,
+    see_others,
+    stack_masked,
+)
+from bsg_data.observation.observation import stack
+from bsg_data.observation.pairs import write_pairs
+from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
+
+VOCABULARY = ("floor", "wall")
+
+
+@pytest.fixture
+def masked() -> MaskedBuildings:
+    """A building with two rooms, one with none, one with a room."""
+    seen = stack(
+        [
+            observe_building([[3], [1], [2]], scene_id="a"),
+            observe_building([[7]], scene_id="b"),
+            observe_building([[4], [4]], scene_id="c"),
+        ]
+    )
+    return MaskedBuildings(seen, np.array([[6], [2], [4], [7], [9], [9]]), np.array([0, 5, 2]))
+
+
+def test_hidden_is_what_is_there_and_was_not_seen(masked: MaskedBuildings) -> None:
+    assert len(masked) == 3
+    assert masked.hidden.tolist() == [[3], [1], [2], [0], [5], [5]]
+
+
+def test_buildings_are_taken_with_their_targets_and_draws(masked: MaskedBuildings) -> None:
+    some = masked.take([2, 0])
+    assert some.seen.scene_ids == ("c", "a")
+    assert some.targets.ravel().tolist() == [9, 9, 6, 2, 4]
+    assert some.hidden.ravel().tolist() == [5, 5, 3, 1, 2]
+    assert some.draws.tolist() == [2, 0]
+
+
+def test_batches_are_in_order_and_the_last_is_what_is_left(masked: MaskedBuildings) -> None:
+    for size, sizes in ((1, [1, 1, 1]), (2, [2, 1]), (9, [3])):
+        batches = list(masked.batches(size))
+        assert [len(some) for some in batches] == sizes
+        whole = stack_masked(batches)
+        assert whole.seen.scene_ids == masked.seen.scene_ids
+        assert whole.targets.tolist() == masked.targets.tolist()
+        assert whole.draws.tolist() == masked.draws.tolist()
+
+
+def test_categories_are_placed_in_the_columns_of_a_vocabulary() -> None:
+    cells = np.array([[1, 2, 3], [4, 5, 6]])
+    placed = place_others(cells, ("", "tap", "wall"), ("drawer", "wall", "tap"))
+    assert placed.tolist() == [[0, 3, 2], [0, 6, 5]]
+    assert place_others(cells, ("", "tap", "wall"), ()).shape == (2, 0)
+
+
+@pytest.mark.parametrize("strategy", ["uniform", "rooms", "frontier"])
+def test_stored_pairs_are_what_is_sampled_of_the_same_recipe(dataset: Path, strategy: str) -> None:
+    recipe = MaskRecipe(strategy=strategy, fraction=0.6, seed=2)
+    write_pairs(dataset, PairsRecipe(mask=recipe, draws=2), force=True)
+    data = Dataset.open(dataset)
+    stored = read_masked(data, "train", vocabulary=VOCABULARY)
+    scenes = data.splits["train"]
+    assert stored.seen.scene_ids == tuple(scene for scene in scenes for _ in range(2))
+    for draw in range(2):
+        fresh = sample_masked(data, scenes, mask=recipe, draw=draw, vocabulary=VOCABULARY)
+        same = stored.take(np.flatnonzero(stored.draws == draw))
+        np.testing.assert_array_equal(fresh.targets, same.targets)
+        np.testing.assert_array_equal(fresh.draws, same.draws)
+        for name in ("starts", "inputs", "hidden_share", "visited", "withheld", "others"):
+            np.testing.assert_array_equal(
+                getattr(fresh.seen, name), getattr(same.seen, name), name
+            )
+
+
+def test_targets_are_the_histograms_and_nothing_is_seen_twice(dataset: Path) -> None:
+    data = Dataset.open(dataset)
+    masked = sample_masked(data, data.scene_ids, mask=MaskRecipe(), draw=7)
+    assert masked.draws.tolist() == [7] * 12
+    expected = np.concatenate([to_histograms(data.cells(scene)) for scene in data.scene_ids])
+    np.testing.assert_array_equal(masked.targets, expected)
+    assert (masked.hidden >= 0).all()
+    of_buildings = masked.hidden[masked.seen.is_building].sum(axis=1)
+    there = masked.targets[masked.seen.is_building].sum(axis=1)
+    assert of_buildings.tolist() == (there // 2).tolist()
+
+
+def test_what_is_seen_of_other_objects_does_not_depend_on_the_vocabulary(dataset: Path) -> None:
+    data = Dataset.open(dataset)
+    scene, visited = data.scene_ids[5], np.ones(len(data.cells(data.scene_ids[5])), dtype=bool)
+    wide = see_others(data, scene, MaskRecipe(), 0, visited, vocabulary=VOCABULARY)
+    narrow = see_others(data, scene, MaskRecipe(), 0, visited, vocabulary=("wall",))
+    assert wide[:, [1]].tolist() == narrow.tolist()
+    every = data.others(scene)
+    assert (wide <= place_others(every.cells, every.categories, VOCABULARY)).all()
+    assert see_others(data, scene, MaskRecipe(), 0, visited, vocabulary=()).shape == (
+        len(visited),
+        0,
+    )
+
+
+def test_the_fraction_of_a_building_does_not_depend_on_its_objects(dataset: Path) -> None:
+    data = Dataset.open(dataset)
+    masked = sample_masked(
+        data, data.scene_ids, mask=MaskRecipe(), draw=0, fractions=(0.2, 0.4)
+    )
+    share = masked.seen.hidden_share[masked.seen.is_building]
+    assert len(set(share.tolist())) > 3
+    assert ((share > 0.199) & (share < 0.401)).all()
+    np.testing.assert_allclose(share, share.astype(float).round(2), atol=1e-6)
+    there = masked.targets[masked.seen.is_building].sum(axis=1)
+    hidden = masked.hidden[masked.seen.is_building].sum(axis=1)
+    assert hidden.tolist() == np.floor(share.astype(float).round(2) * there + 1e-9).tolist()
+
+
+def test_missing_pairs_are_said(dataset: Path) -> None:
+    with pytest.raises(DatasetError, match="has some of test, train, val"):
+        read_masked(Dataset.open(dataset), "fold-0")
+    split_dataset(dataset, SplitRecipe(seed=3), force=True)
+    with pytest.raises(DatasetError, match="run `bsg-data pairs` first"):
+        read_masked(Dataset.open(dataset), "train")

@@ -1,0 +1,95 @@
+"""What models make of a class that is withheld."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from one_building import observe_building
+
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.observation.masked_buildings import sample_masked
+from bsg_data.recipes import MaskRecipe
+from bsg_models.inputs.folds import scenes_of
+from bsg_models.training.training import new_model
+from bsg_models.zoo.boosting import BoostingConfig
+from bsg_models.zoo.config import find_config
+from bsg_models.zoo.masked_rooms import sample_chosen, sample_uniform
+from bsg_models.zoo.model import BeliefModel, share_of, to_array
+from bsg_models.zoo.settings import DataConfig
+
+TOLD = ("gamma-poisson", "naive-bayes", "mixture", "ceci-sage", "search-sage")
+STOVE = 35
+
+
+def test_search_masks_are_fresh_and_uniform() -> None:
+    with pytest.raises(ValueError, match="withhold needs"):
+        DataConfig(masks="fixed", withhold=0.1)
+    with pytest.raises(ValueError, match="withhold needs"):
+        DataConfig(mask=MaskRecipe(strategy="rooms"), withhold=0.1)
+
+
+def fitted(name: str, dataset: Path) -> BeliefModel:
+    torch.manual_seed(0)
+    data, config = Dataset.open(dataset), find_config(name)
+    model = new_model(config, data)
+    model.fit(data, config.data)
+    return model.eval()
+
+
+@pytest.mark.parametrize("name", ["gamma-poisson", "mixture"])
+def test_withholding_is_marginalising(name: str, dataset: Path) -> None:
+    """Of a withheld class, and of it alone, all is hidden, as under a mask of share 1."""
+    model = fitted(name, dataset)
+    rooms = np.random.default_rng(0).poisson(0.7, (5, 45))
+    rooms[:, STOVE] = 0  # withheld: no stove is shown anywhere
+    inputs = [rooms.sum(axis=0).tolist(), *rooms.tolist()]
+    plain, told = observe_building(inputs), observe_building(inputs, withheld=[STOVE])
+    absent, unknown = (model.predict(one).presence[1:, STOVE] for one in (plain, told))
+    assert (unknown > absent).all()
+    if name == "gamma-poisson":  # the prior alone
+        a, b = float(model.shape[STOVE]), float(model.rate[STOVE])  # type: ignore[arg-type, index]
+        np.testing.assert_allclose(unknown, 1 - (b / (b + 1)) ** a)
+
+
+@pytest.mark.parametrize("name", TOLD)
+def test_a_withheld_class_is_expected_more_than_one_that_was_not_seen(
+    name: str, dataset: Path
+) -> None:
+    model = fitted(name, dataset)
+    data = Dataset.open(dataset)
+    scenes = scenes_of(data, "val")[:1]
+    masked = sample_masked(
+        data, scenes, mask=MaskRecipe(), draw=0, vocabulary=model.vocabulary
+    )
+    inputs, withheld = masked.seen.inputs.copy(), masked.seen.withheld.copy()
+    inputs[:, STOVE] = 0
+    withheld[:, STOVE] = True
+    seen = replace(masked.seen, inputs=inputs, others=np.zeros_like(masked.seen.others))
+    rooms = ~seen.is_building
+    absent = model.predict(seen).hidden[rooms, STOVE]
+    told = model.predict(replace(seen, withheld=withheld)).hidden[rooms, STOVE]
+    assert (told > absent).all()
+
+
+def test_a_network_and_a_model_that_counts_are_told_the_same_share(dataset: Path) -> None:
+    seen = observe_building(
+        [[3] * 45] * 3, hidden_share=[0.25, 0.5, 1.0], withheld=[STOVE]
+    )
+    graph = fitted("search-sage", dataset).graph_of(seen)  # type: ignore[operator]
+    np.testing.assert_array_equal(to_array(share_of(graph)), seen.cell_share)
+    assert seen.cell_share[:, STOVE].tolist() == [1.0, 1.0, 1.0]
+    assert seen.cell_share[:, 0].tolist() == [0.25, 0.5, 1.0]
+
+
+def test_trees_meet_withheld_classes_and_cannot_be_told(dataset: Path) -> None:
+    data = Dataset.open(dataset)
+    choice = DataConfig(withhold=0.3)
+    masked = sample_chosen(data, choice, draws=2, vocabulary=())
+    assert masked.seen.withheld.any()
+    assert not sample_uniform(data, choice, draws=2).seen.withheld.any()
+    with pytest.raises(ValueError, match="reads"):
+        BoostingConfig(reads=("withheld",))  # type: ignore[arg-type]
