@@ -16,17 +16,16 @@ from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation, from_hidden_counts
 from bsg_models.errors import CheckpointError
 from bsg_models.evaluation import metrics
+from bsg_models.evaluation.bootstrap import bootstrap
 from bsg_models.evaluation.measurement import (
     Measurement,
     SplitsMeasurement,
-    Truth,
     count_empty,
-    estimate,
-    interval,
     measure_classes,
     predict_all,
     read_truth,
 )
+from bsg_models.evaluation.truth import Truth
 from bsg_models.inputs.graphs import MaskedGraphs, open_dataset
 from bsg_models.rendering.figures import plot_evaluation, plot_learning_curve
 from bsg_models.studies.comparison import compare_runs
@@ -109,46 +108,6 @@ def test_perfect_and_empty_beliefs(truth: Truth) -> None:
     assert found["rooms/top1_unseen"] == 1
     nothing = from_hidden_counts(truth.inputs, poisson(np.zeros_like(truth.inputs)))
     assert Measurement(truth, nothing).evaluate()["rooms/presence_auroc_macro/all"] == 0.5
-
-
-def test_intervals_are_those_of_a_naive_bootstrap(truth: Truth) -> None:
-    beliefs = believe(truth)
-    measurement = Measurement(truth, beliefs)
-    found = estimate(measurement, resamples=50, seed=3)["rooms/mean_absolute_error"]
-    rng = np.random.Generator(np.random.PCG64(3))
-    errors = np.abs(beliefs.totals - truth.targets).mean(axis=1)
-    rooms = ~truth.is_building
-    drawn = []
-    for _ in range(50):
-        times = rng.multinomial(3, np.full(3, 1 / 3))
-        rows = np.concatenate(
-            [
-                np.flatnonzero(rooms & (truth.building == b))
-                for b in range(3)
-                for _ in range(times[b])
-            ]
-        )
-        drawn.append(errors[rows].mean())
-    low, high = np.quantile(drawn, [0.025, 0.975])
-    assert found.value == pytest.approx(errors[rooms].mean())
-    assert found.low == pytest.approx(found.value + low - np.mean(drawn))
-    assert found.high == pytest.approx(found.value + high - np.mean(drawn))
-    assert found.nodes == rooms.sum()
-
-
-def test_no_resamples_no_interval(truth: Truth) -> None:
-    found = estimate(Measurement(truth, believe(truth)), resamples=0)
-    assert np.isnan(found["rooms/hidden_nll"].low)
-    assert np.isnan(interval(np.array([np.nan]))).all()
-
-
-def test_progress_and_seed(truth: Truth) -> None:
-    seen: list[tuple[int, int]] = []
-    measurement = Measurement(truth, believe(truth))
-    one = estimate(measurement, resamples=3, progress=lambda *step: seen.append(step))
-    assert seen == [(1, 3), (2, 3), (3, 3)]
-    assert one == estimate(measurement, resamples=3)
-    assert one != estimate(measurement, resamples=3, seed=1)
 
 
 def test_empty_nodes_are_counted(truth: Truth) -> None:
@@ -256,7 +215,7 @@ def test_splits_are_averaged_and_never_pooled(dataset: Path) -> None:
     assert every.evaluate(weights)["rooms/hidden_nll"] == pytest.approx(np.mean(expected))
     nodes = [split.count_nodes("rooms/hidden_nll") for split in splits]
     assert every.count_nodes("rooms/hidden_nll") == sum(nodes)
-    assert estimate(every, resamples=3)["rooms/hidden_nll"].value == found["rooms/hidden_nll"]
+    assert bootstrap(every, resamples=3).point == pytest.approx(found, nan_ok=True)
 
 
 def test_figures_are_drawn(truth: Truth, tmp_path: Path) -> None:

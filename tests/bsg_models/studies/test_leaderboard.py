@@ -14,7 +14,8 @@ from bsg_data.lock import hold
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_models.errors import ConfigError
-from bsg_models.evaluation.measurement import Bootstrap
+from bsg_models.evaluation.bootstrap import Bootstrap
+from bsg_models.evaluation.catalogue import list_values
 from bsg_models.inputs.graphs import open_dataset
 from bsg_models.rendering.figures import plot_leaderboard
 from bsg_models.runs.checkpoint import load_checkpoint
@@ -28,9 +29,6 @@ from bsg_models.studies.leaderboard import (
     sort_models,
 )
 from bsg_models.studies.leaderboard_table import (
-    HEADLINES,
-    MOMENTS,
-    UNVISITED,
     compare,
     rank_models,
     write_json,
@@ -159,9 +157,7 @@ def test_two_leaderboards_never_write_into_one_folder(unsplit: Path, tmp_path: P
 
 def board(values: Mapping[str, float]) -> Leaderboard:
     """Return a leaderboard on which every metric of a model is one number."""
-    names = [h.metric for group in HEADLINES.values() for h in group]
-    names += [h.metric for h in UNVISITED]
-    names += [f"all/{m}_values/{moment}" for m in ("wasserstein", "energy") for moment in MOMENTS]
+    names = list_values()
     noise = np.array([-0.1, 0.0, 0.1])
     results = {
         model: ModelResult(
@@ -212,7 +208,7 @@ def test_the_documents_say_the_same_as_the_board(tmp_path: Path) -> None:
     assert row.count("**0.3 ± 0.095**") == 2  # less is better for two of seven
     assert "0.75 ± " in row
     assert "| ours | 0.3 ± 0.095 |" in text  # unvisited: more is better, and it is the least
-    assert "NLL is `rooms/hidden_nll`" in text
+    assert "NLL, rooms is `rooms/hidden_nll`" in text
     twins = board({"one": 0.3, "other": 0.3})
     assert write_markdown(twins).count("**0.3 ± 0.095**") == 2 * (7 + 4)  # of a tie, both
     found = json.loads(json.dumps(write_json(made)))
