@@ -15,8 +15,6 @@ from bsg_models.studies.leaderboard import Leaderboard, ModelResult
 
 REFERENCE = "gamma-poisson"  # whose likelihood counts as 1
 CONSTANT = "train-mean"  # which predicts the same of every unvisited room
-
-
 HIDDEN, UNVISITED, WHOLE = HEADLINES.values()
 RANKED_BY = "rooms/hidden_nll"
 

@@ -16,15 +16,12 @@ from bsg_models.inputs.graphs import open_dataset
 from bsg_models.rendering.explorer import explorer_page
 from bsg_models.search.catalogue import PLANNERS
 from bsg_models.search.room_graphs import WorldRecipe
-from bsg_models.search.simulator import Outcome
 from bsg_models.studies.replay import TraceRequest, trace_search
-from bsg_models.studies.savings import saving_of_buildings, summarise
+from bsg_models.studies.savings import summarise
 from bsg_models.studies.search_cases import StudyRecipe, sample_presence, sample_searches
 from bsg_models.studies.search_files import encode_study, write_searches
 from bsg_models.studies.search_study import (
-    Searches,
     Study,
-    choose_planners,
     choose_runs,
     study_search,
 )
@@ -146,49 +143,6 @@ def test_where_the_belief_is_right_expected_cost_saves_most(dataset: Path, run: 
         best = max(v for name, v in saved.items() if name != "oracle")
         assert saved["oracle"] > saved["expected-cost"] >= best - 0.02
         assert results.savings["oracle"].of_oracle.value == 1
-
-
-def by_hand(scene: str, nearest: list[float], ours: list[float]) -> Searches:
-    number = len(nearest)
-    outcomes = {
-        ("single", name): Outcome(np.array(costs), np.ones(number, int), np.zeros(number, int))
-        for name, costs in {"nearest": nearest, "ratio": ours, "routing": nearest}.items()
-    }
-    whole = np.zeros(number, dtype=np.int64)
-    return Searches(
-        scene_id=scene,
-        world="star:1-10",
-        starts=whole,
-        artifacts=whole[:, None],
-        draws=whole,
-        instances=whole + 1,
-        ranked_first=whole + 1.0,
-        chance=whole + 0.5,
-        outcomes=outcomes,  # type: ignore[arg-type]
-    )
-
-
-def test_savings_by_hand() -> None:
-    searches = (by_hand("a", [4.0, 6.0], [2.0, 6.0]), by_hand("b", [10.0], [15.0]))
-    recipe = StudyRecipe(tasks=("single",))
-    planners = choose_planners(recipe, {}, remote=False)
-    (one,) = summarise(Study(recipe, ("a", "b"), searches, {}, planners), resamples=500)
-    ratio = one.savings["ratio"]
-    assert ratio.saved.value == pytest.approx(1 - 23 / 20)
-    assert np.isnan(ratio.saved.low)  # of two buildings there is no interval
-    (many,) = summarise(Study(recipe, (), searches * 3, {}, planners), resamples=2000)
-    low, high = many.savings["ratio"].saved.low, many.savings["ratio"].saved.high
-    assert many.savings["ratio"].saved.value == ratio.saved.value
-    assert low == pytest.approx(1 - (8 + 5 * 15) / (10 + 5 * 10))  # five of six are b
-    assert high == pytest.approx(1 - (5 * 8 + 15) / (5 * 10 + 10))
-    assert ratio.mean == pytest.approx((0.5 + 0.0 - 0.5) / 3)
-    assert ratio.median == 0.0
-    assert (ratio.wins, ratio.ties, ratio.losses) == (1, 1, 1)
-    assert ratio.beyond_routing.value == pytest.approx(ratio.saved.value)
-    assert np.isnan(ratio.of_oracle.value)
-    assert np.isnan(one.savings["nearest"].beyond_routing.value)
-    assert (one.searches, one.buildings, one.ranked_first, one.chance) == (3, 2, 1.0, 0.5)
-    assert saving_of_buildings(searches, "single", "ratio") == pytest.approx([0.2, -0.5])
 
 
 def test_a_robot_that_stops_itself_costs_less_and_misses_more(dataset: Path, run: Path) -> None:
