@@ -172,14 +172,14 @@ def search(
         here[rows] = place
 
 
-def still_to_find(before: Ints, found: Ints, *, task: Task) -> Ints:
-    """Return the instances still to be found after some were, all `[E, A]`.
+def still_to_find(before: Ints, seen: Ints, *, task: Task) -> Ints:
+    """Return the instances still to be found after some were seen, all `[E, A]`.
 
     In `single` one instance of a class is as good as all of them.
     """
     if task == "all":
-        return before - found
-    return np.where(found > 0, 0, before)
+        return before - seen
+    return np.where(seen > 0, 0, before)
 
 
 def _look(

@@ -118,7 +118,7 @@ def study_search(
     Raises:
         DatasetError: if the dataset is damaged or no building can be searched.
         RecipeError: if a belief is needed and a building has no run, an artifact is no class, or
-            a planner of your own has a name of `PLANNERS` or cannot reach the executor.
+            a planner of your own has a name that is taken or cannot reach the executor.
     """
     chosen = choose_planners(recipe, planners or {}, remote=executor is not None)
     if recipe.truth == "posterior" and None in runs.values():
@@ -160,8 +160,8 @@ def choose_planners(
             import its function.
     """
     for name, planner in own.items():
-        if name in PLANNERS:
-            raise RecipeError(f"planner {name!r}: is a row of PLANNERS; give yours another name")
+        if name in PLANNERS or name == "sweep" or name.startswith("stop "):
+            raise RecipeError(f"planner {name!r}: this name is taken; give yours another one")
         place = getattr(planner.choose, "__qualname__", "")
         if remote and ("<locals>" in place or "<lambda>" in place):
             raise RecipeError(

@@ -106,8 +106,9 @@ def test_a_planner_of_ones_own_meets_the_same_searches(dataset: Path) -> None:
 
 def test_a_planner_of_ones_own_that_cannot_be_asked_is_refused() -> None:
     recipe = StudyRecipe(planners=("random",))
-    with pytest.raises(RecipeError, match="'nearest': is a row of PLANNERS"):
-        choose_planners(recipe, {"nearest": Planner(contrary)}, remote=False)
+    for name in ("nearest", "sweep", "stop 0.1"):
+        with pytest.raises(RecipeError, match=f"'{name}': this name is taken"):
+            choose_planners(recipe, {name: Planner(contrary)}, remote=False)
     local = {"mine": Planner(lambda known: known.here, "none")}
     assert "mine" in choose_planners(recipe, local, remote=False)
     with pytest.raises(RecipeError, match="other processes cannot import"):
