@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from torch_geometric.loader import DataLoader
 
+from bsg_data.errors import RecipeError
 from bsg_models.belief.expectation import Expectation, join
 from bsg_models.evaluation import metrics
 from bsg_models.evaluation.catalogue import METRICS, list_values, name_value
@@ -70,7 +71,7 @@ class Measurement:
 
     @cached_property
     def _prepared(self) -> Mapping[str, Prepared]:
-        return {name: METRICS[name].prepare(self.prediction) for name in METRICS}
+        return {name: prepare_metric(name, self.prediction) for name in METRICS}
 
     @cached_property
     def _nodes(self) -> Mapping[str, int]:
@@ -111,6 +112,23 @@ class SplitsMeasurement:
     def count_nodes(self, metric: str) -> int:
         """Return the number of nodes of all splits that a metric is over."""
         return sum(split.count_nodes(metric) for split in self.splits)
+
+
+def prepare_metric(name: str, prediction: Prediction) -> Prepared:
+    """Prepare a row of `METRICS` for a prediction.
+
+    Raises:
+        RecipeError: if it has other node sets or parts than it says, as somebody else's may.
+    """
+    metric = METRICS[name]
+    prepared = metric.prepare(prediction)
+    expected = {(node_set, part) for node_set in metric.node_sets for part in metric.parts}
+    if set(prepared.nodes) != expected:
+        raise RecipeError(
+            f"metric {name!r}: expected the values {sorted(expected)} that its node sets and parts "
+            f"say, found {sorted(prepared.nodes)}"
+        )
+    return prepared
 
 
 def count_empty(truth: Truth) -> dict[str, int]:

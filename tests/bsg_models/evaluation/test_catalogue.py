@@ -21,9 +21,9 @@ from bsg_models.evaluation.catalogue import (
     list_values,
 )
 from bsg_models.evaluation.measurement import Measurement
-from bsg_models.evaluation.metric import NodeMetric
+from bsg_models.evaluation.metric import Metric, NodeMetric, Prepared
 from bsg_models.evaluation.metrics import Floats
-from bsg_models.evaluation.truth import Truth
+from bsg_models.evaluation.truth import Prediction, Truth
 
 
 def overshoot(truth: Truth, expectation: Expectation) -> Floats:
@@ -32,6 +32,26 @@ def overshoot(truth: Truth, expectation: Expectation) -> Floats:
 
 
 OVERSHOOT = NodeMetric(label="overshoot", less=True, about="objects too many", values=overshoot)
+
+
+class Sharpest(Metric):
+    """The greatest presence in a building that counts: a function of the weights."""
+
+    @property
+    def node_sets(self) -> tuple[str, ...]:
+        return ("building",)
+
+    def prepare(self, prediction: Prediction) -> Prepared:
+        presence = prediction.expectation.presence[prediction.rows["building"]].max(axis=1)
+
+        def evaluate(weights: Floats) -> dict[tuple[str, str], float]:
+            return {("building", ""): float(presence[weights > 0].max())}
+
+        return Prepared(evaluate, {("building", self.label): len(presence)})
+
+
+SHARPEST = Sharpest(label="", less=False, about="greatest presence")
+LYING = Sharpest(label="lying", less=False, about="says another part than it has")
 RAGGED = NodeMetric(label="ragged", less=True, about="no", values=lambda t, e: t.targets)
 
 
@@ -118,6 +138,20 @@ def test_a_metric_of_somebody_else_stands_with_the_others(
     assert weighted == pytest.approx((3 * by_hand[0] + by_hand[1]) / 4)
     assert again.count_nodes("rooms/overshoot") == 4
     assert head_value("rooms/overshoot") == "overshoot, rooms ↓"
+
+
+def test_a_metric_may_be_any_function_of_the_weights(
+    measurement: Measurement, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    install(monkeypatch, "SHARPEST")
+    truth, expectation = measurement.prediction.truth, measurement.prediction.expectation
+    again = Measurement(truth, expectation)
+    of_second = expectation.presence[3].max()
+    assert again.evaluate(np.array([0.0, 2.0]))["building/overshoot"] == of_second
+    assert list(again.evaluate())[-1] == "building/overshoot"
+    install(monkeypatch, "LYING")
+    with pytest.raises(RecipeError, match="'overshoot': expected the values"):
+        Measurement(truth, expectation).evaluate()
 
 
 def test_a_metric_of_another_shape_is_refused(
