@@ -15,7 +15,9 @@ from bsg_models.inputs.graphs import MaskedGraphs
 from bsg_models.rendering.explorer import View, write_explorer
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.predictor import Predictor
-from bsg_models.search.planners import PLANNERS, Knowledge, next_room
+from bsg_models.search.catalogue import PLANNERS, Planner
+from bsg_models.search.knowledge import Knowledge
+from bsg_models.search.planners import next_room
 from bsg_models.studies.comparison import compare_runs
 from bsg_models.studies.search_cases import StudyRecipe
 from bsg_models.studies.search_study import study_search
@@ -34,6 +36,7 @@ __all__ = [
     "Expectation",
     "Knowledge",
     "MaskedGraphs",
+    "Planner",
     "Predictor",
     "RunConfig",
     "StudyRecipe",

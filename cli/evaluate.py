@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import click
 import numpy as np
@@ -29,29 +28,14 @@ from bsg_data.observation.masks import MASKS
 from bsg_data.observation.partial_graph import mask_dataset
 from bsg_data.recipes import MaskRecipe
 from bsg_models.belief.belief_graph import believe
-from bsg_models.evaluation.measurement import Estimate
+from bsg_models.evaluation.verdict import BESIDE_DOUBLED, explain, judge_all
 from bsg_models.rendering.explorer import View, explorer_page
 from bsg_models.rendering.figures import plot_evaluation
 from bsg_models.rendering.report import Table, write_report
 from bsg_models.runs.predictor import Predictor
 from bsg_models.studies.comparison import Comparison, compare_runs
+from bsg_models.studies.comparison_table import encode_comparison, headline_rows, metric_rows
 from bsg_models.studies.leaderboard import LeaderboardRecipe
-
-# What the terminal shows: a plain name, the metric, and whether less of it is better.
-HEADLINES = (
-    ("hidden objects, -log likelihood", "rooms/hidden_nll", True),
-    ("hidden classes, AUROC", "rooms/presence_auroc_macro/all", False),
-    ("hidden classes, calibration error", "rooms/presence_calibration_error/all", True),
-    ("unseen classes, AUROC over rooms", "rooms/presence_auroc_macro/unseen", False),
-    ("unseen classes, AUROC over all", "rooms/presence_auroc_micro/unseen", False),
-    ("unseen classes, top 3 holds one", "rooms/top3_unseen", False),
-    ("error in number, rooms", "rooms/mean_absolute_error", True),
-    ("error in number, building", "building/mean_absolute_error", True),
-    ("total variation, rooms", "rooms/total_variation/mean", True),
-    ("Wasserstein, all nodes", "all/wasserstein_values/mean", True),
-    ("energy, all nodes", "all/energy_values/mean", True),
-    ("Frobenius, rooms", "rooms/correlation_frobenius", True),
-)
 
 
 @click.command(cls=Command)
@@ -162,21 +146,22 @@ def main(
         found = compare_runs(
             runs, data, split=split, resamples=resamples, seed=seed, progress=progress
         )
-    summary = summarise(found, split=split)
+    summary = encode_comparison(found)
     figures = _draw(found, out)
     write_bytes(out / "classes.csv", found.classes.to_csv(index=False).encode())
     if html is not None:
-        _write_page(html, found, runs, data, split=split, figures=figures, resamples=resamples)
+        _write_page(html, found, runs, data, figures=figures)
     write_bytes(report, (json.dumps(summary, indent=1) + "\n").encode())  # last: it means finished
     for note in found.notes:
         print_note(note)
     if as_json:
         print_json(summary)
         return
-    click.echo("\n".join(explain(found.estimates, runs=found.runs)) + "\n")
-    click.echo(_headline_table(found.estimates, resamples=resamples))
+    click.echo("\n".join(explain(found.bootstraps, runs=found.runs)) + "\n")
+    click.echo(format_table(headline_rows(found), header=["", *found.estimates]))
     if all_metrics:
-        click.echo("\n" + _full_table(found.estimates, resamples=resamples))
+        header = ["metric", "nodes", *found.estimates]
+        click.echo("\n" + format_table(metric_rows(found), header=header))
     click.echo(f"\nall metrics: {report}; per class: {out / 'classes.csv'}; figures:")
     click.echo("\n".join(f"  {path}  {what}" for what, path in figures.items()))
 
@@ -199,90 +184,13 @@ def read_recipe(
     )
 
 
-def summarise(found: Comparison, *, split: str) -> dict[str, Any]:
-    """Return a comparison as JSON: metric → model → value, interval, nodes."""
-    metrics: dict[str, dict[str, Any]] = {}
-    for model, estimates in found.estimates.items():
-        for name, e in estimates.items():
-            values = {"value": e.value, "low": e.low, "high": e.high}
-            plain = {k: None if np.isnan(v) else v for k, v in values.items()}
-            metrics.setdefault(name, {})[model] = {**plain, "nodes": e.nodes}
-    return {"split": split, **found.facts, "notes": list(found.notes), "metrics": metrics}
-
-
-def explain(estimates: Mapping[str, Mapping[str, Estimate]], *, runs: Sequence[str]) -> list[str]:
-    """Say in plain words where each run stands beside doubling what was seen."""
-    lines = []
-    for run, verdicts in judge_all(estimates, runs=runs).items():
-        lines.append(f"{run}, beside doubling what was seen (by 95 % intervals):")
-        for verdict, labels in verdicts.items():
-            lines.append(f"  {verdict}: {labels[0]}")
-            lines += [" " * (len(verdict) + 4) + label for label in labels[1:]]
-    return lines
-
-
-def judge_all(
-    estimates: Mapping[str, Mapping[str, Estimate]], *, runs: Sequence[str]
-) -> dict[str, dict[str, list[str]]]:
-    """Return run → verdict → the measures in which it is so, beside doubling what was seen."""
-    found = {}
-    for run in runs:
-        verdicts: dict[str, list[str]] = {"better": [], "not distinguishable": [], "worse": []}
-        for label, name, less in HEADLINES:
-            verdict = judge(estimates[run][name], estimates["doubled"][name], less=less)
-            verdicts[verdict].append(label)
-        found[run] = {verdict: labels for verdict, labels in verdicts.items() if labels}
-    return found
-
-
-def judge(ours: Estimate, other: Estimate, *, less: bool) -> str:
-    """Return better, worse or not distinguishable, by whether the intervals are apart."""
-    ends = [(e.value, e.value) if np.isnan(e.low) else (e.low, e.high) for e in (ours, other)]
-    (low, high), (other_low, other_high) = ends
-    if high < other_low:
-        return "better" if less else "worse"
-    if low > other_high:
-        return "worse" if less else "better"
-    return "not distinguishable"
-
-
-def _headline_table(estimates: Mapping[str, Mapping[str, Estimate]], *, resamples: int) -> str:
-    return format_table(_headlines(estimates, resamples=resamples), header=["", *estimates])
-
-
-def _headlines(
-    estimates: Mapping[str, Mapping[str, Estimate]], *, resamples: int
-) -> list[list[str]]:
-    return [
-        [f"{label} {'↓' if less else '↑'}", *_cells(estimates, name, resamples=resamples)]
-        for label, name, less in HEADLINES
-    ]
-
-
-def _full_table(estimates: Mapping[str, Mapping[str, Estimate]], *, resamples: int) -> str:
-    rows = _every_metric(estimates, resamples=resamples)
-    return format_table(rows, header=["metric", "nodes", *estimates])
-
-
-def _every_metric(
-    estimates: Mapping[str, Mapping[str, Estimate]], *, resamples: int
-) -> list[list[str]]:
-    first = next(iter(estimates.values()))
-    return [
-        [name, str(first[name].nodes), *_cells(estimates, name, resamples=resamples)]
-        for name in first
-    ]
-
-
 def _write_page(
     path: Path,
     found: Comparison,
     runs: Sequence[Path],
     data: Path,
     *,
-    split: str,
     figures: Mapping[str, Path],
-    resamples: int,
 ) -> None:
     """Write the evaluation as one page, with buildings that the likeliest run believes in."""
     likelihood = [found.estimates[name]["rooms/hidden_nll"].value for name in found.runs]
@@ -292,21 +200,18 @@ def _write_page(
         path,
         title=f"What is hidden, and how well it is known: {', '.join(found.runs)}",
         facts=[
-            f"{len(found.truth.scene_ids)} {split} buildings of {data.name}, beside baselines. "
-            "± is half of a 95 % interval over buildings; ↓ less is better, ↑ more is better.",
+            f"{len(found.truth.scene_ids)} {found.split} buildings of {data.name}, beside "
+            "baselines. ± is half of a 95 % interval over buildings; ↓ less is better, ↑ more is "
+            "better.",
             *found.notes,
         ],
         findings={
-            f"{run}, beside doubling what was seen (by 95 % intervals)": verdicts
-            for run, verdicts in judge_all(found.estimates, runs=found.runs).items()
+            f"{run}, {BESIDE_DOUBLED}": verdicts
+            for run, verdicts in judge_all(found.bootstraps, runs=found.runs).items()
         },
         tables=[
-            Table("In short", names, _headlines(found.estimates, resamples=resamples)),
-            Table(
-                "Every metric",
-                ["metric", "nodes", *found.estimates],
-                _every_metric(found.estimates, resamples=resamples),
-            ),
+            Table("In short", names, headline_rows(found)),
+            Table("Every metric", ["metric", "nodes", *found.estimates], metric_rows(found)),
         ],
         figures=figures,
         explorer=explorer_page(_look_into(found, runs[best], data)),
@@ -326,21 +231,6 @@ def _look_into(found: Comparison, run: Path, data: Path) -> list[View]:
         belief = believe(seen, predictor(seen), model=predictor.name)
         views[seen.scene_id] = View(belief, truth)
     return [views[scene] for scene in dict.fromkeys(wanted)]
-
-
-def _cells(
-    estimates: Mapping[str, Mapping[str, Estimate]], name: str, *, resamples: int
-) -> list[str]:
-    """Return values ± half the width of their 95 % intervals, one a model."""
-    return [_cell(found[name], interval=resamples > 1) for found in estimates.values()]
-
-
-def _cell(estimate: Estimate, *, interval: bool) -> str:
-    if np.isnan(estimate.value):
-        return "-"
-    value = f"{estimate.value:.3g}"
-    half = (estimate.high - estimate.low) / 2
-    return f"{value} ±{half:.1g}" if interval and not np.isnan(half) else value
 
 
 def _draw(found: Comparison, out: Path) -> dict[str, Path]:

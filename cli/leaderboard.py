@@ -15,6 +15,7 @@ from bsg_cli.terminal import format_table, print_json, print_note, progress_bar,
 from bsg_cli.train import load_config
 from bsg_data.dataset.shards import write_bytes
 from bsg_data.errors import DatasetError
+from bsg_models.evaluation.catalogue import head_value
 from bsg_models.rendering.figures import plot_leaderboard
 from bsg_models.studies.leaderboard import (
     Leaderboard,
@@ -23,8 +24,9 @@ from bsg_models.studies.leaderboard import (
     make_leaderboard,
 )
 from bsg_models.studies.leaderboard_table import (
-    HEADLINES,
+    HIDDEN,
     UNVISITED,
+    WHOLE,
     rank_models,
     write_json,
     write_markdown,
@@ -101,23 +103,21 @@ def _by_mask(board: Leaderboard) -> Iterator[tuple[str, dict[str, ModelResult]]]
 
 
 def _summary(results: dict[str, ModelResult]) -> str:
-    columns = HEADLINES["what is hidden"][:6]
+    columns = HIDDEN[:6]
     rows = [
         [
             name,
-            *(f"{results[name].metrics.point[column.metric]:.4f}" for column in columns),
+            *(f"{results[name].metrics.point[column]:.4f}" for column in columns),
             f"{results[name].seconds:.1f}",
         ]
         for name in rank_models(results)
     ]
-    arrows = [f"{column.label} {'↓' if column.less else '↑'}" for column in columns]
-    return format_table(rows, header=["model", *arrows, "training, s"])
+    return format_table(rows, header=["model", *map(head_value, columns), "training, s"])
 
 
 def _draw(results: dict[str, ModelResult], path: Path, mask: str) -> Path:
-    headlines = [*HEADLINES["what is hidden"], *HEADLINES["whole histograms"]]
-    headlines += UNVISITED if mask != "uniform" else ()
-    labels = {h.metric: f"{h.label} {'↓' if h.less else '↑'}" for h in headlines}
+    headlines = (*HIDDEN, *WHOLE, *(UNVISITED if mask != "uniform" else ()))
+    labels = {name: head_value(name) for name in headlines}
     estimates = {name: results[name].metrics.estimates() for name in rank_models(results)}
     title = f"`{mask}` masks; 95 % intervals over buildings; dashed: the best; grey: far beyond"
     plot_leaderboard(estimates, labels, path, title=title)

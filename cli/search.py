@@ -26,17 +26,17 @@ from bsg_cli.terminal import (
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.shards import write_bytes
 from bsg_data.errors import DatasetError, RecipeError
+from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.rendering.explorer import write_explorer
 from bsg_models.rendering.figures import plot_savings
 from bsg_models.runs.checkpoint import load_checkpoint
 from bsg_models.runs.run_folder import checkpoint_of
-from bsg_models.search.planners import PLANNERS
+from bsg_models.search.catalogue import PLANNERS
 from bsg_models.search.room_graphs import DEFAULT_WORLDS, WorldRecipe, parse_world
 from bsg_models.studies.replay import TraceRequest, trace_search
 from bsg_models.studies.savings import (
     LEAST_BUILDINGS,
-    Interval,
     Saving,
     WorldResult,
     saving_of_buildings,
@@ -324,7 +324,7 @@ def _choose_worlds(text: str | None, data: Path) -> tuple[WorldRecipe, ...]:
 
 def _choose_planners(text: str | None, *, believed: bool) -> tuple[str, ...]:
     if text is None:
-        return tuple(n for n, p in PLANNERS.items() if believed or p.reads != "belief")
+        return tuple(n for n in PLANNERS if believed or PLANNERS[n].reads != "belief")
     names = tuple(dict.fromkeys(name.strip() for name in text.split(",")))
     unknown = [name for name in names if name not in PLANNERS]
     if unknown:
@@ -456,7 +456,7 @@ def _row(name: str, saving: Saving) -> tuple[object, ...]:
     )
 
 
-def _percent(value: Interval, *, interval: bool = True) -> str:
+def _percent(value: Estimate, *, interval: bool = True) -> str:
     if math.isnan(value.value):
         return "-"
     text = f"{100 * value.value:.1f}"

@@ -22,8 +22,8 @@ from bsg_data.build import build_dataset
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.synthetic.buildings import write_synthetic
+from bsg_models.search.catalogue import PLANNERS
 from bsg_models.search.orders import expected_cost, order_rooms
-from bsg_models.search.planners import PLANNERS
 from bsg_models.search.room_graphs import WorldRecipe, sample_travel
 from bsg_models.search.simulator import Episodes, search
 from bsg_models.studies.search_cases import Case, StudyRecipe, sample_case

@@ -25,12 +25,11 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import PairsRecipe, SplitRecipe
+from bsg_models.evaluation.bootstrap import Estimate, bootstrap
 from bsg_models.evaluation.measurement import (
-    Estimate,
     Measurement,
     SplitsMeasurement,
     count_empty,
-    estimate,
     predict_all,
     read_truth,
 )
@@ -98,7 +97,8 @@ def measure(
         errors.append(np.abs(found.totals - truth.targets)[~truth.is_building].mean(axis=0))
     classes = checkpoint.header.class_map.classes
     per_class = dict(zip(classes, np.mean(errors, axis=0).tolist(), strict=True))
-    return estimate(SplitsMeasurement(splits), resamples=resamples), per_class
+    measured = bootstrap(SplitsMeasurement(splits), resamples=resamples)
+    return measured.estimates(), per_class
 
 
 def plateau(run: Path) -> int:

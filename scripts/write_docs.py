@@ -1,4 +1,4 @@
-"""Write the generated parts of the docs: column tables, command helps, the classes.
+"""Write the generated parts of the docs: column tables, command helps, classes and registries.
 
 A part stands between `<!-- generated: KIND NAME -->` and `<!-- end -->`. `make docs` runs this;
 `tests/test_docs.py` fails when a part is not what this would write.
@@ -16,9 +16,12 @@ from bsg_cli.registry import COMMANDS
 from bsg_data.dataset.card import column_table
 from bsg_data.dataset.schema import SPLITS, TABLES, pairs_schema
 from bsg_data.scene.class_map import load_class_map
+from bsg_models.evaluation.catalogue import METRICS
+from bsg_models.search.catalogue import PLANNERS
 from bsg_models.zoo.catalogue import ZOO
 
 DOCS = Path(__file__).resolve().parent.parent
+READS = {"none": "costs", "belief": "costs, belief", "truth": "costs, the truth"}
 PART = re.compile(r"(<!-- generated: (\S+) (.+?) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
@@ -45,11 +48,30 @@ def _generate(kind: str, name: str) -> str:
         return "\n".join(["| index | class | definition |", "|---|---|---|", *lines])
     if kind == "zoo":
         return "\n".join(["| name | what it is |", "|---|---|", *map(_describe, ZOO)])
+    if kind == "planners":
+        header = ["| planner | what it does | so that | reads |", "|---|---|---|---|"]
+        return "\n".join([*header, *map(_describe_planner, PLANNERS)])
+    if kind == "metrics":
+        header = ["| metric | in tables | better | of | what it is |", "|---|---|---|---|---|"]
+        return "\n".join([*header, *map(_describe_metric, METRICS)])
     raise ValueError(f"no generated part of kind {kind!r}")
 
 
 def _describe(name: str) -> str:
     return f"| `{name}` | {ZOO[name].describe()} |"
+
+
+def _describe_planner(name: str) -> str:
+    planner = PLANNERS[name]
+    does = (planner.choose.__doc__ or "–").strip().splitlines()[0].rstrip(".")
+    return f"| `{name}` | {does} | {planner.so_that} | {READS[planner.reads]} |"
+
+
+def _describe_metric(name: str) -> str:
+    metric = METRICS[name]
+    better = "–" if metric.less is None else "less" if metric.less else "more"
+    about = metric.about.replace("|", "\\|")
+    return f"| `{name}` | {metric.label} | {better} | {', '.join(metric.node_sets)} | {about} |"
 
 
 def _help(words: list[str]) -> str:

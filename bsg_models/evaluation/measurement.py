@@ -1,65 +1,22 @@
-"""Measure models on the stored pairs of a split: every metric of DESIGN section 8, with intervals.
-
-A metric is a ratio of sums over nodes, or a function of such sums. All of them take a weight per
-building, so that a bootstrap over buildings, the unit that is drawn at random, costs one pass each.
-"""
+"""Measure models on the stored pairs of a split: every metric, for any weights of the buildings."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
+from bsg_data.errors import RecipeError
 from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_models.belief.expectation import Expectation, join
 from bsg_models.evaluation import metrics
-from bsg_models.evaluation.metrics import Bools, Floats
-from bsg_models.evaluation.presence import PresenceMeasurement
+from bsg_models.evaluation.catalogue import METRICS, list_values, name_value
+from bsg_models.evaluation.metric import Prepared
+from bsg_models.evaluation.metrics import Floats
+from bsg_models.evaluation.truth import Prediction, Truth
 from bsg_models.zoo.model import BeliefModel
-
-NODE_SETS = ("rooms", "building", "all")
-
-
-@dataclass(frozen=True, eq=False)
-class Truth:
-    """What the stored pairs of a split say, over all N nodes of all draws.
-
-    Attributes:
-        inputs: `[N, C]` what the masks leave.
-        targets: `[N, C]` what is there.
-        is_building: `[N]`.
-        visited: `[N]` whether the robot entered.
-        building: `[N]` 0..B-1, the number of the node's building.
-        draw: `[N]` number of the mask.
-        scene_ids: `[B]`.
-    """
-
-    inputs: Floats
-    targets: Floats
-    is_building: Bools
-    visited: Bools
-    building: npt.NDArray[np.int64]
-    draw: npt.NDArray[np.int64]
-    scene_ids: tuple[str, ...]
-
-    @property
-    def hidden(self) -> Floats:
-        """Hidden counts, `[N, C]`."""
-        return self.targets - self.inputs
-
-
-@dataclass(frozen=True, slots=True)
-class Estimate:
-    """A metric's value, its 95 % bootstrap interval over buildings, and its number of nodes."""
-
-    value: float
-    low: float
-    high: float
-    nodes: int
 
 
 def read_truth(masked: MaskedBuildings) -> Truth:
@@ -91,8 +48,7 @@ class Measurement:
     """
 
     def __init__(self, truth: Truth, expectation: Expectation) -> None:
-        self.truth = truth
-        self.expectation = expectation
+        self.prediction = Prediction(truth, expectation)
         self.scene_ids = truth.scene_ids
 
     def evaluate(self, building_weights: Floats | None = None) -> dict[str, float]:
@@ -101,113 +57,31 @@ class Measurement:
         Args:
             building_weights: `[B]` how often each building counts; None counts each once.
         """
-        weights = building_weights if building_weights is not None else np.ones(self._buildings)
-        every = weights[self.truth.building]
-        found: dict[str, float] = {}
-        for name in NODE_SETS:
-            keep = self._rows[name]
-            for metric, value in self._of_nodes(keep, every[keep]):
-                found[f"{name}/{metric}"] = value
-            predicted, true = (sums.correlate(weights) for sums in self._sums[name])
-            found[f"{name}/correlation_frobenius"] = float(np.linalg.norm(predicted - true))
-        found.update(self._of_presence(every[self._rows["rooms"]]))
-        return found
-
-    @property
-    def _buildings(self) -> int:
-        return len(self.truth.scene_ids)
-
-    @cached_property
-    def _rows(self) -> Mapping[str, npt.NDArray[np.int64]]:
-        building = self.truth.is_building
-        sets = {"rooms": ~building, "building": building, "all": np.ones_like(building)}
-        return {name: np.flatnonzero(mask) for name, mask in sets.items()}
-
-    @cached_property
-    def _sums(self) -> Mapping[str, tuple[_BuildingSums, ...]]:
-        counts = (self.expectation.totals, self.truth.targets)
-        return {
-            name: tuple(
-                _BuildingSums(c[rows], self.truth.building[rows], self._buildings) for c in counts
-            )
-            for name, rows in self._rows.items()
+        weights = np.ones(len(self.scene_ids)) if building_weights is None else building_weights
+        values = {
+            name_value(row, *key): value
+            for row, prepared in self._prepared.items()
+            for key, value in prepared.evaluate(weights).items()
         }
-
-    @cached_property
-    def _distances(self) -> Mapping[str, Floats]:
-        p = metrics.normalise(self.expectation.totals)
-        q = metrics.normalise(self.truth.targets)
-        return {
-            "wasserstein_values": metrics.wasserstein_values(p, q),
-            "energy_values": metrics.energy_values(p, q),
-            "wasserstein_classes": metrics.wasserstein_classes(p, q),
-            "energy_classes": metrics.energy_classes(p, q),
-            "total_variation": metrics.total_variation(p, q),
-        }
-
-    @cached_property
-    def _errors(self) -> Mapping[str, Floats]:
-        """Per node, the mean over classes: `[N]`."""
-        error = self.expectation.totals - self.truth.targets
-        log_probability = self.expectation.log_probability(self.truth.hidden)
-        return {
-            "mean_error": error.mean(axis=1),
-            "mean_absolute_error": np.abs(error).mean(axis=1),
-            "hidden_nll": -log_probability.mean(axis=1),
-        }
-
-    def _of_nodes(
-        self, rows: npt.NDArray[np.int64], weights: Floats
-    ) -> Iterator[tuple[str, float]]:
-        for name, values in self._distances.items():
-            found = metrics.moments(values[rows], weights)
-            yield from ((f"{name}/{part}", value) for part, value in found._asdict().items())
-        for name, values in self._errors.items():
-            yield name, metrics.moments(values[rows], weights).mean
-
-    @cached_property
-    def _presence(self) -> PresenceMeasurement:
-        rooms = self._rows["rooms"]
-        return PresenceMeasurement(
-            presence=self.expectation.presence[rooms],
-            seen=self.truth.inputs[rooms] > 0,
-            hidden=self.truth.hidden[rooms] > 0,
-            visited=self.truth.visited[rooms],
-        )
-
-    def _of_presence(self, weights: Floats) -> dict[str, float]:
-        return {f"rooms/{name}": value for name, value in self._presence.evaluate(weights)}
+        return {name: values[name] for name in self._nodes}
 
     def count_nodes(self, metric: str) -> int:
         """Return the number of nodes that a metric is over."""
-        name, _, rest = metric.partition("/")
-        rows = self._rows[name]
-        if rest.startswith(("top", "presence")):
-            return self._presence.count_rooms(rest)
-        distance = rest.rpartition("/")[0]
-        if distance in self._distances:
-            return int((~np.isnan(self._distances[distance][rows])).sum())
-        return len(rows)
+        return self._nodes[metric]
 
+    @cached_property
+    def _prepared(self) -> Mapping[str, Prepared]:
+        return {name: prepare_metric(name, self.prediction) for name in METRICS}
 
-class _BuildingSums:
-    """Sums of counts and of their products per building: all that correlations need."""
-
-    def __init__(self, counts: Floats, building: npt.NDArray[np.int64], buildings: int) -> None:
-        classes = counts.shape[1]
-        shifted = counts - counts.mean(axis=0, keepdims=True)
-        self.number = np.bincount(building, minlength=buildings).astype(float)
-        self.sums = np.zeros((buildings, classes))
-        self.products = np.zeros((buildings, classes, classes))
-        for b in range(buildings):
-            own = shifted[building == b]
-            self.sums[b] = own.sum(axis=0)
-            self.products[b] = own.T @ own
-
-    def correlate(self, weights: Floats) -> Floats:
-        """Return the correlations `[C, C]` with every building weighed, `[B]`."""
-        products = np.tensordot(weights, self.products, axes=1)
-        return metrics.correlate_sums(weights @ self.number, weights @ self.sums, products)
+    @cached_property
+    def _nodes(self) -> Mapping[str, int]:
+        """Name → number of nodes, in the order of all tables."""
+        nodes = {
+            name_value(row, *key): number
+            for row, prepared in self._prepared.items()
+            for key, number in prepared.nodes.items()
+        }
+        return {name: nodes[name] for name in list_values()}
 
 
 class SplitsMeasurement:
@@ -228,115 +102,33 @@ class SplitsMeasurement:
     def evaluate(self, building_weights: Floats | None = None) -> dict[str, float]:
         """Return every metric as the mean over the splits in which it is defined."""
         weights = np.ones(len(self.scene_ids)) if building_weights is None else building_weights
-        found = [
+        values = [
             split.evaluate(weights[places])
             for split, places in zip(self.splits, self._places, strict=True)
             if weights[places].any()
         ]
-        return {name: metrics.mean_known([one[name] for one in found]) for name in found[0]}
+        return {name: metrics.mean_known([one[name] for one in values]) for name in values[0]}
 
     def count_nodes(self, metric: str) -> int:
         """Return the number of nodes of all splits that a metric is over."""
         return sum(split.count_nodes(metric) for split in self.splits)
 
 
-@dataclass(frozen=True, eq=False)
-class Bootstrap:
-    """A model's metrics, and the same of every resample of the buildings.
+def prepare_metric(name: str, prediction: Prediction) -> Prepared:
+    """Prepare a row of `METRICS` for a prediction.
 
-    Attributes:
-        point: metric → value.
-        resampled: metric → `[resamples]`.
-        nodes: metric → number of nodes that it is over.
+    Raises:
+        RecipeError: if it has other node sets or parts than it says, as somebody else's may.
     """
-
-    point: dict[str, float]
-    resampled: dict[str, Floats]
-    nodes: dict[str, int]
-
-    def estimates(self) -> dict[str, Estimate]:
-        """Return every metric with its interval."""
-        return {name: self.estimate(name) for name in self.point}
-
-    def estimate(self, name: str) -> Estimate:
-        """Return one metric with its interval."""
-        return self._estimate(name, self.point[name], self.resampled[name])
-
-    def difference(self, other: Bootstrap, name: str) -> Estimate:
-        """Return this model's metric minus another's, with the interval of the difference.
-
-        It is paired: both met the same resamples, so that buildings which are hard for both do not
-        widen it.
-        """
-        resampled = self.resampled[name] - other.resampled[name]
-        return self._estimate(name, self.point[name] - other.point[name], resampled)
-
-    def ratio(self, other: Bootstrap, name: str) -> Estimate:
-        """Return this model's metric over another's, paired like `difference`."""
-        resampled = self.resampled[name] / other.resampled[name]
-        return self._estimate(name, self.point[name] / other.point[name], resampled)
-
-    def _estimate(self, name: str, value: float, resampled: Floats) -> Estimate:
-        low, high = value + interval(resampled)
-        return Estimate(value, float(low), float(high), self.nodes[name])
-
-
-def estimate(
-    measurement: Measurement | SplitsMeasurement,
-    *,
-    resamples: int = 200,
-    seed: int = 0,
-    progress: Callable[[int, int], None] | None = None,
-) -> dict[str, Estimate]:
-    """Return every metric with its bootstrap interval over buildings; see `bootstrap`."""
-    found = bootstrap(measurement, resamples=resamples, seed=seed, progress=progress)
-    return found.estimates()
-
-
-def bootstrap(
-    measurement: Measurement | SplitsMeasurement,
-    *,
-    resamples: int = 200,
-    seed: int = 0,
-    progress: Callable[[int, int], None] | None = None,
-) -> Bootstrap:
-    """Return every metric, and what it is on resamples of the buildings.
-
-    The resamples depend on the seed and the number of buildings alone, so that all models on the
-    same truth meet the same ones.
-
-    Args:
-        measurement: of one model.
-        resamples: fewer than 2 give no intervals (nan).
-        seed: of the resamples.
-        progress: called with (resamples done, resamples in all).
-    """
-    point = measurement.evaluate()
-    buildings = len(measurement.scene_ids)
-    rng = np.random.Generator(np.random.PCG64(seed))
-    drawn: list[dict[str, float]] = []
-    for done in range(1, resamples + 1):
-        weights = rng.multinomial(buildings, np.full(buildings, 1 / buildings)).astype(float)
-        drawn.append(measurement.evaluate(weights))
-        if progress is not None:
-            progress(done, resamples)
-    return Bootstrap(
-        point=point,
-        resampled={name: np.array([one[name] for one in drawn], dtype=float) for name in point},
-        nodes={name: measurement.count_nodes(name) for name in point},
-    )
-
-
-def interval(resampled: Floats) -> Floats:
-    """Return the 2.5 % and 97.5 % quantiles of resampled values around their mean, `[2]`.
-
-    Around their mean, not as they are: a resample repeats buildings, which adds noise, and a norm
-    such as Frobenius' only grows by it, so that its resamples lie above the value.
-    """
-    known = resampled[~np.isnan(resampled)]
-    if len(known) < 2:
-        return np.full(2, np.nan)
-    return np.asarray(np.quantile(known, [0.025, 0.975]) - known.mean())
+    metric = METRICS[name]
+    prepared = metric.prepare(prediction)
+    expected = {(node_set, part) for node_set in metric.node_sets for part in metric.parts}
+    if set(prepared.nodes) != expected:
+        raise RecipeError(
+            f"metric {name!r}: expected the values {sorted(expected)} that its node sets and parts "
+            f"say, found {sorted(prepared.nodes)}"
+        )
+    return prepared
 
 
 def count_empty(truth: Truth) -> dict[str, int]:
@@ -357,9 +149,9 @@ def measure_classes(
     """
     sets = {"rooms": ~truth.is_building, "building": truth.is_building}
     rows = []
-    for model, found in expectations.items():
-        error = found.totals - truth.targets
-        presence = found.presence
+    for model, expectation in expectations.items():
+        error = expectation.totals - truth.targets
+        presence = expectation.presence
         for name, keep in sets.items():
             for c, class_name in enumerate(classes):
                 ranking = metrics.rank(presence[keep, c], truth.hidden[keep, c] > 0)

@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 
 from bsg_data.errors import BSGError
 from bsg_models.belief.expectation import Expectation
-from bsg_models.evaluation.measurement import Estimate
+from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.evaluation.metrics import Bools, Floats, correlation_matrix, normalise
 from bsg_models.training.learning_curve import EpochReport
 

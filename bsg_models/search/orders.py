@@ -117,7 +117,7 @@ def expected_cost(costs: Floats, here: int, miss: Floats, order: Ints, *, single
 
 @njit(cache=True)
 def _choose(costs, here, rooms, miss, wanted, single, exact):  # type: ignore[no-untyped-def]
-    found = np.full(len(here), -1)
+    target = np.full(len(here), -1)
     for e in range(len(here)):
         which = np.flatnonzero(rooms[e])
         classes = np.flatnonzero(wanted[e])
@@ -128,8 +128,8 @@ def _choose(costs, here, rooms, miss, wanted, single, exact):  # type: ignore[no
             for a in range(len(classes)):
                 part[i, a] = miss[e, which[i], classes[a]]
         order = _order(costs[e], here[e], which, part, single, exact, 0)
-        found[e] = which[order[0]]
-    return found
+        target[e] = which[order[0]]
+    return target
 
 
 @njit(cache=True)
@@ -147,7 +147,7 @@ def _plan_tours(costs, here, holds, exact, kicks):  # type: ignore[no-untyped-de
 
 @njit(cache=True)
 def _choose_cover(costs, here, holds, wanted):  # type: ignore[no-untyped-def]
-    found = np.full(len(here), -1)
+    target = np.full(len(here), -1)
     for e in range(len(here)):
         classes = np.flatnonzero(wanted[e])
         nodes, sets = holds.shape[1], 1 << len(classes)
@@ -173,8 +173,8 @@ def _choose_cover(costs, here, holds, wanted):  # type: ignore[no-untyped-def]
         best = np.inf
         for n in range(nodes):
             if cost[sets - 1, n] < best:
-                best, found[e] = cost[sets - 1, n], first[sets - 1, n]
-    return found
+                best, target[e] = cost[sets - 1, n], first[sets - 1, n]
+    return target
 
 
 @njit(cache=True)

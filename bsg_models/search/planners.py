@@ -1,93 +1,27 @@
 """Planners: from what a robot knows to the room where it goes next.
 
 Each is a function of `Knowledge` of E searches at once that returns a node for each, `[E]`. What a
-robot does not know is not in `Knowledge`. What each optimises:
-
-| planner | goes to | reads |
-|---|---|---|
-| `nearest` | the unexplored room that is cheapest to reach (the paper's Dijkstra on 𝒢) | costs |
-| `random` | the unexplored rooms in random order | nothing |
-| `greedy-share` | the room with the greatest E″(α), the paper's rule literally | belief |
-| `greedy-belief` | the room that most likely holds an instance | belief |
-| `ratio` | the room with the most probability of an instance per cost of going there | both |
-| `expected-cost` | the first room of the order with the least expected cost | both |
-| `routing` | the same if one instance were anywhere with the same probability: no belief | costs |
-| `oracle` | the first room of the cheapest way that finds what is sought | the truth |
-
-With several classes the first six work on the probability that a room holds any that is still to
-be found, and the orders on when all are found. Ties go to the room with the lowest index.
+robot does not know is not in `Knowledge`. With several classes a planner works on the probability
+that a room holds any that is still to be found, and the orders of `expected-cost`, `routing` and
+`oracle` on when all are found. Ties go to the room with the lowest index.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Literal
-
 import numpy as np
 
 from bsg_data.errors import RecipeError
+from bsg_models.search.catalogue import AnyPlanner, Planner, find_planner
+from bsg_models.search.knowledge import Knowledge, Task
 from bsg_models.search.orders import choose_cover, choose_rooms, plan_tours
 from bsg_models.search.shortest_paths import Bools, Floats, Ints, Travel, find_ways
 
-Task = Literal["single", "all"]
-Reads = Literal["none", "belief", "truth"]
 _ALIKE = 1e-4  # presence of one instance that may be anywhere
 _ORACLE_EXACT, _ORACLE_KICKS = 12, 200
 
 
-@dataclass(frozen=True, eq=False)
-class Knowledge:
-    """What E robots know in the middle of their searches of one building.
-
-    Attributes:
-        task: whether one instance of each class is enough, or all are to be found.
-        here: `[E]` node of the robot.
-        travel: of all searches of the building.
-        rows: `[E]` which of them these are.
-        unexplored: `[E, N]` rooms that it can reach and has not entered.
-        wanted: `[E, A]` classes still to be found.
-        presence: `[E, N, A]` believed P(at least one instance); of unexplored rooms alone.
-        share: `[E, N, A]` believed E″(α), the class's share of the room's objects.
-        lots: `[E, N]` random numbers, for a planner that draws lots.
-        tour: `[E, N]` places of the rooms in the oracle's tour; nobody else is given one.
-    """
-
-    task: Task
-    here: Ints
-    travel: Travel
-    rows: Ints
-    unexplored: Bools
-    wanted: Bools
-    presence: Floats
-    share: Floats
-    lots: Floats
-    tour: Ints | None = None
-
-    @property
-    def distance(self) -> Floats:
-        """Cost of going to each node, `[E, N]`."""
-        return np.asarray(self.travel.costs[self.rows, self.here])
-
-    @property
-    def costs(self) -> Floats:
-        """Cost of the cheapest way between any two nodes, `[E, N, N]`."""
-        return np.asarray(self.travel.costs[self.rows])
-
-    @property
-    def any_presence(self) -> Floats:
-        """P(at least one instance of any class that is still to be found), `[E, N]`."""
-        return np.asarray(1 - np.where(self.wanted[:, None], 1 - self.presence, 1.0).prod(axis=2))
-
-    @property
-    def left(self) -> Floats:
-        """P(at least one instance in the unexplored rooms), rooms being independent, `[E]`."""
-        return np.asarray(1 - np.where(self.unexplored, 1 - self.any_presence, 1.0).prod(axis=1))
-
-
 def nearest(known: Knowledge) -> Ints:
-    """Go to the unexplored room that is cheapest to reach."""
+    """Go to the unexplored room that is cheapest to reach: the paper's Dijkstra on 𝒢."""
     return _best(known, -known.distance)
 
 
@@ -97,7 +31,13 @@ def random_order(known: Knowledge) -> Ints:
 
 
 def greedy_share(known: Knowledge) -> Ints:
-    """Go to the room with the greatest share of the class in the expected histogram, max E″(α)."""
+    """Go to the room with the greatest E″(α), the class's share of what is expected there.
+
+    Raises:
+        RecipeError: if the share is not known.
+    """
+    if known.share is None:
+        raise RecipeError("greedy-share reads E″(α), the share of the class in each room: give it")
     return _best(known, np.where(known.wanted[:, None], known.share, 0.0).sum(axis=2))
 
 
@@ -107,12 +47,12 @@ def greedy_belief(known: Knowledge) -> Ints:
 
 
 def ratio(known: Knowledge) -> Ints:
-    """Go to the room with the most probability of an instance per cost."""
+    """Go to the room with the most probability of an instance per cost of going there."""
     return _best(known, known.any_presence / np.maximum(known.distance, 1e-9))
 
 
 def expected_cost(known: Knowledge) -> Ints:
-    """Go to the first room of the order that minimises the expected cost of the search."""
+    """Go to the first room of the order with the least expected cost."""
     return choose_rooms(
         known.costs,
         known.here,
@@ -124,7 +64,7 @@ def expected_cost(known: Knowledge) -> Ints:
 
 
 def routing(known: Knowledge) -> Ints:
-    """Do as `expected_cost` would if no room were likelier than another: what routes alone save."""
+    """Do as `expected-cost` if one instance were anywhere with the same probability."""
     return choose_rooms(
         known.costs,
         known.here,
@@ -136,13 +76,26 @@ def routing(known: Knowledge) -> Ints:
 
 
 def oracle(known: Knowledge) -> Ints:
-    """Go the cheapest way that finds what is sought; `presence` is the truth.
+    """Go the cheapest way that finds what is sought, which it knows.
 
-    In `single` it is exact, in `all` it follows the tour that it planned at the start.
+    Its `presence` is the truth. In `single` it is exact, in `all` it follows the tour that it
+    planned at the start.
     """
     if known.tour is not None:
         return _best(known, np.where(known.any_presence > 0.5, -known.tour, -np.inf))
     return choose_cover(known.costs, known.here, known.presence > 0.5, wanted=known.wanted)
+
+
+NEAREST = Planner(nearest, "none", so_that="the next leg is short")
+RANDOM = Planner(random_order, "none")
+GREEDY_SHARE = Planner(greedy_share, "belief", so_that="the paper's rule is kept to the letter")
+GREEDY_BELIEF = Planner(
+    greedy_belief, "belief", so_that="it is found in few rooms, wherever they are"
+)
+RATIO = Planner(ratio, "belief", so_that="the next leg pays")
+EXPECTED_COST = Planner(expected_cost, "belief", so_that="the whole search is short")
+ROUTING = Planner(routing, "none", so_that="one sees what good routes save without a belief")
+ORACLE = Planner(oracle, "truth", so_that="nobody is better")
 
 
 def plan_tour(travel: Travel, here: Ints, holds: Bools) -> Ints:
@@ -159,8 +112,10 @@ def next_room(
     here: int,
     explored: Bools,
     presence: Floats,
+    share: Floats | None = None,
     task: Task = "single",
-    planner: str = "expected-cost",
+    planner: AnyPlanner = "expected-cost",
+    seed: int = 0,
 ) -> int | None:
     """Return where a robot should go next, for one search of its own.
 
@@ -170,15 +125,19 @@ def next_room(
         explored: `[N]` rooms that it has searched.
         presence: `[N]` or `[N, A]` P(at least one hidden instance) of what it still looks for, such
             as a column of `Expectation.presence`.
+        share: of the same shape, E″(α), such as a column of `Expectation.distribution`; read by
+            `greedy-share` alone.
         task: `single` or `all`.
-        planner: that reads presence or costs alone.
+        planner: a name of `PLANNERS`, a `Planner`, or a function of `Knowledge`; any that does not
+            read the truth.
+        seed: of the lots that `random` draws.
 
     Returns:
         a room; None if no unexplored one can be reached.
 
     Raises:
-        RecipeError: for a planner that needs what is not given here, and for arrays of other shapes
-            or values.
+        RecipeError: for a planner that needs what is not given here or names another room than an
+            unexplored one, and for arrays of other shapes or values.
     """
     edges, presence = np.asarray(edges, dtype=float), np.asarray(presence, dtype=float)
     nodes = len(edges)
@@ -186,22 +145,28 @@ def next_room(
         raise RecipeError(f"edges {list(edges.shape)}: expected costs of 0 or more, [N, N]")
     if presence.shape[:1] != (nodes,) or not ((presence >= 0) & (presence <= 1)).all():
         raise RecipeError(f"presence {list(presence.shape)}: expected probabilities, [{nodes}, A]")
+    if share is not None and np.shape(share) != presence.shape:
+        raise RecipeError(f"share {list(np.shape(share))}: expected {list(presence.shape)}")
     if np.shape(explored) != (nodes,) or not 0 <= here < nodes:
         raise RecipeError(
             f"explored {list(np.shape(explored))}, here {here}: expected {nodes} nodes"
         )
     if task not in ("single", "all"):
         raise RecipeError(f"task {task!r}: give single or all")
-    if planner not in PLANNERS or planner in ("random", "greedy-share", "oracle"):
+    chosen = find_planner(planner)
+    if chosen.reads == "truth":
         raise RecipeError(
-            f"planner {planner!r}: give nearest, greedy-belief, ratio, routing or expected-cost"
+            f"planner {planner!r} reads the truth, which no robot knows; expected-cost does not"
         )
     travel = find_ways(edges[None])
     unexplored = ~np.asarray(explored, dtype=bool) & np.isfinite(travel.costs[0, here])
     unexplored[0] = False
     if not unexplored.any():
         return None
-    likely = np.where(unexplored[:, None], np.reshape(presence, (len(unexplored), -1)), 0.0)
+    open_ = unexplored[:, None]
+    likely = np.where(open_, np.reshape(presence, (nodes, -1)), 0.0)
+    if share is not None:
+        share = np.where(open_, np.reshape(share, likely.shape), 0.0)[None]
     known = Knowledge(
         task=task,
         here=np.array([here]),
@@ -210,34 +175,38 @@ def next_room(
         unexplored=unexplored[None],
         wanted=np.ones((1, likely.shape[1]), dtype=bool),
         presence=likely[None],
-        share=likely[None],
-        lots=np.zeros((1, len(unexplored))),
+        share=share,
+        lots=np.random.default_rng(seed).random((1, nodes)),
     )
-    return int(PLANNERS[planner].choose(known)[0])
+    return int(ask_planner(chosen, known)[0])
+
+
+def ask_planner(planner: Planner, known: Knowledge) -> Ints:
+    """Return the rooms `[E]` that a planner names.
+
+    Raises:
+        RecipeError: if one of them is not an unexplored room that the robot can reach.
+    """
+    target = np.asarray(planner.choose(known))
+    number, nodes = known.unexplored.shape
+    if target.shape != (number,) or not np.issubdtype(target.dtype, np.integer):
+        raise RecipeError(
+            f"{_name(planner)}: expected the numbers of {number} rooms, found {target.dtype} "
+            f"{list(target.shape)}"
+        )
+    inside = (target >= 0) & (target < nodes)
+    wrong = ~(inside & known.unexplored[np.arange(number), np.where(inside, target, 0)])
+    if wrong.any():
+        raise RecipeError(
+            f"{_name(planner)}: names room {target[wrong][0]}, expected one of `unexplored`"
+        )
+    return target
+
+
+def _name(planner: Planner) -> str:
+    return f"planner {getattr(planner.choose, '__name__', repr(planner.choose))}"
 
 
 def _best(known: Knowledge, score: Floats) -> Ints:
     """Return the unexplored room with the highest score, the lowest index among equals."""
     return np.asarray(np.where(known.unexplored, score, -np.inf).argmax(axis=1))
-
-
-@dataclass(frozen=True, slots=True)
-class Planner:
-    """A planner of the table above: its function, and whose presence it is given."""
-
-    choose: Callable[[Knowledge], Ints]
-    reads: Reads
-
-
-PLANNERS: Mapping[str, Planner] = MappingProxyType(
-    {
-        "nearest": Planner(nearest, "none"),
-        "random": Planner(random_order, "none"),
-        "greedy-share": Planner(greedy_share, "belief"),
-        "greedy-belief": Planner(greedy_belief, "belief"),
-        "ratio": Planner(ratio, "belief"),
-        "expected-cost": Planner(expected_cost, "belief"),
-        "routing": Planner(routing, "none"),
-        "oracle": Planner(oracle, "truth"),
-    }
-)

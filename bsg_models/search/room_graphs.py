@@ -166,10 +166,10 @@ def sample_travel(
 
 def world_generator(seed: int, scene_id: str, part: str) -> np.random.Generator:
     """Return the generator of one part of the episodes of a building."""
-    words = (
+    hashes = (
         np.frombuffer(hashlib.sha256(t.encode()).digest()[:16], "<u4") for t in (scene_id, part)
     )
-    entropy = [seed, *np.concatenate(list(words)).tolist()]
+    entropy = [seed, *np.concatenate(list(hashes)).tolist()]
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(entropy)))
 
 

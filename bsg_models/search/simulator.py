@@ -18,7 +18,9 @@ from typing import Protocol
 import numpy as np
 
 from bsg_data.errors import RecipeError
-from bsg_models.search.planners import Knowledge, Planner, Task, plan_tour
+from bsg_models.search.catalogue import Planner
+from bsg_models.search.knowledge import Knowledge, Task
+from bsg_models.search.planners import ask_planner, plan_tour
 from bsg_models.search.shortest_paths import Bools, Floats, Ints, Travel, find_ways
 
 
@@ -115,7 +117,7 @@ def search(
 
     Args:
         episodes: E searches of one building.
-        planner: of `PLANNERS`.
+        planner: a row of `PLANNERS`, or any other.
         task: when a search ends.
         beliefs: whose presence the planner is given; not read by planners without a belief, nor by
             one that is given the truth.
@@ -124,7 +126,8 @@ def search(
         watch: called at each step.
 
     Raises:
-        RecipeError: if the planner needs a belief and there is none.
+        RecipeError: if the planner needs a belief and there is none, or names another room than an
+            unexplored one.
     """
     if planner.reads == "belief" and beliefs is None:
         raise RecipeError("this planner needs a belief: give the run of a model")
@@ -154,7 +157,7 @@ def search(
         if stop_at is not None and (sure := known.left <= stop_at).any():
             going[rows[sure]] = False
             continue
-        target = planner.choose(known)
+        target = ask_planner(planner, known)
         place = episodes.travel.first_on_the_way(rows, known.here, target, known.unexplored)
         if watch is not None:
             watch(Step(rows, known, target, place))
@@ -169,14 +172,14 @@ def search(
         here[rows] = place
 
 
-def still_to_find(before: Ints, found: Ints, *, task: Task) -> Ints:
-    """Return the instances still to be found after some were, all `[E, A]`.
+def still_to_find(before: Ints, seen: Ints, *, task: Task) -> Ints:
+    """Return the instances still to be found after some were seen, all `[E, A]`.
 
     In `single` one instance of a class is as good as all of them.
     """
     if task == "all":
-        return before - found
-    return np.where(found > 0, 0, before)
+        return before - seen
+    return np.where(seen > 0, 0, before)
 
 
 def _look(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, cast
 
@@ -14,16 +15,15 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError
 from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import CheckpointError
+from bsg_models.evaluation.bootstrap import Bootstrap, Estimate, bootstrap
 from bsg_models.evaluation.measurement import (
-    Estimate,
     Measurement,
-    Truth,
     count_empty,
-    estimate,
     measure_classes,
     predict_all,
     read_truth,
 )
+from bsg_models.evaluation.truth import Truth
 from bsg_models.inputs.folds import Split
 from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import Checkpoint, load_checkpoint, require_dataset, restore_model
@@ -41,7 +41,8 @@ class Comparison:
 
     Attributes:
         runs: names of the runs, in the order given; the baselines follow them.
-        estimates: model → metric → value with interval.
+        split: that they were measured on.
+        bootstraps: model → its metrics, and the same of every resample of the buildings.
         expectations: model → beliefs about every node.
         truth: of the split.
         classes: one row a model, node set and class.
@@ -51,13 +52,19 @@ class Comparison:
     """
 
     runs: tuple[str, ...]
-    estimates: dict[str, dict[str, Estimate]]
+    split: str
+    bootstraps: dict[str, Bootstrap]
     expectations: dict[str, Expectation]
     truth: Truth
     classes: pd.DataFrame
     class_names: tuple[str, ...]
     facts: dict[str, Any]
     notes: tuple[str, ...]
+
+    @cached_property
+    def estimates(self) -> dict[str, dict[str, Estimate]]:
+        """Model → metric → value with interval."""
+        return {name: measured.estimates() for name, measured in self.bootstraps.items()}
 
     @property
     def example_node(self) -> int:
@@ -104,11 +111,11 @@ def compare_runs(
     part = cast(Split, split)
     truth = read_truth(read_split(data, part, fold=fold))
     models = _models(loaded, data, fold=fold)
-    estimates, expectations = {}, {}
+    bootstraps, expectations = {}, {}
     for done, (name, model) in enumerate(models.items()):
         masked = read_split(data, part, fold=fold, vocabulary=model.vocabulary)
         expectations[name] = predict_all(model, masked)
-        estimates[name] = estimate(
+        bootstraps[name] = bootstrap(
             Measurement(truth, expectations[name]),
             resamples=resamples,
             seed=seed,
@@ -117,7 +124,8 @@ def compare_runs(
     classes = data.manifest.class_map.classes
     return Comparison(
         runs=tuple(name for name in models if name not in BASELINES),
-        estimates=estimates,
+        split=split,
+        bootstraps=bootstraps,
         expectations=expectations,
         truth=truth,
         classes=measure_classes(truth, expectations, classes),
@@ -163,8 +171,8 @@ def _describe(
 def _one_fold(loaded: Sequence[tuple[Path, Checkpoint]]) -> int | None:
     folds = {checkpoint.header.config.data.fold for _, checkpoint in loaded}
     if len(folds) > 1:
-        said = ", ".join(f"{run}: {c.header.config.data.fold}" for run, c in loaded)
-        raise CheckpointError(f"the runs test on different folds ({said}); compare those of one")
+        listed = ", ".join(f"{run}: {c.header.config.data.fold}" for run, c in loaded)
+        raise CheckpointError(f"the runs test on different folds ({listed}); compare those of one")
     return folds.pop()
 
 

@@ -32,11 +32,10 @@ from bsg_data.observation.masks import MASKS
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, Record, SplitRecipe
 from bsg_models.errors import ConfigError, TrainingError
+from bsg_models.evaluation.bootstrap import Bootstrap, bootstrap
 from bsg_models.evaluation.measurement import (
-    Bootstrap,
     Measurement,
     SplitsMeasurement,
-    bootstrap,
     predict_all,
     read_truth,
 )

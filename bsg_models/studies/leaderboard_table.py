@@ -3,51 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from bsg_models.evaluation.measurement import Estimate
+from bsg_models.evaluation.bootstrap import Estimate
+from bsg_models.evaluation.catalogue import find_value, head_value, label_value
+from bsg_models.evaluation.metrics import Moments
+from bsg_models.evaluation.verdict import HEADLINES, judge
 from bsg_models.studies.leaderboard import Leaderboard, ModelResult
 
 REFERENCE = "gamma-poisson"  # whose likelihood counts as 1
-CONSTANT = "train-mean"  # which says the same of every unvisited room
-
-
-class Headline(NamedTuple):
-    """A column of the first table: its label, the metric, and whether less of it is better."""
-
-    label: str
-    metric: str
-    less: bool
-
-
-HEADLINES: Mapping[str, tuple[Headline, ...]] = {
-    "what is hidden": (
-        Headline("NLL", "rooms/hidden_nll", True),
-        Headline("AUROC macro", "rooms/presence_auroc_macro/all", False),
-        Headline("AUROC micro", "rooms/presence_auroc_micro/all", False),
-        Headline("unseen AUROC macro", "rooms/presence_auroc_macro/unseen", False),
-        Headline("unseen AP micro", "rooms/presence_ap_micro/unseen", False),
-        Headline("calibration error", "rooms/presence_calibration_error/all", True),
-        Headline("top 3 unseen", "rooms/top3_unseen", False),
-    ),
-    "whole histograms": (
-        Headline("Wasserstein, all nodes", "all/wasserstein_values/mean", True),
-        Headline("energy, all nodes", "all/energy_values/mean", True),
-        Headline("total variation, rooms", "rooms/total_variation/mean", True),
-        Headline("Frobenius, rooms", "rooms/correlation_frobenius", True),
-        Headline("Frobenius, all nodes", "all/correlation_frobenius", True),
-        Headline("error in number, building", "building/mean_absolute_error", True),
-    ),
-}
-UNVISITED = (
-    Headline("unvisited AP micro", "rooms/presence_ap_micro/unvisited", False),
-    Headline("unvisited AP macro", "rooms/presence_ap_macro/unvisited", False),
-    Headline("unvisited AUROC macro", "rooms/presence_auroc_macro/unvisited", False),
-    Headline("unvisited calibration error", "rooms/presence_calibration_error/unvisited", True),
-)
-MOMENTS = ("mean", "variance", "skewness", "kurtosis")
+CONSTANT = "train-mean"  # which predicts the same of every unvisited room
+HIDDEN, UNVISITED, WHOLE = HEADLINES.values()
+RANKED_BY = "rooms/hidden_nll"
 
 
 def write_json(board: Leaderboard) -> dict[str, Any]:
@@ -83,21 +52,21 @@ def compare(results: Mapping[str, ModelResult], name: str) -> dict[str, Estimate
     `nll_over_gamma_poisson` is a ratio of hidden NLL over rooms, `unvisited_ap_minus_train_mean` a
     difference of average precision over unvisited rooms, `nll_minus_best` a difference of NLL.
     """
-    ours, nll, ap = results[name].metrics, "rooms/hidden_nll", UNVISITED[0].metric
+    ours, ap = results[name].metrics, UNVISITED[0]
     reference, constant = (results.get(other) for other in (REFERENCE, CONSTANT))
     best = results[rank_models(results)[0]].metrics
     return {
-        "nll_over_gamma_poisson": ours.ratio(reference.metrics, nll) if reference else None,
+        "nll_over_gamma_poisson": ours.ratio(reference.metrics, RANKED_BY) if reference else None,
         "unvisited_ap_minus_train_mean": (
             ours.difference(constant.metrics, ap) if constant else None
         ),
-        "nll_minus_best": ours.difference(best, nll),
+        "nll_minus_best": ours.difference(best, RANKED_BY),
     }
 
 
 def rank_models(results: Mapping[str, ModelResult]) -> list[str]:
     """Return the models by rising hidden NLL over rooms."""
-    return sorted(results, key=lambda name: results[name].metrics.point["rooms/hidden_nll"])
+    return sorted(results, key=lambda name: results[name].metrics.point[RANKED_BY])
 
 
 def write_markdown(board: Leaderboard) -> str:
@@ -123,19 +92,20 @@ def write_markdown(board: Leaderboard) -> str:
 
 def _headline_tables(results: Mapping[str, ModelResult]) -> Iterator[str]:
     names = rank_models(results)
-    some_unvisited = not np.isnan(results[names[0]].metrics.point[UNVISITED[0].metric])
-    hidden, whole = HEADLINES.values()
-    bold = _mark_best(results, hidden)
+    some_unvisited = not np.isnan(results[names[0]].metrics.point[UNVISITED[0]])
+    bold = _mark_best(results, HIDDEN)
     rows = {
         name: [
-            *_cells(results[name], hidden, bold=bold[name]),
+            *_cells(results[name], HIDDEN, bold=bold[name]),
             _cell(compare(results, name)["nll_over_gamma_poisson"]),
             f"{results[name].seconds:.1f}",
         ]
         for name in names
     }
-    yield from _table(rows, ["model", *map(_label, hidden), "NLL / gamma-poisson", "training, s"])
-    yield from _explain(hidden)
+    yield from _table(
+        rows, ["model", *map(head_value, HIDDEN), "NLL / gamma-poisson", "training, s"]
+    )
+    yield from _explain(HIDDEN)
     if some_unvisited:
         bold = _mark_best(results, UNVISITED)
         rows = {
@@ -145,21 +115,21 @@ def _headline_tables(results: Mapping[str, ModelResult]) -> Iterator[str]:
             ]
             for name in names
         }
-        yield from _table(rows, ["model", *map(_label, UNVISITED), "AP micro − train-mean"])
+        yield from _table(rows, ["model", *map(head_value, UNVISITED), "AP micro − train-mean"])
         yield from _explain(UNVISITED)
         yield (
             "Of whole histograms nothing is in bold here: a model that predicts nothing in an "
             "unvisited room is at half the largest distance there, nearer than an honest guess."
         )
         yield ""
-    bold = _mark_best(results, () if some_unvisited else whole)
-    rows = {name: _cells(results[name], whole, bold=bold[name]) for name in names}
-    yield from _table(rows, ["model", *map(_label, whole)])
-    yield from _explain(whole)
+    bold = _mark_best(results, () if some_unvisited else WHOLE)
+    rows = {name: _cells(results[name], WHOLE, bold=bold[name]) for name in names}
+    yield from _table(rows, ["model", *map(head_value, WHOLE)])
+    yield from _explain(WHOLE)
 
 
-def _explain(headlines: tuple[Headline, ...]) -> Iterator[str]:
-    yield "Columns: " + ", ".join(f"{h.label} is `{h.metric}`" for h in headlines) + "."
+def _explain(headlines: tuple[str, ...]) -> Iterator[str]:
+    yield "Columns: " + ", ".join(f"{label_value(name)} is `{name}`" for name in headlines) + "."
     yield ""
 
 
@@ -167,12 +137,12 @@ def _moments(results: Mapping[str, ModelResult]) -> Iterator[str]:
     """Yield the paper's Table I in its own four-column form."""
     yield "The paper's Table I: distances of the probabilities as values, rooms and buildings."
     yield ""
-    header = [f"{letter} {moment}" for letter in "WE" for moment in MOMENTS]
+    header = [f"{letter} {moment}" for letter in "WE" for moment in Moments._fields]
     rows = {
         name: [
             f"{results[name].metrics.point[f'all/{metric}_values/{moment}']:.3g}"
             for metric in ("wasserstein", "energy")
-            for moment in MOMENTS
+            for moment in Moments._fields
         ]
         for name in rank_models(results)
     }
@@ -182,40 +152,31 @@ def _moments(results: Mapping[str, ModelResult]) -> Iterator[str]:
 def _everything(results: Mapping[str, ModelResult]) -> Iterator[str]:
     estimates = {name: results[name].metrics.estimates() for name in rank_models(results)}
     metrics = next(iter(estimates.values()))
-    rows = {
-        f"`{metric}`": [_cell(found[metric]) for found in estimates.values()] for metric in metrics
-    }
+    rows = {f"`{metric}`": [_cell(one[metric]) for one in estimates.values()] for metric in metrics}
     yield from _table(rows, ["metric", *estimates])
 
 
 def _mark_best(
-    results: Mapping[str, ModelResult], headlines: tuple[Headline, ...]
+    results: Mapping[str, ModelResult], headlines: tuple[str, ...]
 ) -> dict[str, frozenset[str]]:
-    """Return model → metrics in which it is the best, or not distinguishable from the best."""
+    """Return model → headlines in which it is the best, or not distinguishable from the best."""
     marked: dict[str, set[str]] = {name: set() for name in results}
     for headline in headlines:
-        metric = headline.metric
-        values = {n: s.metrics.point[metric] for n, s in results.items()}
+        values = {name: result.metrics.point[headline] for name, result in results.items()}
         known = [name for name, value in values.items() if not np.isnan(value)]
         if not known:
             continue
-        best = (min if headline.less else max)(known, key=lambda name: values[name])
+        choose = min if find_value(headline)[0].less else max
+        best = results[choose(known, key=lambda name: values[name])].metrics
         for name in known:
-            gap = results[name].metrics.difference(results[best].metrics, metric)
-            if gap.value == 0 or gap.low <= 0 <= gap.high:
-                marked[name].add(metric)
-    return {name: frozenset(metrics) for name, metrics in marked.items()}
+            if judge(results[name].metrics, best, headline) == "not distinguishable":
+                marked[name].add(headline)
+    return {name: frozenset(some) for name, some in marked.items()}
 
 
-def _cells(
-    result: ModelResult, headlines: tuple[Headline, ...], *, bold: frozenset[str]
-) -> list[str]:
-    cells = {h.metric: _cell(result.metrics.estimate(h.metric)) for h in headlines}
-    return [f"**{cell}**" if metric in bold else cell for metric, cell in cells.items()]
-
-
-def _label(headline: Headline) -> str:
-    return f"{headline.label} {'↓' if headline.less else '↑'}"
+def _cells(result: ModelResult, headlines: tuple[str, ...], *, bold: frozenset[str]) -> list[str]:
+    cells = {name: _cell(result.metrics.estimate(name)) for name in headlines}
+    return [f"**{cell}**" if name in bold else cell for name, cell in cells.items()]
 
 
 def _cell(estimate: Estimate | None) -> str:

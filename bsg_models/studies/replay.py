@@ -16,7 +16,8 @@ from bsg_data.observation.partial_graph import enter_room, mask_scene
 from bsg_models.belief.belief_graph import believe
 from bsg_models.rendering.explorer import Moment, View
 from bsg_models.runs.predictor import Predictor
-from bsg_models.search.planners import PLANNERS, Task
+from bsg_models.search.catalogue import PLANNERS
+from bsg_models.search.knowledge import Task
 from bsg_models.search.room_graphs import WorldRecipe
 from bsg_models.search.shortest_paths import Bools, Floats, Ints
 from bsg_models.search.simulator import Beliefs, Step, search

@@ -1,18 +1,19 @@
 """What planners save: the statistics of a search study.
 
-A saving is 1 − Σ cost / Σ cost of `nearest` over the same searches. Its interval is a bootstrap
-over buildings. The mean and the median over single searches are given besides, because they
-differ: the mean is ruled by the searches in which `nearest` was lucky.
+A saving is 1 − Σ cost / Σ cost of `nearest` over the same searches, with a bootstrap interval over
+buildings. The mean and the median over single searches differ from it: a few searches in which
+`nearest` was lucky dominate the mean.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from bsg_models.search.planners import PLANNERS, Task
+from bsg_models.evaluation.bootstrap import Estimate, estimate_value, resample_buildings
+from bsg_models.search.knowledge import Task
 from bsg_models.search.shortest_paths import Floats
 from bsg_models.search.simulator import Outcome
 from bsg_models.studies.search_cases import BASELINE, ROUTING
@@ -23,22 +24,13 @@ _TIE = 1e-9  # costs that differ by less than this share are a tie
 
 
 @dataclass(frozen=True, slots=True)
-class Interval:
-    """A value and its 95 % interval; NaN where it has none."""
-
-    value: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True, slots=True)
 class Saving:
     """How one planner did in one world and task, beside `nearest` in the same searches.
 
     Attributes:
         saved: 1 − ratio of the total costs.
-        beyond_routing: by how much more than `routing`, which has no belief: the merit of the
-            belief; NaN for a planner without one, or without `routing`.
+        beyond_routing: minus what `routing` saves without a belief; NaN for a planner that reads
+            none, or without `routing`.
         of_oracle: share of what `oracle` saves; NaN without it.
         mean: over the searches of 1 − ratio of the costs.
         median: of the same.
@@ -49,9 +41,9 @@ class Saving:
         entered: rooms, mean of a search.
     """
 
-    saved: Interval
-    beyond_routing: Interval
-    of_oracle: Interval
+    saved: Estimate
+    beyond_routing: Estimate
+    of_oracle: Estimate
     mean: float
     median: float
     wins: int
@@ -72,9 +64,9 @@ class Stop:
         entered: rooms, mean of a search.
     """
 
-    saved: Interval
-    missed: Interval
-    incomplete: Interval
+    saved: Estimate
+    missed: Estimate
+    incomplete: Estimate
     entered: float
 
 
@@ -110,18 +102,30 @@ def summarise(study: Study, *, resamples: int = 1000) -> list[WorldResult]:
         study: of `study_search`.
         resamples: of the bootstrap; below 2 for no intervals, as where buildings are few.
     """
-    found = []
+    results = []
     for world in dict.fromkeys(one.world for one in study.searches):
         searches = [one for one in study.searches if one.world == world]
-        rng = np.random.Generator(np.random.PCG64(study.recipe.seed))
-        size = max(resamples, 0) if len(searches) >= LEAST_BUILDINGS else 0
-        times = rng.multinomial(len(searches), np.full(len(searches), 1 / len(searches)), size=size)
+        size = resamples if len(searches) >= LEAST_BUILDINGS else 0
+        times = resample_buildings(len(searches), resamples=size, seed=study.recipe.seed)
         weights = np.vstack([np.ones(len(searches)), times])
-        found += [_stand(searches, task, weights) for task in study.recipe.tasks]
-    return found
+        believing = {name for name, one in study.planners.items() if one.reads == "belief"}
+        results += [
+            _summarise_task(searches, task, weights, believing) for task in study.recipe.tasks
+        ]
+    return results
 
 
-def _stand(searches: Sequence[Searches], task: Task, weights: Floats) -> WorldResult:
+def _summarise_task(
+    searches: Sequence[Searches], task: Task, weights: Floats, believing: Collection[str]
+) -> WorldResult:
+    """Return the results of one world and task.
+
+    Args:
+        searches: of every building in the world.
+        task: when a search ends.
+        weights: `[1 + resamples, B]` of the buildings; the first row counts each once.
+        believing: planners that read a belief.
+    """
     names = [name for of_task, name in searches[0].outcomes if of_task == task]
     planners = [name for name in names if name != "sweep" and not name.startswith("stop ")]
     saved = {name: _saved(searches, task, name, BASELINE, weights) for name in planners}
@@ -134,12 +138,11 @@ def _stand(searches: Sequence[Searches], task: Task, weights: Floats) -> WorldRe
     for name in planners:
         each = 1 - np.divide(costs[name], base, out=np.ones_like(base), where=base > 0)
         off = costs[name] - base
-        has_belief = PLANNERS[name].reads == "belief"
-        routed = saved[ROUTING] if has_belief and ROUTING in saved else unknown
+        routed = saved[ROUTING] if name in believing and ROUTING in saved else unknown
         savings[name] = Saving(
-            saved=interval(saved[name]),
-            beyond_routing=interval(saved[name] - routed),
-            of_oracle=interval(_divide(saved[name], saved.get("oracle", unknown))),
+            saved=_estimate(saved[name], len(base)),
+            beyond_routing=_estimate(saved[name] - routed, len(base)),
+            of_oracle=_estimate(_divide(saved[name], saved.get("oracle", unknown)), len(base)),
             mean=float(each.mean()),
             median=float(np.median(each)),
             wins=int((off < -_TIE * base).sum()),
@@ -190,10 +193,11 @@ def _stop(searches: Sequence[Searches], name: str, weights: Floats) -> Stop:
     missed = weights @ np.array([outcome.missed.sum() for outcome in outcomes])
     incomplete = weights @ np.array([(outcome.missed > 0).sum() for outcome in outcomes])
     number = weights @ np.array([len(outcome.costs) for outcome in outcomes])
+    every = sum(len(outcome.costs) for outcome in outcomes)
     return Stop(
-        saved=interval(_saved(searches, "all", name, "sweep", weights)),
-        missed=interval(_divide(missed, instances)),
-        incomplete=interval(_divide(incomplete, number)),
+        saved=_estimate(_saved(searches, "all", name, "sweep", weights), every),
+        missed=_estimate(_divide(missed, instances), every),
+        incomplete=_estimate(_divide(incomplete, number), every),
         entered=_mean_entered(searches, "all", name),
     )
 
@@ -207,9 +211,6 @@ def _divide(a: Floats, b: Floats) -> Floats:
     return np.asarray(np.divide(a, b, out=np.full(a.shape, np.nan), where=b != 0))
 
 
-def interval(values: Floats) -> Interval:
+def _estimate(values: Floats, searches: int) -> Estimate:
     """Return the first value with the interval of the others."""
-    if len(values) < 3 or np.isnan(values[1:]).all():
-        return Interval(float(values[0]), float("nan"), float("nan"))
-    low, high = np.nanpercentile(values[1:], [2.5, 97.5])
-    return Interval(float(values[0]), float(low), float(high))
+    return estimate_value(float(values[0]), values[1:], nodes=searches, rule="percentile")

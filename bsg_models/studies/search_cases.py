@@ -12,7 +12,8 @@ from pydantic import Field, field_validator
 from bsg_data.arrays import Counts
 from bsg_data.errors import RecipeError
 from bsg_data.recipes import MaskRecipe, Record
-from bsg_models.search.planners import PLANNERS, Task
+from bsg_models.search.catalogue import PLANNERS
+from bsg_models.search.knowledge import Task
 from bsg_models.search.room_graphs import (
     DEFAULT_WORLDS,
     MEASURED,
@@ -37,7 +38,7 @@ class StudyRecipe(Record):
     Attributes:
         worlds: kinds of room graphs.
         tasks: `single`, `all`.
-        planners: of `PLANNERS`; see `all_planners`.
+        planners: names of `PLANNERS`, also of installed entry points; see `all_planners`.
         artifacts: classes that are searched for, None for every one; a search takes those that some
             room has and another has not.
         at_once: classes that one search looks for.
@@ -53,7 +54,7 @@ class StudyRecipe(Record):
 
     worlds: tuple[WorldRecipe, ...] = DEFAULT_WORLDS
     tasks: tuple[Task, ...] = ("single", "all")
-    planners: tuple[str, ...] = tuple(PLANNERS)
+    planners: tuple[str, ...] = Field(default_factory=PLANNERS.names)
     artifacts: tuple[int, ...] | None = None
     at_once: int = Field(default=1, ge=1)
     episodes: int = Field(default=200, ge=1)
@@ -68,7 +69,7 @@ class StudyRecipe(Record):
     def _planners_exist(cls, names: tuple[str, ...]) -> tuple[str, ...]:
         unknown = [name for name in names if name not in PLANNERS]
         if unknown:
-            raise ValueError(f"{unknown[0]!r} is none of {', '.join(PLANNERS)}")
+            raise ValueError(f"no planner {unknown[0]!r}; known are {', '.join(PLANNERS)}")
         return names
 
     @property

@@ -76,13 +76,16 @@ def encode_study(
         "scenes": list(study.scenes),
         "recipe": recipe,
         "left_out": study.left_out,
-        "standings": [_without_nan(asdict(one)) for one in results],
+        "standings": [_plain(asdict(one)) for one in results],
     }
 
 
-def _without_nan(value: Any) -> Any:
+def _plain(value: Any) -> Any:
+    """Return nested records for JSON: an estimate is its value and interval, not known is null."""
     if isinstance(value, dict):
-        if value.keys() == {"value", "low", "high"} and np.isnan(value["value"]):
-            return None
-        return {key: _without_nan(inner) for key, inner in value.items()}
+        if "nodes" in value and "value" in value:
+            if np.isnan(value["value"]):
+                return None
+            value = {end: value[end] for end in ("value", "low", "high")}
+        return {key: _plain(inner) for key, inner in value.items()}
     return None if isinstance(value, float) and np.isnan(value) else value

@@ -21,7 +21,8 @@ from bsg_data.recipes import MaskRecipe
 from bsg_models.inputs.folds import Split, scenes_of
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import checkpoint_of
-from bsg_models.search.planners import PLANNERS, Task
+from bsg_models.search.catalogue import PLANNERS, Planner
+from bsg_models.search.knowledge import Task
 from bsg_models.search.room_graphs import (
     MEASURED,
     METHODS,
@@ -35,6 +36,7 @@ from bsg_models.search.simulator import Beliefs, Outcome, search
 from bsg_models.studies.search_beliefs import FixedBeliefs, ModelBeliefs
 from bsg_models.studies.search_cases import (
     BASELINE,
+    ROUTING,
     Case,
     StudyRecipe,
     sample_case,
@@ -84,12 +86,14 @@ class Study:
         scenes: buildings that were asked for.
         searches: of every building in every world.
         left_out: world → reason → buildings that are not in it.
+        planners: name → planner, in the order of the tables.
     """
 
     recipe: StudyRecipe
     scenes: tuple[str, ...]
     searches: tuple[Searches, ...]
     left_out: dict[str, dict[str, int]]
+    planners: Mapping[str, Planner]
 
 
 def study_search(
@@ -97,6 +101,7 @@ def study_search(
     runs: Mapping[str, Path | None],
     recipe: StudyRecipe,
     *,
+    planners: Mapping[str, Planner] | None = None,
     executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Study:
@@ -106,16 +111,20 @@ def study_search(
         dataset: with room adjacency, if a world is measured.
         runs: building → run whose beliefs are asked; None if no planner reads a belief.
         recipe: of the study.
+        planners: name → planner of your own, beside those of the recipe.
         executor: where buildings are worked on; None does it here.
         progress: called with (buildings done, in all).
 
     Raises:
         DatasetError: if the dataset is damaged or no building can be searched.
-        RecipeError: if a belief is needed and a building has no run, or an artifact is no class.
+        RecipeError: if a belief is needed and a building has no run, an artifact is no class, or
+            a planner of your own has a name that is taken or cannot reach the executor.
     """
+    chosen = choose_planners(recipe, planners or {}, remote=executor is not None)
     if recipe.truth == "posterior" and None in runs.values():
         raise RecipeError("truth posterior needs a belief: give the run of a model")
-    tasks = [(dataset, run, scene, recipe) for scene, run in runs.items()]
+    own = {name: chosen[name] for name in planners or {}}
+    tasks = [(dataset, run, scene, recipe, own) for scene, run in runs.items()]
     found = run_all(search_building, tasks, executor=executor, progress=progress)
     left_out: dict[str, dict[str, int]] = {}
     searches = []
@@ -129,7 +138,36 @@ def study_search(
     if not searches:
         why = "; ".join(f"{world}: {reason}" for world, all_ in left_out.items() for reason in all_)
         raise DatasetError(f"{dataset}: nothing can be searched ({why or 'no buildings'})")
-    return Study(recipe, tuple(runs), tuple(searches), left_out)
+    return Study(recipe, tuple(runs), tuple(searches), left_out, chosen)
+
+
+def choose_planners(
+    recipe: StudyRecipe, own: Mapping[str, Planner], *, remote: bool
+) -> dict[str, Planner]:
+    """Return the planners of a study by name: those of its recipe, and those of its caller.
+
+    Args:
+        recipe: of the study.
+        own: name → planner of the caller.
+        remote: whether other processes ask them.
+
+    Raises:
+        RecipeError: if a planner of the caller has a name of `PLANNERS`, or another process cannot
+            import its function.
+    """
+    for name, planner in own.items():
+        if name in PLANNERS or name == "sweep" or name.startswith("stop "):
+            raise RecipeError(f"planner {name!r}: this name is taken; give yours another one")
+        place = getattr(planner.choose, "__qualname__", "")
+        if remote and ("<locals>" in place or "<lambda>" in place):
+            raise RecipeError(
+                f"planner {name!r}: other processes cannot import {place}; define the function at "
+                "the top of a module, or search without an executor"
+            )
+    chosen = {name: PLANNERS[name] for name in recipe.all_planners} | dict(own)
+    if any(planner.reads == "belief" for planner in own.values()):
+        chosen.setdefault(ROUTING, PLANNERS[ROUTING])
+    return chosen
 
 
 def choose_runs(
@@ -191,11 +229,13 @@ def search_building(
     run: Path | None,
     scene_id: str,
     recipe: StudyRecipe,
+    own: Mapping[str, Planner] | None = None,
 ) -> dict[str, Searches | str]:
     """Return world → the searches of one building with every planner, or why there are none."""
     data = Dataset.open(dataset)
     cells = data.cells(scene_id)
     measured = measure_building(data, scene_id, recipe.worlds)
+    planners = choose_planners(recipe, own or {}, remote=False)
     found: dict[str, Searches | str] = {}
     asked: dict[bytes, ModelBeliefs] = {}  # worlds of the same rooms have the same searches
     with one_thread():
@@ -210,7 +250,7 @@ def search_building(
                 if key not in asked:
                     asked[key] = ask_run(run, data, scene_id, recipe.mask, case)
                 beliefs = asked[key]
-            found[world.name] = compare_planners(case, world, recipe, scene_id, beliefs)
+            found[world.name] = compare_planners(case, world, recipe, scene_id, beliefs, planners)
     return found
 
 
@@ -239,6 +279,7 @@ def compare_planners(
     recipe: StudyRecipe,
     scene_id: str,
     beliefs: Beliefs | None,
+    planners: Mapping[str, Planner],
 ) -> Searches:
     """Return how every planner did in the searches of one building in one world."""
     episodes = case.episodes
@@ -260,8 +301,7 @@ def compare_planners(
     holds = (episodes.instances.sum(axis=2) > 0) & open_
     outcomes: dict[tuple[Task, str], Outcome] = {}
     for task in recipe.tasks:
-        for name in recipe.all_planners:
-            planner = PLANNERS[name]
+        for name, planner in planners.items():
             outcomes[task, name] = search(episodes, planner, task=task, beliefs=beliefs)
     if "all" in recipe.tasks and recipe.stops:
         planned = PLANNERS["expected-cost"]

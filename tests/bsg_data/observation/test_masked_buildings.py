@@ -84,9 +84,7 @@ def test_stored_pairs_are_what_is_sampled_of_the_same_recipe(dataset: Path, stra
         np.testing.assert_array_equal(fresh.targets, same.targets)
         np.testing.assert_array_equal(fresh.draws, same.draws)
         for name in ("starts", "inputs", "hidden_share", "visited", "withheld", "others"):
-            np.testing.assert_array_equal(
-                getattr(fresh.seen, name), getattr(same.seen, name), name
-            )
+            np.testing.assert_array_equal(getattr(fresh.seen, name), getattr(same.seen, name), name)
 
 
 def test_targets_are_the_histograms_and_nothing_is_seen_twice(dataset: Path) -> None:
@@ -117,9 +115,7 @@ def test_what_is_seen_of_other_objects_does_not_depend_on_the_vocabulary(dataset
 
 def test_the_fraction_of_a_building_does_not_depend_on_its_objects(dataset: Path) -> None:
     data = Dataset.open(dataset)
-    masked = sample_masked(
-        data, data.scene_ids, mask=MaskRecipe(), draw=0, fractions=(0.2, 0.4)
-    )
+    masked = sample_masked(data, data.scene_ids, mask=MaskRecipe(), draw=0, fractions=(0.2, 0.4))
     share = masked.seen.hidden_share[masked.seen.is_building]
     assert len(set(share.tolist())) > 3
     assert ((share > 0.199) & (share < 0.401)).all()

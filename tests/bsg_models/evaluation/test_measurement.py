@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -9,32 +8,26 @@ from scipy import stats
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.splits import split_dataset
-from bsg_data.errors import DatasetError
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import PairsRecipe, SplitRecipe
 from bsg_data.scene.class_map import load_class_map
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation, from_hidden_counts
-from bsg_models.errors import CheckpointError
 from bsg_models.evaluation import metrics
+from bsg_models.evaluation.bootstrap import bootstrap
 from bsg_models.evaluation.measurement import (
     Measurement,
     SplitsMeasurement,
-    Truth,
     count_empty,
-    estimate,
-    interval,
     measure_classes,
     predict_all,
     read_truth,
 )
+from bsg_models.evaluation.truth import Truth
 from bsg_models.inputs.graphs import read_split
 from bsg_models.rendering.figures import plot_evaluation, plot_learning_curve
-from bsg_models.studies.comparison import compare_runs
 from bsg_models.training.learning_curve import EpochReport
-from bsg_models.training.training import train_run
-from bsg_models.zoo.catalogue import BASELINES
-from bsg_models.zoo.config import find_config, override, validate_config
+from bsg_models.zoo.config import find_config
 from bsg_models.zoo.construction import make_model
 from bsg_models.zoo.settings import DataConfig
 
@@ -114,46 +107,6 @@ def test_perfect_and_empty_beliefs(truth: Truth) -> None:
     assert Measurement(truth, nothing).evaluate()["rooms/presence_auroc_macro/all"] == 0.5
 
 
-def test_intervals_are_those_of_a_naive_bootstrap(truth: Truth) -> None:
-    beliefs = believe(truth)
-    measurement = Measurement(truth, beliefs)
-    found = estimate(measurement, resamples=50, seed=3)["rooms/mean_absolute_error"]
-    rng = np.random.Generator(np.random.PCG64(3))
-    errors = np.abs(beliefs.totals - truth.targets).mean(axis=1)
-    rooms = ~truth.is_building
-    drawn = []
-    for _ in range(50):
-        times = rng.multinomial(3, np.full(3, 1 / 3))
-        rows = np.concatenate(
-            [
-                np.flatnonzero(rooms & (truth.building == b))
-                for b in range(3)
-                for _ in range(times[b])
-            ]
-        )
-        drawn.append(errors[rows].mean())
-    low, high = np.quantile(drawn, [0.025, 0.975])
-    assert found.value == pytest.approx(errors[rooms].mean())
-    assert found.low == pytest.approx(found.value + low - np.mean(drawn))
-    assert found.high == pytest.approx(found.value + high - np.mean(drawn))
-    assert found.nodes == rooms.sum()
-
-
-def test_no_resamples_no_interval(truth: Truth) -> None:
-    found = estimate(Measurement(truth, believe(truth)), resamples=0)
-    assert np.isnan(found["rooms/hidden_nll"].low)
-    assert np.isnan(interval(np.array([np.nan]))).all()
-
-
-def test_progress_and_seed(truth: Truth) -> None:
-    seen: list[tuple[int, int]] = []
-    measurement = Measurement(truth, believe(truth))
-    one = estimate(measurement, resamples=3, progress=lambda *step: seen.append(step))
-    assert seen == [(1, 3), (2, 3), (3, 3)]
-    assert one == estimate(measurement, resamples=3)
-    assert one != estimate(measurement, resamples=3, seed=1)
-
-
 def test_empty_nodes_are_counted(truth: Truth) -> None:
     truth.inputs[1] = 0
     found = count_empty(truth)
@@ -178,60 +131,6 @@ def test_errors_per_class_by_hand(truth: Truth) -> None:
     error = (beliefs.totals - truth.targets)[truth.is_building, 2]
     assert row["mean_error"] == pytest.approx(error.mean())
     assert row["mean_absolute_error"] == pytest.approx(np.abs(error).mean())
-
-
-def train(dataset: Path, run: Path, *settings: str) -> Path:
-    small = ["model.width=8", "training.epochs=2", "training.batch_size=4", *settings]
-    config = validate_config(
-        override(find_config("ceci-gcn").model_dump(mode="json"), small), source="test"
-    )
-    list(train_run(config, dataset, run))
-    return run
-
-
-def test_runs_are_compared_with_the_baselines_on_the_same_masks(
-    dataset: Path, tmp_path: Path
-) -> None:
-    runs = [train(dataset, tmp_path / "a"), train(dataset, tmp_path / "b", "model.dropout=0.0")]
-    found = compare_runs(runs, dataset, split="val", resamples=2)
-    assert list(found.estimates) == ["a", "b", *BASELINES]
-    assert found.runs == ("a", "b")
-    masked = read_split(Dataset.open(dataset), "val")
-    truth = read_truth(masked)
-    doubled = make_model(find_config("doubled"), classes=45)
-    alone = Measurement(truth, predict_all(doubled, masked)).evaluate()
-    for name, value in alone.items():
-        assert found.estimates["doubled"][name].value == pytest.approx(value, nan_ok=True)
-    assert len(found.classes) == 6 * 2 * 45
-    assert found.facts["buildings"] == 1
-    assert found.notes == ()
-
-
-def test_what_a_reader_must_know_is_noted(dataset: Path, tmp_path: Path) -> None:
-    run = train(dataset, tmp_path / "a")
-    (dataset / "dataset.json").write_text((dataset / "dataset.json").read_text() + "\n")
-    found = compare_runs([run], dataset, split="train", resamples=0)
-    assert "another dataset" in found.notes[0]
-    assert "were trained on" in found.notes[1]
-
-
-def test_runs_of_different_folds_are_refused(dataset: Path, tmp_path: Path) -> None:
-    split_dataset(dataset, SplitRecipe(method="folds", ratios=None, folds=3), force=True)
-    write_pairs(dataset, PairsRecipe(draws=1))
-    runs = [train(dataset, tmp_path / f"{k}", f"data.fold={k}") for k in (0, 1)]
-    assert compare_runs(runs[:1], dataset, split="test", resamples=0).facts["fold"] == 0
-    with pytest.raises(CheckpointError, match="test on different folds"):
-        compare_runs(runs, dataset, split="test", resamples=0)
-
-
-def test_a_changed_pair_is_not_measured(dataset: Path, tmp_path: Path) -> None:
-    run = train(dataset, tmp_path / "a")
-    path = dataset / "pairs" / "test-00000.parquet"
-    shutil.copy(dataset / "pairs" / "val-00000.parquet", path)
-    text = (dataset / "dataset.json").read_text()
-    (dataset / "dataset.json").write_text(text + "\n")  # not the one that is open already
-    with pytest.raises(DatasetError, match=r"test-00000\.parquet: is not what the manifest says"):
-        compare_runs([run], dataset, split="test", resamples=0)
 
 
 def test_splits_are_averaged_and_never_pooled(dataset: Path) -> None:
@@ -259,7 +158,7 @@ def test_splits_are_averaged_and_never_pooled(dataset: Path) -> None:
     assert every.evaluate(weights)["rooms/hidden_nll"] == pytest.approx(np.mean(expected))
     nodes = [split.count_nodes("rooms/hidden_nll") for split in splits]
     assert every.count_nodes("rooms/hidden_nll") == sum(nodes)
-    assert estimate(every, resamples=3)["rooms/hidden_nll"].value == found["rooms/hidden_nll"]
+    assert bootstrap(every, resamples=3).point == pytest.approx(found, nan_ok=True)
 
 
 def test_figures_are_drawn(truth: Truth, tmp_path: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -11,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bsg_data.errors import RecipeError
-from bsg_models.search.planners import PLANNERS, Task, next_room
+from bsg_models.search.catalogue import PLANNERS
+from bsg_models.search.knowledge import Task
 from bsg_models.search.room_graphs import WorldRecipe, sample_travel
 from bsg_models.search.shortest_paths import find_ways
 from bsg_models.search.simulator import Episodes, Step, search, still_to_find
@@ -124,7 +123,7 @@ def test_the_oracle_is_never_beaten(
     episodes = draw_episodes(seed, rooms=rooms, kind=kind, classes=classes)
     beliefs = FixedBeliefs(np.random.default_rng(seed).random(episodes.instances.shape))
     best = search(episodes, PLANNERS["oracle"], task=task).costs
-    for planner in PLANNERS.values():
+    for planner in map(PLANNERS.__getitem__, PLANNERS):
         found = search(episodes, planner, task=task, beliefs=beliefs)
         assert (found.costs >= best - 1e-9).all()
         assert (found.missed == 0).all()
@@ -158,7 +157,7 @@ def routes(episodes: Episodes, name: str, task: Task, *, sweep: bool = False) ->
 
 
 @pytest.mark.parametrize("task", TASKS)
-@pytest.mark.parametrize("name", [n for n, p in PLANNERS.items() if p.reads != "truth"])
+@pytest.mark.parametrize("name", [n for n in PLANNERS if PLANNERS[n].reads != "truth"])
 def test_no_planner_knows_the_truth(name: str, task: Task) -> None:
     """Wherever the artifact is put, the robot goes the same way until it has found it."""
     episodes = draw_episodes(1, rooms=8, kind="tree")
@@ -187,45 +186,6 @@ def test_routing_and_lots_ignore_the_belief() -> None:
             for value in (0.1, 0.9)
         ]
         np.testing.assert_array_equal(*costs)
-
-
-def test_the_next_room_of_a_robot_of_its_own() -> None:
-    edges = np.full((6, 6), np.inf)  # rooms 1 – 2 – 3 – 4 in a row, 5 out of reach
-    for a, cost in ((1, 1.0), (2, 1.0), (3, 5.0)):
-        edges[a, a + 1] = edges[a + 1, a] = cost
-    explored = np.array([False, False, True, False, False, False])
-    presence = np.array([0, 0.3, 0.9, 0.4, 0.5, 1.0])
-    for planner, room in (("nearest", 1), ("greedy-belief", 4), ("ratio", 3), ("expected-cost", 1)):
-        found = next_room(edges, here=2, explored=explored, presence=presence, planner=planner)
-        assert found == room
-    explored[:5] = True
-    assert next_room(edges, here=2, explored=explored, presence=presence) is None
-    with pytest.raises(RecipeError, match="oracle"):
-        next_room(edges, here=2, explored=explored, presence=presence, planner="oracle")
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"presence": [0, np.nan, 0.5]}, "presence"),
-        ({"presence": [0, 0.5]}, "presence"),
-        ({"presence": [0, 0.5, 1.5]}, "presence"),
-        ({"edges": -np.ones((3, 3))}, "edges"),
-        ({"edges": np.ones((3, 2))}, "edges"),
-        ({"explored": np.zeros(2, dtype=bool)}, "explored"),
-        ({"here": 3}, "here 3"),
-        ({"task": "both"}, "task 'both'"),
-    ],
-)
-def test_what_no_robot_can_mean_is_refused(change: dict[str, Any], words: str) -> None:
-    known: dict[str, Any] = {
-        "edges": np.ones((3, 3)),
-        "here": 1,
-        "explored": np.zeros(3, dtype=bool),
-        "presence": [0, 0.5, 0.5],
-    }
-    with pytest.raises(RecipeError, match=words):
-        next_room(**{**known, **change})
 
 
 @pytest.mark.parametrize("kind", ["star", "complete", "complete-paths", "tree-plus"])

@@ -38,7 +38,9 @@ SMALL = ("model.width=8", "model.depth=2", "training.batch_size=4", "training.va
 def configure(*settings: str, name: str = "ceci-gcn") -> RunConfig:
     small = SMALL if name == "ceci-gcn" else ()
     return validate_config(
-        override(find_config(name).model_dump(mode="json"), [*small, "training.epochs=8", *settings]),
+        override(
+            find_config(name).model_dump(mode="json"), [*small, "training.epochs=8", *settings]
+        ),
         source="test",
     )
 

@@ -62,9 +62,7 @@ def test_a_withheld_class_is_expected_more_than_one_that_was_not_seen(
     model = fitted(name, dataset)
     data = Dataset.open(dataset)
     scenes = scenes_of(data, "val")[:1]
-    masked = sample_masked(
-        data, scenes, mask=MaskRecipe(), draw=0, vocabulary=model.vocabulary
-    )
+    masked = sample_masked(data, scenes, mask=MaskRecipe(), draw=0, vocabulary=model.vocabulary)
     inputs, withheld = masked.seen.inputs.copy(), masked.seen.withheld.copy()
     inputs[:, STOVE] = 0
     withheld[:, STOVE] = True
@@ -76,9 +74,7 @@ def test_a_withheld_class_is_expected_more_than_one_that_was_not_seen(
 
 
 def test_a_network_and_a_model_that_counts_are_told_the_same_share(dataset: Path) -> None:
-    seen = observe_building(
-        [[3] * 45] * 3, hidden_share=[0.25, 0.5, 1.0], withheld=[STOVE]
-    )
+    seen = observe_building([[3] * 45] * 3, hidden_share=[0.25, 0.5, 1.0], withheld=[STOVE])
     graph = fitted("search-sage", dataset).graph_of(seen)  # type: ignore[operator]
     np.testing.assert_array_equal(to_array(share_of(graph)), seen.cell_share)
     assert seen.cell_share[:, STOVE].tolist() == [1.0, 1.0, 1.0]

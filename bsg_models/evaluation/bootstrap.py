@@ -1,0 +1,160 @@
+"""The bootstrap over buildings: values with 95 % intervals, and what two values differ by.
+
+Buildings are what is sampled: the draws of one building are not independent. A resample draws as
+many buildings as there are, with replacement, so that it is a weight per building. All that is
+compared meets the same resamples: a difference or a ratio is taken in each of them, and buildings
+that are hard for both do not widen its interval.
+
+There are two rules for the ends of an interval:
+
+- `percentile`: the 2.5 % and 97.5 % quantiles of the resampled values. Searches use it: a saving
+  is a ratio of two sums, whose resamples lie around its value.
+- `centred`: the same quantiles around the mean of the resampled values, placed at the value.
+  Metrics use it: a resample repeats buildings, which adds noise, and a norm such as Frobenius'
+  only grows by noise, so that its resamples lie above its value.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+
+from bsg_models.evaluation.metrics import Floats
+
+Rule = Literal["centred", "percentile"]
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A value with its 95 % interval over buildings.
+
+    Attributes:
+        value: nan where it is not defined.
+        low: lower end; nan without an interval.
+        high: upper end.
+        nodes: number of nodes, or of searches, that it is over.
+    """
+
+    value: float
+    low: float
+    high: float
+    nodes: int
+
+
+class Measurable(Protocol):
+    """What can be measured on a resample of the buildings."""
+
+    @property
+    def scene_ids(self) -> tuple[str, ...]:
+        """The B buildings."""
+
+    def evaluate(self, building_weights: Floats | None = None) -> dict[str, float]:
+        """Return metric → value; the weights `[B]` say how often each building counts."""
+
+    def count_nodes(self, metric: str) -> int:
+        """Return the number of nodes that a metric is over."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bootstrap:
+    """A model's metrics, and the same of every resample of the buildings.
+
+    Attributes:
+        point: metric → value.
+        resampled: metric → `[resamples]`.
+        nodes: metric → number of nodes that it is over.
+    """
+
+    point: dict[str, float]
+    resampled: dict[str, Floats]
+    nodes: dict[str, int]
+
+    def estimates(self) -> dict[str, Estimate]:
+        """Return every metric with its interval."""
+        return {name: self.estimate(name) for name in self.point}
+
+    def estimate(self, name: str) -> Estimate:
+        """Return one metric with its interval."""
+        return estimate_value(self.point[name], self.resampled[name], nodes=self.nodes[name])
+
+    def difference(self, other: Bootstrap, name: str) -> Estimate:
+        """Return this model's metric minus another's, with the interval of the difference."""
+        value = self.point[name] - other.point[name]
+        resampled = self.resampled[name] - other.resampled[name]
+        return estimate_value(value, resampled, nodes=self.nodes[name])
+
+    def ratio(self, other: Bootstrap, name: str) -> Estimate:
+        """Return this model's metric over another's, with the interval of the ratio."""
+        value = self.point[name] / other.point[name]
+        resampled = self.resampled[name] / other.resampled[name]
+        return estimate_value(value, resampled, nodes=self.nodes[name])
+
+
+def bootstrap(
+    measurement: Measurable,
+    *,
+    resamples: int = 200,
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> Bootstrap:
+    """Return every metric, and what it is on resamples of the buildings.
+
+    Args:
+        measurement: of one model.
+        resamples: fewer than 2 give no intervals (nan).
+        seed: of the resamples.
+        progress: called with (resamples done, resamples in all).
+    """
+    point = measurement.evaluate()
+    weights = resample_buildings(len(measurement.scene_ids), resamples=resamples, seed=seed)
+    sampled: list[dict[str, float]] = []
+    for done, times in enumerate(weights, 1):
+        sampled.append(measurement.evaluate(times))
+        if progress is not None:
+            progress(done, resamples)
+    return Bootstrap(
+        point=point,
+        resampled={name: np.array([one[name] for one in sampled], dtype=float) for name in point},
+        nodes={name: measurement.count_nodes(name) for name in point},
+    )
+
+
+def resample_buildings(buildings: int, *, resamples: int, seed: int) -> Floats:
+    """Return how often each building counts in each resample, `[resamples, buildings]`.
+
+    The weights depend on the arguments alone, so that all models meet the same resamples.
+
+    >>> resample_buildings(3, resamples=2, seed=0).sum(axis=1).tolist()
+    [3.0, 3.0]
+    """
+    rng = np.random.Generator(np.random.PCG64(seed))
+    shares = np.full(buildings, 1 / buildings)
+    return rng.multinomial(buildings, shares, size=max(resamples, 0)).astype(float)
+
+
+def estimate_value(
+    value: float, resampled: Floats, *, nodes: int, rule: Rule = "centred"
+) -> Estimate:
+    """Return a value with the interval of its resampled values.
+
+    Args:
+        value: of all buildings.
+        resampled: `[resamples]`; those that are nan are left out, and of fewer than 2 others there
+            is no interval.
+        nodes: that the value is over.
+        rule: for the ends, see above.
+
+    >>> estimate_value(5.0, np.array([0.0, 2.0]), nodes=3, rule="percentile")
+    Estimate(value=5.0, low=0.05, high=1.95, nodes=3)
+    """
+    known = resampled[~np.isnan(resampled)]
+    if len(known) < 2:
+        return Estimate(float(value), float("nan"), float("nan"), nodes)
+    low, high = np.quantile(known, [0.025, 0.975])
+    if rule == "centred":
+        mean = known.mean()
+        low, high = value + (low - mean), value + (high - mean)
+    return Estimate(float(value), float(low), float(high), nodes)

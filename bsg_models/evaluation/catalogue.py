@@ -1,0 +1,118 @@
+"""All metrics on one screen, the names of their values, and how a value is called in a table.
+
+A metric has a value for each of its node sets, or several: `rooms/hidden_nll`,
+`all/wasserstein_values/mean`, `rooms/presence_brier/unseen`. A package of somebody else adds rows
+by the entry points of the group `bsg_models.metrics`; they stand after those of the house.
+"""
+
+from __future__ import annotations
+
+from bsg_data.errors import RecipeError
+from bsg_data.registry import Registry
+from bsg_models.evaluation.metric import Metric
+from bsg_models.evaluation.presence import SELECTIONS
+from bsg_models.evaluation.truth import NODE_SETS
+
+_HERE = "bsg_models.evaluation.measures:"
+METRICS: Registry[Metric] = Registry(
+    "metric",
+    Metric,  # type: ignore[type-abstract]
+    group="bsg_models.metrics",
+    rows={
+        "wasserstein_values": _HERE + "WASSERSTEIN_VALUES",
+        "energy_values": _HERE + "ENERGY_VALUES",
+        "wasserstein_classes": _HERE + "WASSERSTEIN_CLASSES",
+        "energy_classes": _HERE + "ENERGY_CLASSES",
+        "total_variation": _HERE + "TOTAL_VARIATION",
+        "mean_error": _HERE + "MEAN_ERROR",
+        "mean_absolute_error": _HERE + "MEAN_ABSOLUTE_ERROR",
+        "hidden_nll": _HERE + "HIDDEN_NLL",
+        "correlation_frobenius": _HERE + "CORRELATION_FROBENIUS",
+        "presence_auroc_micro": _HERE + "PRESENCE_AUROC_MICRO",
+        "presence_ap_micro": _HERE + "PRESENCE_AP_MICRO",
+        "presence_brier": _HERE + "PRESENCE_BRIER",
+        "presence_calibration_error": _HERE + "PRESENCE_CALIBRATION_ERROR",
+        "presence_auroc_macro": _HERE + "PRESENCE_AUROC_MACRO",
+        "presence_ap_macro": _HERE + "PRESENCE_AP_MACRO",
+        "top1_unseen": _HERE + "TOP1_UNSEEN",
+        "top3_unseen": _HERE + "TOP3_UNSEEN",
+        "top5_unseen": _HERE + "TOP5_UNSEEN",
+    },
+)
+
+
+def name_value(metric: str, node_set: str, part: str) -> str:
+    """Return the name of a value of a metric.
+
+    >>> name_value("presence_brier", "rooms", "unseen")
+    'rooms/presence_brier/unseen'
+    """
+    return f"{node_set}/{metric}/{part}" if part else f"{node_set}/{metric}"
+
+
+def find_value(name: str) -> tuple[Metric, str, str]:
+    """Return the metric, the node set and the part of a value's name.
+
+    Raises:
+        RecipeError: if no metric has such a value.
+    """
+    node_set, _, rest = name.partition("/")
+    row, _, part = rest.partition("/")
+    metric = METRICS[row]
+    if node_set not in metric.node_sets or part not in metric.parts:
+        known = ", ".join(name_value(row, s, p) for s in metric.node_sets for p in metric.parts)
+        raise RecipeError(f"metric {row!r} has no value {name!r}; it has {known}")
+    return metric, node_set, part
+
+
+def list_values() -> tuple[str, ...]:
+    """Return the names of all values, in the order of all tables.
+
+    First metrics of all nodes, node set by node set; then those of rooms alone, selection of cells
+    by selection, and at last what has no selection.
+    """
+    rows = {row: METRICS[row] for row in METRICS}
+    wide = [row for row, metric in rows.items() if metric.node_sets == NODE_SETS]
+    names = [
+        name_value(row, node_set, part)
+        for node_set in NODE_SETS
+        for row in wide
+        for part in rows[row].parts
+    ]
+    for selection in (*SELECTIONS, None):
+        for row in rows:
+            if row not in wide:
+                names += [
+                    name_value(row, node_set, part)
+                    for node_set in rows[row].node_sets
+                    for part in rows[row].parts
+                    if part == selection or (selection is None and part not in SELECTIONS)
+                ]
+    return tuple(names)
+
+
+def label_value(name: str) -> str:
+    """Return how a value is called in a table, in the field's words.
+
+    >>> label_value("all/wasserstein_values/mean"), label_value("rooms/presence_ap_micro/unseen")
+    ('Wasserstein, all nodes', 'unseen AP micro')
+    """
+    metric, node_set, part = find_value(name)
+    label = metric.label
+    if part in SELECTIONS:
+        label = label if part == "all" else f"{part} {label}"
+    elif part not in ("", "mean"):
+        label = f"{part} of {label}"
+    if len(metric.node_sets) > 1:
+        label += ", all nodes" if node_set == "all" else f", {node_set}"
+    return label
+
+
+def head_value(name: str) -> str:
+    """Return the label of a value with an arrow to where it is better.
+
+    >>> head_value("rooms/hidden_nll")
+    'NLL, rooms ↓'
+    """
+    less = find_value(name)[0].less
+    return label_value(name) + ("" if less is None else " ↓" if less else " ↑")

@@ -1,0 +1,197 @@
+"""The metrics of the house, an object each; `METRICS` of the catalogue names them.
+
+E is the distribution over classes of a histogram, O its total; ″ is predicted, no mark is true.
+Distances and errors use the raw totals of a model that predicts totals; likelihood and presence use
+the hidden counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from bsg_models.belief.expectation import Expectation
+from bsg_models.evaluation import metrics
+from bsg_models.evaluation.metric import CorrelationMetric, NodeMetric, PresenceMetric
+from bsg_models.evaluation.metrics import Floats
+from bsg_models.evaluation.presence import Cells
+from bsg_models.evaluation.truth import Truth
+
+
+def between_distributions(
+    distance: Callable[[Floats, Floats], Floats],
+) -> Callable[[Truth, Expectation], Floats]:
+    """Return the values of a distance of E″ from E, both `[N, C]`, at every node."""
+
+    def values(truth: Truth, expectation: Expectation) -> Floats:
+        return distance(metrics.normalise(expectation.totals), metrics.normalise(truth.targets))
+
+    return values
+
+
+def mean_error(truth: Truth, expectation: Expectation) -> Floats:
+    """Return O″ − O per class, its mean over classes, `[N]`."""
+    return np.asarray((expectation.totals - truth.targets).mean(axis=1))
+
+
+def mean_absolute_error(truth: Truth, expectation: Expectation) -> Floats:
+    """Return |O″ − O| per class, its mean over classes, `[N]`."""
+    return np.asarray(np.abs(expectation.totals - truth.targets).mean(axis=1))
+
+
+def hidden_nll(truth: Truth, expectation: Expectation) -> Floats:
+    """Return −log P(hidden counts) per class, its mean over classes, `[N]`."""
+    return np.asarray(-expectation.log_probability(truth.hidden).mean(axis=1))
+
+
+def topk_unseen(k: int) -> Callable[[Truth, Expectation], Floats]:
+    """Return the hits among the k most expected unseen classes, as `metrics.topk_unseen`."""
+
+    def values(truth: Truth, expectation: Expectation) -> Floats:
+        seen, hidden = truth.inputs > 0, truth.hidden > 0
+        return metrics.topk_unseen(expectation.presence, seen, hidden, k=k)
+
+    return values
+
+
+def auroc(cells: Cells, weights: Floats) -> float:
+    """Return the area under the ROC curve of cells with weights `[M]`."""
+    return metrics.auroc(cells.ranking, weights)
+
+
+def average_precision(cells: Cells, weights: Floats) -> float:
+    """Return the average precision of cells with weights `[M]`."""
+    return metrics.average_precision(cells.ranking, weights)
+
+
+def brier(cells: Cells, weights: Floats) -> float:
+    """Return the Brier score of cells with weights `[M]`."""
+    return metrics.brier(cells.presence, cells.hidden, weights)
+
+
+def calibration_error(cells: Cells, weights: Floats) -> float:
+    """Return the expected calibration error of cells with weights `[M]`."""
+    return metrics.calibration_error(cells.presence, cells.hidden, weights)
+
+
+def frobenius(predicted: Floats, true: Floats) -> float:
+    """Return the Frobenius norm of the difference of two matrices `[C, C]`."""
+    return float(np.linalg.norm(predicted - true))
+
+
+WASSERSTEIN_VALUES = NodeMetric(
+    label="Wasserstein",
+    less=True,
+    spread=True,
+    values=between_distributions(metrics.wasserstein_values),
+    about="distance of the 45 probabilities E″ and E *as samples*, "
+    "`scipy.stats.wasserstein_distance(p, q)`: the reading that fits the paper's Table I",
+)
+ENERGY_VALUES = NodeMetric(
+    label="energy",
+    less=True,
+    spread=True,
+    values=between_distributions(metrics.energy_values),
+    about="the same with `scipy.stats.energy_distance(p, q)`",
+)
+WASSERSTEIN_CLASSES = NodeMetric(
+    label="Wasserstein over class indices",
+    less=True,
+    spread=True,
+    values=between_distributions(metrics.wasserstein_classes),
+    about="Wasserstein distance of E″ and E with the class index as support",
+)
+ENERGY_CLASSES = NodeMetric(
+    label="energy over class indices",
+    less=True,
+    spread=True,
+    values=between_distributions(metrics.energy_classes),
+    about="energy distance of E″ and E with the class index as support",
+)
+TOTAL_VARIATION = NodeMetric(
+    label="total variation",
+    less=True,
+    spread=True,
+    values=between_distributions(metrics.total_variation),
+    about="½ Σ |E″ − E|: the share of probability on wrong classes",
+)
+MEAN_ERROR = NodeMetric(
+    label="signed error in number",
+    less=None,
+    values=mean_error,
+    about="O″ − O per class, mean over classes and nodes; per class in `classes.csv` and in the "
+    "box plot",
+)
+MEAN_ABSOLUTE_ERROR = NodeMetric(
+    label="error in number",
+    less=True,
+    values=mean_absolute_error,
+    about="the same of |O″ − O|",
+)
+HIDDEN_NLL = NodeMetric(
+    label="NLL",
+    less=True,
+    values=hidden_nll,
+    about="mean negative log-likelihood per node and class of the hidden counts, by the model's "
+    "own distribution, or Poisson if it has none; a rate below 0.001 counts as 0.001, so that one "
+    "impossible object does not swallow the rest",
+)
+CORRELATION_FROBENIUS = CorrelationMetric(
+    label="Frobenius",
+    less=True,
+    distance=frobenius,
+    about="Frobenius norm of the difference of the two 45 × 45 Pearson correlation matrices of the "
+    "counts over nodes; a class without variance correlates 0 with the others and 1 with itself",
+)
+PRESENCE_AUROC_MICRO = PresenceMetric(
+    label="AUROC micro",
+    less=False,
+    measure=auroc,
+    about="of P(at least one hidden object of the class): area under the ROC curve over all "
+    "(room, class) cells, of `all` classes, only those `unseen` in the room's input, or only rooms "
+    "that are `unvisited`",
+)
+PRESENCE_AP_MICRO = PresenceMetric(
+    label="AP micro",
+    less=False,
+    measure=average_precision,
+    about="average precision over the same cells",
+)
+PRESENCE_BRIER = PresenceMetric(
+    label="Brier score",
+    less=True,
+    measure=brier,
+    about="Brier score over the same cells",
+)
+PRESENCE_CALIBRATION_ERROR = PresenceMetric(
+    label="calibration error",
+    less=True,
+    measure=calibration_error,
+    about="expected calibration error over the same cells, in 15 bins",
+)
+PRESENCE_AUROC_MACRO = PresenceMetric(
+    label="AUROC macro",
+    less=False,
+    measure=auroc,
+    by_class=True,
+    about="area under the ROC curve over the rooms, mean over classes",
+)
+PRESENCE_AP_MACRO = PresenceMetric(
+    label="AP macro",
+    less=False,
+    measure=average_precision,
+    by_class=True,
+    about="average precision over the rooms, mean over classes",
+)
+TOP1_UNSEEN, TOP3_UNSEEN, TOP5_UNSEEN = (
+    NodeMetric(
+        label=f"top {k} unseen",
+        less=False,
+        over=("rooms",),
+        values=topk_unseen(k),
+        about="share of the rooms that hide an unseen class in which one is "
+        + ("the most expected unseen class" if k == 1 else f"among the {k} most expected"),
+    )
+    for k in (1, 3, 5)
+)

@@ -1,0 +1,75 @@
+"""What is measured: the truth of masked pairs, and a model's expectation beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from bsg_models.belief.expectation import Expectation
+from bsg_models.evaluation.metrics import Bools, Floats
+from bsg_models.evaluation.presence import PresenceCells
+
+NODE_SETS = ("rooms", "building", "all")
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """What the stored pairs of a split say, over all N nodes of all draws.
+
+    Attributes:
+        inputs: `[N, C]` what the masks leave.
+        targets: `[N, C]` what is there.
+        is_building: `[N]`.
+        visited: `[N]` whether the robot entered.
+        building: `[N]` 0..B-1, the number of the node's building.
+        draw: `[N]` number of the mask.
+        scene_ids: `[B]`.
+    """
+
+    inputs: Floats
+    targets: Floats
+    is_building: Bools
+    visited: Bools
+    building: npt.NDArray[np.int64]
+    draw: npt.NDArray[np.int64]
+    scene_ids: tuple[str, ...]
+
+    @property
+    def hidden(self) -> Floats:
+        """Hidden counts, `[N, C]`."""
+        return self.targets - self.inputs
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """A model's expectation beside the truth: what a metric is prepared from.
+
+    Attributes:
+        truth: of N nodes.
+        expectation: of the same nodes.
+    """
+
+    truth: Truth
+    expectation: Expectation
+
+    @cached_property
+    def rows(self) -> Mapping[str, npt.NDArray[np.int64]]:
+        """Node set → its rows."""
+        building = self.truth.is_building
+        sets = {"rooms": ~building, "building": building, "all": np.ones_like(building)}
+        return {name: np.flatnonzero(mask) for name, mask in sets.items()}
+
+    @cached_property
+    def cells(self) -> PresenceCells:
+        """The (room, class) cells with their presence, sorted once for all metrics."""
+        rooms = self.rows["rooms"]
+        return PresenceCells(
+            presence=self.expectation.presence[rooms],
+            seen=self.truth.inputs[rooms] > 0,
+            hidden=self.truth.hidden[rooms] > 0,
+            visited=self.truth.visited[rooms],
+        )

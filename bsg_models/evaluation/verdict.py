@@ -1,0 +1,108 @@
+"""Verdicts: is one model better than another, by the interval of their paired difference.
+
+Both met the same resamples of the buildings, so that buildings which are hard for both do not widen
+the interval of what they differ by. Two intervals that overlap say less.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+
+from bsg_data.errors import RecipeError
+from bsg_models.evaluation.bootstrap import Bootstrap
+from bsg_models.evaluation.catalogue import find_value, label_value
+
+Verdict = Literal["better", "not distinguishable", "worse"]
+
+BESIDE_DOUBLED = "beside doubling what was seen (by 95 % intervals of the paired difference)"
+
+# The values that are shown first, by what they are about.
+HEADLINES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "what is hidden": (
+            "rooms/hidden_nll",
+            "rooms/presence_auroc_macro/all",
+            "rooms/presence_auroc_micro/all",
+            "rooms/presence_auroc_macro/unseen",
+            "rooms/presence_ap_micro/unseen",
+            "rooms/presence_calibration_error/all",
+            "rooms/top3_unseen",
+        ),
+        "unvisited rooms": (
+            "rooms/presence_ap_micro/unvisited",
+            "rooms/presence_ap_macro/unvisited",
+            "rooms/presence_auroc_macro/unvisited",
+            "rooms/presence_calibration_error/unvisited",
+        ),
+        "whole histograms": (
+            "all/wasserstein_values/mean",
+            "all/energy_values/mean",
+            "rooms/total_variation/mean",
+            "rooms/correlation_frobenius",
+            "all/correlation_frobenius",
+            "building/mean_absolute_error",
+        ),
+    }
+)
+
+
+def judge(ours: Bootstrap, other: Bootstrap, name: str) -> Verdict:
+    """Return whether a model is better in a value than another that met the same resamples.
+
+    It is where the interval of the paired difference does not hold 0; without resamples, where the
+    values differ.
+
+    Raises:
+        RecipeError: for a value of which neither less nor more is better.
+    """
+    less = find_value(name)[0].less
+    if less is None:
+        raise RecipeError(f"{name}: neither less nor more of it is better")
+    gap = ours.difference(other, name)
+    low, high = (gap.value, gap.value) if np.isnan(gap.low) else (gap.low, gap.high)
+    if gap.value == 0 or not (low > 0 or high < 0):
+        return "not distinguishable"
+    return "better" if (high < 0) == less else "worse"
+
+
+def judge_all(
+    bootstraps: Mapping[str, Bootstrap], *, runs: Sequence[str], beside: str = "doubled"
+) -> dict[str, dict[str, list[str]]]:
+    """Return run → verdict → the headlines in which it is so, beside one other model.
+
+    A headline that is not defined for both has no verdict.
+    """
+    other = bootstraps[beside]
+    judged: dict[str, dict[str, list[str]]] = {}
+    for run in runs:
+        labels: dict[str, list[str]] = {"better": [], "not distinguishable": [], "worse": []}
+        for name in list_headlines(bootstraps):
+            if not np.isnan(bootstraps[run].point[name] - other.point[name]):
+                labels[judge(bootstraps[run], other, name)].append(label_value(name))
+        judged[run] = {verdict: some for verdict, some in labels.items() if some}
+    return judged
+
+
+def list_headlines(bootstraps: Mapping[str, Bootstrap]) -> list[str]:
+    """Return the names of the headlines that are defined for any of some models, in order."""
+    return [
+        name
+        for group in HEADLINES.values()
+        for name in group
+        if not all(np.isnan(one.point[name]) for one in bootstraps.values())
+    ]
+
+
+def explain(bootstraps: Mapping[str, Bootstrap], *, runs: Sequence[str]) -> list[str]:
+    """Return lines that say in plain words where each run stands beside doubling what was seen."""
+    lines = []
+    for run, verdicts in judge_all(bootstraps, runs=runs).items():
+        lines.append(f"{run}, {BESIDE_DOUBLED}:")
+        for verdict, labels in verdicts.items():
+            lines.append(f"  {verdict}: {labels[0]}")
+            lines += [" " * (len(verdict) + 4) + label for label in labels[1:]]
+    return lines

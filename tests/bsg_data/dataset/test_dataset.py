@@ -1,0 +1,189 @@
+"""An opened dataset: its tables by hand, beside the plain readers, and what it refuses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import annotation_text, write_scene
+
+from bsg_data.build import build_dataset
+from bsg_data.dataset.categories import NO_CATEGORY, read_others
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.dataset.histograms import read_adjacency, read_cells
+from bsg_data.dataset.manifest import MANIFEST, hash_manifest, read_manifest
+from bsg_data.dataset.splits import read_splits, split_dataset
+from bsg_data.errors import DatasetError
+from bsg_data.recipes import SplitRecipe
+from bsg_data.scene.class_map import ClassMap
+from bsg_data.scene.scene_graph import Edge, SceneGraph
+from bsg_data.sources.hm3d import HM3DFolder, SceneRef
+
+HOUSE, SHED, LAWN, RUIN = (f"0000{k}-abcdefghi0{k}" for k in range(4))
+
+
+class Estate(HM3DFolder):
+    """A house of three rooms, a shed of two without objects, a lawn without rooms, nothing."""
+
+    def read(self, ref: SceneRef, class_map: ClassMap) -> SceneGraph:
+        """Return a building with its adjacency, or without its objects or its rooms."""
+        reading = super().read(ref, class_map)
+        graph = reading.graph
+        if ref.scene_id == HOUSE:
+            edges = (
+                Edge(1, 2, "adjacent", "layout", 2.5),
+                Edge(1, 3, "adjacent", "door"),
+                Edge(2, 3, "adjacent", "stairs", 4.0),
+            )
+            graph = replace(graph, adjacency=edges)
+        elif ref.scene_id == SHED:
+            edges = (Edge(1, 2, "adjacent", "boxes", 1.0),)
+            graph = replace(graph, objects=(), adjacency=edges)
+        elif ref.scene_id == LAWN:
+            outside = tuple(replace(obj, room_index=0) for obj in graph.objects)
+            graph = replace(graph, rooms=(), objects=outside)
+        else:
+            graph = replace(graph, rooms=(), objects=())
+        return replace(reading, graph=graph)
+
+
+@pytest.fixture
+def estate(tmp_path: Path) -> Dataset:
+    rooms = {
+        HOUSE: {0: ["bed", "bed", "wall"], 1: ["chair", "unknown", ""], 2: ["wall", "floor"]},
+        SHED: {0: ["chair"], 1: ["wall"]},
+        LAWN: {0: ["chair", "chair", "floor"]},
+        RUIN: {0: ["wall"]},
+    }
+    for scene, objects in rooms.items():
+        write_scene(tmp_path / "hm3d", scene, annotation_text(objects))
+    build_dataset(Estate(tmp_path / "hm3d"), tmp_path / "estate", scenes_per_shard=2)
+    return Dataset.open(tmp_path / "estate")
+
+
+def test_the_cells_of_an_estate_by_hand(estate: Dataset) -> None:
+    assert estate.scene_ids == (HOUSE, SHED, LAWN, RUIN)
+    classes = estate.manifest.class_map.classes
+    bed, chair = classes.index("bed"), classes.index("chair")
+    house = estate.cells(HOUSE)
+    assert house.shape == (4, 45)
+    assert house[:, bed].tolist() == [0, 2, 0, 0]
+    assert house[:, chair].tolist() == [0, 0, 1, 0]
+    assert house.sum() == 3
+    assert estate.cells(SHED).tolist() == [[0] * 45] * 3  # rooms without objects
+    lawn = estate.cells(LAWN)
+    assert lawn.shape == (1, 45)
+    assert (lawn[0, chair], lawn.sum()) == (2, 2)  # objects without rooms
+    assert estate.cells(RUIN).tolist() == [[0] * 45]
+
+
+def test_the_other_objects_of_an_estate_by_hand(estate: Dataset) -> None:
+    house = estate.others(HOUSE)
+    assert house.categories == (NO_CATEGORY, "floor", "wall")
+    assert house.cells.tolist() == [[0, 0, 0], [0, 0, 1], [2, 0, 0], [0, 1, 1]]
+    assert (estate.others(SHED).categories, estate.others(SHED).cells.shape) == ((), (3, 0))
+    lawn = estate.others(LAWN)
+    assert (lawn.categories, lawn.cells.tolist()) == (("floor",), [[1]])
+    assert (estate.others(RUIN).categories, estate.others(RUIN).cells.shape) == ((), (1, 0))
+
+
+def test_the_connections_of_an_estate_by_hand(estate: Dataset) -> None:
+    house = estate.connections(HOUSE)
+    assert house.pairs.tolist() == [[1, 2], [1, 3], [2, 3]]
+    assert house.methods.tolist() == ["layout", "door", "stairs"]
+    np.testing.assert_array_equal(house.lengths, [2.5, np.nan, 4.0])
+    assert estate.connections(SHED).pairs.tolist() == [[1, 2]]
+    for scene in (LAWN, RUIN):
+        assert len(estate.connections(scene)) == 0
+        assert estate.connections(scene).pairs.shape == (0, 2)
+    assert estate.connection_methods == {"layout", "door", "stairs", "boxes"}
+
+
+def test_an_estate_is_what_the_plain_readers_say(estate: Dataset) -> None:
+    assert_alike(estate)
+
+
+def test_a_dataset_is_what_the_plain_readers_say(dataset: Path) -> None:
+    data = Dataset.open(dataset)
+    assert_alike(data)
+    assert data.connection_methods == frozenset()
+    assert data.manifest == read_manifest(dataset)
+    assert data.sha256 == hash_manifest(dataset)
+    assert {name: list(scenes) for name, scenes in data.splits.items()} == {
+        name: list(scenes) for name, scenes in read_splits(dataset).items()
+    }
+
+
+def assert_alike(data: Dataset) -> None:
+    cells, others, adjacent = (
+        read(data.path) for read in (read_cells, read_others, read_adjacency)
+    )
+    assert list(data.scene_ids) == list(cells) == list(others)
+    for scene in data.scene_ids:
+        assert scene in data
+        np.testing.assert_array_equal(data.cells(scene), cells[scene])
+        assert data.others(scene).categories == others[scene].categories
+        np.testing.assert_array_equal(data.others(scene).cells, others[scene].cells)
+        pairs = [tuple(pair) for pair in data.connections(scene).pairs.tolist()]
+        assert pairs == adjacent.get(scene, [])
+
+
+def test_scenes_that_are_not_there(dataset: Path) -> None:
+    data = Dataset.open(dataset)
+    assert "nowhere" not in data
+    assert 7 not in data
+    with pytest.raises(KeyError, match="nowhere"):
+        data.cells("nowhere")
+
+
+def test_a_dataset_that_is_not_split_has_no_splits(estate: Dataset) -> None:
+    assert estate.splits == {}
+
+
+def test_a_changed_dataset_is_opened_again(dataset: Path) -> None:
+    first = Dataset.open(dataset)
+    assert Dataset.open(dataset) is first
+    before = first.splits
+    split_dataset(dataset, SplitRecipe(seed=1), force=True)
+    second = Dataset.open(dataset)
+    assert second.splits != before
+    assert second.sha256 != first.sha256
+    assert first.splits == before  # what was open stays what it was
+
+
+def test_a_relative_path_is_the_same_dataset(
+    dataset: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = Dataset.open(dataset)
+    monkeypatch.chdir(dataset.parent)
+    assert Dataset.open(Path(dataset.name)) is first
+
+
+@pytest.mark.parametrize("table", ["scenes", "objects", "edges"])
+@pytest.mark.parametrize("how", ["cut", "changed", "gone"])
+def test_a_damaged_file_is_refused(dataset: Path, table: str, how: str) -> None:
+    path = sorted((dataset / table).glob("*.parquet"))[0]
+    whole = path.read_bytes()
+    if how == "gone":
+        path.unlink()
+    else:
+        middle = len(whole) // 2
+        flipped = whole[:middle] + bytes([whole[middle] ^ 1]) + whole[middle + 1 :]
+        path.write_bytes(whole[:-9] if how == "cut" else flipped)
+    with pytest.raises(DatasetError, match=rf"{path.name}: is not what the manifest says"):
+        Dataset.open(dataset)
+    path.write_bytes(whole)
+    assert len(Dataset.open(dataset).scene_ids) == 12
+
+
+def test_what_is_no_dataset_is_refused(dataset: Path, tmp_path: Path) -> None:
+    with pytest.raises(DatasetError, match="no such folder"):
+        Dataset.open(tmp_path / "none")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(DatasetError):
+        Dataset.open(tmp_path / "empty")
+    (dataset / MANIFEST).write_text("{")
+    with pytest.raises(DatasetError):
+        Dataset.open(dataset)

@@ -1,0 +1,82 @@
+"""Verdicts by hand: paired, in the right direction, and silent about what is not known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bsg_data.errors import RecipeError
+from bsg_models.evaluation.bootstrap import Bootstrap
+from bsg_models.evaluation.catalogue import find_value, list_values
+from bsg_models.evaluation.verdict import HEADLINES, explain, judge, judge_all, list_headlines
+
+NOISE = np.linspace(-1, 1, 41)
+LESS, MORE = "rooms/hidden_nll", "rooms/presence_auroc_macro/all"
+
+
+def measured(value: float, *, noise: np.ndarray = NOISE, **others: float) -> Bootstrap:
+    """Return a model of which every metric is one number with some noise, but for a few."""
+    point = dict.fromkeys(list_values(), value) | {
+        k.replace("__", "/"): v for k, v in others.items()
+    }
+    return Bootstrap(
+        point=point,
+        resampled={name: number + noise for name, number in point.items()},
+        nodes=dict.fromkeys(point, 9),
+    )
+
+
+def test_a_verdict_is_that_of_the_paired_difference() -> None:
+    """The intervals of both overlap by far, and yet one is better in every resample."""
+    ours, other = measured(1.0), measured(1.1)
+    assert ours.estimate(LESS).high > other.estimate(LESS).low
+    assert judge(ours, other, LESS) == "better"
+    assert judge(other, ours, LESS) == "worse"
+    assert judge(ours, other, MORE) == "worse"
+    assert judge(other, ours, MORE) == "better"
+
+
+def test_a_difference_that_resamples_turn_round_is_no_verdict() -> None:
+    ours, other = measured(1.0), measured(1.1, noise=-NOISE)  # they differ by 0.1, give or take 2
+    assert judge(ours, other, LESS) == judge(ours, other, MORE) == "not distinguishable"
+    far = measured(4.0, noise=-NOISE)
+    assert judge(ours, far, LESS) == "better"
+
+
+def test_without_resamples_values_decide_and_twins_are_alike() -> None:
+    nothing = np.array([])
+    ours, other = measured(1.0, noise=nothing), measured(1.1, noise=nothing)
+    assert judge(ours, other, LESS) == "better"
+    assert judge(ours, ours, LESS) == "not distinguishable"
+    skewed = np.append(np.zeros(99), -100.0)  # its quantiles lie above its mean
+    one, twin = measured(1.0, noise=skewed), measured(1.0, noise=0 * skewed)
+    assert judge(one, twin, LESS) == "not distinguishable"
+
+
+def test_a_signed_error_has_no_verdict() -> None:
+    with pytest.raises(RecipeError, match="neither less nor more"):
+        judge(measured(0.0), measured(1.0), "rooms/mean_error")
+
+
+def test_headlines_are_values_with_a_direction() -> None:
+    names = [name for group in HEADLINES.values() for name in group]
+    assert len(set(names)) == len(names)
+    assert set(names) <= set(list_values())
+    assert all(find_value(name)[0].less is not None for name in names)
+
+
+def test_runs_are_judged_beside_doubling_where_both_are_known() -> None:
+    unvisited = dict.fromkeys(
+        (name.replace("/", "__") for name in HEADLINES["unvisited rooms"]), float("nan")
+    )
+    both = {"ours": measured(1.0, **unvisited), "doubled": measured(1.5, **unvisited)}
+    assert not set(list_headlines(both)) & set(HEADLINES["unvisited rooms"])
+    verdicts = judge_all(both, runs=["ours"])["ours"]
+    assert set(verdicts) == {"better", "worse"}
+    assert verdicts["better"][0] == "NLL, rooms"
+    assert "AUROC macro" in verdicts["worse"]
+    assert sum(map(len, verdicts.values())) == len(list_headlines(both))
+    lines = explain(both, runs=["ours"])
+    assert lines[0].startswith("ours, beside doubling what was seen")
+    assert lines[1] == "  better: NLL, rooms"
+    assert len(lines) == 1 + len(list_headlines(both))

@@ -1,0 +1,180 @@
+"""The planners by hand, the table of their names, and planners of somebody else."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import REPOSITORY
+
+from bsg_data.errors import RecipeError
+from bsg_models.search.catalogue import PLANNERS, Planner, find_planner
+from bsg_models.search.knowledge import Knowledge
+from bsg_models.search.planners import ask_planner, next_room
+from bsg_models.search.shortest_paths import Ints, find_ways
+from bsg_models.search.simulator import Episodes, search
+
+PACKAGE = REPOSITORY / "bsg_models"
+ROW = np.full((6, 6), np.inf)  # rooms 1 – 2 – 3 – 4 in a row, 5 out of reach
+for a, cost in ((1, 1.0), (2, 1.0), (3, 5.0)):
+    ROW[a, a + 1] = ROW[a + 1, a] = cost
+HERE: dict[str, Any] = {
+    "here": 2,
+    "explored": np.array([False, False, True, False, False, False]),
+    "presence": np.array([0, 0.3, 0.9, 0.4, 0.5, 1.0]),
+}
+
+
+def farthest(known: Knowledge) -> Ints:
+    """Go to the unexplored room that is farthest away."""
+    return np.where(known.unexplored, known.distance, -1.0).argmax(axis=1)
+
+
+def test_names_are_known_without_heavy_libraries() -> None:
+    code = (
+        "import sys, types, pathlib\n"
+        "heavy = ('numba', 'scipy', 'torch', 'numpy')\n"
+        "for name in heavy: sys.modules[name] = None\n"  # any import of them raises now
+        "package = types.ModuleType('bsg_models')\n"  # the root exports models, which need torch
+        f"package.__path__ = [{str(PACKAGE)!r}]\n"
+        "sys.modules['bsg_models'] = package\n"
+        "data = types.ModuleType('bsg_data')\n"
+        f"data.__path__ = [{str(PACKAGE.parent / 'bsg_data')!r}]\n"
+        "sys.modules['bsg_data'] = data\n"
+        "from bsg_models.search.catalogue import PLANNERS\n"
+        "print(*PLANNERS.names())\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == list(PLANNERS.names())
+    assert done.stdout.split()[0] == "nearest"
+
+
+@pytest.mark.parametrize("name", PLANNERS.names())
+def test_every_row_says_what_it_does_and_what_it_reads(name: str) -> None:
+    planner = PLANNERS[name]
+    assert (planner.choose.__doc__ or "").splitlines()[0].endswith(".")
+    assert planner.reads in ("none", "belief", "truth")
+
+
+def test_what_stands_for_a_planner() -> None:
+    assert find_planner("nearest") is PLANNERS["nearest"]
+    assert find_planner(farthest) == Planner(farthest, "belief")
+    with pytest.raises(RecipeError, match="did you mean nearest"):
+        find_planner("nearst")
+    with pytest.raises(RecipeError, match="expected a name, a Planner or a function"):
+        find_planner(3)  # type: ignore[arg-type]
+
+
+def test_the_next_room_of_a_robot_of_its_own() -> None:
+    edges = np.full((6, 6), np.inf)  # rooms 1 – 2 – 3 – 4 in a row, 5 out of reach
+    for a, cost in ((1, 1.0), (2, 1.0), (3, 5.0)):
+        edges[a, a + 1] = edges[a + 1, a] = cost
+    explored = np.array([False, False, True, False, False, False])
+    presence = np.array([0, 0.3, 0.9, 0.4, 0.5, 1.0])
+    for planner, room in (("nearest", 1), ("greedy-belief", 4), ("ratio", 3), ("expected-cost", 1)):
+        found = next_room(edges, here=2, explored=explored, presence=presence, planner=planner)
+        assert found == room
+    explored[:5] = True
+    assert next_room(edges, here=2, explored=explored, presence=presence) is None
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"presence": [0, np.nan, 0.5]}, "presence"),
+        ({"presence": [0, 0.5]}, "presence"),
+        ({"presence": [0, 0.5, 1.5]}, "presence"),
+        ({"edges": -np.ones((3, 3))}, "edges"),
+        ({"edges": np.ones((3, 2))}, "edges"),
+        ({"explored": np.zeros(2, dtype=bool)}, "explored"),
+        ({"here": 3}, "here 3"),
+        ({"task": "both"}, "task 'both'"),
+    ],
+)
+def test_what_no_robot_can_mean_is_refused(change: dict[str, Any], words: str) -> None:
+    known: dict[str, Any] = {
+        "edges": np.ones((3, 3)),
+        "here": 1,
+        "explored": np.zeros(3, dtype=bool),
+        "presence": [0, 0.5, 0.5],
+    }
+    with pytest.raises(RecipeError, match=words):
+        next_room(**{**known, **change})
+
+
+def test_which_planners_a_robot_may_use_follows_from_what_they_read() -> None:
+    with pytest.raises(RecipeError, match="'oracle' reads the truth"):
+        next_room(ROW, **HERE, planner="oracle")
+    with pytest.raises(RecipeError, match="reads the truth"):
+        next_room(ROW, **HERE, planner=Planner(farthest, "truth"))
+    with pytest.raises(RecipeError, match="greedy-share reads E″"):
+        next_room(ROW, **HERE, planner="greedy-share")
+    share = np.array([0, 0.2, 0.9, 0.1, 0.05, 1.0])
+    assert next_room(ROW, **HERE, planner="greedy-share", share=share) == 1
+    with pytest.raises(RecipeError, match=r"share \[2\]"):
+        next_room(ROW, **HERE, planner="greedy-share", share=share[:2])
+    rooms = {next_room(ROW, **HERE, planner="random", seed=seed) for seed in range(30)}
+    assert rooms == {1, 3, 4}
+
+
+def test_a_function_and_a_planner_of_ones_own() -> None:
+    assert next_room(ROW, **HERE, planner=farthest) == 4
+    assert next_room(ROW, **HERE, planner=Planner(farthest, "none")) == 4
+    found = next_room(ROW, **HERE, planner=lambda known: known.presence[:, :, 0].argmin(axis=1) + 1)
+    assert found == 1
+
+
+@pytest.mark.parametrize(
+    ("answer", "words"),
+    [
+        ([2], "names room 2"),  # explored
+        ([0], "names room 0"),  # the building
+        ([5], "names room 5"),  # out of reach
+        ([-1], "names room -1"),
+        ([6], "names room 6"),
+        ([1.0], "numbers of 1 rooms, found float64"),
+        ([1, 1], r"found int64 \[2\]"),
+    ],
+)
+def test_an_answer_that_is_no_unexplored_room_is_refused(answer: list[Any], words: str) -> None:
+    def broken(known: Knowledge) -> Ints:
+        return np.array(answer)
+
+    with pytest.raises(RecipeError, match=f"planner broken: .*{words}"):
+        next_room(ROW, **HERE, planner=broken)
+
+
+def test_a_planner_that_stays_where_it_is_does_not_search_for_ever() -> None:
+    travel = find_ways(ROW[None])
+    episodes = Episodes(
+        travel=travel,
+        rooms=np.array([False, True, True, True, True, False]),
+        starts=np.array([1]),
+        artifacts=np.array([[7]]),
+        instances=np.eye(6, dtype=np.int64)[None, :, [4]],
+        lots=np.zeros((1, 6)),
+    )
+    with pytest.raises(RecipeError, match="names room 1"):
+        search(episodes, Planner(lambda known: known.here, "none"), task="single")
+    outcome = search(episodes, Planner(farthest, "none"), task="single")
+    assert (outcome.costs[0], outcome.entered[0]) == (7.0, 3)  # straight to 4, through 2 and 3
+
+
+def test_ties_go_to_the_lowest_index() -> None:
+    known = Knowledge(
+        task="single",
+        here=np.array([2]),
+        travel=find_ways(ROW[None]),
+        rows=np.array([0]),
+        unexplored=np.array([[False, True, False, True, True, False]]),
+        wanted=np.ones((1, 1), dtype=bool),
+        presence=np.full((1, 6, 1), 0.5),
+        share=np.full((1, 6, 1), 0.5),
+        lots=np.zeros((1, 6)),
+    )
+    for name in ("nearest", "random", "greedy-share", "greedy-belief", "ratio"):
+        assert ask_planner(PLANNERS[name], known).tolist() == [1]

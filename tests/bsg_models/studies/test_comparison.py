@@ -1,0 +1,109 @@
+"""Runs beside the baselines on the same masks, and what a comparison leaves."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from bsg_data.dataset.splits import split_dataset
+from bsg_data.errors import DatasetError
+from bsg_data.observation.pairs import write_pairs
+from bsg_data.recipes import PairsRecipe, SplitRecipe
+from bsg_models.errors import CheckpointError
+from bsg_models.evaluation.catalogue import head_value, list_values
+from bsg_models.evaluation.measurement import Measurement, predict_all, read_truth
+from bsg_models.evaluation.verdict import HEADLINES, judge_all
+from bsg_models.inputs.graphs import MaskedGraphs
+from bsg_models.studies.comparison import compare_runs
+from bsg_models.studies.comparison_table import encode_comparison, headline_rows, metric_rows
+from bsg_models.training.training import train_run
+from bsg_models.zoo.catalogue import BASELINES, ZOO, make_model
+from bsg_models.zoo.config import override, validate_config
+
+
+def train(dataset: Path, run: Path, *settings: str) -> Path:
+    small = ["model.width=8", "training.epochs=2", "training.batch_size=4", *settings]
+    config = validate_config(
+        override(ZOO["ceci-gcn"].model_dump(mode="json"), small), source="test"
+    )
+    list(train_run(config, dataset, run))
+    return run
+
+
+def test_runs_are_compared_with_the_baselines_on_the_same_masks(
+    dataset: Path, tmp_path: Path
+) -> None:
+    runs = [train(dataset, tmp_path / "a"), train(dataset, tmp_path / "b", "model.dropout=0.0")]
+    found = compare_runs(runs, dataset, split="val", resamples=2)
+    assert list(found.estimates) == ["a", "b", *BASELINES]
+    assert found.runs == ("a", "b")
+    graphs = MaskedGraphs.stored(dataset, "val")
+    truth = read_truth(graphs)
+    doubled = make_model(ZOO["doubled"], classes=45)
+    alone = Measurement(truth, predict_all(doubled, graphs)).evaluate()
+    for name, value in alone.items():
+        assert found.estimates["doubled"][name].value == pytest.approx(value, nan_ok=True)
+    assert len(found.classes) == 6 * 2 * 45
+    assert found.facts["buildings"] == 1
+    assert found.notes == ()
+
+
+def test_what_a_reader_must_know_is_noted(dataset: Path, tmp_path: Path) -> None:
+    run = train(dataset, tmp_path / "a")
+    (dataset / "dataset.json").write_text((dataset / "dataset.json").read_text() + "\n")
+    found = compare_runs([run], dataset, split="train", resamples=0)
+    assert "another dataset" in found.notes[0]
+    assert "were trained on" in found.notes[1]
+
+
+def test_runs_of_different_folds_are_refused(dataset: Path, tmp_path: Path) -> None:
+    split_dataset(dataset, SplitRecipe(method="folds", ratios=None, folds=3), force=True)
+    write_pairs(dataset, PairsRecipe(draws=1))
+    runs = [train(dataset, tmp_path / f"{k}", f"data.fold={k}") for k in (0, 1)]
+    assert compare_runs(runs[:1], dataset, split="test", resamples=0).facts["fold"] == 0
+    with pytest.raises(CheckpointError, match="test on different folds"):
+        compare_runs(runs, dataset, split="test", resamples=0)
+
+
+def test_a_changed_pair_is_not_measured(dataset: Path, tmp_path: Path) -> None:
+    run = train(dataset, tmp_path / "a")
+    path = dataset / "pairs" / "test-00000.parquet"
+    shutil.copy(dataset / "pairs" / "val-00000.parquet", path)
+    text = (dataset / "dataset.json").read_text()
+    (dataset / "dataset.json").write_text(text + "\n")  # not the one that is open already
+    with pytest.raises(DatasetError, match=r"test-00000\.parquet: is not what the manifest says"):
+        compare_runs([run], dataset, split="test", resamples=0)
+
+
+def test_what_a_comparison_leaves(dataset: Path, tmp_path: Path) -> None:
+    compared = compare_runs([train(dataset, tmp_path / "a")], dataset, split="val", resamples=4)
+    models = ["a", *BASELINES]
+    report = json.loads(json.dumps(encode_comparison(compared), allow_nan=False))
+    assert report["split"] == "val"
+    assert tuple(report["metrics"]) == list_values()
+    nll = compared.estimates["a"]["rooms/hidden_nll"]
+    assert report["metrics"]["rooms/hidden_nll"]["a"] == {
+        "value": nll.value,
+        "low": nll.low,
+        "high": nll.high,
+        "nodes": nll.nodes,
+    }
+    assert report["metrics"]["rooms/presence_brier/unvisited"]["a"]["value"] is None
+    rows = headline_rows(compared)  # uniform masks leave no room unvisited
+    names = (*HEADLINES["what is hidden"], *HEADLINES["whole histograms"])
+    assert [row[0] for row in rows] == [head_value(name) for name in names]
+    assert {len(row) for row in rows} == {1 + len(models)}
+    every = {row[0]: row[1:] for row in metric_rows(compared)}
+    assert tuple(every) == list_values()
+    assert every["rooms/presence_brier/unvisited"][1:] == ["-"] * len(models)
+    assert every["rooms/hidden_nll"][0] == str(nll.nodes)
+    assert every["rooms/hidden_nll"][1:] == rows[0][1:]
+
+
+def test_a_run_is_not_distinguishable_from_its_twin(dataset: Path, tmp_path: Path) -> None:
+    compared = compare_runs([train(dataset, tmp_path / "a")], dataset, split="test", resamples=4)
+    twins = compared.bootstraps | {"doubled": compared.bootstraps["a"]}
+    assert set(judge_all(twins, runs=["a"])["a"]) == {"not distinguishable"}

@@ -1,0 +1,97 @@
+"""The documents of a leaderboard, by hand: paired comparisons, what is in bold, every metric."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bsg_data.dataset.manifest import ClassMapEntry, Manifest, SourceEntry, Totals
+from bsg_data.scene.class_map import load_class_map
+from bsg_models.evaluation.bootstrap import Bootstrap
+from bsg_models.evaluation.catalogue import list_values
+from bsg_models.rendering.figures import plot_leaderboard
+from bsg_models.studies.leaderboard import Leaderboard, LeaderboardRecipe, ModelResult
+from bsg_models.studies.leaderboard_table import compare, rank_models, write_json, write_markdown
+
+RECIPE = LeaderboardRecipe(folds=3, draws=2, resamples=3)
+
+
+def board(values: Mapping[str, float]) -> Leaderboard:
+    """Return a leaderboard on which every metric of a model is one number."""
+    names = list_values()
+    noise = np.array([-0.1, 0.0, 0.1])
+    results = {
+        model: ModelResult(
+            Bootstrap(
+                point=dict.fromkeys(names, value),
+                resampled=dict.fromkeys(names, value + noise),
+                nodes=dict.fromkeys(names, 7),
+            ),
+            seconds=1.5,
+        )
+        for model, value in values.items()
+    }
+    return Leaderboard(RECIPE, _small_manifest(), {"rooms": results})
+
+
+def _small_manifest() -> Manifest:
+    return Manifest(
+        generator="test",
+        source=SourceEntry(kind="hm3d", version=None, fingerprint="0"),
+        class_map=ClassMapEntry.of(load_class_map()),
+        options={},
+        totals=Totals(scenes=3, rooms=9),
+        files=(),
+    )
+
+
+def test_paired_comparisons_by_hand() -> None:
+    """The noise of two models is the same, so that their difference has none."""
+    made = board({"train-mean": 0.5, "gamma-poisson": 0.4, "ours": 0.3})
+    results = made.results["rooms"]
+    assert rank_models(results) == ["ours", "gamma-poisson", "train-mean"]
+    found = compare(results, "ours")
+    difference = found["unvisited_ap_minus_train_mean"]
+    assert difference is not None
+    assert (difference.value, difference.low, difference.high) == pytest.approx((-0.2,) * 3)
+    ratio = found["nll_over_gamma_poisson"]
+    assert ratio is not None
+    assert ratio.value == pytest.approx(0.75)
+    assert ratio.low < ratio.value < ratio.high
+    alone = board({"ours": 0.3}).results["rooms"]
+    assert compare(alone, "ours")["nll_over_gamma_poisson"] is None
+
+
+def test_the_documents_say_the_same_as_the_board(tmp_path: Path) -> None:
+    made = board({"train-mean": 0.5, "gamma-poisson": 0.4, "ours": 0.3})
+    text = write_markdown(made)
+    row = next(line for line in text.splitlines() if line.startswith("| ours | **0.3 ± 0.095**"))
+    assert row.count("**0.3 ± 0.095**") == 2  # less is better for two of seven
+    assert "0.75 ± " in row
+    assert "| ours | 0.3 ± 0.095 |" in text  # unvisited: more is better, and it is the least
+    assert "NLL, rooms is `rooms/hidden_nll`" in text
+    twins = board({"one": 0.3, "other": 0.3})
+    assert write_markdown(twins).count("**0.3 ± 0.095**") == 2 * (7 + 4)  # of a tie, both
+    found = json.loads(json.dumps(write_json(made)))
+    nll = found["masks"]["rooms"]["ours"]["metrics"]["rooms/hidden_nll"]
+    assert nll == {
+        "value": 0.3,
+        "low": pytest.approx(0.205),
+        "high": pytest.approx(0.395),
+        "nodes": 7,
+    }
+    assert found["dataset"]["scenes"] == 3
+    estimates = {n: s.metrics.estimates() for n, s in made.results["rooms"].items()}
+    plot_leaderboard(
+        estimates, {"rooms/hidden_nll": "hidden NLL ↓"}, tmp_path / "board.png", title="test"
+    )
+    assert (tmp_path / "board.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_every_metric_has_a_row_in_the_document() -> None:
+    text = write_markdown(board({"ours": 0.3}))
+    assert all(f"| `{name}` |" in text for name in list_values())
