@@ -19,7 +19,7 @@ FOLDERS = {"bsg_data": "bsg_data", "bsg_models": "bsg_models", "bsg_cli": "cli"}
 # room imports rooms of the lines above its own, and none of its own line.
 HOUSE = (
     "bsg_data.errors",
-    "bsg_data.executors bsg_data.lock bsg_data.recipes bsg_data.registry",
+    "bsg_data.executors bsg_data.lock bsg_data.recipes bsg_data.registry bsg_data.tables",
     "bsg_data.scene",
     "bsg_data.geometry bsg_data.dataset",
     "bsg_data.sources bsg_data.observation",
@@ -61,7 +61,7 @@ THIRD_PARTY = {
         "torch",
         "torch_geometric",
     },
-    "bsg_cli": {"click", "numpy", "pandas", "torch", "tqdm"},
+    "bsg_cli": {"click", "torch", "tqdm"},
 }
 
 

@@ -10,8 +10,9 @@ import pytest
 from click.testing import CliRunner, Result
 
 from bsg_cli import train
-from bsg_cli.evaluate import HEADLINES, judge, main
+from bsg_cli.evaluate import main
 from bsg_models.evaluation.measurement import Estimate
+from bsg_models.studies.evaluation_report import HEADLINES, judge
 from bsg_models.zoo.catalogue import BASELINES
 
 
@@ -94,3 +95,8 @@ def test_a_run_named_like_a_baseline_keeps_its_column(dataset: Path, trained: Pa
     out = dataset.parent / "e"
     words = [*twins, "--data", dataset, "--resamples", "0", "--out", out, "--json"]
     assert set(json.loads(run(*words).stdout)["runs"]) == {"doubled-2", "doubled-3", "doubled-4"}
+
+
+def test_the_leaderboard_went_to_a_command_of_its_own(dataset: Path) -> None:
+    words = ("--leaderboard", "--data", dataset, "--models", "doubled", "--folds", "3")
+    assert "bsg-leaderboard" in run(*words, code=2).stderr
