@@ -16,6 +16,7 @@ from bsg_cli.registry import COMMANDS
 from bsg_data.dataset.card import column_table
 from bsg_data.dataset.schema import SPLITS, TABLES, pairs_schema
 from bsg_data.scene.class_map import load_class_map
+from bsg_data.tables import format_markdown
 from bsg_models.zoo.catalogue import ZOO
 
 DOCS = Path(__file__).resolve().parent.parent
@@ -41,29 +42,36 @@ def _generate(kind: str, name: str) -> str:
     if kind == "classes":
         loaded = load_class_map(name)
         rows = zip(range(len(loaded.classes)), loaded.classes, loaded.definitions, strict=True)
-        lines = [f"| {i} | {name} | {definition} |" for i, name, definition in rows]
-        return "\n".join(["| index | class | definition |", "|---|---|---|", *lines])
+        return "\n".join(format_markdown(list(rows), header=("index", "class", "definition")))
     if kind == "zoo":
-        return "\n".join(["| name | what it is |", "|---|---|", *map(_describe, ZOO)])
+        rows = [(f"`{name}`", _describe(name)) for name in ZOO]
+        return "\n".join(format_markdown(rows, header=("name", "what it is")))
     raise ValueError(f"no generated part of kind {kind!r}")
 
 
 def _describe(name: str) -> str:
     family = type(ZOO[name].model)
     trained = " Trained on masks of a search." if ZOO[name].data.withhold else ""
-    return f"| `{name}` | {(family.__doc__ or '').strip().splitlines()[0]}{trained} |"
+    return (family.__doc__ or "").strip().splitlines()[0] + trained
 
 
 def _help(words: list[str]) -> str:
     command: click.Command = COMMANDS[words[0]]
-    context = click.Context(command, info_name=words[0], terminal_width=88, max_content_width=88)
+    context = _context(command, words[0])
     for word in words[1:]:
         assert isinstance(command, click.Group)
         command = command.commands[word]
-        context = click.Context(
-            command, info_name=word, parent=context, terminal_width=88, max_content_width=88
-        )
+        context = _context(command, word, parent=context)
     return command.get_help(context).rstrip()
+
+
+def _context(
+    command: click.Command, name: str, *, parent: click.Context | None = None
+) -> click.Context:
+    widths = {"terminal_width": 88, "max_content_width": 88}
+    return click.Context(
+        command, info_name=name, parent=parent, **widths, **command.context_settings
+    )
 
 
 def main() -> int:

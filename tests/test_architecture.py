@@ -58,6 +58,7 @@ THIRD_PARTY = {
         "safetensors",
         "spark_dsg",
         "scipy",
+        "tomli_w",
         "torch",
         "torch_geometric",
     },
