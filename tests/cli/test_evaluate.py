@@ -11,8 +11,7 @@ from click.testing import CliRunner, Result
 
 from bsg_cli import train
 from bsg_cli.evaluate import main
-from bsg_models.evaluation.measurement import Estimate
-from bsg_models.studies.evaluation_report import HEADLINES, judge
+from bsg_models.studies.evaluation_report import HEADLINES
 from bsg_models.zoo.catalogue import BASELINES
 
 
@@ -75,16 +74,6 @@ def test_the_page_holds_everything_and_opens_offline(
 def test_what_is_missing_is_said(dataset: Path, tmp_path: Path) -> None:
     assert "no checkpoint there" in run(tmp_path / "none", "--data", dataset, code=1).stderr
     run("--data", dataset, code=2)
-
-
-def test_a_verdict_needs_intervals_that_are_apart() -> None:
-    low, middle, high = (Estimate(v, v - 0.5, v + 0.5, 9) for v in (1.0, 1.8, 3.0))
-    assert judge(low, high, less=True) == "better"
-    assert judge(low, high, less=False) == "worse"
-    assert judge(high, low, less=False) == "better"
-    assert judge(low, middle, less=True) == "not distinguishable"
-    sure = Estimate(1.0, float("nan"), float("nan"), 9)
-    assert judge(sure, sure, less=True) == "not distinguishable"
 
 
 def test_a_run_named_like_a_baseline_keeps_its_column(dataset: Path, trained: Path) -> None:

@@ -10,8 +10,6 @@ import pytest
 from click.testing import CliRunner, Result
 
 from bsg_cli.search import main
-from bsg_data.scene.class_map import load_class_map
-from bsg_models.studies.search_report import ROOM_SPECIFIC
 from bsg_models.training.training import train_run
 from bsg_models.zoo.catalogue import ZOO
 
@@ -102,7 +100,3 @@ def test_a_folder_that_cannot_be_written_is_said_before_the_search(
     result = run_command("--run", run, "--data", dataset, "--out", tmp_path / "file")
     assert result.exit_code == 1
     assert "cannot be written to" in result.stderr
-
-
-def test_the_room_specific_classes_are_classes() -> None:
-    assert set(ROOM_SPECIFIC) <= set(load_class_map().classes)
