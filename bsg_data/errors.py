@@ -1,15 +1,22 @@
-"""Every error that `bsg_data` raises on purpose, and the one above those of all rooms.
+"""Every error that the project raises on purpose, drawn once: those of `bsg_models`, too.
 
-    BSGError                   above all errors of the project, `bsg_models`' too
+    BSGError                   above all errors of the project
     ├── SourceError            a source is not where it should be, or holds nothing
     │   └── AnnotationError    one line of one annotation file is malformed
     ├── ClassMapError          a class map is missing, malformed or not the published one
     │   └── UnmappedNameError  a name is not in the class map, and the caller asked for strictness
     ├── DatasetError           a dataset is missing, unfinished, damaged or already there
     │   └── MismatchError      two things of different class maps or formats would be mixed
-    └── RecipeError            a mask, split or build was asked for that cannot be made
+    ├── RecipeError            a mask, split or build was asked for that cannot be made
+    │   └── ConfigError        a configuration names something that is not, or cannot be
+    ├── CheckpointError        a checkpoint is missing, damaged, or of another shape or run
+    ├── TrainingError          a training cannot start or go on
+    ├── BeliefFileError        a file or a graph is no belief graph of ours
+    └── HydraError             a file is no scene graph of Hydra's, or Hydra's library is missing
 
-A message names the file, the line or the id, what was expected, what was found, and what to do.
+ConfigError and those below it belong to `bsg_models` and are exported by it. Some errors are of one
+kind of file, such as a mesh that cannot be read, and stay in its module below one of these. A
+message names the file, the line or the id, what was expected, what was found, and what to do.
 """
 
 from __future__ import annotations

@@ -1,10 +1,4 @@
-"""Every error that `bsg_models` raises on purpose, besides those of `bsg_data`.
-
-BSGError                bsg_data.errors
-├── ConfigError         (a RecipeError) a configuration names something that is not, or cannot be
-├── CheckpointError     a checkpoint is missing, damaged, or of another shape or run
-└── TrainingError       a training cannot start or go on
-"""
+"""Errors of `bsg_models` that several rooms raise. `bsg_data.errors` draws the tree of all."""
 
 from __future__ import annotations
 

@@ -2,249 +2,76 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import click
-import numpy as np
 
-from bsg_cli.leaderboard import run_leaderboard
-from bsg_cli.terminal import (
-    Command,
+import bsg_models
+from bsg_cli.options import (
+    PATH,
+    data_option,
     force_option,
-    format_table,
     json_option,
-    print_json,
-    print_note,
-    progress_bar,
+    out_option,
+    resamples_option,
     seed_option,
-    workers_option,
+    split_option,
+    version_option,
 )
-from bsg_data.dataset.manifest import read_manifest
-from bsg_data.dataset.shards import write_bytes
-from bsg_data.errors import DatasetError
-from bsg_data.observation.masks import MASKS
-from bsg_data.observation.partial_graph import mask_dataset
-from bsg_data.recipes import MaskRecipe
-from bsg_models.belief.belief_graph import believe
-from bsg_models.evaluation.verdict import BESIDE_DOUBLED, explain, judge_all
-from bsg_models.rendering.explorer import View, explorer_page
-from bsg_models.rendering.figures import plot_evaluation
-from bsg_models.rendering.report import Table, write_report
-from bsg_models.runs.predictor import Predictor
-from bsg_models.studies.comparison import Comparison, compare_runs
-from bsg_models.studies.comparison_table import encode_comparison, headline_rows, metric_rows
-from bsg_models.studies.leaderboard import LeaderboardRecipe
+from bsg_cli.terminal import Command, print_json, print_note, progress_bar
+from bsg_data.tables import format_text
 
 
-@click.command(cls=Command)
-@click.argument("runs", nargs=-1, type=click.Path(path_type=Path), metavar="[RUN...]")
-@click.option("--leaderboard", is_flag=True, help="Train and measure models in cross-validation.")
-@click.option("--models", help="Of the leaderboard: zoo names and TOML files.  [default: the zoo]")
-@click.option(
-    "--masks",
-    default="uniform,rooms",
-    show_default=True,
-    help="Of the leaderboard: kinds of masks to train and measure on.",
-)
-@click.option(
-    "--folds",
-    type=click.IntRange(min=3),
-    default=5,
-    show_default=True,
-    help="Of the leaderboard: parts that the buildings are dealt to.",
-)
-@click.option(
-    "--draws",
-    type=click.IntRange(min=1),
-    default=5,
-    show_default=True,
-    help="Of the leaderboard: masks of every building.",
-)
-@workers_option
-@click.option(
-    "--data",
-    type=click.Path(path_type=Path),
-    required=True,
-    help="Dataset; with pairs, to measure runs.",
-)
-@click.option(
-    "--split",
-    type=click.Choice(["train", "val", "test"]),
-    default="test",
-    show_default=True,
-    help="Of runs: what to measure them on.",
-)
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    help="Folder of the results.  [default: evaluation in the first RUN, or leaderboard]",
-)
-@click.option(
-    "--resamples",
-    type=click.IntRange(min=0),
-    default=200,
-    show_default=True,
-    help="Bootstrap resamples of the buildings; 0 for no intervals.",
-)
-@click.option("--html", type=click.Path(path_type=Path), help="Of runs: all as one page, too.")
-@click.option("--all-metrics", is_flag=True, help="Of runs: print every metric, too.")
-@seed_option
+class Evaluate(Command):
+    """The command, which says where the leaderboard went."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Refuse the old spelling whatever options follow it."""
+        if "--leaderboard" in args:
+            raise click.UsageError(
+                "the leaderboard is a command of its own: bsg-leaderboard, with the same options",
+                ctx,
+            )
+        return super().parse_args(ctx, args)
+
+
+@click.command("bsg-evaluate", cls=Evaluate)
+@click.argument("runs", nargs=-1, type=PATH, metavar="RUN...")
+@data_option("Dataset, with pairs.")
+@split_option("What to measure on.", default="test")
+@out_option("Folder of the results.  [default: evaluation in the first RUN]")
+@resamples_option(200)
+@click.option("--html", type=PATH, help="All as one page, too.")
+@click.option("--all-metrics", is_flag=True, help="Print every metric, too.")
+@seed_option()
 @force_option
 @json_option
-@click.version_option(package_name="belief-scene-graphs", prog_name="bsg-evaluate")
-def main(
-    runs: tuple[Path, ...],
-    leaderboard: bool,
-    models: str | None,
-    masks: str,
-    folds: int,
-    draws: int,
-    workers: int,
-    data: Path,
-    split: str,
-    out: Path | None,
-    resamples: int,
-    html: Path | None,
-    all_metrics: bool,
-    seed: int,
-    force: bool,
-    as_json: bool,
-) -> None:
-    """Measure runs on a split, beside the baselines; or make a leaderboard of models.
+@version_option()
+def main(runs: tuple[Path, ...], all_metrics: bool, as_json: bool, **options: Any) -> None:
+    """Measure runs on a split, beside the baselines.
 
     \b
     Example:
       bsg-evaluate run --data dataset --split test
-      bsg-evaluate --leaderboard --data dataset --models doubled,mixture,ceci-sage
     """
-    if leaderboard:
-        if runs:
-            raise click.UsageError("--leaderboard trains its own runs; name none")
-        run_leaderboard(
-            data,
-            out or Path("leaderboard"),
-            read_recipe(masks, folds=folds, draws=draws, seed=seed, resamples=resamples),
-            models=models,
-            workers=workers,
-            force=force,
-            as_json=as_json,
-        )
-        return
     if not runs:
-        raise click.UsageError("name a RUN, or give --leaderboard")
-    out = out or runs[0] / "evaluation"
-    report = out / "evaluation.json"
-    if report.exists() and not force:
-        raise DatasetError(
-            f"{report}: is there already; --force replaces it, --out puts it elsewhere"
-        )
-    if html is not None and html.exists() and not force:
-        raise DatasetError(f"{html}: is there already; --force replaces it")
+        raise click.UsageError("name a RUN")
+    request = bsg_models.EvaluationRequest(runs=runs, **options)
     with progress_bar("evaluate", unit="resample") as progress:
-        found = compare_runs(
-            runs, data, split=split, resamples=resamples, seed=seed, progress=progress
-        )
-    summary = encode_comparison(found)
-    figures = _draw(found, out)
-    write_bytes(out / "classes.csv", found.classes.to_csv(index=False).encode())
-    if html is not None:
-        _write_page(html, found, runs, data, figures=figures)
-    write_bytes(report, (json.dumps(summary, indent=1) + "\n").encode())  # last: it means finished
-    for note in found.notes:
+        report = bsg_models.report_evaluation(request, progress=progress)
+    comparison = report.comparison
+    for note in comparison.notes:
         print_note(note)
     if as_json:
-        print_json(summary)
+        print_json(report.summary)
         return
-    click.echo("\n".join(explain(found.bootstraps, runs=found.runs)) + "\n")
-    click.echo(format_table(headline_rows(found), header=["", *found.estimates]))
+    names = list(comparison.estimates)
+    verdicts = bsg_models.explain(comparison.bootstraps, runs=comparison.runs)
+    click.echo("\n".join(verdicts) + "\n")
+    click.echo(format_text(bsg_models.headline_rows(comparison), header=["", *names]))
     if all_metrics:
-        header = ["metric", "nodes", *found.estimates]
-        click.echo("\n" + format_table(metric_rows(found), header=header))
-    click.echo(f"\nall metrics: {report}; per class: {out / 'classes.csv'}; figures:")
-    click.echo("\n".join(f"  {path}  {what}" for what, path in figures.items()))
-
-
-def read_recipe(
-    masks: str, *, folds: int, draws: int, seed: int, resamples: int
-) -> LeaderboardRecipe:
-    """Return the recipe of a leaderboard from its options."""
-    names = tuple(dict.fromkeys(name.strip() for name in masks.split(",")))
-    unknown = [name for name in names if name not in MASKS]
-    if unknown:
-        known = ", ".join(MASKS)
-        raise click.UsageError(f"--masks: {unknown[0]!r} is none of {known}")
-    return LeaderboardRecipe(
-        masks=names,
-        folds=folds,
-        draws=draws,
-        seed=seed,
-        resamples=resamples,
-    )
-
-
-def _write_page(
-    path: Path,
-    found: Comparison,
-    runs: Sequence[Path],
-    data: Path,
-    *,
-    figures: Mapping[str, Path],
-) -> None:
-    """Write the evaluation as one page, with buildings that the likeliest run believes in."""
-    likelihood = [found.estimates[name]["rooms/hidden_nll"].value for name in found.runs]
-    best = int(np.argmin(likelihood))
-    names = ["metric", *found.estimates]
-    write_report(
-        path,
-        title=f"What is hidden, and how well it is known: {', '.join(found.runs)}",
-        facts=[
-            f"{len(found.truth.scene_ids)} {found.split} buildings of {data.name}, beside "
-            "baselines. ± is half of a 95 % interval over buildings; ↓ less is better, ↑ more is "
-            "better.",
-            *found.notes,
-        ],
-        findings={
-            f"{run}, {BESIDE_DOUBLED}": verdicts
-            for run, verdicts in judge_all(found.bootstraps, runs=found.runs).items()
-        },
-        tables=[
-            Table("In short", names, headline_rows(found)),
-            Table("Every metric", ["metric", "nodes", *found.estimates], metric_rows(found)),
-        ],
-        figures=figures,
-        explorer=explorer_page(_look_into(found, runs[best], data)),
-    )
-
-
-def _look_into(found: Comparison, run: Path, data: Path) -> list[View]:
-    """Return what a run believes about the median, the smallest and the largest building."""
-    manifest, predictor = read_manifest(data), Predictor(run)
-    rows = np.flatnonzero(found.truth.is_building & (found.truth.draw == found.truth.draw.min()))
-    order = rows[np.argsort(found.truth.targets[rows].sum(axis=1), kind="stable")]
-    chosen = dict.fromkeys([found.example_node, int(order[0]), int(order[-1])])
-    wanted = [found.truth.scene_ids[int(found.truth.building[row])] for row in chosen]
-    recipe = manifest.pairs.mask if manifest.pairs else MaskRecipe()
-    views = {}
-    for seen, truth in mask_dataset(data, wanted, recipe):
-        belief = believe(seen, predictor(seen), model=predictor.name)
-        views[seen.scene_id] = View(belief, truth)
-    return [views[scene] for scene in dict.fromkeys(wanted)]
-
-
-def _draw(found: Comparison, out: Path) -> dict[str, Path]:
-    figures: dict[str, Path] = {}
-    for name in found.runs:
-        drawn = plot_evaluation(
-            out,
-            name=name,
-            expectation=found.expectations[name],
-            target=found.truth.targets,
-            is_building=found.truth.is_building,
-            classes=found.class_names,
-            node=found.example_node,
-            building=found.example_building,
-        )
-        figures.update({f"{name}: {what}": path for what, path in drawn.items()})
-    return figures
+        rows = bsg_models.metric_rows(comparison)
+        click.echo("\n" + format_text(rows, header=["metric", "nodes", *names]))
+    click.echo(f"\nall metrics: {report.report}; per class: {report.classes}; figures:")
+    click.echo("\n".join(f"  {path}  {what}" for what, path in report.figures.items()))

@@ -1,93 +1,121 @@
-"""`bsg-evaluate --leaderboard`: train and measure the zoo in cross-validation."""
+"""`bsg-leaderboard`: train and measure models in cross-validation."""
 
 from __future__ import annotations
 
 import importlib.util
-import json
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import click
 
-from bsg_cli.terminal import format_table, print_json, print_note, progress_bar, worker_pool
-from bsg_cli.train import load_config
-from bsg_data.dataset.shards import write_bytes
-from bsg_data.errors import DatasetError
-from bsg_models.evaluation.catalogue import head_value
-from bsg_models.rendering.figures import plot_leaderboard
-from bsg_models.studies.leaderboard import (
-    Leaderboard,
-    LeaderboardRecipe,
-    ModelResult,
-    make_leaderboard,
+import bsg_models
+from bsg_cli.choices import MASKS, MODELS, require_known
+from bsg_cli.configurations import load_config
+from bsg_cli.options import (
+    data_option,
+    force_option,
+    json_option,
+    out_option,
+    resamples_option,
+    seed_option,
+    split_names,
+    version_option,
+    workers_option,
 )
-from bsg_models.studies.leaderboard_table import (
-    HIDDEN,
-    UNVISITED,
-    WHOLE,
-    rank_models,
-    write_json,
-    write_markdown,
+from bsg_cli.terminal import Command, print_json, print_note, progress_bar, worker_pool
+from bsg_data.tables import format_text
+
+
+@click.command("bsg-leaderboard", cls=Command)
+@data_option("Dataset; it is copied, not changed.")
+@click.option("--models", help="Zoo names and TOML files, with commas.  [default: the zoo]")
+@click.option(
+    "--masks",
+    default="uniform,rooms",
+    show_default=True,
+    help="Kinds of masks to train and measure on.",
 )
-from bsg_models.zoo.catalogue import ZOO
-from bsg_models.zoo.config import RunConfig, find_config
-
-REPORT, TABLE = "leaderboard.json", "leaderboard.md"
-
-
-def run_leaderboard(
+@click.option(
+    "--folds",
+    type=click.IntRange(min=3),
+    default=5,
+    show_default=True,
+    help="Parts that the buildings are dealt to.",
+)
+@click.option(
+    "--draws",
+    type=click.IntRange(min=1),
+    default=5,
+    show_default=True,
+    help="Masks of every building.",
+)
+@out_option("Folder of the results.  [default: leaderboard]")
+@resamples_option(200)
+@workers_option
+@seed_option()
+@force_option
+@json_option
+@version_option()
+def main(
     dataset: Path,
-    out: Path,
-    recipe: LeaderboardRecipe,
-    *,
     models: str | None,
+    masks: str,
+    out: Path | None,
     workers: int,
     force: bool,
     as_json: bool,
+    **options: Any,
 ) -> None:
-    """Make a leaderboard, and write and print its table."""
-    if (out / REPORT).exists() and not force:
-        raise DatasetError(
-            f"{out / REPORT}: is there already; --force replaces it, --out puts it elsewhere"
-        )
+    """Train and measure models of the zoo in cross-validation.
+
+    A leaderboard that was stopped goes on where it was when the same command runs again.
+
+    \b
+    Example:
+      bsg-leaderboard --data dataset --models doubled,mixture,ceci-sage
+    """
+    names = split_names(masks, option="--masks")
+    require_known("mask", names or (), MASKS)
     chosen = choose_models(models)
+    out = out or Path("leaderboard")
+    bsg_models.refuse_finished(out, force=force)
+    recipe = bsg_models.LeaderboardRecipe.model_validate({"masks": names, **options})
     try:
         with worker_pool(workers) as executor, _bars() as progress:
-            board = make_leaderboard(
+            board = bsg_models.make_leaderboard(
                 dataset, out, chosen, recipe, executor=executor, progress=progress
             )
     except KeyboardInterrupt:
         print_note(f"{out}: the same command goes on; finished runs are kept")
         raise
-    figures = [_draw(results, out / f"{mask}.png", mask) for mask, results in _by_mask(board)]
-    write_bytes(out / TABLE, write_markdown(board).encode())
-    summary = write_json(board)
-    write_bytes(out / REPORT, (json.dumps(summary, indent=1) + "\n").encode())
+    report = bsg_models.report_leaderboard(board, out)
     if as_json:
-        print_json(summary)
+        print_json(report.summary)
         return
-    for mask, results in _by_mask(board):
-        click.echo(f"`{mask}` masks:\n{_summary(results)}\n")
-    click.echo(f"table: {out / TABLE}; every metric: {out / REPORT}; figures:")
-    click.echo("\n".join(f"  {path}" for path in figures))
+    for mask, results in board.results.items():
+        header, rows = bsg_models.summary_rows(results)
+        click.echo(f"`{mask}` masks:\n{format_text(rows, header=header)}\n")
+    click.echo(f"table: {report.table}; every metric: {report.report}; figures:")
+    click.echo("\n".join(f"  {path}" for path in report.figures))
 
 
-def choose_models(models: str | None) -> dict[str, RunConfig]:
+def choose_models(models: str | None) -> dict[str, bsg_models.RunConfig]:
     """Return the models of a comma-separated list of zoo names and TOML files; None is the zoo."""
     if models is None:
-        chosen = {name: find_config(name) for name in ZOO}
+        names = list(MODELS)
         if importlib.util.find_spec("lightgbm") is None:
-            del chosen["poisson-boosting"]
+            names.remove("poisson-boosting")
             print_note(
                 "note: poisson-boosting is left out: pip install 'belief-scene-graphs[boosting]'"
             )
-        return chosen
+        return {name: load_config(name) for name in names}
     names = [name.strip() for name in models.split(",") if name.strip()]
     if not names:
         raise click.UsageError("--models names no model")
-    chosen = {name if name in ZOO else Path(name).stem: load_config(name, ()) for name in names}
+    chosen = {name if name in MODELS else Path(name).stem: load_config(name) for name in names}
     strange = [name for name in chosen if not re.fullmatch(r"[\w. -]+", name) or name[0] == "."]
     if strange:
         raise click.UsageError(
@@ -96,32 +124,6 @@ def choose_models(models: str | None) -> dict[str, RunConfig]:
     if len(chosen) < len(names):
         raise click.UsageError("--models names a model twice")
     return chosen
-
-
-def _by_mask(board: Leaderboard) -> Iterator[tuple[str, dict[str, ModelResult]]]:
-    yield from board.results.items()
-
-
-def _summary(results: dict[str, ModelResult]) -> str:
-    columns = HIDDEN[:6]
-    rows = [
-        [
-            name,
-            *(f"{results[name].metrics.point[column]:.4f}" for column in columns),
-            f"{results[name].seconds:.1f}",
-        ]
-        for name in rank_models(results)
-    ]
-    return format_table(rows, header=["model", *map(head_value, columns), "training, s"])
-
-
-def _draw(results: dict[str, ModelResult], path: Path, mask: str) -> Path:
-    headlines = (*HIDDEN, *WHOLE, *(UNVISITED if mask != "uniform" else ()))
-    labels = {name: head_value(name) for name in headlines}
-    estimates = {name: results[name].metrics.estimates() for name in rank_models(results)}
-    title = f"`{mask}` masks; 95 % intervals over buildings; dashed: the best; grey: far beyond"
-    plot_leaderboard(estimates, labels, path, title=title)
-    return path
 
 
 @contextmanager

@@ -7,13 +7,14 @@ from types import MappingProxyType
 
 import click
 
-from bsg_cli import belief, data, evaluate, search, train
+from bsg_cli import belief, data, evaluate, leaderboard, search, train
 
 COMMANDS: Mapping[str, click.Command] = MappingProxyType(
     {
         "bsg-data": data.main,
         "bsg-train": train.main,
         "bsg-evaluate": evaluate.main,
+        "bsg-leaderboard": leaderboard.main,
         "bsg-belief": belief.main,
         "bsg-search": search.main,
     }

@@ -2,80 +2,41 @@
 
 from __future__ import annotations
 
-import json
 import math
-import tempfile
-from collections.abc import Sequence
-from pathlib import Path
-from typing import Literal, cast
+from typing import Any
 
 import click
 
-from bsg_cli.terminal import (
-    Command,
+import bsg_models
+from bsg_cli.choices import DEFAULT_WORLDS, PLANNERS, WORLDS, require_known
+from bsg_cli.options import (
+    PATH,
+    data_option,
     force_option,
-    format_table,
     json_option,
-    print_json,
-    print_note,
-    progress_bar,
+    out_option,
+    resamples_option,
     seed_option,
-    worker_pool,
+    split_names,
+    split_option,
+    version_option,
     workers_option,
 )
-from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.shards import write_bytes
-from bsg_data.errors import DatasetError, RecipeError
-from bsg_models.evaluation.bootstrap import Estimate
-from bsg_models.inputs.folds import scenes_of
-from bsg_models.rendering.explorer import write_explorer
-from bsg_models.rendering.figures import plot_savings
-from bsg_models.runs.checkpoint import load_checkpoint
-from bsg_models.runs.run_folder import checkpoint_of
-from bsg_models.search.catalogue import PLANNERS
-from bsg_models.search.room_graphs import DEFAULT_WORLDS, WorldRecipe, parse_world
-from bsg_models.studies.replay import TraceRequest, trace_search
-from bsg_models.studies.savings import (
-    LEAST_BUILDINGS,
-    Saving,
-    WorldResult,
-    saving_of_buildings,
-    summarise,
-)
-from bsg_models.studies.search_cases import BASELINE, StudyRecipe
-from bsg_models.studies.search_files import encode_study, write_searches
-from bsg_models.studies.search_study import Study, choose_runs, known_worlds, study_search
-
-ROOM_SPECIFIC = (
-    "stove",
-    "refrigerator",
-    "bathtub",
-    "toilet",
-    "microwave",
-    "sink",
-    "shower",
-    "washing machine",
-    "bed",
-    "nightstand",
-)
-REPORT, TABLE, FIGURE, TRACE = "search.json", "searches.parquet", "savings.png", "trace.html"
+from bsg_cli.terminal import Command, print_json, print_note, progress_bar, worker_pool
+from bsg_data.tables import format_text
 
 
-@click.command(cls=Command)
+@click.command("bsg-search", cls=Command)
 @click.option(
     "--run",
     "runs",
-    type=click.Path(path_type=Path),
+    type=PATH,
     multiple=True,
     help="Of a trained model; of a dataset of folds, one for each fold that is searched.",
 )
-@click.option("--data", type=click.Path(path_type=Path), required=True, help="Dataset, split.")
-@click.option(
-    "--split",
-    type=click.Choice(["train", "val", "test", "all"]),
-    default="test",
-    show_default=True,
-    help="Whose buildings are searched; `all` only without --run.",
+@data_option("Dataset, split.")
+@split_option(
+    "Whose buildings are searched; `all` only without --run.", default="test", more=("all",)
 )
 @click.option(
     "--planners",
@@ -83,9 +44,9 @@ REPORT, TABLE, FIGURE, TRACE = "search.json", "searches.parquet", "savings.png",
 )
 @click.option(
     "--worlds",
-    help="Kinds of room graphs, KIND or KIND:LOW-HIGH: star, complete, complete-paths, tree, "
-    "tree-plus with random costs, layout or geometry with distances.  [default: "
-    f"{','.join(world.name for world in DEFAULT_WORLDS)}, and layout or geometry where known]",
+    help=f"Kinds of room graphs, KIND or KIND:LOW-HIGH: {', '.join(WORLDS[:5])} with random costs, "
+    f"{' or '.join(WORLDS[5:])} with distances.  [default: {','.join(DEFAULT_WORLDS)}, and "
+    f"{' or '.join(WORLDS[5:])} where known]",
 )
 @click.option(
     "--task",
@@ -141,13 +102,7 @@ REPORT, TABLE, FIGURE, TRACE = "search.json", "searches.parquet", "savings.png",
     show_default=True,
     help="Where the artifact is; `posterior` puts it where the RUN believes it at the start.",
 )
-@click.option(
-    "--resamples",
-    type=click.IntRange(min=0),
-    default=1000,
-    show_default=True,
-    help="Bootstrap resamples of the buildings; 0 for no intervals.",
-)
+@resamples_option(1000)
 @click.option(
     "--trace",
     type=click.IntRange(min=0),
@@ -155,38 +110,20 @@ REPORT, TABLE, FIGURE, TRACE = "search.json", "searches.parquet", "savings.png",
     help="Replay search N of the first building, in the first world, room by room, as a page.",
 )
 @click.option("--scene", help="Search this building alone.")
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    help="Folder of the results.  [default: search in the first RUN, or search]",
-)
+@out_option("Folder of the results.  [default: search in the first RUN, or search]")
 @workers_option
-@seed_option
+@seed_option()
 @force_option
 @json_option
-@click.version_option(package_name="belief-scene-graphs", prog_name="bsg-search")
+@version_option()
 def main(
-    runs: tuple[Path, ...],
-    data: Path,
-    split: Literal["train", "val", "test", "all"],
     planners: str | None,
     worlds: str | None,
-    task: Literal["single", "all", "both"],
     artifacts: str,
-    at_once: int,
-    episodes: int,
-    masks: int,
-    fraction: float,
     stops: str | None,
-    truth: Literal["real", "posterior"],
-    resamples: int,
-    trace: int | None,
-    scene: str | None,
-    out: Path | None,
     workers: int,
-    seed: int,
-    force: bool,
     as_json: bool,
+    **options: Any,
 ) -> None:
     """Search buildings for objects with every planner, and say what each saves.
 
@@ -198,160 +135,44 @@ def main(
       bsg-search --run run --data dataset
       bsg-search --run run --data dataset --worlds star:1-10 --artifacts stove,bed --trace 0
     """
-    out = out or (runs[0] / "search" if runs and runs[0].is_dir() else Path("search"))
-    report = out / REPORT
-    if report.exists() and not force:
-        raise DatasetError(
-            f"{report}: is there already; --force replaces it, --out puts it elsewhere"
-        )
-    _make_folder(out)
-    opened = Dataset.open(data)
-    classes = opened.manifest.class_map.classes
-    chosen, notes = _choose_buildings(opened, runs, split, scene)
-    recipe = StudyRecipe(
-        worlds=_choose_worlds(worlds, data),
-        tasks=("single", "all") if task == "both" else (task,),
-        planners=_choose_planners(planners, believed=bool(runs)),
-        artifacts=_choose_artifacts(artifacts, classes),
-        at_once=at_once,
-        episodes=episodes,
-        masks=masks,
-        fraction=fraction,
-        stops=_read_stops(stops, task),
-        truth=truth,
-        seed=seed,
-    )
-    if trace is not None and trace >= episodes:
-        raise click.UsageError(f"--trace {trace}: a building has {episodes} searches, from 0")
-    if trace is not None and truth == "posterior":
-        raise click.UsageError("--trace replays searches for what is really there")
-    if not runs and (trace is not None or recipe.stops or truth == "posterior"):
-        raise click.UsageError("--trace, --stop and --truth posterior need a --run")
-    with worker_pool(workers) as executor, progress_bar("search", unit="building") as progress:
-        study = study_search(data, chosen, recipe, executor=executor, progress=progress)
-    results = summarise(study, resamples=resamples)
-    model = ", ".join(dict.fromkeys(_family(run) for run in runs)) or None
-    written = {"every search": out / TABLE}
-    write_searches(study, classes, out / TABLE)
-    if _draw(study, out / FIGURE, model):
-        written["box plot over buildings"] = out / FIGURE
-    if trace is not None:
-        which = _write_trace(data, chosen, study, trace, out / TRACE)
-        written[which] = out / TRACE
-    facts = {
-        "dataset": str(data),
-        "runs": [str(run) for run in runs],
-        "model": model,
-        "split": None if split == "all" else split,
-        "resamples": resamples,
+    lists = {
+        "planners": split_names(planners, option="--planners"),
+        "worlds": split_names(worlds, option="--worlds"),
+        "artifacts": split_names(artifacts, option="--artifacts"),
     }
-    summary = encode_study(study, results, classes=classes, facts=facts)
-    write_bytes(report, (json.dumps(summary, indent=1) + "\n").encode())  # last: it means finished
-    for note in [*notes, *_say_left_out(study)]:
+    require_known("planner", lists["planners"] or (), PLANNERS)
+    kinds = [world.partition(":")[0] for world in lists["worlds"] or ()]
+    require_known("world", kinds, WORLDS)
+    request = bsg_models.SearchRequest.model_validate(
+        {**options, **lists, "stops": read_stops(stops)}
+    )
+    with worker_pool(workers) as executor, progress_bar("search", unit="building") as progress:
+        report = bsg_models.report_search(request, executor=executor, progress=progress)
+    for note in report.notes:
         print_note(note)
     if as_json:
-        print_json(summary)
+        print_json(report.summary)
         return
-    names = [classes[c] for c in recipe.artifacts or range(len(classes))]
-    sought = f"any of {len(names)} classes" if len(names) > 12 else ", ".join(names)
-    click.echo(f"artifacts: {sought}; {recipe.at_once} at once; beliefs of {model or 'nobody'}")
-    if truth == "posterior":
+    number = len(report.sought)
+    sought = f"any of {number} classes" if number > 12 else ", ".join(report.sought)
+    click.echo(
+        f"artifacts: {sought}; {request.at_once} at once; beliefs of {report.model or 'nobody'}"
+    )
+    if request.truth == "posterior":
         click.echo(
             "artifacts were put where the model believes them: its belief is right, and only the "
             "oracle knows better"
         )
-    if resamples > 1 and any(one.buildings < LEAST_BUILDINGS for one in results):
-        print_note(f"intervals are over buildings, and need {LEAST_BUILDINGS} of them")
-    for one in results:
+    for one in report.results:
         click.echo("\n" + format_result(one))
-    click.echo(f"\nall of it: {report}; " + "; ".join(f"{k}: {v}" for k, v in written.items()))
+    written = "; ".join(f"{what}: {path}" for what, path in report.written.items())
+    click.echo(f"\nall of it: {report.report}; {written}")
 
 
-def _choose_buildings(
-    opened: Dataset,
-    runs: Sequence[Path],
-    split: Literal["train", "val", "test", "all"],
-    scene: str | None,
-) -> tuple[dict[str, Path | None], list[str]]:
-    """Return which run is asked about which building, and notes."""
-    chosen: dict[str, Path | None]
-    notes: list[str] = []
-    if runs and split == "all":
-        raise click.UsageError("--split all would search buildings that the RUN was trained on")
-    folds = "fold-0" in opened.splits
-    if runs and split != "all":
-        chosen, notes = choose_runs(opened.path, runs, part=split)
-        if split == "train":
-            notes.append(
-                "these buildings trained the runs: what is saved here is not what to expect"
-            )
-        if folds and split == "test" and scene is None and len(chosen) < len(opened.scene_ids):
-            notes.append(
-                f"{len(chosen)} of {len(opened.scene_ids)} buildings: give a --run for every fold"
-            )
-    elif folds and split not in ("all", "test"):
-        raise click.UsageError(f"--split {split} of a dataset of folds needs a --run")
-    elif split == "all" or folds:
-        chosen = dict.fromkeys(opened.scene_ids)
-    else:
-        chosen = dict.fromkeys(scenes_of(opened, split))
-    if scene is not None:
-        if scene not in chosen:
-            raise DatasetError(f"{opened.path}: {scene!r} is none of its {split} buildings")
-        chosen = {scene: chosen[scene]}
-    return chosen, notes
-
-
-def _family(run: Path) -> str:
-    return load_checkpoint(checkpoint_of(run)).header.config.name
-
-
-def _make_folder(out: Path) -> None:
-    """Make the folder of the results before anything is searched."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=out):
-            pass
-    except OSError as error:
-        raise DatasetError(f"{out}: cannot be written to ({error.strerror})") from error
-
-
-def _choose_worlds(text: str | None, data: Path) -> tuple[WorldRecipe, ...]:
-    if text is None:
-        return (*DEFAULT_WORLDS, *known_worlds(data))
-    return tuple(dict.fromkeys(parse_world(part) for part in text.split(",")))
-
-
-def _choose_planners(text: str | None, *, believed: bool) -> tuple[str, ...]:
-    if text is None:
-        return tuple(n for n in PLANNERS if believed or PLANNERS[n].reads != "belief")
-    names = tuple(dict.fromkeys(name.strip() for name in text.split(",")))
-    unknown = [name for name in names if name not in PLANNERS]
-    if unknown:
-        raise click.UsageError(f"--planners: {unknown[0]!r} is none of {', '.join(PLANNERS)}")
-    needing = [name for name in names if PLANNERS[name].reads == "belief"]
-    if needing and not believed:
-        raise click.UsageError(f"--planners: {needing[0]} needs a belief; name a --run")
-    return names
-
-
-def _choose_artifacts(text: str, classes: Sequence[str]) -> tuple[int, ...] | None:
-    if text == "every":
-        return None
-    wanted = ROOM_SPECIFIC if text == "room-specific" else [n.strip() for n in text.split(",")]
-    unknown = [name for name in wanted if name not in classes]
-    if unknown:
-        raise RecipeError(
-            f"--artifacts: {unknown[0]!r} is no class; known are {', '.join(classes)}"
-        )
-    return tuple(sorted({classes.index(name) for name in wanted}))
-
-
-def _read_stops(text: str | None, task: str) -> tuple[float, ...]:
+def read_stops(text: str | None) -> tuple[float, ...]:
+    """Return the probabilities of `--stop`."""
     if text is None:
         return ()
-    if task == "single":
-        raise click.UsageError("--stop is of the task all")
     try:
         stops = tuple(float(part) for part in text.split(","))
     except ValueError as error:
@@ -361,46 +182,7 @@ def _read_stops(text: str | None, task: str) -> tuple[float, ...]:
     return stops
 
 
-def _say_left_out(study: Study) -> list[str]:
-    return [
-        f"{world}: {number} of {len(study.scenes)} buildings left out: {reason}"
-        for world, reasons in study.left_out.items()
-        for reason, number in reasons.items()
-    ]
-
-
-def _draw(study: Study, path: Path, model: str | None) -> bool:
-    """Draw what planners save, if there are any beside `nearest`; say whether."""
-    shown = [name for name in study.recipe.all_planners if name != BASELINE]
-    if not shown:
-        return False
-    panels = {}
-    for world in dict.fromkeys(one.world for one in study.searches):
-        searches = [one for one in study.searches if one.world == world]
-        for task in study.recipe.tasks:
-            panels[f"{world}, {task}, {len(searches)} buildings"] = {
-                name: saving_of_buildings(searches, task, name) for name in shown
-            }
-    title = f"Object search with the beliefs of {model}" if model else "Object search"
-    plot_savings(panels, path, title=title, whole="oracle")
-    return True
-
-
-def _write_trace(
-    data: Path, chosen: dict[str, Path | None], study: Study, number: int, path: Path
-) -> str:
-    """Replay search `number` of the first building and world of a study; say which that is."""
-    first = study.searches[0]
-    world = next(one for one in study.recipe.worlds if one.name == first.world)
-    names = [name for name in study.recipe.planners if PLANNERS[name].reads == "belief"]
-    planner = "expected-cost" if "expected-cost" in names else (names or study.recipe.planners)[0]
-    request = TraceRequest(first.scene_id, number, world, study.recipe.tasks[0], planner)
-    run = cast(Path, chosen[first.scene_id])  # --trace needs a --run
-    write_explorer(trace_search(data, run, study.recipe, request), path)
-    return f"search {number} of {first.scene_id} in {world.name}, {request.task}, by {planner}"
-
-
-def format_result(one: WorldResult) -> str:
+def format_result(one: bsg_models.WorldResult) -> str:
     """Return the results of a world and task as text."""
     line = f"{one.world}, {one.task}: {one.searches:,} searches of {one.buildings} buildings"
     if not math.isnan(one.ranked_first):
@@ -422,7 +204,7 @@ def format_result(one: WorldResult) -> str:
         "rooms",
     )
     rows = [_row(name, saving) for name, saving in one.savings.items()]
-    lines = [line, format_table(rows, header=header)]
+    lines = [line, format_text(rows, header=header)]
     if one.stops:
         lines.append("expected-cost stops by itself, beside entering every room, nearest first:")
         stop_rows = [
@@ -436,11 +218,11 @@ def format_result(one: WorldResult) -> str:
             for name, stop in one.stops.items()
         ]
         names = ("anything left", "saved, %", "instances missed", "searches that miss any", "rooms")
-        lines.append(format_table(stop_rows, header=names))
+        lines.append(format_text(stop_rows, header=names))
     return "\n".join(lines)
 
 
-def _row(name: str, saving: Saving) -> tuple[object, ...]:
+def _row(name: str, saving: bsg_models.Saving) -> tuple[object, ...]:
     return (
         name,
         _percent(saving.saved),
@@ -456,7 +238,7 @@ def _row(name: str, saving: Saving) -> tuple[object, ...]:
     )
 
 
-def _percent(value: Estimate, *, interval: bool = True) -> str:
+def _percent(value: bsg_models.Estimate, *, interval: bool = True) -> str:
     if math.isnan(value.value):
         return "-"
     text = f"{100 * value.value:.1f}"

@@ -1,4 +1,4 @@
-"""What all commands share: exit codes, errors, progress bars, tables and the worker pool.
+"""What all commands share: exit codes, errors, progress bars and the worker pool.
 
 A result goes to stdout, as text or with `--json` as JSON; progress, notes and errors go to stderr.
 Exit codes: 0 done, 1 failed or found faults, 2 wrong usage, 130 interrupted.
@@ -10,7 +10,7 @@ import json
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from io import TextIOWrapper
@@ -19,12 +19,12 @@ from threading import Thread
 from typing import Any, NoReturn
 
 import click
-import pandas as pd
 from tqdm import tqdm  # noqa: TID251 -- the command line is where bars belong
 
 from bsg_data.errors import BSGError, RecipeError
 
 FAILED, WRONG_USAGE, INTERRUPTED = 1, 2, 130
+_HELP = {"help_option_names": ["-h", "--help"]}
 
 
 class ExitCodes:
@@ -54,26 +54,20 @@ class ExitCodes:
         sys.exit(code if isinstance(code, int) else 0)
 
 
-class CommandGroup(ExitCodes, click.Group):
-    """A group of commands with the house's exit codes."""
-
-
 class Command(ExitCodes, click.Command):
-    """A single command with the house's exit codes."""
+    """A single command with the house's exit codes; `-h` is `--help`."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **{"context_settings": _HELP, **kwargs})
 
 
-json_option = click.option("as_json", "--json", is_flag=True, help="Print JSON on stdout.")
-force_option = click.option("--force", is_flag=True, help="Replace a finished result.")
-seed_option = click.option(
-    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of all chance."
-)
-workers_option = click.option(
-    "--workers",
-    type=click.IntRange(min=1),
-    default=os.cpu_count() or 1,
-    show_default="all cores",
-    help="Processes to use; the result does not depend on it.",
-)
+class CommandGroup(ExitCodes, click.Group):
+    """A group of commands with the house's exit codes; `-h` is `--help`, in all of them."""
+
+    command_class = Command
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **{"context_settings": _HELP, **kwargs})
 
 
 @contextmanager
@@ -127,23 +121,3 @@ def print_json(value: object) -> None:
 def print_note(text: str) -> None:
     """Tell people something on stderr."""
     click.echo(text, err=True)
-
-
-def format_table(rows: Sequence[Sequence[object]], *, header: Sequence[str]) -> str:
-    """Return rows as an aligned text table."""
-    frame = pd.DataFrame([[_one_line(cell) for cell in row] for row in rows], columns=list(header))
-    numeric = [i for i in range(len(header)) if rows and not isinstance(rows[0][i], str)]
-    lines = []
-    widths = [max([len(h), *frame[h].str.len()]) for h in frame.columns]
-    for cells in [list(frame.columns), *frame.to_numpy().tolist()]:
-        parts = [
-            cell.rjust(width) if i in numeric else cell.ljust(width)
-            for i, (cell, width) in enumerate(zip(cells, widths, strict=True))
-        ]
-        lines.append("  ".join(parts).rstrip())
-    return "\n".join(lines)
-
-
-def _one_line(cell: object) -> str:
-    text = f"{cell:,}" if isinstance(cell, int) else str(cell)
-    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)

@@ -1,8 +1,8 @@
 """What each part of the best model is worth: one change a row, on the folds of the leaderboard.
 
-Each variant is `ceci-sage` with the settings of its row, trained and measured as `bsg-evaluate
---leaderboard` does; `distilled` learns half of its hidden counts from the ensemble instead of the
-truth. Writes `ablation.md`, whose rows docs/models.md copies.
+Each variant is `ceci-sage` with the settings of its row, trained and measured as `bsg-leaderboard`
+does; `distilled` learns half of its hidden counts from the ensemble instead of the truth. Writes
+`ablation.md`, whose rows docs/models.md copies.
 """
 
 from __future__ import annotations

@@ -16,6 +16,7 @@ from bsg_cli.registry import COMMANDS
 from bsg_data.dataset.card import column_table
 from bsg_data.dataset.schema import SPLITS, TABLES, pairs_schema
 from bsg_data.scene.class_map import load_class_map
+from bsg_data.tables import format_markdown
 from bsg_models.evaluation.catalogue import METRICS
 from bsg_models.search.catalogue import PLANNERS
 from bsg_models.zoo.catalogue import ZOO
@@ -44,46 +45,48 @@ def _generate(kind: str, name: str) -> str:
     if kind == "classes":
         loaded = load_class_map(name)
         rows = zip(range(len(loaded.classes)), loaded.classes, loaded.definitions, strict=True)
-        lines = [f"| {i} | {name} | {definition} |" for i, name, definition in rows]
-        return "\n".join(["| index | class | definition |", "|---|---|---|", *lines])
+        return "\n".join(format_markdown(list(rows), header=("index", "class", "definition")))
     if kind == "zoo":
-        return "\n".join(["| name | what it is |", "|---|---|", *map(_describe, ZOO)])
+        rows = [(f"`{name}`", ZOO[name].describe()) for name in ZOO]
+        return "\n".join(format_markdown(rows, header=("name", "what it is")))
     if kind == "planners":
-        header = ["| planner | what it does | so that | reads |", "|---|---|---|---|"]
-        return "\n".join([*header, *map(_describe_planner, PLANNERS)])
+        header = ("planner", "what it does", "so that", "reads")
+        return "\n".join(format_markdown([*map(_describe_planner, PLANNERS)], header=header))
     if kind == "metrics":
-        header = ["| metric | in tables | better | of | what it is |", "|---|---|---|---|---|"]
-        return "\n".join([*header, *map(_describe_metric, METRICS)])
+        header = ("metric", "in tables", "better", "of", "what it is")
+        return "\n".join(format_markdown([*map(_describe_metric, METRICS)], header=header))
     raise ValueError(f"no generated part of kind {kind!r}")
 
 
-def _describe(name: str) -> str:
-    return f"| `{name}` | {ZOO[name].describe()} |"
-
-
-def _describe_planner(name: str) -> str:
+def _describe_planner(name: str) -> tuple[str, ...]:
     planner = PLANNERS[name]
     does = (planner.choose.__doc__ or "–").strip().splitlines()[0].rstrip(".")
-    return f"| `{name}` | {does} | {planner.so_that} | {READS[planner.reads]} |"
+    return f"`{name}`", does, planner.so_that, READS[planner.reads]
 
 
-def _describe_metric(name: str) -> str:
+def _describe_metric(name: str) -> tuple[str, ...]:
     metric = METRICS[name]
     better = "–" if metric.less is None else "less" if metric.less else "more"
-    about = metric.about.replace("|", "\\|")
-    return f"| `{name}` | {metric.label} | {better} | {', '.join(metric.node_sets)} | {about} |"
+    return f"`{name}`", metric.label, better, ", ".join(metric.node_sets), metric.about
 
 
 def _help(words: list[str]) -> str:
     command: click.Command = COMMANDS[words[0]]
-    context = click.Context(command, info_name=words[0], terminal_width=88, max_content_width=88)
+    context = _context(command, words[0])
     for word in words[1:]:
         assert isinstance(command, click.Group)
         command = command.commands[word]
-        context = click.Context(
-            command, info_name=word, parent=context, terminal_width=88, max_content_width=88
-        )
+        context = _context(command, word, parent=context)
     return command.get_help(context).rstrip()
+
+
+def _context(
+    command: click.Command, name: str, *, parent: click.Context | None = None
+) -> click.Context:
+    widths = {"terminal_width": 88, "max_content_width": 88}
+    return click.Context(
+        command, info_name=name, parent=parent, **widths, **command.context_settings
+    )
 
 
 def main() -> int:

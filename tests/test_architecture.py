@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import graphlib
 import importlib
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -18,7 +19,7 @@ FOLDERS = {"bsg_data": "bsg_data", "bsg_models": "bsg_models", "bsg_cli": "cli"}
 # room imports rooms of the lines above its own, and none of its own line.
 HOUSE = (
     "bsg_data.arrays bsg_data.errors",
-    "bsg_data.executors bsg_data.lock bsg_data.recipes bsg_data.registry",
+    "bsg_data.executors bsg_data.lock bsg_data.recipes bsg_data.registry bsg_data.tables",
     "bsg_data.scene",
     "bsg_data.geometry bsg_data.dataset",
     "bsg_data.sources bsg_data.observation",
@@ -57,10 +58,11 @@ THIRD_PARTY = {
         "safetensors",
         "spark_dsg",
         "scipy",
+        "tomli_w",
         "torch",
         "torch_geometric",
     },
-    "bsg_cli": {"click", "numpy", "pandas", "torch", "tqdm"},
+    "bsg_cli": {"click", "torch", "tqdm"},
 }
 
 
@@ -158,11 +160,38 @@ def test_bsg_data_and_its_command_import_without_torch_or_another_heavy_library(
 @pytest.mark.parametrize("room", ["bsg_data", "bsg_models"])
 def test_public_names_are_sorted_and_exist(room: str) -> None:
     package = importlib.import_module(room)
-    isort = sorted(package.__all__, key=lambda n: (not n.isupper(), not n[0].isupper(), n))
-    assert list(package.__all__) == isort  # constants, then classes, then functions
-    for name in package.__all__:
+    stub = ast.parse((REPOSITORY / room / "__init__.pyi").read_text("utf-8"))
+    listed = ast.literal_eval(stub.body[-1].value)  # type: ignore[attr-defined]
+    assert listed == sorted(listed, key=lambda n: (not n.isupper(), not n[0].isupper(), n))
+    assert sorted(listed) == package.__all__  # what is imported in the stub is public
+    for name in listed:  # constants, then classes, then functions
         thing = getattr(package, name)
         assert name.isupper() or thing.__doc__, f"{room}.{name} has no docstring"
+
+
+def test_every_error_of_the_tree_is_exported_and_drawn() -> None:
+    import bsg_data
+    import bsg_models
+
+    drawn = re.findall(r"(\w+Error)\b {2,}", str(bsg_data.errors.__doc__))
+    exported = {
+        name: getattr(package, name)
+        for package in (bsg_data, bsg_models)
+        for name in package.__all__
+        if name.endswith("Error")
+    }
+    assert sorted(drawn) == sorted(exported)
+    assert all(issubclass(error, bsg_data.BSGError) for error in exported.values())
+
+
+def test_the_roots_import_nothing_heavy() -> None:
+    code = (
+        "import sys, bsg_data, bsg_models\n"
+        "heavy = {'numpy', 'pandas', 'pyarrow', 'pydantic', 'scipy', 'torch'} & set(sys.modules)\n"
+        "assert not heavy, heavy\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.parametrize("room", FOLDERS)

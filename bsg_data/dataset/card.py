@@ -9,6 +9,7 @@ import pyarrow as pa
 
 from bsg_data.dataset.manifest import Manifest
 from bsg_data.dataset.schema import SPLITS, TABLES, describe_fields, pairs_schema
+from bsg_data.tables import format_markdown
 
 MATTERPORT = "https://matterport.com/matterport-end-user-license-agreement-academic-use-model-data"
 APACHE = "https://www.apache.org/licenses/LICENSE-2.0"
@@ -67,10 +68,11 @@ def write_card(manifest: Manifest) -> str:
 
 def column_table(schema: pa.Schema) -> list[str]:
     """Return the columns of a table as the lines of a Markdown table."""
-    rows = ["| column | type | unit | meaning | null |", "|---|---|---|---|---|"]
-    for name, kind, unit, meaning, null in describe_fields(schema):
-        rows.append(f"| `{name}` | {kind} | {unit} | {meaning} | {null or 'never'} |")
-    return rows
+    rows = [
+        (f"`{name}`", kind, unit, meaning, null or "never")
+        for name, kind, unit, meaning, null in describe_fields(schema)
+    ]
+    return format_markdown(rows, header=("column", "type", "unit", "meaning", "null"))
 
 
 def write_croissant(manifest: Manifest) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from bsg_data.tables import format_markdown
 from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.evaluation.catalogue import find_value, head_value, label_value
 from bsg_models.evaluation.metrics import Moments
@@ -198,8 +199,5 @@ def _plain(estimate: Estimate | None) -> dict[str, float | int | None] | None:
 
 
 def _table(rows: Mapping[str, list[str]], header: list[str]) -> Iterator[str]:
-    yield f"| {' | '.join(header)} |"
-    yield "|---" * len(header) + "|"
-    for name, cells in rows.items():
-        yield f"| {' | '.join([name, *cells])} |"
+    yield from format_markdown([[name, *cells] for name, cells in rows.items()], header=header)
     yield ""

@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self
 
+import tomli_w
 from pydantic import (
     Field,
     SerializeAsAny,
@@ -127,7 +128,7 @@ def validate_config(tables: Mapping[str, Any], *, source: str) -> RunConfig:
 
 def write_toml(config: RunConfig) -> str:
     """Return a configuration as TOML that `read_config` reads back; what is None is left out."""
-    return "\n".join(_toml_lines(config.model_dump(mode="json"), path=())) + "\n"
+    return tomli_w.dumps(config.model_dump(mode="json", exclude_none=True))
 
 
 def _family_of(tables: Mapping[str, Any]) -> type[ModelConfig]:
@@ -177,24 +178,3 @@ def _parse_value(text: str) -> Any:
 
 def _copy(tables: Mapping[str, Any]) -> dict[str, Any]:
     return {k: _copy(v) if isinstance(v, Mapping) else v for k, v in tables.items()}
-
-
-def _toml_lines(table: Mapping[str, Any], *, path: tuple[str, ...]) -> Iterator[str]:
-    for key, value in table.items():
-        if value is not None and not isinstance(value, Mapping):
-            yield f"{key} = {_toml_value(value)}"
-    for key, value in table.items():
-        if isinstance(value, Mapping):
-            yield ""
-            yield f"[{'.'.join((*path, key))}]"
-            yield from _toml_lines(value, path=(*path, key))
-
-
-def _toml_value(value: Any) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
-    if isinstance(value, list):
-        return "[" + ", ".join(_toml_value(item) for item in value) + "]"
-    return repr(value)

@@ -11,8 +11,7 @@ from click.testing import CliRunner, Result
 
 from bsg_cli import train
 from bsg_cli.evaluate import main
-from bsg_models.evaluation.catalogue import head_value
-from bsg_models.evaluation.verdict import HEADLINES
+from bsg_models.studies.evaluation_report import HEADLINES
 from bsg_models.zoo.catalogue import BASELINES
 
 
@@ -34,8 +33,8 @@ def test_a_run_beside_the_baselines(dataset: Path, trained: Path) -> None:
     result = run(trained, "--data", dataset, "--resamples", "3")
     assert result.stdout.startswith("run, beside doubling what was seen")
     assert f"run {' '.join(BASELINES)}" in " ".join(result.stdout.split())
-    for name in (*HEADLINES["what is hidden"], *HEADLINES["whole histograms"]):
-        assert head_value(name) in result.stdout
+    for label, _, less in HEADLINES:
+        assert f"{label} {'↓' if less else '↑'}" in result.stdout
     assert max(map(len, result.stdout.split("\n\n")[1].splitlines())) <= 120
     report = json.loads((trained / "evaluation" / "evaluation.json").read_text("utf-8"))
     nll = report["metrics"]["rooms/hidden_nll"]
@@ -85,3 +84,8 @@ def test_a_run_named_like_a_baseline_keeps_its_column(dataset: Path, trained: Pa
     out = dataset.parent / "e"
     words = [*twins, "--data", dataset, "--resamples", "0", "--out", out, "--json"]
     assert set(json.loads(run(*words).stdout)["runs"]) == {"doubled-2", "doubled-3", "doubled-4"}
+
+
+def test_the_leaderboard_went_to_a_command_of_its_own(dataset: Path) -> None:
+    words = ("--leaderboard", "--data", dataset, "--models", "doubled", "--folds", "3")
+    assert "bsg-leaderboard" in run(*words, code=2).stderr

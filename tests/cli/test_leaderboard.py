@@ -8,11 +8,10 @@ from click import UsageError
 from click.testing import CliRunner, Result
 
 from bsg_cli import leaderboard as leaderboard_module
-from bsg_cli.evaluate import main
-from bsg_cli.leaderboard import choose_models
+from bsg_cli.leaderboard import choose_models, main
 from bsg_models.zoo.catalogue import ZOO
 
-COMMON = ("--leaderboard", "--folds", "3", "--draws", "2", "--resamples", "2", "--workers", "1")
+COMMON = ("--folds", "3", "--draws", "2", "--resamples", "2", "--workers", "1")
 
 
 def run(*words: str | Path, code: int = 0) -> Result:
@@ -39,11 +38,11 @@ def test_a_leaderboard_of_names_and_files(dataset: Path, tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--masks", "uniform,walls"), "'walls' is none of uniform, rooms, frontier"),
+        (("--masks", "uniform,walls"), "no mask 'walls'. Known are uniform, rooms, frontier"),
         (("--models", "ceci-sgae"), "did you mean ceci-sage?"),
         (("--models", " ,"), "--models names no model"),
         (("--models", "doubled,doubled"), "names a model twice"),
-        (("some-run",), "--leaderboard trains its own runs"),
+        (("--masks", ","), "--masks names nothing"),
         (("--models", "../a|b.toml"), "cannot name a folder"),
     ],
 )
@@ -55,10 +54,6 @@ def test_wrong_usage(
     (dataset / "a|b.toml").write_text('[model]\nfamily = "input"\n', "utf-8")
     monkeypatch.chdir(inside)
     assert message in run(*COMMON, "--data", dataset, *words, code=2).stderr
-
-
-def test_options_of_the_leaderboard_alone_need_it(dataset: Path) -> None:
-    assert "name a RUN, or give --leaderboard" in run("--data", dataset, code=2).stderr
 
 
 def test_without_lightgbm_the_zoo_goes_on(

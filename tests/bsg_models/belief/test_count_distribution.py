@@ -61,7 +61,7 @@ def mixture() -> CountDistribution:
     return blend(distributions, [0.5, 0.3, 0.2])
 
 
-def test_a_blend_is_the_weighted_sum_of_its_laws() -> None:
+def test_a_blend_is_the_weighted_sum_of_its_distributions() -> None:
     counts = np.arange(200.0)
     for c in range(3):
         first = stats.nbinom(SPREAD[0, c], SPREAD[0, c] / (SPREAD[0, c] + MEANS[0, c])).pmf(counts)
@@ -103,7 +103,7 @@ def test_a_zero_inflated_poisson_has_the_presence_and_mean_that_it_was_given(
     assert 0 <= distribution.weights[1, 0, 0] <= 1
 
 
-def test_nothing_present_is_a_law() -> None:
+def test_nothing_present_is_a_distribution() -> None:
     distribution = zero_inflated(np.zeros((1, 2)), np.zeros((1, 2)))
     assert distribution.presence.tolist() == [[0.0, 0.0]]
     assert np.isfinite(distribution.log_probability(np.ones((1, 2)))).all()

@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 
 from bsg_models.errors import ConfigError
 from bsg_models.zoo import config as config_module
@@ -18,6 +20,8 @@ from bsg_models.zoo.config import (
     validate_config,
     write_toml,
 )
+from bsg_models.zoo.ensemble import EnsembleConfig
+from bsg_models.zoo.settings import TrainingConfig
 
 
 def tables(name: str = "ceci-gcn") -> dict[str, Any]:
@@ -94,9 +98,20 @@ def test_overrides_do_not_touch_the_zoo() -> None:
     assert find_config("ceci-gcn").model_dump() == before
 
 
-def test_strings_with_quotes_survive_toml() -> None:
-    line = next(iter(config_module._toml_lines({"a": 'b"\\c'}, path=())))
-    assert tomllib.loads(line) == {"a": 'b"\\c'}
+@given(
+    members=st.lists(st.text(), min_size=2, max_size=3, unique=True),
+    rate=st.floats(min_value=1e-12, max_value=1e6),
+)
+@example(members=['b"\\c', "two\nlines\r\n", "\x1b[31m"], rate=1e-7)
+def test_any_configuration_survives_toml(members: list[str], rate: float) -> None:
+    config = RunConfig(
+        model=EnsembleConfig.model_construct(members=tuple(members)),
+        training=TrainingConfig(learning_rate=rate),
+    )
+    said = tomllib.loads(write_toml(config))
+    assert said["model"]["members"] == members
+    assert said["training"]["learning_rate"] == rate
+    assert "clip" not in said["training"]  # None has no spelling in TOML
 
 
 def test_a_run_without_a_model_is_refused() -> None:

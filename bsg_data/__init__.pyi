@@ -1,0 +1,112 @@
+from .build import build_dataset
+from .checks.dataset import check_dataset
+from .checks.faults import Fault
+from .dataset.coverage import Coverage, measure_coverage
+from .dataset.frequencies import count_frequencies, plot_frequencies
+from .dataset.histograms import read_adjacency, read_cells, to_histograms
+from .dataset.manifest import FileEntry, Manifest, read_manifest
+from .dataset.shards import read_scene_graphs, read_table, write_shards
+from .dataset.splits import assign_splits, read_splits, split_dataset
+from .errors import (
+    AnnotationError,
+    BSGError,
+    ClassMapError,
+    DatasetError,
+    MismatchError,
+    RecipeError,
+    SourceError,
+    UnmappedNameError,
+)
+from .observation.masks import sample_hidden, sample_visited
+from .observation.pairs import read_pairs, sample_pairs, write_pairs
+from .observation.partial_graph import (
+    KnownRoom,
+    PartialGraph,
+    SeenObject,
+    mask_dataset,
+    mask_scene,
+    observe,
+)
+from .observation.robot_json import list_unmapped, read_robot_graph
+from .recipes import MaskRecipe, PairsRecipe, SplitRecipe
+from .scene.class_map import ClassMap, MapEntry, list_class_maps, load_class_map
+from .scene.mesh_coverage import MeshCoverage
+from .scene.scene_graph import Box, Edge, Room, SceneGraph, SceneObject
+from .sources.hm3d import (
+    FoundScenes,
+    HM3DFolder,
+    HM3DStatistics,
+    Reading,
+    SceneRef,
+    SkippedScene,
+    Source,
+)
+from .sources.room_layouts import WithLayouts
+from .synthetic.buildings import write_synthetic
+from .synthetic.geometry import GeometryOptions
+
+__all__ = [
+    "AnnotationError",
+    "BSGError",
+    "Box",
+    "ClassMap",
+    "ClassMapError",
+    "Coverage",
+    "DatasetError",
+    "Edge",
+    "Fault",
+    "FileEntry",
+    "FoundScenes",
+    "GeometryOptions",
+    "HM3DFolder",
+    "HM3DStatistics",
+    "KnownRoom",
+    "Manifest",
+    "MapEntry",
+    "MaskRecipe",
+    "MeshCoverage",
+    "MismatchError",
+    "PairsRecipe",
+    "PartialGraph",
+    "Reading",
+    "RecipeError",
+    "Room",
+    "SceneGraph",
+    "SceneObject",
+    "SceneRef",
+    "SeenObject",
+    "SkippedScene",
+    "Source",
+    "SourceError",
+    "SplitRecipe",
+    "UnmappedNameError",
+    "WithLayouts",
+    "assign_splits",
+    "build_dataset",
+    "check_dataset",
+    "count_frequencies",
+    "list_class_maps",
+    "list_unmapped",
+    "load_class_map",
+    "mask_dataset",
+    "mask_scene",
+    "measure_coverage",
+    "observe",
+    "plot_frequencies",
+    "read_adjacency",
+    "read_cells",
+    "read_manifest",
+    "read_pairs",
+    "read_robot_graph",
+    "read_scene_graphs",
+    "read_splits",
+    "read_table",
+    "sample_hidden",
+    "sample_pairs",
+    "sample_visited",
+    "split_dataset",
+    "to_histograms",
+    "write_pairs",
+    "write_shards",
+    "write_synthetic",
+]

@@ -1,0 +1,145 @@
+from .belief.belief_files import (
+    BeliefFileError,
+    from_networkx,
+    read_belief,
+    read_tables,
+    to_networkx,
+    write_belief,
+    write_tables,
+)
+from .belief.belief_graph import BeliefGraph, BlindNode, believe, rank_unseen
+from .belief.count_distribution import CountDistribution
+from .belief.expectation import Expectation
+from .belief.hydra import HydraError, read_hydra, read_hydra_belief, write_hydra
+from .errors import CheckpointError, ConfigError, TrainingError
+from .evaluation.bootstrap import Estimate
+from .evaluation.verdict import explain
+from .inputs.graphs import MaskedGraphs
+from .rendering.explorer import View, write_explorer
+from .runs.checkpoint import Checkpoint, load_checkpoint, restore_model
+from .runs.predictor import Predictor
+from .search.catalogue import PLANNERS, Planner
+from .search.knowledge import Knowledge
+from .search.planners import next_room
+from .search.room_graphs import RoomGraph, WorldRecipe
+from .search.shortest_paths import Travel
+from .search.simulator import Outcome
+from .studies.belief_report import (
+    BeliefReport,
+    BeliefRequest,
+    MaskedScenes,
+    RoomBelief,
+    UnseenClass,
+    read_graph,
+    report_beliefs,
+)
+from .studies.comparison import Comparison, compare_runs
+from .studies.comparison_table import headline_rows, metric_rows
+from .studies.evaluation_report import (
+    EvaluationReport,
+    EvaluationRequest,
+    report_evaluation,
+)
+from .studies.leaderboard import Leaderboard, LeaderboardRecipe, ModelResult, make_leaderboard
+from .studies.leaderboard_report import (
+    LeaderboardReport,
+    refuse_finished,
+    report_leaderboard,
+    summary_rows,
+)
+from .studies.run_summary import RunSummary, summarise_run
+from .studies.savings import Saving, WorldResult
+from .studies.search_cases import StudyRecipe
+from .studies.search_report import SearchReport, SearchRequest, report_search
+from .studies.search_study import Searches, Study, study_search
+from .training.learning_curve import EpochReport
+from .training.training import train_run
+from .zoo.catalogue import BASELINES, ZOO
+from .zoo.config import RunConfig, find_config, override, read_config, validate_config, write_toml
+from .zoo.construction import make_model
+from .zoo.model import BeliefModel
+
+__all__ = [
+    "BASELINES",
+    "PLANNERS",
+    "ZOO",
+    "BeliefFileError",
+    "BeliefGraph",
+    "BeliefModel",
+    "BeliefReport",
+    "BeliefRequest",
+    "BlindNode",
+    "Checkpoint",
+    "CheckpointError",
+    "Comparison",
+    "ConfigError",
+    "CountDistribution",
+    "EpochReport",
+    "Estimate",
+    "EvaluationReport",
+    "EvaluationRequest",
+    "Expectation",
+    "HydraError",
+    "Knowledge",
+    "Leaderboard",
+    "LeaderboardRecipe",
+    "LeaderboardReport",
+    "MaskedGraphs",
+    "MaskedScenes",
+    "ModelResult",
+    "Outcome",
+    "Planner",
+    "Predictor",
+    "RoomBelief",
+    "RoomGraph",
+    "RunConfig",
+    "RunSummary",
+    "Saving",
+    "SearchReport",
+    "SearchRequest",
+    "Searches",
+    "Study",
+    "StudyRecipe",
+    "TrainingError",
+    "Travel",
+    "UnseenClass",
+    "View",
+    "WorldRecipe",
+    "WorldResult",
+    "believe",
+    "compare_runs",
+    "explain",
+    "find_config",
+    "from_networkx",
+    "headline_rows",
+    "load_checkpoint",
+    "make_leaderboard",
+    "make_model",
+    "metric_rows",
+    "next_room",
+    "override",
+    "rank_unseen",
+    "read_belief",
+    "read_config",
+    "read_graph",
+    "read_hydra",
+    "read_hydra_belief",
+    "read_tables",
+    "refuse_finished",
+    "report_beliefs",
+    "report_evaluation",
+    "report_leaderboard",
+    "report_search",
+    "restore_model",
+    "study_search",
+    "summarise_run",
+    "summary_rows",
+    "to_networkx",
+    "train_run",
+    "validate_config",
+    "write_belief",
+    "write_explorer",
+    "write_hydra",
+    "write_tables",
+    "write_toml",
+]

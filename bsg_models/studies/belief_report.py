@@ -1,0 +1,246 @@
+"""What a run believes about robots' graphs or masked buildings, with the files that it leaves."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+
+from bsg_data.arrays import Counts
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.errors import BSGError, DatasetError, RecipeError
+from bsg_data.observation.partial_graph import PartialGraph, mask_dataset
+from bsg_data.observation.robot_json import list_unmapped, read_robot_graph
+from bsg_data.recipes import MaskRecipe, Record
+from bsg_models.belief.belief_files import write_belief, write_tables
+from bsg_models.belief.belief_graph import BeliefGraph, Mode, believe, rank_unseen
+from bsg_models.belief.hydra import read_hydra, write_hydra
+from bsg_models.inputs.folds import scenes_of
+from bsg_models.rendering.explorer import View, write_explorer
+from bsg_models.runs.predictor import Predictor
+
+
+class MaskedScenes(Record):
+    """Buildings of a dataset, of which a mask hides a part.
+
+    Attributes:
+        dataset: that is split, unless `scene` is named.
+        mask: how objects are hidden.
+        split: whose buildings.
+        fold: to test on, in a dataset of folds.
+        scene: this building alone.
+    """
+
+    dataset: Path
+    mask: MaskRecipe = MaskRecipe()
+    split: Literal["train", "val", "test"] = "val"
+    fold: int | None = None
+    scene: str | None = None
+
+
+class BeliefRequest(Record):
+    """What to believe about, and which files to write.
+
+    Attributes:
+        run: folder of a trained model.
+        graphs: files with robots' graphs, of ours or Spark-DSG's.
+        scenes: masked buildings, in the place of graphs.
+        labels: label space of Hydra's graphs: `ade20k` or `mpcat40`.
+        mode: which blind nodes: as many as are expected, or the top unseen classes.
+        top: unseen classes a room.
+        out: file of one belief graph as JSON.
+        hydra: file of one belief graph as Spark-DSG JSON.
+        tables: folder of all belief graphs as parquet.
+        html: file of the explorer.
+        force: replace files that are there.
+    """
+
+    run: Path
+    graphs: tuple[Path, ...] = ()
+    scenes: MaskedScenes | None = None
+    labels: str | None = None
+    mode: Mode = "complete"
+    top: int = Field(default=3, ge=1)
+    out: Path | None = None
+    hydra: Path | None = None
+    tables: Path | None = None
+    html: Path | None = None
+    force: bool = False
+
+    @property
+    def results(self) -> tuple[Path, ...]:
+        """The files to write."""
+        return tuple(filter(None, (self.out, self.hydra, self.tables, self.html)))
+
+
+class UnseenClass(NamedTuple):
+    """A class of which nothing was seen in a room, and how likely one is hidden there."""
+
+    name: str
+    presence: float
+    expected: float
+
+
+class RoomBelief(NamedTuple):
+    """What is believed of one room.
+
+    Attributes:
+        scene_id: of the building.
+        room: its label, or its name.
+        seen: classified objects that were seen.
+        expected_more: expected number of hidden objects.
+        unseen: classes of which nothing was seen, the likeliest first.
+    """
+
+    scene_id: str
+    room: str
+    seen: int
+    expected_more: float
+    unseen: tuple[UnseenClass, ...]
+
+
+class BeliefReport(NamedTuple):
+    """What a run believes.
+
+    Attributes:
+        model: its name.
+        graphs: one a partial graph.
+        rooms: of all graphs.
+        unmapped: file → name that the class map does not know → times.
+    """
+
+    model: str
+    graphs: tuple[BeliefGraph, ...]
+    rooms: tuple[RoomBelief, ...]
+    unmapped: dict[Path, dict[str, int]]
+
+
+def report_beliefs(
+    request: BeliefRequest, *, progress: Callable[[int, int], None] | None = None
+) -> BeliefReport:
+    """Believe as a request asks, write its files, and return what is believed.
+
+    Args:
+        request: about what, by which run, into which files.
+        progress: called with (graphs done, in all).
+
+    Raises:
+        DatasetError: if the dataset lacks what is asked for, or a file is there already.
+        RecipeError: if a file is named twice, or a file of one graph is asked for many.
+        BSGError: if a graph cannot be read.
+        CheckpointError: if the run cannot be loaded.
+    """
+    wanted = _choose(request.scenes) if request.scenes else frozenset()
+    _check_paths(request)
+    predictor = Predictor(request.run)
+    graphs = {path: read_graph(path, labels=request.labels) for path in request.graphs}
+    total = len(graphs) or len(wanted)
+    if (request.out or request.hydra) and total != 1:
+        raise RecipeError(f"--out and --hydra take one graph, not {total}; --tables takes all")
+    partial_graphs: Iterable[tuple[PartialGraph, Counts | None]]
+    partial_graphs = ((graph, None) for graph in graphs.values())
+    if request.scenes:
+        partial_graphs = mask_dataset(request.scenes.dataset, wanted, request.scenes.mask)
+    views: list[View] = []
+    rooms: list[RoomBelief] = []
+    for done, (graph, truth) in enumerate(partial_graphs, 1):
+        expectation = predictor(graph)
+        belief = believe(
+            graph, expectation, mode=request.mode, top=request.top, model=predictor.name
+        )
+        views.append(View(belief, truth))
+        rooms += describe_rooms(belief, rank_unseen(expectation, request.top))
+        if progress:
+            progress(done, total)
+    _write(request, views)
+    unmapped = {path: names for path, graph in graphs.items() if (names := list_unmapped(graph))}
+    return BeliefReport(predictor.name, tuple(v.belief for v in views), tuple(rooms), unmapped)
+
+
+def read_graph(path: Path, *, labels: str | None = None) -> PartialGraph:
+    """Read a robot's graph of either kind: our JSON, or Spark-DSG's.
+
+    Args:
+        path: of the file.
+        labels: label space of a Hydra graph: `ade20k` or `mpcat40`.
+
+    Raises:
+        BSGError: if it cannot be read, or is no graph.
+        RecipeError: if labels are given for a graph that is not Hydra's.
+    """
+    try:
+        document = {} if path.suffix == ".sparkdsg" else json.loads(path.read_bytes())
+    except OSError as error:
+        raise BSGError(f"{path}: cannot be read ({error.strerror})") from error
+    except (ValueError, RecursionError) as error:
+        raise BSGError(f"{path}: no JSON ({error})") from error
+    if path.suffix == ".sparkdsg" or "SPARK_DSG_header" in document:
+        return read_hydra(path, labels=labels)
+    if labels is not None:
+        raise RecipeError(f"labels are for Hydra's graphs, and {path} is none")
+    return read_robot_graph(path)
+
+
+def describe_rooms(
+    belief: BeliefGraph, ranked: Sequence[npt.NDArray[np.int64]]
+) -> Iterator[RoomBelief]:
+    """Yield what is believed of every room.
+
+    Args:
+        belief: about a building with R rooms.
+        ranked: for each of its 1 + R nodes the unseen classes to name, the likeliest first.
+    """
+    partial, classes = belief.partial, belief.partial.class_map.classes
+    inputs = belief.inputs
+    hidden = belief.expected - inputs
+    for number, room in enumerate(partial.rooms, 1):
+        yield RoomBelief(
+            scene_id=partial.scene_id,
+            room=room.label or room.name,
+            seen=int(inputs[number].sum()),
+            expected_more=round(float(hidden[number].sum()), 3),
+            unseen=tuple(
+                UnseenClass(
+                    classes[c],
+                    round(float(belief.presence[number, c]), 4),
+                    round(float(hidden[number, c]), 4),
+                )
+                for c in ranked[number]
+            ),
+        )
+
+
+def _choose(scenes: MaskedScenes) -> frozenset[str]:
+    """Return the scenes of a dataset that are asked for."""
+    data = Dataset.open(scenes.dataset)
+    if scenes.scene is None:
+        return frozenset(scenes_of(data, scenes.split, fold=scenes.fold))
+    if scenes.scene not in data:
+        raise DatasetError(f"{scenes.dataset}: has no scene {scenes.scene!r}")
+    return frozenset([scenes.scene])
+
+
+def _check_paths(request: BeliefRequest) -> None:
+    """Refuse files that are named twice or are there already."""
+    paths = [path.absolute() for path in (*request.results, *request.graphs)]
+    if len(set(paths)) < len(paths):
+        raise RecipeError("one file is named twice")
+    for path in request.results:
+        if path.exists() and not request.force:
+            raise DatasetError(f"{path}: is there already; --force replaces it")
+
+
+def _write(request: BeliefRequest, views: list[View]) -> None:
+    if request.out:
+        write_belief(views[0].belief, request.out)
+    if request.hydra:
+        write_hydra(views[0].belief, request.hydra)
+    if request.tables:
+        write_tables((view.belief for view in views), request.tables)
+    if request.html:
+        write_explorer(views, request.html)

@@ -1,0 +1,186 @@
+"""The evaluation of runs: what to compare, and the files that it leaves.
+
+OUT/evaluation.json     every metric, written last: it means finished
+OUT/classes.csv         one row a model, node set and class
+OUT/RUN-*.png           the paper's figures
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from bsg_data.dataset.manifest import read_manifest
+from bsg_data.dataset.shards import write_bytes
+from bsg_data.errors import DatasetError
+from bsg_data.observation.partial_graph import mask_dataset
+from bsg_data.recipes import MaskRecipe, Record
+from bsg_models.belief.belief_graph import believe
+from bsg_models.evaluation.verdict import BESIDE_DOUBLED, judge_all
+from bsg_models.rendering.explorer import View, explorer_page
+from bsg_models.rendering.figures import plot_evaluation
+from bsg_models.rendering.report import Table, write_report
+from bsg_models.runs.predictor import Predictor
+from bsg_models.studies.comparison import Comparison, compare_runs
+from bsg_models.studies.comparison_table import encode_comparison, headline_rows, metric_rows
+
+REPORT, CLASSES = "evaluation.json", "classes.csv"
+
+
+class EvaluationRequest(Record):
+    """What to compare, and which files to write.
+
+    Attributes:
+        runs: folders of trained models.
+        dataset: that is split and has pairs.
+        split: to measure on.
+        out: folder of the results; None for `evaluation` in the first run.
+        html: one page with all results; None for none.
+        resamples: of the bootstrap over buildings; 0 for no intervals.
+        seed: of the bootstrap.
+        force: replace results that are there.
+    """
+
+    runs: tuple[Path, ...] = Field(min_length=1)
+    dataset: Path
+    split: Literal["train", "val", "test"] = "test"
+    out: Path | None = None
+    html: Path | None = None
+    resamples: int = Field(default=200, ge=0)
+    seed: int = Field(default=0, ge=0)
+    force: bool = False
+
+    @property
+    def folder(self) -> Path:
+        """The folder of the results."""
+        return self.out or self.runs[0] / "evaluation"
+
+
+class EvaluationReport(NamedTuple):
+    """An evaluation and its files.
+
+    Attributes:
+        comparison: of the runs and the baselines.
+        summary: the same as JSON.
+        report: file of the summary.
+        classes: file of the metrics by class.
+        figures: what is drawn → file.
+    """
+
+    comparison: Comparison
+    summary: dict[str, Any]
+    report: Path
+    classes: Path
+    figures: dict[str, Path]
+
+
+def report_evaluation(
+    request: EvaluationRequest, *, progress: Callable[[int, int], None] | None = None
+) -> EvaluationReport:
+    """Measure runs beside the baselines, and write the results.
+
+    Args:
+        request: what to compare, on what.
+        progress: called with (resamples done, in all).
+
+    Raises:
+        DatasetError: if the split has no pairs, or results are there already.
+        CheckpointError: if a run cannot be loaded, or the runs were trained for different folds.
+        MismatchError: if a run is of another class map.
+    """
+    report, classes = request.folder / REPORT, request.folder / CLASSES
+    if report.exists() and not request.force:
+        raise DatasetError(
+            f"{report}: is there already; --force replaces it, --out puts it elsewhere"
+        )
+    if request.html is not None and request.html.exists() and not request.force:
+        raise DatasetError(f"{request.html}: is there already; --force replaces it")
+    comparison = compare_runs(
+        request.runs,
+        request.dataset,
+        split=request.split,
+        resamples=request.resamples,
+        seed=request.seed,
+        progress=progress,
+    )
+    summary = encode_comparison(comparison)
+    figures = _plot(comparison, request.folder)
+    write_bytes(classes, comparison.classes.to_csv(index=False).encode())
+    if request.html is not None:
+        _write_page(request.html, comparison, request, figures)
+    write_bytes(report, (json.dumps(summary, indent=1) + "\n").encode())
+    return EvaluationReport(comparison, summary, report, classes, figures)
+
+
+def _write_page(
+    path: Path, comparison: Comparison, request: EvaluationRequest, figures: Mapping[str, Path]
+) -> None:
+    """Write the evaluation as one page, with buildings that the likeliest run believes in."""
+    estimates = comparison.estimates
+    likelihood = [estimates[name]["rooms/hidden_nll"].value for name in comparison.runs]
+    best = int(np.argmin(likelihood))
+    write_report(
+        path,
+        title=f"What is hidden, and how well it is known: {', '.join(comparison.runs)}",
+        facts=[
+            f"{len(comparison.truth.scene_ids)} {request.split} buildings of "
+            f"{request.dataset.name}, beside baselines. "
+            "± is half of a 95 % interval over buildings; ↓ less is better, ↑ more is better.",
+            *comparison.notes,
+        ],
+        findings={
+            f"{run}, {BESIDE_DOUBLED}": verdicts
+            for run, verdicts in judge_all(comparison.bootstraps, runs=comparison.runs).items()
+        },
+        tables=[
+            Table(
+                "In short",
+                ["metric", *estimates],
+                headline_rows(comparison),
+            ),
+            Table(
+                "Every metric",
+                ["metric", "nodes", *estimates],
+                metric_rows(comparison),
+            ),
+        ],
+        figures=figures,
+        explorer=explorer_page(_look_into(comparison, request.runs[best], request.dataset)),
+    )
+
+
+def _look_into(comparison: Comparison, run: Path, data: Path) -> list[View]:
+    """Return what a run believes about the median, the smallest and the largest building."""
+    manifest, predictor, measured = read_manifest(data), Predictor(run), comparison.truth
+    rows = np.flatnonzero(measured.is_building & (measured.draw == measured.draw.min()))
+    order = rows[np.argsort(measured.targets[rows].sum(axis=1), kind="stable")]
+    chosen = dict.fromkeys([comparison.example_node, int(order[0]), int(order[-1])])
+    wanted = [measured.scene_ids[int(measured.building[row])] for row in chosen]
+    recipe = manifest.pairs.mask if manifest.pairs else MaskRecipe()
+    views = {}
+    for seen, truth in mask_dataset(data, wanted, recipe):
+        belief = believe(seen, predictor(seen), model=predictor.name)
+        views[seen.scene_id] = View(belief, truth)
+    return [views[scene] for scene in dict.fromkeys(wanted)]
+
+
+def _plot(comparison: Comparison, out: Path) -> dict[str, Path]:
+    figures: dict[str, Path] = {}
+    for name in comparison.runs:
+        drawn = plot_evaluation(
+            out,
+            name=name,
+            expectation=comparison.expectations[name],
+            target=comparison.truth.targets,
+            is_building=comparison.truth.is_building,
+            classes=comparison.class_names,
+            node=comparison.example_node,
+            building=comparison.example_building,
+        )
+        figures.update({f"{name}: {what}": path for what, path in drawn.items()})
+    return figures

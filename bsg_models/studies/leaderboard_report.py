@@ -1,0 +1,88 @@
+"""The files of a leaderboard.
+
+OUT/leaderboard.json    every metric, written last: it means finished
+OUT/leaderboard.md      the tables
+OUT/MASK.png            a figure for each kind of mask
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from bsg_data.dataset.shards import write_bytes
+from bsg_data.errors import DatasetError
+from bsg_models.evaluation.catalogue import head_value
+from bsg_models.rendering.figures import plot_leaderboard
+from bsg_models.studies.leaderboard import Leaderboard, ModelResult
+from bsg_models.studies.leaderboard_table import (
+    HIDDEN,
+    UNVISITED,
+    WHOLE,
+    rank_models,
+    write_json,
+    write_markdown,
+)
+
+REPORT, TABLE = "leaderboard.json", "leaderboard.md"
+
+
+class LeaderboardReport(NamedTuple):
+    """The files of a leaderboard.
+
+    Attributes:
+        summary: of the leaderboard as JSON.
+        report: its file.
+        table: the Markdown document.
+        figures: one a kind of mask.
+    """
+
+    summary: dict[str, Any]
+    report: Path
+    table: Path
+    figures: tuple[Path, ...]
+
+
+def refuse_finished(out: Path, *, force: bool) -> None:
+    """Refuse a folder with a finished leaderboard, unless it is to be replaced.
+
+    Raises:
+        DatasetError: if there is one.
+    """
+    if (out / REPORT).exists() and not force:
+        raise DatasetError(
+            f"{out / REPORT}: is there already; --force replaces it, --out puts it elsewhere"
+        )
+
+
+def report_leaderboard(board: Leaderboard, out: Path) -> LeaderboardReport:
+    """Write the files of a leaderboard."""
+    figures = [_plot(results, out / f"{mask}.png", mask) for mask, results in board.results.items()]
+    write_bytes(out / TABLE, write_markdown(board).encode())
+    summary = write_json(board)
+    write_bytes(out / REPORT, (json.dumps(summary, indent=1) + "\n").encode())
+    return LeaderboardReport(summary, out / REPORT, out / TABLE, tuple(figures))
+
+
+def summary_rows(results: dict[str, ModelResult]) -> tuple[list[str], list[list[str]]]:
+    """Return the header and the rows of the table for a terminal, the best model first."""
+    columns = HIDDEN[:6]
+    rows = [
+        [
+            name,
+            *(f"{results[name].metrics.point[column]:.4f}" for column in columns),
+            f"{results[name].seconds:.1f}",
+        ]
+        for name in rank_models(results)
+    ]
+    return ["model", *map(head_value, columns), "training, s"], rows
+
+
+def _plot(results: dict[str, ModelResult], path: Path, mask: str) -> Path:
+    headlines = (*HIDDEN, *WHOLE, *(UNVISITED if mask != "uniform" else ()))
+    labels = {name: head_value(name) for name in headlines}
+    estimates = {name: results[name].metrics.estimates() for name in rank_models(results)}
+    title = f"`{mask}` masks; 95 % intervals over buildings; dashed: the best; grey: far beyond"
+    plot_leaderboard(estimates, labels, path, title=title)
+    return path

@@ -1,0 +1,339 @@
+"""A search study as it is asked for: whose buildings, which searches, and the files that it leaves.
+
+OUT/search.json         every result, written last: it means finished
+OUT/searches.parquet    one row a search
+OUT/savings.png         a box plot over buildings
+OUT/trace.html          one search, room by room
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from pathlib import Path
+from typing import Any, Literal, NamedTuple, cast
+
+from pydantic import Field
+
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.dataset.shards import write_bytes
+from bsg_data.errors import DatasetError, RecipeError
+from bsg_data.recipes import Record
+from bsg_models.inputs.folds import scenes_of
+from bsg_models.rendering.explorer import write_explorer
+from bsg_models.rendering.figures import plot_savings
+from bsg_models.runs.checkpoint import load_checkpoint
+from bsg_models.runs.run_folder import checkpoint_of
+from bsg_models.search.catalogue import PLANNERS
+from bsg_models.search.room_graphs import DEFAULT_WORLDS, WorldRecipe, parse_world
+from bsg_models.studies.replay import TraceRequest, trace_search
+from bsg_models.studies.savings import (
+    LEAST_BUILDINGS,
+    WorldResult,
+    saving_of_buildings,
+    summarise,
+)
+from bsg_models.studies.search_cases import BASELINE, StudyRecipe
+from bsg_models.studies.search_files import encode_study, write_searches
+from bsg_models.studies.search_study import Study, choose_runs, known_worlds, study_search
+
+ROOM_SPECIFIC = (
+    "stove",
+    "refrigerator",
+    "bathtub",
+    "toilet",
+    "microwave",
+    "sink",
+    "shower",
+    "washing machine",
+    "bed",
+    "nightstand",
+)
+REPORT, TABLE, FIGURE, TRACE = "search.json", "searches.parquet", "savings.png", "trace.html"
+
+
+class SearchRequest(Record):
+    """Whose buildings to search, how, and what to write.
+
+    Attributes:
+        dataset: that is split.
+        runs: folders of trained models; of a dataset of folds, one for each fold that is searched.
+        split: whose buildings are searched; `all` only without runs.
+        scene: this building alone.
+        planners: names of planners; None for all, or without runs those that read no belief.
+        worlds: kinds of room graphs, as `parse_world` reads them; None for the default ones and
+            those that the dataset knows.
+        task: `single`, `all` or `both`.
+        artifacts: names of classes, or `every`, or `room-specific`.
+        stops: of `all`: probabilities of anything left at which the robot itself stops.
+        at_once, episodes, masks, fraction, truth, seed: of the recipe; see `StudyRecipe`.
+        resamples: of the bootstrap over buildings.
+        trace: number of the search of the first building to replay; None for none.
+        out: folder of the results; None for `search` in the first run, or `search`.
+        force: replace results that are there.
+    """
+
+    dataset: Path
+    runs: tuple[Path, ...] = ()
+    split: Literal["train", "val", "test", "all"] = "test"
+    scene: str | None = None
+    planners: tuple[str, ...] | None = None
+    worlds: tuple[str, ...] | None = None
+    task: Literal["single", "all", "both"] = "both"
+    artifacts: tuple[str, ...] = ("every",)
+    stops: tuple[float, ...] = ()
+    at_once: int = Field(default=1, ge=1)
+    episodes: int = Field(default=200, ge=1)
+    masks: int = Field(default=10, ge=1)
+    fraction: float = Field(default=0.5, gt=0, le=1)
+    truth: Literal["real", "posterior"] = "real"
+    seed: int = Field(default=0, ge=0)
+    resamples: int = Field(default=1000, ge=0)
+    trace: int | None = Field(default=None, ge=0)
+    out: Path | None = None
+    force: bool = False
+
+    @property
+    def folder(self) -> Path:
+        """The folder of the results."""
+        inside = self.runs and self.runs[0].is_dir()
+        return self.out or (self.runs[0] / "search" if inside else Path("search"))
+
+
+class SearchReport(NamedTuple):
+    """A search study and its files.
+
+    Attributes:
+        study: all searches.
+        results: of every world and task.
+        summary: the same as JSON.
+        model: that the beliefs are of; None without one.
+        sought: names of the classes that were searched for.
+        report: file of the summary.
+        written: what else was written → file.
+        notes: what a reader must know of these figures.
+    """
+
+    study: Study
+    results: list[WorldResult]
+    summary: dict[str, Any]
+    model: str | None
+    sought: tuple[str, ...]
+    report: Path
+    written: dict[str, Path]
+    notes: tuple[str, ...]
+
+
+def report_search(
+    request: SearchRequest,
+    *,
+    executor: Executor | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> SearchReport:
+    """Search buildings with every planner, and write the results.
+
+    Args:
+        request: whose buildings, how.
+        executor: where buildings are worked on; None does it here.
+        progress: called with (buildings done, in all).
+
+    Raises:
+        DatasetError: if results are there already, cannot be written, or no building can be
+            searched.
+        RecipeError: if the request asks for what is not, or needs a run.
+        CheckpointError: if a run cannot be loaded.
+    """
+    out, runs = request.folder, request.runs
+    report = out / REPORT
+    if report.exists() and not request.force:
+        raise DatasetError(
+            f"{report}: is there already; --force replaces it, --out puts it elsewhere"
+        )
+    _make_folder(out)
+    opened = Dataset.open(request.dataset)
+    classes = opened.manifest.class_map.classes
+    chosen, notes = choose_buildings(opened, runs, split=request.split, scene=request.scene)
+    recipe = make_recipe(request, classes)
+    study = study_search(request.dataset, chosen, recipe, executor=executor, progress=progress)
+    results = summarise(study, resamples=request.resamples)
+    model = ", ".join(dict.fromkeys(_family(run) for run in runs)) or None
+    written = {"every search": out / TABLE}
+    write_searches(study, classes, out / TABLE)
+    if _plot(study, out / FIGURE, model):
+        written["box plot over buildings"] = out / FIGURE
+    if request.trace is not None:
+        which = _write_trace(request.dataset, chosen, study, request.trace, out / TRACE)
+        written[which] = out / TRACE
+    facts = {
+        "dataset": str(request.dataset),
+        "runs": [str(run) for run in runs],
+        "model": model,
+        "split": None if request.split == "all" else request.split,
+        "resamples": request.resamples,
+    }
+    summary = encode_study(study, results, classes=classes, facts=facts)
+    write_bytes(report, (json.dumps(summary, indent=1) + "\n").encode())
+    notes += _note_left_out(study)
+    if request.resamples > 1 and any(one.buildings < LEAST_BUILDINGS for one in results):
+        notes.append(f"intervals are over buildings, and need {LEAST_BUILDINGS} of them")
+    sought = tuple(classes[c] for c in recipe.artifacts or range(len(classes)))
+    return SearchReport(study, results, summary, model, sought, report, written, tuple(notes))
+
+
+def make_recipe(request: SearchRequest, classes: Sequence[str]) -> StudyRecipe:
+    """Return the recipe of the study that a request asks for.
+
+    Raises:
+        RecipeError: if a class, a planner or a world is none, or the searches need a run.
+    """
+    recipe = StudyRecipe(
+        worlds=_choose_worlds(request),
+        tasks=("single", "all") if request.task == "both" else (request.task,),
+        planners=_choose_planners(request),
+        artifacts=_choose_artifacts(request.artifacts, classes),
+        at_once=request.at_once,
+        episodes=request.episodes,
+        masks=request.masks,
+        fraction=request.fraction,
+        stops=request.stops,
+        truth=request.truth,
+        seed=request.seed,
+    )
+    trace, posterior = request.trace, request.truth == "posterior"
+    if request.stops and request.task == "single":
+        raise RecipeError("--stop is of the task all")
+    if trace is not None and trace >= request.episodes:
+        raise RecipeError(f"--trace {trace}: a building has {request.episodes} searches, from 0")
+    if trace is not None and posterior:
+        raise RecipeError("--trace replays searches for what is really there")
+    if not request.runs and (trace is not None or request.stops or posterior):
+        raise RecipeError("--trace, --stop and --truth posterior need a --run")
+    return recipe
+
+
+def choose_buildings(
+    opened: Dataset,
+    runs: Sequence[Path],
+    *,
+    split: Literal["train", "val", "test", "all"],
+    scene: str | None,
+) -> tuple[dict[str, Path | None], list[str]]:
+    """Return which run is asked about which building, and what a reader should know of it.
+
+    Raises:
+        RecipeError: if the split would search buildings that a run was trained on, or needs a run.
+        DatasetError: if `scene` is none of the buildings.
+        MismatchError: if a run is of another class map.
+    """
+    chosen: dict[str, Path | None]
+    notes: list[str] = []
+    folds = "fold-0" in opened.splits
+    if runs and split == "all":
+        raise RecipeError("--split all would search buildings that the RUN was trained on")
+    if runs and split != "all":
+        chosen, notes = choose_runs(opened.path, runs, part=split)
+        if split == "train":
+            notes.append(
+                "these buildings trained the runs: what is saved here is not what to expect"
+            )
+        if folds and split == "test" and scene is None and len(chosen) < len(opened.scene_ids):
+            notes.append(
+                f"{len(chosen)} of {len(opened.scene_ids)} buildings: give a --run for every fold"
+            )
+    elif folds and split not in ("all", "test"):
+        raise RecipeError(f"--split {split} of a dataset of folds needs a --run")
+    elif split == "all" or folds:
+        chosen = dict.fromkeys(opened.scene_ids)
+    else:
+        chosen = dict.fromkeys(scenes_of(opened, split))
+    if scene is not None:
+        if scene not in chosen:
+            raise DatasetError(f"{opened.path}: {scene!r} is none of its {split} buildings")
+        chosen = {scene: chosen[scene]}
+    return chosen, notes
+
+
+def _choose_worlds(request: SearchRequest) -> tuple[WorldRecipe, ...]:
+    if request.worlds is None:
+        return (*DEFAULT_WORLDS, *known_worlds(request.dataset))
+    return tuple(dict.fromkeys(parse_world(text) for text in request.worlds))
+
+
+def _choose_planners(request: SearchRequest) -> tuple[str, ...]:
+    believed = bool(request.runs)
+    if request.planners is None:
+        return tuple(n for n in PLANNERS if believed or PLANNERS[n].reads != "belief")
+    unknown = [name for name in request.planners if name not in PLANNERS]
+    if unknown:
+        raise RecipeError(f"no planner {unknown[0]!r}. Known are {', '.join(PLANNERS)}")
+    needing = [name for name in request.planners if PLANNERS[name].reads == "belief"]
+    if needing and not believed:
+        raise RecipeError(f"planner {needing[0]!r} needs a belief; name a --run")
+    return request.planners
+
+
+def _choose_artifacts(names: tuple[str, ...], classes: Sequence[str]) -> tuple[int, ...] | None:
+    if names == ("every",):
+        return None
+    wanted = ROOM_SPECIFIC if names == ("room-specific",) else names
+    unknown = [name for name in wanted if name not in classes]
+    if unknown:
+        raise RecipeError(
+            f"--artifacts: {unknown[0]!r} is no class; known are {', '.join(classes)}"
+        )
+    return tuple(sorted({classes.index(name) for name in wanted}))
+
+
+def _make_folder(out: Path) -> None:
+    """Make the folder of the results before anything is searched."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=out):
+            pass
+    except OSError as error:
+        raise DatasetError(f"{out}: cannot be written to ({error.strerror})") from error
+
+
+def _family(run: Path) -> str:
+    return load_checkpoint(checkpoint_of(run)).header.config.name
+
+
+def _note_left_out(study: Study) -> list[str]:
+    return [
+        f"{world}: {number} of {len(study.scenes)} buildings left out: {reason}"
+        for world, reasons in study.left_out.items()
+        for reason, number in reasons.items()
+    ]
+
+
+def _plot(study: Study, path: Path, model: str | None) -> bool:
+    """Draw what planners save, if there are any beside `nearest`; say whether."""
+    shown = [name for name in study.recipe.all_planners if name != BASELINE]
+    if not shown:
+        return False
+    panels = {}
+    for world in dict.fromkeys(one.world for one in study.searches):
+        searches = [one for one in study.searches if one.world == world]
+        for task in study.recipe.tasks:
+            panels[f"{world}, {task}, {len(searches)} buildings"] = {
+                name: saving_of_buildings(searches, task, name) for name in shown
+            }
+    title = f"Object search with the beliefs of {model}" if model else "Object search"
+    plot_savings(panels, path, title=title, whole="oracle")
+    return True
+
+
+def _write_trace(
+    data: Path, chosen: dict[str, Path | None], study: Study, number: int, path: Path
+) -> str:
+    """Replay search `number` of the first building and world of a study; say which that is."""
+    first = study.searches[0]
+    world = next(one for one in study.recipe.worlds if one.name == first.world)
+    names = [name for name in study.recipe.planners if PLANNERS[name].reads == "belief"]
+    planner = "expected-cost" if "expected-cost" in names else (names or study.recipe.planners)[0]
+    request = TraceRequest(first.scene_id, number, world, study.recipe.tasks[0], planner)
+    run = cast(Path, chosen[first.scene_id])  # a request checks that there is one
+    write_explorer(trace_search(data, run, study.recipe, request), path)
+    return f"search {number} of {first.scene_id} in {world.name}, {request.task}, by {planner}"

@@ -1,0 +1,60 @@
+"""The names that helps list and options take, known without importing what they stand for.
+
+A help, a typo and a completion read these. Importing the zoo or the planners instead would cost
+them seconds of torch and numba. Tests hold that the library has the same names.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Sequence
+
+import click
+
+MODELS = (
+    "input",
+    "doubled",
+    "train-mean",
+    "conditional",
+    "gamma-poisson",
+    "naive-bayes",
+    "mixture",
+    "poisson-boosting",
+    "ceci-gcn",
+    "ceci-gcn-residual",
+    "ceci-sage",
+    "ceci-gat",
+    "ceci-gin",
+    "deepsets",
+    "room-transformer",
+    "ensemble",
+    "search-sage",
+)
+PLANNERS = (
+    "nearest",
+    "random",
+    "greedy-share",
+    "greedy-belief",
+    "ratio",
+    "expected-cost",
+    "routing",
+    "oracle",
+)
+WORLDS = ("star", "complete", "complete-paths", "tree", "tree-plus", "layout", "geometry")
+DEFAULT_WORLDS = ("star:1-10", "complete:5-10", "tree:1-10")
+MASKS = ("uniform", "rooms", "frontier")
+MESH_SIZES = ("small", "full")
+MOST_SCENES = 900  # that one seed makes
+
+
+def require_known(kind: str, names: Iterable[str], known: Sequence[str]) -> None:
+    """Refuse a name that is not known, with the nearest that is.
+
+    Raises:
+        click.UsageError: for the first such name.
+    """
+    for name in names:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, n=1)
+            hint = f"; did you mean {near[0]}?" if near else "."
+            raise click.UsageError(f"no {kind} {name!r}{hint} Known are {', '.join(known)}")

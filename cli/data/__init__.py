@@ -1,0 +1,28 @@
+"""`bsg-data`: from annotations to shards, splits, pairs, and proof that they are sound."""
+
+from __future__ import annotations
+
+import click
+
+from bsg_cli.data import build, check, info, map, pairs, split, synth  # noqa: A004
+from bsg_cli.options import version_option
+from bsg_cli.terminal import CommandGroup
+
+
+@click.group("bsg-data", cls=CommandGroup)
+@version_option()
+def main() -> None:
+    """Turn HM3D's annotations into datasets of 3D scene graphs.
+
+    \b
+    Example:
+      bsg-data synth --out buildings --scenes 20
+      bsg-data build --hm3d buildings --out dataset
+      bsg-data split dataset
+      bsg-data pairs dataset
+      bsg-data check dataset
+    """
+
+
+for module in (build, check, info, map, pairs, split, synth):
+    main.add_command(module.command)

@@ -1,0 +1,109 @@
+"""`bsg-data build`: from a source to a dataset of scene graphs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+import bsg_data
+from bsg_cli.data.totals import format_losses, format_totals
+from bsg_cli.options import (
+    PATH,
+    class_map_option,
+    force_option,
+    json_option,
+    out_option,
+    workers_option,
+)
+from bsg_cli.terminal import Command, print_json, print_note, progress_bar, worker_pool
+from bsg_data.errors import BSGError
+
+
+@click.command("build", cls=Command)
+@click.option("--hm3d", type=PATH, help="Folder above HM3D's annotations.")
+@click.option("--hm3d-stats", type=PATH, help="The public HM3DSem-*.zip.")
+@click.option(
+    "--meshes/--no-meshes",
+    default=True,
+    show_default=True,
+    help="Read <hash>.semantic.glb beside an annotation.",
+)
+@click.option(
+    "--snap-colours",
+    type=click.IntRange(0, 255),
+    help="Read JPEG textures: a texel is the nearest listed colour's within N a channel, 8 say.",
+)
+@click.option(
+    "--room-layouts",
+    type=PATH,
+    help="Folder of DomestiGraph YAML: labels, boxes and connections of rooms.",
+)
+@out_option("Dataset to write.", required=True)
+@class_map_option
+@workers_option
+@click.option(
+    "--strict", is_flag=True, help="Fail on a malformed scene, mesh or layout, or an unmapped name."
+)
+@force_option
+@json_option
+def command(
+    hm3d: Path | None,
+    hm3d_stats: Path | None,
+    meshes: bool,
+    snap_colours: int | None,
+    room_layouts: Path | None,
+    out: Path,
+    class_map: str,
+    workers: int,
+    strict: bool,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Build a dataset of scene graphs from one source.
+
+    A build that was stopped goes on where it was when the same command runs again.
+
+    \b
+    Example:
+      bsg-data build --hm3d buildings --out dataset
+      bsg-data build --hm3d buildings --no-meshes --room-layouts layouts --out dataset
+    """
+    source = _choose_source(hm3d, hm3d_stats, meshes=meshes, snap_colours=snap_colours)
+    if room_layouts is not None:
+        source = bsg_data.WithLayouts(source, room_layouts)
+    try:
+        with worker_pool(workers) as executor, progress_bar("build", unit="shard") as report:
+            manifest = bsg_data.build_dataset(
+                source,
+                out,
+                class_map=class_map,
+                strict=strict,
+                force=force,
+                executor=executor,
+                progress=report,
+            )
+    except (BSGError, KeyboardInterrupt):
+        if out.with_name(f"{out.name}.partial").is_dir():
+            print_note(f"what is done is in {out}.partial; the same command goes on from there")
+        raise
+    if as_json:
+        print_json(manifest.model_dump(mode="json", exclude={"files"}))
+        return
+    click.echo(format_totals(manifest))
+    click.echo(format_losses(manifest))
+    click.echo(f"dataset in {out}")
+
+
+def _choose_source(
+    hm3d: Path | None, hm3d_stats: Path | None, *, meshes: bool, snap_colours: int | None
+) -> bsg_data.Source:
+    if (hm3d is None) == (hm3d_stats is None):
+        raise click.UsageError("give one source: --hm3d PATH or --hm3d-stats ZIP")
+    if snap_colours is not None and not meshes:
+        raise click.UsageError("--snap-colours is of meshes: it excludes --no-meshes")
+    if hm3d is not None:
+        return bsg_data.HM3DFolder(hm3d, meshes=meshes, snap_colours=snap_colours)
+    if snap_colours is not None or not meshes:
+        raise click.UsageError("the statistics have no meshes: --snap-colours needs --hm3d")
+    return bsg_data.HM3DStatistics(Path(str(hm3d_stats)))

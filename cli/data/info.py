@@ -1,0 +1,60 @@
+"""`bsg-data info`: what a dataset holds."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import click
+
+import bsg_data
+from bsg_cli.data.totals import format_losses, format_totals
+from bsg_cli.options import PATH, dataset_argument, json_option
+from bsg_cli.terminal import Command, print_json, print_note
+from bsg_data.tables import format_text
+
+
+@click.command("info", cls=Command)
+@dataset_argument
+@click.option("--figure", type=PATH, help="Draw the frequencies as an image.")
+@json_option
+def command(dataset: Path, figure: Path | None, as_json: bool) -> None:
+    """Say what a dataset holds, with the frequency of every class.
+
+    \b
+    Example:
+      bsg-data info dataset --figure classes.png
+    """
+    manifest = bsg_data.read_manifest(dataset)
+    frame = bsg_data.count_frequencies(dataset)
+    sizes = bsg_data.read_splits(dataset, manifest=manifest) if manifest.split else {}
+    if figure is not None:
+        bsg_data.plot_frequencies(frame, figure, title=format_totals(manifest))
+    if as_json:
+        summary = manifest.model_dump(mode="json", exclude={"files"})
+        summary["splits"] = {name: len(ids) for name, ids in sizes.items()}
+        print_json({**summary, "classes": frame.to_dict(orient="records")})
+        return
+    click.echo(format_totals(manifest))
+    click.echo(format_losses(manifest))
+    held = ", ".join(f"{name} {len(ids)}" for name, ids in sizes.items())
+    click.echo(f"splits: {held or 'none yet (bsg-data split)'}")
+    recipe = manifest.pairs
+    if recipe is None:
+        click.echo("pairs: none yet (bsg-data pairs)")
+    else:
+        mask = recipe.mask
+        click.echo(f"pairs: {recipe.draws} draws of {mask.strategy}, fraction {mask.fraction}")
+    most = max(1, int(frame["instances"].max()))
+    rows = [
+        (row["class"], row["instances"], row["rooms"], row["scenes"], _bar(row["instances"] / most))
+        for row in frame.to_dict(orient="records")
+    ]
+    click.echo("\n" + format_text(rows, header=("class", "instances", "rooms", "scenes", "")))
+    if figure is not None:
+        print_note(f"figure in {figure}")
+
+
+def _bar(share: float) -> str:
+    width = shutil.get_terminal_size().columns
+    return "█" * round(share * max(10, min(50, width - 50))) or "▏" * (share > 0)

@@ -1,0 +1,68 @@
+"""`bsg-data pairs`: masks drawn, input and target histograms written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+import bsg_data
+from bsg_cli.options import (
+    dataset_argument,
+    force_option,
+    json_option,
+    mask_options,
+    seed_option,
+    workers_option,
+)
+from bsg_cli.terminal import Command, print_json, print_note, progress_bar, worker_pool
+
+
+@click.command("pairs", cls=Command)
+@dataset_argument
+@mask_options("How objects are hidden.", "Share of a building's objects to hide.")
+@click.option(
+    "--draws",
+    type=click.IntRange(min=1),
+    default=10,
+    show_default=True,
+    help="Masks of every building.",
+)
+@seed_option()
+@workers_option
+@force_option
+@json_option
+def command(
+    dataset: Path,
+    mask: str,
+    fraction: float,
+    draws: int,
+    seed: int,
+    workers: int,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Draw masks and write input and target histograms.
+
+    \b
+    Example:
+      bsg-data pairs dataset --mask uniform --fraction 0.5 --draws 10
+    """
+    chosen = {"strategy": mask, "fraction": fraction, "seed": seed}
+    recipe = bsg_data.PairsRecipe(mask=bsg_data.MaskRecipe.model_validate(chosen), draws=draws)
+    with worker_pool(workers) as executor, progress_bar("pairs", unit="file") as report:
+        manifest = bsg_data.write_pairs(
+            dataset, recipe, force=force, executor=executor, progress=report
+        )
+    rows = sum(entry.rows for entry in manifest.files_of("pairs"))
+    if mask == "frontier":
+        bare = manifest.totals.scenes - len(bsg_data.read_adjacency(dataset, manifest=manifest))
+        if bare:
+            print_note(
+                f"{bare:,} of {manifest.totals.scenes:,} scenes have no adjacency: there every "
+                "room neighbours every other"
+            )
+    if as_json:
+        print_json({"recipe": recipe.model_dump(mode="json"), "rows": rows})
+    else:
+        click.echo(f"{rows:,} pairs: {draws} draws of mask {mask}, fraction {fraction}")

@@ -1,0 +1,66 @@
+"""`bsg-data split`: every building to train, val or test, or to a fold."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+import bsg_data
+from bsg_cli.options import dataset_argument, force_option, json_option, seed_option
+from bsg_cli.terminal import Command, print_json
+
+
+@click.command("split", cls=Command)
+@dataset_argument
+@click.option(
+    "--ratios",
+    type=float,
+    nargs=3,
+    metavar="TRAIN VAL TEST",
+    help="Shares that add up to 1.  [default: 0.8 0.1 0.1]",
+)
+@click.option(
+    "--official", is_flag=True, help="The source's val as test; val carved from its train."
+)
+@click.option("--folds", type=click.IntRange(min=3), help="K folds for cross-validation.")
+@seed_option()
+@force_option
+@json_option
+def command(
+    dataset: Path,
+    ratios: tuple[float, float, float] | None,
+    official: bool,
+    folds: int | None,
+    seed: int,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Assign every building to train, val or test, or to a fold.
+
+    \b
+    Example:
+      bsg-data split dataset --ratios 0.8 0.1 0.1 --seed 0
+    """
+    if (ratios is not None) + (folds is not None) + official > 1:
+        raise click.UsageError("--ratios, --official and --folds exclude each other")
+    manifest = bsg_data.split_dataset(
+        dataset, _recipe(ratios, official=official, folds=folds, seed=seed), force=force
+    )
+    sizes = {
+        name: len(ids) for name, ids in bsg_data.read_splits(dataset, manifest=manifest).items()
+    }
+    if as_json:
+        print_json({"recipe": manifest.model_dump(mode="json")["split"], "scenes": sizes})
+    else:
+        click.echo(", ".join(f"{name} {size}" for name, size in sizes.items()) + " buildings")
+
+
+def _recipe(
+    ratios: tuple[float, float, float] | None, *, official: bool, folds: int | None, seed: int
+) -> bsg_data.SplitRecipe:
+    if official:
+        return bsg_data.SplitRecipe(method="official", seed=seed, ratios=(0.9, 0.1, 0.0))
+    if folds is not None:
+        return bsg_data.SplitRecipe(method="folds", seed=seed, ratios=None, folds=folds)
+    return bsg_data.SplitRecipe(seed=seed, ratios=ratios or (0.8, 0.1, 0.1))

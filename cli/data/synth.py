@@ -1,0 +1,82 @@
+"""`bsg-data synth`: synthetic buildings in HM3D's own layout."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+import bsg_data
+from bsg_cli.choices import MESH_SIZES, MOST_SCENES
+from bsg_cli.options import force_option, json_option, out_option, seed_option, workers_option
+from bsg_cli.terminal import Command, print_json, progress_bar, worker_pool
+
+
+@click.command("synth", cls=Command)
+@out_option("Folder to write.", required=True)
+@click.option(
+    "--scenes",
+    type=click.IntRange(1, MOST_SCENES),
+    default=20,
+    show_default=True,
+    help="How many buildings.",
+)
+@click.option(
+    "--geometry",
+    is_flag=True,
+    help="Write meshes too, with what is true of them in <hash>.truth.json.",
+)
+@click.option(
+    "--size",
+    type=click.Choice(MESH_SIZES),
+    help="With --geometry: how fine; full is as large as a real one.  [default: small]",
+)
+@click.option(
+    "--coloured-by",
+    type=click.Choice(["texture", "vertex", "both"]),
+    help="With --geometry: where the colours are.  [default: texture]",
+)
+@click.option(
+    "--up-axis",
+    type=click.Choice(["y", "z"]),
+    help="With --geometry: which axis points up.  [default: y and z in turn]",
+)
+@seed_option()
+@workers_option
+@force_option
+@json_option
+def command(
+    out: Path,
+    scenes: int,
+    geometry: bool,
+    size: str | None,
+    coloured_by: str | None,
+    up_axis: str | None,
+    seed: int,
+    workers: int,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Write synthetic buildings in HM3D's own layout.
+
+    \b
+    Example:
+      bsg-data synth --out buildings --scenes 20 --seed 0
+      bsg-data synth --out places --scenes 5 --geometry
+    """
+    chosen = {"size": size, "coloured_by": coloured_by, "up_axis": up_axis}
+    given = {name: value for name, value in chosen.items() if value is not None}
+    if given and not geometry:
+        raise click.UsageError(f"--{next(iter(given)).replace('_', '-')} needs --geometry")
+    options = bsg_data.GeometryOptions(**given) if geometry else None  # type: ignore[arg-type]
+    pool = worker_pool(workers if geometry else 1)  # without meshes one process is quicker
+    with pool as executor, progress_bar("synth", unit="scene") as report:
+        writing = bsg_data.write_synthetic(
+            out, scenes=scenes, seed=seed, geometry=options, force=force, executor=executor
+        )
+        for done, _ in enumerate(writing, 1):
+            report(done, scenes)
+    if as_json:
+        print_json({"out": str(out), "scenes": scenes, "seed": seed, "geometry": geometry})
+    else:
+        click.echo(f"{scenes} synthetic buildings{' with meshes' * geometry} in {out}")

@@ -1,0 +1,68 @@
+"""How much a dataset holds and what it lost, as text."""
+
+from __future__ import annotations
+
+import bsg_data
+from bsg_data.tables import format_text
+
+
+def format_totals(manifest: bsg_data.Manifest) -> str:
+    """Return how much a dataset holds, as a line."""
+    t = manifest.totals
+    placed = (
+        f"; {t.placed:,} with geometry, {t.adjacent:,} pairs of adjacent rooms" if t.placed else ""
+    )
+    return (
+        f"{t.scenes:,} scenes, {t.rooms:,} rooms, {t.objects:,} objects, "
+        f"{t.classified:,} in {len(manifest.class_map.classes)} classes of "
+        f"{manifest.class_map.version}{placed}"
+    )
+
+
+def format_losses(manifest: bsg_data.Manifest, *, most: int = 20) -> str:
+    """Return what was skipped, left out or not explained, as readable tables."""
+    left = manifest.left_out
+    lines = [
+        f"skipped scenes: {len(manifest.skipped):,}, unmapped objects: {manifest.totals.unmapped:,}"
+    ]
+    if manifest.meshes:
+        lines.append(_mesh_line(list(manifest.meshes.values())))
+        bare = manifest.totals.scenes - len({*manifest.meshes, *(s.scene_id for s in left)})
+        if bare > 0:
+            lines.append(f"scenes without a mesh beside their annotation: {bare:,}")
+    for entries, what in (
+        (manifest.skipped, "skipped scene"),
+        (left, "geometry left out"),
+    ):
+        if entries:
+            rows = [(entry.scene_id, entry.location, entry.reason) for entry in entries[:most]]
+            lines.append(format_text(rows, header=(what, "location", "reason")))
+    if manifest.unmapped:
+        names = [(u.name, u.instances, ", ".join(u.nearest)) for u in manifest.unmapped[:most]]
+        lines.append(format_text(names, header=("unmapped name", "instances", "nearest")))
+    counts = (len(manifest.skipped), len(left), len(manifest.unmapped))
+    if max(counts) > most:
+        lines.append("… dataset.json lists them all")
+    return "\n".join(lines)
+
+
+def _mesh_line(meshes: list[bsg_data.MeshCoverage]) -> str:
+    texels, area = sum(m.texels for m in meshes), sum(m.area for m in meshes)
+    names = {
+        "listed": "listed",
+        "snapped": "snapped",
+        "black": "black (background)",
+        "unlisted": "unlisted",
+    }
+    shares = ", ".join(
+        f"{sum(getattr(m, name) for m in meshes) / max(texels, 1):.1%} {shown}"
+        for name, shown in names.items()
+        if name != "snapped" or any(m.snapped for m in meshes)
+    )
+    pixels = f"of {texels:,} texels {shares}; " if texels else ""
+    listed = sum(m.listed_area for m in meshes) / max(area, 1e-9)
+    missing = sum(m.without_geometry for m in meshes)
+    return (
+        f"meshes: {len(meshes):,}; {pixels}{listed:.1%} of {area:,.0f} m² "
+        f"is listed; listed objects without a surface: {missing:,}"
+    )

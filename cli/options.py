@@ -1,0 +1,127 @@
+"""The options that several commands have, each defined once."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+import bsg_data
+from bsg_cli.choices import MASKS
+from bsg_data.scene.class_map import DEFAULT_CLASS_MAP
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+Decorator = Callable[[Function], Function]
+
+
+class Fraction(click.FloatRange):
+    """A number from 0 to 1; `nan` is none, though no comparison would refuse it."""
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """Return the number, or refuse it."""
+        number = super().convert(value, param, ctx)
+        if math.isnan(number):
+            self.fail(f"{value} is no number", param, ctx)
+        return float(number)
+
+
+PATH = click.Path(path_type=Path)
+json_option = click.option("as_json", "--json", is_flag=True, help="Print JSON on stdout.")
+force_option = click.option("--force", is_flag=True, help="Replace a finished result.")
+workers_option = click.option(
+    "--workers",
+    type=click.IntRange(min=1),
+    default=os.cpu_count() or 1,
+    show_default="all cores",
+    help="Processes to use; the result does not depend on it.",
+)
+
+
+def _require_dataset(ctx: click.Context, param: click.Parameter, path: Path | None) -> Path | None:
+    """Complain of a missing dataset before anything else is looked at, or slowly imported."""
+    if path is not None and not ctx.resilient_parsing:
+        bsg_data.read_manifest(path)
+    return path
+
+
+dataset_argument = click.argument(
+    "dataset", type=PATH, metavar="DATASET", callback=_require_dataset
+)
+class_map_option = click.option(
+    "--class-map",
+    default=DEFAULT_CLASS_MAP,
+    show_default=True,
+    help="A published version, or the path of your own NAME.csv.",
+)
+
+
+def version_option() -> Decorator[Any]:
+    """Return `--version`; each command has its own, for click keeps the name of the first."""
+    return click.version_option(package_name="belief-scene-graphs")
+
+
+def data_option(text: str, *, required: bool = True) -> Decorator[Any]:
+    """Return `--data`, the dataset of a command that works with models."""
+    return click.option(
+        "--data", "dataset", type=PATH, required=required, callback=_require_dataset, help=text
+    )
+
+
+def out_option(text: str, *, required: bool = False) -> Decorator[Any]:
+    """Return `--out`, where the result is written."""
+    return click.option("--out", type=PATH, required=required, help=text)
+
+
+def seed_option(text: str = "Seed of all chance.") -> Decorator[Any]:
+    """Return `--seed`."""
+    return click.option(
+        "--seed", type=click.IntRange(min=0), default=0, show_default=True, help=text
+    )
+
+
+def split_option(text: str, *, default: str, more: tuple[str, ...] = ()) -> Decorator[Any]:
+    """Return `--split`, whose buildings a command works on."""
+    names = click.Choice(["train", "val", "test", *more])
+    return click.option("--split", type=names, default=default, show_default=True, help=text)
+
+
+def mask_options(how: str, how_much: str) -> Decorator[Any]:
+    """Return `--mask` and `--fraction`: how objects are hidden, and how many."""
+
+    def decorate(function: Function) -> Function:
+        fraction = click.option(
+            "--fraction", type=Fraction(0, 1), default=0.5, show_default=True, help=how_much
+        )
+        mask = click.option(
+            "--mask", type=click.Choice(MASKS), default="uniform", show_default=True, help=how
+        )
+        return mask(fraction(function))
+
+    return decorate
+
+
+def resamples_option(default: int) -> Decorator[Any]:
+    """Return `--resamples`, of the bootstrap."""
+    return click.option(
+        "--resamples",
+        type=click.IntRange(min=0),
+        default=default,
+        show_default=True,
+        help="Bootstrap resamples of the buildings; 0 for no intervals.",
+    )
+
+
+def split_names(text: str | None, *, option: str) -> tuple[str, ...] | None:
+    """Return the names of a list with commas, each once; None where none is given."""
+    if text is None:
+        return None
+    names = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
+    if not names:
+        raise click.UsageError(f"{option} names nothing")
+    return names

@@ -1,0 +1,53 @@
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bsg_data.errors import RecipeError
+from bsg_data.scene.class_map import load_class_map
+from bsg_models.studies.search_report import ROOM_SPECIFIC, SearchRequest, make_recipe
+
+CLASSES = load_class_map().classes
+
+
+def request(**fields: Any) -> SearchRequest:
+    return SearchRequest(dataset=Path("dataset"), **{"worlds": ("star",), **fields})
+
+
+def test_the_room_specific_classes_are_classes() -> None:
+    assert set(ROOM_SPECIFIC) <= set(CLASSES)
+
+
+def test_a_recipe_names_what_is_searched() -> None:
+    recipe = make_recipe(request(artifacts=("stove", "bed", "bed")), CLASSES)
+    assert recipe.artifacts == tuple(sorted((CLASSES.index("bed"), CLASSES.index("stove"))))
+    assert recipe.tasks == ("single", "all")
+    assert [world.name for world in recipe.worlds] == ["star:1-10"]
+    assert make_recipe(request(), CLASSES).artifacts is None
+
+
+def test_without_a_run_no_planner_reads_a_belief() -> None:
+    without = make_recipe(request(), CLASSES).planners
+    with_run = make_recipe(request(runs=(Path("run"),)), CLASSES).planners
+    assert without == ("nearest", "random", "routing", "oracle")
+    assert set(with_run) > set(without)
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"planners": ("fast",)}, "no planner 'fast'"),
+        ({"planners": ("ratio",)}, "needs a belief"),
+        ({"artifacts": ("spaceship",)}, "'spaceship' is no class"),
+        ({"worlds": ("ring",)}, "no world 'ring'"),
+        ({"stops": (0.1,)}, "need a --run"),
+        ({"stops": (0.1,), "task": "single"}, "of the task all"),
+        ({"trace": 5, "episodes": 5}, "has 5 searches, from 0"),
+        ({"trace": 0, "truth": "posterior"}, "really there"),
+    ],
+)
+def test_what_cannot_be_searched_is_said(fields: dict[str, Any], message: str) -> None:
+    with pytest.raises(RecipeError, match=message):
+        make_recipe(request(**fields), CLASSES)

@@ -1,0 +1,32 @@
+"""The names that helps list are those of the library."""
+
+from __future__ import annotations
+
+from typing import get_args
+
+import click
+import pytest
+
+from bsg_cli import choices
+from bsg_data.recipes import Strategy
+from bsg_data.synthetic.buildings import MAX_SCENES
+from bsg_data.synthetic.meshes import SIZES
+from bsg_models.search import room_graphs
+from bsg_models.search.planners import PLANNERS
+from bsg_models.zoo.catalogue import ZOO
+
+
+def test_names_are_those_of_the_library() -> None:
+    assert tuple(ZOO) == choices.MODELS
+    assert tuple(PLANNERS) == choices.PLANNERS
+    assert get_args(Strategy) == choices.MASKS
+    assert get_args(room_graphs.WorldKind) == choices.WORLDS
+    assert tuple(world.name for world in room_graphs.DEFAULT_WORLDS) == choices.DEFAULT_WORLDS
+    assert tuple(SIZES) == choices.MESH_SIZES
+    assert choices.MOST_SCENES == MAX_SCENES
+
+
+def test_an_unknown_name_is_refused_with_the_nearest() -> None:
+    choices.require_known("planner", ["ratio"], choices.PLANNERS)
+    with pytest.raises(click.UsageError, match=r"no planner 'rtaio'; did you mean ratio\?"):
+        choices.require_known("planner", ["ratio", "rtaio"], choices.PLANNERS)
