@@ -1,16 +1,11 @@
 """Beliefs: what follows from the facts of `bsg_data`. Needs a dataset, never HM3D itself."""
 
-from bsg_models.belief.belief_files import (
-    from_networkx,
-    read_belief,
-    read_tables,
-    to_networkx,
-    write_belief,
-    write_tables,
-)
 from bsg_models.belief.belief_graph import BeliefGraph, believe
 from bsg_models.belief.expectation import Expectation
+from bsg_models.belief.formats import FORMATS, FormatRow, read_belief, write_belief
 from bsg_models.belief.hydra import read_hydra, read_hydra_belief, write_hydra
+from bsg_models.belief.network import from_networkx, to_networkx
+from bsg_models.belief.tables import read_tables, write_tables
 from bsg_models.inputs.graphs import MaskedGraphs
 from bsg_models.rendering.explorer import View, write_explorer
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
@@ -26,11 +21,13 @@ from bsg_models.zoo.model import BeliefModel
 
 __all__ = [
     "BASELINES",
+    "FORMATS",
     "PLANNERS",
     "ZOO",
     "BeliefGraph",
     "BeliefModel",
     "Expectation",
+    "FormatRow",
     "Knowledge",
     "MaskedGraphs",
     "Predictor",

@@ -26,9 +26,10 @@ from bsg_data.errors import BSGError, DatasetError
 from bsg_data.observation.partial_graph import PartialGraph, mask_dataset
 from bsg_data.observation.robot_json import list_unmapped, read_robot_graph
 from bsg_data.recipes import MaskRecipe
-from bsg_models.belief.belief_files import write_belief, write_tables
 from bsg_models.belief.belief_graph import BeliefGraph, Mode, believe, rank_unseen
+from bsg_models.belief.formats import choose_format, write_beliefs
 from bsg_models.belief.hydra import read_hydra, write_hydra
+from bsg_models.belief.tables import write_tables
 from bsg_models.inputs.graphs import open_dataset
 from bsg_models.rendering.explorer import View, write_explorer
 from bsg_models.runs.predictor import Predictor
@@ -83,7 +84,11 @@ MOST_ROWS = 60
 @click.option(
     "--top", type=click.IntRange(min=1), default=3, show_default=True, help="Unseen classes a room."
 )
-@click.option("--out", type=click.Path(path_type=Path), help="Write one belief graph as JSON.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="Write belief graphs; the suffix names the format: .json, .tables, .dsg.json, .html.",
+)
 @click.option("--hydra", type=click.Path(path_type=Path), help="Write one as Spark-DSG JSON.")
 @click.option("--tables", type=click.Path(path_type=Path), help="Write all as parquet, a folder.")
 @click.option("--html", type=click.Path(path_type=Path), help="Write the explorer, one page.")
@@ -126,6 +131,7 @@ def main(
     for path in results:
         if path.exists() and not force:
             raise DatasetError(f"{path}: is there already; --force replaces it")
+    out_holds_one = out is not None and not choose_format(out).many
     predictor = Predictor(run)
     if data is None:
         seen: Iterable[tuple[PartialGraph, Counts | None]]
@@ -135,7 +141,7 @@ def main(
         recipe = MaskRecipe.model_validate({"strategy": mask, "fraction": fraction, "seed": seed})
         wanted = _choose(data, split, fold, scene)
         total, seen = len(wanted), mask_dataset(data, wanted, recipe)
-    if (out or hydra) and total != 1:
+    if (out_holds_one or hydra) and total != 1:
         raise click.UsageError(f"--out and --hydra take one graph, not {total}; --tables takes all")
     views: list[View] = []
     answers: list[dict[str, Any]] = []
@@ -147,7 +153,7 @@ def main(
             answers += _answer(belief, rank_unseen(expectation, top))
             report(done, total)
     if out:
-        write_belief(views[0].belief, out)
+        write_beliefs([view.belief for view in views], out)
     if hydra:
         write_hydra(views[0].belief, hydra)
     if tables:

@@ -7,7 +7,7 @@ data is put on the page as text, never as markup.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
 from importlib import resources
@@ -20,6 +20,7 @@ import numpy.typing as npt
 from bsg_data.dataset.shards import write_bytes
 from bsg_data.observation.partial_graph import KnownRoom
 from bsg_models.belief.belief_graph import BeliefGraph
+from bsg_models.belief.formats import FormatRow
 
 _PLACE = "/*DATA*/"
 _DIGITS = 4
@@ -150,3 +151,10 @@ def _outline(room: KnownRoom) -> list[list[float]] | None:
         return None
     corners = ((a, b), (c, b), (c, d), (a, d))
     return [[round(x, 2), round(y, 2)] for x, y in corners]
+
+
+def _write_beliefs(beliefs: Iterable[BeliefGraph], path: Path) -> None:
+    write_explorer([View(belief) for belief in beliefs], path)
+
+
+HTML = FormatRow("html", (".html", ".htm"), write_all=_write_beliefs)
