@@ -46,7 +46,9 @@ THIRD_PARTY = {
         "yaml",
     },
     "bsg_models": {
+        "jinja2",
         "lightgbm",
+        "markupsafe",
         "matplotlib",
         "networkx",
         "numba",

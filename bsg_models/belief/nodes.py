@@ -113,11 +113,11 @@ def _assemble(
     }
     partial = parse_robot_graph(document, path=path, class_map=header.class_map.version)
     room_of = {target: source for source, target, kind in edges if kind == "expects"}
-    classes = header.class_map.classes
+    class_index = {name: index for index, name in enumerate(header.class_map.classes)}
     blind = tuple(
         BlindNode(
             room_of[number],
-            classes.index(node["class"]),
+            class_index[node["class"]],
             float(node["expected"]),
             float(node["presence"]),
         )

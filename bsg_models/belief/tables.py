@@ -281,7 +281,7 @@ def _unpack(header: Header, nodes: pa.Table, edges: pa.Table, histograms: pa.Tab
     links = list(_rows(edges, ("source", "target", "kind")))
     parents = {target: source for source, target, kind in links if kind != "adjacent"}
     class_map = load_class_map(header.class_map.version)
-    classes = header.class_map.classes
+    class_index = {name: index for index, name in enumerate(header.class_map.classes)}
     return BeliefGraph(
         partial=PartialGraph(
             scene_id=header.partial.scene_id,
@@ -297,10 +297,10 @@ def _unpack(header: Header, nodes: pa.Table, edges: pa.Table, histograms: pa.Tab
             ),
             adjacency=tuple(sorted((a, b) for a, b, kind in links if kind == "adjacent" and a < b)),
         ),
-        expected=_matrix(histograms["expected"], len(classes)),
-        presence=_matrix(histograms["presence"], len(classes)),
+        expected=_matrix(histograms["expected"], len(class_index)),
+        presence=_matrix(histograms["presence"], len(class_index)),
         blind=tuple(
-            BlindNode(parents[number], classes.index(name), expected, presence)
+            BlindNode(parents[number], class_index[name], expected, presence)
             for number, (name, expected, presence) in enumerate(
                 _rows(nodes.slice(1 + rooms + objects, blind), ("class", "expected", "presence")),
                 1 + rooms + objects,

@@ -49,7 +49,7 @@ def test_another_graph_is_refused() -> None:
         from_networkx(nx.DiGraph([("a", "b")]))
     graph = to_networkx(make_belief(3))
     del graph.nodes[1]["id"]
-    with pytest.raises(BeliefFileError, match="KeyError.*id"):
+    with pytest.raises(BeliefFileError, match=r"KeyError.*id"):
         from_networkx(graph)
     graph = to_networkx(make_belief(3))
     graph.nodes[len(graph) - 1]["class"] = "ufo"

@@ -116,7 +116,7 @@ def _edit_header(table: pa.Table, **changes: object) -> pa.Table:
         ("nodes", lambda t: _set(t, "position", 1, [1.0, 2.0, float("inf")]), "metres away"),
         ("nodes", lambda t: _set(t, "footprint", 1, [1.0] * 4), "3 corners"),
         ("nodes", lambda t: _set(t, "presence", len(t) - 1, 2.0), "not as sure"),
-        ("nodes", lambda t: _set(t, "class", len(t) - 1, "ufo"), "damaged"),
+        ("nodes", lambda t: _set(t, "class", len(t) - 1, "ufo"), "damaged.*ufo"),
         ("edges", lambda t: t.filter(pc.field("kind") != "expects"), "damaged"),
         ("edges", lambda t: _set(t, "source", len(t) - 1, 99), "room 99"),
         ("histograms", lambda t: t.slice(1), "one row of each node"),
