@@ -40,6 +40,7 @@ from bsg_models.studies.search_cases import (
     sample_case,
     sample_presence,
 )
+from bsg_models.studies.search_steps import KeepRequest, KeptSearch, StepKeeper
 from bsg_models.training.training import one_thread
 from bsg_models.zoo.model import BeliefModel
 
@@ -62,6 +63,7 @@ class Searches:
         chance: `[E]` share of the rooms that hold one.
         outcomes: (task, planner) → outcome; a robot that stops itself is (`all`, `stop 0.1`), and
             `sweep` enters every room, nearest first.
+        kept: the search whose steps were asked for, if it is one of these.
     """
 
     scene_id: str
@@ -73,6 +75,7 @@ class Searches:
     ranked_first: Floats
     chance: Floats
     outcomes: dict[tuple[Task, str], Outcome]
+    kept: KeptSearch | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +100,7 @@ def study_search(
     runs: Mapping[str, Path | None],
     recipe: StudyRecipe,
     *,
+    keep: KeepRequest | None = None,
     executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Study:
@@ -106,18 +110,21 @@ def study_search(
         dataset: with room adjacency, if a world is measured.
         runs: building → run whose beliefs are asked; None if no planner reads a belief.
         recipe: of the study.
+        keep: whose steps are kept, for `replay_search`; the result is `kept` of its `Searches`.
         executor: where buildings are worked on; None does it here.
         progress: called with (buildings done, in all).
 
     Raises:
         DatasetError: if the dataset is damaged or no building can be searched.
-        RecipeError: if a belief is needed and a building has no run, or an artifact is no class.
+        RecipeError: if a belief is needed and a building has no run, an artifact is no class, or
+            the search to be kept is none of the recipe's.
     """
+    _check_keep(keep, recipe)
     if recipe.truth == "posterior" and None in runs.values():
         raise RecipeError("truth posterior needs a belief: give the run of a model")
     measured = measure_dataset(dataset, runs, [world.kind for world in recipe.worlds])
     tasks = [
-        (dataset, run, scene, recipe, {kind: rooms[scene] for kind, rooms in measured.items()})
+        (dataset, run, scene, recipe, {kind: of[scene] for kind, of in measured.items()}, keep)
         for scene, run in runs.items()
     ]
     found = run_all(search_building, tasks, executor=executor, progress=progress)
@@ -134,6 +141,15 @@ def study_search(
         why = "; ".join(f"{world}: {reason}" for world, all_ in left_out.items() for reason in all_)
         raise DatasetError(f"{dataset}: nothing can be searched ({why or 'no buildings'})")
     return Study(recipe, tuple(runs), tuple(searches), left_out)
+
+
+def _check_keep(keep: KeepRequest | None, recipe: StudyRecipe) -> None:
+    if keep is None:
+        return
+    if not 0 <= keep.episode < recipe.episodes:
+        raise RecipeError(f"no search {keep.episode}: a building has {recipe.episodes}, from 0")
+    if keep.task not in recipe.tasks or keep.planner not in recipe.all_planners:
+        raise RecipeError(f"the study has no task {keep.task!r} with planner {keep.planner!r}")
 
 
 def choose_runs(
@@ -197,6 +213,7 @@ def search_building(
     scene_id: str,
     recipe: StudyRecipe,
     measured: Mapping[str, RoomGraph],
+    keep: KeepRequest | None = None,
 ) -> dict[str, Searches | str]:
     """Return world → the searches of one building with every planner, or why there are none."""
     data = open_dataset(dataset)
@@ -215,7 +232,7 @@ def search_building(
                 if key not in asked:
                     asked[key] = ask_run(run, data, scene_id, recipe.mask, case)
                 beliefs = asked[key]
-            found[world.name] = compare_planners(case, world, recipe, scene_id, beliefs)
+            found[world.name] = compare_planners(case, world, recipe, scene_id, beliefs, keep=keep)
     return found
 
 
@@ -249,6 +266,8 @@ def compare_planners(
     recipe: StudyRecipe,
     scene_id: str,
     beliefs: Beliefs | None,
+    *,
+    keep: KeepRequest | None = None,
 ) -> Searches:
     """Return how every planner did in the searches of one building in one world."""
     episodes = case.episodes
@@ -269,10 +288,15 @@ def compare_planners(
         ranked_first = (episodes.instances[every, likeliest].sum(axis=1) > 0).astype(float)
     holds = (episodes.instances.sum(axis=2) > 0) & open_
     outcomes: dict[tuple[Task, str], Outcome] = {}
+    asked = keep if keep is not None and keep.fits(scene_id, world.name) else None
+    keeper = StepKeeper(asked.episode) if asked is not None else None
     for task in recipe.tasks:
         for name in recipe.all_planners:
-            planner = PLANNERS[name]
-            outcomes[task, name] = search(episodes, planner, task=task, beliefs=beliefs)
+            is_kept = asked is not None and (asked.task, asked.planner) == (task, name)
+            watch = keeper.keep if keeper is not None and is_kept else None
+            outcomes[task, name] = search(
+                episodes, PLANNERS[name], task=task, beliefs=beliefs, watch=watch
+            )
     if "all" in recipe.tasks and recipe.stops:
         planned = PLANNERS["expected-cost"]
         for stop in recipe.stops:
@@ -290,4 +314,17 @@ def compare_planners(
         ranked_first=ranked_first,
         chance=holds.sum(axis=1) / open_.sum(axis=1),
         outcomes=outcomes,
+        kept=None
+        if asked is None or keeper is None
+        else KeptSearch(
+            scene_id=scene_id,
+            world=world.name,
+            task=asked.task,
+            planner=asked.planner,
+            episode=asked.episode,
+            start=int(episodes.starts[asked.episode]),
+            artifacts=tuple(episodes.artifacts[asked.episode].tolist()),
+            draw=int(case.draws[asked.episode]),
+            steps=keeper.steps,
+        ),
     )
