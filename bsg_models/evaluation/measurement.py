@@ -1,4 +1,4 @@
-"""Measure models on the stored pairs of a split: every metric of DESIGN section 8, with intervals.
+"""Measure models on the stored pairs of a split: every metric, with intervals.
 
 A metric is a ratio of sums over nodes, or a function of such sums. All of them take a weight per
 building, so that a bootstrap over buildings, the unit that is drawn at random, costs one pass each.

@@ -34,7 +34,7 @@ def saved(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
 
 def test_every_class_has_a_box_and_its_mean(saved: list[Figure], tmp_path: Path) -> None:
     errors = np.array([[1.0, -2.0, 0.0], [3.0, 0.0, 0.0]])
-    figures.draw_class_errors(errors, CLASSES, tmp_path / "a" / "x.png", title="errors")
+    figures.plot_class_errors(errors, CLASSES, tmp_path / "a" / "x.png", title="errors")
     (axes,) = saved[0].axes
     assert [label.get_text() for label in axes.get_xticklabels()] == list(CLASSES)
     (means,) = [line for line in axes.lines if line.get_label() == "mean"]
@@ -47,7 +47,7 @@ def test_every_class_has_a_box_and_its_mean(saved: list[Figure], tmp_path: Path)
 def test_bars_are_counts_above_and_probabilities_below(saved: list[Figure], tmp_path: Path) -> None:
     inputs, totals = np.array([[1.0, 0.0, 0.0]]), np.array([[1.0, 2.0, 1.0]])
     target = np.array([[1.0, 3.0, 0.0]])
-    figures.draw_building(
+    figures.plot_building(
         from_totals(inputs, totals), target, CLASSES, tmp_path / "x.png", node=0, title="t"
     )
     top, bottom = saved[0].axes
@@ -101,4 +101,4 @@ def test_savings_are_in_percent_with_the_oracle_in_its_own_colour(
 def test_a_figure_that_cannot_be_written_is_said(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(BSGError, match="cannot be written"):
-        figures.draw_class_errors(np.zeros((2, 3)), CLASSES, tmp_path / "file" / "x.png", title="")
+        figures.plot_class_errors(np.zeros((2, 3)), CLASSES, tmp_path / "file" / "x.png", title="")
