@@ -1,17 +1,11 @@
-from .belief.belief_files import (
-    BeliefFileError,
-    from_networkx,
-    read_belief,
-    read_tables,
-    to_networkx,
-    write_belief,
-    write_tables,
-)
 from .belief.belief_graph import BeliefGraph, BlindNode, believe, rank_unseen
 from .belief.count_distribution import CountDistribution
 from .belief.expectation import Expectation
-from .belief.hydra import HydraError, read_hydra, read_hydra_belief, write_hydra
-from .errors import CheckpointError, ConfigError, TrainingError
+from .belief.formats import FORMATS, FormatRow, read_belief, write_belief
+from .belief.hydra import read_hydra, read_hydra_belief, write_hydra
+from .belief.network import from_networkx, to_networkx
+from .belief.tables import read_tables, write_tables
+from .errors import BeliefFileError, CheckpointError, ConfigError, HydraError, TrainingError
 from .evaluation.bootstrap import Estimate
 from .evaluation.verdict import explain
 from .inputs.graphs import MaskedGraphs
@@ -61,6 +55,7 @@ from .zoo.model import BeliefModel
 
 __all__ = [
     "BASELINES",
+    "FORMATS",
     "PLANNERS",
     "ZOO",
     "BeliefFileError",
@@ -79,6 +74,7 @@ __all__ = [
     "EvaluationReport",
     "EvaluationRequest",
     "Expectation",
+    "FormatRow",
     "HydraError",
     "Knowledge",
     "Leaderboard",

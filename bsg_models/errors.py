@@ -15,3 +15,11 @@ class CheckpointError(BSGError):
 
 class TrainingError(BSGError):
     """Report a training that cannot start or go on."""
+
+
+class BeliefFileError(BSGError):
+    """Report a belief graph that cannot be read or written."""
+
+
+class HydraError(BeliefFileError):
+    """Report a Spark-DSG file that cannot be read or written."""

@@ -45,7 +45,7 @@ MOST_ROWS = 60
 @click.option(
     "--top", type=click.IntRange(min=1), default=3, show_default=True, help="Unseen classes a room."
 )
-@out_option("Write one belief graph as JSON.")
+@out_option("Write belief graphs; the suffix names the format: .json, .tables, .dsg.json, .html.")
 @click.option("--hydra", type=PATH, help="Write one as Spark-DSG JSON.")
 @click.option("--tables", type=PATH, help="Write all as parquet, a folder.")
 @click.option("--html", type=PATH, help="Write the explorer, one page.")

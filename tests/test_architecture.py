@@ -47,7 +47,9 @@ THIRD_PARTY = {
         "yaml",
     },
     "bsg_models": {
+        "jinja2",
         "lightgbm",
+        "markupsafe",
         "matplotlib",
         "networkx",
         "numba",

@@ -145,12 +145,12 @@ def complete(hidden: Floats) -> npt.NDArray[np.int64]:
 def rank_unseen(expectation: Expectation, top: int) -> list[npt.NDArray[np.int64]]:
     """Return for every node the classes, at most `top`, that are most expected and not seen there.
 
-    They are ranked by presence (DESIGN, §7); ties go to the lower class index. Classes with less
-    than `LEAST_PRESENCE` are left out.
+    They are ranked by presence; ties go to the lower class index. Classes with less than
+    `LEAST_PRESENCE` are left out.
     """
-    found = []
+    ranked = []
     for inputs, presence in zip(expectation.inputs, expectation.presence, strict=True):
         belief = np.where(inputs > 0, 0.0, presence)
         order = np.argsort(-belief, kind="stable")[:top]
-        found.append(order[belief[order] >= LEAST_PRESENCE])
-    return found
+        ranked.append(order[belief[order] >= LEAST_PRESENCE])
+    return ranked

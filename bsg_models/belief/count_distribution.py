@@ -76,19 +76,19 @@ class CountDistribution:
         """
         if not 0 <= q < 1:
             raise ValueError(f"q must be 0 to below 1, found {q}")
-        found = np.zeros(self.means.shape[1:], dtype=np.int64)
-        below = np.zeros(found.shape)
-        count, waiting = 0, np.ones(found.shape, dtype=bool)
+        quantiles = np.zeros(self.means.shape[1:], dtype=np.int64)
+        below = np.zeros(quantiles.shape)
+        count, waiting = 0, np.ones(quantiles.shape, dtype=bool)
         most = np.ceil(self.mean.max(initial=0) + 60 * np.sqrt(self.variance.max(initial=0))) + 1
         while waiting.any() and count <= most:
-            below += np.exp(self.log_probability(np.full(found.shape, float(count)), floor=0.0))
-            found[waiting] = count
+            below += np.exp(self.log_probability(np.full(quantiles.shape, float(count)), floor=0.0))
+            quantiles[waiting] = count
             waiting &= below < q - 1e-12
             count += 1
-        return found
+        return quantiles
 
     def sample(self, rng: np.random.Generator) -> npt.NDArray[np.int64]:
-        """Return one draw of all counts, `[N, C]`; a building's is not the sum of its rooms'."""
+        """Sample all counts once, `[N, C]`; a building's is not the sum of its rooms'."""
         chosen = np.empty(self.means.shape[1:], dtype=np.int64)
         level = rng.random((len(chosen), 1))
         shares = np.broadcast_to(np.cumsum(self.weights, axis=0), self.means.shape)

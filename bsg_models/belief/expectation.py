@@ -1,4 +1,4 @@
-"""What a model believes about the nodes of interest: the contract of every model (DESIGN, §7).
+"""What a model believes about the nodes of interest: the answer of every model.
 
 What was seen is a fact, so a model believes something about the *hidden* counts, and
 expected = input + hidden. A model that predicts totals, as the paper's does, gets

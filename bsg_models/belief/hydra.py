@@ -18,20 +18,22 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import networkx as nx
 import numpy as np
 from pydantic import StrictBool, ValidationError
 
 from bsg_data.dataset.manifest import ClassMapEntry
 from bsg_data.dataset.shards import write_bytes
-from bsg_data.errors import BSGError, ClassMapError
+from bsg_data.errors import ClassMapError
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, classify
 from bsg_data.observation.robot_json import SEEN_SHARE, Share
 from bsg_data.recipes import Record, name_fault
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
 from bsg_data.scene.scene_graph import Box, Point
-from bsg_models.belief.belief_files import from_networkx, to_networkx
 from bsg_models.belief.belief_graph import BeliefGraph
+from bsg_models.belief.formats import FormatRow
+from bsg_models.belief.header import encode_whole_header
+from bsg_models.belief.nodes import Attributes, decode_nodes, encode_edges, encode_nodes
+from bsg_models.errors import HydraError
 
 _BLIND_LAYER = 10
 _COLOURS = {
@@ -44,15 +46,11 @@ _SYMBOLS = {"building": "B", "room": "R", "object": "O", "blind": "b"}
 _LAYERS = {"building": "BUILDINGS", "room": "ROOMS", "object": "OBJECTS"}
 
 
-class _Said(Record):
-    """What the metadata of a room may say of it, under `bsg`."""
+class _RoomMetadata(Record):
+    """What the metadata of a room may hold of it, under `bsg`."""
 
     visited: StrictBool = True
     hidden_share: Share | None = None
-
-
-class HydraError(BSGError):
-    """Report a Spark-DSG file that cannot be read or written."""
 
 
 def _library() -> Any:
@@ -100,16 +98,14 @@ def read_hydra(
     Raises:
         HydraError: if it cannot be read.
     """
-    dsg = _library()
-    try:
-        found = dsg.DynamicSceneGraph.load(str(path))
-    except Exception as error:  # its reader raises what its parser does
-        raise HydraError(f"{path}: no Spark-DSG file ({str(error)[:200]})") from error
+    graph = _load(path)
     loaded = load_class_map(class_map)
-    rooms = list(_layer(found, "ROOMS"))
+    rooms = list(_nodes_of(graph, "ROOMS"))
     index = {node.id.value: number for number, node in enumerate(rooms, 1)}
-    objects = [_see(node, found, index, labels, loaded) for node in _layer(found, "OBJECTS")]
-    known = tuple(_know(node, path) for node in rooms)
+    objects = [
+        _seen_object(node, graph, index, labels, loaded) for node in _nodes_of(graph, "OBJECTS")
+    ]
+    known = tuple(_known_room(node, path) for node in rooms)
     pairs = {
         (min(a, b), max(a, b))
         for node in rooms
@@ -117,7 +113,7 @@ def read_hydra(
         if (a := index[node.id.value]) != (b := index.get(other, 0)) and b
     }
     return PartialGraph(
-        scene_id=_scene_of(found) or path.name.partition(".")[0],
+        scene_id=_scene_of(graph) or path.name.partition(".")[0],
         class_map=ClassMapEntry.of(loaded),
         hidden_share=float(np.mean([room.hidden_share for room in known])) if known else SEEN_SHARE,
         rooms=known,
@@ -126,7 +122,20 @@ def read_hydra(
     )
 
 
-def _layer(graph: Any, name: str) -> Iterator[Any]:
+def _load(path: Path) -> Any:
+    """Return a graph of spark_dsg."""
+    dsg = _library()
+    if not path.is_file():
+        raise HydraError(f"{path}: cannot be read (no such file)")
+    try:
+        return dsg.DynamicSceneGraph.load(str(path))
+    except Exception as error:  # its reader raises what its parser does
+        raise HydraError(
+            f"{path}: expected a Spark-DSG file, found one that spark_dsg cannot load"
+        ) from error
+
+
+def _nodes_of(graph: Any, name: str) -> Iterator[Any]:
     layer = graph.get_layer(name) if graph.has_layer(name) else None
     nodes = [] if layer is None else list(layer.nodes)
     yield from sorted(nodes, key=lambda node: node.id.value)
@@ -134,37 +143,37 @@ def _layer(graph: Any, name: str) -> Iterator[Any]:
 
 def _scene_of(graph: Any) -> str | None:
     """Return the scene id that `write_hydra` left, if it did."""
-    said = graph.metadata.get()
-    ours = said.get("bsg", {}) if isinstance(said, Mapping) else {}
-    partial = ours.get("partial", {}) if isinstance(ours, Mapping) else {}
+    partial = _ours(graph.metadata.get()).get("partial")
     name = partial.get("scene_id") if isinstance(partial, Mapping) else None
     return name if isinstance(name, str) and name else None
 
 
-def _metadata(node: Any) -> dict[str, Any]:
-    said = node.attributes.metadata.get()
-    found = said.get("bsg") if isinstance(said, Mapping) else None
-    return dict(found) if isinstance(found, Mapping) else {}
+def _ours(metadata: Any) -> dict[str, Any]:
+    """Return what metadata hold under `bsg`."""
+    ours = metadata.get("bsg") if isinstance(metadata, Mapping) else None
+    return dict(ours) if isinstance(ours, Mapping) else {}
 
 
-def _know(node: Any, path: Path) -> KnownRoom:
-    words = {key: value for key, value in _metadata(node).items() if key in _Said.model_fields}
+def _known_room(node: Any, path: Path) -> KnownRoom:
+    entries = _ours(node.attributes.metadata.get())
     try:
-        said = _Said.model_validate(words)
+        metadata = _RoomMetadata.model_validate(
+            {key: value for key, value in entries.items() if key in _RoomMetadata.model_fields}
+        )
     except ValidationError as error:
         raise HydraError(f"{path}: metadata of room {node.id}: {name_fault(error)}") from error
-    usual = SEEN_SHARE if said.visited else 1.0
+    usual = SEEN_SHARE if metadata.visited else 1.0
     return KnownRoom(
         name=str(node.id),
-        hidden_share=usual if said.hidden_share is None else said.hidden_share,
-        visited=said.visited,
+        hidden_share=usual if metadata.hidden_share is None else metadata.hidden_share,
+        visited=metadata.visited,
         label=node.attributes.name or None,
         position=_point(node.attributes.position),
         box=_box(node.attributes.bounding_box),
     )
 
 
-def _see(
+def _seen_object(
     node: Any, graph: Any, rooms: dict[int, int], labels: str | None, class_map: ClassMap
 ) -> SeenObject:
     """Return an object with its room: the first above it, by way of places."""
@@ -212,45 +221,41 @@ def write_hydra(belief: BeliefGraph, path: Path) -> None:
     if path.suffix != ".json":
         raise HydraError(f"{path}: expected a name that ends in .json, by which readers know it")
     dsg = _library()
-    source = to_networkx(belief)
     graph = dsg.DynamicSceneGraph()
     graph.add_layer(_BLIND_LAYER, 0, "BLIND")
-    graph.metadata.set({"bsg": source.graph})
-    symbols: dict[int, Any] = {}
-    places: dict[int, Any] = {}
-    for number, data in sorted(source.nodes(data=True)):
-        kind = data["kind"]
-        parents = [a for a, _, edge in source.in_edges(number, data="kind") if edge != "adjacent"]
-        spot = data.get("position") or places.get(parents[0] if parents else -1)
-        places[number] = spot if spot is not None else (0.0, 0.0, 0.0)
-        attributes = _attributes(dsg, kind, data)
-        attributes.position = np.array(places[number], dtype=float)
-        attributes.color = np.array(_COLOURS[kind], dtype=np.uint8)
-        attributes.metadata.set({"bsg": data})
-        symbols[number] = dsg.NodeSymbol(_SYMBOLS[kind], number)
-        graph.add_node(_LAYERS.get(kind, "BLIND"), symbols[number], attributes)
-    for a, b, kind in sorted(source.edges(data="kind")):
-        if kind == "adjacent" and a > b:
-            continue
+    graph.metadata.set({"bsg": encode_whole_header(belief)})
+    nodes = list(encode_nodes(belief))
+    symbols: list[Any] = []
+    positions: list[Point] = []
+    for number, node in enumerate(nodes):
+        around = (0.0, 0.0, 0.0) if node.parent is None else positions[node.parent]
+        positions.append(node.attributes.get("position") or around)
+        attributes = _attributes(dsg, node.kind, node.attributes)
+        attributes.position = np.array(positions[number], dtype=float)
+        attributes.color = np.array(_COLOURS[node.kind], dtype=np.uint8)
+        attributes.metadata.set({"bsg": node.attributes})
+        symbols.append(dsg.NodeSymbol(_SYMBOLS[node.kind], number))
+        graph.add_node(_LAYERS.get(node.kind, "BLIND"), symbols[number], attributes)
+    for source, target, kind in sorted(encode_edges(belief, nodes)):
         edge = dsg.EdgeAttributes()
         edge.metadata.set({"bsg": {"kind": kind}})
-        graph.insert_edge(symbols[a].value, symbols[b].value, edge)
+        graph.insert_edge(symbols[source].value, symbols[target].value, edge)
     with tempfile.TemporaryDirectory() as folder:  # its writer chooses names, and fails in silence
         written = Path(folder, "graph.json")
         graph.save(str(written), include_mesh=False)
         write_bytes(path, written.read_bytes())
 
 
-def _attributes(dsg: Any, kind: str, data: dict[str, Any]) -> Any:
+def _attributes(dsg: Any, kind: str, entries: Attributes) -> Any:
     if kind == "building":
         attributes = dsg.SemanticNodeAttributes()
         attributes.name = "building"
     elif kind == "room":
         attributes = dsg.RoomNodeAttributes()
-        attributes.name = data["label"] or data["id"]
+        attributes.name = entries["label"] or entries["id"]
     else:
         attributes = dsg.ObjectNodeAttributes()
-        attributes.name = data["class"] or data["category"]
+        attributes.name = entries["class"] or entries["category"]
         attributes.is_predicted = kind == "blind"
     return attributes
 
@@ -261,22 +266,29 @@ def read_hydra_belief(path: Path) -> BeliefGraph:
     Raises:
         HydraError: if it is none.
     """
-    dsg = _library()
+    graph = _load(path)
     try:
-        found = dsg.DynamicSceneGraph.load(str(path))
-        graph = nx.DiGraph(**found.metadata.get()["bsg"])
-        numbers = {}
-        for node in found.nodes:
-            numbers[node.id.value] = node.id.category_id
-            graph.add_node(node.id.category_id, **_metadata(node))
-        for edge in found.edges:
-            a, b = sorted((numbers[edge.source], numbers[edge.target]))  # a parent comes first
-            kind = edge.info.metadata.get()["bsg"]["kind"]
-            graph.add_edge(a, b, kind=kind)
-            if kind == "adjacent":
-                graph.add_edge(b, a, kind=kind)
-    except BSGError:
-        raise
-    except Exception as error:  # its reader raises what its parser does
-        raise HydraError(f"{path}: no belief graph of ours ({str(error)[:200]})") from error
-    return from_networkx(graph)
+        header = graph.metadata.get()["bsg"]
+        numbers = {node.id.value: node.id.category_id for node in graph.nodes}
+        nodes = sorted(graph.nodes, key=lambda node: node.id.category_id)
+        edges = []
+        for edge in graph.edges:
+            # A parent has the lower number; spark_dsg may have turned an edge round.
+            source, target = sorted((numbers[edge.source], numbers[edge.target]))
+            edges.append((source, target, edge.info.metadata.get()["bsg"]["kind"]))
+    except (LookupError, TypeError) as error:
+        raise HydraError(
+            f"{path}: expected a belief graph that `write_hydra` wrote, found a Spark-DSG file "
+            "without its metadata; `read_hydra` reads what was seen"
+        ) from error
+    attributes = [_ours(node.attributes.metadata.get()) for node in nodes]
+    return decode_nodes(header, attributes, edges, path=path)
+
+
+SPARK_DSG = FormatRow(
+    "spark-dsg",
+    (".dsg.json",),
+    write=write_hydra,
+    read=read_hydra_belief,
+    needs="belief-scene-graphs[hydra]",
+)

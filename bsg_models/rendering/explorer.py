@@ -1,16 +1,13 @@
 """The explorer: belief graphs as one self-contained HTML page, to look at without a server.
 
-The page is `explorer.html` with the beliefs written into it as JSON. Everything that comes from the
-data is put on the page as text, never as markup.
+The page is `explorer.html.jinja` with the beliefs written into it as JSON. Everything that comes
+from the data is put on the page as text, never as markup.
 """
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
-from functools import cache
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +17,9 @@ import numpy.typing as npt
 from bsg_data.dataset.shards import write_bytes
 from bsg_data.observation.partial_graph import KnownRoom
 from bsg_models.belief.belief_graph import BeliefGraph
+from bsg_models.belief.formats import FormatRow
+from bsg_models.rendering.pages import render_page
 
-_PLACE = "/*DATA*/"
 _DIGITS = 4
 _HALF = 1.2  # metres: half a side of a room of which only the place is known
 
@@ -75,20 +73,7 @@ def write_explorer(views: Sequence[View], path: Path) -> None:
 
 def explorer_page(views: Sequence[View]) -> str:
     """Return the page of some views, the first of them open."""
-    return _template().replace(_PLACE, encode_for_script({"views": [_encode(v) for v in views]}))
-
-
-@cache
-def _template() -> str:
-    return resources.files("bsg_models.rendering").joinpath("explorer.html").read_text("utf-8")
-
-
-def encode_for_script(value: Any) -> str:
-    """Return JSON that cannot end the script element that it stands in."""
-    text = json.dumps(value, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
-    for sign in "<>&\u2028\u2029":
-        text = text.replace(sign, f"\\u{ord(sign):04x}")
-    return text
+    return render_page("explorer.html.jinja", data={"views": [_encode(view) for view in views]})
 
 
 def _encode(view: View) -> dict[str, Any]:
@@ -150,3 +135,10 @@ def _outline(room: KnownRoom) -> list[list[float]] | None:
         return None
     corners = ((a, b), (c, b), (c, d), (a, d))
     return [[round(x, 2), round(y, 2)] for x, y in corners]
+
+
+def _write_beliefs(beliefs: Iterable[BeliefGraph], path: Path) -> None:
+    write_explorer([View(belief) for belief in beliefs], path)
+
+
+HTML = FormatRow("html", (".html", ".htm"), write_all=_write_beliefs)

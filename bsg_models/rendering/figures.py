@@ -19,8 +19,8 @@ from bsg_models.training.learning_curve import EpochReport
 INPUT, PREDICTED, TRUE = "#BBBBBB", "#0018EC", "#FF8000"
 
 
-def draw_class_errors(errors: Floats, classes: Sequence[str], path: Path, *, title: str) -> None:
-    """Draw the error in number per class as a box plot (the paper's figure of O″ − O).
+def plot_class_errors(errors: Floats, classes: Sequence[str], path: Path, *, title: str) -> None:
+    """Plot the error in number per class as a box plot (the paper's figure of O″ − O).
 
     Args:
         errors: `[N, C]` predicted minus true counts.
@@ -54,10 +54,10 @@ def draw_class_errors(errors: Floats, classes: Sequence[str], path: Path, *, tit
     _save(figure, path)
 
 
-def draw_correlations(
+def plot_correlations(
     predicted: Floats, true: Floats, classes: Sequence[str], path: Path, *, title: str
 ) -> None:
-    """Draw the two correlation matrices side by side (the paper's figure of correlations).
+    """Plot the two correlation matrices side by side (the paper's figure of correlations).
 
     Args:
         predicted: `[N, C]` counts.
@@ -79,7 +79,7 @@ def draw_correlations(
     _save(figure, path)
 
 
-def draw_building(
+def plot_building(
     expectation: Expectation,
     target: Floats,
     classes: Sequence[str],
@@ -88,14 +88,14 @@ def draw_building(
     node: int,
     title: str,
 ) -> None:
-    """Draw input, predicted and true histogram and distribution of one node.
+    """Plot input, predicted and true histogram and distribution of one node.
 
     Args:
         expectation: of a model.
         target: `[N, C]` true counts.
         classes: `[C]` names.
         path: of the image.
-        node: the row to draw.
+        node: the row to plot.
         title: above it.
     """
     figure = _figure(11, 5.6)
@@ -123,7 +123,7 @@ def draw_building(
 def plot_learning_curve(
     reports: Sequence[EpochReport], path: Path, *, title: str, loss: str
 ) -> None:
-    """Draw training and validation loss over epochs, with the epoch of the best checkpoint.
+    """Plot training and validation loss over epochs, with the epoch of the best checkpoint.
 
     Args:
         reports: of a training.
@@ -170,7 +170,7 @@ def plot_evaluation(
     node: int,
     building: str,
 ) -> Mapping[str, Path]:
-    """Draw the three figures of one model into a folder; return what each shows by its path."""
+    """Plot the three figures of one model into a folder; return what each shows by its path."""
     rooms = ~is_building
     errors = expectation.totals - target
     paths = {
@@ -179,15 +179,15 @@ def plot_evaluation(
         f"histogram and distribution of {building}": folder / f"{name}-building.png",
     }
     first, second, third = paths.values()
-    draw_class_errors(errors[rooms], classes, first, title=f"{name}: error in number, rooms")
-    draw_correlations(
+    plot_class_errors(errors[rooms], classes, first, title=f"{name}: error in number, rooms")
+    plot_correlations(
         expectation.totals[rooms],
         target[rooms],
         classes,
         second,
         title=f"{name}: correlations of the classes over rooms",
     )
-    draw_building(
+    plot_building(
         expectation, target, classes, third, node=node, title=f"{name}: building {building}"
     )
     return paths
@@ -200,7 +200,7 @@ def plot_leaderboard(
     *,
     title: str,
 ) -> None:
-    """Draw one panel a metric, one row a model, with 95 % intervals.
+    """Plot one panel a metric, one row a model, with 95 % intervals.
 
     A dashed line marks the best; a grey arrow stands for a model far beyond the others.
 
@@ -217,10 +217,10 @@ def plot_leaderboard(
     places = np.arange(len(standings))[::-1]
     shown = -(-3 * len(standings) // 4)  # the best three quarters set the scale of a panel
     for axes, (metric, label) in zip(panels, headlines.items(), strict=False):
-        found = [estimates[metric] for estimates in standings.values()]
+        of_models = [estimates[metric] for estimates in standings.values()]
         sign = 1 if label.endswith("↓") else -1
         known = sorted(
-            (one for one in found if not np.isnan(one.value)), key=lambda e: sign * e.value
+            (one for one in of_models if not np.isnan(one.value)), key=lambda e: sign * e.value
         )
         if known:
             axes.axvline(known[0].value, color=TRUE, linewidth=0.7, linestyle="--")
@@ -228,7 +228,7 @@ def plot_leaderboard(
             margin = 0.06 * (max(ends) - min(ends)) or 0.01
             axes.set_xlim(min(ends) - margin, max(ends) + 2 * margin)
         left, right = axes.get_xlim()
-        for place, one in zip(places, found, strict=True):
+        for place, one in zip(places, of_models, strict=True):
             axes.plot([one.low, one.high], [place, place], color=PREDICTED, linewidth=1.2)
             if left <= one.value <= right or np.isnan(one.value):
                 axes.plot(one.value, place, "o", color=PREDICTED, markersize=4)
@@ -249,7 +249,7 @@ def plot_leaderboard(
 def plot_savings(
     savings: Mapping[str, Mapping[str, Floats]], path: Path, *, title: str, whole: str
 ) -> None:
-    """Draw a box plot of what planners save, one panel a world and task.
+    """Plot a box plot of what planners save, one panel a world and task.
 
     Args:
         savings: panel → planner → saving of every building, `[B]`.
@@ -262,9 +262,9 @@ def plot_savings(
     names = list(next(iter(savings.values())))
     figure = _figure(6.2 * columns, lines * (0.9 + 0.34 * len(names)) + 0.5)
     panels = figure.subplots(lines, columns, sharey=True, squeeze=False).ravel()
-    for axes, (label, found) in zip(panels, savings.items(), strict=False):
+    for axes, (label, by_planner) in zip(panels, savings.items(), strict=False):
         boxes = axes.boxplot(
-            [100 * found[name] for name in reversed(names)],
+            [100 * by_planner[name] for name in reversed(names)],
             orientation="horizontal",
             widths=0.6,
             patch_artist=True,
@@ -276,7 +276,7 @@ def plot_savings(
         for name, box in zip(reversed(names), boxes["boxes"], strict=True):
             box.set(facecolor="#FFD3A6" if name == whole else "#C9CFFF", linewidth=0.6)
         axes.axvline(0, color="black", linewidth=0.7)
-        low = min(float(100 * values.min()) for values in found.values())
+        low = min(float(100 * values.min()) for values in by_planner.values())
         axes.set_xlim(max(low - 5, -150), 100)
         axes.set_yticks(range(1, len(names) + 1), list(reversed(names)), fontsize=8)
         axes.tick_params(axis="x", labelsize=7)

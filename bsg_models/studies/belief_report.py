@@ -17,9 +17,10 @@ from bsg_data.errors import BSGError, DatasetError, RecipeError
 from bsg_data.observation.partial_graph import PartialGraph, mask_dataset
 from bsg_data.observation.robot_json import list_unmapped, read_robot_graph
 from bsg_data.recipes import MaskRecipe, Record
-from bsg_models.belief.belief_files import write_belief, write_tables
 from bsg_models.belief.belief_graph import BeliefGraph, Mode, believe, rank_unseen
+from bsg_models.belief.formats import choose_format, write_beliefs
 from bsg_models.belief.hydra import read_hydra, write_hydra
+from bsg_models.belief.tables import write_tables
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.rendering.explorer import View, write_explorer
 from bsg_models.runs.predictor import Predictor
@@ -53,7 +54,7 @@ class BeliefRequest(Record):
         labels: label space of Hydra's graphs: `ade20k` or `mpcat40`.
         mode: which blind nodes: as many as are expected, or the top unseen classes.
         top: unseen classes a room.
-        out: file of one belief graph as JSON.
+        out: file of belief graphs in the format of its suffix.
         hydra: file of one belief graph as Spark-DSG JSON.
         tables: folder of all belief graphs as parquet.
         html: file of the explorer.
@@ -140,7 +141,8 @@ def report_beliefs(
     predictor = Predictor(request.run)
     graphs = {path: read_graph(path, labels=request.labels) for path in request.graphs}
     total = len(graphs) or len(wanted)
-    if (request.out or request.hydra) and total != 1:
+    out_holds_one = request.out is not None and not choose_format(request.out).many
+    if (out_holds_one or request.hydra) and total != 1:
         raise RecipeError(f"--out and --hydra take one graph, not {total}; --tables takes all")
     partial_graphs: Iterable[tuple[PartialGraph, Counts | None]]
     partial_graphs = ((graph, None) for graph in graphs.values())
@@ -237,7 +239,7 @@ def _check_paths(request: BeliefRequest) -> None:
 
 def _write(request: BeliefRequest, views: list[View]) -> None:
     if request.out:
-        write_belief(views[0].belief, request.out)
+        write_beliefs([view.belief for view in views], request.out)
     if request.hydra:
         write_hydra(views[0].belief, request.hydra)
     if request.tables:

@@ -1,128 +1,103 @@
-"""One search as it went: what the robot knew and believed in every room that it entered."""
+"""One search as it went: what the robot knew and believed in every room that it entered.
+
+The search is not run again: its steps were kept by the study, and are folded into views.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import to_histograms
-from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
-from bsg_data.errors import DatasetError
-from bsg_data.observation.partial_graph import enter_room, mask_scene
+from bsg_data.errors import DatasetError, RecipeError
+from bsg_data.observation.partial_graph import PartialGraph, enter_room, mask_scene
+from bsg_data.scene.scene_graph import SceneGraph
 from bsg_models.belief.belief_graph import believe
 from bsg_models.rendering.explorer import Moment, View
 from bsg_models.runs.predictor import Predictor
-from bsg_models.search.catalogue import PLANNERS
-from bsg_models.search.knowledge import Task
-from bsg_models.search.room_graphs import WorldRecipe
-from bsg_models.search.shortest_paths import Bools, Floats, Ints
-from bsg_models.search.simulator import Beliefs, Step, search
-from bsg_models.studies.search_cases import StudyRecipe, sample_case
-from bsg_models.studies.search_study import ask_run, measure_building
+from bsg_models.search.shortest_paths import Floats
+from bsg_models.studies.search_cases import StudyRecipe
+from bsg_models.studies.search_steps import KeptSearch
 
 
-@dataclass(frozen=True, slots=True)
-class TraceRequest:
-    """Which search is to be replayed.
-
-    Attributes:
-        scene_id: of the building.
-        episode: number of the search in it.
-        world: where it takes place.
-        task: when it ends.
-        planner: that decides.
-    """
-
-    scene_id: str
-    episode: int
-    world: WorldRecipe
-    task: Task
-    planner: str
-
-
-def trace_search(
-    dataset: Path, run: Path, recipe: StudyRecipe, request: TraceRequest
-) -> list[View]:
+def replay_search(dataset: Path, run: Path, recipe: StudyRecipe, kept: KeptSearch) -> list[View]:
     """Return what the robot knew at the start and in every room that it entered, in order.
 
+    Args:
+        dataset: that was searched.
+        run: whose beliefs are shown, and which the study asked.
+        recipe: of the study.
+        kept: the search, as the study kept it.
+
     Raises:
-        DatasetError: if there is no such search.
+        DatasetError: if the dataset does not have the building.
+        RecipeError: if artifacts were put where the model believes them, and not where they are.
     """
-    data = Dataset.open(dataset)
-    measured = measure_building(data, request.scene_id, [request.world])
-    case = sample_case(
-        data.cells(request.scene_id),
-        request.world,
-        recipe,
-        scene_id=request.scene_id,
-        measured=measured,
-    )
-    if isinstance(case, str):
-        raise DatasetError(f"{request.scene_id}: has no searches ({case})")
-    if request.episode >= len(case.episodes.starts):
-        raise DatasetError(f"{request.scene_id}: has no search number {request.episode}")
-    beliefs = ask_run(run, data, request.scene_id, recipe.mask, case)
-    steps: list[Step] = []
-    search(
-        case.episodes.take(_one(request.episode)),
-        PLANNERS[request.planner],
-        task=request.task,
-        beliefs=_OneSearch(beliefs, request.episode),
-        watch=steps.append,
-    )
-    graph = next(g for g in read_scene_graphs(dataset) if g.scene_id == request.scene_id)
-    artifacts = tuple(case.episodes.artifacts[request.episode].tolist())
-    start = int(case.episodes.starts[request.episode])
-    partial = mask_scene(
-        graph,
-        recipe.mask,
-        draw=int(case.draws[request.episode]),
-        class_map=read_manifest(dataset).class_map,
-    )
-    kept = tuple(obj for obj in partial.objects if obj.class_index not in artifacts)
+    if recipe.truth == "posterior":
+        raise RecipeError("a replay shows searches for what is really there, not truth posterior")
+    graph = _find_building(dataset, kept.scene_id)
+    truth = to_histograms(Dataset.open(dataset).cells(kept.scene_id))
+    holds = np.flatnonzero(truth[1:, list(kept.artifacts)].any(axis=1)) + 1
     predictor = Predictor(run)
-    truth = to_histograms(data.cells(request.scene_id))
-    holds = tuple(room for room in range(1, len(truth)) if truth[room, list(artifacts)].any())
-    views, route, cost = [], [start], 0.0
-    known = enter_room(replace(partial, objects=kept), graph, start)
-    for step in [*steps, None]:
-        belief = believe(known, predictor(known, withheld=artifacts), model=predictor.name)
-        moment = Moment(
-            artifacts=artifacts,
-            route=tuple(route),
-            cost=cost,
-            target=None if step is None else int(step.target[0]),
-            legs=() if step is None else _legs(step.known.distance[0]),
-            holds=holds,
-            planner=request.planner,
-            world=request.world.name,
-        )
-        views.append(View(belief, truth, moment=moment))
-        if step is not None:
-            place = int(step.entered[0])
-            cost += float(step.known.distance[0, place])
-            route.append(place)
-            known = enter_room(known, graph, place)
+    views = []
+    known_and_moments = zip(
+        _explore(_known_at_start(dataset, recipe, kept, graph), graph, kept),
+        _moments(kept, holds=tuple(holds.tolist())),
+        strict=True,
+    )
+    for known, moment in known_and_moments:
+        expectation = predictor(known, withheld=kept.artifacts)
+        views.append(View(believe(known, expectation, model=predictor.name), truth, moment=moment))
     return views
+
+
+def _find_building(dataset: Path, scene_id: str) -> SceneGraph:
+    for graph in read_scene_graphs(dataset):
+        if graph.scene_id == scene_id:
+            return graph
+    raise DatasetError(f"{dataset}: has no scene {scene_id!r}")
+
+
+def _known_at_start(
+    dataset: Path, recipe: StudyRecipe, kept: KeptSearch, graph: SceneGraph
+) -> PartialGraph:
+    """Return what the mask leaves, without any instance of the artifacts."""
+    class_map = Dataset.open(dataset).manifest.class_map
+    partial = mask_scene(graph, recipe.mask, draw=kept.draw, class_map=class_map)
+    visible = tuple(obj for obj in partial.objects if obj.class_index not in kept.artifacts)
+    return replace(partial, objects=visible)
+
+
+def _explore(known: PartialGraph, graph: SceneGraph, kept: KeptSearch) -> Iterator[PartialGraph]:
+    """Yield what the robot knows after it has entered each room."""
+    for room in (kept.start, *(step.entered for step in kept.steps)):
+        known = enter_room(known, graph, room)
+        yield known
+
+
+def _moments(kept: KeptSearch, *, holds: tuple[int, ...]) -> Iterator[Moment]:
+    """Yield where the robot is before each step, and at the end."""
+    route: tuple[int, ...] = (kept.start,)
+    cost = 0.0
+    for step in (*kept.steps, None):
+        yield Moment(
+            artifacts=kept.artifacts,
+            route=route,
+            cost=cost,
+            target=None if step is None else step.target,
+            legs=() if step is None else _legs(step.distance),
+            holds=holds,
+            planner=kept.planner,
+            world=kept.world,
+        )
+        if step is not None:
+            route, cost = (*route, step.entered), cost + float(step.distance[step.entered])
 
 
 def _legs(distance: Floats) -> tuple[float | None, ...]:
     return tuple(round(float(cost), 3) if np.isfinite(cost) else None for cost in distance)
-
-
-class _OneSearch:
-    """The beliefs about one of many searches."""
-
-    def __init__(self, beliefs: Beliefs, number: int) -> None:
-        self._beliefs, self._number = beliefs, number
-
-    def __call__(self, rows: Ints, explored: Bools) -> tuple[Floats, Floats]:
-        return self._beliefs(_one(self._number), explored)
-
-
-def _one(number: int) -> Ints:
-    return np.array([number])

@@ -28,7 +28,7 @@ from bsg_models.runs.checkpoint import load_checkpoint
 from bsg_models.runs.run_folder import checkpoint_of
 from bsg_models.search.catalogue import PLANNERS
 from bsg_models.search.room_graphs import DEFAULT_WORLDS, WorldRecipe, parse_world
-from bsg_models.studies.replay import TraceRequest, trace_search
+from bsg_models.studies.replay import replay_search
 from bsg_models.studies.savings import (
     LEAST_BUILDINGS,
     WorldResult,
@@ -37,6 +37,7 @@ from bsg_models.studies.savings import (
 )
 from bsg_models.studies.search_cases import BASELINE, StudyRecipe
 from bsg_models.studies.search_files import encode_study, write_searches
+from bsg_models.studies.search_steps import KeepRequest
 from bsg_models.studies.search_study import Study, choose_runs, known_worlds, study_search
 
 ROOM_SPECIFIC = (
@@ -156,7 +157,10 @@ def report_search(
     classes = opened.manifest.class_map.classes
     chosen, notes = choose_buildings(opened, runs, split=request.split, scene=request.scene)
     recipe = make_recipe(request, classes)
-    study = study_search(request.dataset, chosen, recipe, executor=executor, progress=progress)
+    keep = None if request.trace is None else _choose_trace(recipe, request.trace)
+    study = study_search(
+        request.dataset, chosen, recipe, keep=keep, executor=executor, progress=progress
+    )
     results = summarise(study, resamples=request.resamples)
     model = ", ".join(dict.fromkeys(_family(run) for run in runs)) or None
     written = {"every search": out / TABLE}
@@ -164,7 +168,7 @@ def report_search(
     if _plot(study, out / FIGURE, model):
         written["box plot over buildings"] = out / FIGURE
     if request.trace is not None:
-        which = _write_trace(request.dataset, chosen, study, request.trace, out / TRACE)
+        which = _write_trace(request.dataset, chosen, study, out / TRACE)
         written[which] = out / TRACE
     facts = {
         "dataset": str(request.dataset),
@@ -325,15 +329,18 @@ def _plot(study: Study, path: Path, model: str | None) -> bool:
     return True
 
 
-def _write_trace(
-    data: Path, chosen: dict[str, Path | None], study: Study, number: int, path: Path
-) -> str:
-    """Replay search `number` of the first building and world of a study; say which that is."""
-    first = study.searches[0]
-    world = next(one for one in study.recipe.worlds if one.name == first.world)
-    names = [name for name in study.recipe.planners if PLANNERS[name].reads == "belief"]
-    planner = "expected-cost" if "expected-cost" in names else (names or study.recipe.planners)[0]
-    request = TraceRequest(first.scene_id, number, world, study.recipe.tasks[0], planner)
-    run = cast(Path, chosen[first.scene_id])  # a request checks that there is one
-    write_explorer(trace_search(data, run, study.recipe, request), path)
-    return f"search {number} of {first.scene_id} in {world.name}, {request.task}, by {planner}"
+def _choose_trace(recipe: StudyRecipe, number: int) -> KeepRequest:
+    """Return the request to keep search `number`, by the planner whose beliefs tell most."""
+    names = [name for name in recipe.planners if PLANNERS[name].reads == "belief"]
+    planner = "expected-cost" if "expected-cost" in names else (names or recipe.planners)[0]
+    return KeepRequest(number, recipe.tasks[0], planner)
+
+
+def _write_trace(data: Path, chosen: dict[str, Path | None], study: Study, path: Path) -> str:
+    """Replay the kept search of the first building and world of a study; say which that is."""
+    kept = next(one.kept for one in study.searches if one.kept is not None)
+    run = cast(Path, chosen[kept.scene_id])  # a request checks that there is one
+    write_explorer(replay_search(data, run, study.recipe, kept), path)
+    return (
+        f"search {kept.episode} of {kept.scene_id} in {kept.world}, {kept.task}, by {kept.planner}"
+    )

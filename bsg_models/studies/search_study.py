@@ -42,6 +42,7 @@ from bsg_models.studies.search_cases import (
     sample_case,
     sample_presence,
 )
+from bsg_models.studies.search_steps import KeepRequest, KeptSearch, StepKeeper
 from bsg_models.training.training import one_thread
 from bsg_models.zoo.model import BeliefModel
 
@@ -64,6 +65,7 @@ class Searches:
         chance: `[E]` share of the rooms that hold one.
         outcomes: (task, planner) → outcome; a robot that stops itself is (`all`, `stop 0.1`), and
             `sweep` enters every room, nearest first.
+        kept: the search whose steps were asked for, if it is one of these.
     """
 
     scene_id: str
@@ -75,6 +77,7 @@ class Searches:
     ranked_first: Floats
     chance: Floats
     outcomes: dict[tuple[Task, str], Outcome]
+    kept: KeptSearch | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +105,7 @@ def study_search(
     recipe: StudyRecipe,
     *,
     planners: Mapping[str, Planner] | None = None,
+    keep: KeepRequest | None = None,
     executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Study:
@@ -112,19 +116,22 @@ def study_search(
         runs: building → run whose beliefs are asked; None if no planner reads a belief.
         recipe: of the study.
         planners: name → planner of your own, beside those of the recipe.
+        keep: whose steps are kept, for `replay_search`; the result is `kept` of its `Searches`.
         executor: where buildings are worked on; None does it here.
         progress: called with (buildings done, in all).
 
     Raises:
         DatasetError: if the dataset is damaged or no building can be searched.
         RecipeError: if a belief is needed and a building has no run, an artifact is no class, or
-            a planner of your own has a name that is taken or cannot reach the executor.
+            a planner of your own has a name that is taken or cannot reach the executor, or the
+            search to be kept is none of the recipe's.
     """
     chosen = choose_planners(recipe, planners or {}, remote=executor is not None)
+    _check_keep(keep, recipe, chosen)
     if recipe.truth == "posterior" and None in runs.values():
         raise RecipeError("truth posterior needs a belief: give the run of a model")
     own = {name: chosen[name] for name in planners or {}}
-    tasks = [(dataset, run, scene, recipe, own) for scene, run in runs.items()]
+    tasks = [(dataset, run, scene, recipe, own, keep) for scene, run in runs.items()]
     found = run_all(search_building, tasks, executor=executor, progress=progress)
     left_out: dict[str, dict[str, int]] = {}
     searches = []
@@ -168,6 +175,17 @@ def choose_planners(
     if any(planner.reads == "belief" for planner in own.values()):
         chosen.setdefault(ROUTING, PLANNERS[ROUTING])
     return chosen
+
+
+def _check_keep(
+    keep: KeepRequest | None, recipe: StudyRecipe, planners: Mapping[str, Planner]
+) -> None:
+    if keep is None:
+        return
+    if not 0 <= keep.episode < recipe.episodes:
+        raise RecipeError(f"no search {keep.episode}: a building has {recipe.episodes}, from 0")
+    if keep.task not in recipe.tasks or keep.planner not in planners:
+        raise RecipeError(f"the study has no task {keep.task!r} with planner {keep.planner!r}")
 
 
 def choose_runs(
@@ -230,6 +248,7 @@ def search_building(
     scene_id: str,
     recipe: StudyRecipe,
     own: Mapping[str, Planner] | None = None,
+    keep: KeepRequest | None = None,
 ) -> dict[str, Searches | str]:
     """Return world → the searches of one building with every planner, or why there are none."""
     data = Dataset.open(dataset)
@@ -250,7 +269,9 @@ def search_building(
                 if key not in asked:
                     asked[key] = ask_run(run, data, scene_id, recipe.mask, case)
                 beliefs = asked[key]
-            found[world.name] = compare_planners(case, world, recipe, scene_id, beliefs, planners)
+            found[world.name] = compare_planners(
+                case, world, recipe, scene_id, beliefs, planners, keep=keep
+            )
     return found
 
 
@@ -280,6 +301,8 @@ def compare_planners(
     scene_id: str,
     beliefs: Beliefs | None,
     planners: Mapping[str, Planner],
+    *,
+    keep: KeepRequest | None = None,
 ) -> Searches:
     """Return how every planner did in the searches of one building in one world."""
     episodes = case.episodes
@@ -300,9 +323,15 @@ def compare_planners(
         ranked_first = (episodes.instances[every, likeliest].sum(axis=1) > 0).astype(float)
     holds = (episodes.instances.sum(axis=2) > 0) & open_
     outcomes: dict[tuple[Task, str], Outcome] = {}
+    asked = keep if keep is not None and keep.fits(scene_id, world.name) else None
+    keeper = StepKeeper(asked.episode) if asked is not None else None
     for task in recipe.tasks:
         for name, planner in planners.items():
-            outcomes[task, name] = search(episodes, planner, task=task, beliefs=beliefs)
+            is_kept = asked is not None and (asked.task, asked.planner) == (task, name)
+            watch = keeper.keep if keeper is not None and is_kept else None
+            outcomes[task, name] = search(
+                episodes, planner, task=task, beliefs=beliefs, watch=watch
+            )
     if "all" in recipe.tasks and recipe.stops:
         planned = PLANNERS["expected-cost"]
         for stop in recipe.stops:
@@ -320,4 +349,17 @@ def compare_planners(
         ranked_first=ranked_first,
         chance=holds.sum(axis=1) / open_.sum(axis=1),
         outcomes=outcomes,
+        kept=None
+        if asked is None or keeper is None
+        else KeptSearch(
+            scene_id=scene_id,
+            world=world.name,
+            task=asked.task,
+            planner=asked.planner,
+            episode=asked.episode,
+            start=int(episodes.starts[asked.episode]),
+            artifacts=tuple(episodes.artifacts[asked.episode].tolist()),
+            draw=int(case.draws[asked.episode]),
+            steps=keeper.steps,
+        ),
     )

@@ -11,8 +11,9 @@ from click.testing import CliRunner, Result
 from conftest import REPOSITORY
 
 from bsg_cli.belief import main
-from bsg_models.belief.belief_files import read_belief, read_tables
+from bsg_models.belief.document import read_document
 from bsg_models.belief.hydra import read_hydra_belief
+from bsg_models.belief.tables import read_tables
 from bsg_models.training.training import train_run
 from bsg_models.zoo.catalogue import ZOO
 
@@ -36,7 +37,7 @@ def test_a_robots_graph_gives_every_output(run: Path, tmp_path: Path) -> None:
     done = call(*words, "--tables", tmp_path / "tables", "--top", 2)
     assert done.exit_code == 0, done.output
     assert "B: shared kitchen" in done.output
-    belief = read_belief(out)
+    belief = read_document(out)
     assert belief == read_hydra_belief(hydra)
     assert [belief] == list(read_tables(tmp_path / "tables"))
     assert page.read_text("utf-8").startswith("<!doctype html>")

@@ -14,10 +14,8 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import read_cells
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_models.inputs.folds import scenes_of
-from bsg_models.rendering.explorer import explorer_page
 from bsg_models.search.catalogue import PLANNERS
 from bsg_models.search.room_graphs import WorldRecipe
-from bsg_models.studies.replay import TraceRequest, trace_search
 from bsg_models.studies.savings import summarise
 from bsg_models.studies.search_cases import StudyRecipe, sample_presence, sample_searches
 from bsg_models.studies.search_files import encode_study, write_searches
@@ -186,36 +184,6 @@ def test_runs_are_asked_about_the_buildings_that_they_do_not_know(dataset: Path,
     assert notes == []
     with pytest.raises(DatasetError, match="same buildings"):
         choose_runs(dataset, [run, run])
-
-
-def test_a_trace_tells_the_search_again(dataset: Path, run: Path) -> None:
-    scene = max(read_cells(dataset).items(), key=lambda item: len(item[1]))[0]
-    recipe = StudyRecipe(artifacts=EVERY, worlds=DRAWN, episodes=5, planners=("ratio",))
-    study = study_search(dataset, {scene: run}, recipe)
-    (one,) = [s for s in study.searches if s.world == "tree:1-10"]
-    request = TraceRequest(scene, 3, DRAWN[1], "all", "ratio")
-    views = trace_search(dataset, run, recipe, request)
-    outcome = one.outcomes["all", "ratio"]
-    moments = [view.moment for view in views]
-    last = moments[-1]
-    assert last is not None
-    assert len(views) == 1 + outcome.entered[3]
-    assert last.cost == pytest.approx(outcome.costs[3])
-    assert last.target is None
-    assert last.route[0] == one.starts[3]
-    assert set(last.holds) <= set(last.route)
-    artifact = one.artifacts[3, 0]
-    for view, moment in zip(views, moments, strict=True):
-        assert moment is not None
-        seen = [o.room_index for o in view.belief.partial.objects if o.class_index == artifact]
-        assert set(seen) == set(moment.holds) & set(moment.route)
-        searched = [i for i, r in enumerate(view.belief.partial.rooms, 1) if r.hidden_share == 0]
-        assert sorted(moment.route) == searched
-    assert views[0].moment is not None
-    assert views[0].moment.legs[0] is None  # in a tree of rooms the building is out of reach
-    assert '"legs":[null,' in explorer_page(views)
-    with pytest.raises(DatasetError, match="no search number 5"):
-        trace_search(dataset, run, recipe, TraceRequest(scene, 5, DRAWN[1], "all", "ratio"))
 
 
 def test_a_belief_that_is_needed_and_not_there_is_said(dataset: Path) -> None:

@@ -1,0 +1,175 @@
+"""The formats of belief graphs: a row each, chosen by the suffix of a file.
+
+A format from outside is a `FormatRow` that an entry point of the group `bsg_models.formats` names.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from bsg_data.errors import RecipeError
+from bsg_data.registry import Registry
+from bsg_models.belief.belief_graph import BeliefGraph
+from bsg_models.errors import BeliefFileError
+
+
+@dataclass(frozen=True, slots=True)
+class FormatRow:
+    """How belief graphs are written in one format, and read.
+
+    A format of one graph has `write` and `read`, a format of many `write_all` and `read_all`; what
+    cannot be read has neither reader.
+
+    Attributes:
+        name: of the format.
+        suffixes: with which the names of its files end, e.g. `.json`.
+        write: writes one belief graph to a path, whole or not at all.
+        read: reads it back.
+        write_all: writes any number of belief graphs to a path.
+        read_all: yields them.
+        needs: what must be installed for it, as pip names it; empty if nothing.
+    """
+
+    name: str
+    suffixes: tuple[str, ...]
+    write: Callable[[BeliefGraph, Path], None] | None = None
+    read: Callable[[Path], BeliefGraph] | None = None
+    write_all: Callable[[Iterable[BeliefGraph], Path], None] | None = None
+    read_all: Callable[[Path], Iterable[BeliefGraph]] | None = None
+    needs: str = ""
+
+    def __post_init__(self) -> None:
+        if self.write is None and self.write_all is None:
+            raise RecipeError(f"format {self.name!r}: has neither `write` nor `write_all`")
+        if not all(suffix.startswith(".") and len(suffix) > 1 for suffix in self.suffixes):
+            raise RecipeError(f"format {self.name!r}: a suffix begins with a dot: {self.suffixes}")
+
+    @property
+    def many(self) -> bool:
+        """Whether a file holds any number of belief graphs."""
+        return self.write_all is not None
+
+
+FORMATS = Registry(
+    "format",
+    FormatRow,
+    group="bsg_models.formats",
+    rows={
+        "json": "bsg_models.belief.document:JSON",
+        "tables": "bsg_models.belief.tables:TABLES",
+        "spark-dsg": "bsg_models.belief.hydra:SPARK_DSG",
+        "html": "bsg_models.rendering.explorer:HTML",
+    },
+)
+
+
+def choose_format(path: Path, format: str | None = None) -> FormatRow:  # noqa: A002
+    """Return a format by its name, or by the longest suffix with which the path ends.
+
+    Raises:
+        RecipeError: if there is none of this name, or none of this suffix.
+    """
+    if format is not None:
+        return FORMATS[format]
+    rows, broken = _load_rows()
+    fitting = [
+        (len(suffix), row)
+        for row in rows
+        for suffix in row.suffixes
+        if path.name.casefold().endswith(suffix) and len(path.name) > len(suffix)
+    ]
+    if not fitting:
+        known = ", ".join(f"{suffix} ({row.name})" for row in rows for suffix in row.suffixes)
+        raise RecipeError(
+            f"{path}: no format of belief graphs has this suffix; name the file with one of "
+            f"{known}, or name the format{''.join(f'; {fault}' for fault in broken)}"
+        )
+    return max(fitting, key=lambda pair: pair[0])[1]
+
+
+def _load_rows() -> tuple[list[FormatRow], list[str]]:
+    """Return the formats, and what is wrong with those that cannot be loaded.
+
+    A broken format from outside does not keep others from being used.
+    """
+    rows, broken = [], []
+    for name in FORMATS:
+        try:
+            rows.append(FORMATS[name])
+        except RecipeError as error:
+            broken.append(str(error))
+    return rows, broken
+
+
+def write_belief(
+    belief: BeliefGraph,
+    path: Path,
+    format: str | None = None,  # noqa: A002
+) -> None:
+    """Write a belief graph in the format of a path's suffix.
+
+    Args:
+        belief: to be written.
+        path: of the file, e.g. `belief.json`, or `belief.dsg.json` for Spark-DSG.
+        format: the name of a format of `FORMATS`; None chooses by the suffix.
+
+    Raises:
+        RecipeError: if no format has this suffix or name.
+        DatasetError: if it cannot be written.
+    """
+    write_beliefs([belief], path, format)
+
+
+def write_beliefs(
+    beliefs: Iterable[BeliefGraph],
+    path: Path,
+    format: str | None = None,  # noqa: A002
+) -> None:
+    """Write belief graphs in the format of a path's suffix; see `write_belief`.
+
+    Raises:
+        RecipeError: besides, if there are several and the format holds one.
+    """
+    row = choose_format(path, format)
+    if row.write_all is not None:
+        row.write_all(beliefs, path)
+        return
+    several = list(beliefs)
+    if len(several) != 1 or row.write is None:
+        many = ", ".join(name for name in FORMATS if FORMATS[name].many)
+        raise RecipeError(
+            f"{path}: the format {row.name} holds one belief graph, and there are {len(several)}; "
+            f"formats of any number are {many}"
+        )
+    row.write(several[0], path)
+
+
+def read_belief(path: Path, format: str | None = None) -> BeliefGraph:  # noqa: A002
+    """Read the belief graph of a file, in the format of its suffix.
+
+    Args:
+        path: of the file.
+        format: the name of a format of `FORMATS`; None chooses by the suffix.
+
+    Raises:
+        RecipeError: if no format has this suffix or name, or the format is not read.
+        BeliefFileError: if the file is not of this format, or holds another number of graphs.
+    """
+    beliefs = read_beliefs(path, format)
+    if len(beliefs) != 1:
+        raise BeliefFileError(
+            f"{path}: expected one belief graph, found {len(beliefs)}; `read_beliefs` reads all"
+        )
+    return beliefs[0]
+
+
+def read_beliefs(path: Path, format: str | None = None) -> list[BeliefGraph]:  # noqa: A002
+    """Read the belief graphs of a file, in the format of its suffix; see `read_belief`."""
+    row = choose_format(path, format)
+    if row.read_all is not None:
+        return list(row.read_all(path))
+    if row.read is not None:
+        return [row.read(path)]
+    raise RecipeError(f"{path}: the format {row.name} is written only, and cannot be read")

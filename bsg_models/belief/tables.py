@@ -1,0 +1,359 @@
+"""Belief graphs of many buildings as parquet tables, and back without loss.
+
+`nodes` has a row a building, room, object and blind node; `edges` a row an edge; `histograms` a row
+a building and room. Every table begins with `scene_id`. Nodes are numbered: 0 the building, then
+rooms, objects and blind nodes. What is stated once of a belief graph is JSON in the metadata of
+`nodes`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import chain, pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
+from bsg_data.arrays import Floats
+from bsg_data.dataset.shards import write_bytes
+from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, classify
+from bsg_data.scene.class_map import load_class_map
+from bsg_data.scene.scene_graph import Box
+from bsg_models.belief.belief_graph import BeliefGraph, BlindNode
+from bsg_models.belief.consistency import check_beliefs, check_partial
+from bsg_models.belief.formats import FormatRow
+from bsg_models.belief.header import Header, decode_whole_header, encode_whole_header
+from bsg_models.errors import BeliefFileError
+
+Columns = Mapping[str, Any]
+KINDS = ("building", "room", "object", "blind")  # in the order of their numbers
+_HEADERS = b"bsg.beliefs"
+_METRES = pa.list_(pa.float64())
+SCHEMAS = {
+    "nodes": pa.schema(
+        [
+            ("scene_id", pa.string()),
+            ("node", pa.int32()),
+            ("kind", pa.string()),
+            ("id", pa.string()),
+            ("room", pa.string()),
+            ("category", pa.string()),
+            ("class", pa.string()),
+            ("expected", pa.float64()),
+            ("presence", pa.float64()),
+            ("visited", pa.bool_()),
+            ("hidden_share", pa.float64()),
+            ("label", pa.string()),
+            ("position", _METRES),
+            ("box", _METRES),
+            ("footprint", _METRES),
+            ("floor_index", pa.int16()),
+        ]
+    ),
+    "edges": pa.schema(
+        [
+            ("scene_id", pa.string()),
+            ("source", pa.int32()),
+            ("target", pa.int32()),
+            ("kind", pa.string()),
+        ]
+    ),
+    "histograms": pa.schema(
+        [
+            ("scene_id", pa.string()),
+            ("node", pa.int32()),
+            ("input", pa.list_(pa.int32())),
+            ("expected", pa.list_(pa.float64())),
+            ("presence", pa.list_(pa.float64())),
+        ]
+    ),
+}
+_SORTED_BY = {"nodes": ("node",), "edges": ("source", "target"), "histograms": ("node",)}
+
+
+def write_tables(beliefs: Iterable[BeliefGraph], folder: Path) -> None:
+    """Write belief graphs as `nodes`, `edges` and `histograms`.parquet.
+
+    Raises:
+        BeliefFileError: if two are of one building.
+        DatasetError: if they cannot be written.
+    """
+    batches: dict[str, list[pa.RecordBatch]] = {name: [] for name in SCHEMAS}
+    headers: dict[str, Any] = {}
+    for belief in beliefs:
+        scene = belief.partial.scene_id
+        if scene in headers:
+            raise BeliefFileError(f"{folder}: two belief graphs of {scene}")
+        headers[scene] = encode_whole_header(belief)
+        for name, pack in (
+            ("nodes", _pack_nodes),
+            ("edges", _pack_edges),
+            ("histograms", _pack_histograms),
+        ):
+            columns = pack(belief)
+            rows = len(next(iter(columns.values())))
+            columns = {"scene_id": pa.repeat(scene, rows), **columns}
+            arrays = [pa.array(columns[field.name], field.type) for field in SCHEMAS[name]]
+            batches[name].append(pa.record_batch(arrays, schema=SCHEMAS[name]))
+    for name, schema in SCHEMAS.items():
+        metadata = {_HEADERS: json.dumps(headers)} if name == "nodes" else {}
+        table = pa.Table.from_batches(batches[name], schema).combine_chunks()
+        sink = pa.BufferOutputStream()
+        pq.write_table(table.replace_schema_metadata(metadata), sink, compression="zstd")
+        write_bytes(folder / f"{name}.parquet", sink.getvalue().to_pybytes())
+
+
+def _pack_nodes(belief: BeliefGraph) -> Columns:
+    partial, blind = belief.partial, belief.blind
+    rooms, objects, classes = partial.rooms, partial.objects, partial.class_map.classes
+    names = [None, *(room.name for room in rooms)]
+    rows_of = (1, len(rooms), len(objects), len(blind))
+
+    def column(
+        of_rooms: Iterable[Any] | None = None,
+        of_objects: Iterable[Any] | None = None,
+        of_blind: Iterable[Any] | None = None,
+    ) -> list[Any]:
+        """Return a column of which the building, and every kind that is left out, has nothing."""
+        values = (None, of_rooms, of_objects, of_blind)
+        return list(
+            chain.from_iterable(
+                [None] * rows if kind is None else kind
+                for kind, rows in zip(values, rows_of, strict=True)
+            )
+        )
+
+    return {
+        "node": np.arange(sum(rows_of)),
+        "kind": np.repeat(KINDS, rows_of),
+        "id": column((room.name for room in rooms), (obj.name for obj in objects)),
+        "room": column(of_objects=(names[obj.room_index] for obj in objects)),
+        "category": column(of_objects=(obj.raw_category for obj in objects)),
+        "class": column(
+            of_objects=(
+                None if obj.class_index is None else classes[obj.class_index] for obj in objects
+            ),
+            of_blind=(classes[node.class_index] for node in blind),
+        ),
+        "expected": column(of_blind=(node.expected for node in blind)),
+        "presence": column(of_blind=(node.presence for node in blind)),
+        "visited": column(room.visited for room in rooms),
+        "hidden_share": column(room.hidden_share for room in rooms),
+        "label": column(room.label for room in rooms),
+        "position": column((room.position for room in rooms), (obj.position for obj in objects)),
+        "box": column(
+            None if room.box is None else (*room.box.minimum, *room.box.maximum) for room in rooms
+        ),
+        "footprint": column(
+            None if room.footprint is None else tuple(chain.from_iterable(room.footprint))
+            for room in rooms
+        ),
+        "floor_index": column(room.floor_index for room in rooms),
+    }
+
+
+def _pack_edges(belief: BeliefGraph) -> Columns:
+    rooms, objects = len(belief.partial.rooms), len(belief.partial.objects)
+    parents = [0] * rooms
+    parents += [obj.room_index for obj in belief.partial.objects]
+    parents += [node.room_index for node in belief.blind]
+    kinds = ["contains"] * (rooms + objects) + ["expects"] * len(belief.blind)
+    edges = [(a, b, kind) for b, (a, kind) in enumerate(zip(parents, kinds, strict=True), 1)]
+    for a, b in dict.fromkeys(belief.partial.adjacency):
+        edges += [(a, b, "adjacent"), (b, a, "adjacent")]
+    edges.sort()
+    return {
+        "source": [a for a, _, _ in edges],
+        "target": [b for _, b, _ in edges],
+        "kind": [kind for _, _, kind in edges],
+    }
+
+
+def _pack_histograms(belief: BeliefGraph) -> Columns:
+    return {
+        "node": np.arange(len(belief.expected)),
+        "input": _lists(belief.partial.histograms(), pa.int32()),
+        "expected": _lists(belief.expected, pa.float64()),
+        "presence": _lists(belief.presence, pa.float64()),
+    }
+
+
+def _lists(values: npt.NDArray[Any], kind: pa.DataType) -> pa.ListArray:
+    """Return the rows of an array `[N, C]` as lists."""
+    rows, columns = values.shape
+    flat = pa.array(np.ascontiguousarray(values).ravel(), kind)
+    return pa.ListArray.from_arrays(np.arange(rows + 1, dtype=np.int32) * columns, flat)
+
+
+def read_tables(folder: Path) -> Iterator[BeliefGraph]:
+    """Yield the belief graphs of `write_tables`, in the order of their scene ids.
+
+    Rows may be in any order.
+
+    Raises:
+        BeliefFileError: if a table is missing or not one of ours.
+    """
+    try:
+        headers, tables = _open_tables(folder)
+        scenes = [header.partial.scene_id for header in headers]
+        parts = {
+            name: _split_by_scene(tables[name], scenes, sorted_by=columns)
+            for name, columns in _SORTED_BY.items()
+        }
+    except BeliefFileError:
+        raise
+    except _DAMAGE as error:
+        raise BeliefFileError(f"{folder}: no tables of belief graphs ({error!r})") from error
+    for number, header in enumerate(headers):
+        where = _place(folder, header.partial.scene_id)
+        try:
+            belief = _unpack(header, *(parts[name][number] for name in SCHEMAS))
+        except _DAMAGE as error:
+            raise BeliefFileError(f"{where}: rows are damaged ({error!r})") from error
+        check_partial(belief.partial, path=where)
+        check_beliefs(belief, path=where)
+        yield belief
+
+
+_DAMAGE = (
+    OSError,
+    pa.ArrowException,
+    AttributeError,
+    LookupError,
+    RecursionError,
+    TypeError,
+    ValueError,
+)
+
+
+def _place(folder: Path, scene: str) -> Path:
+    """Return where the rows of a building are, as errors name it."""
+    return Path(f"{folder}, building {scene}")
+
+
+def _open_tables(folder: Path) -> tuple[list[Header], dict[str, pa.Table]]:
+    """Return the headers in the order of their scene ids, and the tables in our schemas."""
+    tables = {name: pq.read_table(folder / f"{name}.parquet") for name in SCHEMAS}
+    entries = json.loads((tables["nodes"].schema.metadata or {})[_HEADERS])
+    headers = []
+    for scene, entry in sorted(entries.items()):
+        header = decode_whole_header(entry, path=_place(folder, scene))
+        if header.partial.scene_id != scene:
+            raise ValueError(f"the metadata has {header.partial.scene_id!r} under {scene!r}")
+        headers.append(header)
+    return headers, {
+        name: tables[name].select(schema.names).cast(schema) for name, schema in SCHEMAS.items()
+    }
+
+
+def _split_by_scene(
+    table: pa.Table, scenes: Sequence[str], *, sorted_by: Sequence[str]
+) -> list[pa.Table]:
+    """Return the rows of each scene, sorted; one pass, whatever the number of scenes."""
+    numbers = pc.index_in(table["scene_id"], value_set=pa.array(scenes, pa.string()))
+    if numbers.null_count:
+        raise ValueError("there are rows of a building that the metadata does not have")
+    keys = [table[name].to_numpy() for name in reversed(sorted_by)]
+    order = np.lexsort((*keys, numbers.to_numpy()))
+    if not np.array_equal(order, np.arange(len(order))):
+        table, numbers = table.take(order), numbers.take(order)
+    ends = np.searchsorted(numbers.to_numpy(), np.arange(len(scenes) + 1))
+    return [table.slice(a, b - a) for a, b in pairwise(ends)]
+
+
+def _unpack(header: Header, nodes: pa.Table, edges: pa.Table, histograms: pa.Table) -> BeliefGraph:
+    """Return the belief graph of one building's rows."""
+    kinds = nodes["kind"].to_pylist()
+    _, rooms, objects, blind = (kinds.count(kind) for kind in KINDS)
+    if kinds != [kind for kind in KINDS for _ in range(kinds.count(kind))] or kinds[0] != KINDS[0]:
+        raise ValueError("nodes are the building, rooms, objects and blind nodes, in this order")
+    for name, table, number in (
+        ("nodes", nodes, len(kinds)),
+        ("histograms", histograms, 1 + rooms),
+    ):
+        if table["node"].to_pylist() != list(range(number)):
+            raise ValueError(f"{name}: expected one row of each node, 0 to {number - 1}")
+    links = list(_rows(edges, ("source", "target", "kind")))
+    parents = {target: source for source, target, kind in links if kind != "adjacent"}
+    class_map = load_class_map(header.class_map.version)
+    class_index = {name: index for index, name in enumerate(header.class_map.classes)}
+    return BeliefGraph(
+        partial=PartialGraph(
+            scene_id=header.partial.scene_id,
+            class_map=header.class_map,
+            hidden_share=header.partial.hidden_share,
+            rooms=_unpack_rooms(nodes.slice(1, rooms)),
+            objects=tuple(
+                SeenObject(name, parents[number], raw, *classify(raw, class_map), _point(position))
+                for number, (name, raw, position) in enumerate(
+                    _rows(nodes.slice(1 + rooms, objects), ("id", "category"), ("position",)),
+                    1 + rooms,
+                )
+            ),
+            adjacency=tuple(sorted((a, b) for a, b, kind in links if kind == "adjacent" and a < b)),
+        ),
+        expected=_matrix(histograms["expected"], len(class_index)),
+        presence=_matrix(histograms["presence"], len(class_index)),
+        blind=tuple(
+            BlindNode(parents[number], class_index[name], expected, presence)
+            for number, (name, expected, presence) in enumerate(
+                _rows(nodes.slice(1 + rooms + objects, blind), ("class", "expected", "presence")),
+                1 + rooms + objects,
+            )
+        ),
+        mode=header.mode,
+        model=header.model,
+    )
+
+
+def _unpack_rooms(nodes: pa.Table) -> tuple[KnownRoom, ...]:
+    known = ("id", "hidden_share", "visited")
+    rows = _rows(nodes, known, ("label", "position", "box", "footprint", "floor_index"))
+    return tuple(
+        KnownRoom(
+            *(name, share, visited, label, _point(position)),
+            box=None if box is None else Box(_point(box[:3]), _point(box[3:])),
+            footprint=None if outline is None else _corners(outline),
+            floor_index=floor,
+        )
+        for name, share, visited, label, position, box, outline, floor in rows
+    )
+
+
+def _rows(
+    table: pa.Table, required: Sequence[str], optional: Sequence[str] = ()
+) -> Iterator[tuple[Any, ...]]:
+    """Yield the rows of some columns, of which the required ones have no nulls."""
+    for name in required:
+        if table[name].null_count:
+            raise ValueError(f"{name}: {table[name].null_count} nulls")
+    return zip(*(table[name].to_pylist() for name in (*required, *optional)), strict=True)
+
+
+def _point(values: Sequence[float] | None) -> Any:
+    """Return a position, None where it is not known."""
+    if values is None:
+        return None
+    x, y, z = map(float, values)
+    return x, y, z
+
+
+def _corners(values: Sequence[float]) -> tuple[tuple[float, float], ...]:
+    return tuple(zip(map(float, values[::2]), map(float, values[1::2]), strict=True))
+
+
+def _matrix(lists: pa.ChunkedArray, columns: int) -> Floats:
+    """Return a column of lists as an array `[N, C]`."""
+    if lists.null_count or (pc.list_value_length(lists).to_numpy() != columns).any():
+        raise ValueError(f"expected histograms of {columns} classes")
+    flat = pc.list_flatten(lists).to_numpy()
+    return np.array(flat, dtype=np.float64).reshape(len(lists), columns)
+
+
+TABLES = FormatRow("tables", (".tables",), write_all=write_tables, read_all=read_tables)

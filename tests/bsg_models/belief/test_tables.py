@@ -1,0 +1,159 @@
+"""Belief graphs as parquet tables: without loss, in any order of rows, and damage is named."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+import pytest
+from conftest import REPOSITORY
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from random_beliefs import make_belief
+
+from bsg_models.belief import tables
+from bsg_models.belief.network import to_networkx
+from bsg_models.belief.tables import SCHEMAS, read_tables, write_tables
+from bsg_models.errors import BeliefFileError
+
+
+@settings(
+    max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(seed=st.integers(0, 2**32 - 1), mode=st.sampled_from(["complete", "unseen"]))
+def test_tables_are_read_back_by_scene(tmp_path: Path, seed: int, mode: str) -> None:
+    first, second = make_belief(seed, mode=mode), make_belief(seed + 1, mode=mode, scene_id="t")
+    write_tables([second, first], tmp_path)
+    assert list(read_tables(tmp_path)) == [first, second]
+
+
+def test_rows_may_be_in_any_order(tmp_path: Path) -> None:
+    beliefs = [make_belief(seed, scene_id=f"s{seed}") for seed in range(3)]
+    write_tables(beliefs, tmp_path)
+    rng = np.random.default_rng(0)
+    for name in SCHEMAS:
+        table = pq.read_table(tmp_path / f"{name}.parquet")
+        pq.write_table(table.take(rng.permutation(len(table))), tmp_path / f"{name}.parquet")
+    assert list(read_tables(tmp_path)) == beliefs
+
+
+def test_no_tables_are_read_back(tmp_path: Path) -> None:
+    write_tables([], tmp_path)
+    assert list(read_tables(tmp_path)) == []
+
+
+def test_rows_agree_with_the_graph_of_networkx(tmp_path: Path) -> None:
+    belief = make_belief(5)
+    write_tables([belief], tmp_path)
+    graph = to_networkx(belief)
+    nodes = pd.read_parquet(tmp_path / "nodes.parquet")
+    for row in nodes.itertuples():
+        assert graph.nodes[row.node]["kind"] == row.kind
+        assert graph.nodes[row.node].get("id") == (None if pd.isna(row.id) else row.id)
+    assert (nodes["kind"] == "blind").sum() == len(belief.blind) > 0
+    edges = pd.read_parquet(tmp_path / "edges.parquet")
+    assert [(r.source, r.target, r.kind) for r in edges.itertuples()] == sorted(
+        graph.edges(data="kind")
+    )
+    histograms = pd.read_parquet(tmp_path / "histograms.parquet")
+    np.testing.assert_array_equal(np.stack(histograms["input"].tolist()), belief.inputs)
+    np.testing.assert_array_equal(np.stack(histograms["expected"].tolist()), belief.expected)
+
+
+def test_each_row_is_unpacked_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reading is linear in the number of buildings: no row is looked at for another building."""
+    write_tables([make_belief(seed, scene_id=f"s{seed}") for seed in range(7)], tmp_path)
+    unpacked = dict.fromkeys(SCHEMAS, 0)
+    unpack = tables._unpack
+
+    def count(header: object, *parts: pa.Table) -> object:
+        for name, part in zip(SCHEMAS, parts, strict=True):
+            unpacked[name] += len(part)
+        return unpack(header, *parts)
+
+    monkeypatch.setattr(tables, "_unpack", count)
+    assert len(list(read_tables(tmp_path))) == 7
+    rows = {name: pq.read_metadata(tmp_path / f"{name}.parquet").num_rows for name in SCHEMAS}
+    assert unpacked == rows
+
+
+def _set(table: pa.Table, name: str, row: int, value: object) -> pa.Table:
+    values = table[name].to_pylist()
+    values[row] = value
+    column = pa.array(values, table.schema.field(name).type)
+    return table.set_column(table.schema.get_field_index(name), name, column)
+
+
+def _edit_header(table: pa.Table, **changes: object) -> pa.Table:
+    headers = json.loads(table.schema.metadata[b"bsg.beliefs"])
+    headers["s"] |= changes
+    return table.replace_schema_metadata({"bsg.beliefs": json.dumps(headers)})
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "expected"),
+    [
+        ("nodes", lambda t: t.drop_columns(["kind"]), "kind"),
+        ("nodes", lambda t: t.slice(1), "in this order"),
+        ("nodes", lambda t: pa.concat_tables([t, t]), "one row of each node"),
+        ("nodes", lambda t: t.replace_schema_metadata({}), "bsg.beliefs"),
+        ("nodes", lambda t: t.replace_schema_metadata({"bsg.beliefs": "[1]"}), "no tables"),
+        ("nodes", lambda t: _edit_header(t, version=9), "found bsg-belief-graph 9"),
+        ("nodes", lambda t: _edit_header(t, mode="x"), "mode"),
+        ("nodes", lambda t: _set(t, "scene_id", 0, "u"), "metadata does not have"),
+        ("nodes", lambda t: _set(t, "id", 1, None), "id: 1 nulls"),
+        ("nodes", lambda t: _set(t, "hidden_share", 1, 1.5), "between 0 and 1"),
+        ("nodes", lambda t: _set(t, "hidden_share", 1, float("nan")), "between 0 and 1"),
+        ("nodes", lambda t: _set(t, "position", 1, [1.0, 2.0]), "damaged"),
+        ("nodes", lambda t: _set(t, "position", 1, [1.0, 2.0, float("inf")]), "metres away"),
+        ("nodes", lambda t: _set(t, "footprint", 1, [1.0] * 4), "3 corners"),
+        ("nodes", lambda t: _set(t, "presence", len(t) - 1, 2.0), "not as sure"),
+        ("nodes", lambda t: _set(t, "class", len(t) - 1, "ufo"), "damaged.*ufo"),
+        ("edges", lambda t: t.filter(pc.field("kind") != "expects"), "damaged"),
+        ("edges", lambda t: _set(t, "source", len(t) - 1, 99), "room 99"),
+        ("histograms", lambda t: t.slice(1), "one row of each node"),
+        ("histograms", lambda t: _set(t, "expected", 0, [1.0]), "45 classes"),
+        ("histograms", lambda t: _set(t, "expected", 0, [-1.0] * 45), "not negative"),
+        ("histograms", lambda t: _set(t, "presence", 0, [None] * 45), "between 0 and 1"),
+    ],
+)
+def test_tables_that_were_edited_are_refused(
+    tmp_path: Path, name: str, change: Callable[[pa.Table], pa.Table], expected: str
+) -> None:
+    write_tables([make_belief(4)], tmp_path)
+    path = tmp_path / f"{name}.parquet"
+    pq.write_table(change(pq.read_table(path)), path)
+    with pytest.raises(BeliefFileError, match=expected):
+        list(read_tables(tmp_path))
+
+
+def test_a_folder_without_tables_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(BeliefFileError, match="no tables"):
+        list(read_tables(tmp_path))
+
+
+def test_two_graphs_of_one_building_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(BeliefFileError, match="two belief graphs of s"):
+        write_tables([make_belief(1), make_belief(2)], tmp_path / "tables")
+    assert not (tmp_path / "tables").exists()
+
+
+def test_json_and_tables_do_without_networkx() -> None:
+    code = (
+        "import sys, types\n"
+        "root = sys.modules['bsg_models'] = types.ModuleType('bsg_models')\n"
+        f"root.__path__ = [{str(REPOSITORY / 'bsg_models')!r}]\n"  # without what the root exports
+        "sys.modules['networkx'] = None\n"
+        "import bsg_models.belief.document, bsg_models.belief.hydra, bsg_models.belief.tables\n"
+        "assert 'torch' not in sys.modules\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr

@@ -1,0 +1,43 @@
+"""Text from the data never becomes markup, and what a template lacks is an error."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from jinja2 import TemplateNotFound, UndefinedError
+from random_beliefs import HOSTILE, make_belief
+
+from bsg_models.rendering.explorer import View, explorer_page
+from bsg_models.rendering.pages import encode_for_script, render_page
+
+SCRIPT = re.compile(r'<script type="application/json" id="beliefs">(.*?)</script>', re.DOTALL)
+
+
+@given(st.text() | st.sampled_from([HOSTILE, "a\u2028b", "<!--", "]]>", "&lt;"]))
+def test_json_cannot_leave_its_script_element(text: str) -> None:
+    encoded = encode_for_script({"name": text})
+    assert not set("<>&\u2028\u2029") & set(encoded)
+    assert json.loads(encoded) == {"name": text}
+
+
+def test_numbers_that_json_has_not_are_refused() -> None:
+    with pytest.raises(ValueError, match="JSON"):
+        encode_for_script(float("nan"))
+
+
+def test_the_script_of_a_page_holds_the_names_as_they_are() -> None:
+    page = explorer_page([View(make_belief(1), title=HOSTILE)])
+    (data,) = SCRIPT.findall(page)
+    assert json.loads(data)["views"][0]["title"] == HOSTILE
+    assert HOSTILE not in page
+
+
+def test_a_template_that_lacks_a_value_or_is_none_is_an_error() -> None:
+    with pytest.raises(UndefinedError, match="title"):
+        render_page("report.html.jinja")
+    with pytest.raises(TemplateNotFound):
+        render_page("none.html.jinja")
