@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from bsg_data.errors import RecipeError
 from bsg_data.registry import Registry
-from bsg_models.evaluation.metric import Metric
+from bsg_models.evaluation.metric_kinds import Metric
 from bsg_models.evaluation.presence import SELECTIONS
 from bsg_models.evaluation.truth import NODE_SETS
 
-_HERE = "bsg_models.evaluation.measures:"
+_HERE = "bsg_models.evaluation.metric_rows:"
 METRICS: Registry[Metric] = Registry(
     "metric",
     Metric,  # type: ignore[type-abstract]

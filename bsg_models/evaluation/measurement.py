@@ -13,7 +13,7 @@ from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_models.belief.expectation import Expectation, join
 from bsg_models.evaluation import metrics
 from bsg_models.evaluation.catalogue import METRICS, list_values, name_value
-from bsg_models.evaluation.metric import Prepared
+from bsg_models.evaluation.metric_kinds import Prepared
 from bsg_models.evaluation.metrics import Floats
 from bsg_models.evaluation.truth import Prediction, Truth
 from bsg_models.zoo.model import BeliefModel

@@ -1,4 +1,4 @@
-"""Measures of expectations against what is there, each a pure function of arrays.
+"""The formulas of the metrics, each a pure function of arrays.
 
 Shapes: N nodes of interest, C classes. `p` and `q` are distributions over classes, rows that sum to
 1 or are all zero. Where a function takes `weights`, they are one number per row: a bootstrap over

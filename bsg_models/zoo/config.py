@@ -11,7 +11,7 @@ import json
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import tomli_w
 from pydantic import (
@@ -58,9 +58,15 @@ class RunConfig(Record):
         # As JSON, a list is a tuple and nothing else is taken for something that it is not.
         return type(ZOO[family].config).model_validate_json(json.dumps(value), strict=True)
 
-    @model_validator(mode="after")
-    def _take_name(self) -> Self:
-        return self if self.name else self.model_copy(update={"name": self.model.family})
+    @model_validator(mode="before")
+    @classmethod
+    def _take_name(cls, values: Any) -> Any:
+        """Name a configuration by its family, if it has no name of its own."""
+        if not isinstance(values, Mapping) or values.get("name"):
+            return values
+        model = values.get("model")
+        family = model.get("family") if isinstance(model, Mapping) else getattr(model, "family", "")
+        return {**values, "name": str(family or "")}
 
 
 def find_config(name: str) -> RunConfig:

@@ -21,7 +21,7 @@ from bsg_models.evaluation.catalogue import (
     list_values,
 )
 from bsg_models.evaluation.measurement import Measurement
-from bsg_models.evaluation.metric import Metric, NodeMetric, Prepared
+from bsg_models.evaluation.metric_kinds import Metric, NodeMetric, Prepared
 from bsg_models.evaluation.metrics import Floats
 from bsg_models.evaluation.truth import Prediction, Truth
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation import metrics
-from bsg_models.evaluation.metric import CorrelationMetric, NodeMetric, PresenceMetric
+from bsg_models.evaluation.metric_kinds import CorrelationMetric, NodeMetric, PresenceMetric
 from bsg_models.evaluation.metrics import Floats
 from bsg_models.evaluation.presence import Cells
 from bsg_models.evaluation.truth import Truth
