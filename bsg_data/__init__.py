@@ -14,25 +14,42 @@ from bsg_data.observation.robot_json import read_robot_graph
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.scene.class_map import ClassMap, list_class_maps, load_class_map
 from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph, SceneObject
-from bsg_data.sources.hm3d import HM3DFolder, HM3DStatistics, Source
+from bsg_data.sources.catalogue import open_source
+from bsg_data.sources.hm3d import HM3DFolder
+from bsg_data.sources.hm3d_stats import HM3DStatistics
+from bsg_data.sources.source import (
+    FoundScenes,
+    Reading,
+    SceneRef,
+    SkippedScene,
+    Source,
+    SourceRow,
+    Terms,
+)
 
 __all__ = [
     "BSGError",
     "Box",
     "ClassMap",
     "Edge",
+    "FoundScenes",
     "HM3DFolder",
     "HM3DStatistics",
     "Manifest",
     "MaskRecipe",
     "PairsRecipe",
     "PartialGraph",
+    "Reading",
     "Room",
     "SceneGraph",
     "SceneObject",
+    "SceneRef",
     "SeenObject",
+    "SkippedScene",
     "Source",
+    "SourceRow",
     "SplitRecipe",
+    "Terms",
     "assign_splits",
     "build_dataset",
     "check_dataset",
@@ -40,6 +57,7 @@ __all__ = [
     "load_class_map",
     "mask_scene",
     "observe",
+    "open_source",
     "read_adjacency",
     "read_cells",
     "read_manifest",

@@ -33,8 +33,11 @@ from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, list_class_maps, load_class_map
 from bsg_data.scene.mesh_coverage import MeshCoverage
-from bsg_data.sources.hm3d import HM3DFolder, HM3DStatistics, Source
+from bsg_data.sources.catalogue import SOURCES, open_source
+from bsg_data.sources.hm3d import HM3DFolder
+from bsg_data.sources.hm3d_stats import HM3DStatistics
 from bsg_data.sources.room_layouts import WithLayouts
+from bsg_data.sources.source import Source
 from bsg_data.synthetic.buildings import MAX_SCENES, write_synthetic
 from bsg_data.synthetic.geometry import GeometryOptions
 from bsg_data.synthetic.meshes import SIZES
@@ -153,6 +156,13 @@ def synth(
 @click.option("--hm3d", type=click.Path(path_type=Path), help="Folder above HM3D's annotations.")
 @click.option("--hm3d-stats", type=click.Path(path_type=Path), help="The public HM3DSem-*.zip.")
 @click.option(
+    "--source",
+    "named",
+    type=(str, click.Path(path_type=Path)),
+    metavar="NAME PATH",
+    help=f"Any source by its name: {', '.join(SOURCES)}.",
+)
+@click.option(
     "--meshes/--no-meshes",
     default=True,
     show_default=True,
@@ -179,6 +189,7 @@ def synth(
 def build(
     hm3d: Path | None,
     hm3d_stats: Path | None,
+    named: tuple[str, Path] | None,
     meshes: bool,
     snap_colours: int | None,
     room_layouts: Path | None,
@@ -198,7 +209,7 @@ def build(
       bsg-data build --hm3d buildings --out dataset
       bsg-data build --hm3d buildings --no-meshes --room-layouts layouts --out dataset
     """
-    source = _choose_source(hm3d, hm3d_stats, meshes=meshes, snap_colours=snap_colours)
+    source = _choose_source(hm3d, hm3d_stats, named, meshes=meshes, snap_colours=snap_colours)
     if room_layouts is not None:
         source = WithLayouts(source, room_layouts)
     try:
@@ -502,12 +513,25 @@ def map_coverage(dataset: Path, class_map: str | None, as_json: bool) -> None:
 
 
 def _choose_source(
-    hm3d: Path | None, hm3d_stats: Path | None, *, meshes: bool, snap_colours: int | None
+    hm3d: Path | None,
+    hm3d_stats: Path | None,
+    named: tuple[str, Path] | None,
+    *,
+    meshes: bool,
+    snap_colours: int | None,
 ) -> Source:
-    if (hm3d is None) == (hm3d_stats is None):
-        raise click.UsageError("give one source: --hm3d PATH or --hm3d-stats ZIP")
+    if [hm3d, hm3d_stats, named].count(None) != 2:
+        raise click.UsageError(
+            "give one source: --hm3d PATH, --hm3d-stats ZIP or --source NAME PATH"
+        )
     if snap_colours is not None and not meshes:
         raise click.UsageError("--snap-colours is of meshes: it excludes --no-meshes")
+    if named is not None:
+        name, path = named
+        options: dict[str, object] = {} if meshes else {"meshes": False}
+        if snap_colours is not None:
+            options["snap_colours"] = snap_colours
+        return open_source(name, path, **options)
     if hm3d is not None:
         return HM3DFolder(hm3d, meshes=meshes, snap_colours=snap_colours)
     if snap_colours is not None or not meshes:

@@ -17,7 +17,7 @@ from bsg_data.errors import RecipeError
 from bsg_data.observation.masks import hidden_bounds
 from bsg_data.observation.pairs import histogram_column, sample_pairs, split_of_file
 from bsg_data.recipes import SplitRecipe
-from bsg_data.sources.hm3d import building_hash
+from bsg_data.scene.scene_id import building_hash
 
 
 def check_splits(

@@ -13,7 +13,7 @@ from bsg_data.checks.faults import Fault
 from bsg_data.dataset.manifest import MANIFEST, Manifest
 from bsg_data.scene.class_map import list_class_maps, load_class_map
 from bsg_data.scene.scene_graph import Room
-from bsg_data.sources.hm3d import building_hash
+from bsg_data.scene.scene_id import building_hash
 
 _PLACES = ("centroid", "box_min", "box_max", "part_min", "part_max")
 _ROUNDING = 2e-4  # metres: coordinates are rounded, and what is derived from them again
@@ -103,8 +103,7 @@ def check_objects(frames: dict[str, pd.DataFrame], manifest: Manifest) -> Iterat
     if manifest.class_map.version in list_class_maps():
         published = load_class_map(manifest.class_map.version)
         names = objects["raw_category"].unique()
-        looked_up = {name: published.lookup(name) for name in names}
-        classed = {name: np.nan if e is None else e.class_index for name, e in looked_up.items()}
+        classed = {name: published.classify(name).class_index for name in names}
         by_map = objects["raw_category"].map(classed).astype(float)
         differs = (by_map != index) & ~(by_map.isna() & index.isna())
         yield from _each(objects, differs, f"class_index is not what {published.version} says")

@@ -23,14 +23,8 @@ from bsg_data.geometry.placement import find_storeys
 from bsg_data.recipes import name_fault
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph
-from bsg_data.sources.hm3d import (
-    FoundScenes,
-    Reading,
-    SceneRef,
-    SkippedScene,
-    Source,
-    building_hash,
-)
+from bsg_data.scene.scene_id import building_hash
+from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SkippedScene, Source
 
 MAX_BYTES = 2**20  # the largest real layout is 20 kB
 MAX_METRES = 10_000.0
