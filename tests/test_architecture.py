@@ -44,6 +44,7 @@ THIRD_PARTY = {
         "pyarrow",
         "pydantic",
         "scipy",
+        "shapely",
         "trimesh",
         "yaml",
     },
@@ -148,7 +149,8 @@ def test_bsg_data_and_its_command_import_without_torch_or_another_heavy_library(
         "sys.modules['torch'] = None\n"  # any `import torch` raises now
         f"for name in {names!r}: importlib.import_module(name)\n"
         "import bsg_cli.data\n"
-        "heavy = {'matplotlib', 'scipy', 'torch_geometric', 'trimesh'} & set(sys.modules)\n"
+        "heavy = {'matplotlib', 'scipy', 'shapely', 'torch_geometric', 'trimesh'}\n"
+        "heavy &= set(sys.modules)\n"
         "assert not heavy, heavy\n"
     )
     done = subprocess.run(
