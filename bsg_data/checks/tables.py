@@ -53,12 +53,12 @@ def check_scenes(frames: dict[str, pd.DataFrame], manifest: Manifest) -> Iterato
         ("num_objects", objects),
         ("num_classified", classified),
     ):
-        found = frame.groupby("scene_id").size().reindex(ids, fill_value=0)
-        for scene, said, counted in zip(ids, scenes[column], found, strict=True):
-            if said != counted:
-                yield Fault("scenes", f"{scene}: {column} is {said}, {counted} are there")
+        sizes = frame.groupby("scene_id").size().reindex(ids, fill_value=0)
+        for scene, stated, counted in zip(ids, scenes[column], sizes, strict=True):
+            if stated != counted:
+                yield Fault("scenes", f"{scene}: {column} is {stated}, {counted} are there")
     totals = manifest.totals
-    for what, said, counted in (
+    for what, stated, counted in (
         ("scenes", totals.scenes, len(scenes)),
         ("rooms", totals.rooms, len(rooms)),
         ("objects", totals.objects, len(objects)),
@@ -67,8 +67,8 @@ def check_scenes(frames: dict[str, pd.DataFrame], manifest: Manifest) -> Iterato
         ("placed", totals.placed, int(scenes["has_geometry"].sum())),
         ("adjacent", totals.adjacent, int((frames["edges"]["kind"] == "adjacent").sum())),
     ):
-        if said != counted:
-            yield Fault(MANIFEST, f"totals.{what} is {said}, {counted} are there")
+        if stated != counted:
+            yield Fault(MANIFEST, f"totals.{what} is {stated}, {counted} are there")
     together = rooms["scene_id"].eq(rooms["scene_id"].shift())
     rising = rooms["region_id"].diff() > 0
     for scene in rooms["scene_id"][(rooms["region_id"] < 0) | (together & ~rising)].unique():
@@ -161,10 +161,10 @@ def _fill_boxes(rooms: pd.DataFrame) -> pd.Series[bool]:
     """Say of every room whether its footprint is a polygon that fills its box from above."""
     names = ["box_min_x", "box_min_y", "box_max_x", "box_max_y"]
     boxes = rooms[names].to_numpy(dtype=float)
-    found = [
+    filled = [
         _fills(footprint, box) for footprint, box in zip(rooms["footprint"], boxes, strict=True)
     ]
-    return pd.Series(found, rooms.index, dtype=bool)
+    return pd.Series(filled, rooms.index, dtype=bool)
 
 
 def _fills(footprint: object, box: npt.NDArray[np.float64]) -> bool:
@@ -198,11 +198,11 @@ def check_edges(frames: dict[str, pd.DataFrame]) -> Iterator[Fault]:
         }
     )
     expected = pd.concat([to_rooms.assign(source=0), to_objects])
-    found = edges.loc[edges["kind"] == "contains", ["scene_id", "source", "target"]]
-    both = expected.merge(found, how="outer", indicator=True)
+    stored = edges.loc[edges["kind"] == "contains", ["scene_id", "source", "target"]]
+    both = expected.merge(stored, how="outer", indicator=True)
     for scene in both.loc[both["_merge"] != "both", "scene_id"].unique():
         yield Fault("edges", f"{scene}: contains edges are not what rooms and objects say")
-    if found.duplicated().any():
+    if stored.duplicated().any():
         yield Fault("edges", "a contains edge is there twice")
     adjacent = edges[edges["kind"] == "adjacent"]
     limit = adjacent["scene_id"].map(rooms).astype(float)
@@ -232,8 +232,8 @@ def _is_distance(adjacent: pd.DataFrame, rooms: pd.DataFrame) -> pd.Series[bool]
         for end in ("source", "target")
     ]
     expected = np.linalg.norm(ends[0] - ends[1], axis=1)
-    found = adjacent["distance_m"].to_numpy(dtype=float)
-    return pd.Series(np.isclose(found, expected, equal_nan=True), index=adjacent.index)
+    stored = adjacent["distance_m"].to_numpy(dtype=float)
+    return pd.Series(np.isclose(stored, expected, equal_nan=True), index=adjacent.index)
 
 
 def check_meshes(manifest: Manifest, scenes: pd.DataFrame) -> Iterator[Fault]:

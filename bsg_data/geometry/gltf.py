@@ -366,7 +366,7 @@ def _check_images(tree: dict[str, Any], file: IO[bytes], path: Path) -> None:
 def _image_size(data: bytes, what: str) -> tuple[int, int]:
     try:
         return Image.open(io.BytesIO(data), formats=("PNG", "JPEG")).size
-    except OSError as error:  # whose words name an address in memory, which no manifest may have
+    except OSError as error:  # its text has an address in memory: no build would repeat it
         raise MeshError(f"{what} is no readable PNG ({type(error).__name__})") from error
 
 
