@@ -2,8 +2,9 @@ from .build import build_dataset
 from .checks.dataset import check_dataset
 from .checks.faults import Fault
 from .dataset.coverage import Coverage, measure_coverage
+from .dataset.dataset import Dataset, read_adjacency, read_cells
 from .dataset.frequencies import count_frequencies, plot_frequencies
-from .dataset.histograms import read_adjacency, read_cells, to_histograms
+from .dataset.histograms import to_histograms
 from .dataset.manifest import FileEntry, Manifest, read_manifest
 from .dataset.shards import read_scene_graphs, read_table, write_shards
 from .dataset.splits import assign_splits, read_splits, split_dataset
@@ -17,7 +18,9 @@ from .errors import (
     SourceError,
     UnmappedNameError,
 )
-from .observation.masks import sample_hidden, sample_visited
+from .observation.masked_buildings import MaskedBuildings
+from .observation.masks import MASKS, Mask, sample_hidden, sample_visited
+from .observation.observation import Observation
 from .observation.pairs import read_pairs, sample_pairs, write_pairs
 from .observation.partial_graph import (
     KnownRoom,
@@ -29,29 +32,38 @@ from .observation.partial_graph import (
 )
 from .observation.robot_json import list_unmapped, read_robot_graph
 from .recipes import MaskRecipe, PairsRecipe, SplitRecipe
-from .scene.class_map import ClassMap, MapEntry, list_class_maps, load_class_map
+from .scene.class_map import Classified, ClassMap, MapEntry, list_class_maps, load_class_map
+from .scene.connections import Connections
 from .scene.mesh_coverage import MeshCoverage
 from .scene.scene_graph import Box, Edge, Room, SceneGraph, SceneObject
-from .sources.hm3d import (
+from .sources.catalogue import SOURCES, open_source
+from .sources.hm3d import HM3DFolder
+from .sources.hm3d_stats import HM3DStatistics
+from .sources.room_layouts import WithLayouts
+from .sources.source import (
     FoundScenes,
-    HM3DFolder,
-    HM3DStatistics,
     Reading,
     SceneRef,
     SkippedScene,
     Source,
+    SourceRow,
+    Terms,
 )
-from .sources.room_layouts import WithLayouts
 from .synthetic.buildings import write_synthetic
 from .synthetic.geometry import GeometryOptions
 
 __all__ = [
+    "MASKS",
+    "SOURCES",
     "AnnotationError",
     "BSGError",
     "Box",
     "ClassMap",
     "ClassMapError",
+    "Classified",
+    "Connections",
     "Coverage",
+    "Dataset",
     "DatasetError",
     "Edge",
     "Fault",
@@ -63,9 +75,12 @@ __all__ = [
     "KnownRoom",
     "Manifest",
     "MapEntry",
+    "Mask",
     "MaskRecipe",
+    "MaskedBuildings",
     "MeshCoverage",
     "MismatchError",
+    "Observation",
     "PairsRecipe",
     "PartialGraph",
     "Reading",
@@ -78,7 +93,9 @@ __all__ = [
     "SkippedScene",
     "Source",
     "SourceError",
+    "SourceRow",
     "SplitRecipe",
+    "Terms",
     "UnmappedNameError",
     "WithLayouts",
     "assign_splits",
@@ -92,6 +109,7 @@ __all__ = [
     "mask_scene",
     "measure_coverage",
     "observe",
+    "open_source",
     "plot_frequencies",
     "read_adjacency",
     "read_cells",

@@ -39,7 +39,7 @@ from bsg_data.recipes import Record
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
 from bsg_data.scene.mesh_coverage import MeshCoverage
 from bsg_data.scene.scene_graph import SceneGraph
-from bsg_data.sources.hm3d import FoundScenes, SceneRef, SkippedScene, Source
+from bsg_data.sources.source import FoundScenes, SceneRef, SkippedScene, Source
 
 SCENES_PER_SHARD = 16
 

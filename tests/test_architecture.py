@@ -21,8 +21,10 @@ HOUSE = (
     "bsg_data.arrays bsg_data.errors",
     "bsg_data.executors bsg_data.lock bsg_data.recipes bsg_data.registry bsg_data.tables",
     "bsg_data.scene",
-    "bsg_data.geometry bsg_data.dataset",
-    "bsg_data.sources bsg_data.observation",
+    "bsg_data.geometry",
+    "bsg_data.sources",
+    "bsg_data.dataset",
+    "bsg_data.observation",
     "bsg_data.build bsg_data.synthetic bsg_data.checks",
     "bsg_models.errors",
     "bsg_models.belief bsg_models.search bsg_models.inputs",
@@ -43,6 +45,7 @@ THIRD_PARTY = {
         "pyarrow",
         "pydantic",
         "scipy",
+        "shapely",
         "trimesh",
         "yaml",
     },
@@ -150,7 +153,8 @@ def test_bsg_data_and_its_command_import_without_torch_or_another_heavy_library(
         "sys.modules['torch'] = None\n"  # any `import torch` raises now
         f"for name in {names!r}: importlib.import_module(name)\n"
         "import bsg_cli.data\n"
-        "heavy = {'matplotlib', 'scipy', 'torch_geometric', 'trimesh'} & set(sys.modules)\n"
+        "heavy = {'matplotlib', 'scipy', 'shapely', 'torch_geometric', 'trimesh'}\n"
+        "heavy &= set(sys.modules)\n"
         "assert not heavy, heavy\n"
     )
     done = subprocess.run(

@@ -43,8 +43,8 @@ def check_dataset(
     tables: dict[str, list[pa.Table]] = {}
     pairs = manifest.files_of("pairs")
     for done, entry in enumerate((f for f in manifest.files if f not in pairs), start=1):
-        found, table = _check_file(dataset, entry, manifest)
-        faults += found
+        file_faults, table = _check_file(dataset, entry, manifest)
+        faults += file_faults
         if table is not None:
             tables.setdefault(_table_of(entry), []).append(table)
         if progress is not None:
@@ -65,8 +65,8 @@ def check_dataset(
     truth = PairTruth(frames, splits, manifest)
     held: list[str] = []
     for done, entry in enumerate(pairs, start=len(manifest.files) - len(pairs) + 1):
-        found, table = _check_file(dataset, entry, manifest)  # one file in memory at a time
-        faults += found
+        file_faults, table = _check_file(dataset, entry, manifest)  # one file in memory at a time
+        faults += file_faults
         if table is not None:
             faults += truth.check(entry, table)
             held += table["scene_id"].unique().to_pylist()
@@ -124,13 +124,13 @@ def _check_file(
         return [Fault(entry.path, "is in the manifest but not there")], None
     faults = []
     try:
-        found = describe_file(dataset, entry.path, rows=entry.rows)
-        if found != entry:
+        actual = describe_file(dataset, entry.path, rows=entry.rows)
+        if actual != entry:
             faults.append(
                 Fault(
                     entry.path,
                     f"was changed: expected {entry.bytes} bytes, sha256 {entry.sha256[:12]}…, "
-                    f"found {found.bytes} bytes, sha256 {found.sha256[:12]}…",
+                    f"found {actual.bytes} bytes, sha256 {actual.sha256[:12]}…",
                 )
             )
         table = pq.ParquetFile(path).read()

@@ -18,7 +18,8 @@ from bsg_data.errors import RecipeError
 from bsg_data.observation.masks import MASKS
 from bsg_data.observation.pairs import histogram_column, sample_pairs, split_of_file
 from bsg_data.recipes import SplitRecipe
-from bsg_data.sources.hm3d import building_hash
+from bsg_data.scene.connections import Connections
+from bsg_data.scene.scene_id import building_hash
 
 
 def check_splits(
@@ -35,13 +36,15 @@ def check_splits(
         yield Fault("splits", f"building {building} leaks: it is in more than one split")
     own = scenes["source_split"].where(scenes["source_split"].notna(), None)
     try:
-        said = assign_splits(dict(zip(scenes["scene_id"], own, strict=True)), recipe)
+        by_recipe = assign_splits(dict(zip(scenes["scene_id"], own, strict=True)), recipe)
     except RecipeError as error:
         yield Fault("splits", f"cannot be made by the recipe: {error}")
         return
     for scene, split in zip(splits["scene_id"], splits["split"], strict=True):
-        if scene in said and said[scene] != split:
-            yield Fault("splits", f"{scene} is in {split}, by the recipe it is in {said[scene]}")
+        if scene in by_recipe and by_recipe[scene] != split:
+            yield Fault(
+                "splits", f"{scene} is in {split}, by the recipe it is in {by_recipe[scene]}"
+            )
 
 
 class PairTruth:
@@ -84,8 +87,8 @@ class PairTruth:
             yield Fault(where, f"{expected}: {shape[0] * shape[1]} rows, found {len(table)}")
             return
         draws, nodes = np.divmod(np.arange(len(table)), shape[1])
-        found = (table["draw"].to_numpy(), table["node_index"].to_numpy())
-        if (found[0] != draws).any() or (found[1] != nodes).any():
+        numbers = (table["draw"].to_numpy(), table["node_index"].to_numpy())
+        if (numbers[0] != draws).any() or (numbers[1] != nodes).any():
             yield Fault(where, expected)
             return
         inputs = histogram_column(table, "input").astype(np.int64).reshape(shape)
@@ -100,8 +103,8 @@ class PairTruth:
             )
         yield from faults
         if not faults:
-            adjacent = tuple(self.adjacency.get(scene, ()))
-            visited, drawn = sample_pairs(cells, recipe, scene_id=scene, adjacent=adjacent)
+            known = Connections.of_pairs(self.adjacency.get(scene, ()))
+            visited, drawn = sample_pairs(cells, recipe, scene_id=scene, connections=known)
             same = (drawn == inputs).all() and (
                 visited.ravel() == table["visited"].to_numpy()
             ).all()

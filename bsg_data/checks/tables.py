@@ -13,7 +13,7 @@ from bsg_data.checks.faults import Fault
 from bsg_data.dataset.manifest import MANIFEST, Manifest
 from bsg_data.scene.class_map import list_class_maps, load_class_map
 from bsg_data.scene.scene_graph import Room
-from bsg_data.sources.hm3d import building_hash
+from bsg_data.scene.scene_id import building_hash
 
 _PLACES = ("centroid", "box_min", "box_max", "part_min", "part_max")
 _ROUNDING = 2e-4  # metres: coordinates are rounded, and what is derived from them again
@@ -53,12 +53,12 @@ def check_scenes(frames: dict[str, pd.DataFrame], manifest: Manifest) -> Iterato
         ("num_objects", objects),
         ("num_classified", classified),
     ):
-        found = frame.groupby("scene_id").size().reindex(ids, fill_value=0)
-        for scene, said, counted in zip(ids, scenes[column], found, strict=True):
-            if said != counted:
-                yield Fault("scenes", f"{scene}: {column} is {said}, {counted} are there")
+        sizes = frame.groupby("scene_id").size().reindex(ids, fill_value=0)
+        for scene, stated, counted in zip(ids, scenes[column], sizes, strict=True):
+            if stated != counted:
+                yield Fault("scenes", f"{scene}: {column} is {stated}, {counted} are there")
     totals = manifest.totals
-    for what, said, counted in (
+    for what, stated, counted in (
         ("scenes", totals.scenes, len(scenes)),
         ("rooms", totals.rooms, len(rooms)),
         ("objects", totals.objects, len(objects)),
@@ -67,8 +67,8 @@ def check_scenes(frames: dict[str, pd.DataFrame], manifest: Manifest) -> Iterato
         ("placed", totals.placed, int(scenes["has_geometry"].sum())),
         ("adjacent", totals.adjacent, int((frames["edges"]["kind"] == "adjacent").sum())),
     ):
-        if said != counted:
-            yield Fault(MANIFEST, f"totals.{what} is {said}, {counted} are there")
+        if stated != counted:
+            yield Fault(MANIFEST, f"totals.{what} is {stated}, {counted} are there")
     together = rooms["scene_id"].eq(rooms["scene_id"].shift())
     rising = rooms["region_id"].diff() > 0
     for scene in rooms["scene_id"][(rooms["region_id"] < 0) | (together & ~rising)].unique():
@@ -103,8 +103,7 @@ def check_objects(frames: dict[str, pd.DataFrame], manifest: Manifest) -> Iterat
     if manifest.class_map.version in list_class_maps():
         published = load_class_map(manifest.class_map.version)
         names = objects["raw_category"].unique()
-        looked_up = {name: published.lookup(name) for name in names}
-        classed = {name: np.nan if e is None else e.class_index for name, e in looked_up.items()}
+        classed = {name: published.classify(name).class_index for name in names}
         by_map = objects["raw_category"].map(classed).astype(float)
         differs = (by_map != index) & ~(by_map.isna() & index.isna())
         yield from _each(objects, differs, f"class_index is not what {published.version} says")
@@ -162,10 +161,10 @@ def _fill_boxes(rooms: pd.DataFrame) -> pd.Series[bool]:
     """Say of every room whether its footprint is a polygon that fills its box from above."""
     names = ["box_min_x", "box_min_y", "box_max_x", "box_max_y"]
     boxes = rooms[names].to_numpy(dtype=float)
-    found = [
+    filled = [
         _fills(footprint, box) for footprint, box in zip(rooms["footprint"], boxes, strict=True)
     ]
-    return pd.Series(found, rooms.index, dtype=bool)
+    return pd.Series(filled, rooms.index, dtype=bool)
 
 
 def _fills(footprint: object, box: npt.NDArray[np.float64]) -> bool:
@@ -199,11 +198,11 @@ def check_edges(frames: dict[str, pd.DataFrame]) -> Iterator[Fault]:
         }
     )
     expected = pd.concat([to_rooms.assign(source=0), to_objects])
-    found = edges.loc[edges["kind"] == "contains", ["scene_id", "source", "target"]]
-    both = expected.merge(found, how="outer", indicator=True)
+    stored = edges.loc[edges["kind"] == "contains", ["scene_id", "source", "target"]]
+    both = expected.merge(stored, how="outer", indicator=True)
     for scene in both.loc[both["_merge"] != "both", "scene_id"].unique():
         yield Fault("edges", f"{scene}: contains edges are not what rooms and objects say")
-    if found.duplicated().any():
+    if stored.duplicated().any():
         yield Fault("edges", "a contains edge is there twice")
     adjacent = edges[edges["kind"] == "adjacent"]
     limit = adjacent["scene_id"].map(rooms).astype(float)
@@ -233,8 +232,8 @@ def _is_distance(adjacent: pd.DataFrame, rooms: pd.DataFrame) -> pd.Series[bool]
         for end in ("source", "target")
     ]
     expected = np.linalg.norm(ends[0] - ends[1], axis=1)
-    found = adjacent["distance_m"].to_numpy(dtype=float)
-    return pd.Series(np.isclose(found, expected, equal_nan=True), index=adjacent.index)
+    stored = adjacent["distance_m"].to_numpy(dtype=float)
+    return pd.Series(np.isclose(stored, expected, equal_nan=True), index=adjacent.index)
 
 
 def check_meshes(manifest: Manifest, scenes: pd.DataFrame) -> Iterator[Fault]:

@@ -1,4 +1,4 @@
-"""The dataset card and the Croissant description, both written from the manifest alone."""
+"""The dataset card and the Croissant description: the manifest, and the terms of its source."""
 
 from __future__ import annotations
 
@@ -6,13 +6,15 @@ import json
 from typing import Any
 
 import pyarrow as pa
+import yaml
 
 from bsg_data.dataset.manifest import Manifest
 from bsg_data.dataset.schema import SPLITS, TABLES, describe_fields, pairs_schema
+from bsg_data.sources.catalogue import find_terms
+from bsg_data.sources.source import LICENCE_REF
 from bsg_data.tables import format_markdown
 
-MATTERPORT = "https://matterport.com/matterport-end-user-license-agreement-academic-use-model-data"
-APACHE = "https://www.apache.org/licenses/LICENSE-2.0"
+_UNKNOWN = "unknown terms: ask whoever made it"  # of a source that is no row of the catalogue
 _MEANINGS = {
     "scenes": "one row a building",
     "rooms": "one row a room",
@@ -38,7 +40,7 @@ def write_card(manifest: Manifest) -> str:
     totals = manifest.totals
     source = " ".join(filter(None, (manifest.source.kind, manifest.source.version)))
     lines = [
-        *_front_matter(manifest),
+        _front_matter(manifest),
         "# 3D scene graphs of buildings",
         "",
         f"{totals.scenes:,} buildings, {totals.rooms:,} rooms, {totals.objects:,} objects, "
@@ -48,7 +50,7 @@ def write_card(manifest: Manifest) -> str:
         f"{totals.unmapped} objects had a name that the map does not know; `dataset.json` lists "
         "both, with the hash of every file.",
         "",
-        "Metres, Z up, right-handed. " + _terms(manifest),
+        "Metres, Z up, right-handed. " + _describe_terms(manifest),
         "",
         "Classes, in the order of every histogram: " + ", ".join(manifest.class_map.classes) + ".",
         "",
@@ -77,6 +79,7 @@ def column_table(schema: pa.Schema) -> list[str]:
 
 def write_croissant(manifest: Manifest) -> str:
     """Return the dataset as Croissant 1.0 JSON-LD (https://mlcommons.org/croissant)."""
+    terms = find_terms(manifest.source.kind)
     description = {
         "@context": _CONTEXT,
         "@type": "sc:Dataset",
@@ -84,9 +87,8 @@ def write_croissant(manifest: Manifest) -> str:
         "description": "3D scene graphs of buildings: rooms, objects, containment, masked pairs.",
         "conformsTo": "http://mlcommons.org/croissant/1.0",
         "version": f"{manifest.format_version}.0.0",
-        "license": APACHE if manifest.source.kind == "synthetic" else MATTERPORT,
-        "url": "https://aihabitat.org/datasets/hm3d-semantics/",
-        "citeAs": "Saucedo et al., Belief Scene Graphs, ICRA 2024, arXiv:2402.03840",
+        "license": terms.licence_url if terms else _UNKNOWN,
+        **({"url": terms.homepage, "citeAs": terms.citation} if terms else {}),
         "distribution": [
             {
                 "@type": "cr:FileSet",
@@ -102,13 +104,9 @@ def write_croissant(manifest: Manifest) -> str:
     return json.dumps(description, indent=1) + "\n"
 
 
-def _terms(manifest: Manifest) -> str:
-    if manifest.source.kind == "synthetic":
-        return "The buildings are synthetic: no building like them exists, and none was scanned."
-    return (
-        "What is derived from Habitat-Matterport 3D stays under Matterport's terms of use for "
-        "academic research."
-    )
+def _describe_terms(manifest: Manifest) -> str:
+    terms = find_terms(manifest.source.kind)
+    return terms.sentence if terms else f"The source is of {_UNKNOWN}."
 
 
 def _schemas(manifest: Manifest) -> dict[str, pa.Schema]:
@@ -134,20 +132,27 @@ def _file_sets(manifest: Manifest) -> list[tuple[str, str, pa.Schema]]:
     return sets
 
 
-def _front_matter(manifest: Manifest) -> list[str]:
+def _front_matter(manifest: Manifest) -> str:
     """Return YAML that lets `datasets.load_dataset(folder, table)` find the files of a table."""
-    real = ["license: other", "license_name: matterport-academic"]
-    synthetic = manifest.source.kind == "synthetic"
-    lines = ["---", *(["license: apache-2.0"] if synthetic else real), "configs:"]
-    last = ""
+    tables: dict[str, list[dict[str, str]]] = {}
     for name, pattern, _ in _file_sets(manifest):
         table, _, split = name.partition("/")
-        if table != last:
-            lines += [f"- config_name: {table}", "  data_files:"]
         # A split's name has no hyphen there: fold-0 is fold_0.
-        lines += [f"  - split: {split.replace('-', '_') or 'all'}", f"    path: {pattern}"]
-        last = table
-    return [*lines, "---", ""]
+        split = split.replace("-", "_") or "all"
+        tables.setdefault(table, []).append({"split": split, "path": pattern})
+    configs = [{"config_name": table, "data_files": files} for table, files in tables.items()]
+    front = {**_name_licence(manifest), "configs": configs}
+    return f"---\n{yaml.safe_dump(front, sort_keys=False)}---\n"
+
+
+def _name_licence(manifest: Manifest) -> dict[str, str]:
+    """Return the licence as the front matter names it: SPDX in lower case, or `other` by name."""
+    terms = find_terms(manifest.source.kind)
+    if terms is None:
+        return {"license": "unknown"}
+    if terms.licence.startswith(LICENCE_REF):
+        return {"license": "other", "license_name": terms.licence.removeprefix(LICENCE_REF)}
+    return {"license": terms.licence.lower()}
 
 
 def _recipe_lines(manifest: Manifest) -> list[str]:

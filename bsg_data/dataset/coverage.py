@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
+from typing import get_args
 
 from bsg_data.dataset.shards import read_table
-from bsg_data.scene.class_map import ClassMap, is_nameless
+from bsg_data.scene.class_map import ClassMap, Role
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,24 +47,16 @@ class Coverage:
 def measure_coverage(dataset: Path, class_map: ClassMap, *, most: int = 20) -> Coverage:
     """Look every object of a dataset up in a class map, which may be another than its own."""
     names = read_table(dataset, "objects", columns=["raw_category"]).to_pandas()["raw_category"]
-    parts = dict.fromkeys(("classified", "structure", "nameless", "unmapped", "left_out"), 0)
-    left_out: dict[str, int] = {}
+    parts = dict.fromkeys(get_args(Role), 0)
+    left_out: Counter[str] = Counter()
     for name, count in names.value_counts().items():
-        part, category = _part_of(str(name), class_map)
-        parts[part] += int(count)
-        if part == "left_out":
-            left_out[category] = left_out.get(category, 0) + int(count)
+        known = class_map.classify(str(name))
+        parts[known.role] += int(count)
+        if known.role == "left-out":
+            left_out[str(known.category)] += int(count)
     ranked = sorted(left_out.items(), key=lambda item: (-item[1], item[0]))
-    return Coverage(objects=len(names), **parts, most_left_out=tuple(ranked[:most]))
-
-
-def _part_of(name: str, class_map: ClassMap) -> tuple[str, str]:
-    entry = class_map.lookup(name)
-    category = entry.category if entry else name
-    if entry is not None and entry.class_index is not None:
-        return "classified", category
-    if is_nameless(category):
-        return "nameless", category
-    if entry is None:
-        return "unmapped", category
-    return ("structure" if category in class_map.structure else "left_out"), category
+    return Coverage(
+        objects=len(names),
+        **{role.replace("-", "_"): count for role, count in parts.items()},
+        most_left_out=tuple(ranked[:most]),
+    )

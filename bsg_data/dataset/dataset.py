@@ -206,3 +206,16 @@ def _number_categories(column: pa.ChunkedArray) -> tuple[Ints, tuple[str, ...]]:
     numbers = np.array([number[name] for name in given], dtype=np.int64)
     rows = numbers[encoded.indices.to_numpy()] if len(encoded) else np.zeros(0, dtype=np.int64)
     return rows, names
+
+
+def read_cells(dataset: Path) -> dict[str, Counts]:
+    """Return the cells `[1 + R, C]` of every scene of a dataset, in the order of the scenes."""
+    data = Dataset.open(dataset)
+    return {scene_id: data.cells(scene_id) for scene_id in data.scene_ids}
+
+
+def read_adjacency(dataset: Path) -> dict[str, list[tuple[int, int]]]:
+    """Return the pairs of adjacent rooms of every scene that has any."""
+    data = Dataset.open(dataset)
+    pairs = {scene_id: data.connections(scene_id).pairs.tolist() for scene_id in data.scene_ids}
+    return {scene_id: [(a, b) for a, b in own] for scene_id, own in pairs.items() if own}

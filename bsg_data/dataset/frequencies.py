@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from bsg_data.dataset.histograms import read_cells
-from bsg_data.dataset.manifest import read_manifest
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import BSGError
 
 
@@ -17,13 +16,13 @@ def count_frequencies(dataset: Path) -> pd.DataFrame:
 
     Columns: `class`, `instances`, `rooms` and `scenes` that hold one.
     """
-    manifest = read_manifest(dataset)
-    cells = list(read_cells(dataset, manifest=manifest).values())
+    data = Dataset.open(dataset)
+    cells = [data.cells(scene_id) for scene_id in data.scene_ids]
     every = np.concatenate(cells)
     rooms = np.concatenate([c[1:] for c in cells])
     frame = pd.DataFrame(
         {
-            "class": manifest.class_map.classes,
+            "class": data.manifest.class_map.classes,
             "instances": every.sum(axis=0),
             "rooms": (rooms > 0).sum(axis=0),
             "scenes": np.stack([(c.sum(axis=0) > 0) for c in cells]).sum(axis=0),

@@ -12,13 +12,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from bsg_data.geometry.passages import THRESHOLD, choose_pairs, score_pairs
 from bsg_data.geometry.placement import STAIRS
 from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph, SceneObject
-
-Floats = npt.NDArray[np.float64]
 
 # Corrected categories.
 DOORS = frozenset(
@@ -56,7 +53,7 @@ def connect_rooms(graph: SceneGraph) -> SceneGraph:
     pairs, probability = score_pairs(boxes)
     threshold = _SURE if "door" in seen.values() else THRESHOLD
     kept = choose_pairs(pairs, probability, rooms=len(placed), known=seen, threshold=threshold)
-    found = {(int(a), int(b)): "boxes" for a, b in pairs[kept]} | seen
+    methods = {(int(a), int(b)): "boxes" for a, b in pairs[kept]} | seen
     edges = [
         Edge(
             placed[a].room_index,
@@ -65,7 +62,7 @@ def connect_rooms(graph: SceneGraph) -> SceneGraph:
             method,
             measure_distance(placed[a], placed[b]),
         )
-        for (a, b), method in sorted(found.items())
+        for (a, b), method in sorted(methods.items())
     ]
     return replace(graph, adjacency=tuple(edges))
 
@@ -135,29 +132,7 @@ def _share_height(one: Box, other: Box) -> float:
 
 def _gap(box: Box, room: Room) -> float:
     """Return the metres from above between a box and the footprint of a room, 0 where they meet."""
+    import shapely  # here: importing shapely is slow
+
     (a, b, _), (c, d, _) = box.minimum, box.maximum
-    return separate(np.array([[a, b], [c, b], [c, d], [a, d]]), np.array(room.footprint))
-
-
-def separate(one: Floats, other: Floats) -> float:
-    """Return the distance of two convex polygons `[P, 2]` and `[Q, 2]`; 0 where they meet."""
-    if _overlap(one, other) and _overlap(other, one):
-        return 0.0
-    return min(_to_edges(one, other), _to_edges(other, one))
-
-
-def _overlap(one: Floats, other: Floats) -> bool:
-    """Say that no side of the first polygon separates the two."""
-    sides = np.roll(one, -1, axis=0) - one
-    normals = np.stack([sides[:, 1], -sides[:, 0]], axis=1)
-    first, second = normals @ one.T, normals @ other.T
-    return bool(((first.min(1) <= second.max(1)) & (second.min(1) <= first.max(1))).all())
-
-
-def _to_edges(points: Floats, polygon: Floats) -> float:
-    """Return the least distance of points `[P, 2]` to the sides of a polygon `[Q, 2]`."""
-    sides = np.roll(polygon, -1, axis=0) - polygon
-    length = np.maximum((sides**2).sum(axis=1), 1e-18)
-    away = points[:, None] - polygon
-    share = np.clip((away * sides).sum(axis=2) / length, 0, 1)
-    return float(np.linalg.norm(away - share[..., None] * sides, axis=2).min())
+    return float(shapely.distance(shapely.box(a, b, c, d), shapely.Polygon(room.footprint)))

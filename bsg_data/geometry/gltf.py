@@ -1,8 +1,9 @@
 """Read a binary glTF file (GLB) into coloured triangle meshes, through trimesh.
 
 The header is checked first: a file that is cut off, points outside itself or asks for far more than
-a building needs is refused with the reason before anything of it is unpacked. trimesh then reads
-it with one mesh a primitive: `merge_primitives` would drop the textures.
+a building needs is refused with the reason before anything of it is unpacked; so is what trimesh
+would misread in silence. What it, NumPy or json refuse by themselves is left to them. trimesh reads
+the file with one mesh a primitive: `merge_primitives` would drop the textures.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ MAX_TEXELS = 2**30
 MAX_NODES = 20_000
 MAX_DEPTH = 64
 MAX_REPEATS = 1e5  # of a texture
-_MAGIC, _JSON, _BIN = b"glTF", b"JSON", b"BIN\0"
+_MAGIC, _BIN = b"glTF", b"BIN\0"
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _REPEAT, _CLAMP = 10497, 33071
 # What an attribute must be: its types, and the types of its numbers (signed ones and unsigned).
@@ -153,12 +154,12 @@ def _part(mesh: Any, matrix: Floats, path: Path, *, clamped: bool) -> MeshPart:
 
 def _vertex_colours(mesh: Any, path: Path) -> npt.NDArray[np.uint8] | None:
     if mesh.visual.kind == "vertex":
-        found = mesh.visual.vertex_colors
+        given = mesh.visual.vertex_colors
     else:
-        found = getattr(mesh.visual, "vertex_attributes", {}).get("color")
-    if found is None:
+        given = getattr(mesh.visual, "vertex_attributes", {}).get("color")
+    if given is None:
         return None
-    colours = np.asarray(found)
+    colours = np.asarray(given)
     if colours.dtype.kind == "f":
         colours = np.round(np.clip(colours, 0, 1) * 255)
     elif colours.dtype == np.uint16:
@@ -178,20 +179,13 @@ def _read_header(file: IO[bytes], path: Path) -> dict[str, Any]:
     head = file.read(20)
     if len(head) < 20 or head[:4] != _MAGIC:
         raise MeshError(f"{path}: expected a GLB, which begins with 'glTF', found {head[:4]!r}")
-    version, length, text_length = struct.unpack("<III", head[4:16])
-    if version != 2 or head[16:20] != _JSON:
-        raise MeshError(f"{path}: expected glTF 2 with a JSON chunk first, found version {version}")
+    _, length, text_length = struct.unpack("<III", head[4:16])
     if length != size:
         what = "is cut off" if length > size else "goes on after its end"
         raise MeshError(f"{path}: {what}: it says {length:,} bytes and has {size:,}")
     if text_length > min(size - 20, MAX_JSON):
         raise MeshError(f"{path}: its JSON says {text_length:,} bytes, which cannot be")
-    try:
-        tree = json.loads(file.read(text_length))
-    except (ValueError, RecursionError) as error:
-        raise MeshError(f"{path}: its JSON is damaged ({str(error)[:100]})") from error
-    if not isinstance(tree, dict):
-        raise MeshError(f"{path}: its JSON is no object")
+    tree: dict[str, Any] = json.loads(file.read(text_length))
     rest = file.read(8)
     binary, kind = struct.unpack("<I4s", rest) if len(rest) == 8 else (0, _BIN)
     if kind != _BIN or binary > size - file.tell():
@@ -212,19 +206,16 @@ def _check_tree(tree: dict[str, Any], file: IO[bytes], path: Path) -> None:
     used = {str(name) for name in tree.get("extensionsRequired", [])} & set(_COMPRESSED)
     if used:
         raise MeshError(f"{path}: is compressed by {min(used)}, which this program does not read")
-    try:
-        sizes = _check_accessors(tree, path)
-        counts = [
-            _check_primitives(mesh, number, tree, sizes, path)
-            for number, mesh in enumerate(tree.get("meshes", []))
-        ]
-        if not sum(faces for faces, _ in counts):
-            raise MeshError(f"{path}: holds no triangle")
-        _check_load(counts, "holds", path)
-        _check_nodes(tree, counts, path)
-        _check_images(tree, file, path)
-    except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
-        raise MeshError(f"{path}: its JSON is no glTF ({type(error).__name__}: {error})") from error
+    sizes = _check_accessors(tree, path)
+    counts = [
+        _check_primitives(mesh, number, tree, sizes, path)
+        for number, mesh in enumerate(tree.get("meshes", []))
+    ]
+    if not sum(faces for faces, _ in counts):
+        raise MeshError(f"{path}: holds no triangle")
+    _check_load(counts, "holds", path)
+    _check_nodes(tree, counts, path)
+    _check_images(tree, file, path)
 
 
 def _check_accessors(tree: dict[str, Any], path: Path) -> list[int]:
@@ -264,8 +255,6 @@ def _check_primitives(
 ) -> tuple[int, int]:
     """Return the number of triangles and of vertices of a mesh."""
     faces = vertices = 0
-    if not mesh["primitives"]:
-        raise MeshError(f"{path}: mesh {number} has no primitive")
     for primitive in mesh["primitives"]:
         if _COMPRESSED[0] in primitive.get("extensions", {}):
             raise MeshError(f"{path}: is compressed by {_COMPRESSED[0]}, which is not read")
@@ -275,10 +264,6 @@ def _check_primitives(
         count = sizes[_index(used["POSITION"], sizes)]
         for name, accessor in used.items():
             _check_kind(name, tree["accessors"][_index(accessor, sizes)], number, path)
-            if name != "indices" and sizes[accessor] != count:
-                raise MeshError(
-                    f"{path}: mesh {number} has {count:,} vertices, {sizes[accessor]:,} {name}"
-                )
         if "material" in primitive:
             _index(primitive["material"], tree.get("materials", []))
         corners = sizes[used["indices"]] if "indices" in used else count
@@ -380,10 +365,8 @@ def _check_images(tree: dict[str, Any], file: IO[bytes], path: Path) -> None:
 
 def _image_size(data: bytes, what: str) -> tuple[int, int]:
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # our limit is lower
-            return Image.open(io.BytesIO(data), formats=("PNG", "JPEG")).size
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        return Image.open(io.BytesIO(data), formats=("PNG", "JPEG")).size
+    except OSError as error:  # its text has an address in memory: no build would repeat it
         raise MeshError(f"{what} is no readable PNG ({type(error).__name__})") from error
 
 

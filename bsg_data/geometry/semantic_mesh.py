@@ -150,9 +150,9 @@ class _Palette:
         labels = np.empty(pixels.shape, dtype=np.uint16)
         for row in range(0, len(pixels), 512):  # indexing needs eight bytes a texel
             codes = pixels[row : row + 512] & 0xFFFFFF
-            found = np.take(self._labels, codes)
-            self._unlisted[codes[found == UNLISTED]] = True
-            labels[row : row + 512] = found
+            looked_up = np.take(self._labels, codes)
+            self._unlisted[codes[looked_up == UNLISTED]] = True
+            labels[row : row + 512] = looked_up
         return labels
 
     def label_vertices(self, colours: npt.NDArray[np.uint8]) -> Labels:
@@ -527,8 +527,8 @@ def _label_faces(
         beyond |= last > size
         bounds += [first, np.minimum(last, size)]
     top, below, left, right = bounds
-    found = changes[below, right] - changes[top, right] - changes[below, left] + changes[top, left]
-    return sheet[top, left], beyond | (found > 0)
+    inside = changes[below, right] - changes[top, right] - changes[below, left] + changes[top, left]
+    return sheet[top, left], beyond | (inside > 0)
 
 
 def _centroids(n: int, start: int, stop: int) -> Floats:

@@ -13,8 +13,15 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from bsg_data.arrays import Counts
-from bsg_data.dataset.histograms import read_adjacency, read_cells, to_histograms
-from bsg_data.dataset.manifest import ClassMapEntry, FileEntry, Manifest, read_manifest
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.dataset.histograms import to_histograms
+from bsg_data.dataset.manifest import (
+    ClassMapEntry,
+    FileEntry,
+    Manifest,
+    hash_manifest,
+    read_manifest,
+)
 from bsg_data.dataset.publication import publish, withdraw_pairs
 from bsg_data.dataset.schema import pairs_schema
 from bsg_data.dataset.shards import describe_file, open_parquet, read_file
@@ -38,7 +45,7 @@ class _PairFile:
     path: str
     scenes: tuple[str, ...]
     cells: tuple[Counts, ...]
-    adjacency: tuple[tuple[tuple[int, int], ...], ...]
+    connections: tuple[Connections, ...]
 
 
 def sample_pairs(
@@ -46,7 +53,7 @@ def sample_pairs(
     recipe: PairsRecipe,
     *,
     scene_id: str,
-    adjacent: tuple[tuple[int, int], ...] = (),
+    connections: Connections | None = None,
 ) -> tuple[npt.NDArray[np.bool_], Counts]:
     """Draw all masks of one building.
 
@@ -54,12 +61,11 @@ def sample_pairs(
         cells: `[N, C]` classified objects, row 0 the null region.
         recipe: the mask, and the number of draws D.
         scene_id: of the building.
-        adjacent: pairs of room indices.
+        connections: between the rooms; None where none is known.
 
     Returns:
         visited `[D, N]` and input histograms `[D, N, C]`, row 0 the building.
     """
-    connections = Connections.of_pairs(adjacent)
     visited = np.empty((recipe.draws, len(cells)), dtype=bool)
     inputs = np.empty((recipe.draws, *cells.shape), dtype=np.int64)
     for draw in range(recipe.draws):
@@ -137,22 +143,21 @@ def split_of_file(path: str) -> str:
 def _plan(
     dataset: Path, splits: dict[str, tuple[str, ...]], manifest: Manifest
 ) -> Iterator[_PairFile]:
-    cells = read_cells(dataset, manifest=manifest)
-    adjacency = read_adjacency(dataset, manifest=manifest)
+    data = Dataset(dataset, manifest, hash_manifest(dataset))
     for split, scenes in splits.items():
         for number, start in enumerate(range(0, len(scenes), SCENES_PER_FILE)):
             some = scenes[start : start + SCENES_PER_FILE]
-            missing = [scene for scene in some if scene not in cells]
+            missing = [scene for scene in some if scene not in data]
             if missing:
                 raise DatasetError(f"{dataset}: splits name {missing[0]}, which is no scene of it")
             for scene in some:
-                if cells[scene].sum(axis=0).max(initial=0) > _MOST:
+                if data.cells(scene).sum(axis=0).max(initial=0) > _MOST:
                     raise RecipeError(f"{scene}: more than {_MOST} objects of one class")
             yield _PairFile(
                 path=f"pairs/{split}-{number:05d}.parquet",
                 scenes=some,
-                cells=tuple(cells[scene] for scene in some),
-                adjacency=tuple(tuple(adjacency.get(scene, ())) for scene in some),
+                cells=tuple(data.cells(scene) for scene in some),
+                connections=tuple(data.connections(scene) for scene in some),
             )
 
 
@@ -169,8 +174,10 @@ def _write_file(
         pairs=recipe.model_dump_json(),
     ) as writer:
         waiting: list[pa.RecordBatch] = []
-        for scene, cells, adjacent in zip(file.scenes, file.cells, file.adjacency, strict=True):
-            waiting.append(_scene_batch(scene, cells, adjacent, recipe=recipe, schema=schema))
+        for scene, cells, connections in zip(
+            file.scenes, file.cells, file.connections, strict=True
+        ):
+            waiting.append(_scene_batch(scene, cells, connections, recipe=recipe, schema=schema))
             rows += waiting[-1].num_rows
             if sum(batch.num_rows for batch in waiting) >= ROWS_PER_GROUP:
                 writer.write_table(pa.Table.from_batches(waiting, writer.schema))
@@ -183,12 +190,12 @@ def _write_file(
 def _scene_batch(
     scene: str,
     cells: Counts,
-    adjacent: tuple[tuple[int, int], ...],
+    connections: Connections,
     *,
     recipe: PairsRecipe,
     schema: pa.Schema,
 ) -> pa.RecordBatch:
-    visited, inputs = sample_pairs(cells, recipe, scene_id=scene, adjacent=adjacent)
+    visited, inputs = sample_pairs(cells, recipe, scene_id=scene, connections=connections)
     draws, nodes, _ = inputs.shape
     targets = np.broadcast_to(to_histograms(cells), inputs.shape)
     return pa.RecordBatch.from_arrays(

@@ -288,7 +288,5 @@ def _count(graph: SceneGraph, classes: int) -> tuple[Counts, Counts, list[int]]:
 
 def classify(raw_category: str, class_map: ClassMap) -> tuple[str | None, int | None]:
     """Return the corrected name and the class of a spelling, None where the map has none."""
-    entry = class_map.lookup(raw_category)
-    if entry is None:
-        return ("unknown" if is_nameless(raw_category) else None), None
-    return entry.category, entry.class_index
+    known = class_map.classify(raw_category)
+    return known.category, known.class_index

@@ -17,11 +17,14 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
+from typing import Literal
 
 from bsg_data.errors import ClassMapError
 
 DEFAULT_CLASS_MAP = "hm3d45-v1"
 MAX_CLASSES = 256  # the objects table has the index in a byte
+UNKNOWN = "unknown"  # the category of a nameless object
+Role = Literal["classified", "left-out", "structure", "nameless", "unmapped"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +38,23 @@ class MapEntry:
 
     category: str
     class_index: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Classified:
+    """What an annotated name comes to under a class map.
+
+    Attributes:
+        category: the corrected name, `unknown` for a nameless one; None for an unmapped name.
+        class_index: its class, or None outside the classes.
+        role: `classified` with a class; `left-out`, an object outside the classes; `structure`,
+            a part of the building; `nameless`, blank or `unknown`; `unmapped`, a name that the map
+            does not have.
+    """
+
+    category: str | None
+    class_index: int | None
+    role: Role
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +84,21 @@ class ClassMap:
         entry = self.entries.get(name)
         return entry if entry is not None else self.normalised.get(normalise_name(name))
 
+    def classify(self, name: str) -> Classified:
+        """Return what an annotated name comes to: the one rule from a name to a class."""
+        entry = self.lookup(name)
+        if entry is None:
+            nameless = is_nameless(name)
+            return Classified(UNKNOWN, None, "nameless") if nameless else _UNMAPPED
+        role: Role = "left-out"
+        if entry.class_index is not None:
+            role = "classified"
+        elif is_nameless(entry.category):
+            role = "nameless"
+        elif entry.category in self.structure:
+            role = "structure"
+        return Classified(entry.category, entry.class_index, role)
+
     def nearest(self, name: str, *, count: int = 3) -> tuple[str, ...]:
         """Return the known spellings most like `name`, best first."""
         return tuple(difflib.get_close_matches(normalise_name(name), self.normalised, n=count))
@@ -81,6 +116,9 @@ class ClassMap:
         raise ClassMapError(f"{name!r} is not a class of {self.version}{hint}")
 
 
+_UNMAPPED = Classified(None, None, "unmapped")
+
+
 def normalise_name(name: str) -> str:
     """Return `name` as NFC, casefolded, trimmed, runs of white space as one space.
 
@@ -96,7 +134,7 @@ def is_nameless(name: str) -> bool:
     >>> is_nameless(" Unknown/remove")
     True
     """
-    return normalise_name(name).split("/")[0].strip() in ("", "unknown")
+    return normalise_name(name).split("/")[0].strip() in ("", UNKNOWN)
 
 
 def list_class_maps() -> tuple[str, ...]:
@@ -210,10 +248,10 @@ def _parse_spellings(
 def _rows(file: str, data: bytes, header: tuple[str, ...]) -> list[tuple[int, list[str]]]:
     try:
         reader = csv.reader(io.StringIO(data.decode("utf-8-sig"), newline=""), strict=True)
-        found = next(reader, [])
-        if tuple(found) != header:
+        first = next(reader, [])
+        if tuple(first) != header:
             raise ClassMapError(
-                f"{file}, line 1: expected {','.join(header)}, found {','.join(found)!r}"
+                f"{file}, line 1: expected {','.join(header)}, found {','.join(first)!r}"
             )
         rows = [(reader.line_num, row) for row in reader]
     except UnicodeDecodeError as error:

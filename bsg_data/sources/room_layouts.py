@@ -23,14 +23,8 @@ from bsg_data.geometry.placement import find_storeys
 from bsg_data.recipes import name_fault
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph
-from bsg_data.sources.hm3d import (
-    FoundScenes,
-    Reading,
-    SceneRef,
-    SkippedScene,
-    Source,
-    building_hash,
-)
+from bsg_data.scene.scene_id import building_hash
+from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SkippedScene, Source
 
 MAX_BYTES = 2**20  # the largest real layout is 20 kB
 MAX_METRES = 10_000.0
@@ -113,7 +107,7 @@ def read_layout(path: Path) -> RoomLayout:
     try:
         if path.stat().st_size > MAX_BYTES:
             raise LayoutError(f"{path}: more than {MAX_BYTES:,} bytes: no layout of a building")
-        found = _Layout.model_validate(yaml.load(path.read_bytes(), _Loader))  # noqa: S506
+        parsed = _Layout.model_validate(yaml.load(path.read_bytes(), _Loader))  # noqa: S506
     except OSError as error:
         raise LayoutError(f"{path}: cannot be read ({error.strerror})") from error
     except ValidationError as error:
@@ -121,18 +115,18 @@ def read_layout(path: Path) -> RoomLayout:
     except (yaml.YAMLError, ValueError, TypeError, RecursionError) as error:
         raise LayoutError(f"{path}: no YAML ({' '.join(str(error).split())[:200]})") from error
     rooms = {}
-    for name, room in found.rooms.items():
+    for name, room in parsed.rooms.items():
         match = _NAME.fullmatch(name)
         if match is None:
             raise LayoutError(f"{path}: rooms.{name}: expected a name like room_1")
         rooms[int(match[1])] = (room.label, _box(room))
-    for pair in found.connections:
+    for pair in parsed.connections:
         for number in pair:
             if number not in rooms:
                 raise LayoutError(f"{path}: connections: room_{number} is not among its rooms")
         if pair[0] == pair[1]:
             raise LayoutError(f"{path}: connections: room_{pair[0]} with itself")
-    pairs = {(min(pair), max(pair)) for pair in found.connections}
+    pairs = {(min(pair), max(pair)) for pair in parsed.connections}
     return RoomLayout(rooms, tuple(sorted(pairs)))
 
 
@@ -230,23 +224,23 @@ class WithLayouts:
         """
         if not self.folder.is_dir():
             raise SourceError(f"{self.folder}: no such folder of room layouts")
-        found = self.source.find()
+        own = self.source.find()
         files = sorted(self.folder.glob("*.yaml"))
-        scenes = tuple(self._refer(ref) for ref in found.scenes)
-        used = {path for ref in found.scenes if (path := self._layout_of(ref)) is not None}
+        scenes = tuple(self._refer(ref) for ref in own.scenes)
+        used = {path for ref in own.scenes if (path := self._layout_of(ref)) is not None}
         if not files:
             raise SourceError(f"{self.folder}: holds no .yaml file")
         if not used:
             raise SourceError(
                 f"{self.folder}: none of its {len(files)} layouts belongs to a scene of "
-                f"{self.source.path}; expected names like {found.scenes[0].scene_id}.yaml"
+                f"{self.source.path}; expected names like {own.scenes[0].scene_id}.yaml"
             )
         unused = tuple(
             SkippedScene(path.stem, path.name, "a room layout of no scene of the source")
             for path in files
             if path not in used
         )
-        return replace(found, scenes=scenes, unused=unused)
+        return replace(own, scenes=scenes, unused=unused)
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read a scene, then its layout; one that cannot be used is left out with the reason."""

@@ -156,33 +156,33 @@ def _divide(whole: Rectangle, rooms: int, rng: np.random.Generator) -> list[Rect
     hall = whole.cut(1, whole.low[1] + low, whole.low[1] + high)
     near, far = (rooms - 1) // 2, (rooms - 1) - (rooms - 1) // 2
     sides = (whole.cut(1, whole.low[1], hall.low[1]), whole.cut(1, hall.high[1], whole.high[1]))
-    found = [hall]
+    rectangles = [hall]
     for side, count in zip(sides, (near, far), strict=True):
         deep = side.sides()[1] > 4.5
         columns: list[int] = []
         while sum(columns) < count:
             pair = deep and count - sum(columns) > 1 and rng.random() < 0.35
             columns.append(2 if pair else 1)
-        found += _columns(side, columns, rng)
-    return found
+        rectangles += _columns(side, columns, rng)
+    return rectangles
 
 
 def _columns(whole: Rectangle, columns: list[int], rng: np.random.Generator) -> list[Rectangle]:
     """Cut a rectangle into columns of one room or of two, one behind the other."""
     shares = np.cumsum(rng.uniform(0.7, 1.3, len(columns)) * np.sqrt(columns))
     places = [_snap(place) for place in shares / shares[-1] * whole.sides()[0]]
-    found = []
+    rectangles = []
     for start, end, rooms in zip([0.0, *places[:-1]], places, columns, strict=True):
         column = whole.cut(0, whole.low[0] + start, whole.low[0] + end)
         middle = _snap(column.sides()[1] * rng.uniform(0.4, 0.6)) + column.low[1]
         if rooms == 1:
-            found.append(column)
+            rectangles.append(column)
         else:
-            found += [
+            rectangles += [
                 column.cut(1, column.low[1], middle),
                 column.cut(1, middle, column.high[1]),
             ]
-    return found
+    return rectangles
 
 
 def _draw_doorways(

@@ -333,14 +333,14 @@ def _flight(
     steps = 8
     size = np.array([*rectangle.sides(), 0.0])
     size[axis] /= steps
-    found = []
+    surfaces = []
     for step in range(steps):
         corner = np.array([*rectangle.low, plan.storeys[room] * STOREY])
         corner[axis] += step * size[axis]
         size[2] = STOREY * (step + 1) / steps
         edges = [np.round(place / texel) * texel for place in (corner, corner + size)]
-        found += _cuboid(room, edges[0], edges[1] - edges[0], label, texel)
-    return found
+        surfaces += _cuboid(room, edges[0], edges[1] - edges[0], label, texel)
+    return surfaces
 
 
 def _paint_strips(surfaces: list[Surface], labels: list[int]) -> None:

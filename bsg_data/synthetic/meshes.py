@@ -277,12 +277,12 @@ def _add_texture(
 ) -> int:
     """Add a page as a PNG, with a palette if it may and can; return its material."""
     places = labels % len(colours)  # labels below 0 count from the end
-    found = np.flatnonzero(np.bincount(places.ravel(), minlength=len(colours)))
-    if palette and len(found) <= 256:
+    used = np.flatnonzero(np.bincount(places.ravel(), minlength=len(colours)))
+    if palette and len(used) <= 256:
         rank = np.zeros(len(colours), dtype=np.uint8)
-        rank[found] = np.arange(len(found))
+        rank[used] = np.arange(len(used))
         image = Image.fromarray(rank[places], mode="P")
-        image.putpalette(colours[found].tobytes())
+        image.putpalette(colours[used].tobytes())
     else:
         image = Image.fromarray(colours[places])
     file = io.BytesIO()

@@ -5,33 +5,48 @@ The file is fitted on HM3D by `scripts/fit_synthetic_rates.py` and holds aggrega
 
 from __future__ import annotations
 
-import json
-from dataclasses import dataclass, fields
 from importlib import resources
-from typing import Any
+from typing import Annotated, Literal, Self
 
-import numpy as np
+from pydantic import AfterValidator, ConfigDict, Field, ValidationError, model_validator
 
 from bsg_data.errors import RecipeError
+from bsg_data.recipes import Record, name_fault
 
 RATES_FILE = "rates.json"
-RATES_VERSION = 1
-
-Vector = tuple[float, ...]
 
 
 class SyntheticError(RecipeError, ValueError):
     """Report buildings that cannot be drawn as asked, or rates that are malformed."""
 
 
-@dataclass(frozen=True, slots=True)
-class SyntheticRates:
+def _require_some(weights: tuple[float, ...]) -> tuple[float, ...]:
+    if not any(weights):
+        raise ValueError("expected weights that are not all 0")
+    return weights
+
+
+def _require_one(spellings: tuple[tuple[str, float], ...]) -> tuple[tuple[str, float], ...]:
+    _require_some(tuple(weight for _, weight in spellings))
+    return spellings
+
+
+Share = Annotated[float, Field(ge=0, le=1)]
+Spread = Annotated[float, Field(ge=1e-6, allow_inf_nan=False)]
+Weight = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Weights = Annotated[tuple[Weight, ...], AfterValidator(_require_some)]
+Spelling = tuple[Annotated[str, Field(pattern=r'^[^"\n]*$')], Weight]  # quoted, on one line
+Spellings = Annotated[tuple[Spelling, ...], AfterValidator(_require_one)]
+
+
+class SyntheticRates(Record):
     """What synthetic buildings are drawn from: K room types, C named categories and the rare ones.
 
     Vectors `[C + 1]` end with all rare categories together. Spreads are variances of gamma factors
-    of mean 1. Raises SyntheticError for a field of the wrong shape or out of range, naming it.
+    of mean 1.
 
     Attributes:
+        version: of the file's layout.
         categories: corrected names `[C]`.
         order: mean place of a category in the list of its room, 0 first and 1 last `[C + 1]`.
         regularity: share of the mean count that neither varies nor grows `[C + 1]`.
@@ -54,79 +69,44 @@ class SyntheticRates:
         null_region: probability that some instances are in region -1.
     """
 
-    categories: tuple[str, ...]
-    order: Vector
-    regularity: Vector
-    structure: tuple[int, ...]
-    style: Vector
-    burst: Vector
-    richness: Vector
-    sizes: Vector
-    growth: float
-    rates: tuple[Vector, ...]
-    rooms: Vector
-    bins: tuple[tuple[int, tuple[Vector, ...]], ...]
-    spellings: tuple[tuple[tuple[str, float], ...], ...]
-    novelty: Vector
-    starts_at_one: float
-    gap: float
-    stray: float
-    shuffled: float
-    null_region: float
+    model_config = ConfigDict(extra="ignore", strict=True)
 
-    def __post_init__(self) -> None:
-        names, types = (len(self.categories),), (len(self.sizes),)
-        wide = (len(self.categories) + 1,)
-        for name in ("style", "burst"):
-            _check(name, getattr(self, name), wide, least=1e-6)
-        for name in ("order", "regularity", "structure"):
-            _check(name, getattr(self, name), wide, most=1)
-        for name in ("richness", "novelty"):
-            _check(name, getattr(self, name), (2,), least=1e-6)
-        for name in ("growth", "starts_at_one", "gap", "shuffled", "null_region"):
-            _check(name, getattr(self, name), (), most=1)
-        _check("stray", self.stray, ())
-        _check("sizes", self.sizes, types, least=1e-6)
-        _check("rates", self.rates, types + wide, some=True)
-        _check("rooms", self.rooms, (len(self.rooms),), some=True)
-        for _, counts in self.bins:
-            for weights in counts:
-                _check("bins", weights, (len(weights),), some=True)
-        for known in self.spellings:
-            _check("spellings", [weight for _, weight in known], (len(known),), some=True)
-            if any('"' in raw or "\n" in raw for raw, _ in known):
-                raise _malformed("spellings", "no quotes and no line ends")
-        if not len(set(self.categories)) == len(self.spellings) == names[0] > 0:
-            raise _malformed("categories", "distinct names, with spellings for each")
-        if not self.bins or any(len(counts) != types[0] for _, counts in self.bins):
-            raise _malformed("bins", f"weights for {types[0]} types in each")
+    version: Literal[1]
+    categories: Annotated[tuple[str, ...], Field(min_length=1)]
+    order: tuple[Share, ...]
+    regularity: tuple[Share, ...]
+    structure: tuple[Literal[0, 1], ...]
+    style: tuple[Spread, ...]
+    burst: tuple[Spread, ...]
+    richness: tuple[Spread, Spread]
+    sizes: Annotated[tuple[Spread, ...], Field(min_length=1)]
+    growth: Share
+    rates: tuple[Weights, ...]
+    rooms: Weights
+    bins: Annotated[tuple[tuple[int, tuple[Weights, ...]], ...], Field(min_length=1)]
+    spellings: tuple[Spellings, ...]
+    novelty: tuple[Spread, Spread]
+    starts_at_one: Share
+    gap: Share
+    stray: Weight
+    shuffled: Share
+    null_region: Share
+
+    @model_validator(mode="after")
+    def _check_sizes(self) -> Self:
+        types, names = len(self.sizes), len(set(self.categories))
+        sizes = {"categories": names, "spellings": names, "rates": types}
+        wide = dict.fromkeys(("order", "regularity", "structure", "style", "burst"), names + 1)
+        for field, size in (sizes | wide).items():
+            if len(getattr(self, field)) != size:
+                raise ValueError(f"{field}: expected {size} entries, each once")
+        if any(len(means) != names + 1 for means in self.rates):
+            raise ValueError(f"rates: expected {names + 1} means a type")
+        if any(len(weights) != types for _, weights in self.bins):
+            raise ValueError(f"bins: expected weights for {types} types in each")
         if self.rooms[0] or self.bins[-1][0] < len(self.rooms) - 1:
-            raise _malformed("rooms", "no building without rooms, and every number in a bin")
-
-
-def _malformed(name: str, expected: str) -> SyntheticError:
-    return SyntheticError(f"{RATES_FILE}: {name}: expected {expected}")
-
-
-def _check(
-    name: str,
-    values: object,
-    shape: tuple[int, ...],
-    *,
-    least: float = 0,
-    most: float = float("inf"),
-    some: bool = False,
-) -> None:
-    """Raise unless the values are finite numbers of this shape and range, `some` of a row not 0."""
-    try:
-        array = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        array = np.full(shape, np.nan)
-    right = array.shape == shape and array.size > 0 and np.isfinite(array).all()
-    if not right or array.min() < least or array.max() > most:
-        raise _malformed(name, f"numbers of shape {list(shape)} from {least:g} to {most:g}")
-    if some and not array.any(axis=-1).all():
-        raise _malformed(name, "not all 0")
+            raise ValueError("rooms: expected none of 0 rooms, and every number in a bin")
+        return self
 
 
 def load_rates() -> SyntheticRates:
@@ -138,22 +118,6 @@ def load_rates() -> SyntheticRates:
 def parse_rates(text: str) -> SyntheticRates:
     """Parse the text of a rates file; raise SyntheticError naming the field that is malformed."""
     try:
-        data = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise SyntheticError(f"{RATES_FILE}: not JSON ({error})") from error
-    if not isinstance(data, dict) or data.get("version") != RATES_VERSION:
-        raise _malformed("version", str(RATES_VERSION))
-    names = [one.name for one in fields(SyntheticRates)]
-    missing = [name for name in names if name not in data]
-    if missing:
-        raise _malformed(missing[0], "a value, found none")
-    try:
-        return SyntheticRates(**{name: _frozen(data[name]) for name in names})
-    except SyntheticError:
-        raise
-    except (TypeError, ValueError) as error:
-        raise SyntheticError(f"{RATES_FILE}: a field is of the wrong shape ({error})") from error
-
-
-def _frozen(value: Any) -> Any:
-    return tuple(_frozen(one) for one in value) if isinstance(value, list) else value
+        return SyntheticRates.model_validate_json(text)
+    except ValidationError as error:
+        raise SyntheticError(f"{RATES_FILE}: {name_fault(error)}") from error

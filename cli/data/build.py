@@ -18,11 +18,19 @@ from bsg_cli.options import (
 )
 from bsg_cli.terminal import Command, print_json, print_note, progress_bar, worker_pool
 from bsg_data.errors import BSGError
+from bsg_data.sources.catalogue import SOURCES
 
 
 @click.command("build", cls=Command)
 @click.option("--hm3d", type=PATH, help="Folder above HM3D's annotations.")
 @click.option("--hm3d-stats", type=PATH, help="The public HM3DSem-*.zip.")
+@click.option(
+    "--source",
+    "named",
+    type=(str, PATH),
+    metavar="NAME PATH",
+    help=f"Any source by its name: {', '.join(SOURCES)}.",
+)
 @click.option(
     "--meshes/--no-meshes",
     default=True,
@@ -50,6 +58,7 @@ from bsg_data.errors import BSGError
 def command(
     hm3d: Path | None,
     hm3d_stats: Path | None,
+    named: tuple[str, Path] | None,
     meshes: bool,
     snap_colours: int | None,
     room_layouts: Path | None,
@@ -69,7 +78,7 @@ def command(
       bsg-data build --hm3d buildings --out dataset
       bsg-data build --hm3d buildings --no-meshes --room-layouts layouts --out dataset
     """
-    source = _choose_source(hm3d, hm3d_stats, meshes=meshes, snap_colours=snap_colours)
+    source = _choose_source(hm3d, hm3d_stats, named, meshes=meshes, snap_colours=snap_colours)
     if room_layouts is not None:
         source = bsg_data.WithLayouts(source, room_layouts)
     try:
@@ -96,14 +105,26 @@ def command(
 
 
 def _choose_source(
-    hm3d: Path | None, hm3d_stats: Path | None, *, meshes: bool, snap_colours: int | None
+    hm3d: Path | None,
+    hm3d_stats: Path | None,
+    named: tuple[str, Path] | None,
+    *,
+    meshes: bool,
+    snap_colours: int | None,
 ) -> bsg_data.Source:
-    if (hm3d is None) == (hm3d_stats is None):
-        raise click.UsageError("give one source: --hm3d PATH or --hm3d-stats ZIP")
+    """Return the one source that the options name; `--hm3d PATH` is `--source hm3d PATH`."""
+    given = [("hm3d", hm3d), ("hm3d-stats", hm3d_stats), *([named] if named else [])]
+    sources = [(name, path) for name, path in given if path is not None]
+    if len(sources) != 1:
+        raise click.UsageError(
+            "give one source: --hm3d PATH, --hm3d-stats ZIP or --source NAME PATH"
+        )
     if snap_colours is not None and not meshes:
         raise click.UsageError("--snap-colours is of meshes: it excludes --no-meshes")
-    if hm3d is not None:
-        return bsg_data.HM3DFolder(hm3d, meshes=meshes, snap_colours=snap_colours)
-    if snap_colours is not None or not meshes:
+    if named is None and hm3d is None and (snap_colours is not None or not meshes):
         raise click.UsageError("the statistics have no meshes: --snap-colours needs --hm3d")
-    return bsg_data.HM3DStatistics(Path(str(hm3d_stats)))
+    options: dict[str, object] = {} if meshes else {"meshes": False}
+    if snap_colours is not None:
+        options["snap_colours"] = snap_colours
+    (name, path) = sources[0]
+    return bsg_data.open_source(name, path, **options)

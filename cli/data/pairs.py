@@ -56,7 +56,7 @@ def command(
         )
     rows = sum(entry.rows for entry in manifest.files_of("pairs"))
     if mask == "frontier":
-        bare = manifest.totals.scenes - len(bsg_data.read_adjacency(dataset, manifest=manifest))
+        bare = manifest.totals.scenes - len(bsg_data.read_adjacency(dataset))
         if bare:
             print_note(
                 f"{bare:,} of {manifest.totals.scenes:,} scenes have no adjacency: there every "

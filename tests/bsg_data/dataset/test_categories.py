@@ -4,8 +4,8 @@ import doctest
 from pathlib import Path
 
 from bsg_data.dataset import categories as categories_module
-from bsg_data.dataset.categories import NO_CATEGORY, choose_vocabulary, read_others
-from bsg_data.dataset.histograms import read_cells
+from bsg_data.dataset.categories import NO_CATEGORY, choose_vocabulary
+from bsg_data.dataset.dataset import Dataset, read_cells
 from bsg_data.dataset.shards import read_table
 
 
@@ -15,7 +15,8 @@ def test_doctests() -> None:
 
 
 def test_every_object_is_in_one_cell(dataset: Path) -> None:
-    cells, others = read_cells(dataset), read_others(dataset)
+    data = Dataset.open(dataset)
+    cells, others = read_cells(dataset), {scene: data.others(scene) for scene in data.scene_ids}
     assert cells.keys() == others.keys()
     number = sum(c.sum() for c in cells.values()) + sum(o.cells.sum() for o in others.values())
     assert number == len(read_table(dataset, "objects"))
@@ -26,7 +27,7 @@ def test_every_object_is_in_one_cell(dataset: Path) -> None:
 
 def test_the_cells_of_one_building_by_hand(dataset: Path) -> None:
     """Building 1: kitchen, bathroom, one bedroom, and two objects in no room."""
-    others = read_others(dataset)["00001-abcdefghi01"]
+    others = Dataset.open(dataset).others("00001-abcdefghi01")
     where = {name: others.cells[:, k].tolist() for k, name in enumerate(others.categories)}
     assert where["wall"] == [0, 1, 1, 1]
     assert where[NO_CATEGORY] == [0, 0, 2, 1]  # unknown and blank in the bathroom; zzqx thing
@@ -34,7 +35,8 @@ def test_the_cells_of_one_building_by_hand(dataset: Path) -> None:
 
 
 def test_a_vocabulary_is_what_enough_buildings_have(dataset: Path) -> None:
-    others = read_others(dataset).values()
+    data = Dataset.open(dataset)
+    others = [data.others(scene) for scene in data.scene_ids]
     everywhere = choose_vocabulary(others, min_scenes=12)
     assert "wall" in everywhere
     assert NO_CATEGORY not in everywhere

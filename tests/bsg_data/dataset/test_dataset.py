@@ -1,4 +1,4 @@
-"""An opened dataset: its tables by hand, beside the plain readers, and what it refuses."""
+"""An opened dataset: its tables by hand, beside a plain loop, and what it refuses."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import pytest
 from conftest import annotation_text, write_scene
 
 from bsg_data.build import build_dataset
-from bsg_data.dataset.categories import NO_CATEGORY, read_others
-from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.histograms import read_adjacency, read_cells
+from bsg_data.dataset.categories import NO_CATEGORY
+from bsg_data.dataset.dataset import Dataset, read_adjacency, read_cells
 from bsg_data.dataset.manifest import MANIFEST, hash_manifest, read_manifest
+from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.dataset.splits import read_splits, split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.recipes import SplitRecipe
-from bsg_data.scene.class_map import ClassMap
+from bsg_data.scene.class_map import ClassMap, is_nameless
 from bsg_data.scene.scene_graph import Edge, SceneGraph
 from bsg_data.sources.hm3d import HM3DFolder, SceneRef
 
@@ -101,11 +101,11 @@ def test_the_connections_of_an_estate_by_hand(estate: Dataset) -> None:
     assert estate.connection_methods == {"layout", "door", "stairs", "boxes"}
 
 
-def test_an_estate_is_what_the_plain_readers_say(estate: Dataset) -> None:
+def test_an_estate_is_what_a_plain_loop_counts(estate: Dataset) -> None:
     assert_alike(estate)
 
 
-def test_a_dataset_is_what_the_plain_readers_say(dataset: Path) -> None:
+def test_a_dataset_is_what_a_plain_loop_counts(dataset: Path) -> None:
     data = Dataset.open(dataset)
     assert_alike(data)
     assert data.connection_methods == frozenset()
@@ -117,17 +117,34 @@ def test_a_dataset_is_what_the_plain_readers_say(dataset: Path) -> None:
 
 
 def assert_alike(data: Dataset) -> None:
-    cells, others, adjacent = (
-        read(data.path) for read in (read_cells, read_others, read_adjacency)
-    )
-    assert list(data.scene_ids) == list(cells) == list(others)
-    for scene in data.scene_ids:
+    """Compare a dataset with a loop over the scene graphs that its shards hold."""
+    graphs = list(read_scene_graphs(data.path))
+    assert list(data.scene_ids) == [graph.scene_id for graph in graphs]
+    cells, adjacent = read_cells(data.path), read_adjacency(data.path)
+    for graph in graphs:
+        scene = graph.scene_id
         assert scene in data
-        np.testing.assert_array_equal(data.cells(scene), cells[scene])
-        assert data.others(scene).categories == others[scene].categories
-        np.testing.assert_array_equal(data.others(scene).cells, others[scene].cells)
-        pairs = [tuple(pair) for pair in data.connections(scene).pairs.tolist()]
-        assert pairs == adjacent.get(scene, [])
+        counted = np.zeros((1 + len(graph.rooms), 45), dtype=int)
+        others: dict[tuple[int, str], int] = {}
+        for obj in graph.objects:
+            if obj.class_index is not None:
+                counted[obj.room_index, obj.class_index] += 1
+                continue
+            nameless = obj.category is None or is_nameless(obj.category)
+            key = obj.room_index, NO_CATEGORY if nameless else str(obj.category)
+            others[key] = others.get(key, 0) + 1
+        np.testing.assert_array_equal(data.cells(scene), counted)
+        np.testing.assert_array_equal(cells[scene], counted)
+        one = data.others(scene)
+        assert list(one.categories) == sorted({name for _, name in others})
+        there = {
+            (int(room), one.categories[kind]): int(one.cells[room, kind])
+            for room, kind in np.argwhere(one.cells)
+        }
+        assert there == others
+        pairs = [(edge.source, edge.target) for edge in graph.adjacency]
+        assert [tuple(pair) for pair in data.connections(scene).pairs.tolist()] == pairs
+        assert adjacent.get(scene, []) == pairs
 
 
 def test_scenes_that_are_not_there(dataset: Path) -> None:

@@ -10,7 +10,8 @@ from conftest import annotation_text, write_scene
 
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
-from bsg_data.dataset.histograms import read_adjacency, read_cells, to_histograms
+from bsg_data.dataset.dataset import read_adjacency, read_cells
+from bsg_data.dataset.histograms import to_histograms
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.splits import read_splits, split_dataset
 from bsg_data.errors import DatasetError, RecipeError

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bsg_data.dataset.histograms import read_cells, to_histograms
+from bsg_data.dataset.dataset import read_cells
+from bsg_data.dataset.histograms import to_histograms
 from bsg_data.dataset.manifest import ClassMapEntry, read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import RecipeError
@@ -107,7 +108,7 @@ def test_what_cannot_be_observed_is_refused() -> None:
 def test_a_mask_leaves_the_histograms_of_its_pairs(dataset: Path, strategy: str) -> None:
     recipe = MaskRecipe.model_validate({"strategy": strategy, "fraction": 0.6, "seed": 4})
     manifest = read_manifest(dataset)
-    cells = read_cells(dataset, manifest=manifest)
+    cells = read_cells(dataset)
     for graph in read_scene_graphs(dataset):
         own = cells[graph.scene_id]
         visited = sample_visited(own, recipe, scene_id=graph.scene_id, draw=2)

@@ -11,8 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bsg_data.errors import ClassMapError
-from bsg_data.scene.class_map import list_class_maps, load_class_map, normalise_name
-from bsg_data.sources.hm3d import HM3DFolder, HM3DStatistics
+from bsg_data.scene.class_map import Classified, list_class_maps, load_class_map, normalise_name
+from bsg_data.sources.hm3d import HM3DFolder
+from bsg_data.sources.hm3d_stats import HM3DStatistics
 
 # The paper's own names (section IV); the other 23 are in mappings/README.md.
 PAPER = (
@@ -154,6 +155,29 @@ def test_a_malformed_map_is_refused(
 ) -> None:
     with pytest.raises(ClassMapError, match=message):
         load_class_map(own_map(tmp_path, spellings, classes))
+
+
+@pytest.mark.parametrize(
+    ("name", "category", "class_name", "role"),
+    [
+        ("CHAIR ", "chair", "chair", "classified"),
+        ("tap", "tap", None, "left-out"),
+        ("Wall", "wall", None, "structure"),
+        ("unknown/remove", "unknown", None, "nameless"),  # no row of the map
+        ("", "unknown", None, "nameless"),
+        ("thingummy", "unknown", None, "nameless"),  # a row that says it is unknown
+        ("zzqx", None, None, "unmapped"),
+    ],
+)
+def test_a_name_has_one_category_class_and_role(
+    tmp_path: Path, name: str, category: str | None, class_name: str | None, role: str
+) -> None:
+    rows = "chair,chair,chair\ntap,tap,\nwall,wall,\nthingummy,unknown,\n"
+    path = Path(own_map(tmp_path, rows, "0,lamp,A lamp.\n1,chair,A chair.\n"))
+    path.with_suffix(".structure.csv").write_text("category\nwall\n", "utf-8")
+    class_map = load_class_map(str(path))
+    class_index = None if class_name is None else class_map.class_index(class_name)
+    assert class_map.classify(name) == Classified(category, class_index, role)  # type: ignore[arg-type]
 
 
 def test_unknown_and_missing_maps_are_refused(tmp_path: Path) -> None:

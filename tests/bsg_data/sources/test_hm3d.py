@@ -9,7 +9,7 @@ from conftest import KITCHEN, annotation_text, write_scene
 from bsg_data.errors import SourceError
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Edge, Room
-from bsg_data.sources.hm3d import HM3DFolder, building_hash
+from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.synthetic.buildings import write_synthetic
 
 TEXT = annotation_text({0: KITCHEN})
@@ -169,7 +169,3 @@ def test_an_empty_source_says_where_it_looked(tmp_path: Path) -> None:
     file.touch()
     with pytest.raises(SourceError, match="is a file, not a folder"):
         HM3DFolder(file).find()
-
-
-def test_building_of_an_id_without_number() -> None:
-    assert building_hash("HkseAnWCgqk") == building_hash("00006-HkseAnWCgqk") == "HkseAnWCgqk"

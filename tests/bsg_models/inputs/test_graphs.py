@@ -8,8 +8,8 @@ import torch
 from one_building import observe_building
 from torch_geometric.loader import DataLoader
 
-from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.histograms import read_cells, to_histograms
+from bsg_data.dataset.dataset import Dataset, read_cells
+from bsg_data.dataset.histograms import to_histograms
 from bsg_data.dataset.splits import read_splits, split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.observation.observation import stack

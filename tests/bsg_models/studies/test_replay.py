@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bsg_data.dataset.histograms import read_cells
+from bsg_data.dataset.dataset import read_cells
 from bsg_data.errors import RecipeError
 from bsg_models.rendering.explorer import View, explorer_page
 from bsg_models.search.room_graphs import WorldRecipe

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from bsg_data.dataset.histograms import read_cells
+from bsg_data.dataset.dataset import read_cells
 from bsg_data.errors import RecipeError
 from bsg_models.search.catalogue import Planner
 from bsg_models.search.knowledge import Knowledge

@@ -10,8 +10,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.histograms import read_cells
+from bsg_data.dataset.dataset import Dataset, read_cells
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.search.catalogue import PLANNERS

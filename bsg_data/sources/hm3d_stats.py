@@ -14,10 +14,17 @@ import re
 import zipfile
 import zlib
 from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from bsg_data.errors import AnnotationError, SourceError
+from bsg_data.scene.class_map import ClassMap
 from bsg_data.sources.annotations import Annotation, Instance
+from bsg_data.sources.assembly import assemble
+from bsg_data.sources.hm3d import MATTERPORT
+from bsg_data.sources.hm3d_names import keep_one_copy, split_by_number, version_of
+from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
 
 MEMBER = "Per_Scene_Region_Neighborhoods.csv"
 HEADER = (
@@ -30,6 +37,52 @@ HEADER = (
 _WHOLE = re.compile(r"-?[0-9]{1,9}")
 _TOKEN = re.compile(r"(.*)_([0-9]{1,9})", re.DOTALL)
 MAX_BYTES = 256 * 2**20  # all of HM3DSem v0.2 is below 2 MiB
+
+
+@dataclass(frozen=True)
+class HM3DStatistics:
+    """The public zip of HM3DSem's statistics."""
+
+    path: Path
+
+    @property
+    def kind(self) -> str:
+        """`hm3d-stats`."""
+        return "hm3d-stats"
+
+    @property
+    def options(self) -> dict[str, int]:
+        """None: there is nothing to choose."""
+        return {}
+
+    def find(self) -> FoundScenes:
+        """List the scenes of the zip."""
+        refs = [
+            SceneRef(
+                scene_id=scene_id,
+                location=scene_id,
+                fingerprint=digest_scene_lines(lines),
+                source_split=split_by_number(scene_id),
+                source_version=version_of(self.path.name),
+            )
+            for scene_id, lines in self._lines.items()
+        ]
+        if not refs:
+            raise SourceError(f"{self.path}: the table of regions has no row")
+        return keep_one_copy(refs)
+
+    def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
+        """Read one scene from its rows."""
+        annotation = parse_scene_lines(self._lines[ref.location], path=self.path)
+        return Reading(assemble(annotation, ref=ref, kind=self.kind, class_map=class_map))
+
+    @cached_property
+    def _lines(self) -> dict[str, list[tuple[int, str]]]:
+        return read_scene_lines(self.path)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Travel to a worker without the table, which the worker reads itself."""
+        return type(self), (self.path,)
 
 
 def read_scene_lines(path: Path) -> dict[str, list[tuple[int, str]]]:
@@ -118,3 +171,10 @@ def _read_member(path: Path) -> str:
         raise SourceError(f"{path}: not a readable zip file ({error})") from error
     except UnicodeDecodeError as error:
         raise SourceError(f"{path}: {MEMBER} is not UTF-8 (byte {error.start})") from error
+
+
+ROW = SourceRow(
+    summary="the public zip of HM3DSem's statistics: corrected names, no meshes",
+    open=HM3DStatistics,
+    terms=MATTERPORT,
+)

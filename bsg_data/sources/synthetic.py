@@ -1,0 +1,36 @@
+"""Buildings of `bsg-data synth`, which are in HM3D's own layout."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from bsg_data.errors import SourceError
+from bsg_data.sources.hm3d import CITATION, HOMEPAGE, HM3DFolder
+from bsg_data.sources.source import SourceRow, Terms
+
+
+def open_synthetic(
+    path: Path, *, meshes: bool = True, snap_colours: int | None = None
+) -> HM3DFolder:
+    """Open a folder of synthetic buildings.
+
+    Raises:
+        SourceError: if the folder is there and is not of `bsg-data synth`.
+    """
+    folder = HM3DFolder(path, meshes=meshes, snap_colours=snap_colours)
+    if path.is_dir() and folder.kind != "synthetic":
+        raise SourceError(f"{path}: is not of `bsg-data synth`; read it as the source hm3d")
+    return folder
+
+
+ROW = SourceRow(
+    summary="a folder that `bsg-data synth` wrote",
+    open=open_synthetic,
+    terms=Terms(
+        licence="Apache-2.0",
+        licence_url="https://www.apache.org/licenses/LICENSE-2.0",
+        homepage=HOMEPAGE,
+        citation=CITATION,
+        sentence="The buildings are synthetic: no building like them exists, and none was scanned.",
+    ),
+)

@@ -1,0 +1,53 @@
+"""Scene graphs as tables: a building by hand, and everything that a record can hold, and back."""
+
+from __future__ import annotations
+
+import pyarrow as pa
+
+from bsg_data.dataset.scene_tables import assemble_graphs, collect_columns
+from bsg_data.dataset.schema import TABLES
+from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph, SceneObject
+
+CLASSES = ("chair", "lamp")
+BOX = Box((0.0, 0.0, 0.0), (2.0, 1.0, 2.5))
+SQUARE = ((0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (0.0, 1.0))
+FULL = SceneGraph(
+    scene_id="00001-a",
+    source="hm3d",
+    source_version="v0.2",
+    source_split="train",
+    annotation_sha256="0" * 64,
+    rooms=(Room(1, 0, "hall", (1.0, 0.5, 1.25), BOX, 0, 0.1, SQUARE), Room(2, 7)),
+    objects=(
+        SceneObject(1, 5, 1, "Lamp", "lamp", 1, "00FF00", (1.0, 0.5, 1.0), BOX, 1.5, BOX),
+        SceneObject(2, 9, 0, "zzqx", None, None),
+    ),
+    adjacency=(Edge(1, 2, "adjacent", "door", None),),
+    up_axis="y",
+)
+BARE = SceneGraph("00002-b", "hm3d", None, None, "1" * 64, (), ())
+
+
+def test_a_building_by_hand() -> None:
+    columns = collect_columns([FULL], classes=CLASSES)
+    assert columns["scenes"]["num_classified"] == [1]
+    assert columns["scenes"]["has_geometry"] == [True]
+    assert columns["rooms"]["footprint"] == [[0.0, 0.0, 2.0, 0.0, 2.0, 1.0, 0.0, 1.0], None]
+    assert columns["objects"]["class"] == ["lamp", None]
+    assert columns["objects"]["part_max_z"] == [2.5, None]
+    edges = columns["edges"]
+    assert list(zip(edges["source"], edges["target"], edges["kind"], strict=True)) == [
+        (0, 1, "contains"),
+        (0, 2, "contains"),
+        (1, 3, "contains"),  # the lamp, behind the two rooms
+        (0, 4, "contains"),
+        (1, 2, "adjacent"),
+    ]
+
+
+def test_assembling_is_the_inverse_of_collecting() -> None:
+    columns = collect_columns([FULL, BARE], classes=CLASSES)
+    tables = {
+        name: pa.Table.from_pydict(columns[name], schema=schema) for name, schema in TABLES.items()
+    }
+    assert list(assemble_graphs(tables)) == [FULL, BARE]

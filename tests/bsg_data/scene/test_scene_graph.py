@@ -1,0 +1,31 @@
+from __future__ import annotations
+
+from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph, SceneObject
+
+BOX = Box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+
+
+def graph(*objects: SceneObject, rooms: int = 2) -> SceneGraph:
+    listed = tuple(Room(i, 10 * i) for i in range(1, rooms + 1))
+    adjacency = (Edge(1, 2, "adjacent", "door", 3.0),)
+    return SceneGraph("s", "hm3d", None, None, "0" * 64, listed, objects, adjacency)
+
+
+def thing(index: int, room: int, box: Box | None = None) -> SceneObject:
+    return SceneObject(index, index, room, "bed", "bed", None, box=box)
+
+
+def test_nodes_are_the_building_then_rooms_then_objects() -> None:
+    edges = list(graph(thing(1, 2), thing(2, SceneObject.BUILDING)).edges())
+    assert [(edge.source, edge.target, edge.kind) for edge in edges] == [
+        (0, 1, "contains"),
+        (0, 2, "contains"),
+        (2, 3, "contains"),
+        (0, 4, "contains"),  # of no room: the building holds it
+        (1, 2, "adjacent"),
+    ]
+
+
+def test_one_box_is_geometry() -> None:
+    assert not graph(thing(1, 1)).has_geometry
+    assert graph(thing(1, 1), thing(2, 1, BOX)).has_geometry
