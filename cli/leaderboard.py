@@ -13,8 +13,8 @@ import click
 
 from bsg_cli.terminal import format_table, print_json, print_note, progress_bar, worker_pool
 from bsg_cli.train import load_config
-from bsg_data.dataset.shards import write_bytes
 from bsg_data.errors import DatasetError
+from bsg_data.files import write_bytes
 from bsg_models.rendering.figures import plot_leaderboard
 from bsg_models.studies.leaderboard import (
     Leaderboard,

@@ -23,8 +23,8 @@ from bsg_cli.terminal import (
     worker_pool,
     workers_option,
 )
-from bsg_data.dataset.shards import write_bytes
 from bsg_data.errors import DatasetError, RecipeError
+from bsg_data.files import write_bytes
 from bsg_models.inputs.graphs import Buildings, open_dataset
 from bsg_models.rendering.explorer import write_explorer
 from bsg_models.rendering.figures import plot_savings

@@ -18,7 +18,7 @@ FOLDERS = {"bsg_data": "bsg_data", "bsg_models": "bsg_models", "bsg_cli": "cli"}
 # room imports rooms of the lines above its own, and none of its own line.
 HOUSE = (
     "bsg_data.errors",
-    "bsg_data.executors bsg_data.lock bsg_data.recipes bsg_data.registry",
+    "bsg_data.executors bsg_data.files bsg_data.lock bsg_data.recipes bsg_data.registry",
     "bsg_data.scene",
     "bsg_data.geometry bsg_data.dataset",
     "bsg_data.sources bsg_data.observation",
@@ -36,6 +36,7 @@ FLOOR = {room: floor for floor, rooms in enumerate(HOUSE) for room in rooms.spli
 THIRD_PARTY = {
     "bsg_data": {
         "PIL",
+        "filelock",
         "matplotlib",
         "numpy",
         "pandas",

@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from bsg_data.dataset.shards import write_bytes
 from bsg_data.errors import DatasetError
+from bsg_data.files import write_bytes
 from bsg_data.sources.annotations import HEADER, Instance
 from bsg_data.sources.hm3d import SYNTHETIC_MARK
 from bsg_data.synthetic.geometry import GeometryOptions, shape_building

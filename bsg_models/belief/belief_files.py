@@ -14,8 +14,8 @@ import pyarrow.parquet as pq
 from pydantic import Field, ValidationError
 
 from bsg_data.dataset.manifest import ClassMapEntry
-from bsg_data.dataset.shards import write_bytes
 from bsg_data.errors import BSGError, MismatchError
+from bsg_data.files import write_bytes
 from bsg_data.observation.robot_json import encode_robot_graph, parse_robot_graph
 from bsg_data.recipes import Record, name_fault
 from bsg_data.scene.class_map import list_class_maps

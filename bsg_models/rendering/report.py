@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
-from bsg_data.dataset.shards import write_bytes
+from bsg_data.files import write_bytes
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,8 +17,8 @@ from safetensors.torch import save
 
 from bsg_data.dataset.manifest import ClassMapEntry, Manifest, require_class_map
 from bsg_data.dataset.schema import FORMAT_VERSION
-from bsg_data.dataset.shards import write_bytes
 from bsg_data.errors import MismatchError
+from bsg_data.files import write_bytes
 from bsg_data.recipes import Record
 from bsg_models.errors import CheckpointError, ConfigError
 from bsg_models.zoo.catalogue import make_model

@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from torch_geometric.loader import DataLoader
 
-from bsg_data.dataset.shards import write_bytes
+from bsg_data.files import write_bytes
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.graphs import Buildings, MaskedGraphs, Split
 from bsg_models.runs.checkpoint import (
