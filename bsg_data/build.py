@@ -39,7 +39,7 @@ from bsg_data.lock import hold
 from bsg_data.recipes import Record
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
 from bsg_data.scene.mesh_coverage import MeshCoverage
-from bsg_data.scene.scene_graph import SceneGraph
+from bsg_data.scene.scene_graph import SceneGraph, is_scene_id
 from bsg_data.sources.hm3d import FoundScenes, SceneRef, SkippedScene, Source
 
 SCENES_PER_SHARD = 16
@@ -147,6 +147,8 @@ def _make_shard(
     unmapped: Counter[str] = Counter()
     for ref in refs:
         try:
+            if not is_scene_id(ref.scene_id):
+                raise SourceError(f"{ref.scene_id!r}: a scene id must do as the name of a file")
             reading = source.read(ref, loaded)
         except SourceError as error:
             if strict:

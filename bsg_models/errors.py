@@ -3,6 +3,7 @@
 BSGError                bsg_data.errors
 ├── ConfigError         (a RecipeError) a configuration names something that is not, or cannot be
 ├── CheckpointError     a checkpoint is missing, damaged, or of another shape or run
+├── PredictionError     a model's answer is no number
 └── TrainingError       a training cannot start or go on
 """
 
@@ -17,6 +18,10 @@ class ConfigError(RecipeError):
 
 class CheckpointError(BSGError):
     """Report a checkpoint that cannot be loaded."""
+
+
+class PredictionError(BSGError):
+    """Report a model whose answer is not finite."""
 
 
 class TrainingError(BSGError):

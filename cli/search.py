@@ -28,7 +28,7 @@ from bsg_data.files import write_bytes
 from bsg_models.inputs.graphs import Buildings, open_dataset
 from bsg_models.rendering.explorer import write_explorer
 from bsg_models.rendering.figures import plot_savings
-from bsg_models.runs.checkpoint import load_checkpoint
+from bsg_models.runs.checkpoint import read_header
 from bsg_models.runs.run_folder import checkpoint_of
 from bsg_models.search.planners import PLANNERS
 from bsg_models.search.room_graphs import DEFAULT_WORLDS, WorldRecipe, parse_world
@@ -302,7 +302,7 @@ def _choose_buildings(
 
 
 def _family(run: Path) -> str:
-    return load_checkpoint(checkpoint_of(run)).header.config.model.family
+    return read_header(checkpoint_of(run)).config.model.family
 
 
 def _make_folder(out: Path) -> None:

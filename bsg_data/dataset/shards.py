@@ -17,7 +17,7 @@ from bsg_data.dataset.scene_tables import assemble_graphs, collect_columns
 from bsg_data.dataset.schema import FORMAT_VERSION, TABLES
 from bsg_data.errors import DatasetError, MismatchError
 from bsg_data.files import hash_file, open_beside
-from bsg_data.scene.scene_graph import SceneGraph
+from bsg_data.scene.scene_graph import SceneGraph, is_scene_id
 
 
 def write_shards(
@@ -68,13 +68,23 @@ def read_file(path: Path, *, manifest: Manifest, columns: list[str] | None = Non
     try:
         file = pq.ParquetFile(path)
         check_file_metadata(path, file.schema_arrow, manifest)
-        return file.read(columns=columns)
+        table = file.read(columns=columns)
     except FileNotFoundError as error:
         raise DatasetError(f"{path}: in the manifest but not there; build again") from error
     except (OSError, pa.ArrowInvalid, KeyError) as error:
         raise DatasetError(
             f"{path}: not readable as this dataset's parquet ({error}); `bsg-data check` says more"
         ) from error
+    if path.parent.name == "scenes" and "scene_id" in table.column_names:
+        _require_scene_ids(path, table["scene_id"].to_pylist())
+    return table
+
+
+def _require_scene_ids(path: Path, names: Sequence[object]) -> None:
+    """Refuse a scene whose id leads out of a folder; other tables are joined to these ids."""
+    for name in names:
+        if not is_scene_id(name):
+            raise DatasetError(f"{path}: {name!r} is no scene id: it must do as the name of a file")
 
 
 def read_scene_graphs(dataset: Path) -> Iterator[SceneGraph]:

@@ -81,7 +81,7 @@ def read_truth(graphs: MaskedGraphs) -> Truth:
 
 def predict_all(model: BeliefModel, graphs: MaskedGraphs, *, batch_size: int = 256) -> Expectation:
     """Return a model's expectation of every node of masked graphs, in their order."""
-    return join([model.predict(batch) for batch in DataLoader(graphs, batch_size=batch_size)])
+    return join([model.expect(batch) for batch in DataLoader(graphs, batch_size=batch_size)])
 
 
 class Measurement:

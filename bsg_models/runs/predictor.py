@@ -56,6 +56,7 @@ class Predictor:
 
         Raises:
             MismatchError: if the graph is of another class map.
+            PredictionError: if the answer is not finite.
         """
         if graph.class_map != self._class_map:
             raise MismatchError(
@@ -65,9 +66,7 @@ class Predictor:
         data = to_data(
             graph, edges=self._edges, vocabulary=self._model.vocabulary, withheld=withheld
         )
-        with torch.no_grad():
-            found = self._model.predict(data)
-        return _nothing_where_searched(found, graph)
+        return _nothing_where_searched(self._model.expect(data), graph)
 
 
 def _nothing_where_searched(found: Expectation, graph: PartialGraph) -> Expectation:

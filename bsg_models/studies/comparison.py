@@ -24,7 +24,13 @@ from bsg_models.evaluation.measurement import (
     read_truth,
 )
 from bsg_models.inputs.graphs import Buildings, MaskedGraphs, Split, open_dataset
-from bsg_models.runs.checkpoint import Checkpoint, load_checkpoint, require_dataset, restore_model
+from bsg_models.runs.checkpoint import (
+    Checkpoint,
+    load_checkpoint,
+    read_header,
+    require_dataset,
+    restore_model,
+)
 from bsg_models.runs.run_folder import BEST, LAST
 from bsg_models.zoo.catalogue import BASELINES, ZOO, make_model
 from bsg_models.zoo.config import DataConfig, RunConfig
@@ -198,7 +204,7 @@ def _notes(loaded: Sequence[tuple[Path, Checkpoint]], data: Buildings, split: st
             )
         header = checkpoint.header
         epochs = header.config.training.epochs
-        last = load_checkpoint(run / LAST).header.epoch if (run / LAST).is_file() else epochs
+        last = read_header(run / LAST).epoch if (run / LAST).is_file() else epochs
         if header.calibrated != getattr(header.config.model, "calibrate", False):
             notes.append(f"note: {run} stopped before its calibration; --resume finishes it")
         if last < epochs:

@@ -11,9 +11,9 @@ import torch
 from torch_geometric.data import Data
 
 from bsg_data.dataset.histograms import Counts
-from bsg_data.errors import BSGError
 from bsg_data.observation.masks import sample_hidden
 from bsg_data.recipes import MaskRecipe
+from bsg_models.errors import PredictionError
 from bsg_models.inputs.graphs import Buildings, EdgeSet, connect, see_others
 from bsg_models.inputs.search_masks import view_search
 from bsg_models.search.shortest_paths import Bools, Floats, Ints
@@ -85,14 +85,13 @@ class ModelBeliefs:
     def _ask(self, states: Counts) -> tuple[Floats, Floats]:
         """Return presence and share of the artifacts in states `[S, 1 + A + N]`, `[S, N, A]`."""
         width = self._artifacts.shape[1]
-        with torch.no_grad():
-            found = self._model.predict(self._to_graphs(states, width))
+        found = self._model.expect(self._to_graphs(states, width))
         shape = (len(states), len(self._cells), -1)
         columns = np.repeat(states[:, 1 : 1 + width], len(self._cells), axis=0)
         presence = found.hidden_counts.take_classes(columns).presence
         share = np.take_along_axis(found.distribution, columns, axis=1)
-        if not np.isfinite(presence).all():
-            raise BSGError(f"{self._scene_id}: the model's beliefs are no numbers; train it again")
+        if not np.isfinite(presence).all():  # of a finite answer: only by overflow
+            raise PredictionError(f"{self._scene_id}: a presence is not finite; train it again")
         return presence.reshape(shape), share.reshape(shape)
 
     def _to_graphs(self, states: Counts, width: int) -> Data:

@@ -12,6 +12,7 @@ from torch_geometric.data import Data
 
 from bsg_data.errors import MismatchError
 from bsg_models.belief.expectation import Expectation
+from bsg_models.errors import PredictionError
 from bsg_models.inputs.graphs import Buildings
 from bsg_models.zoo.config import DataConfig
 
@@ -27,10 +28,12 @@ class BeliefModel(torch.nn.Module, ABC):
         trainable: whether it is trained by gradient.
         vocabulary: the categories outside the classes that it reads, `[V]`: the columns of `others`
             of the graphs that it is given.
+        origin: the checkpoint that it was restored from; None for one that was not.
     """
 
     trainable: ClassVar[bool] = False
     vocabulary: tuple[str, ...] = ()
+    origin: str | None = None
 
     def fit(self, data: Buildings, choice: DataConfig) -> None:
         """Learn from the training buildings of a dataset, or begin where training should."""
@@ -45,6 +48,23 @@ class BeliefModel(torch.nn.Module, ABC):
 
     def resize_buffers(self, state: Mapping[str, torch.Tensor]) -> None:
         """Prepare for the state of a checkpoint, where the shape of a tensor follows from data."""
+
+    def expect(self, graphs: Data) -> Expectation:
+        """Return what the model predicts, without gradients, and only if all of it is finite.
+
+        Whoever asks a trained model asks here.
+
+        Raises:
+            PredictionError: naming the checkpoint, if anything is not finite.
+        """
+        with torch.no_grad():
+            expectation = self.predict(graphs)
+        if not expectation.is_finite:
+            raise PredictionError(
+                f"{self.origin or type(self).__name__}: the model's answer is not finite (NaN or "
+                "infinite); train it again"
+            )
+        return expectation
 
     @abstractmethod
     def predict(self, graphs: Data) -> Expectation:
