@@ -304,13 +304,19 @@ def _open_partial(out: Path, recipe: BuildRecipe) -> Path:
     path = partial / REPORTS / "recipe.json"
     wanted = recipe.model_dump_json().encode()
     if partial.exists():
-        if not path.is_file():
-            raise DatasetError(f"{partial}: is in the way and no build of ours; move it away")
-        if path.read_bytes() == wanted:
+        if path.is_file() and path.read_bytes() == wanted:
             return partial
+        if not path.is_file() and not _is_bare(partial):
+            raise DatasetError(f"{partial}: is in the way and no build of ours; move it away")
         shutil.rmtree(partial)  # of a build that was stopped and is not this one
     write_bytes(path, wanted)
     return partial
+
+
+def _is_bare(partial: Path) -> bool:
+    """Say whether nothing is there but what a build killed at its very start leaves."""
+    begun = {partial / REPORTS, partial / REPORTS / ".recipe.json.partial"}
+    return partial.is_dir() and not partial.is_symlink() and set(partial.rglob("*")) <= begun
 
 
 def _move_into_place(partial: Path, out: Path) -> None:
