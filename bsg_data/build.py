@@ -29,16 +29,17 @@ from bsg_data.dataset.manifest import (
     UnmappedEntry,
     read_manifest,
 )
-from bsg_data.dataset.publication import REPORTS, list_strays, publish
+from bsg_data.dataset.publication import REPORTS, REVISION, list_strays, publish
 from bsg_data.dataset.schema import FORMAT_VERSION
-from bsg_data.dataset.shards import describe_file, write_bytes, write_shards
+from bsg_data.dataset.shards import describe_file, write_shards
 from bsg_data.errors import DatasetError, SourceError, UnmappedNameError
 from bsg_data.executors import run_all
+from bsg_data.files import write_bytes
 from bsg_data.lock import hold
 from bsg_data.recipes import Record
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
 from bsg_data.scene.mesh_coverage import MeshCoverage
-from bsg_data.scene.scene_graph import SceneGraph
+from bsg_data.scene.scene_graph import SceneGraph, is_scene_id
 from bsg_data.sources.source import FoundScenes, SceneRef, SkippedScene, Source
 
 SCENES_PER_SHARD = 16
@@ -101,13 +102,14 @@ def build_dataset(
         skip = found.unreadable[0]
         raise SourceError(f"{source.path / skip.location}: {skip.reason}")
     recipe = _recipe(source, found, loaded, scenes_per_shard)
-    growing = _open_partial(out, recipe)
     starts = range(0, len(found.scenes), scenes_per_shard)
-    tasks = [
-        (source, found.scenes[a : a + scenes_per_shard], growing, part, class_map, strict)
-        for part, a in enumerate(starts)
-    ]
-    with hold(growing):
+    _make_parent(out)
+    with hold(out):  # against another build, and against split and pairs of what is replaced
+        growing = _open_partial(out, recipe)
+        tasks = [
+            (source, found.scenes[a : a + scenes_per_shard], growing, part, class_map, strict)
+            for part, a in enumerate(starts)
+        ]
         reports = run_all(_make_shard, tasks, executor=executor, progress=progress)
         manifest = _summarise(recipe, found, reports, loaded)
         if not manifest.totals.scenes:
@@ -145,6 +147,8 @@ def _make_shard(
     unmapped: Counter[str] = Counter()
     for ref in refs:
         try:
+            if not is_scene_id(ref.scene_id):
+                raise SourceError(f"{ref.scene_id!r}: a scene id must do as the name of a file")
             reading = source.read(ref, loaded)
         except SourceError as error:
             if strict:
@@ -266,6 +270,13 @@ def _unmapped_message(ref: SceneRef, name: str, class_map: ClassMap) -> str:
     )
 
 
+def _make_parent(out: Path) -> None:
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise DatasetError(f"{out}: cannot be written ({error.strerror})") from error
+
+
 def _refuse_overwriting(out: Path, *, force: bool) -> None:
     outer = next((folder for folder in out.parents if (folder / MANIFEST).is_file()), None)
     if outer is not None:
@@ -280,9 +291,10 @@ def _refuse_overwriting(out: Path, *, force: bool) -> None:
         strays = list_strays(out, read_manifest(out))
     except DatasetError as error:
         raise DatasetError(f"{error}. --force does not remove it; move it away") from error
-    if strays:
+    users = [name for name in strays if not name.startswith(f"{REVISION}/")]
+    if users:
         raise DatasetError(
-            f"{out}: holds {strays[0]}, which is not the dataset's; move it away, then --force"
+            f"{out}: holds {users[0]}, which is not the dataset's; move it away, then --force"
         )
 
 
@@ -292,14 +304,19 @@ def _open_partial(out: Path, recipe: BuildRecipe) -> Path:
     path = partial / REPORTS / "recipe.json"
     wanted = recipe.model_dump_json().encode()
     if partial.exists():
-        if not path.is_file():
-            raise DatasetError(f"{partial}: is in the way and no build of ours; move it away")
-        if path.read_bytes() == wanted:
+        if path.is_file() and path.read_bytes() == wanted:
             return partial
-        with hold(partial):
-            shutil.rmtree(partial)  # of a build that was stopped and is not this one
+        if not path.is_file() and not _is_bare(partial):
+            raise DatasetError(f"{partial}: is in the way and no build of ours; move it away")
+        shutil.rmtree(partial)  # of a build that was stopped and is not this one
     write_bytes(path, wanted)
     return partial
+
+
+def _is_bare(partial: Path) -> bool:
+    """Say whether nothing is there but what a build killed at its very start leaves."""
+    begun = {partial / REPORTS, partial / REPORTS / ".recipe.json.partial"}
+    return partial.is_dir() and not partial.is_symlink() and set(partial.rglob("*")) <= begun
 
 
 def _move_into_place(partial: Path, out: Path) -> None:

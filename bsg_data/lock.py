@@ -2,33 +2,48 @@
 
 from __future__ import annotations
 
-import fcntl
-import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+
+from filelock import FileLock, Timeout
 
 from bsg_data.errors import DatasetError
 
 
 @contextmanager
 def hold(folder: Path) -> Iterator[None]:
-    """Hold the lock of a folder that exists.
+    """Hold the lock of a folder, which need not exist yet; the folder above it must.
+
+    The lock is `.NAME.lock` beside the folder, so that nothing strange lies in it and that it can
+    be renamed while it is locked. The file is removed at the end. One that a killed process left
+    behind is not locked, and harms nobody.
 
     Raises:
-        DatasetError: if another process holds it, or the folder is not there.
+        DatasetError: if anybody holds it, this process too, or if it cannot be made.
     """
+    folder = folder.resolve()  # a link and what it leads to have one lock
+    path = folder.with_name(f".{folder.name}.lock")
+    if not path.parent.is_dir():  # filelock would make it
+        raise DatasetError(f"{path.parent}: no such folder")
+    lock = FileLock(path, blocking=False)
     try:
-        descriptor = os.open(folder, os.O_RDONLY)
+        lock.acquire()
+    except Timeout as error:
+        raise DatasetError(
+            f"{folder}: another command is writing there; wait until it is done"
+        ) from error
     except OSError as error:
-        raise DatasetError(f"{folder}: cannot be opened ({error.strerror})") from error
+        raise DatasetError(
+            f"{folder}: cannot be locked by {path} ({error.strerror or error}); whoever writes "
+            "into a folder must be allowed to write beside it"
+        ) from error
     try:
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise DatasetError(
-                f"{folder}: another command is writing there; wait until it is done"
-            ) from error
         yield
     finally:
-        os.close(descriptor)
+        # Removed while it is held: who has it open by now sees that it has no name any more, and
+        # opens it anew (filelock looks). A file with content is not ours.
+        with suppress(OSError):
+            if path.stat().st_size == 0:
+                path.unlink()
+        lock.release()

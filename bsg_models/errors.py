@@ -13,6 +13,10 @@ class CheckpointError(BSGError):
     """Report a checkpoint that cannot be loaded."""
 
 
+class PredictionError(BSGError):
+    """Report a model whose answer is not finite."""
+
+
 class TrainingError(BSGError):
     """Report a training that cannot start or go on."""
 

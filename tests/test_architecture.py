@@ -18,8 +18,8 @@ FOLDERS = {"bsg_data": "bsg_data", "bsg_models": "bsg_models", "bsg_cli": "cli"}
 # The house, from the ground up. A room is a folder, or a file that lies beside the folders. Every
 # room imports rooms of the lines above its own, and none of its own line.
 HOUSE = (
-    "bsg_data.arrays bsg_data.errors",
-    "bsg_data.executors bsg_data.lock bsg_data.recipes bsg_data.registry bsg_data.tables",
+    "bsg_data.arrays bsg_data.errors bsg_data.tables",
+    "bsg_data.executors bsg_data.files bsg_data.lock bsg_data.recipes bsg_data.registry",
     "bsg_data.scene",
     "bsg_data.geometry",
     "bsg_data.sources",
@@ -39,6 +39,7 @@ FLOOR = {room: floor for floor, rooms in enumerate(HOUSE) for room in rooms.spli
 THIRD_PARTY = {
     "bsg_data": {
         "PIL",
+        "filelock",
         "matplotlib",
         "numpy",
         "pandas",

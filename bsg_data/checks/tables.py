@@ -12,7 +12,7 @@ import pyarrow as pa
 from bsg_data.checks.faults import Fault
 from bsg_data.dataset.manifest import MANIFEST, Manifest
 from bsg_data.scene.class_map import list_class_maps, load_class_map
-from bsg_data.scene.scene_graph import Room
+from bsg_data.scene.scene_graph import Room, is_scene_id
 from bsg_data.scene.scene_id import building_hash
 
 _PLACES = ("centroid", "box_min", "box_max", "part_min", "part_max")
@@ -39,6 +39,8 @@ def check_scenes(frames: dict[str, pd.DataFrame], manifest: Manifest) -> Iterato
         for scene in ids[ids.duplicated()]:
             yield Fault("scenes", f"{scene} is there twice")
         return  # nothing else can be told apart
+    for scene in ids[~ids.map(is_scene_id)]:
+        yield Fault("scenes", f"{scene!r} cannot be a scene id: it would lead out of a folder")
     if not ids.is_monotonic_increasing:
         yield Fault("scenes", "is not sorted by scene_id")
     buildings = ids.map(building_hash)

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from pathlib import Path
 from typing import Literal
 
 from pydantic import Field, ValidationError
 
-from bsg_data.dataset.schema import FORMAT_VERSION
+from bsg_data.dataset.schema import FORMAT_VERSION, SPLIT_NAME
 from bsg_data.errors import DatasetError, MismatchError
 from bsg_data.recipes import PairsRecipe, Record, SplitRecipe, name_fault
 from bsg_data.scene.class_map import ClassMap
@@ -23,16 +24,16 @@ MANIFEST = "dataset.json"
 
 
 # Exactly the paths that the format has: a manifest edited by hand cannot point elsewhere.
-_PATHS = (
-    r"^((scenes|rooms|objects|edges)/part-[0-9]{5}\.parquet|splits\.parquet"
-    r"|pairs/(train|val|test|fold-[0-9]+)-[0-9]{5}\.parquet)$"
+FILE_PATH = re.compile(
+    r"(scenes|rooms|objects|edges)/part-[0-9]{5}\.parquet|splits\.parquet"
+    rf"|pairs/{SPLIT_NAME.pattern}-[0-9]{{5}}\.parquet",
 )
 
 
 class FileEntry(Record):
     """One file of a dataset: its path below the dataset, rows, bytes and hash."""
 
-    path: str = Field(pattern=_PATHS)
+    path: str = Field(pattern=rf"^({FILE_PATH.pattern})$")
     rows: int = Field(ge=0)
     bytes: int = Field(ge=0)
     sha256: str = Field(pattern=r"^[0-9a-f]{64}$")
@@ -114,6 +115,14 @@ class Manifest(Record):
         gone = self.files_of(table)
         files = sorted((*(f for f in self.files if f not in gone), *entries), key=lambda f: f.path)
         return self.model_copy(update={"files": tuple(files), **update})
+
+    def without_pairs(self) -> Manifest:
+        """Return the manifest of the same dataset without pairs."""
+        return self.with_table("pairs", (), pairs=None)
+
+    def without_split(self) -> Manifest:
+        """Return the manifest without the split, and without the pairs that follow from it."""
+        return self.without_pairs().with_table("splits", (), split=None)
 
 
 def read_manifest(dataset: Path) -> Manifest:

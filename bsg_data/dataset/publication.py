@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 from bsg_data.dataset.card import write_card, write_croissant
 from bsg_data.dataset.manifest import MANIFEST, Manifest, encode_manifest
-from bsg_data.dataset.shards import write_bytes
-from bsg_data.errors import DatasetError
+from bsg_data.files import write_bytes
 
 CARD = "README.md"
 CROISSANT = "croissant.json"
 REPORTS = ".reports"  # of a build under way; gone when it is done
+REVISION = ".revision"  # what a command is about to change; gone when it is done
 
 
 def publish(dataset: Path, manifest: Manifest) -> None:
@@ -31,31 +30,3 @@ def list_strays(dataset: Path, manifest: Manifest) -> list[str]:
         for path in found
         if path.as_posix() not in known and path.parts[0] != REPORTS
     )
-
-
-def withdraw_pairs(dataset: Path, manifest: Manifest) -> Manifest:
-    """Take the pairs out of a dataset and return its manifest without them."""
-    remaining = manifest.with_table("pairs", (), pairs=None)
-    if remaining != manifest:
-        publish(dataset, remaining)
-    _remove(dataset / "pairs")
-    return remaining
-
-
-def withdraw_split(dataset: Path, manifest: Manifest) -> Manifest:
-    """Take the split out of a dataset, and with it the pairs that follow from it."""
-    manifest = withdraw_pairs(dataset, manifest)
-    remaining = manifest.with_table("splits", (), split=None)
-    if remaining != manifest:
-        publish(dataset, remaining)
-    (dataset / "splits.parquet").unlink(missing_ok=True)
-    return remaining
-
-
-def _remove(folder: Path) -> None:
-    try:
-        shutil.rmtree(folder)
-    except FileNotFoundError:
-        return
-    except OSError as error:
-        raise DatasetError(f"{folder}: cannot be removed ({error.strerror})") from error

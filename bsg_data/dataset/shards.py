@@ -1,13 +1,10 @@
 """Scene graphs to parquet shards and back.
 
-`write_shards` and `read_scene_graphs` are inverse to each other. A file is written beside its
-place and renamed, so it is whole or absent.
+`write_shards` and `read_scene_graphs` are inverse to each other.
 """
 
 from __future__ import annotations
 
-import hashlib
-import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,7 +16,8 @@ from bsg_data.dataset.manifest import ClassMapEntry, FileEntry, Manifest, read_m
 from bsg_data.dataset.scene_tables import assemble_graphs, collect_columns
 from bsg_data.dataset.schema import FORMAT_VERSION, TABLES
 from bsg_data.errors import DatasetError, MismatchError
-from bsg_data.scene.scene_graph import SceneGraph
+from bsg_data.files import hash_file, open_beside
+from bsg_data.scene.scene_graph import SceneGraph, is_scene_id
 
 
 def write_shards(
@@ -70,13 +68,23 @@ def read_file(path: Path, *, manifest: Manifest, columns: list[str] | None = Non
     try:
         file = pq.ParquetFile(path)
         check_file_metadata(path, file.schema_arrow, manifest)
-        return file.read(columns=columns)
+        table = file.read(columns=columns)
     except FileNotFoundError as error:
         raise DatasetError(f"{path}: in the manifest but not there; build again") from error
     except (OSError, pa.ArrowInvalid, KeyError) as error:
         raise DatasetError(
             f"{path}: not readable as this dataset's parquet ({error}); `bsg-data check` says more"
         ) from error
+    if path.parent.name == "scenes" and "scene_id" in table.column_names:
+        _require_scene_ids(path, table["scene_id"].to_pylist())
+    return table
+
+
+def _require_scene_ids(path: Path, names: Sequence[object]) -> None:
+    """Refuse a scene whose id leads out of a folder; other tables are joined to these ids."""
+    for name in names:
+        if not is_scene_id(name):
+            raise DatasetError(f"{path}: {name!r} is no scene id: it must do as the name of a file")
 
 
 def read_scene_graphs(dataset: Path) -> Iterator[SceneGraph]:
@@ -99,52 +107,26 @@ def open_parquet(
 
     Every file says its table, format version and class map in its own metadata, and `extra`.
     """
-    words = {
+    metadata = {
         "bsg.table": table,
         "bsg.format_version": str(FORMAT_VERSION),
         "bsg.class_map": class_map.version,
         "bsg.class_map_sha256": class_map.sha256,
         **{f"bsg.{key}": value for key, value in extra.items()},
     }
-    partial = path.with_name(f".{path.name}.partial")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with pq.ParquetWriter(
-            partial, schema.with_metadata(words), compression="zstd", compression_level=3
-        ) as writer:
-            yield writer
-        partial.replace(path)
-    except OSError as error:
-        raise DatasetError(f"{path}: cannot be written ({error.strerror or error})") from error
-    finally:
-        partial.unlink(missing_ok=True)
-
-
-def write_bytes(path: Path, data: bytes) -> None:
-    """Write a small file beside its place and rename it there.
-
-    Raises:
-        DatasetError: if it cannot be written; what was there stays.
-    """
-    partial = path.with_name(f".{path.name}.partial")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with partial.open("wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        partial.replace(path)
-    except OSError as error:
-        raise DatasetError(f"{path}: cannot be written ({error.strerror or error})") from error
-    finally:
-        partial.unlink(missing_ok=True)
+    with (
+        open_beside(path) as partial,
+        pq.ParquetWriter(
+            partial, schema.with_metadata(metadata), compression="zstd", compression_level=3
+        ) as writer,
+    ):
+        yield writer
 
 
 def describe_file(folder: Path, path: str, *, rows: int) -> FileEntry:
     """Return the manifest's entry of a file that was just written."""
-    with (folder / path).open("rb") as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
-    return FileEntry(path=path, rows=rows, bytes=(folder / path).stat().st_size, sha256=digest)
+    where = folder / path
+    return FileEntry(path=path, rows=rows, bytes=where.stat().st_size, sha256=hash_file(where))
 
 
 def check_file_metadata(path: Path, schema: pa.Schema, manifest: Manifest) -> None:

@@ -10,11 +10,10 @@ import numpy as np
 import pyarrow as pa
 
 from bsg_data.dataset.manifest import Manifest, read_manifest
-from bsg_data.dataset.publication import publish, withdraw_split
-from bsg_data.dataset.schema import SPLITS
+from bsg_data.dataset.revision import revise
+from bsg_data.dataset.schema import SPLIT_NAME, SPLITS
 from bsg_data.dataset.shards import describe_file, open_parquet, read_table
 from bsg_data.errors import DatasetError, RecipeError
-from bsg_data.lock import hold
 from bsg_data.recipes import SplitRecipe
 
 NAMES = ("train", "val", "test")
@@ -60,45 +59,45 @@ def split_dataset(dataset: Path, recipe: SplitRecipe, *, force: bool = False) ->
         DatasetError: if there is a split already and not `force`, which replaces it and removes
             the pairs made from it.
     """
-    manifest = read_manifest(dataset)
-    if manifest.split is not None and not force:
-        raise DatasetError(
-            f"{dataset}: is split already; --force makes a new split and removes the old one "
-            "with the pairs made from it"
-        )
-    columns = ["scene_id", "source_split"]
-    scenes = read_table(dataset, "scenes", columns=columns, manifest=manifest).to_pydict()
-    own = dict(zip(scenes["scene_id"], scenes["source_split"], strict=True))
-    chosen = assign_splits(own, recipe)
-    with hold(dataset):
-        return _write_splits(dataset, withdraw_split(dataset, manifest), recipe, chosen)
+
+    def write(manifest: Manifest, folder: Path) -> Manifest:
+        if manifest.split is not None and not force:
+            raise DatasetError(
+                f"{dataset}: is split already; --force makes a new split and removes the old one "
+                "with the pairs made from it"
+            )
+        columns = ["scene_id", "source_split"]
+        scenes = read_table(dataset, "scenes", columns=columns, manifest=manifest).to_pydict()
+        own = dict(zip(scenes["scene_id"], scenes["source_split"], strict=True))
+        return _write_splits(folder, manifest, recipe, assign_splits(own, recipe))
+
+    return revise(dataset, write)
 
 
 def _write_splits(
-    dataset: Path, manifest: Manifest, recipe: SplitRecipe, chosen: dict[str, str]
+    folder: Path, manifest: Manifest, recipe: SplitRecipe, chosen: dict[str, str]
 ) -> Manifest:
+    """Write `splits.parquet` into a folder and return the manifest with it."""
     table = pa.Table.from_pydict(
         {"scene_id": list(chosen), "split": list(chosen.values())}, schema=SPLITS
     )
     with open_parquet(
-        dataset / "splits.parquet",
+        folder / "splits.parquet",
         SPLITS,
         table="splits",
         class_map=manifest.class_map,
         split=recipe.model_dump_json(),
     ) as writer:
         writer.write_table(table)
-    entry = describe_file(dataset, "splits.parquet", rows=len(table))
-    manifest = manifest.with_table("splits", (entry,), split=recipe)
-    publish(dataset, manifest)
-    return manifest
+    entry = describe_file(folder, "splits.parquet", rows=len(table))
+    return manifest.without_split().with_table("splits", (entry,), split=recipe)
 
 
 def read_splits(dataset: Path, *, manifest: Manifest | None = None) -> dict[str, tuple[str, ...]]:
     """Read the scene ids of each split, train, val and test first in that order.
 
     Raises:
-        DatasetError: if the dataset is not split yet.
+        DatasetError: if the dataset is not split yet, or names a split that cannot be.
     """
     manifest = manifest or read_manifest(dataset)
     if manifest.split is None:
@@ -106,6 +105,11 @@ def read_splits(dataset: Path, *, manifest: Manifest | None = None) -> dict[str,
     table = read_table(dataset, "splits", manifest=manifest).to_pydict()
     splits: dict[str, list[str]] = {}
     for scene, split in zip(table["scene_id"], table["split"], strict=True):
+        if not (isinstance(split, str) and SPLIT_NAME.fullmatch(split)):
+            raise DatasetError(
+                f"{dataset / 'splits.parquet'}: {scene} is in split {split!r}; expected train, "
+                "val, test or fold-N. Split again with --force"
+            )
         splits.setdefault(split, []).append(scene)
     return {name: tuple(splits[name]) for name in sorted(splits, key=_rank)}
 

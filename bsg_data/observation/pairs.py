@@ -22,13 +22,12 @@ from bsg_data.dataset.manifest import (
     hash_manifest,
     read_manifest,
 )
-from bsg_data.dataset.publication import publish, withdraw_pairs
+from bsg_data.dataset.revision import revise
 from bsg_data.dataset.schema import pairs_schema
 from bsg_data.dataset.shards import describe_file, open_parquet, read_file
 from bsg_data.dataset.splits import read_splits
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.executors import run_all
-from bsg_data.lock import hold
 from bsg_data.observation.masks import sample_hidden, sample_visited
 from bsg_data.recipes import PairsRecipe
 from bsg_data.scene.connections import Connections
@@ -99,18 +98,17 @@ def write_pairs(
         DatasetError: if it is not split, has pairs and not `force`, or cannot be written.
         RecipeError: if a count does not fit the format.
     """
-    manifest = read_manifest(dataset)
-    if manifest.pairs is not None and not force:
-        raise DatasetError(f"{dataset}: has pairs already; --force replaces them")
-    splits = read_splits(dataset, manifest=manifest)
-    files = list(_plan(dataset, splits, manifest))
-    with hold(dataset):
-        manifest = withdraw_pairs(dataset, manifest)
-        tasks = [(dataset, file, recipe, manifest.class_map) for file in files]
+
+    def write(manifest: Manifest, folder: Path) -> Manifest:
+        if manifest.pairs is not None and not force:
+            raise DatasetError(f"{dataset}: has pairs already; --force replaces them")
+        splits = read_splits(dataset, manifest=manifest)
+        files = _plan(dataset, splits, manifest)
+        tasks = [(folder, file, recipe, manifest.class_map) for file in files]
         entries = run_all(_write_file, tasks, executor=executor, progress=progress)
-        manifest = manifest.with_table("pairs", tuple(entries), pairs=recipe)
-        publish(dataset, manifest)
-    return manifest
+        return manifest.with_table("pairs", tuple(entries), pairs=recipe)
+
+    return revise(dataset, write)
 
 
 def read_pairs(dataset: Path, split: str, *, manifest: Manifest | None = None) -> pa.Table:
@@ -162,12 +160,13 @@ def _plan(
 
 
 def _write_file(
-    dataset: Path, file: _PairFile, recipe: PairsRecipe, class_map: ClassMapEntry
+    folder: Path, file: _PairFile, recipe: PairsRecipe, class_map: ClassMapEntry
 ) -> FileEntry:
+    """Write one file of pairs at its path below a folder."""
     schema = pairs_schema(len(class_map.classes))
     rows = 0
     with open_parquet(
-        dataset / file.path,
+        folder / file.path,
         schema,
         table="pairs",
         class_map=class_map,
@@ -184,7 +183,7 @@ def _write_file(
                 waiting.clear()
         if waiting:
             writer.write_table(pa.Table.from_batches(waiting, writer.schema))
-    return describe_file(dataset, file.path, rows=rows)
+    return describe_file(folder, file.path, rows=rows)
 
 
 def _scene_batch(

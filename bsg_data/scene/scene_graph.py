@@ -7,12 +7,23 @@ first 1+R. Everything is metres, Z up, right-handed.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 Point = tuple[float, float, float]
 EdgeKind = Literal["contains", "adjacent"]
+_SCENE_ID = re.compile(r"[^./\\\x00-\x1f\x7f][^/\\\x00-\x1f\x7f]{0,199}")
+
+
+def is_scene_id(name: object) -> bool:
+    """Say whether a value can be a scene id: the name of a file, without a path or a dot in front.
+
+    >>> is_scene_id("00006-HkseAnWCgqk"), is_scene_id("../secret")
+    (True, False)
+    """
+    return isinstance(name, str) and _SCENE_ID.fullmatch(name) is not None
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,7 +22,7 @@ from bsg_data.geometry.adjacency import measure_distance
 from bsg_data.geometry.placement import find_storeys
 from bsg_data.recipes import name_fault
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph
+from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph, is_scene_id
 from bsg_data.scene.scene_id import building_hash
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SkippedScene, Source
 
@@ -260,6 +260,8 @@ class WithLayouts:
             return replace(reading, left_out=(*reading.left_out, skip))
 
     def _layout_of(self, ref: SceneRef) -> Path | None:
+        if not is_scene_id(ref.scene_id):  # its name could lead out of the folder
+            return None
         names = (ref.scene_id, building_hash(ref.scene_id))
         paths = (self.folder / f"{name}.yaml" for name in names)
         return next((path for path in paths if path.is_file()), None)

@@ -14,6 +14,7 @@ import json
 import shutil
 from collections.abc import Iterator
 from concurrent.futures import Executor
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,8 +22,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from bsg_data.dataset.shards import write_bytes
 from bsg_data.errors import DatasetError
+from bsg_data.files import write_bytes
+from bsg_data.lock import hold
 from bsg_data.sources.annotations import HEADER, Instance
 from bsg_data.sources.hm3d import SYNTHETIC_MARK
 from bsg_data.synthetic.geometry import GeometryOptions, shape_building
@@ -234,16 +236,40 @@ def write_synthetic(
     if not 0 < scenes <= MAX_SCENES:
         raise SyntheticError(f"{scenes} scenes asked for, expected 1 to {MAX_SCENES}: {_LIMIT}")
     rates = load_rates()
-    _clear(out, force=force)
     mark = {"what": "synthetic buildings of bsg-data synth", "scenes": scenes, "seed": seed}
     if geometry is not None:
         mark["geometry"] = asdict(geometry)
-    out.mkdir(parents=True, exist_ok=True)
-    write_bytes(out / SYNTHETIC_MARK, _encode(mark, finished=False))
-    return _write_all(rates, out, mark, geometry, executor)
+    with ExitStack() as lock:
+        _make_parent(out)
+        lock.enter_context(hold(out))
+        _clear(out, force=force)
+        write_bytes(out / SYNTHETIC_MARK, _encode(mark, finished=False))
+        return _write_all(rates, out, mark, geometry, executor, lock=lock.pop_all())
+
+
+def _make_parent(out: Path) -> None:
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise DatasetError(f"{out}: cannot be made ({error.strerror})") from error
 
 
 def _write_all(
+    rates: SyntheticRates,
+    out: Path,
+    mark: dict[str, Any],
+    geometry: GeometryOptions | None,
+    executor: Executor | None,
+    *,
+    lock: ExitStack,
+) -> Iterator[Path]:
+    """Write the buildings while the lock is held, and say at the end that all are there."""
+    with lock:
+        yield from _write_each(rates, out, mark, geometry, executor)
+        write_bytes(out / SYNTHETIC_MARK, _encode(mark, finished=True))
+
+
+def _write_each(
     rates: SyntheticRates,
     out: Path,
     mark: dict[str, Any],
@@ -260,7 +286,6 @@ def _write_all(
         finally:
             for future in futures:
                 future.cancel()
-    write_bytes(out / SYNTHETIC_MARK, _encode(mark, finished=True))
 
 
 def _write_one(
@@ -282,7 +307,8 @@ def _encode(mark: dict[str, Any], *, finished: bool) -> bytes:
 
 def _clear(out: Path, *, force: bool) -> None:
     """Remove the synthetic buildings of an earlier call; never anything else."""
-    if not out.exists() or (out.is_dir() and not any(out.iterdir())):
+    begun = f".{SYNTHETIC_MARK}.partial"  # all that a command killed at its start leaves
+    if not out.exists() or (out.is_dir() and {path.name for path in out.iterdir()} <= {begun}):
         return
     mark = out / SYNTHETIC_MARK
     if not mark.is_file():

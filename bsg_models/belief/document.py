@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, ValidationError
 
 from bsg_data.dataset.manifest import ClassMapEntry
-from bsg_data.dataset.shards import write_bytes
+from bsg_data.files import write_bytes
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.observation.robot_json import encode_robot_graph, parse_robot_graph
 from bsg_data.recipes import Record, name_fault

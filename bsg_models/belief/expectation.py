@@ -39,6 +39,15 @@ class Expectation:
     hidden_counts: CountDistribution
     totals: Floats
 
+    @property
+    def is_finite(self) -> bool:
+        """Whether all of it are numbers; a dispersion may be infinite, which is a Poisson."""
+        distribution = self.hidden_counts
+        parts = (self.inputs, self.totals, distribution.weights, distribution.means, self.hidden)
+        return all(bool(np.isfinite(part).all()) for part in parts) and not bool(
+            np.isnan(distribution.dispersions).any()
+        )
+
     @cached_property
     def hidden(self) -> Floats:
         """Expected number of hidden objects, λ ≥ 0, `[N, C]`."""

@@ -22,8 +22,8 @@ import numpy as np
 from pydantic import StrictBool, ValidationError
 
 from bsg_data.dataset.manifest import ClassMapEntry
-from bsg_data.dataset.shards import write_bytes
 from bsg_data.errors import ClassMapError
+from bsg_data.files import write_bytes
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, classify
 from bsg_data.observation.robot_json import SEEN_SHARE, Share
 from bsg_data.recipes import Record, name_fault

@@ -21,7 +21,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from bsg_data.arrays import Floats
-from bsg_data.dataset.shards import write_bytes
+from bsg_data.files import write_bytes
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, classify
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box

@@ -38,7 +38,7 @@ def read_truth(masked: MaskedBuildings) -> Truth:
 
 def predict_all(model: BeliefModel, masked: MaskedBuildings, *, batch: int = 256) -> Expectation:
     """Return a model's expectation of every node of masked buildings, in their order."""
-    return join([model.predict(some.seen) for some in masked.batches(batch)])
+    return join([model.expect(some.seen) for some in masked.batches(batch)])
 
 
 class Measurement:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from bsg_data.dataset.shards import write_bytes
+from bsg_data.files import write_bytes
 from bsg_data.observation.partial_graph import KnownRoom
 from bsg_models.belief.belief_graph import BeliefGraph
 from bsg_models.belief.formats import FormatRow

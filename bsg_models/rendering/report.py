@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from bsg_data.dataset.shards import write_bytes
+from bsg_data.files import write_bytes
 from bsg_models.rendering.pages import render_page
 
 

@@ -1,14 +1,19 @@
 """Checkpoints: safetensors with everything that is needed to load them again; no pickle.
 
 The tensors are the model's state dict under `model.`, and for a training that can go on the
-optimiser's under `adam.`. The header says the configuration, the class map and the dataset.
+optimiser's under `adam.`. The header says the configuration, the class map and the dataset, and the
+sha256 of the tensors; its own sha256 comes last in it. A flipped bit anywhere is refused.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import torch
 from pydantic import Field, ValidationError
@@ -17,15 +22,18 @@ from safetensors.torch import save
 
 from bsg_data.dataset.manifest import ClassMapEntry, Manifest, require_class_map
 from bsg_data.dataset.schema import FORMAT_VERSION
-from bsg_data.dataset.shards import write_bytes
 from bsg_data.errors import MismatchError
+from bsg_data.files import write_bytes
 from bsg_data.recipes import Record
 from bsg_models.errors import CheckpointError, ConfigError
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.construction import make_model
 from bsg_models.zoo.model import BeliefModel
 
-CHECKPOINT_VERSION = 1
+CHECKPOINT_VERSION = 2
+UNSEALED_VERSION = 1  # before there were hashes; still read
+_SEAL = ',"sha256":"'  # what the header's own hash begins with, behind all that it covers
+_AGAIN = "take another copy of it, or train again"
 
 
 class CheckpointHeader(Record):
@@ -44,6 +52,7 @@ class CheckpointHeader(Record):
         val_loss: at that epoch; None without.
         best_epoch: with the lowest val_loss up to then.
         best_loss: that val_loss; None without.
+        tensors_sha256: of names, types, shapes and bytes of the tensors; None in version 1.
     """
 
     checkpoint_version: int = CHECKPOINT_VERSION
@@ -58,6 +67,7 @@ class CheckpointHeader(Record):
     val_loss: float | None = None
     best_epoch: int = 0
     best_loss: float | None = None
+    tensors_sha256: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +95,30 @@ def save_checkpoint(path: Path, header: CheckpointHeader, tensors: dict[str, tor
         DatasetError: if it cannot be written; an older one stays.
     """
     plain = {name: tensor.detach().contiguous() for name, tensor in tensors.items()}
-    write_bytes(path, save(plain, metadata={"bsg": header.model_dump_json()}))
+    sealed = {"checkpoint_version": CHECKPOINT_VERSION, "tensors_sha256": hash_tensors(plain)}
+    text = header.model_copy(update=sealed).model_dump_json().removesuffix("}")
+    write_bytes(path, save(plain, metadata={"bsg": f'{text}{_SEAL}{_hash_text(text)}"}}'}))
+
+
+def hash_tensors(tensors: Mapping[str, torch.Tensor]) -> str:
+    """Return the sha256 of tensors: of name, type, shape and bytes of each, by name in order."""
+    digest = hashlib.sha256()
+    for name, tensor in sorted(tensors.items()):
+        kind = json.dumps([name, str(tensor.dtype), list(tensor.shape)])
+        digest.update(f"{kind}\n".encode())
+        flat = tensor.detach().cpu().contiguous().reshape(-1)
+        digest.update(flat.view(torch.uint8).numpy().tobytes())
+    return digest.hexdigest()
+
+
+def read_header(path: Path) -> CheckpointHeader:
+    """Read what a checkpoint says of itself, without its tensors.
+
+    Raises:
+        CheckpointError: if it is missing, its header is damaged, or it is of another version.
+    """
+    with _open(path) as file:
+        return _parse_header(path, file)
 
 
 def load_checkpoint(path: Path) -> Checkpoint:
@@ -94,27 +127,72 @@ def load_checkpoint(path: Path) -> Checkpoint:
     Raises:
         CheckpointError: if it is missing, damaged, or of another version.
     """
+    with _open(path) as file:
+        header = _parse_header(path, file)
+        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    if header.tensors_sha256 not in (None, hash_tensors(tensors)):
+        raise CheckpointError(
+            f"{path}: is damaged: its tensors are not those that its header says; {_AGAIN}"
+        )
+    return Checkpoint(header, tensors)
+
+
+@contextmanager
+def _open(path: Path) -> Iterator[Any]:
     try:
         with safe_open(path, framework="pt") as file:
-            words = (file.metadata() or {}).get("bsg")
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+            _require_plain_end(path)
+            yield file
     except FileNotFoundError as error:
         raise CheckpointError(f"{path}: no checkpoint there; train one with `bsg-train`") from error
     except (SafetensorError, OSError) as error:
         raise CheckpointError(f"{path}: not a readable checkpoint ({error})") from error
+
+
+def _require_plain_end(path: Path) -> None:
+    """Refuse other characters than the spaces that safetensors puts behind its JSON.
+
+    They mean nothing and no hash covers them.
+    """
+    with path.open("rb") as file:
+        length = int.from_bytes(file.read(8), "little")
+        text = file.read(length)
+    if not text.rstrip(b" ").endswith(b"}"):
+        raise CheckpointError(f"{path}: is damaged: its header does not end as one; {_AGAIN}")
+
+
+def _parse_header(path: Path, file: Any) -> CheckpointHeader:
+    text = str((file.metadata() or {}).get("bsg", "null"))
     try:
-        said = json.loads(words or "null")
-        version = said["checkpoint_version"]
-        if version != CHECKPOINT_VERSION:
+        fields = json.loads(text)
+        version = fields["checkpoint_version"]
+        if version not in (CHECKPOINT_VERSION, UNSEALED_VERSION):
             raise CheckpointError(
-                f"{path}: checkpoint version {version}, this program reads {CHECKPOINT_VERSION}"
+                f"{path}: checkpoint version {version}, this program reads {UNSEALED_VERSION} and "
+                f"{CHECKPOINT_VERSION}"
             )
-        header = CheckpointHeader.model_validate(said)
-    except (ValueError, KeyError, TypeError, ValidationError) as error:
+        if version == CHECKPOINT_VERSION:
+            covered, _, seal = text.rpartition(_SEAL)
+            if seal != f'{_hash_text(covered)}"}}':
+                raise CheckpointError(
+                    f"{path}: is damaged: its header is not what its sha256 says; {_AGAIN}"
+                )
+            del fields["sha256"]
+        header = CheckpointHeader.model_validate(fields)
+    except (ValueError, KeyError, TypeError, RecursionError, ValidationError) as error:
         raise CheckpointError(
             f"{path}: its header is not a checkpoint's of this project"
         ) from error
-    return Checkpoint(header, tensors)
+    if (header.tensors_sha256 is None) != (version == UNSEALED_VERSION):
+        raise CheckpointError(
+            f"{path}: is damaged: version {version} goes with{'out' if version == 1 else ''} a "
+            f"sha256 of the tensors; {_AGAIN}"
+        )
+    return header
+
+
+def _hash_text(text: str) -> str:
+    return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
 
 
 def restore_model(path: Path, checkpoint: Checkpoint) -> BeliefModel:
@@ -145,6 +223,7 @@ def restore_model(path: Path, checkpoint: Checkpoint) -> BeliefModel:
         if name in found and not torch.isfinite(found[name]).all():
             raise CheckpointError(f"{path}: {name} has values that are not finite")
     model.load_state_dict(found)
+    model.origin = str(path)
     return model.eval()
 
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection
 from pathlib import Path
 
-import torch
-
 from bsg_data.errors import MismatchError
 from bsg_data.observation.observation import Observation
 from bsg_data.observation.partial_graph import PartialGraph
@@ -53,6 +51,7 @@ class Predictor:
 
         Raises:
             MismatchError: if the graph is of another class map.
+            PredictionError: if the answer is not finite.
         """
         if graph.class_map != self._class_map:
             raise MismatchError(
@@ -60,9 +59,7 @@ class Predictor:
                 f"{graph.scene_id} has those of {graph.class_map.version}"
             )
         seen = graph.observation(vocabulary=self._model.vocabulary, withheld=withheld)
-        with torch.no_grad():
-            expectation = self._model.predict(seen)
-        return _nothing_where_searched(expectation, seen)
+        return _nothing_where_searched(self._model.expect(seen), seen)
 
 
 def _nothing_where_searched(expectation: Expectation, seen: Observation) -> Expectation:

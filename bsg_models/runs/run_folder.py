@@ -11,7 +11,7 @@ import torch
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.lock import hold
 from bsg_models.errors import CheckpointError, TrainingError
-from bsg_models.runs.checkpoint import CheckpointHeader, load_checkpoint, save_checkpoint
+from bsg_models.runs.checkpoint import CheckpointHeader, read_header, save_checkpoint
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.model import BeliefModel
 
@@ -97,8 +97,8 @@ def save_fitted(
 def is_finished(run: Path, config: RunConfig, data: Dataset) -> bool:
     """Say whether a run is complete, of this configuration and this dataset."""
     try:
-        header = load_checkpoint(run / BEST).header
-        last = load_checkpoint(run / LAST).header.epoch if (run / LAST).is_file() else None
+        header = read_header(run / BEST)
+        last = read_header(run / LAST).epoch if (run / LAST).is_file() else None
     except CheckpointError:
         return False
     if header.config != config or header.dataset_sha256 != data.sha256:

@@ -26,7 +26,13 @@ from bsg_models.evaluation.measurement import (
 from bsg_models.evaluation.truth import Truth
 from bsg_models.inputs.folds import Split
 from bsg_models.inputs.graphs import read_split
-from bsg_models.runs.checkpoint import Checkpoint, load_checkpoint, require_dataset, restore_model
+from bsg_models.runs.checkpoint import (
+    Checkpoint,
+    load_checkpoint,
+    read_header,
+    require_dataset,
+    restore_model,
+)
 from bsg_models.runs.run_folder import BEST, LAST
 from bsg_models.zoo.catalogue import BASELINES
 from bsg_models.zoo.config import find_config
@@ -209,7 +215,7 @@ def _notes(loaded: Sequence[tuple[Path, Checkpoint]], data: Dataset, split: str)
             )
         header = checkpoint.header
         epochs = header.config.training.epochs
-        last = load_checkpoint(run / LAST).header.epoch if (run / LAST).is_file() else epochs
+        last = read_header(run / LAST).epoch if (run / LAST).is_file() else epochs
         if header.calibrated != getattr(header.config.model, "calibrate", False):
             notes.append(f"note: {run} stopped before its calibration; --resume finishes it")
         if last < epochs:

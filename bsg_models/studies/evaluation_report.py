@@ -16,8 +16,8 @@ import numpy as np
 from pydantic import Field
 
 from bsg_data.dataset.manifest import read_manifest
-from bsg_data.dataset.shards import write_bytes
 from bsg_data.errors import DatasetError
+from bsg_data.files import write_bytes
 from bsg_data.observation.partial_graph import mask_dataset
 from bsg_data.recipes import MaskRecipe, Record
 from bsg_models.belief.belief_graph import believe

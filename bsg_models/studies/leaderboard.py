@@ -22,11 +22,11 @@ from pydantic import field_validator
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import MANIFEST, Manifest, read_manifest
-from bsg_data.dataset.publication import withdraw_split
-from bsg_data.dataset.shards import write_bytes
+from bsg_data.dataset.publication import publish
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.executors import run_all
+from bsg_data.files import write_bytes
 from bsg_data.lock import hold
 from bsg_data.observation.masks import MASKS
 from bsg_data.observation.pairs import write_pairs
@@ -194,8 +194,10 @@ def prepare_dataset(source: Path, copy: Path, recipe: LeaderboardRecipe, *, mask
         partial = copy.with_name(f"{copy.name}.partial")
         shutil.rmtree(partial, ignore_errors=True)
         try:
-            shutil.copytree(source, partial)
-            withdraw_split(partial, manifest)
+            for entry in manifest.without_split().files:
+                (partial / entry.path).parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy2(source / entry.path, partial / entry.path)
+            publish(partial, manifest.without_split())
             partial.rename(copy)
         except OSError as error:
             raise DatasetError(f"{copy}: cannot be written ({error})") from error

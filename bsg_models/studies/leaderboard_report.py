@@ -11,8 +11,8 @@ import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from bsg_data.dataset.shards import write_bytes
 from bsg_data.errors import DatasetError
+from bsg_data.files import write_bytes
 from bsg_models.evaluation.catalogue import head_value
 from bsg_models.rendering.figures import plot_leaderboard
 from bsg_models.studies.leaderboard import Leaderboard, ModelResult

@@ -7,16 +7,15 @@ rooms. Each state is asked once, and remembered as long as the building is worke
 from __future__ import annotations
 
 import numpy as np
-import torch
 
 from bsg_data.arrays import Counts
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.errors import BSGError
 from bsg_data.observation.masked_buildings import place_others, see_others
 from bsg_data.observation.masks import sample_hidden
 from bsg_data.observation.observation import Observation
 from bsg_data.observation.search_moment import MaskedCells, observe_search
 from bsg_data.recipes import MaskRecipe
+from bsg_models.errors import PredictionError
 from bsg_models.search.shortest_paths import Bools, Floats, Ints
 from bsg_models.zoo.model import BeliefModel
 
@@ -80,14 +79,13 @@ class ModelBeliefs:
     def _ask(self, states: Counts) -> tuple[Floats, Floats]:
         """Return presence and share of the artifacts in states `[S, 1 + A + N]`, `[S, N, A]`."""
         width = self._artifacts.shape[1]
-        with torch.no_grad():
-            expectation = self._model.predict(self._observe(states, width))
+        expectation = self._model.expect(self._observe(states, width))
         shape = (len(states), len(self._cells), -1)
         columns = np.repeat(states[:, 1 : 1 + width], len(self._cells), axis=0)
         presence = expectation.hidden_counts.take_classes(columns).presence
         share = np.take_along_axis(expectation.distribution, columns, axis=1)
-        if not np.isfinite(presence).all():
-            raise BSGError(f"{self._scene_id}: the model's beliefs are no numbers; train it again")
+        if not np.isfinite(presence).all():  # of a finite answer: only by overflow
+            raise PredictionError(f"{self._scene_id}: a presence is not finite; train it again")
         return presence.reshape(shape), share.reshape(shape)
 
     def _observe(self, states: Counts, width: int) -> Observation:

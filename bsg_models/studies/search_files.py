@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from bsg_data.dataset.shards import write_bytes
+from bsg_data.files import write_bytes
 from bsg_models.studies.savings import WorldResult
 from bsg_models.studies.search_study import Study
 

@@ -18,13 +18,13 @@ from typing import Any, Literal, NamedTuple, cast
 from pydantic import Field
 
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.shards import write_bytes
 from bsg_data.errors import DatasetError, RecipeError
+from bsg_data.files import write_bytes
 from bsg_data.recipes import Record
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.rendering.explorer import write_explorer
 from bsg_models.rendering.figures import plot_savings
-from bsg_models.runs.checkpoint import load_checkpoint
+from bsg_models.runs.checkpoint import read_header
 from bsg_models.runs.run_folder import checkpoint_of
 from bsg_models.search.catalogue import PLANNERS
 from bsg_models.search.room_graphs import DEFAULT_WORLDS, WorldRecipe, parse_world
@@ -301,7 +301,7 @@ def _make_folder(out: Path) -> None:
 
 
 def _family(run: Path) -> str:
-    return load_checkpoint(checkpoint_of(run)).header.config.name
+    return read_header(checkpoint_of(run)).config.name
 
 
 def _note_left_out(study: Study) -> list[str]:

@@ -19,7 +19,7 @@ from bsg_data.errors import DatasetError, MismatchError, RecipeError
 from bsg_data.executors import run_all
 from bsg_data.recipes import MaskRecipe
 from bsg_models.inputs.folds import Split, scenes_of
-from bsg_models.runs.checkpoint import load_checkpoint, restore_model
+from bsg_models.runs.checkpoint import load_checkpoint, read_header, restore_model
 from bsg_models.runs.run_folder import checkpoint_of
 from bsg_models.search.catalogue import PLANNERS, Planner
 from bsg_models.search.knowledge import Task
@@ -203,7 +203,7 @@ def choose_runs(
     chosen: dict[str, Path | None] = {}
     notes, models = [], set()
     for run in runs:
-        header = load_checkpoint(checkpoint_of(run)).header
+        header = read_header(checkpoint_of(run))
         if header.class_map != data.manifest.class_map:
             raise MismatchError(
                 f"{run}: predicts classes of {header.class_map.version}, the dataset has those of "

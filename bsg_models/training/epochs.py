@@ -18,7 +18,7 @@ from torch.utils.data import DataLoader
 from torch_geometric.data import Data
 
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.shards import write_bytes
+from bsg_data.files import write_bytes
 from bsg_data.observation.masked_buildings import MaskedBuildings, sample_masked, stack_masked
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of

@@ -16,6 +16,7 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import MismatchError
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.expectation import Expectation
+from bsg_models.errors import PredictionError
 from bsg_models.inputs.edges import EdgeSet
 from bsg_models.inputs.graphs import to_graph
 from bsg_models.zoo.settings import DataConfig, ModelConfig
@@ -45,7 +46,10 @@ class BeliefModel(torch.nn.Module, ABC):
     Attributes:
         config: its settings.
         inputs: what it is given to read.
+        origin: the checkpoint that it was restored from; None for one that was not.
     """
+
+    origin: str | None = None
 
     def __init__(self, config: ModelConfig, inputs: ModelInputs) -> None:
         super().__init__()
@@ -62,6 +66,23 @@ class BeliefModel(torch.nn.Module, ABC):
 
     def resize_buffers(self, state: Mapping[str, torch.Tensor]) -> None:
         """Prepare for the state of a checkpoint, where the shape of a tensor follows from data."""
+
+    def expect(self, seen: Observation) -> Expectation:
+        """Return what the model predicts, without gradients, and only if all of it is finite.
+
+        Whoever asks a trained model asks here.
+
+        Raises:
+            PredictionError: naming the checkpoint, if anything is not finite.
+        """
+        with torch.no_grad():
+            expectation = self.predict(seen)
+        if not expectation.is_finite:
+            raise PredictionError(
+                f"{self.origin or type(self).__name__}: the model's answer is not finite (NaN or "
+                "infinite); train it again"
+            )
+        return expectation
 
     @abstractmethod
     def predict(self, seen: Observation) -> Expectation:

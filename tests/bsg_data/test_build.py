@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ from bsg_data.checks.dataset import check_dataset
 from bsg_data.dataset.coverage import measure_coverage
 from bsg_data.dataset.manifest import encode_manifest, read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
+from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import (
     AnnotationError,
     ClassMapError,
@@ -22,9 +24,11 @@ from bsg_data.errors import (
     SourceError,
     UnmappedNameError,
 )
+from bsg_data.recipes import SplitRecipe
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.sources.hm3d_stats import HM3DStatistics
+from bsg_data.sources.source import FoundScenes
 from bsg_data.synthetic.buildings import write_synthetic
 from bsg_data.synthetic.geometry import GeometryOptions
 
@@ -192,9 +196,12 @@ def test_nothing_of_the_users_is_overwritten(hm3d_folder: Path, tmp_path: Path) 
         build_dataset(source, mine, force=True)
     assert (mine / "thesis.tex").read_text() == "years of work"
     (tmp_path / "out.partial").mkdir()
+    (tmp_path / "out.partial" / "thesis.tex").write_text("years of work")
     with pytest.raises(DatasetError, match="no build of ours"):
         build_dataset(source, tmp_path / "out")
-    (tmp_path / "out.partial").rmdir()
+    (tmp_path / "out.partial" / "thesis.tex").unlink()  # what is empty is nobody's
+    (tmp_path / "out.partial" / ".reports").mkdir()
+    (tmp_path / "out.partial" / ".reports" / ".recipe.json.partial").write_text("{")
     build_dataset(source, tmp_path / "out")
     before = all_bytes(tmp_path / "out")
     with pytest.raises(DatasetError, match="--force replaces it"):
@@ -213,6 +220,41 @@ def test_strict_fails_on_the_first_loss(hm3d_folder: Path, tmp_path: Path) -> No
     write_scene(other, "00042-broken00000", b"HM3D Semantic Annotations\n1,AB\n")
     with pytest.raises(AnnotationError, match="line 2"):
         build_dataset(HM3DFolder(other), tmp_path / "out2", strict=True)
+
+
+def test_split_and_pairs_wait_for_a_build_that_replaces_the_dataset(
+    hm3d_folder: Path, tmp_path: Path
+) -> None:
+    source, out = HM3DFolder(hm3d_folder), tmp_path / "out"
+    build_dataset(source, out)
+    refused = []
+
+    def intrude(done: int, total: int) -> None:
+        with pytest.raises(DatasetError, match="another command is writing there") as caught:
+            split_dataset(out, SplitRecipe())
+        refused.append(caught)
+
+    build_dataset(source, out, force=True, progress=intrude)
+    assert len(refused) == 1
+    assert check_dataset(out) == ()
+
+
+def test_a_scene_whose_id_leads_out_of_a_folder_is_left_out(
+    hm3d_folder: Path, tmp_path: Path
+) -> None:
+    class Hostile(HM3DFolder):
+        def find(self) -> FoundScenes:
+            found = super().find()
+            first = replace(found.scenes[0], scene_id="../secret")
+            return replace(found, scenes=(first, *found.scenes[1:]))
+
+    manifest = build_dataset(Hostile(hm3d_folder), tmp_path / "out")
+    (skip,) = manifest.skipped
+    assert skip.scene_id == "../secret"
+    assert "must do as the name of a file" in skip.reason
+    assert manifest.totals.scenes == 11
+    with pytest.raises(SourceError, match="must do as the name of a file"):
+        build_dataset(Hostile(hm3d_folder), tmp_path / "strict", strict=True)
 
 
 def test_an_empty_result_is_a_failure(tmp_path: Path) -> None:

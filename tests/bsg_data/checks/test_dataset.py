@@ -66,6 +66,7 @@ PAIRS = "pairs/train-00000.parquet"
         (SCENES, setting("num_classified", 1), "num_classified is 1"),
         (SCENES, setting("scene_id", "00001-abcdefghi01"), "is there twice"),
         (SCENES, setting("scene_id", "99999-abcdefghi01"), "under two scene ids"),
+        (SCENES, setting("scene_id", "../secret"), "cannot be a scene id"),
         (ROOMS, setting("room_index", 7), "room_index does not run"),
         (ROOMS, setting("scene_id", "nowhere"), "nowhere is no scene"),
         (OBJECTS, setting("room_index", 77), "room_index is not 0..R"),

@@ -16,8 +16,9 @@ from bsg_data.dataset.manifest import (
     read_manifest,
 )
 from bsg_data.dataset.schema import TABLES
-from bsg_data.dataset.shards import read_scene_graphs, read_table, write_bytes, write_shards
+from bsg_data.dataset.shards import read_scene_graphs, read_table, write_shards
 from bsg_data.errors import DatasetError, MismatchError
+from bsg_data.files import write_bytes
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph, SceneObject
 
@@ -141,11 +142,3 @@ def test_a_manifest_changed_by_hand_is_refused(
     path.write_text(path.read_text("utf-8").replace(old, new, 1), "utf-8")
     with pytest.raises(DatasetError, match=message):
         read_manifest(dataset)
-
-
-def test_a_write_that_fails_leaves_what_was_there(tmp_path: Path) -> None:
-    path = tmp_path / "file"
-    path.mkdir()
-    with pytest.raises(DatasetError, match="cannot be written"):
-        write_bytes(path, b"x")
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["file"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,7 @@ from bsg_data.scene.scene_graph import Box
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.sources.hm3d_stats import HM3DStatistics
 from bsg_data.sources.room_layouts import LayoutError, WithLayouts, read_layout
+from bsg_data.sources.statistics import HEADER, MEMBER
 from bsg_data.synthetic.buildings import write_synthetic
 from bsg_data.synthetic.geometry import GeometryOptions
 
@@ -172,3 +174,22 @@ def test_real_layouts_join_text_and_statistics(shared: Path, tmp_path: Path, kin
     rooms = [r for g in read_scene_graphs(tmp_path / "out") for r in g.rooms if r.box]
     assert len(rooms) == 712
     assert all(r.source_label and r.floor_index is not None for r in rooms)
+
+
+def test_a_scene_id_does_not_lead_out_of_the_folder_of_layouts(tmp_path: Path) -> None:
+    (tmp_path / "secret.yaml").write_text(LAYOUT)
+    (tmp_path / "layouts").mkdir()
+    (tmp_path / "layouts" / "00006-aaaaaaaaaaa.yaml").write_text(LAYOUT)
+    rows = [
+        f"{scene},{k},1,1,chair_{k}" for scene in ("../secret", "00006-aaaaaaaaaaa") for k in (1, 2)
+    ]
+    with zipfile.ZipFile(tmp_path / "s.zip", "w") as archive:
+        archive.writestr(MEMBER, "\n".join([",".join(HEADER), *rows]) + "\n")
+    source = WithLayouts(HM3DStatistics(tmp_path / "s.zip"), tmp_path / "layouts")
+    hostile, plain = source.find().scenes
+    assert hostile.scene_id == "../secret"
+    assert "layout" not in str(hostile.geometry)
+    assert "layout" in str(plain.geometry)
+    manifest = build_dataset(source, tmp_path / "out")
+    assert [skip.scene_id for skip in manifest.skipped] == ["../secret"]
+    assert manifest.totals.adjacent == 1

@@ -137,6 +137,24 @@ def test_a_second_run_does_not_mix_two_sets(tmp_path: Path) -> None:
     assert again == first
 
 
+def test_two_sets_into_one_folder_do_not_meet(tmp_path: Path) -> None:
+    out = tmp_path / "buildings"
+    stream = write_synthetic(out, scenes=2, seed=0)
+    next(stream)
+    with pytest.raises(DatasetError, match="another command is writing there"):
+        write_synthetic(out, scenes=2, seed=1, force=True)
+    assert len(list(stream)) == 1
+    assert len(list(write_synthetic(out, scenes=2, seed=1, force=True))) == 2
+    write_synthetic(out, scenes=2, seed=1, force=True)  # nobody asks for a building
+    write_synthetic(out, scenes=2, seed=1)
+    assert [path.name for path in tmp_path.iterdir()] == ["buildings"]
+
+
+def test_a_folder_that_a_killed_command_just_made_is_taken(tmp_path: Path) -> None:
+    (tmp_path / ".synthetic.json.partial").write_text("{")
+    assert len(list(write_synthetic(tmp_path, scenes=1, seed=0))) == 1
+
+
 def test_buildings_are_written_lazily(tmp_path: Path) -> None:
     stream = write_synthetic(tmp_path, scenes=MAX_SCENES, seed=0)
     assert not list(tmp_path.rglob("*.semantic.txt"))

@@ -1,0 +1,136 @@
+"""Revise a finished dataset: one command at a time, and the old is whole until the new is there.
+
+New files are written into a folder of their own inside the dataset, with the cards and the manifest
+that go with them. Only renames are left then, which need no room on the disk. They go in an order
+that keeps the manifest true at every moment, so that a killed command leaves one of these:
+
+    while files are written       the old dataset, and `.revision` beside its files
+    after the first manifest      the old dataset without what was to be replaced
+    while files are renamed       the same
+    after the last manifest       the new dataset, and `.revision` with the old files
+
+`bsg-data check` names what lies there and is not the dataset's, and the same command, run again,
+removes it. Whatever stops a command in another way is undone.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from bsg_data.dataset.manifest import FILE_PATH, MANIFEST, Manifest, read_manifest
+from bsg_data.dataset.publication import CARD, CROISSANT, REVISION, publish
+from bsg_data.errors import DatasetError
+from bsg_data.lock import hold
+
+_PUBLISHED = (CARD, CROISSANT, MANIFEST)  # in this order: the manifest last
+
+
+def revise(dataset: Path, write: Callable[[Manifest, Path], Manifest]) -> Manifest:
+    """Change the files of a finished dataset and return its new manifest.
+
+    Args:
+        dataset: its folder.
+        write: called with the manifest and a folder, while no other command can change either. It
+            writes the new files into that folder, at their paths below the dataset, and returns
+            the manifest with them. If it raises, the dataset stays as it was.
+
+    Raises:
+        DatasetError: if there is no dataset, another command is writing, or a file cannot be
+            written or renamed.
+    """
+    staged = dataset / REVISION
+    with hold(dataset):
+        old = read_manifest(dataset)
+        _remove(staged)  # of a killed command
+        try:
+            new = write(old, staged / "new")
+            _swap(dataset, old, new, staged)
+        except OSError as error:
+            raise DatasetError(f"{dataset}: cannot be changed ({error})") from error
+        finally:
+            _remove(staged)
+    return new
+
+
+def _swap(dataset: Path, old: Manifest, new: Manifest, staged: Path) -> None:
+    """Put the new files in the place of the old ones."""
+    come = [entry.path for entry in new.files if (staged / "new" / entry.path).is_file()]
+    go = _list_leaving(dataset, new, come)
+    _refuse_links(dataset, come)
+    publish(staged / "new", new)
+    publish(staged / "rest", _without(old, go))
+    for name in _PUBLISHED:
+        if (dataset / name).is_file():
+            (staged / "old").mkdir(exist_ok=True)
+            shutil.copy2(dataset / name, staged / "old" / name)
+    moved: list[tuple[Path, Path]] = []
+    try:
+        if any(entry.path in go for entry in old.files):
+            _take(staged / "rest", dataset)
+        _move(go, dataset, staged / "old", moved)
+        _move(come, staged / "new", dataset, moved)
+        _take(staged / "new", dataset)
+    except BaseException:
+        for source, target in reversed(moved):
+            target.rename(source)
+        _take(staged / "old", dataset)
+        raise
+    for folder in {(dataset / path).parent for path in go} - {dataset}:
+        with suppress(OSError):
+            folder.rmdir()  # unless anything is in it
+
+
+def _list_leaving(dataset: Path, new: Manifest, come: Sequence[str]) -> list[str]:
+    """Return the dataset's own files that are replaced or no longer listed.
+
+    Those that a killed command left are among them. The user's own, which have other names, are
+    not.
+    """
+    stay = {entry.path for entry in new.files} - set(come)
+    paths = (path.relative_to(dataset).as_posix() for path in dataset.rglob("*.parquet"))
+    return sorted(path for path in paths if FILE_PATH.fullmatch(path) and path not in stay)
+
+
+def _without(manifest: Manifest, paths: Sequence[str]) -> Manifest:
+    """Return a manifest without some files, and without the recipe of a table that loses one."""
+    tables = {path.split("/")[0] for path in paths}
+    if "splits.parquet" in tables:
+        manifest = manifest.without_split()
+    if "pairs" in tables:
+        manifest = manifest.without_pairs()
+    files = tuple(entry for entry in manifest.files if entry.path not in paths)
+    return manifest.model_copy(update={"files": files})
+
+
+def _refuse_links(dataset: Path, paths: Sequence[str]) -> None:
+    """Refuse to write through a link: it may lead out of the dataset."""
+    for folder in sorted({(dataset / path).parent for path in paths} - {dataset}):
+        if folder.is_symlink():
+            raise DatasetError(f"{folder}: is a link, and a dataset's folders are none; remove it")
+
+
+def _move(paths: Sequence[str], source: Path, target: Path, moved: list[tuple[Path, Path]]) -> None:
+    """Rename files from one folder into another, and note each in `moved`."""
+    for path in paths:
+        (target / path).parent.mkdir(parents=True, exist_ok=True)
+        (source / path).rename(target / path)
+        moved.append((source / path, target / path))
+
+
+def _take(folder: Path, dataset: Path) -> None:
+    """Rename cards and manifest from a folder into the dataset."""
+    for name in _PUBLISHED:
+        if (folder / name).is_file():
+            (folder / name).replace(dataset / name)
+
+
+def _remove(folder: Path) -> None:
+    try:
+        shutil.rmtree(folder)
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise DatasetError(f"{folder}: cannot be removed ({error.strerror or error})") from error

@@ -1,0 +1,63 @@
+"""Files that are whole or absent: written beside their place, then renamed there."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from bsg_data.errors import DatasetError
+
+
+@contextmanager
+def open_beside(path: Path) -> Iterator[Path]:
+    """Yield a path beside a file's place; rename it there when the block ends well.
+
+    The folder is made where it is missing. What was at `path` stays until the rename, and for good
+    if the block raises. The data reach the disk before the rename does.
+
+    Raises:
+        DatasetError: if the file cannot be written.
+    """
+    partial = path.with_name(f".{path.name}.partial")
+    try:
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            partial.unlink(missing_ok=True)  # of a killed command; a link there is never followed
+            yield partial
+            _flush(partial)
+            partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)
+    except OSError as error:
+        raise DatasetError(f"{path}: cannot be written ({error.strerror or error})") from error
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a small file beside its place and rename it there.
+
+    Raises:
+        DatasetError: if it cannot be written; what was there stays.
+    """
+    with open_beside(path) as partial, partial.open("xb") as file:
+        file.write(data)
+
+
+def hash_file(path: Path) -> str:
+    """Return the sha256 of a file, in hexadecimal digits.
+
+    Raises:
+        OSError: if it cannot be read.
+    """
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _flush(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDWR)  # Windows flushes only what is open for writing
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

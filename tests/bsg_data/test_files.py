@@ -1,0 +1,52 @@
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import pytest
+
+from bsg_data.errors import DatasetError
+from bsg_data.files import hash_file, open_beside, write_bytes
+
+
+def test_a_file_is_whole_or_stays_as_it_was(tmp_path: Path) -> None:
+    path = tmp_path / "deep" / "file.json"
+    write_bytes(path, b"one")
+    assert hash_file(path) == hashlib.sha256(b"one").hexdigest()
+
+    def fail() -> None:
+        with open_beside(path) as partial:
+            partial.write_bytes(b"half of tw")
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        fail()
+    assert path.read_bytes() == b"one"
+    write_bytes(path, b"two")
+    assert path.read_bytes() == b"two"
+    assert [p.name for p in path.parent.iterdir()] == ["file.json"]
+
+
+def test_a_link_in_the_way_is_not_followed(tmp_path: Path) -> None:
+    victim = tmp_path / "victim"
+    victim.write_text("mine")
+    for name in ("file", ".file.partial"):
+        (tmp_path / name).symlink_to(victim)
+    write_bytes(tmp_path / "file", b"new")
+    assert victim.read_text() == "mine"
+    assert (tmp_path / "file").read_bytes() == b"new"
+    assert not (tmp_path / "file").is_symlink()
+
+
+def test_what_cannot_be_written_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("mine")
+    with pytest.raises(DatasetError, match=r"file/new: cannot be written \(Not a directory\)"):
+        write_bytes(tmp_path / "file" / "new", b"")
+
+
+def test_a_write_that_fails_leaves_what_was_there(tmp_path: Path) -> None:
+    path = tmp_path / "file"
+    path.mkdir()
+    with pytest.raises(DatasetError, match="cannot be written"):
+        write_bytes(path, b"x")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["file"]

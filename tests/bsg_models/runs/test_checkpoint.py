@@ -1,0 +1,188 @@
+"""A checkpoint is what was saved, or it is refused; so is an answer that is no number."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from click.testing import CliRunner
+from conftest import REPOSITORY
+from safetensors import safe_open
+from safetensors.numpy import load_file
+from safetensors.torch import save_file
+
+from bsg_cli.belief import main
+from bsg_data.observation.robot_json import read_robot_graph
+from bsg_models.belief.expectation import from_totals
+from bsg_models.errors import CheckpointError, PredictionError
+from bsg_models.evaluation.measurement import predict_all
+from bsg_models.inputs.graphs import MaskedGraphs, open_dataset
+from bsg_models.runs import checkpoint as checkpoint_module
+from bsg_models.runs.checkpoint import (
+    hash_tensors,
+    load_checkpoint,
+    read_header,
+    restore_model,
+    save_checkpoint,
+)
+from bsg_models.runs.predictor import Predictor
+from bsg_models.runs.run_folder import BEST, is_finished
+from bsg_models.training.training import train_run
+from bsg_models.zoo.catalogue import ZOO
+from bsg_models.zoo.gamma_poisson import GammaPoissonModel
+
+OFFICE = REPOSITORY / "docs" / "office.json"
+
+
+@pytest.fixture
+def path(dataset: Path, tmp_path: Path) -> Path:
+    """The checkpoint of a small model."""
+    list(train_run(ZOO["gamma-poisson"], dataset, tmp_path / "run"))
+    return tmp_path / "run" / BEST
+
+
+def header_text(path: Path) -> str:
+    with safe_open(path, framework="np") as file:
+        return str(file.metadata()["bsg"])
+
+
+def test_every_flipped_byte_is_refused(path: Path) -> None:
+    whole = path.read_bytes()
+    rng = np.random.default_rng(0)
+    head = 8 + int.from_bytes(whole[:8], "little")
+    positions = [*range(8), *range(head - 12, head + 4)]  # the length, the padding, the first data
+    positions += rng.integers(0, len(whole), 300).tolist()
+    accepted = []
+    for position in positions:
+        changed = bytearray(whole)
+        changed[position] ^= int(rng.integers(1, 256))
+        path.write_bytes(changed)
+        try:
+            load_checkpoint(path)
+        except CheckpointError:
+            continue
+        accepted.append(position)
+    assert accepted == []
+    for blank in (b"\t", b"\n"):  # JSON takes them for the spaces that fill the header up
+        padded = whole.rfind(b" ", 0, head)
+        if padded == head - 1:
+            path.write_bytes(whole[:padded] + blank + whole[padded + 1 :])
+            with pytest.raises(CheckpointError, match="damaged"):
+                read_header(path)
+    path.write_bytes(whole)
+    load_checkpoint(path)
+
+
+def test_the_hashes_are_what_anybody_computes(path: Path) -> None:
+    digest = hashlib.sha256()
+    for name, array in sorted(load_file(path).items()):
+        kinds = {"float32": "torch.float32", "int64": "torch.int64", "float64": "torch.float64"}
+        what = json.dumps([name, kinds[array.dtype.name], list(array.shape)])
+        digest.update(f"{what}\n".encode() + array.tobytes())
+    assert read_header(path).tensors_sha256 == digest.hexdigest()
+    text = header_text(path)
+    covered, own = text[: text.rindex(',"sha256":"')], json.loads(text)["sha256"]
+    assert own == hashlib.sha256(covered.encode()).hexdigest()
+
+
+def test_the_hash_of_tensors_tells_names_types_and_shapes_apart() -> None:
+    zeros = torch.zeros(2, 3)
+    different = [
+        {"a": zeros},
+        {"b": zeros},
+        {"a": zeros.T},
+        {"a": zeros.int()},
+        {"a": zeros, "b": zeros[:0]},
+        {"a": torch.tensor(0.0)},
+        {"a": torch.tensor(False)},
+    ]
+    assert len({hash_tensors(tensors) for tensors in different}) == len(different)
+    assert hash_tensors({"a": zeros, "b": zeros[0]}) == hash_tensors({"b": zeros[0], "a": zeros})
+    assert hash_tensors({"a": torch.arange(6).reshape(2, 3).T}) == hash_tensors(
+        {"a": torch.tensor([[0, 3], [1, 4], [2, 5]])}
+    )
+
+
+def test_a_header_is_read_without_its_tensors(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    header = load_checkpoint(path).header
+    data = open_dataset(path.parent.parent / "dataset")
+
+    def refuse(tensors: dict[str, torch.Tensor]) -> str:
+        raise AssertionError
+
+    monkeypatch.setattr(checkpoint_module, "hash_tensors", refuse)
+    assert read_header(path) == header
+    assert is_finished(path.parent, header.config, data)
+
+
+def test_the_same_checkpoint_has_the_same_bytes(path: Path, tmp_path: Path) -> None:
+    loaded = load_checkpoint(path)
+    save_checkpoint(tmp_path / "again", loaded.header, loaded.tensors)
+    assert (tmp_path / "again").read_bytes() == path.read_bytes()
+
+
+def test_version_1_has_no_hash_and_is_read(path: Path) -> None:
+    loaded = load_checkpoint(path)
+    fields = json.loads(header_text(path))
+    for added in ("sha256", "tensors_sha256"):
+        del fields[added]
+    old = json.dumps({**fields, "checkpoint_version": 1})
+    save_file(loaded.tensors, path, metadata={"bsg": old})
+    again = load_checkpoint(path)
+    assert again.header.tensors_sha256 is None
+    assert again.header.config == loaded.header.config
+    restore_model(path, again)
+    save_checkpoint(path, again.header, again.tensors)  # what is saved is of the new version
+    assert load_checkpoint(path).header == loaded.header
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_a_version_that_does_not_go_with_the_hashes_is_refused(path: Path, version: int) -> None:
+    tensors = load_checkpoint(path).tensors
+    fields = {**json.loads(header_text(path)), "checkpoint_version": version}
+    del fields["sha256" if version == 1 else "tensors_sha256"]
+    save_file(tensors, path, metadata={"bsg": json.dumps(fields)})
+    with pytest.raises(CheckpointError, match="damaged"):
+        load_checkpoint(path)
+
+
+@pytest.mark.parametrize(
+    "text", ["[" * 100_000, '{"checkpoint_version": ' + "9" * 5_000 + "}", "5"]
+)
+def test_headers_that_python_cannot_take_are_refused(path: Path, text: str) -> None:
+    save_file({"x": torch.zeros(1)}, path, metadata={"bsg": text})
+    with pytest.raises(CheckpointError, match="its header is not a checkpoint's"):
+        read_header(path)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_an_answer_that_is_not_finite_is_an_error(
+    path: Path, dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bad: float
+) -> None:
+    def predict(self: GammaPoissonModel, graphs: MaskedGraphs) -> object:
+        totals = graphs.x.numpy().astype(float)
+        totals[-1, -1] = bad
+        return from_totals(graphs.x.numpy().astype(float), totals)
+
+    monkeypatch.setattr(GammaPoissonModel, "predict", predict)
+    model = restore_model(path, load_checkpoint(path))
+    graphs = MaskedGraphs.stored(open_dataset(dataset), "val")
+    graph = read_robot_graph(OFFICE)
+    asked: list[Callable[[], object]] = [
+        lambda: predict_all(model, graphs),
+        lambda: Predictor(path)(graph),
+    ]
+    for ask in asked:
+        with pytest.raises(PredictionError, match=rf"{path}: the model's answer is not finite"):
+            ask()
+    out = tmp_path / "belief.json"
+    done = CliRunner().invoke(main, [str(OFFICE), "--run", str(path.parent), "--out", str(out)])
+    assert done.exit_code == 1
+    assert "is not finite" in done.stderr
+    assert done.stdout == ""
+    assert not out.exists()
