@@ -10,9 +10,10 @@
     ├── RecipeError            a mask, split or build was asked for that cannot be made
     │   └── ConfigError        a configuration names something that is not, or cannot be
     ├── CheckpointError        a checkpoint is missing, damaged, or of another shape or run
+    ├── PredictionError        a model's answer is not finite
     ├── TrainingError          a training cannot start or go on
-    ├── BeliefFileError        a file or a graph is no belief graph of ours
-    └── HydraError             a file is no scene graph of Hydra's, or Hydra's library is missing
+    └── BeliefFileError        a file or a graph is no belief graph of ours
+        └── HydraError         a file is no scene graph of Hydra's, or Hydra's library is missing
 
 ConfigError and those below it belong to `bsg_models` and are exported by it. Some errors are of one
 kind of file, such as a mesh that cannot be read, and stay in its module below one of these. A

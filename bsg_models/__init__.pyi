@@ -5,7 +5,14 @@ from .belief.formats import FORMATS, FormatRow, read_belief, write_belief
 from .belief.hydra import read_hydra, read_hydra_belief, write_hydra
 from .belief.network import from_networkx, to_networkx
 from .belief.tables import read_tables, write_tables
-from .errors import BeliefFileError, CheckpointError, ConfigError, HydraError, TrainingError
+from .errors import (
+    BeliefFileError,
+    CheckpointError,
+    ConfigError,
+    HydraError,
+    PredictionError,
+    TrainingError,
+)
 from .evaluation.bootstrap import Estimate
 from .evaluation.verdict import explain
 from .inputs.graphs import MaskedGraphs
@@ -85,6 +92,7 @@ __all__ = [
     "ModelResult",
     "Outcome",
     "Planner",
+    "PredictionError",
     "Predictor",
     "RoomBelief",
     "RoomGraph",

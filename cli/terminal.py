@@ -24,11 +24,14 @@ from tqdm import tqdm  # noqa: TID251 -- the command line is where bars belong
 from bsg_data.errors import BSGError, RecipeError
 
 FAILED, WRONG_USAGE, INTERRUPTED = 1, 2, 130
-_HELP = {"help_option_names": ["-h", "--help"]}
 
 
 class ExitCodes:
     """Mix in for a click command: turn what the libraries raise into messages and exit codes."""
+
+    def get_help_option_names(self, ctx: click.Context) -> list[str]:
+        """Return the two spellings of help, whatever context asks."""
+        return ["-h", "--help"]
 
     def main(self, *args: Any, **kwargs: Any) -> NoReturn:
         """Run the command and leave the process with one of the four exit codes."""
@@ -55,19 +58,13 @@ class ExitCodes:
 
 
 class Command(ExitCodes, click.Command):
-    """A single command with the house's exit codes; `-h` is `--help`."""
-
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
-        super().__init__(*args, **{"context_settings": _HELP, **kwargs})
+    """A single command with the house's exit codes and helps."""
 
 
 class CommandGroup(ExitCodes, click.Group):
-    """A group of commands with the house's exit codes; `-h` is `--help`, in all of them."""
+    """A group of commands with the house's exit codes and helps."""
 
     command_class = Command
-
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
-        super().__init__(*args, **{"context_settings": _HELP, **kwargs})
 
 
 @contextmanager

@@ -11,7 +11,6 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
@@ -99,13 +98,11 @@ def configure(settings: tuple[str, ...]) -> RunConfig:
     return validate_config(tables, source="ablation")
 
 
-def rows(found: dict[str, dict[str, str]]) -> Iterator[str]:
-    """Yield the table, a row a variant, each beside its paired difference from the first."""
+def format_rows(variants: dict[str, dict[str, str]]) -> list[str]:
+    """Return the table, a row a variant, each beside its paired difference from the first."""
     names = ("hidden NLL", "difference", "AUROC", "AUROC unseen", "AP unseen", "calibration error")
-    yield f"| variant | {' | '.join(names)} | training, s |"
-    yield "|---" * (len(names) + 2) + "|"
-    for name, cells in found.items():
-        yield f"| {name} | " + " | ".join(cells.values()) + " |"
+    rows = [(name, *cells.values()) for name, cells in variants.items()]
+    return format_markdown(rows, header=("variant", *names, "training, s"))
 
 
 def main() -> int:
@@ -159,7 +156,7 @@ def main() -> int:
         cells["ece"] = f"{metrics.point['rooms/presence_calibration_error/all']:.4f}"
         cells["seconds"] = f"{standing.seconds:.0f}"
         found[name] = cells
-    text = "\n".join(rows(found)) + "\n"
+    text = "\n".join(format_rows(found)) + "\n"
     (options.out / "ablation.md").write_text(text, "utf-8")
     print(text)
     return 0

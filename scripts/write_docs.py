@@ -84,9 +84,7 @@ def _context(
     command: click.Command, name: str, *, parent: click.Context | None = None
 ) -> click.Context:
     widths = {"terminal_width": 88, "max_content_width": 88}
-    return click.Context(
-        command, info_name=name, parent=parent, **widths, **command.context_settings
-    )
+    return click.Context(command, info_name=name, parent=parent, **widths)
 
 
 def main() -> int:
