@@ -16,8 +16,6 @@ from conftest import REPOSITORY, load_script
 
 from bsg_cli.registry import COMMANDS
 from bsg_data.dataset.schema import SPLITS, TABLES, pairs_schema
-from bsg_models.training.training import train_run
-from bsg_models.zoo.catalogue import ZOO
 
 DOCS = REPOSITORY / "docs"
 
@@ -115,15 +113,14 @@ def test_readme_commands_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
         assert result.exit_code == 0, f"{line}: {result.output}"
 
 
+@pytest.mark.usefixtures("run")
 def test_the_example_of_a_robot_that_searches_runs(
-    dataset: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     """The very lines of docs/search.md, beside a run and docs/office.json."""
     monkeypatch.chdir(tmp_path)
-    list(train_run(ZOO["gamma-poisson"], dataset, tmp_path / "run"))
     shutil.copy(DOCS / "office.json", tmp_path)
     text = (DOCS / "search.md").read_text("utf-8")
     (block,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)

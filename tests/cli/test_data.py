@@ -22,6 +22,7 @@ def run(*words: str | Path, code: int = 0) -> Result:
     return result
 
 
+@pytest.mark.slow
 def test_the_thread_from_buildings_to_proof(tmp_path: Path) -> None:
     buildings, out = tmp_path / "buildings", tmp_path / "dataset"
     run("synth", "--out", buildings, "--scenes", "12", "--seed", "3")
@@ -125,6 +126,7 @@ def _count_reports(partial: Path) -> int:
     return len(list(partial.glob(".reports/part-*.json")))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sign", [signal.SIGINT, signal.SIGKILL])
 def test_a_build_that_is_stopped_from_outside_resumes(tmp_path: Path, sign: int) -> None:
     """Stop a real process once a shard is done; the same command ends with the same bytes."""

@@ -47,6 +47,7 @@ def test_a_run_beside_the_baselines(dataset: Path, trained: Path) -> None:
     assert len(list((trained / "evaluation").glob("run-*.png"))) == 3
 
 
+@pytest.mark.slow
 def test_json_all_metrics_and_force(dataset: Path, trained: Path, tmp_path: Path) -> None:
     words = [trained, "--data", dataset, "--resamples", "0", "--out", tmp_path / "e"]
     report = json.loads(run(*words, "--split", "val", "--json").stdout)
@@ -86,6 +87,7 @@ def test_a_verdict_needs_intervals_that_are_apart() -> None:
     assert judge(sure, sure, less=True) == "not distinguishable"
 
 
+@pytest.mark.slow
 def test_a_run_named_like_a_baseline_keeps_its_column(dataset: Path, trained: Path) -> None:
     twins = [trained.rename(trained.with_name("doubled"))]
     for parent in ("a", "b"):

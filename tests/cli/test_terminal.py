@@ -9,6 +9,8 @@ from pathlib import Path
 
 SCRIPT = """
 import os, time
+import pytest
+
 from bsg_cli.terminal import worker_pool
 
 if __name__ == "__main__":
@@ -27,6 +29,7 @@ def is_running(pid: int) -> bool:
     return not (stat.is_file() and stat.read_text("utf-8").rpartition(")")[2].split()[0] == "Z")
 
 
+@pytest.mark.slow
 def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
     script = tmp_path / "parent.py"
     script.write_text(SCRIPT, "utf-8")

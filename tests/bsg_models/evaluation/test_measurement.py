@@ -259,6 +259,7 @@ def test_splits_are_averaged_and_never_pooled(dataset: Path) -> None:
     assert estimate(every, resamples=3)["rooms/hidden_nll"].value == found["rooms/hidden_nll"]
 
 
+@pytest.mark.slow
 def test_figures_are_drawn(truth: Truth, tmp_path: Path) -> None:
     drawn = plot_evaluation(
         tmp_path / "figures",
