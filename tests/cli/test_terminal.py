@@ -7,10 +7,10 @@ import sys
 import time
 from pathlib import Path
 
-SCRIPT = """
-import os, time
 import pytest
 
+SCRIPT = """
+import os, time
 from bsg_cli.terminal import worker_pool
 
 if __name__ == "__main__":
