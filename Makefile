@@ -4,9 +4,13 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 DEMO := demo
+# One test process for each core, and one thread in each: more threads would wait for one another.
+# All tests of a file run in one process, which makes what they share once.
+PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile
+TESTED := tests bsg_data bsg_models $(VENV)/links/bsg_cli
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test lint format docs bench clean
+.PHONY: help install demo test fast coverage lint format docs bench clean
 
 help: ## Say what each target does.
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -25,16 +29,16 @@ install: $(INSTALLED) ## Make .venv and install the project with all that its te
 
 demo: $(INSTALLED) ## Run the main job end to end on synthetic buildings; results in demo/.
 	rm -rf $(DEMO)
-	$(BIN)/bsg-data synth --out $(DEMO)/buildings --scenes 60 --seed 0 --geometry
+	$(BIN)/bsg-data synth --out $(DEMO)/buildings --scenes 50 --seed 0 --geometry
 	$(BIN)/bsg-data build --hm3d $(DEMO)/buildings --out $(DEMO)/dataset
 	$(BIN)/bsg-data split $(DEMO)/dataset
 	$(BIN)/bsg-data pairs $(DEMO)/dataset --draws 10
 	$(BIN)/bsg-data check $(DEMO)/dataset
 	$(BIN)/bsg-data info $(DEMO)/dataset --figure $(DEMO)/classes.png
-	$(BIN)/bsg-train --config ceci-gcn --data $(DEMO)/dataset --out $(DEMO)/ceci-gcn --set training.epochs=300
+	$(BIN)/bsg-train --config ceci-gcn --data $(DEMO)/dataset --out $(DEMO)/ceci-gcn --set training.epochs=100
 	$(BIN)/bsg-train --config ceci-sage --data $(DEMO)/dataset --out $(DEMO)/ceci-sage
-	$(BIN)/bsg-evaluate $(DEMO)/ceci-gcn $(DEMO)/ceci-sage --data $(DEMO)/dataset --out $(DEMO)/evaluation --html $(DEMO)/report.html
-	$(BIN)/bsg-search --run $(DEMO)/ceci-sage --data $(DEMO)/dataset --worlds geometry,star --episodes 50 --trace 0 --out $(DEMO)/search
+	$(BIN)/bsg-evaluate $(DEMO)/ceci-gcn $(DEMO)/ceci-sage --data $(DEMO)/dataset --resamples 50 --out $(DEMO)/evaluation --html $(DEMO)/report.html
+	$(BIN)/bsg-search --run $(DEMO)/ceci-sage --data $(DEMO)/dataset --worlds geometry,star --episodes 20 --trace 0 --out $(DEMO)/search
 	@echo
 	@echo "These buildings are synthetic and few: the figures show that it works, not how well."
 	@echo "Open $(DEMO)/report.html in a browser: what was seen, what is believed, and how good that is."
@@ -43,7 +47,13 @@ demo: $(INSTALLED) ## Run the main job end to end on synthetic buildings; result
 	@echo "docs/loading.md opens it elsewhere, docs/evaluation.md says what the metrics are."
 
 test: $(INSTALLED) lint ## Run every check: format, lint, types, tests.
-	$(BIN)/python -m pytest
+	$(PYTEST) --doctest-modules $(TESTED)
+
+fast: $(INSTALLED) ## Run the tests that take less than about two seconds each.
+	$(PYTEST) -m "not slow"
+
+coverage: $(INSTALLED) ## Run all tests, and list the lines that none of them runs.
+	$(PYTEST) --cov --cov-report=term-missing
 
 lint: $(INSTALLED) ## Check format, style and types.
 	$(BIN)/ruff format --check .

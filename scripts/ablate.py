@@ -22,6 +22,7 @@ import numpy as np
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.executors import run_all
 from bsg_data.observation.masked_buildings import MaskedBuildings
+from bsg_data.tables import format_markdown
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import BEST, clear_run, is_finished, open_run
 from bsg_models.studies.leaderboard import (

@@ -81,6 +81,22 @@ def dataset(_dataset: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(_dataset, tmp_path / "dataset"))
 
 
+@pytest.fixture(scope="session")
+def _run(_dataset: Path) -> Path:
+    # Imported here: torch takes seconds, and the tests of bsg_data need none.
+    from bsg_models.training.training import train_run
+    from bsg_models.zoo.config import find_config
+
+    list(train_run(find_config("gamma-poisson"), _dataset, _dataset.parent / "run"))
+    return _dataset.parent / "run"
+
+
+@pytest.fixture
+def run(_run: Path, tmp_path: Path) -> Path:
+    """A run of `gamma-poisson`, trained on `dataset`; each test has its own copy."""
+    return Path(shutil.copytree(_run, tmp_path / "run"))
+
+
 @pytest.fixture
 def shared() -> Path:
     """The real annotations, where this machine has them."""

@@ -147,6 +147,7 @@ def test_rooms_use_only_the_libraries_that_they_may(room: str) -> None:
         assert foreign <= THIRD_PARTY[room], f"{name} imports {foreign}"
 
 
+@pytest.mark.slow
 def test_bsg_data_and_its_command_import_without_torch_or_another_heavy_library() -> None:
     names = list(modules("bsg_data"))
     code = (

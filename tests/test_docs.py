@@ -7,6 +7,7 @@ import shlex
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import click
 import pytest
@@ -15,8 +16,6 @@ from conftest import REPOSITORY, load_script
 
 from bsg_cli.registry import COMMANDS
 from bsg_data.dataset.schema import SPLITS, TABLES, pairs_schema
-from bsg_models.training.training import train_run
-from bsg_models.zoo.catalogue import ZOO
 
 DOCS = REPOSITORY / "docs"
 
@@ -89,10 +88,17 @@ def test_links_between_documents_lead_somewhere() -> None:
 
 def test_make_targets_explain_themselves() -> None:
     text = (REPOSITORY / "Makefile").read_text("utf-8")
-    for target in ("demo", "test", "lint", "format", "docs", "bench", "clean"):
+    for target in ("demo", "test", "fast", "coverage", "lint", "format", "docs", "bench", "clean"):
         assert re.search(rf"^{target}:.*## \S", text, re.MULTILINE), target
 
 
+def one_worker(command: click.Command) -> dict[str, Any]:
+    """Return defaults that keep a command in this process: what it writes does not depend on it."""
+    below = command.commands if isinstance(command, click.Group) else {}
+    return {"workers": 1} | {name: one_worker(sub) for name, sub in below.items()}
+
+
+@pytest.mark.slow
 def test_readme_commands_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The quick start of the README, line by line, in an empty folder."""
     monkeypatch.chdir(tmp_path)
@@ -102,19 +108,19 @@ def test_readme_commands_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert len(lines) >= 6
     for line in lines:
         name, *words = shlex.split(line, comments=True)
-        result = CliRunner().invoke(COMMANDS[name], words)
+        defaults = one_worker(COMMANDS[name])
+        result = CliRunner().invoke(COMMANDS[name], words, default_map=defaults)
         assert result.exit_code == 0, f"{line}: {result.output}"
 
 
+@pytest.mark.usefixtures("run")
 def test_the_example_of_a_robot_that_searches_runs(
-    dataset: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     """The very lines of docs/search.md, beside a run and docs/office.json."""
     monkeypatch.chdir(tmp_path)
-    list(train_run(ZOO["gamma-poisson"], dataset, tmp_path / "run"))
     shutil.copy(DOCS / "office.json", tmp_path)
     text = (DOCS / "search.md").read_text("utf-8")
     (block,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)

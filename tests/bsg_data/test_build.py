@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -297,6 +298,7 @@ def test_a_disk_that_fills_up_is_reported_and_the_build_goes_on_later(
     assert check_dataset(tmp_path / "out") == ()
 
 
+@pytest.mark.slow
 def test_the_real_scenes(shared: Path, tmp_path: Path) -> None:
     text = build_dataset(HM3DFolder(shared / "annotations"), tmp_path / "text")
     source = HM3DStatistics(shared / "HM3DSem-v0.2-train.zip")
@@ -315,16 +317,22 @@ def test_the_real_scenes(shared: Path, tmp_path: Path) -> None:
     assert f"{found.share_of_named:.1%}".replace("%", " %") in readme
 
 
-@pytest.fixture
-def with_meshes(tmp_path: Path) -> Path:
-    """Five buildings with meshes, one of them cut off."""
-    out = tmp_path / "places"
+@pytest.fixture(scope="module")
+def _with_meshes(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("meshes") / "places"
     list(write_synthetic(out, scenes=5, seed=1, geometry=GeometryOptions()))
     mesh = sorted(out.rglob("*.semantic.glb"))[1]
     mesh.write_bytes(mesh.read_bytes()[:-100])
     return out
 
 
+@pytest.fixture
+def with_meshes(_with_meshes: Path, tmp_path: Path) -> Path:
+    """Five buildings with meshes, one of them cut off; each test has its own copy."""
+    return Path(shutil.copytree(_with_meshes, tmp_path / "places"))
+
+
+@pytest.mark.slow
 def test_a_scene_whose_mesh_cannot_be_read_is_kept_without_geometry(
     with_meshes: Path, tmp_path: Path
 ) -> None:
@@ -341,6 +349,7 @@ def test_a_scene_whose_mesh_cannot_be_read_is_kept_without_geometry(
         build_dataset(HM3DFolder(with_meshes), tmp_path / "strict", strict=True)
 
 
+@pytest.mark.slow
 def test_meshes_give_the_same_bytes_whatever_the_workers(with_meshes: Path, tmp_path: Path) -> None:
     build_dataset(HM3DFolder(with_meshes), tmp_path / "one", scenes_per_shard=2)
     with ThreadPoolExecutor(2) as pool:
@@ -348,6 +357,7 @@ def test_meshes_give_the_same_bytes_whatever_the_workers(with_meshes: Path, tmp_
     assert all_bytes(tmp_path / "many") == all_bytes(tmp_path / "one")
 
 
+@pytest.mark.slow
 def test_without_meshes_a_build_is_one_of_text_alone(with_meshes: Path, tmp_path: Path) -> None:
     manifest = build_dataset(HM3DFolder(with_meshes, meshes=False), tmp_path / "out")
     assert (manifest.totals.placed, manifest.left_out, manifest.meshes) == (0, (), {})
@@ -370,6 +380,7 @@ def test_a_mesh_that_is_no_file_is_reported(hm3d_folder: Path, tmp_path: Path, o
     assert manifest.totals.scenes == 12
 
 
+@pytest.mark.slow
 def test_another_mesh_of_the_same_size_is_another_build(with_meshes: Path) -> None:
     source = HM3DFolder(with_meshes)
     before = source.find().scenes

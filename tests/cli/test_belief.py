@@ -14,14 +14,6 @@ from bsg_cli.belief import main
 from bsg_models.belief.document import read_document
 from bsg_models.belief.hydra import read_hydra_belief
 from bsg_models.belief.tables import read_tables
-from bsg_models.training.training import train_run
-from bsg_models.zoo.catalogue import ZOO
-
-
-@pytest.fixture
-def run(dataset: Path, tmp_path: Path) -> Path:
-    list(train_run(ZOO["gamma-poisson"], dataset, tmp_path / "run"))
-    return tmp_path / "run"
 
 
 def call(*words: object) -> Result:

@@ -47,6 +47,7 @@ def test_a_run_beside_the_baselines(dataset: Path, trained: Path) -> None:
     assert len(list((trained / "evaluation").glob("run-*.png"))) == 3
 
 
+@pytest.mark.slow
 def test_json_all_metrics_and_force(dataset: Path, trained: Path, tmp_path: Path) -> None:
     words = [trained, "--data", dataset, "--resamples", "0", "--out", tmp_path / "e"]
     report = json.loads(run(*words, "--split", "val", "--json").stdout)
@@ -76,6 +77,7 @@ def test_what_is_missing_is_said(dataset: Path, tmp_path: Path) -> None:
     run("--data", dataset, code=2)
 
 
+@pytest.mark.slow
 def test_a_run_named_like_a_baseline_keeps_its_column(dataset: Path, trained: Path) -> None:
     twins = [trained.rename(trained.with_name("doubled"))]
     for parent in ("a", "b"):

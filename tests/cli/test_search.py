@@ -10,20 +10,13 @@ import pytest
 from click.testing import CliRunner, Result
 
 from bsg_cli.search import main
-from bsg_models.training.training import train_run
-from bsg_models.zoo.catalogue import ZOO
 
 
 def run_command(*arguments: object) -> Result:
     return CliRunner().invoke(main, [str(one) for one in arguments])
 
 
-@pytest.fixture
-def run(dataset: Path, tmp_path: Path) -> Path:
-    list(train_run(ZOO["gamma-poisson"], dataset, tmp_path / "run"))
-    return tmp_path / "run"
-
-
+@pytest.mark.slow
 def test_a_study_with_everything(dataset: Path, run: Path) -> None:
     few = ("--episodes", 6, "--workers", 1, "--resamples", 20, "--worlds", "tree:2-3,star")
     result = run_command("--run", run, "--data", dataset, *few, "--stop", "0.1", "--trace", 1)

@@ -7,6 +7,8 @@ import sys
 import time
 from pathlib import Path
 
+import pytest
+
 SCRIPT = """
 import os, time
 from bsg_cli.terminal import worker_pool
@@ -27,6 +29,7 @@ def is_running(pid: int) -> bool:
     return not (stat.is_file() and stat.read_text("utf-8").rpartition(")")[2].split()[0] == "Z")
 
 
+@pytest.mark.slow
 def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
     script = tmp_path / "parent.py"
     script.write_text(SCRIPT, "utf-8")

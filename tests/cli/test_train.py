@@ -87,6 +87,7 @@ main()
 """
 
 
+@pytest.mark.slow
 def test_ctrl_c_leaves_a_run_that_resumes_to_the_same_weights(
     dataset: Path, tmp_path: Path
 ) -> None:

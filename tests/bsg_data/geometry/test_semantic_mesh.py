@@ -212,6 +212,7 @@ def read_within_4_gigabytes(path: Path) -> str:
     return done.stdout
 
 
+@pytest.mark.slow
 def test_one_huge_triangle_is_read_or_refused_within_four_gigabytes(tmp_path: Path) -> None:
     small = write_glb(tmp_path / "100.glb", textured(paint("r"), size=(100, 100)))
     assert read_within_4_gigabytes(small) == "read 10000.0 0.0\n"
@@ -219,6 +220,7 @@ def test_one_huge_triangle_is_read_or_refused_within_four_gigabytes(tmp_path: Pa
     assert "larger than that of any building" in read_within_4_gigabytes(large)
 
 
+@pytest.mark.slow
 def test_a_square_over_a_huge_texture_is_read_within_four_gigabytes(tmp_path: Path) -> None:
     pixels = np.full((4096, 4096, 3), RGB["r"], dtype=np.uint8)
     pixels[:, 1024:] = RGB["g"]

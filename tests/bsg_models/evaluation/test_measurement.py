@@ -161,6 +161,7 @@ def test_splits_are_averaged_and_never_pooled(dataset: Path) -> None:
     assert bootstrap(every, resamples=3).point == pytest.approx(found, nan_ok=True)
 
 
+@pytest.mark.slow
 def test_figures_are_drawn(truth: Truth, tmp_path: Path) -> None:
     drawn = plot_evaluation(
         tmp_path / "figures",

@@ -46,6 +46,7 @@ MODELS: Mapping[str, RunConfig] = {
 }
 
 
+@pytest.mark.slow
 def test_every_model_is_tested_on_every_building_once(unsplit: Path, tmp_path: Path) -> None:
     before = {p: p.read_bytes() for p in unsplit.rglob("*") if p.is_file()}
     seen: list[tuple[str, int, int]] = []
@@ -73,6 +74,7 @@ def test_every_model_is_tested_on_every_building_once(unsplit: Path, tmp_path: P
     assert not np.isnan(board.results["rooms"]["train-mean"].metrics.point[unvisited])
 
 
+@pytest.mark.slow
 def test_a_stopped_leaderboard_goes_on_and_another_recipe_starts_again(
     unsplit: Path, tmp_path: Path
 ) -> None:
@@ -109,6 +111,7 @@ def test_a_copy_of_another_dataset_is_refused(
     assert board.results["uniform"]["train-mean"].metrics.point["rooms/hidden_nll"] > 0
 
 
+@pytest.mark.slow
 def test_an_ensemble_is_the_mean_of_its_members(unsplit: Path, tmp_path: Path) -> None:
     recipe = RECIPE.model_copy(update={"masks": ("uniform",)})
     board = make_leaderboard(unsplit, tmp_path / "board", {"pair": MODELS["pair"]}, recipe)

@@ -18,29 +18,18 @@ from bsg_models.search.room_graphs import WorldRecipe
 from bsg_models.studies.savings import summarise
 from bsg_models.studies.search_cases import StudyRecipe, sample_presence, sample_searches
 from bsg_models.studies.search_files import encode_study, write_searches
-from bsg_models.studies.search_study import (
-    Study,
-    choose_runs,
-    study_search,
-)
-from bsg_models.training.training import train_run
-from bsg_models.zoo.config import find_config
+from bsg_models.studies.search_study import Study, choose_runs, study_search
 
 EVERY = tuple(range(45))
 BLIND = tuple(name for name in PLANNERS if PLANNERS[name].reads != "belief")
 DRAWN = (WorldRecipe(kind="star"), WorldRecipe(kind="tree"))
 
 
-@pytest.fixture
-def run(dataset: Path, tmp_path: Path) -> Path:
-    list(train_run(find_config("gamma-poisson"), dataset, tmp_path / "run"))
-    return tmp_path / "run"
-
-
 def costs_of(study: Study) -> list[list[float]]:
     return [o.costs.tolist() for one in study.searches for o in one.outcomes.values()]
 
 
+@pytest.mark.slow
 def test_a_study_depends_on_its_recipe_alone(dataset: Path, run: Path) -> None:
     recipe = StudyRecipe(artifacts=EVERY, worlds=DRAWN, episodes=6, masks=3)
     runs = dict.fromkeys(list(read_cells(dataset))[-4:], run)

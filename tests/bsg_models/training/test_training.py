@@ -70,6 +70,7 @@ def test_a_run_leaves_checkpoints_and_metrics(dataset: Path, tmp_path: Path) -> 
     assert best.dataset_sha256 == Dataset.open(dataset).sha256
 
 
+@pytest.mark.slow
 def test_training_learns(dataset: Path, tmp_path: Path) -> None:
     """On buildings that are alike, the loss falls well below that of the first epoch."""
     config = configure("training.epochs=120", "model.dropout=0.0")
@@ -77,6 +78,7 @@ def test_training_learns(dataset: Path, tmp_path: Path) -> None:
     assert reports[-1].train_loss < 0.5 * reports[0].train_loss
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("masks", ["fresh", "fixed"])
 def test_the_same_seed_gives_the_same_weights_and_another_does_not(
     dataset: Path, tmp_path: Path, masks: str

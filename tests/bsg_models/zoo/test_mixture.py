@@ -84,6 +84,7 @@ def test_an_unvisited_room_is_what_the_others_are() -> None:
     assert found.hidden[4, 0] < before.hidden[1, 0]
 
 
+@pytest.mark.slow
 def test_planted_types_are_found() -> None:
     rng = np.random.default_rng(0)
     means = np.array([[6.0, 0.1, 1.0], [0.1, 4.0, 1.0]])

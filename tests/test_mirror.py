@@ -1,0 +1,95 @@
+"""Every source file has a test file in the same place, or a line here that says where it is proved.
+
+A file leaves the list when it gets a test file of its own; the list never grows without a reason.
+"""
+
+from __future__ import annotations
+
+from pathlib import PurePosixPath
+
+import pytest
+from conftest import REPOSITORY
+
+PROVED_ELSEWHERE = {
+    # source file: the test file, below tests/, that proves it
+    "bsg_data/checks/faults.py": "bsg_data/checks/test_dataset.py",
+    "bsg_data/checks/pairs.py": "bsg_data/checks/test_dataset.py",
+    "bsg_data/checks/tables.py": "bsg_data/checks/test_dataset.py",
+    "bsg_data/dataset/frequencies.py": "bsg_data/dataset/test_coverage.py",
+    "bsg_data/dataset/histograms.py": "bsg_data/dataset/test_categories.py",
+    "bsg_data/dataset/manifest.py": "bsg_data/dataset/test_shards.py",
+    "bsg_data/dataset/publication.py": "bsg_data/test_build.py",
+    "bsg_data/dataset/scene_tables.py": "bsg_data/dataset/test_shards.py",
+    "bsg_data/dataset/schema.py": "bsg_data/dataset/test_shards.py",
+    "bsg_data/errors.py": "bsg_data/test_build.py",
+    "bsg_data/executors.py": "bsg_data/test_build.py",
+    "bsg_data/lock.py": "bsg_data/test_build.py",
+    "bsg_data/recipes.py": "bsg_data/observation/test_pairs.py",
+    "bsg_data/scene/mesh_coverage.py": "bsg_data/geometry/test_placement.py",
+    "bsg_data/scene/scene_graph.py": "bsg_data/dataset/test_shards.py",
+    "bsg_data/synthetic/furnishing.py": "bsg_data/synthetic/test_geometry.py",
+    "bsg_data/synthetic/meshes.py": "bsg_data/synthetic/test_geometry.py",
+    "bsg_data/synthetic/rates.py": "bsg_data/synthetic/test_buildings.py",
+    "bsg_models/belief/hydra.py": "bsg_models/belief/test_belief_files.py",
+    "bsg_models/errors.py": "bsg_models/training/test_training.py",
+    "bsg_models/evaluation/presence.py": "bsg_models/evaluation/test_measurement.py",
+    "bsg_models/rendering/figures.py": "bsg_models/evaluation/test_measurement.py",
+    "bsg_models/rendering/report.py": "cli/test_evaluate.py",
+    "bsg_models/runs/checkpoint.py": "bsg_models/training/test_training.py",
+    "bsg_models/runs/predictor.py": "bsg_models/belief/test_belief_graph.py",
+    "bsg_models/runs/run_folder.py": "bsg_models/training/test_training.py",
+    "bsg_models/search/planners.py": "bsg_models/search/test_simulator.py",
+    "bsg_models/studies/comparison.py": "bsg_models/evaluation/test_measurement.py",
+    "bsg_models/studies/leaderboard_table.py": "bsg_models/studies/test_leaderboard.py",
+    "bsg_models/studies/replay.py": "bsg_models/studies/test_search_study.py",
+    "bsg_models/studies/savings.py": "bsg_models/studies/test_search_study.py",
+    "bsg_models/studies/search_cases.py": "bsg_models/studies/test_search_study.py",
+    "bsg_models/studies/search_files.py": "bsg_models/studies/test_search_study.py",
+    "bsg_models/training/epochs.py": "bsg_models/training/test_training.py",
+    "bsg_models/training/learning_curve.py": "bsg_models/training/test_training.py",
+    "bsg_models/training/optimiser.py": "bsg_models/training/test_training.py",
+    "bsg_models/zoo/baselines.py": "bsg_models/zoo/test_models.py",
+    "bsg_models/zoo/boosting.py": "bsg_models/zoo/test_counting_models.py",
+    "bsg_models/zoo/calibration.py": "bsg_models/zoo/test_counting_models.py",
+    "bsg_models/zoo/catalogue.py": "bsg_models/zoo/test_config.py",
+    "bsg_models/zoo/conditional.py": "bsg_models/zoo/test_counting_models.py",
+    "bsg_models/zoo/deepsets.py": "bsg_models/zoo/test_count_network.py",
+    "bsg_models/zoo/ensemble.py": "bsg_models/zoo/test_counting_models.py",
+    "bsg_models/zoo/families.py": "bsg_models/zoo/test_models.py",
+    "bsg_models/zoo/gamma_poisson.py": "bsg_models/zoo/test_models.py",
+    "bsg_models/zoo/gat.py": "bsg_models/zoo/test_count_network.py",
+    "bsg_models/zoo/gcn.py": "bsg_models/zoo/test_models.py",
+    "bsg_models/zoo/gin.py": "bsg_models/zoo/test_count_network.py",
+    "bsg_models/zoo/masked_rooms.py": "bsg_models/zoo/test_counting_models.py",
+    "bsg_models/zoo/message_passing.py": "bsg_models/zoo/test_count_network.py",
+    "bsg_models/zoo/model.py": "bsg_models/zoo/test_models.py",
+    "bsg_models/zoo/naive_bayes.py": "bsg_models/zoo/test_counting_models.py",
+    "bsg_models/zoo/node_features.py": "bsg_models/zoo/test_count_network.py",
+    "bsg_models/zoo/residual_gcn.py": "bsg_models/zoo/test_count_network.py",
+    "bsg_models/zoo/room_sums.py": "bsg_models/zoo/test_models.py",
+    "bsg_models/zoo/room_transformer.py": "bsg_models/zoo/test_count_network.py",
+    "bsg_models/zoo/sage.py": "bsg_models/zoo/test_models.py",
+    "cli/registry.py": "test_docs.py",
+}
+SOURCES = [
+    path.relative_to(REPOSITORY).as_posix()
+    for folder in ("bsg_data", "bsg_models", "cli")
+    for path in sorted((REPOSITORY / folder).rglob("*.py"))
+    if path.name != "__init__.py"
+]
+
+
+def own_test(source: str) -> str:
+    path = PurePosixPath(source)
+    return f"{path.parent}/test_{path.name}"
+
+
+def test_every_source_file_has_a_test_file_or_is_listed() -> None:
+    without = {s for s in SOURCES if not (REPOSITORY / "tests" / own_test(s)).is_file()}
+    assert without - set(PROVED_ELSEWHERE) == set(), "write their test files"
+    assert set(PROVED_ELSEWHERE) - without == set(), "take them off PROVED_ELSEWHERE"
+
+
+@pytest.mark.parametrize("place", sorted(set(PROVED_ELSEWHERE.values())))
+def test_the_places_that_are_named_exist(place: str) -> None:
+    assert (REPOSITORY / "tests" / place).is_file()

@@ -1,0 +1,96 @@
+"""What is installed from a wheel is what lies in the source tree, and it works alone."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+from conftest import REPOSITORY
+
+FOLDERS = {
+    "bsg_cli": "cli",
+    "bsg_data": "bsg_data",
+    "bsg_mappings": "mappings",
+    "bsg_models": "bsg_models",
+}
+BUILD = "import sys; from setuptools.build_meta import build_wheel; build_wheel(sys.argv[1])"
+IMPORT = """
+import sys
+import bsg_data, bsg_models, bsg_models.zoo.catalogue, bsg_cli.registry
+packages = ("bsg_data", "bsg_models", "bsg_cli")
+ours = [module for name, module in sys.modules.items() if name.split(".")[0] in packages]
+elsewhere = [m.__file__ for m in ours if not m.__file__.startswith(sys.argv[1])]
+assert not elsewhere, elsewhere
+"""
+
+
+def source_files() -> dict[str, Path]:
+    """Return every file of the packages by its name in the wheel."""
+    return {
+        f"{package}/{path.relative_to(REPOSITORY / folder).as_posix()}": path
+        for package, folder in FOLDERS.items()
+        for path in (REPOSITORY / folder).rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts
+    }
+
+
+def test_the_listed_packages_are_the_folders_of_code() -> None:
+    with (REPOSITORY / "pyproject.toml").open("rb") as file:
+        listed = tomllib.load(file)["tool"]["setuptools"]["packages"]
+    folders = {
+        name.rpartition("/")[0].replace("/", ".") for name in source_files() if name.endswith(".py")
+    }
+    assert listed == sorted(folders | {"bsg_mappings"})
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A wheel, built without a network from a copy: the build leaves files beside the sources."""
+    folder = tmp_path_factory.mktemp("wheel")
+    copy = folder / "copy"
+    for source in FOLDERS.values():
+        hidden = shutil.ignore_patterns("__pycache__")
+        shutil.copytree(REPOSITORY / source, copy / source, ignore=hidden)
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(REPOSITORY / name, copy)
+    done = subprocess.run(
+        [sys.executable, "-c", BUILD, str(folder)], cwd=copy, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    (path,) = folder.glob("*.whl")
+    return path
+
+
+@pytest.mark.slow
+def test_the_wheel_holds_every_file_of_the_packages(wheel: Path) -> None:
+    with zipfile.ZipFile(wheel) as archive:
+        held = {name for name in archive.namelist() if ".dist-info/" not in name}
+        assert held == set(source_files())
+        for name, path in source_files().items():
+            assert archive.read(name) == path.read_bytes(), name
+
+
+@pytest.mark.slow
+def test_the_wheel_works_without_the_source_tree(wheel: Path, tmp_path: Path) -> None:
+    unpacked = tmp_path / "unpacked"
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(unpacked)
+    environment = {**os.environ, "PYTHONPATH": str(unpacked)}
+
+    def run(code: str, *words: str) -> str:
+        command = [sys.executable, "-c", code, *words]
+        done = subprocess.run(
+            command, cwd=tmp_path, env=environment, capture_output=True, text=True
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    run(IMPORT, str(unpacked))
+    shown = run("from bsg_cli.data import main; main()", "map", "show", "chair")
+    assert "chair" in shown
