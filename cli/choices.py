@@ -11,38 +11,15 @@ from collections.abc import Iterable, Sequence
 
 import click
 
-MODELS = (
-    "input",
-    "doubled",
-    "train-mean",
-    "conditional",
-    "gamma-poisson",
-    "naive-bayes",
-    "mixture",
-    "poisson-boosting",
-    "ceci-gcn",
-    "ceci-gcn-residual",
-    "ceci-sage",
-    "ceci-gat",
-    "ceci-gin",
-    "deepsets",
-    "room-transformer",
-    "ensemble",
-    "search-sage",
-)
-PLANNERS = (
-    "nearest",
-    "random",
-    "greedy-share",
-    "greedy-belief",
-    "ratio",
-    "expected-cost",
-    "routing",
-    "oracle",
-)
+from bsg_data.observation.masks import MASKS as _MASKS
+from bsg_models.search.catalogue import PLANNERS as _PLANNERS
+from bsg_models.zoo.catalogue import ZOO
+
+MODELS = ZOO.names()
+PLANNERS = _PLANNERS.names()
+MASKS = _MASKS.names()
 WORLDS = ("star", "complete", "complete-paths", "tree", "tree-plus", "layout", "geometry")
 DEFAULT_WORLDS = ("star:1-10", "complete:5-10", "tree:1-10")
-MASKS = ("uniform", "rooms", "frontier")
 MESH_SIZES = ("small", "full")
 MOST_SCENES = 900  # that one seed makes
 

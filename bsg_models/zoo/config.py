@@ -11,7 +11,7 @@ import json
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import tomli_w
 from pydantic import (
@@ -58,15 +58,12 @@ class RunConfig(Record):
         # As JSON, a list is a tuple and nothing else is taken for something that it is not.
         return type(ZOO[family].config).model_validate_json(json.dumps(value), strict=True)
 
-    @model_validator(mode="before")
-    @classmethod
-    def _take_name(cls, values: Any) -> Any:
+    @model_validator(mode="after")
+    def _take_name(self) -> Self:
         """Name a configuration by its family, if it has no name of its own."""
-        if not isinstance(values, Mapping) or values.get("name"):
-            return values
-        model = values.get("model")
-        family = model.get("family") if isinstance(model, Mapping) else getattr(model, "family", "")
-        return {**values, "name": str(family or "")}
+        if not self.name:
+            object.__setattr__(self, "name", self.model.family)  # frozen, but not yet given away
+        return self
 
 
 def find_config(name: str) -> RunConfig:

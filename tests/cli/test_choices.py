@@ -8,18 +8,22 @@ import click
 import pytest
 
 from bsg_cli import choices
-from bsg_data.recipes import Strategy
+from bsg_data.observation.masks import MASKS
 from bsg_data.synthetic.buildings import MAX_SCENES
 from bsg_data.synthetic.meshes import SIZES
 from bsg_models.search import room_graphs
-from bsg_models.search.planners import PLANNERS
+from bsg_models.search.catalogue import PLANNERS
 from bsg_models.zoo.catalogue import ZOO
 
 
 def test_names_are_those_of_the_library() -> None:
-    assert tuple(ZOO) == choices.MODELS
-    assert tuple(PLANNERS) == choices.PLANNERS
-    assert get_args(Strategy) == choices.MASKS
+    for names, registry in (
+        (choices.MODELS, ZOO),
+        (choices.PLANNERS, PLANNERS),
+        (choices.MASKS, MASKS),
+    ):
+        assert names == registry.names()
+        assert all(registry[name] for name in names)
     assert get_args(room_graphs.WorldKind) == choices.WORLDS
     assert tuple(world.name for world in room_graphs.DEFAULT_WORLDS) == choices.DEFAULT_WORLDS
     assert tuple(SIZES) == choices.MESH_SIZES

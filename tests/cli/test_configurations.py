@@ -6,7 +6,7 @@ import click
 import pytest
 
 from bsg_cli.configurations import load_config
-from bsg_models.zoo.catalogue import ZOO
+from bsg_models.zoo.config import find_config
 
 
 def test_a_name_of_the_zoo_comes_before_a_file_of_that_name(
@@ -14,10 +14,10 @@ def test_a_name_of_the_zoo_comes_before_a_file_of_that_name(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("mixture").write_text("no TOML", "utf-8")
-    assert load_config("mixture") == ZOO["mixture"]
+    assert load_config("mixture") == find_config("mixture")
     assert load_config("mixture", ("seed=3",)).seed == 3
     Path("mine").write_text('[model]\nfamily = "input"\n', "utf-8")
-    assert load_config("mine") == ZOO["input"]
+    assert load_config("mine") == find_config("input")
 
 
 def test_a_name_that_is_neither_is_wrong_usage() -> None:

@@ -151,6 +151,7 @@ def test_synthetic_buildings_are_never_taken_for_real_ones(tmp_path: Path) -> No
     next(stream)
     with pytest.raises(SourceError, match="was stopped; run it again"):
         HM3DFolder(tmp_path / "half").find()
+    stream.close()  # which ends its lock
     assert len(list(write_synthetic(tmp_path / "half", scenes=2, seed=0))) == 2
 
 

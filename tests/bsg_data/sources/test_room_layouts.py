@@ -15,9 +15,8 @@ from bsg_data.errors import SourceError
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box
 from bsg_data.sources.hm3d import HM3DFolder
-from bsg_data.sources.hm3d_stats import HM3DStatistics
+from bsg_data.sources.hm3d_stats import HEADER, MEMBER, HM3DStatistics
 from bsg_data.sources.room_layouts import LayoutError, WithLayouts, read_layout
-from bsg_data.sources.statistics import HEADER, MEMBER
 from bsg_data.synthetic.buildings import write_synthetic
 from bsg_data.synthetic.geometry import GeometryOptions
 

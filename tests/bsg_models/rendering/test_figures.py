@@ -11,7 +11,7 @@ from PIL import Image
 
 from bsg_data.errors import BSGError
 from bsg_models.belief.expectation import from_totals
-from bsg_models.evaluation.measurement import Estimate
+from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.rendering import figures
 from bsg_models.training.learning_curve import EpochReport
 

@@ -17,11 +17,13 @@ from safetensors.numpy import load_file
 from safetensors.torch import save_file
 
 from bsg_cli.belief import main
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.observation.observation import Observation
 from bsg_data.observation.robot_json import read_robot_graph
 from bsg_models.belief.expectation import from_totals
 from bsg_models.errors import CheckpointError, PredictionError
 from bsg_models.evaluation.measurement import predict_all
-from bsg_models.inputs.graphs import MaskedGraphs, open_dataset
+from bsg_models.inputs.graphs import read_split
 from bsg_models.runs import checkpoint as checkpoint_module
 from bsg_models.runs.checkpoint import (
     hash_tensors,
@@ -33,7 +35,7 @@ from bsg_models.runs.checkpoint import (
 from bsg_models.runs.predictor import Predictor
 from bsg_models.runs.run_folder import BEST, is_finished
 from bsg_models.training.training import train_run
-from bsg_models.zoo.catalogue import ZOO
+from bsg_models.zoo.config import find_config
 from bsg_models.zoo.gamma_poisson import GammaPoissonModel
 
 OFFICE = REPOSITORY / "docs" / "office.json"
@@ -42,7 +44,7 @@ OFFICE = REPOSITORY / "docs" / "office.json"
 @pytest.fixture
 def path(dataset: Path, tmp_path: Path) -> Path:
     """The checkpoint of a small model."""
-    list(train_run(ZOO["gamma-poisson"], dataset, tmp_path / "run"))
+    list(train_run(find_config("gamma-poisson"), dataset, tmp_path / "run"))
     return tmp_path / "run" / BEST
 
 
@@ -110,7 +112,7 @@ def test_the_hash_of_tensors_tells_names_types_and_shapes_apart() -> None:
 
 def test_a_header_is_read_without_its_tensors(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     header = load_checkpoint(path).header
-    data = open_dataset(path.parent.parent / "dataset")
+    data = Dataset.open(path.parent.parent / "dataset")
 
     def refuse(tensors: dict[str, torch.Tensor]) -> str:
         raise AssertionError
@@ -164,17 +166,17 @@ def test_headers_that_python_cannot_take_are_refused(path: Path, text: str) -> N
 def test_an_answer_that_is_not_finite_is_an_error(
     path: Path, dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bad: float
 ) -> None:
-    def predict(self: GammaPoissonModel, graphs: MaskedGraphs) -> object:
-        totals = graphs.x.numpy().astype(float)
+    def predict(self: GammaPoissonModel, seen: Observation) -> object:
+        totals = seen.inputs.astype(float)
         totals[-1, -1] = bad
-        return from_totals(graphs.x.numpy().astype(float), totals)
+        return from_totals(seen.inputs.astype(float), totals)
 
     monkeypatch.setattr(GammaPoissonModel, "predict", predict)
     model = restore_model(path, load_checkpoint(path))
-    graphs = MaskedGraphs.stored(open_dataset(dataset), "val")
+    masked = read_split(Dataset.open(dataset), "val")
     graph = read_robot_graph(OFFICE)
     asked: list[Callable[[], object]] = [
-        lambda: predict_all(model, graphs),
+        lambda: predict_all(model, masked),
         lambda: Predictor(path)(graph),
     ]
     for ask in asked:

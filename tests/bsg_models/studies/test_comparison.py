@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.observation.pairs import write_pairs
@@ -16,18 +17,19 @@ from bsg_models.errors import CheckpointError
 from bsg_models.evaluation.catalogue import head_value, list_values
 from bsg_models.evaluation.measurement import Measurement, predict_all, read_truth
 from bsg_models.evaluation.verdict import HEADLINES, judge_all
-from bsg_models.inputs.graphs import MaskedGraphs
+from bsg_models.inputs.graphs import read_split
 from bsg_models.studies.comparison import compare_runs
 from bsg_models.studies.comparison_table import encode_comparison, headline_rows, metric_rows
 from bsg_models.training.training import train_run
-from bsg_models.zoo.catalogue import BASELINES, ZOO, make_model
-from bsg_models.zoo.config import override, validate_config
+from bsg_models.zoo.catalogue import BASELINES
+from bsg_models.zoo.config import find_config, override, validate_config
+from bsg_models.zoo.construction import make_model
 
 
 def train(dataset: Path, run: Path, *settings: str) -> Path:
     small = ["model.width=8", "training.epochs=2", "training.batch_size=4", *settings]
     config = validate_config(
-        override(ZOO["ceci-gcn"].model_dump(mode="json"), small), source="test"
+        override(find_config("ceci-gcn").model_dump(mode="json"), small), source="test"
     )
     list(train_run(config, dataset, run))
     return run
@@ -40,9 +42,9 @@ def test_runs_are_compared_with_the_baselines_on_the_same_masks(
     found = compare_runs(runs, dataset, split="val", resamples=2)
     assert list(found.estimates) == ["a", "b", *BASELINES]
     assert found.runs == ("a", "b")
-    graphs = MaskedGraphs.stored(dataset, "val")
+    graphs = read_split(Dataset.open(dataset), "val")
     truth = read_truth(graphs)
-    doubled = make_model(ZOO["doubled"], classes=45)
+    doubled = make_model(find_config("doubled"), classes=45)
     alone = Measurement(truth, predict_all(doubled, graphs)).evaluate()
     for name, value in alone.items():
         assert found.estimates["doubled"][name].value == pytest.approx(value, nan_ok=True)

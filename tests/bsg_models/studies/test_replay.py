@@ -16,7 +16,7 @@ from bsg_models.studies.search_cases import StudyRecipe
 from bsg_models.studies.search_steps import KeepRequest, KeptSearch
 from bsg_models.studies.search_study import Searches, Study, study_search
 from bsg_models.training.training import train_run
-from bsg_models.zoo.catalogue import ZOO
+from bsg_models.zoo.config import find_config
 
 WORLDS = (WorldRecipe(kind="star"), WorldRecipe(kind="tree"))
 RECIPE = StudyRecipe(worlds=WORLDS, episodes=5, masks=2, at_once=2, planners=("ratio",))
@@ -25,7 +25,7 @@ EPISODE = 3
 
 @pytest.fixture(params=["gamma-poisson", "mixture"])
 def run(dataset: Path, tmp_path: Path, request: pytest.FixtureRequest) -> Path:
-    list(train_run(ZOO[request.param], dataset, tmp_path / "run"))
+    list(train_run(find_config(request.param), dataset, tmp_path / "run"))
     return tmp_path / "run"
 
 
