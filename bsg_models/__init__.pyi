@@ -15,7 +15,8 @@ from .errors import (
 )
 from .evaluation.bootstrap import Estimate
 from .evaluation.verdict import explain
-from .inputs.graphs import MaskedGraphs
+from .inputs.folds import scenes_of
+from .inputs.graphs import MaskedGraphs, read_split, to_graph
 from .rendering.explorer import View, write_explorer
 from .runs.checkpoint import Checkpoint, load_checkpoint, restore_model
 from .runs.predictor import Predictor
@@ -128,6 +129,7 @@ __all__ = [
     "read_graph",
     "read_hydra",
     "read_hydra_belief",
+    "read_split",
     "read_tables",
     "refuse_finished",
     "report_beliefs",
@@ -135,9 +137,11 @@ __all__ = [
     "report_leaderboard",
     "report_search",
     "restore_model",
+    "scenes_of",
     "study_search",
     "summarise_run",
     "summary_rows",
+    "to_graph",
     "to_networkx",
     "train_run",
     "validate_config",

@@ -128,6 +128,18 @@ def test_the_example_of_a_robot_that_searches_runs(
     assert capsys.readouterr().out.strip() == "2"
 
 
+def test_the_example_of_asking_a_model_runs(
+    dataset: Path, run: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The very lines of docs/models.md, beside a folder `dataset` and a run."""
+    monkeypatch.chdir(dataset.parent)
+    text = (DOCS / "models.md").read_text("utf-8")
+    (block,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    names: dict[str, object] = {"__name__": "asking"}
+    exec(compile(block, "docs/models.md", "exec"), names)
+    assert names["expectation"].presence.shape[1] == 45  # type: ignore[attr-defined]
+
+
 def test_loading_examples_run(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The very lines of docs/loading.md, in order, beside a folder `dataset`."""
     monkeypatch.chdir(dataset.parent)
