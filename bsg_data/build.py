@@ -97,21 +97,21 @@ def build_dataset(
     out = out.resolve()  # a linked --out stays a link; what it leads to is replaced
     loaded = load_class_map(class_map)
     _refuse_overwriting(out, force=force)
-    found = source.find()
-    if strict and found.unreadable:
-        skip = found.unreadable[0]
+    listing = source.find()
+    if strict and listing.unreadable:
+        skip = listing.unreadable[0]
         raise SourceError(f"{source.path / skip.location}: {skip.reason}")
-    recipe = _recipe(source, found, loaded, scenes_per_shard)
-    starts = range(0, len(found.scenes), scenes_per_shard)
+    recipe = _recipe(source, listing, loaded, scenes_per_shard)
+    starts = range(0, len(listing.scenes), scenes_per_shard)
     _make_parent(out)
     with hold(out):  # against another build, and against split and pairs of what is replaced
         growing = _open_partial(out, recipe)
         tasks = [
-            (source, found.scenes[a : a + scenes_per_shard], growing, part, class_map, strict)
+            (source, listing.scenes[a : a + scenes_per_shard], growing, part, class_map, strict)
             for part, a in enumerate(starts)
         ]
         reports = run_all(_make_shard, tasks, executor=executor, progress=progress)
-        manifest = _summarise(recipe, found, reports, loaded)
+        manifest = _summarise(recipe, listing, reports, loaded)
         if not manifest.totals.scenes:
             shutil.rmtree(growing)
             raise SourceError(_nothing_readable(source, manifest))
@@ -212,11 +212,11 @@ def _total(graphs: list[SceneGraph]) -> Totals:
 
 
 def _recipe(
-    source: Source, found: FoundScenes, class_map: ClassMap, scenes_per_shard: int
+    source: Source, listing: FoundScenes, class_map: ClassMap, scenes_per_shard: int
 ) -> BuildRecipe:
-    versions = sorted({ref.source_version for ref in found.scenes if ref.source_version})
+    versions = sorted({ref.source_version for ref in listing.scenes if ref.source_version})
     digest = hashlib.sha256()
-    for ref in found.scenes:
+    for ref in listing.scenes:
         words = (ref.scene_id, ref.source_split, ref.fingerprint, ref.geometry)
         digest.update(("\t".join(str(word) for word in words) + "\n").encode())
     return BuildRecipe(
@@ -232,14 +232,14 @@ def _recipe(
 
 
 def _summarise(
-    recipe: BuildRecipe, found: FoundScenes, reports: list[ShardReport], class_map: ClassMap
+    recipe: BuildRecipe, listing: FoundScenes, reports: list[ShardReport], class_map: ClassMap
 ) -> Manifest:
     unmapped: Counter[str] = Counter()
     for report in reports:
         unmapped.update(report.unmapped)
     elsewhere = [
         SkipEntry(scene_id=skip.scene_id, location=skip.location, reason=skip.reason)
-        for skip in (*found.duplicates, *found.unreadable)
+        for skip in (*listing.duplicates, *listing.unreadable)
     ]
     fields = Totals.model_fields
     return Manifest(
@@ -252,7 +252,7 @@ def _summarise(
         skipped=(*(skip for r in reports for skip in r.skipped), *elsewhere),
         left_out=(
             *(skip for report in reports for skip in report.left_out),
-            *(_enter_skip(skip, Path()) for skip in found.unused),
+            *(_enter_skip(skip, Path()) for skip in listing.unused),
         ),
         meshes={scene: mesh for report in reports for scene, mesh in report.meshes.items()},
         unmapped=tuple(

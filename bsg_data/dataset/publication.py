@@ -24,9 +24,9 @@ def publish(dataset: Path, manifest: Manifest) -> None:
 def list_strays(dataset: Path, manifest: Manifest) -> list[str]:
     """Return the files in a dataset's folder that are not the dataset's, sorted."""
     known = {entry.path for entry in manifest.files} | {MANIFEST, CARD, CROISSANT}
-    found = (p.relative_to(dataset) for p in dataset.rglob("*") if not p.is_dir() or p.is_symlink())
+    paths = (p.relative_to(dataset) for p in dataset.rglob("*") if not p.is_dir() or p.is_symlink())
     return sorted(
         path.as_posix()
-        for path in found
+        for path in paths
         if path.as_posix() not in known and path.parts[0] != REPORTS
     )

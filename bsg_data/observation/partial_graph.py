@@ -158,13 +158,13 @@ def observe(graph: PartialGraph, room_index: int, objects: Iterable[SeenObject])
     """
     if not 1 <= room_index <= len(graph.rooms):
         raise RecipeError(f"{graph.scene_id}: room {room_index} of 1..{len(graph.rooms)}")
-    found = tuple(objects)
-    strays = [obj.name for obj in found if obj.room_index != room_index]
+    inside = tuple(objects)
+    strays = [obj.name for obj in inside if obj.room_index != room_index]
     if strays:
         raise RecipeError(f"{graph.scene_id}: object {strays[0]} is not of room {room_index}")
     elsewhere = tuple(obj for obj in graph.objects if obj.room_index != room_index)
-    twice = {obj.name for obj in elsewhere} & {obj.name for obj in found}
-    if twice or len({obj.name for obj in found}) < len(found):
+    twice = {obj.name for obj in elsewhere} & {obj.name for obj in inside}
+    if twice or len({obj.name for obj in inside}) < len(inside):
         what = min(twice) if twice else "an object"
         raise RecipeError(f"{graph.scene_id}: {what} is there twice")
     rooms = list(graph.rooms)
@@ -174,7 +174,7 @@ def observe(graph: PartialGraph, room_index: int, objects: Iterable[SeenObject])
     return replace(
         graph,
         rooms=tuple(rooms),
-        objects=elsewhere + found,
+        objects=elsewhere + inside,
         hidden_share=graph.hidden_share * after / before if before else graph.hidden_share,
     )
 

@@ -96,11 +96,11 @@ def read_robot_graph(path: Path, *, class_map: str = DEFAULT_CLASS_MAP) -> Parti
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) < len(pairs):
+    table = dict(pairs)
+    if len(table) < len(pairs):
         keys = [key for key, _ in pairs]
         raise ValueError(f"the key {max(keys, key=keys.count)!r} twice")
-    return found
+    return table
 
 
 def parse_robot_graph(said: Any, *, path: Path, class_map: str = DEFAULT_CLASS_MAP) -> PartialGraph:
@@ -112,29 +112,29 @@ def parse_robot_graph(said: Any, *, path: Path, class_map: str = DEFAULT_CLASS_M
     if isinstance(said, dict) and said.get("format") == "bsg-belief-graph":
         said = said.get("partial")  # of a belief graph, what was seen
     try:
-        found = _Graph.model_validate(said)
+        document = _Graph.model_validate(said)
     except ValidationError as error:
         raise RobotGraphError(f"{path}: {name_fault(error)}") from error
-    index = _number([room.id for room in found.rooms], "room", path)
-    _number([obj.id for obj in found.objects], "object", path)
+    index = _number([room.id for room in document.rooms], "room", path)
+    _number([obj.id for obj in document.objects], "object", path)
     loaded = load_class_map(class_map)
-    rooms = tuple(_know(room) for room in found.rooms)
+    rooms = tuple(_know(room) for room in document.rooms)
     objects = []
-    for obj in found.objects:
+    for obj in document.objects:
         room = _find(obj.room, index, f"objects: {obj.id}", path) if obj.room is not None else 0
         category, class_index = classify(obj.category, loaded)
         objects.append(SeenObject(obj.id, room, obj.category, category, class_index, obj.position))
     adjacency = set()
-    for ends in found.adjacency:
+    for ends in document.adjacency:
         a, b = (_find(end, index, "adjacency", path) for end in ends)
         if a == b:
             raise RobotGraphError(f"{path}: adjacency: {ends[0]!r} with itself")
         adjacency.add((min(a, b), max(a, b)))
-    share = found.hidden_share
+    share = document.hidden_share
     if share is None:
         share = float(np.mean([room.hidden_share for room in rooms])) if rooms else SEEN_SHARE
     return PartialGraph(
-        scene_id=found.scene_id,
+        scene_id=document.scene_id,
         class_map=ClassMapEntry.of(loaded),
         hidden_share=share,
         rooms=rooms,

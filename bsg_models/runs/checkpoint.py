@@ -212,17 +212,17 @@ def restore_model(path: Path, checkpoint: Checkpoint) -> BeliefModel:
         model.resize_buffers(checkpoint.state_of("model"))
     except (ConfigError, CheckpointError) as error:
         raise CheckpointError(f"{path}: {error}") from error
-    expected, found = model.state_dict(), checkpoint.state_of("model")
-    for name in sorted(expected.keys() | found.keys()):
+    expected, stored = model.state_dict(), checkpoint.state_of("model")
+    for name in sorted(expected.keys() | stored.keys()):
         ours = tuple(expected[name].shape) if name in expected else "no such tensor"
-        theirs = tuple(found[name].shape) if name in found else "no such tensor"
+        theirs = tuple(stored[name].shape) if name in stored else "no such tensor"
         if ours != theirs:
             raise CheckpointError(
                 f"{path}: {name}: its configuration needs {ours}, the file has {theirs}"
             )
-        if name in found and not torch.isfinite(found[name]).all():
+        if name in stored and not torch.isfinite(stored[name]).all():
             raise CheckpointError(f"{path}: {name} has values that are not finite")
-    model.load_state_dict(found)
+    model.load_state_dict(stored)
     model.origin = str(path)
     return model.eval()
 

@@ -150,9 +150,9 @@ def make_leaderboard(
             ]
             run_all(function, tasks, executor=executor, progress=_name(report, what))
         shown = [(out / mask, name, recipe) for mask in recipe.masks for name in models]
-        found = run_all(_measure, shown, executor=executor, progress=_name(report, "measure"))
+        measured = run_all(_measure, shown, executor=executor, progress=_name(report, "measure"))
     results: dict[str, dict[str, ModelResult]] = {mask: {} for mask in recipe.masks}
-    for (folder, name, _), result in zip(shown, found, strict=True):
+    for (folder, name, _), result in zip(shown, measured, strict=True):
         results[folder.name][name] = result
     return Leaderboard(recipe, read_manifest(dataset), results)
 
@@ -267,8 +267,8 @@ def _measure(folder: Path, name: str, recipe: LeaderboardRecipe) -> ModelResult:
             masked = read_split(data, "test", fold=config.data.fold, vocabulary=model.vocabulary)
             splits.append(Measurement(read_truth(masked), predict_all(model, masked)))
             seconds += _read_seconds(run) / recipe.folds
-        found = bootstrap(SplitsMeasurement(splits), resamples=recipe.resamples, seed=recipe.seed)
-    return ModelResult(found, seconds)
+        metrics = bootstrap(SplitsMeasurement(splits), resamples=recipe.resamples, seed=recipe.seed)
+    return ModelResult(metrics, seconds)
 
 
 def _write_seconds(run: Path, seconds: float) -> None:

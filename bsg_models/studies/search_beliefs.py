@@ -69,8 +69,8 @@ class ModelBeliefs:
         size = max(1, _NODES // len(self._cells))
         for start in range(0, len(new), size):
             some = new[start : start + size]
-            found = self._ask(distinct[some])
-            for i, presence, share in zip(some, *found, strict=True):
+            beliefs = self._ask(distinct[some])
+            for i, presence, share in zip(some, *beliefs, strict=True):
                 self._remembered[keys[i]] = presence, share
         answers = [self._remembered[key] for key in keys]
         presence = np.stack([answer[0] for answer in answers])[inverse.ravel()]

@@ -132,10 +132,10 @@ def study_search(
         raise RecipeError("truth posterior needs a belief: give the run of a model")
     own = {name: chosen[name] for name in planners or {}}
     tasks = [(dataset, run, scene, recipe, own, keep) for scene, run in runs.items()]
-    found = run_all(search_building, tasks, executor=executor, progress=progress)
+    by_building = run_all(search_building, tasks, executor=executor, progress=progress)
     left_out: dict[str, dict[str, int]] = {}
     searches = []
-    for one in found:
+    for one in by_building:
         for world, result in one.items():
             if isinstance(result, str):
                 reasons = left_out.setdefault(world, {})
@@ -255,13 +255,13 @@ def search_building(
     cells = data.cells(scene_id)
     measured = measure_building(data, scene_id, recipe.worlds)
     planners = choose_planners(recipe, own or {}, remote=False)
-    found: dict[str, Searches | str] = {}
+    by_world: dict[str, Searches | str] = {}
     asked: dict[bytes, ModelBeliefs] = {}  # worlds of the same rooms have the same searches
     with one_thread():
         for world in recipe.worlds:
             case = sample_case(cells, world, recipe, scene_id=scene_id, measured=measured)
             if isinstance(case, str):
-                found[world.name] = case
+                by_world[world.name] = case
                 continue
             beliefs = None
             if run is not None:
@@ -269,10 +269,10 @@ def search_building(
                 if key not in asked:
                     asked[key] = ask_run(run, data, scene_id, recipe.mask, case)
                 beliefs = asked[key]
-            found[world.name] = compare_planners(
+            by_world[world.name] = compare_planners(
                 case, world, recipe, scene_id, beliefs, planners, keep=keep
             )
-    return found
+    return by_world
 
 
 def ask_run(run: Path, data: Dataset, scene_id: str, mask: MaskRecipe, case: Case) -> ModelBeliefs:

@@ -77,7 +77,7 @@ def load_optimiser(
             ("exp_avg", parameter.shape),
             ("exp_avg_sq", parameter.shape),
         ):
-            found = state.get(f"{name}.{key}")
-            if found is None or found.shape != shape:
+            tensor = state.get(f"{name}.{key}")
+            if tensor is None or tensor.shape != shape:
                 raise CheckpointError(f"{path}: adam.{name}.{key} is missing or of another shape")
-            optimiser.state[parameter][key] = found.clone()
+            optimiser.state[parameter][key] = tensor.clone()

@@ -128,8 +128,8 @@ def calibrate(model: CalibratedModel, masked: MaskedBuildings) -> None:
         distributions.append(model.predict_hidden_counts(some.seen).take(rooms))
         hidden.append(some.hidden[rooms].astype(np.float64))
     if sum(len(part) for part in hidden):
-        found = fit_calibration(concatenate(distributions), np.concatenate(hidden))
-        model.calibration.copy_(torch.from_numpy(found))
+        fitted = fit_calibration(concatenate(distributions), np.concatenate(hidden))
+        model.calibration.copy_(torch.from_numpy(fitted))
 
 
 def _train_ensemble(

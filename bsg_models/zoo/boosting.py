@@ -111,10 +111,10 @@ class PoissonBoosting(CalibratedModel):
         Raises:
             CheckpointError: if they are not the trees of this model.
         """
-        found = state.get("trees")
-        if found is not None and found.dtype == torch.uint8 and found.ndim == 1:
-            self.trees = torch.zeros_like(found)
-            self._boosters = self._read(found.numpy().tobytes())
+        packed = state.get("trees")
+        if packed is not None and packed.dtype == torch.uint8 and packed.ndim == 1:
+            self.trees = torch.zeros_like(packed)
+            self._boosters = self._read(packed.numpy().tobytes())
 
     def predict_hidden_counts(self, seen: Observation) -> CountDistribution:
         """Return the distribution that the trees give."""
@@ -132,18 +132,18 @@ class PoissonBoosting(CalibratedModel):
         unpacking = zlib.decompressobj()
         try:
             texts = json.loads(unpacking.decompress(packed, _MOST_BYTES))
-            found = [
+            grown = [
                 (float(one["start"]), _grow(lightgbm, one["trees"]) if one["trees"] else None)
                 for one in texts
             ]
         except (zlib.error, ValueError, KeyError, TypeError, lightgbm.basic.LightGBMError) as error:
             raise CheckpointError(f"the trees are damaged ({error})") from error
-        widths = {booster.num_feature() for _, booster in found if booster} | {self._width()}
-        if len(found) != len(self.dispersions) or len(widths) > 1:
+        widths = {booster.num_feature() for _, booster in grown if booster} | {self._width()}
+        if len(grown) != len(self.dispersions) or len(widths) > 1:
             raise CheckpointError("the trees are of another model")
-        if not np.isfinite([start for start, _ in found]).all():
+        if not np.isfinite([start for start, _ in grown]).all():
             raise CheckpointError("the trees are damaged (a start is not finite)")
-        return found
+        return grown
 
     def _width(self) -> int:
         """Return F, what the trees read of every node."""

@@ -58,5 +58,5 @@ def fit_calibration(distribution: CountDistribution, hidden: Floats) -> Floats:
     def cost(calibration: Floats) -> float:
         return -float(recalibrate(distribution, calibration).log_probability(hidden).mean())
 
-    found = minimize(cost, np.zeros(3), method="L-BFGS-B", bounds=[(-1.0, 1.0)] * 3)
-    return np.asarray(found.x)
+    minimum = minimize(cost, np.zeros(3), method="L-BFGS-B", bounds=[(-1.0, 1.0)] * 3)
+    return np.asarray(minimum.x)

@@ -66,8 +66,8 @@ class CountNetwork(CalibratedModel, Network):
     def forward(self, graphs: Data) -> tuple[torch.Tensor, torch.Tensor]:
         """Return means λ and dispersions r of the hidden counts, both `[N, C]`."""
         encoded = self.encode(self.features(graphs), graphs)
-        found: tuple[torch.Tensor, torch.Tensor] = self.head(encoded, graphs)
-        return found
+        posterior: tuple[torch.Tensor, torch.Tensor] = self.head(encoded, graphs)
+        return posterior
 
     def loss(self, graphs: Data) -> torch.Tensor:
         """Return the mean loss over rooms and classes, as `likelihood` says."""

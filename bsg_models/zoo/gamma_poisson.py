@@ -82,22 +82,22 @@ def fit_gamma_prior(counts: npt.NDArray[np.integer]) -> tuple[float, float]:
         a = float(np.exp(log_shape[0]))
         return -float(times @ log_likelihood(values, mean, a))
 
-    found = minimize(cost, x0=np.zeros(1), bounds=[(-8.0, 8.0)], method="L-BFGS-B")
-    a = float(np.exp(found.x[0]))
+    minimum = minimize(cost, x0=np.zeros(1), bounds=[(-8.0, 8.0)], method="L-BFGS-B")
+    a = float(np.exp(minimum.x[0]))
     return a, a / mean
 
 
 def fit_dispersion(counts: Floats, means: Floats) -> Floats:
     """Return the dispersions `[C]` that maximise the likelihood of counts given means `[N, C]`."""
-    found = np.empty(counts.shape[1])
+    dispersions = np.empty(counts.shape[1])
     for c, (values, mean) in enumerate(zip(counts.T, np.maximum(means, 1e-9).T, strict=True)):
 
         def cost(log_r: float, values: Floats = values, mean: Floats = mean) -> float:
             r = float(np.exp(log_r))
             return -float(log_likelihood(values, mean, r).sum())
 
-        found[c] = np.exp(minimize_scalar(cost, bounds=(-4.0, 6.0), method="bounded").x)
-    return found
+        dispersions[c] = np.exp(minimize_scalar(cost, bounds=(-4.0, 6.0), method="bounded").x)
+    return dispersions
 
 
 GAMMA_POISSON = ZooRow(GammaPoissonConfig(), GammaPoissonModel)

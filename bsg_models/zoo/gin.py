@@ -32,8 +32,8 @@ def _convolution(width: int) -> nn.Module:
     layers = nn.Sequential(
         nn.LayerNorm(width), nn.Linear(width, width), nn.SiLU(), nn.Linear(width, width)
     )
-    found: nn.Module = GINConv(layers, train_eps=True)
-    return found
+    convolution: nn.Module = GINConv(layers, train_eps=True)
+    return convolution
 
 
 CECI_GIN = ZooRow(GINConfig(), CECIGIN, data=VARIED, training=COUNTS)

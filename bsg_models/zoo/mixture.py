@@ -153,13 +153,13 @@ class RoomTypeMixture(CalibratedModel):
         kept = 1 - evidence.share
         rows, columns = np.nonzero(evidence.seen)
         seen = evidence.seen[rows, columns]
-        found = np.empty(log_types.shape)
+        log_seen = np.empty(log_types.shape)
         for k, r in enumerate(to_array(self.dispersions)):
             mean = np.maximum(kept * means[k], _LEAST)
-            found[k] = log_none(mean, r).sum(axis=1)
-            np.add.at(found[k], rows, log_beyond_none(seen, mean[rows, columns], r[columns]))
-        found = log_types + self.config.temper * found * evidence.visited
-        return np.asarray(found - logsumexp(found, axis=0))
+            log_seen[k] = log_none(mean, r).sum(axis=1)
+            np.add.at(log_seen[k], rows, log_beyond_none(seen, mean[rows, columns], r[columns]))
+        log_posterior = log_types + self.config.temper * log_seen * evidence.visited
+        return np.asarray(log_posterior - logsumexp(log_posterior, axis=0))
 
     def _learn_habits(
         self, evidence: _Evidence, posterior: Floats, means: Floats
@@ -223,8 +223,8 @@ def fit_types(
         frequency = (belonging.T.astype(np.float32) @ indicator).reshape(types, classes, -1)
         dispersions = _improve_dispersions(dispersions, means, frequency.astype(float), values)
         table = log_negative_binomial(values, means[..., None], dispersions[..., None])
-        found = log_types + indicator @ table.reshape(types, -1).T.astype(np.float32)
-        belonging = np.exp(found - logsumexp(found, axis=1, keepdims=True))
+        log_joint = log_types + indicator @ table.reshape(types, -1).T.astype(np.float32)
+        belonging = np.exp(log_joint - logsumexp(log_joint, axis=1, keepdims=True))
     return log_types, means, dispersions, belonging
 
 
@@ -235,8 +235,8 @@ def fit_habit(totals: Floats, expected: Floats) -> float:
         shape = float(np.exp(log_shape))
         return -float(log_negative_binomial(totals, np.maximum(expected, 1e-9), shape).sum())
 
-    found = minimize_scalar(cost, bounds=(-3.0, 8.0), method="bounded")
-    return float(np.exp(found.x))
+    minimum = minimize_scalar(cost, bounds=(-3.0, 8.0), method="bounded")
+    return float(np.exp(minimum.x))
 
 
 def _improve_dispersions(r: Floats, mean: Floats, frequency: Floats, values: Ints) -> Floats:
