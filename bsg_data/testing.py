@@ -6,6 +6,7 @@ keep the same contracts.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
@@ -16,7 +17,7 @@ import numpy as np
 from bsg_data.arrays import Counts
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
-from bsg_data.dataset.publication import CARD
+from bsg_data.dataset.publication import CARD, CROISSANT
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import SourceError
 from bsg_data.observation.masks import MASKS, sample_hidden, sample_visited, share_hidden
@@ -108,10 +109,11 @@ class SourceContract:
         manifest = build_dataset(source, out)
         assert manifest.totals.scenes == len(source.find().scenes)
         assert check_dataset(out) == ()
-        terms, card = SOURCES[source.kind].terms, (out / CARD).read_text("utf-8")
-        assert terms.citation in card
-        assert terms.sentence in card
-        assert terms.licence_url in card
+        terms = SOURCES[source.kind].terms
+        assert terms.sentence in (out / CARD).read_text("utf-8")
+        described = json.loads((out / CROISSANT).read_text("utf-8"))
+        said = [described[key] for key in ("license", "url", "citeAs")]
+        assert said == [terms.licence_url, terms.homepage, terms.citation]
 
     def test_what_is_not_there_is_a_source_error(self, tmp_path: Path) -> None:
         """Refuse a path where nothing is."""

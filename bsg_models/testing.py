@@ -43,7 +43,7 @@ from bsg_models.training.training import new_model
 from bsg_models.zoo.config import RunConfig, find_config, validate_config, write_toml
 from bsg_models.zoo.model import BeliefModel
 
-_CLOSE = {"rtol": 1e-4, "atol": 1e-5}  # a network computes in float32
+_RTOL, _ATOL = 1e-4, 1e-5  # a network computes in float32
 
 
 @cache
@@ -117,7 +117,7 @@ class ModelContract:
         for number in range(len(seen)):
             rows = slice(seen.starts[number], seen.starts[number + 1])
             alone = model.expect(seen.take([number])).hidden
-            np.testing.assert_allclose(alone, together[rows], **_CLOSE)
+            np.testing.assert_allclose(alone, together[rows], rtol=_RTOL, atol=_ATOL)
 
     def test_the_order_of_the_rooms_does_not_matter(self) -> None:
         """Believe the same of each room, wherever it stands."""
@@ -130,8 +130,8 @@ class ModelContract:
             ).hidden
             for some in (rooms, rooms[order])
         )
-        np.testing.assert_allclose(shuffled[0], there[0], **_CLOSE)
-        np.testing.assert_allclose(shuffled[1:], there[1:][order], **_CLOSE)
+        np.testing.assert_allclose(shuffled[0], there[0], rtol=_RTOL, atol=_ATOL)
+        np.testing.assert_allclose(shuffled[1:], there[1:][order], rtol=_RTOL, atol=_ATOL)
 
     def test_buildings_without_rooms_or_objects_get_an_answer(self) -> None:
         """Answer in numbers where nothing is to be seen."""
@@ -187,9 +187,7 @@ class PlannerContract:
         for known in self.moments():
             nothing = np.zeros_like(known.presence)
             blind = replace(known, presence=nothing, share=nothing)
-            np.testing.assert_array_equal(
-                ask_planner(planner, blind), ask_planner(planner, known)
-            )
+            np.testing.assert_array_equal(ask_planner(planner, blind), ask_planner(planner, known))
 
     def test_a_search_goes_the_same_way_alone_and_among_others(self) -> None:
         """Name the same room for a search by itself."""
@@ -265,7 +263,7 @@ class MetricContract:
     name: ClassVar[str]
 
     def prediction(self) -> Prediction:
-        """Return three buildings with two draws of a building node and three rooms, five classes."""
+        """Return two draws of three buildings with three rooms each, five classes."""
         rng = np.random.default_rng(0)
         targets = rng.poisson(1.5, (24, 5)).astype(float)
         truth = Truth(
@@ -323,9 +321,7 @@ def _take_nodes(prediction: Prediction, rows: Ints) -> Prediction:
         visited=truth.visited[rows],
         draw=truth.draw[rows],
     )
-    return Prediction(
-        taken, from_hidden_counts(taken.inputs, beliefs.hidden_counts.take(rows))
-    )
+    return Prediction(taken, from_hidden_counts(taken.inputs, beliefs.hidden_counts.take(rows)))
 
 
 class FormatContract:

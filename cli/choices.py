@@ -7,7 +7,7 @@ them seconds of torch and numba. Tests hold that the library has the same names.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 
 import click
 
@@ -23,14 +23,15 @@ MESH_SIZES = ("small", "full")
 MOST_SCENES = 900  # that one seed makes
 
 
-def require_known(kind: str, names: Iterable[str], known: Collection[str]) -> None:
+def require_known(kind: str, names: Iterable[str], known: Iterable[str]) -> None:
     """Refuse a name that is not known, with the nearest that is.
 
     Raises:
         click.UsageError: for the first such name.
     """
+    listed = tuple(known)
     for name in names:
-        if name not in known:
-            near = difflib.get_close_matches(name, list(known), n=1)
+        if name not in listed:
+            near = difflib.get_close_matches(name, listed, n=1)
             hint = f"; did you mean {near[0]}?" if near else "."
-            raise click.UsageError(f"no {kind} {name!r}{hint} Known are {', '.join(known)}")
+            raise click.UsageError(f"no {kind} {name!r}{hint} Known are {', '.join(listed)}")

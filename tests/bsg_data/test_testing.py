@@ -14,11 +14,12 @@ from bsg_data.sources.hm3d_stats import MEMBER
 from bsg_data.synthetic.buildings import write_synthetic
 from bsg_data.testing import MaskContract, SourceContract
 
-STATISTICS = """Scene Name,Region #,# Unique Categories,# Objects,Object Instances in Region,Category
-00801-bbbbbbbbbbb,0,1,1,bed_1
-00006-aaaaaaaaaaa,4,2,3,chair_12:chair_3:some_thing_7
-00006-aaaaaaaaaaa,-1,1,1,book_20
-"""
+STATISTICS = [
+    "Scene Name,Region #,# Unique Categories,# Objects,Object Instances in Region,Category",
+    "00801-bbbbbbbbbbb,0,1,1,bed_1",
+    "00006-aaaaaaaaaaa,4,2,3,chair_12:chair_3:some_thing_7",
+    "00006-aaaaaaaaaaa,-1,1,1,book_20",
+]
 
 
 class TestSources(SourceContract):
@@ -33,7 +34,7 @@ class TestSources(SourceContract):
         if self.name == "hm3d":
             return write_twelve(folder / "hm3d")
         with zipfile.ZipFile(folder / "statistics.zip", "w") as archive:
-            archive.writestr(MEMBER, STATISTICS)
+            archive.writestr(MEMBER, "\n".join([*STATISTICS, ""]))
         return folder / "statistics.zip"
 
 

@@ -1,4 +1,4 @@
-"""Every model, planner, metric and format of this project keeps the contract that others inherit."""
+"""Every model, planner, metric and format keeps the contract that others inherit."""
 
 from __future__ import annotations
 
