@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import sys
 import zipfile
+from collections.abc import Callable
+from importlib.metadata import EntryPoint
 from pathlib import Path
+from types import ModuleType
 
+import numpy as np
 import pytest
 from conftest import write_twelve
 
-from bsg_data.observation.masks import MASKS
+from bsg_data.arrays import Bools, Counts
+from bsg_data.observation.masks import MASKS, UniformMask
+from bsg_data.recipes import MaskRecipe
 from bsg_data.sources.catalogue import SOURCES
 from bsg_data.sources.hm3d_stats import MEMBER
 from bsg_data.synthetic.buildings import write_synthetic
@@ -42,3 +49,44 @@ class TestMasks(MaskContract):
     @pytest.fixture(autouse=True, params=MASKS.names())
     def _row(self, request: pytest.FixtureRequest) -> None:
         self.name = request.param
+
+
+class Careless(UniformMask):
+    """A mask whose chance is nobody's, and which tells more than there can be."""
+
+    def sample_visited(self, cells: Counts, recipe: MaskRecipe, **given: object) -> Bools:
+        """Draw from a generator of its own."""
+        return np.r_[True, CHANCE.random(len(cells) - 1) < 0.5]
+
+    def share_of_visited(self, fraction: float) -> float:
+        """Return more than all."""
+        return 1.5
+
+    def hidden_bounds(self, cells: Counts, recipe: MaskRecipe) -> tuple[int, int]:
+        """Promise that nothing is hidden."""
+        return 0, 0
+
+
+CHANCE = np.random.default_rng(0)
+
+
+@pytest.mark.parametrize(
+    "proof",
+    [
+        MaskContract.test_no_more_is_hidden_than_is_there,
+        MaskContract.test_a_mask_depends_on_recipe_scene_and_draw_alone,
+        MaskContract.test_the_share_that_models_are_told_is_one,
+    ],
+)
+def test_a_careless_mask_is_found_out(
+    proof: Callable[[MaskContract], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = ModuleType("careless")
+    module.MASK = Careless()  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "careless", module)
+    point = EntryPoint("careless", "careless:MASK", MASKS.group)
+    monkeypatch.setitem(MASKS._rows, "careless", point)
+    contract = MaskContract()
+    contract.name = "careless"  # type: ignore[misc]
+    with pytest.raises(AssertionError):
+        proof(contract)
