@@ -1,37 +1,38 @@
 """The names that helps list and options take, known without importing what they stand for.
 
-A help, a typo and a completion read these. Importing the zoo or the planners instead would cost
-them seconds of torch and numba. Tests hold that the library has the same names.
+Registries know their names without importing their rows, so that a help does not wait for torch.
+The names of worlds and sizes stand in files that import SciPy or trimesh, and stand here again; a
+test holds that both are the same.
 """
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 import click
 
-from bsg_data.observation.masks import MASKS as _MASKS
-from bsg_models.search.catalogue import PLANNERS as _PLANNERS
+from bsg_data.observation.masks import MASKS
+from bsg_models.search.catalogue import PLANNERS
 from bsg_models.zoo.catalogue import ZOO
 
-MODELS = ZOO.names()
-PLANNERS = _PLANNERS.names()
-MASKS = _MASKS.names()
+__all__ = ["MASKS", "PLANNERS"]  # registries: their names are read when they are asked for
+MODELS = ZOO
 WORLDS = ("star", "complete", "complete-paths", "tree", "tree-plus", "layout", "geometry")
 DEFAULT_WORLDS = ("star:1-10", "complete:5-10", "tree:1-10")
 MESH_SIZES = ("small", "full")
 MOST_SCENES = 900  # that one seed makes
 
 
-def require_known(kind: str, names: Iterable[str], known: Sequence[str]) -> None:
+def require_known(kind: str, names: Iterable[str], known: Iterable[str]) -> None:
     """Refuse a name that is not known, with the nearest that is.
 
     Raises:
         click.UsageError: for the first such name.
     """
+    listed = tuple(known)
     for name in names:
-        if name not in known:
-            near = difflib.get_close_matches(name, known, n=1)
+        if name not in listed:
+            near = difflib.get_close_matches(name, listed, n=1)
             hint = f"; did you mean {near[0]}?" if near else "."
-            raise click.UsageError(f"no {kind} {name!r}{hint} Known are {', '.join(known)}")
+            raise click.UsageError(f"no {kind} {name!r}{hint} Known are {', '.join(listed)}")

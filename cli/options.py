@@ -12,6 +12,7 @@ import click
 
 import bsg_data
 from bsg_cli.choices import MASKS
+from bsg_data.registry import Registry
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -29,6 +30,19 @@ class Fraction(click.FloatRange):
         if math.isnan(number):
             self.fail(f"{value} is no number", param, ctx)
         return float(number)
+
+
+class RegistryChoice(click.Choice[str]):
+    """One of the names of a registry, which are read when a name is given."""
+
+    def __init__(self, registry: Registry[Any]) -> None:
+        super().__init__(registry.names())
+        self._registry = registry
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """Return the name, or refuse it with those that are known."""
+        self.choices = self._registry.names()
+        return super().convert(value, param, ctx)
 
 
 PATH = click.Path(path_type=Path)
@@ -99,7 +113,7 @@ def mask_options(how: str, how_much: str) -> Decorator[Any]:
             "--fraction", type=Fraction(0, 1), default=0.5, show_default=True, help=how_much
         )
         mask = click.option(
-            "--mask", type=click.Choice(MASKS), default="uniform", show_default=True, help=how
+            "--mask", type=RegistryChoice(MASKS), default="uniform", show_default=True, help=how
         )
         return mask(fraction(function))
 

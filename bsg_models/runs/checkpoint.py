@@ -24,7 +24,7 @@ from bsg_data.dataset.manifest import ClassMapEntry, Manifest, require_class_map
 from bsg_data.dataset.schema import FORMAT_VERSION
 from bsg_data.errors import MismatchError
 from bsg_data.files import write_bytes
-from bsg_data.recipes import Record
+from bsg_data.recipes import Record, name_fault
 from bsg_models.errors import CheckpointError, ConfigError
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.construction import make_model
@@ -179,7 +179,11 @@ def _parse_header(path: Path, file: Any) -> CheckpointHeader:
                 )
             del fields["sha256"]
         header = CheckpointHeader.model_validate(fields)
-    except (ValueError, KeyError, TypeError, RecursionError, ValidationError) as error:
+    except ValidationError as error:  # also for a model of a package that is not installed
+        raise CheckpointError(
+            f"{path}: its header is not a checkpoint's of this project: {name_fault(error)}"
+        ) from error
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise CheckpointError(
             f"{path}: its header is not a checkpoint's of this project"
         ) from error

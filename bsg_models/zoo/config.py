@@ -54,7 +54,10 @@ class RunConfig(Record):
             return value
         family = str(value.get("family")) if isinstance(value, Mapping) else ""
         if family not in ZOO:
-            raise ValueError(f"model.family must be one of {', '.join(ZOO)}; found {family!r}")
+            raise ValueError(
+                f"model.family must be one of {', '.join(ZOO)}; found {family!r}, which may be of "
+                "a package that is not installed"
+            )
         # As JSON, a list is a tuple and nothing else is taken for something that it is not.
         return type(ZOO[family].config).model_validate_json(json.dumps(value), strict=True)
 

@@ -55,7 +55,7 @@ def command(
             dataset, recipe, force=force, executor=executor, progress=report
         )
     rows = sum(entry.rows for entry in manifest.files_of("pairs"))
-    if mask == "frontier":
+    if bsg_data.MASKS[mask].reads_connections:
         bare = manifest.totals.scenes - len(bsg_data.read_adjacency(dataset))
         if bare:
             print_note(

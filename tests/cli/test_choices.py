@@ -22,7 +22,7 @@ def test_names_are_those_of_the_library() -> None:
         (choices.PLANNERS, PLANNERS),
         (choices.MASKS, MASKS),
     ):
-        assert names == registry.names()
+        assert tuple(names) == registry.names()
         assert all(registry[name] for name in names)
     assert get_args(room_graphs.WorldKind) == choices.WORLDS
     assert tuple(world.name for world in room_graphs.DEFAULT_WORLDS) == choices.DEFAULT_WORLDS

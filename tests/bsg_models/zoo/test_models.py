@@ -1,4 +1,4 @@
-"""The contract that every model of the zoo keeps, and each model by hand."""
+"""Models by hand; the contract that all of them keep is proved in `test_testing.py`."""
 
 from __future__ import annotations
 
@@ -15,9 +15,7 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.observation import stack
 from bsg_models.belief.count_distribution import negative_binomial
 from bsg_models.inputs.folds import scenes_of
-from bsg_models.inputs.graphs import read_split
 from bsg_models.training.training import new_model
-from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import find_config
 from bsg_models.zoo.gamma_poisson import (
     GammaPoissonConfig,
@@ -37,48 +35,6 @@ def fitted(name: str, dataset: Path) -> BeliefModel:
     model = new_model(config, data)
     model.fit(data, config.data)
     return model.eval()
-
-
-@pytest.mark.parametrize("name", ZOO.names())
-def test_every_model_keeps_the_contract(name: str, dataset: Path) -> None:
-    model = fitted(name, dataset)
-    seen = read_split(Dataset.open(dataset), "test", vocabulary=model.vocabulary).seen
-    assert len(seen) > 1
-    together = model.predict(seen)
-    assert together.hidden.shape == seen.inputs.shape
-    np.testing.assert_array_equal(together.inputs, seen.inputs)
-    assert (together.hidden >= 0).all()
-    np.testing.assert_allclose(together.expected, together.inputs + together.hidden)
-    assert ((together.presence >= 0) & (together.presence <= 1)).all()
-    for number in range(len(seen)):  # a building's beliefs do not depend on its batch
-        alone = model.predict(seen.take([number]))
-        rows = slice(seen.starts[number], seen.starts[number + 1])
-        np.testing.assert_allclose(alone.hidden, together.hidden[rows], rtol=1e-4, atol=1e-5)
-
-
-@pytest.mark.parametrize("name", ZOO.names())
-def test_a_building_without_rooms_and_one_without_objects_get_an_answer(
-    name: str, dataset: Path
-) -> None:
-    model = fitted(name, dataset)
-    for inputs in ([[0.0] * 45], [[0.0] * 45] * 3, [[7.0] * 45]):
-        found = model.predict(observe_building(inputs, vocabulary=model.vocabulary))
-        assert np.isfinite(found.hidden).all()
-        assert np.isfinite(found.log_probability(np.ones_like(found.hidden))).all()
-
-
-@pytest.mark.parametrize("name", ZOO.names())
-def test_the_order_of_the_rooms_does_not_matter(name: str, dataset: Path) -> None:
-    model = fitted(name, dataset)
-    rooms = np.random.default_rng(0).poisson(1.0, (4, 45))
-    inputs = np.vstack([rooms.sum(axis=0), rooms])
-    order = [0, 3, 1, 4, 2]
-    first, second = (
-        observe_building(some.tolist(), vocabulary=model.vocabulary)
-        for some in (inputs, inputs[order])
-    )
-    there, shuffled = model.predict(first).hidden, model.predict(second).hidden
-    np.testing.assert_allclose(shuffled, there[order], rtol=1e-4, atol=1e-5)
 
 
 def test_input_and_doubled_by_hand(dataset: Path) -> None:

@@ -1,0 +1,212 @@
+"""Contracts of sources and masks: tests that a row of one's own inherits.
+
+A subclass names a row of the registry, and pytest runs it (docs/extending.md). Rows of this project
+keep the same contracts.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from multiprocessing.reduction import ForkingPickler
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from bsg_data.arrays import Counts
+from bsg_data.build import build_dataset
+from bsg_data.checks.dataset import check_dataset
+from bsg_data.dataset.publication import CARD, CROISSANT
+from bsg_data.dataset.splits import split_dataset
+from bsg_data.errors import SourceError
+from bsg_data.observation.masks import MASKS, sample_hidden, sample_visited, share_hidden
+from bsg_data.observation.pairs import write_pairs
+from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
+from bsg_data.scene.class_map import load_class_map
+from bsg_data.scene.connections import Connections
+from bsg_data.scene.scene_graph import SceneGraph, is_scene_id
+from bsg_data.sources.annotations import HEADER
+from bsg_data.sources.catalogue import SOURCES, open_source
+from bsg_data.sources.hm3d import HM3DFolder
+
+_KITCHEN = ("wall", "stove", "refrigerator", "sink", "kitchen cabinet", "chair", "chair")
+_BEDROOM = ("wall", "bed", "pillow", "pillow", "wardrobe", "lamp", "curtain", "zzqx thing")
+_BATHROOM = ("wall", "toilet", "sink", "mirror", "bathtub", "towel", "unknown")
+
+
+def write_example_dataset(folder: Path, *, mask: MaskRecipe | None = None) -> Path:
+    """Write a dataset of twelve small buildings, split and with two draws of pairs.
+
+    Args:
+        folder: to which its source and the dataset are written.
+        mask: of the pairs; None for the paper's.
+
+    Returns:
+        the dataset.
+    """
+    for number in range(12):
+        rooms = [_KITCHEN, _BATHROOM, *[_BEDROOM] * (number % 6)]
+        named = [(name, room) for room, names in enumerate(rooms) for name in names]
+        lines = [f'{i},{i * 4099:06X},"{name}",{room}' for i, (name, room) in enumerate(named, 1)]
+        building = f"{number:05d}-example{number:04d}"
+        path = folder / "source" / "train" / building / f"example{number:04d}.semantic.txt"
+        path.parent.mkdir(parents=True)
+        path.write_text("\n".join([HEADER, *lines]) + "\n", "utf-8")
+    dataset = folder / "dataset"
+    build_dataset(HM3DFolder(folder / "source"), dataset)
+    split_dataset(dataset, SplitRecipe())
+    write_pairs(dataset, PairsRecipe(mask=mask or MaskRecipe(), draws=2))
+    return dataset
+
+
+class SourceContract:
+    """What every source keeps.
+
+    Attributes:
+        name: of its row, or of its entry point.
+    """
+
+    name: ClassVar[str]
+
+    def write_example(self, folder: Path) -> Path:
+        """Write what the source reads, of two buildings or more, and return the path to open."""
+        raise NotImplementedError("write an example that the source reads")
+
+    def test_scenes_are_sorted_and_each_building_is_there_once(self, tmp_path: Path) -> None:
+        """Find scenes by id, and the same ones again."""
+        source = open_source(self.name, self.write_example(tmp_path))
+        scenes = source.find().scenes
+        ids = [ref.scene_id for ref in scenes]
+        assert len(ids) >= 2, "the example has two buildings or more"
+        assert ids == sorted(set(ids))
+        assert len({ref.building for ref in scenes}) == len(scenes)
+        assert all(is_scene_id(scene_id) for scene_id in ids)
+        assert source.find().scenes == scenes
+
+    def test_reading_is_deterministic_and_works_in_another_process(self, tmp_path: Path) -> None:
+        """Read every scene twice, the second time by a source that was sent to a worker."""
+        source = open_source(self.name, self.write_example(tmp_path))
+        sent = ForkingPickler.loads(ForkingPickler.dumps(source))
+        class_map = load_class_map()
+        for ref in source.find().scenes:
+            assert sent.read(ref, class_map) == source.read(ref, class_map)
+
+    def test_graphs_are_whole(self, tmp_path: Path) -> None:
+        """Read graphs that keep the invariants of their records."""
+        source = open_source(self.name, self.write_example(tmp_path))
+        for ref in source.find().scenes:
+            graph = source.read(ref, load_class_map()).graph
+            assert graph.scene_id == ref.scene_id
+            assert graph.source == source.kind
+            require_whole(graph)
+
+    def test_a_dataset_of_it_is_sound_and_under_its_own_terms(self, tmp_path: Path) -> None:
+        """Build a dataset, which `bsg-data check` finds nothing wrong with."""
+        (tmp_path / "example").mkdir()
+        source = open_source(self.name, self.write_example(tmp_path / "example"))
+        out = tmp_path / "dataset"
+        manifest = build_dataset(source, out)
+        assert manifest.totals.scenes == len(source.find().scenes)
+        assert check_dataset(out) == ()
+        terms = SOURCES[source.kind].terms
+        assert terms.sentence in (out / CARD).read_text("utf-8")
+        described = json.loads((out / CROISSANT).read_text("utf-8"))
+        said = [described[key] for key in ("license", "url", "citeAs")]
+        assert said == [terms.licence_url, terms.homepage, terms.citation]
+
+    def test_what_is_not_there_is_a_source_error(self, tmp_path: Path) -> None:
+        """Refuse a path where nothing is."""
+        refused = False
+        try:
+            open_source(self.name, tmp_path / "nothing here").find()
+        except SourceError:
+            refused = True
+        assert refused, "expected a SourceError"
+
+
+def require_whole(graph: SceneGraph) -> None:
+    """Assert the invariants of a scene graph."""
+    rooms = len(graph.rooms)
+    assert [room.room_index for room in graph.rooms] == list(range(1, rooms + 1))
+    regions = [room.region_id for room in graph.rooms]
+    assert regions == sorted(set(regions))
+    assert [obj.object_index for obj in graph.objects] == list(range(1, len(graph.objects) + 1))
+    instances = [obj.instance_id for obj in graph.objects]
+    assert instances == sorted(set(instances))
+    assert all(0 <= obj.room_index <= rooms for obj in graph.objects)
+    pairs = [(edge.source, edge.target) for edge in graph.adjacency]
+    assert pairs == sorted(set(pairs))
+    assert all(1 <= source < target <= rooms for source, target in pairs)
+
+
+class MaskContract:
+    """What every mask keeps.
+
+    Attributes:
+        name: of its row, or of its entry point.
+    """
+
+    name: ClassVar[str]
+
+    def cases(self) -> Iterator[tuple[Counts, MaskRecipe, Connections | None]]:
+        """Yield buildings `[1 + R, C]` of many kinds, with recipes and with what connects."""
+        rng = np.random.default_rng(0)
+        row = Connections.of_pairs([(1, 2), (2, 3)])
+        for fraction in (0.0, 0.29, 0.5, 1.0):
+            recipe = MaskRecipe(strategy=self.name, fraction=fraction, seed=7)
+            for nodes in (1, 2, 4, 12):
+                yield rng.integers(0, 6, (nodes, 5)), recipe, None
+            yield np.zeros((4, 3), dtype=np.int64), recipe, None  # nothing to hide
+            yield np.full((4, 3), 9), recipe, row
+
+    def test_no_more_is_hidden_than_is_there(self) -> None:
+        """Hide what is there, all of an unvisited room, and as much as the bounds say."""
+        for cells, recipe, connections in self.cases():
+            for draw in range(3):
+                visited = sample_visited(
+                    cells, recipe, scene_id="s", draw=draw, connections=connections
+                )
+                assert visited.shape == (len(cells),)
+                assert visited.dtype == bool
+                assert visited[0], "the robot is in the building"
+                hidden = sample_hidden(cells, visited, recipe, scene_id="s", draw=draw)
+                assert ((hidden >= 0) & (hidden <= cells)).all()
+                assert (hidden[~visited] == cells[~visited]).all()
+                low, high = MASKS[self.name].hidden_bounds(cells, recipe)
+                assert low <= hidden.sum() <= high
+
+    def test_a_mask_depends_on_recipe_scene_and_draw_alone(self) -> None:
+        """Draw the same mask again after others, and in another order."""
+        cells = np.full((8, 4), 5)
+        recipe = MaskRecipe(strategy=self.name, fraction=0.5, seed=3)
+        keys = [(scene, draw) for scene in ("a", "b") for draw in range(3)]
+
+        def sample(scene: str, draw: int) -> tuple[bytes, bytes]:
+            visited = sample_visited(cells, recipe, scene_id=scene, draw=draw)
+            hidden = sample_hidden(cells, visited, recipe, scene_id=scene, draw=draw)
+            return visited.tobytes(), hidden.tobytes()
+
+        first = {key: sample(*key) for key in keys}
+        assert {key: sample(*key) for key in reversed(keys)} == first
+
+    def test_cells_are_left_as_they_are(self) -> None:
+        """Change no array of the caller."""
+        for cells, recipe, connections in self.cases():
+            before = cells.copy()
+            visited = sample_visited(cells, recipe, scene_id="s", draw=0, connections=connections)
+            sample_hidden(cells, visited, recipe, scene_id="s", draw=0)
+            assert (cells == before).all()
+
+    def test_the_share_that_models_are_told_is_one(self) -> None:
+        """Tell a share from 0 to 1 of every node, and all of an unvisited room."""
+        for cells, recipe, _ in self.cases():
+            visited = sample_visited(cells, recipe, scene_id="s", draw=0)
+            share = share_hidden(visited, recipe)
+            assert ((share >= 0) & (share <= 1)).all()
+            assert (share[~visited] == 1).all()
+
+    def test_pairs_of_it_are_sound(self, tmp_path: Path) -> None:
+        """Write pairs, which `bsg-data check` finds nothing wrong with."""
+        recipe = MaskRecipe(strategy=self.name)
+        assert check_dataset(write_example_dataset(tmp_path, mask=recipe)) == ()

@@ -1,0 +1,440 @@
+"""Contracts of models, planners, metrics and formats: tests that a row of one's own inherits.
+
+A subclass names a row of the registry, and pytest runs it (docs/extending.md). Rows of this project
+keep the same contracts.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import tomllib
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.dataset.manifest import ClassMapEntry
+from bsg_data.errors import BSGError
+from bsg_data.observation.observation import Observation
+from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, classify
+from bsg_data.scene.class_map import load_class_map
+from bsg_data.scene.connections import Connections
+from bsg_data.scene.scene_graph import Box
+from bsg_data.testing import write_example_dataset
+from bsg_models.belief.belief_graph import BeliefGraph, BlindNode, believe
+from bsg_models.belief.count_distribution import poisson
+from bsg_models.belief.expectation import from_hidden_counts
+from bsg_models.belief.formats import FORMATS, choose_format
+from bsg_models.evaluation.catalogue import METRICS, find_value, head_value, name_value
+from bsg_models.evaluation.measurement import prepare_metric
+from bsg_models.evaluation.truth import NODE_SETS, Prediction, Truth
+from bsg_models.inputs.graphs import read_split
+from bsg_models.runs.checkpoint import load_checkpoint, restore_model
+from bsg_models.runs.run_folder import BEST, save_fitted
+from bsg_models.search.catalogue import PLANNERS
+from bsg_models.search.knowledge import Knowledge, Task
+from bsg_models.search.planners import ask_planner
+from bsg_models.search.shortest_paths import Ints, find_ways
+from bsg_models.training.training import new_model
+from bsg_models.zoo.config import RunConfig, find_config, validate_config, write_toml
+from bsg_models.zoo.model import BeliefModel
+
+_RTOL, _ATOL = 1e-4, 1e-5  # a network computes in float32
+
+
+@cache
+def _example() -> tuple[tempfile.TemporaryDirectory[str], Dataset]:
+    """Return a dataset of small buildings, and the folder that it lives in until the end."""
+    folder = tempfile.TemporaryDirectory()
+    return folder, Dataset.open(write_example_dataset(Path(folder.name)))
+
+
+@cache
+def _fit(name: str) -> tuple[RunConfig, BeliefModel]:
+    """Return a row's configuration, and its model after `fit`; a network is not trained."""
+    data, config = _example()[1], find_config(name)
+    model = new_model(config, data)
+    model.fit(data, config.data)
+    return config, model.eval()
+
+
+def observe_building(
+    rooms: Sequence[Sequence[int]], *, classes: int, vocabulary: tuple[str, ...]
+) -> Observation:
+    """Return an observation of one building, half of whose objects are hidden.
+
+    Args:
+        rooms: `[R, C]` what is seen in each.
+        classes: C.
+        vocabulary: `[V]` categories outside the classes, of which none is seen.
+    """
+    seen = np.array(rooms, dtype=np.int64).reshape(-1, classes)
+    inputs = np.vstack([seen.sum(axis=0, keepdims=True), seen])
+    return Observation(
+        scene_ids=("by hand",),
+        starts=np.array([0, len(inputs)]),
+        inputs=inputs,
+        hidden_share=np.full(len(inputs), 0.5, dtype=np.float32),
+        visited=np.ones(len(inputs), dtype=bool),
+        withheld=np.zeros(inputs.shape, dtype=bool),
+        vocabulary=vocabulary,
+        others=np.zeros((len(inputs), len(vocabulary)), dtype=np.int64),
+        connections=Connections.of_pairs(()),
+    )
+
+
+class ModelContract:
+    """What every model keeps.
+
+    Attributes:
+        name: of its row, or of its entry point.
+    """
+
+    name: ClassVar[str]
+
+    def test_beliefs_are_numbers_and_inputs_stay(self) -> None:
+        """Believe in hidden counts of 0 and more and in probabilities, beside what was seen."""
+        model = _fit(self.name)[1]
+        seen = read_split(_example()[1], "test", vocabulary=model.vocabulary).seen
+        for one in (seen, replace(seen, withheld=np.ones_like(seen.withheld))):
+            beliefs = model.expect(one)
+            np.testing.assert_array_equal(beliefs.inputs, one.inputs)
+            assert beliefs.hidden.shape == one.inputs.shape
+            assert (beliefs.hidden >= 0).all()
+            np.testing.assert_allclose(beliefs.expected, beliefs.inputs + beliefs.hidden)
+            assert ((beliefs.presence >= 0) & (beliefs.presence <= 1)).all()
+
+    def test_beliefs_about_a_building_do_not_depend_on_others(self) -> None:
+        """Believe the same of a building alone and among others."""
+        model = _fit(self.name)[1]
+        seen = read_split(_example()[1], "test", vocabulary=model.vocabulary).seen
+        assert len(seen) > 1
+        together = model.expect(seen).hidden
+        for number in range(len(seen)):
+            rows = slice(seen.starts[number], seen.starts[number + 1])
+            alone = model.expect(seen.take([number])).hidden
+            np.testing.assert_allclose(alone, together[rows], rtol=_RTOL, atol=_ATOL)
+
+    def test_the_order_of_the_rooms_does_not_matter(self) -> None:
+        """Believe the same of each room, wherever it stands."""
+        model = _fit(self.name)[1]
+        classes, order = model.inputs.classes, [2, 0, 3, 1]
+        rooms = np.random.default_rng(0).poisson(1.0, (4, classes))
+        there, shuffled = (
+            model.expect(
+                observe_building(some.tolist(), classes=classes, vocabulary=model.vocabulary)
+            ).hidden
+            for some in (rooms, rooms[order])
+        )
+        np.testing.assert_allclose(shuffled[0], there[0], rtol=_RTOL, atol=_ATOL)
+        np.testing.assert_allclose(shuffled[1:], there[1:][order], rtol=_RTOL, atol=_ATOL)
+
+    def test_buildings_without_rooms_or_objects_get_an_answer(self) -> None:
+        """Answer in numbers where nothing is to be seen."""
+        model = _fit(self.name)[1]
+        classes = model.inputs.classes
+        for rooms in ([], [[0] * classes] * 2, [[7] * classes]):
+            seen = observe_building(rooms, classes=classes, vocabulary=model.vocabulary)
+            beliefs = model.expect(seen)
+            assert np.isfinite(beliefs.log_probability(np.ones_like(beliefs.hidden))).all()
+
+    def test_all_that_it_learns_is_in_its_checkpoint(self, tmp_path: Path) -> None:
+        """Believe the same, to the last bit, after a checkpoint was written and read."""
+        (config, model), data = _fit(self.name), _example()[1]
+        save_fitted(model, config, data, tmp_path, calibrated=False)
+        checkpoint = load_checkpoint(tmp_path / BEST)
+        restored = restore_model(tmp_path / BEST, checkpoint)
+        assert checkpoint.header.config == config
+        seen = read_split(data, "test", vocabulary=model.vocabulary).seen
+        np.testing.assert_array_equal(restored.expect(seen).hidden, model.expect(seen).hidden)
+
+    def test_its_configuration_is_written_and_read(self) -> None:
+        """Read the same configuration back from TOML."""
+        config = find_config(self.name)
+        assert validate_config(tomllib.loads(write_toml(config)), source="TOML") == config
+
+
+class PlannerContract:
+    """What every planner keeps.
+
+    Attributes:
+        name: of its row, or of its entry point.
+    """
+
+    name: ClassVar[str]
+
+    def moments(self) -> Iterator[Knowledge]:
+        """Yield what robots know in searches of random buildings of several sizes and tasks."""
+        tasks: tuple[Task, ...] = ("single", "all")
+        for seed, (nodes, artifacts) in enumerate([(3, 1), (7, 1), (7, 2)]):
+            for task in tasks:
+                yield make_knowledge(seed, nodes=nodes, artifacts=artifacts, task=task)
+
+    def test_it_names_unexplored_rooms_that_can_be_reached(self) -> None:
+        """Name one of `unexplored` in every search; `ask_planner` refuses what is none."""
+        for known in self.moments():
+            assert len(ask_planner(PLANNERS[self.name], known)) == len(known.here)
+
+    def test_it_does_not_read_what_it_does_not_say(self) -> None:
+        """Go the same way whatever the presence is, if it reads none."""
+        planner = PLANNERS[self.name]
+        if planner.reads != "none":
+            return
+        for known in self.moments():
+            nothing = np.zeros_like(known.presence)
+            blind = replace(known, presence=nothing, share=nothing)
+            np.testing.assert_array_equal(ask_planner(planner, blind), ask_planner(planner, known))
+
+    def test_a_search_goes_the_same_way_alone_and_among_others(self) -> None:
+        """Name the same room for a search by itself."""
+        planner = PLANNERS[self.name]
+        for known in self.moments():
+            together = ask_planner(planner, known)
+            for row in range(len(together)):
+                alone = ask_planner(planner, take_searches(known, np.array([row])))
+                assert alone[0] == together[row]
+
+    def test_what_it_is_given_stays_as_it_is(self) -> None:
+        """Change no array of what robots know."""
+        for known in self.moments():
+            before = [known.presence.copy(), known.unexplored.copy(), known.lots.copy()]
+            ask_planner(PLANNERS[self.name], known)
+            for old, new in zip(
+                before, (known.presence, known.unexplored, known.lots), strict=True
+            ):
+                np.testing.assert_array_equal(new, old)
+
+
+def make_knowledge(seed: int, *, nodes: int, artifacts: int, task: Task) -> Knowledge:
+    """Return what six robots know in buildings of N nodes, one room of which is out of reach.
+
+    A presence is 0 or 1, so that it may also stand for the truth.
+    """
+    rng = np.random.default_rng(seed)
+    searches, every = 6, np.arange(6)
+    edges = rng.uniform(1, 10, (searches, nodes, nodes))
+    edges = edges + edges.transpose(0, 2, 1)
+    edges[:, -1, :-1] = edges[:, :-1, -1] = np.inf
+    here = rng.integers(0, nodes - 1, searches)
+    unexplored = rng.random((searches, nodes)) < 0.6
+    unexplored[every, rng.integers(1, nodes - 1, searches)] = True
+    unexplored[:, [0, -1]] = False
+    here[unexplored[every, here]] = 0
+    presence = (rng.random((searches, nodes, artifacts)) < 0.5) * unexplored[:, :, None]
+    presence[every, unexplored.argmax(axis=1)] = 1
+    return Knowledge(
+        task=task,
+        here=here,
+        travel=find_ways(edges),
+        rows=every,
+        unexplored=unexplored,
+        wanted=np.ones((searches, artifacts), dtype=bool),
+        presence=presence.astype(float),
+        share=presence / 2,
+        lots=rng.random((searches, nodes)),
+    )
+
+
+def take_searches(known: Knowledge, rows: Ints) -> Knowledge:
+    """Return what the robots of some searches know."""
+    return replace(
+        known,
+        here=known.here[rows],
+        rows=known.rows[rows],
+        unexplored=known.unexplored[rows],
+        wanted=known.wanted[rows],
+        presence=known.presence[rows],
+        share=None if known.share is None else known.share[rows],
+        lots=known.lots[rows],
+    )
+
+
+class MetricContract:
+    """What every metric keeps.
+
+    Attributes:
+        name: of its row, or of its entry point.
+    """
+
+    name: ClassVar[str]
+
+    def prediction(self) -> Prediction:
+        """Return two draws of three buildings with three rooms each, five classes."""
+        rng = np.random.default_rng(0)
+        targets = rng.poisson(1.5, (24, 5)).astype(float)
+        truth = Truth(
+            inputs=np.floor(targets * rng.random((24, 5))),
+            targets=targets,
+            is_building=np.arange(24) % 4 == 0,
+            visited=np.arange(24) % 4 != 3,
+            building=np.repeat([0, 1, 2], 8),
+            draw=np.tile(np.repeat([0, 1], 4), 3),
+            scene_ids=("a", "b", "c"),
+        )
+        hidden = poisson(rng.gamma(1.0, 1.0, targets.shape))
+        return Prediction(truth, from_hidden_counts(truth.inputs, hidden))
+
+    def test_it_has_the_values_that_it_says(self) -> None:
+        """Give a number for each node set and part, of no more nodes than there are."""
+        metric, prediction = METRICS[self.name], self.prediction()
+        assert set(metric.node_sets) <= set(NODE_SETS)
+        prepared = prepare_metric(self.name, prediction)
+        values = prepared.evaluate(np.ones(3))
+        assert set(values) == set(prepared.nodes)
+        for (node_set, part), nodes in prepared.nodes.items():
+            assert 0 < nodes <= len(prediction.rows[node_set])
+            assert np.isfinite(values[node_set, part])
+            value = name_value(self.name, node_set, part)
+            assert find_value(value) == (metric, node_set, part)
+            assert metric.label in head_value(value)
+
+    def test_only_the_ratio_of_weights_counts(self) -> None:
+        """Give the same values if all weights are doubled."""
+        prepared = prepare_metric(self.name, self.prediction())
+        weights = np.array([1.0, 3.0, 2.0])
+        once, twice = prepared.evaluate(weights), prepared.evaluate(2 * weights)
+        for key, value in once.items():
+            np.testing.assert_allclose(twice[key], value, rtol=1e-9, atol=1e-12)
+
+    def test_a_building_that_counts_twice_is_there_twice(self) -> None:
+        """Take weights as repetitions, on which every bootstrap interval rests."""
+        prediction = self.prediction()
+        weighted = prepare_metric(self.name, prediction).evaluate(np.array([2.0, 0.0, 1.0]))
+        rows = np.concatenate([np.flatnonzero(prediction.truth.building == b) for b in (0, 0, 2)])
+        repeated = prepare_metric(self.name, _take_nodes(prediction, rows)).evaluate(np.ones(3))
+        for key, value in weighted.items():
+            np.testing.assert_allclose(repeated[key], value, rtol=1e-9, atol=1e-12)
+
+
+def _take_nodes(prediction: Prediction, rows: Ints) -> Prediction:
+    """Return some nodes of a prediction as three buildings of eight nodes."""
+    truth, beliefs = prediction.truth, prediction.expectation
+    taken = replace(
+        truth,
+        inputs=truth.inputs[rows],
+        targets=truth.targets[rows],
+        is_building=truth.is_building[rows],
+        visited=truth.visited[rows],
+        draw=truth.draw[rows],
+    )
+    return Prediction(taken, from_hidden_counts(taken.inputs, beliefs.hidden_counts.take(rows)))
+
+
+class FormatContract:
+    """What every format keeps.
+
+    Attributes:
+        name: of its row, or of its entry point.
+    """
+
+    name: ClassVar[str]
+
+    def beliefs(self) -> list[BeliefGraph]:
+        """Return belief graphs: one of nothing, and one with hostile names."""
+        return [make_belief("empty", names=()), make_belief("hostile", names=HOSTILE)]
+
+    def write(self, beliefs: Sequence[BeliefGraph], path: Path) -> None:
+        """Write one belief graph, or any number if the format holds many."""
+        row = FORMATS[self.name]
+        if row.write_all is not None:
+            row.write_all(beliefs, path)
+        elif row.write is not None:
+            (belief,) = beliefs
+            row.write(belief, path)
+
+    def read(self, path: Path) -> list[BeliefGraph] | None:
+        """Read what `write` wrote; None if the format is not read."""
+        row = FORMATS[self.name]
+        if row.read_all is not None:
+            return list(row.read_all(path))
+        return None if row.read is None else [row.read(path)]
+
+    def path_in(self, folder: Path) -> Path:
+        """Return a path with the suffix of the format."""
+        return folder / f"belief{FORMATS[self.name].suffixes[0]}"
+
+    def test_its_suffix_is_its_own(self) -> None:
+        """Choose the format by each of its suffixes."""
+        row = FORMATS[self.name]
+        assert row.name == self.name
+        for suffix in row.suffixes:
+            assert choose_format(Path(f"belief{suffix}")) is row
+
+    def test_what_is_written_is_read(self, tmp_path: Path) -> None:
+        """Read back equal graphs, also over an older file."""
+        path = self.path_in(tmp_path)
+        for belief in self.beliefs():
+            self.write([belief], path)
+            assert path.exists()
+            assert self.read(path) in (None, [belief])
+        if FORMATS[self.name].many:
+            self.write(self.beliefs(), path)
+            assert self.read(path) in (None, self.beliefs())
+
+    def test_nothing_half_written_stays(self, tmp_path: Path) -> None:
+        """Leave the older file, and nothing else, if writing fails at the end of a graph."""
+        belief, path = self.beliefs()[1], self.path_in(tmp_path)
+        broken = replace(belief, blind=(*belief.blind, BlindNode(1, 10**6, 1.0, 0.5)))
+        for older in (False, True):
+            if older:
+                self.write([belief], path)
+            before = _bytes_below(tmp_path)
+            try:
+                self.write([broken], path)
+            except Exception:  # the class does not exist: what is raised is the format's own
+                assert _bytes_below(tmp_path) == before
+
+    def test_what_is_no_such_file_is_refused(self, tmp_path: Path) -> None:
+        """Raise an error of this project for garbage, and where nothing is."""
+        path = self.path_in(tmp_path)
+        row = FORMATS[self.name]
+        if row.read is None and row.read_all is None:
+            return
+        for content in (None, b"", b"\x00garbage", b"[]"):
+            if content is not None:
+                path.write_bytes(content)
+            refused = False
+            try:
+                self.read(path)
+            except BSGError:
+                refused = True
+            assert refused, f"expected an error of this project for {content!r}"
+
+
+HOSTILE = ('</script><img src=x onerror="alert(1)">', 'a,"b"\n\tc', "Küche \u2028 ☃", "zzqx")
+
+
+def make_belief(scene_id: str, *, names: Sequence[str]) -> BeliefGraph:
+    """Return a belief graph with a room and an object of each name; the first room has a box."""
+    class_map = load_class_map()
+    rooms = tuple(
+        KnownRoom(
+            f"room {i}",
+            0.5,
+            i % 2 == 0,
+            name,
+            (0.5, 0.1, 1 / 3) if i == 0 else None,
+            Box((0.0, 0.0, 0.0), (1.0, 0.2, 2 / 3)) if i == 0 else None,
+            ((0.0, 0.0), (1.0, 0.0), (1.0, 0.2)) if i == 0 else None,
+            0 if i == 0 else None,
+        )
+        for i, name in enumerate(names)
+    )
+    objects = tuple(
+        SeenObject(str(i), min(i, len(rooms)), name, *classify(name, class_map), None)
+        for i, name in enumerate(["bed", *names] if names else [])
+    )
+    pairs = tuple((a, a + 1) for a in range(1, len(rooms)))
+    graph = PartialGraph(scene_id, ClassMapEntry.of(class_map), 0.25, rooms, objects, pairs)
+    inputs = graph.histograms().astype(float)
+    hidden = np.random.default_rng(0).gamma(0.1, 1.0, inputs.shape)
+    return believe(graph, from_hidden_counts(inputs, poisson(hidden)), model=scene_id)
+
+
+def _bytes_below(folder: Path) -> dict[str, bytes]:
+    files = (path for path in sorted(folder.rglob("*")) if path.is_file())
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}

@@ -1,0 +1,92 @@
+"""Every source and mask of this project keeps the contract that others inherit."""
+
+from __future__ import annotations
+
+import sys
+import zipfile
+from collections.abc import Callable
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from conftest import write_twelve
+
+from bsg_data.arrays import Bools, Counts
+from bsg_data.observation.masks import MASKS, UniformMask
+from bsg_data.recipes import MaskRecipe
+from bsg_data.sources.catalogue import SOURCES
+from bsg_data.sources.hm3d_stats import MEMBER
+from bsg_data.synthetic.buildings import write_synthetic
+from bsg_data.testing import MaskContract, SourceContract
+
+STATISTICS = [
+    "Scene Name,Region #,# Unique Categories,# Objects,Object Instances in Region,Category",
+    "00801-bbbbbbbbbbb,0,1,1,bed_1",
+    "00006-aaaaaaaaaaa,4,2,3,chair_12:chair_3:some_thing_7",
+    "00006-aaaaaaaaaaa,-1,1,1,book_20",
+]
+
+
+class TestSources(SourceContract):
+    @pytest.fixture(autouse=True, params=SOURCES.names())
+    def _row(self, request: pytest.FixtureRequest) -> None:
+        self.name = request.param
+
+    def write_example(self, folder: Path) -> Path:
+        if self.name == "synthetic":
+            list(write_synthetic(folder / "synthetic", scenes=2, seed=0))
+            return folder / "synthetic"
+        if self.name == "hm3d":
+            return write_twelve(folder / "hm3d")
+        with zipfile.ZipFile(folder / "statistics.zip", "w") as archive:
+            archive.writestr(MEMBER, "\n".join([*STATISTICS, ""]))
+        return folder / "statistics.zip"
+
+
+class TestMasks(MaskContract):
+    @pytest.fixture(autouse=True, params=MASKS.names())
+    def _row(self, request: pytest.FixtureRequest) -> None:
+        self.name = request.param
+
+
+class Careless(UniformMask):
+    """A mask whose chance is nobody's, and which tells more than there can be."""
+
+    def sample_visited(self, cells: Counts, recipe: MaskRecipe, **given: object) -> Bools:
+        """Draw from a generator of its own."""
+        return np.r_[True, CHANCE.random(len(cells) - 1) < 0.5]
+
+    def share_of_visited(self, fraction: float) -> float:
+        """Return more than all."""
+        return 1.5
+
+    def hidden_bounds(self, cells: Counts, recipe: MaskRecipe) -> tuple[int, int]:
+        """Promise that nothing is hidden."""
+        return 0, 0
+
+
+CHANCE = np.random.default_rng(0)
+
+
+@pytest.mark.parametrize(
+    "proof",
+    [
+        MaskContract.test_no_more_is_hidden_than_is_there,
+        MaskContract.test_a_mask_depends_on_recipe_scene_and_draw_alone,
+        MaskContract.test_the_share_that_models_are_told_is_one,
+    ],
+)
+def test_a_careless_mask_is_found_out(
+    proof: Callable[[MaskContract], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = ModuleType("careless")
+    module.MASK = Careless()  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "careless", module)
+    point = EntryPoint("careless", "careless:MASK", MASKS.group)
+    monkeypatch.setitem(MASKS._rows, "careless", point)
+    contract = MaskContract()
+    contract.name = "careless"  # type: ignore[misc]
+    with pytest.raises(AssertionError):
+        proof(contract)

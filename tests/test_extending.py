@@ -1,0 +1,194 @@
+"""The package of docs/extending.md, installed beside the project: every command takes its rows."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+from conftest import REPOSITORY
+
+from bsg_cli.registry import COMMANDS
+from bsg_data import registry
+from bsg_data.dataset.publication import CARD, CROISSANT
+
+TEXT = (REPOSITORY / "docs" / "extending.md").read_text("utf-8")
+BLOCKS = dict(re.findall(r"```python\n# (\S+)\n(.*?)```", TEXT, re.DOTALL))
+PROJECT = tomllib.loads(TEXT.split("```toml\n")[1].split("```")[0])["project"]
+ROOMS = ("stove, sink, chair, chair, kitchen cabinet", "bed, pillow, lamp", "toilet, sink, towel")
+
+
+def install(folder: Path) -> Path:
+    """Write the package of the document as pip installs it."""
+    for name, text in BLOCKS.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text, "utf-8")
+    (folder / "my_rooms" / "__init__.py").touch()
+    info = folder / "my_rooms-1.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: my-rooms\nVersion: 1\n")
+    lines = [
+        line
+        for group, rows in PROJECT["entry-points"].items()
+        for line in (f"[{group}]", *(f"{name} = {target}" for name, target in rows.items()))
+    ]
+    (info / "entry_points.txt").write_text("\n".join(lines) + "\n")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """The package on `sys.path`, until the tests of this file are over."""
+    folder = install(tmp_path_factory.mktemp("site"))
+    sys.path.insert(0, str(folder))
+    registry._installed.cache_clear()
+    yield folder
+    sys.path.remove(str(folder))
+    registry._installed.cache_clear()
+    for name in [name for name in sys.modules if name.partition(".")[0] == "my_rooms"]:
+        del sys.modules[name]
+
+
+def run(line: str) -> Result:
+    name, *words = shlex.split(line)
+    result = CliRunner().invoke(COMMANDS[name], words)
+    assert result.exit_code == 0, f"{line}: {result.output}{result.exception!r}"
+    return result
+
+
+@pytest.fixture(scope="module")
+def work(installed: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A dataset of the source, with pairs of the mask, and a run of the model."""
+    folder = tmp_path_factory.mktemp("work")
+    (folder / "lists").mkdir()
+    for k in range(12):
+        rooms = [ROOMS[i % 3] for i in range(2 + k % 4)]
+        (folder / "lists" / f"house {k:02}.txt").write_text("\n".join([*rooms, ""]), "utf-8")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        run("bsg-data build --source room-lists lists --out dataset --workers 1")
+        run("bsg-data split dataset")
+        run("bsg-data pairs dataset --mask coin --draws 2 --workers 1")
+        run("bsg-train --config mean-rate --set model.least=0.02 --data dataset --out run")
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def _in_work(work: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(work)
+
+
+def test_the_source_and_the_mask_make_a_sound_dataset_under_their_own_terms() -> None:
+    run("bsg-data check dataset")  # exits with 1 for any fault
+    card = Path("dataset", CARD).read_text("utf-8")
+    assert "license: cc-by-4.0" in card
+    assert "The lists may be shared if their author is named." in card
+    assert "Matterport" not in card + Path("dataset", CROISSANT).read_text("utf-8")
+
+
+@pytest.mark.slow
+def test_the_model_is_evaluated_with_the_metric() -> None:
+    words = "--data dataset --resamples 2 --all-metrics"
+    printed = run(f"bsg-evaluate run {words} --out evaluation").stdout
+    assert "rooms/total_error" in printed
+    assert "building/total_error" in printed
+    report = json.loads(Path("evaluation/evaluation.json").read_text("utf-8"))
+    assert "run" in report["metrics"]["rooms/total_error"]
+
+
+@pytest.mark.slow
+def test_the_leaderboard_takes_the_model_and_the_mask() -> None:
+    words = "--folds 3 --draws 1 --resamples 2 --workers 1"
+    run(
+        "bsg-leaderboard --data dataset --models doubled,mean-rate --masks coin --out board "
+        + words
+    )
+    board = json.loads(Path("board/leaderboard.json").read_text("utf-8"))
+    assert set(board["masks"]["coin"]) == {"doubled", "mean-rate"}
+    assert "mean-rate" in Path("board/leaderboard.md").read_text("utf-8")
+
+
+def test_beliefs_are_written_in_the_format_and_read() -> None:
+    from bsg_models import read_belief
+
+    scene = json.loads(run("bsg-belief --data dataset --run run --mask coin --json").stdout)[0]
+    run(f"bsg-belief --data dataset --run run --scene '{scene['scene_id']}' --out belief.json.gz")
+    belief = read_belief(Path("belief.json.gz"))
+    assert belief.model == "mean-rate"
+
+
+def test_the_planner_searches_with_the_beliefs_of_the_model() -> None:
+    words = "--episodes 2 --masks 1 --resamples 2 --workers 1 --worlds star --task single"
+    planners = "nearest,farthest,greedy-belief"
+    found = run(f"bsg-search --run run --data dataset --planners {planners} {words} --json")
+    savings = json.loads(found.stdout)["standings"][0]["savings"]
+    assert savings["farthest"]["saved"]["value"] <= 0 == savings["nearest"]["saved"]["value"]
+
+
+def test_the_model_is_a_member_of_an_ensemble() -> None:
+    members = '\'model.members=["gamma-poisson", "mean-rate"]\''
+    run(f"bsg-train --config ensemble --set {members} --data dataset --out both")
+    believed = run("bsg-belief --data dataset --run both --out both.json.gz --scene 'house 00'")
+    assert "by ensemble" in believed.stdout
+
+
+def test_a_checkpoint_of_a_model_that_is_not_installed_names_it(
+    installed: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "path", [path for path in sys.path if path != str(installed)])
+    registry._installed.cache_clear()
+    try:
+        result = CliRunner().invoke(COMMANDS["bsg-evaluate"], ["run", "--data", "dataset"])
+        assert result.exit_code == 1
+        assert "'mean-rate'" in result.stderr
+    finally:
+        monkeypatch.undo()
+        registry._installed.cache_clear()
+
+
+def test_helps_and_completion_name_the_rows() -> None:
+    result = CliRunner().invoke(COMMANDS["bsg-train"], ["--config", "mean-rte"])
+    assert "did you mean mean-rate?" in result.stderr
+    result = CliRunner().invoke(COMMANDS["bsg-data"], ["pairs", "dataset", "--mask", "coins"])
+    assert "'coin'" in result.stderr
+
+
+def contracts() -> dict[str, type]:
+    """Return the test classes of the document's last block."""
+    names: dict[str, type] = {}
+    exec(compile(BLOCKS["test_my_rooms.py"], "test_my_rooms.py", "exec"), names)
+    return {name: made for name, made in names.items() if name.startswith("Test")}
+
+
+CONTRACTS = contracts()
+CASES = [(c, t) for c, made in CONTRACTS.items() for t in dir(made) if t.startswith("test_")]
+
+
+@pytest.mark.parametrize(("contract", "case"), CASES)
+def test_the_package_keeps_the_contracts(contract: str, case: str, tmp_path: Path) -> None:
+    proof = getattr(CONTRACTS[contract](), case)
+    proof(tmp_path) if "tmp_path" in proof.__annotations__ else proof()
+
+
+def test_the_document_names_every_seam() -> None:
+    assert {name.rpartition("/")[2] for name in BLOCKS if "/" in name} == {
+        "source.py",
+        "mask.py",
+        "model.py",
+        "planner.py",
+        "metric.py",
+        "format.py",
+    }
+    groups = set(PROJECT["entry-points"])
+    assert groups == set(re.findall(r"\| `(bsg_\w+\.\w+)` \|", TEXT))
+    for line in re.findall(r"^bsg-.*$", TEXT, re.MULTILINE):
+        name, *words = shlex.split(line)
+        help_text = CliRunner().invoke(COMMANDS[name], [*words, "--help"]).output
+        for option in (word for word in words if word.startswith("--")):
+            assert option in help_text, f"{line}: {option} is no option"
