@@ -61,22 +61,39 @@ class Registry(Generic[Row]):
             near = difflib.get_close_matches(name, self.names(), n=1)
             hint = f"; did you mean {near[0]}?" if near else "."
             raise RecipeError(f"no {self.kind} {name!r}{hint} Known are {', '.join(self.names())}")
-        if name in self._rows:
+        try:
             row = point.load()
-        else:
-            try:
-                row = point.load()
-            except Exception as error:  # somebody else's module raises what it likes
+        except Exception as error:
+            if name not in self._rows:  # somebody else's module raises what it likes
                 raise RecipeError(
                     f"{self.kind} {name!r}: the entry point {point.value} of {self.group} cannot "
                     f"be imported ({error!r})"
                 ) from error
+            if not isinstance(error, ModuleNotFoundError):
+                raise
+            raise RecipeError(
+                f"{self.kind} {name!r} needs {error.name}, which is not installed; "
+                "pip install 'belief-scene-graphs[all]' has what rows of this project need"
+            ) from error
         if not isinstance(row, self._row_type):
             raise RecipeError(
                 f"{self.kind} {name!r}: {point.value} is a {type(row).__name__}, expected a "
                 f"{self._row_type.__name__}"
             )
         return row
+
+    def load_all(self) -> tuple[dict[str, Row], list[str]]:
+        """Import every row; return those that can be, and what is wrong with the others.
+
+        A broken package of somebody else does not keep the rest from being used.
+        """
+        rows, faults = {}, []
+        for name in self.names():
+            try:
+                rows[name] = self[name]
+            except RecipeError as error:
+                faults.append(str(error))
+        return rows, faults
 
 
 @cache

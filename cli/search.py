@@ -11,6 +11,7 @@ import bsg_models
 from bsg_cli.choices import DEFAULT_WORLDS, PLANNERS, WORLDS, require_known
 from bsg_cli.options import (
     PATH,
+    Fraction,
     data_option,
     force_option,
     json_option,
@@ -84,7 +85,7 @@ from bsg_data.tables import format_text
 )
 @click.option(
     "--fraction",
-    type=click.FloatRange(min=0, min_open=True, max=1),
+    type=Fraction(0, 1, min_open=True),
     default=0.5,
     show_default=True,
     help="Share of the objects that a mask hides; the artifact is hidden wholly.",

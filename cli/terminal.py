@@ -19,9 +19,11 @@ from threading import Thread
 from typing import Any, NoReturn
 
 import click
+from pydantic import ValidationError
 from tqdm import tqdm  # noqa: TID251 -- the command line is where bars belong
 
 from bsg_data.errors import BSGError, RecipeError
+from bsg_data.recipes import name_fault
 
 FAILED, WRONG_USAGE, INTERRUPTED = 1, 2, 130
 
@@ -47,6 +49,9 @@ class ExitCodes:
         except BSGError as error:
             click.echo(f"Error: {error}", err=True)
             sys.exit(WRONG_USAGE if isinstance(error, RecipeError) else FAILED)
+        except ValidationError as error:  # of a request, which says what it cannot be
+            click.echo(f"Error: {name_fault(error)}", err=True)
+            sys.exit(WRONG_USAGE)
         except (click.Abort, KeyboardInterrupt):
             click.echo("interrupted", err=True)
             sys.exit(INTERRUPTED)

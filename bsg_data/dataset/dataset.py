@@ -25,7 +25,7 @@ from bsg_data.errors import DatasetError
 from bsg_data.scene.class_map import is_nameless
 from bsg_data.scene.connections import Connections
 
-_MOST_ROOMS = 1_000_000  # of one building
+_MOST_ROOMS = 1_000_000  # in one building
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +95,8 @@ class Dataset:
         return frozenset(np.unique(self._connections[1].methods).tolist())
 
     def _rows_of(self, scene_id: str) -> slice:
+        if scene_id not in self._number:
+            raise DatasetError(f"{self.path}: has no scene {scene_id!r}")
         number = self._number[scene_id]
         return slice(int(self._starts[number]), int(self._starts[number + 1]))
 
@@ -134,7 +136,9 @@ class Dataset:
         """The cells of all scenes one after another, `[ΣN, C]`."""
         nodes, classes, has_class, _ = self._objects
         shape = (int(self._starts[-1]), len(self.manifest.class_map.classes))
-        return count_cells(nodes[has_class], classes[has_class], shape=shape)
+        cells = count_cells(nodes[has_class], classes[has_class], shape=shape)
+        cells.setflags(write=False)  # all readers of this dataset share it
+        return cells
 
     @cached_property
     def _others(self) -> tuple[Ints, Ints, Ints, tuple[str, ...]]:

@@ -147,7 +147,10 @@ def _read_masked(data: Dataset, split: str, vocabulary: tuple[str, ...]) -> Mask
             )
         )
     targets = histogram_column(table, "target").astype(np.int64)
-    return MaskedBuildings(stack(parts), targets, draws)
+    masked = MaskedBuildings(stack(parts), targets, draws)
+    for array in (masked.seen.inputs, masked.seen.hidden_share, masked.seen.others, targets):
+        array.setflags(write=False)  # all readers of these pairs share them
+    return masked
 
 
 def see_others(

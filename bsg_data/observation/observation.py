@@ -6,6 +6,7 @@ one building or of several: the rows of a building are together, the building's 
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -71,8 +72,15 @@ class Observation:
         return np.where(self.withheld, 1.0, self.hidden_share[:, None].astype(np.float64))
 
     def take(self, buildings: Sequence[int] | Ints) -> Observation:
-        """Return some of the buildings, in the order that is asked for."""
-        return stack([self._one(int(number)) for number in buildings])
+        """Return some of the buildings, in the order that is asked for.
+
+        Raises:
+            IndexError: if there is no such building, or none is asked for.
+        """
+        numbers = [operator.index(number) for number in buildings]
+        if not numbers or not all(0 <= number < len(self) for number in numbers):
+            raise IndexError(f"buildings {numbers[:5]}: expected one or more of 0..{len(self) - 1}")
+        return stack([self._one(number) for number in numbers])
 
     def _one(self, number: int) -> Observation:
         first, last = (int(end) for end in self.starts[number : number + 2])

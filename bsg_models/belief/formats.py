@@ -29,7 +29,6 @@ class FormatRow:
         read: reads it back.
         write_all: writes any number of belief graphs to a path.
         read_all: yields them.
-        needs: what must be installed for it, as pip names it; empty if nothing.
     """
 
     name: str
@@ -38,7 +37,6 @@ class FormatRow:
     read: Callable[[Path], BeliefGraph] | None = None
     write_all: Callable[[Iterable[BeliefGraph], Path], None] | None = None
     read_all: Callable[[Path], Iterable[BeliefGraph]] | None = None
-    needs: str = ""
 
     def __post_init__(self) -> None:
         if self.write is None and self.write_all is None:
@@ -73,7 +71,8 @@ def choose_format(path: Path, format: str | None = None) -> FormatRow:  # noqa: 
     """
     if format is not None:
         return FORMATS[format]
-    rows, broken = _load_rows()
+    known_rows, broken = FORMATS.load_all()
+    rows = list(known_rows.values())
     fitting = [
         (len(suffix), row)
         for row in rows
@@ -87,20 +86,6 @@ def choose_format(path: Path, format: str | None = None) -> FormatRow:  # noqa: 
             f"{known}, or name the format{''.join(f'; {fault}' for fault in broken)}"
         )
     return max(fitting, key=lambda pair: pair[0])[1]
-
-
-def _load_rows() -> tuple[list[FormatRow], list[str]]:
-    """Return the formats, and what is wrong with those that cannot be loaded.
-
-    A broken format from outside does not keep others from being used.
-    """
-    rows, broken = [], []
-    for name in FORMATS:
-        try:
-            rows.append(FORMATS[name])
-        except RecipeError as error:
-            broken.append(str(error))
-    return rows, broken
 
 
 def write_belief(
@@ -138,7 +123,7 @@ def write_beliefs(
         return
     several = list(beliefs)
     if len(several) != 1 or row.write is None:
-        many = ", ".join(name for name in FORMATS if FORMATS[name].many)
+        many = ", ".join(name for name, one in FORMATS.load_all()[0].items() if one.many)
         raise RecipeError(
             f"{path}: the format {row.name} holds one belief graph, and there are {len(several)}; "
             f"formats of any number are {many}"

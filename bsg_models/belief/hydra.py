@@ -285,10 +285,4 @@ def read_hydra_belief(path: Path) -> BeliefGraph:
     return decode_nodes(header, attributes, edges, path=path)
 
 
-SPARK_DSG = FormatRow(
-    "spark-dsg",
-    (".dsg.json",),
-    write=write_hydra,
-    read=read_hydra_belief,
-    needs="belief-scene-graphs[hydra]",
-)
+SPARK_DSG = FormatRow("spark-dsg", (".dsg.json",), write=write_hydra, read=read_hydra_belief)

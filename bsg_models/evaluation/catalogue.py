@@ -71,7 +71,7 @@ def list_values() -> tuple[str, ...]:
     First metrics of all nodes, node set by node set; then those of rooms alone, selection of cells
     by selection, and at last what has no selection.
     """
-    rows = {row: METRICS[row] for row in METRICS}
+    rows, _ = METRICS.load_all()
     wide = [row for row, metric in rows.items() if metric.node_sets == NODE_SETS]
     names = [
         name_value(row, node_set, part)

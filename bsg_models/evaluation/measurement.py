@@ -71,7 +71,7 @@ class Measurement:
 
     @cached_property
     def _prepared(self) -> Mapping[str, Prepared]:
-        return {name: prepare_metric(name, self.prediction) for name in METRICS}
+        return {name: prepare_metric(name, self.prediction) for name in METRICS.load_all()[0]}
 
     @cached_property
     def _nodes(self) -> Mapping[str, int]:

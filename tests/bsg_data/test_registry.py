@@ -65,3 +65,9 @@ def test_entry_points_follow_the_rows_and_cannot_replace_them() -> None:
 def test_a_bad_entry_point_is_named(name: str) -> None:
     with pytest.raises(RecipeError, match=f"number '{name}': "):
         numbers()[name]
+
+
+def test_a_row_whose_library_is_not_installed_says_what_to_install() -> None:
+    rows = Registry("number", float, group="bsg_test.numbers", rows={"phi": "not_there:phi"})
+    with pytest.raises(RecipeError, match=r"'phi' needs not_there, which is not installed; pip"):
+        rows["phi"]

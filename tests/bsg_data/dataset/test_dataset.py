@@ -151,7 +151,7 @@ def test_scenes_that_are_not_there(dataset: Path) -> None:
     data = Dataset.open(dataset)
     assert "nowhere" not in data
     assert 7 not in data
-    with pytest.raises(KeyError, match="nowhere"):
+    with pytest.raises(DatasetError, match="nowhere"):
         data.cells("nowhere")
 
 
