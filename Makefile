@@ -5,8 +5,9 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 DEMO := demo
 # One test process for each core, and one thread in each: more threads would wait for one another.
-# All tests of a file run in one process, which makes what they share once.
-PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile
+# All tests of a file run in one process, which makes what they share once. What Python compiled is
+# kept even where it is told not to: a test that starts processes would compile anew in each.
+PYTEST := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile
 TESTED := tests bsg_data bsg_models $(VENV)/links/bsg_cli
 
 .DEFAULT_GOAL := help
@@ -29,16 +30,16 @@ install: $(INSTALLED) ## Make .venv and install the project with all that its te
 
 demo: $(INSTALLED) ## Run the main job end to end on synthetic buildings; results in demo/.
 	rm -rf $(DEMO)
-	$(BIN)/bsg-data synth --out $(DEMO)/buildings --scenes 50 --seed 0 --geometry
+	$(BIN)/bsg-data synth --out $(DEMO)/buildings --scenes 25 --seed 0 --geometry
 	$(BIN)/bsg-data build --hm3d $(DEMO)/buildings --out $(DEMO)/dataset
-	$(BIN)/bsg-data split $(DEMO)/dataset
+	$(BIN)/bsg-data split $(DEMO)/dataset --ratios 0.6 0.2 0.2
 	$(BIN)/bsg-data pairs $(DEMO)/dataset --draws 10
 	$(BIN)/bsg-data check $(DEMO)/dataset
 	$(BIN)/bsg-data info $(DEMO)/dataset --figure $(DEMO)/classes.png
 	$(BIN)/bsg-train --config ceci-gcn --data $(DEMO)/dataset --out $(DEMO)/ceci-gcn --set training.epochs=100
-	$(BIN)/bsg-train --config ceci-sage --data $(DEMO)/dataset --out $(DEMO)/ceci-sage
+	$(BIN)/bsg-train --config ceci-sage --data $(DEMO)/dataset --out $(DEMO)/ceci-sage --set training.epochs=100
 	$(BIN)/bsg-evaluate $(DEMO)/ceci-gcn $(DEMO)/ceci-sage --data $(DEMO)/dataset --resamples 50 --out $(DEMO)/evaluation --html $(DEMO)/report.html
-	$(BIN)/bsg-search --run $(DEMO)/ceci-sage --data $(DEMO)/dataset --worlds geometry,star --episodes 20 --trace 0 --out $(DEMO)/search
+	$(BIN)/bsg-search --run $(DEMO)/ceci-sage --data $(DEMO)/dataset --worlds geometry,star --episodes 10 --trace 0 --out $(DEMO)/search
 	@echo
 	@echo "These buildings are synthetic and few: the figures show that it works, not how well."
 	@echo "Open $(DEMO)/report.html in a browser: what was seen, what is believed, and how good that is."

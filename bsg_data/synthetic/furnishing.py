@@ -117,12 +117,10 @@ class Surface:
     def box_of(self, chosen: npt.NDArray[np.bool_], *, texel: float) -> Box:
         """Return the box of some of its texels `[rows, columns]`, at least one."""
         rows, columns = (np.flatnonzero(chosen.any(axis=axis)) for axis in (1, 0))
-        ends = [
-            self.corner + texel * (column * self.across + row * self.upward)
-            for column in (columns[0], columns[-1] + 1)
-            for row in (rows[0], rows[-1] + 1)
-        ]
-        low, high = np.min(ends, axis=0), np.max(ends, axis=0)
+        column = np.array([columns[0], columns[-1] + 1])[:, None, None]
+        row = np.array([rows[0], rows[-1] + 1])[:, None]
+        ends = (self.corner + texel * (column * self.across + row * self.upward)).reshape(4, 3)
+        low, high = ends.min(axis=0), ends.max(axis=0)
         return Box((low[0], low[1], low[2]), (high[0], high[1], high[2]))
 
 

@@ -312,7 +312,8 @@ def measure_truth(
             if label <= 0:
                 continue
             chosen = surface.texels == label
-            boxes.setdefault(int(label), []).append(surface.box_of(chosen, texel=texel))
+            box = surface.box_of(chosen, texel=texel)
+            boxes.setdefault(int(label), []).append(box)
             rows, columns = np.nonzero(chosen)
             middle = texel * np.array([columns.mean() + 0.5, rows.mean() + 0.5])
             at = surface.corner + middle[0] * surface.across + middle[1] * surface.upward
@@ -320,7 +321,9 @@ def measure_truth(
             moments[int(label)] = moments.get(int(label), np.zeros(4)) + moment
             main = chosen & ~surface.specks
             if main.any():
-                mains.setdefault(int(label), []).append(surface.box_of(main, texel=texel))
+                whole = bool((main == chosen).all())
+                main_box = box if whole else surface.box_of(main, texel=texel)
+                mains.setdefault(int(label), []).append(main_box)
     return {
         "instances": {
             str(label): {

@@ -57,12 +57,12 @@ def topk_unseen(k: int) -> Callable[[Truth, Expectation], Floats]:
 
 def auroc(cells: Cells, weights: Floats) -> float:
     """Return the area under the ROC curve of cells with weights `[M]`."""
-    return metrics.auroc(cells.ranking, weights)
+    return metrics.auroc_of_sums(*cells.cumulate(weights))
 
 
 def average_precision(cells: Cells, weights: Floats) -> float:
     """Return the average precision of cells with weights `[M]`."""
-    return metrics.average_precision(cells.ranking, weights)
+    return metrics.average_precision_of_sums(*cells.cumulate(weights))
 
 
 def brier(cells: Cells, weights: Floats) -> float:

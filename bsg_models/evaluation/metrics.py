@@ -199,6 +199,22 @@ def rank(scores: Floats, truth: Bools) -> Ranking:
     return Ranking(order, ends, truth[order])
 
 
+def cumulate(ranking: Ranking, weights: Floats | None = None) -> tuple[Floats, Floats]:
+    """Return weight of positives and of negatives down to the end of each run of equal scores.
+
+    Args:
+        ranking: of M scores.
+        weights: `[M]`; None weighs all alike.
+
+    Returns:
+        two arrays `[T]`, one number a run.
+    """
+    mass = np.ones(len(ranking.order)) if weights is None else weights[ranking.order]
+    true = np.where(ranking.truth, mass, 0.0).cumsum()[ranking.ends]
+    false = np.where(ranking.truth, 0.0, mass).cumsum()[ranking.ends]
+    return true, false
+
+
 def auroc(ranking: Ranking, weights: Floats | None = None) -> float:
     """Return the area under the ROC curve: P(a positive is above a negative), ties count half.
 
@@ -207,11 +223,14 @@ def auroc(ranking: Ranking, weights: Floats | None = None) -> float:
     >>> auroc(rank(np.array([0.9, 0.8, 0.1]), np.array([True, False, False])))
     1.0
     """
-    true, false = _cumulate(ranking, weights)
+    return auroc_of_sums(*cumulate(ranking, weights))
+
+
+def auroc_of_sums(true: Floats, false: Floats) -> float:
+    """Return the area under the ROC curve from what `cumulate` returns."""
     if not len(true) or not true[-1] or not false[-1]:
         return float("nan")
-    height = np.diff(true, prepend=0.0)
-    area = np.sum(height * (false[-1] - false + np.diff(false, prepend=0.0) / 2))
+    area = np.sum(_steps(true) * (false[-1] - false + _steps(false) / 2))
     return float(area / (true[-1] * false[-1]))
 
 
@@ -221,12 +240,16 @@ def average_precision(ranking: Ranking, weights: Floats | None = None) -> float:
     >>> average_precision(rank(np.array([0.9, 0.8, 0.1]), np.array([True, False, True])))
     0.8333333333333333
     """
-    true, false = _cumulate(ranking, weights)
+    return average_precision_of_sums(*cumulate(ranking, weights))
+
+
+def average_precision_of_sums(true: Floats, false: Floats) -> float:
+    """Return the average precision from what `cumulate` returns."""
     if not len(true) or not true[-1]:
         return float("nan")
     seen = true + false
     precision = np.divide(true, seen, out=np.zeros_like(true), where=seen > 0)
-    return float(np.sum(np.diff(true, prepend=0.0) * precision) / true[-1])
+    return float(np.sum(_steps(true) * precision) / true[-1])
 
 
 def brier(presence: Floats, truth: Bools, weights: Floats | None = None) -> float:
@@ -302,9 +325,8 @@ def _mean(values: Floats, weights: Floats | None) -> float:
     return float((weights * values).sum() / total) if total else float("nan")
 
 
-def _cumulate(ranking: Ranking, weights: Floats | None) -> tuple[Floats, Floats]:
-    """Return weight of positives and of negatives down to the end of each run of equal scores."""
-    mass = np.ones(len(ranking.order)) if weights is None else weights[ranking.order]
-    true = np.cumsum(np.where(ranking.truth, mass, 0.0))[ranking.ends]
-    false = np.cumsum(np.where(ranking.truth, 0.0, mass))[ranking.ends]
-    return true, false
+def _steps(sums: Floats) -> Floats:
+    """Return what each cumulative sum adds to the one before it; `np.diff` takes three times it."""
+    steps = sums.copy()
+    steps[1:] -= sums[:-1]
+    return steps

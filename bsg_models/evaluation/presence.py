@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from bsg_models.evaluation.metrics import Bools, Floats, Ranking, rank
+from bsg_models.evaluation.metrics import Bools, Floats, Ranking, cumulate, rank
 
 SELECTIONS = ("all", "unseen", "unvisited")
 
@@ -30,10 +30,20 @@ class Cells:
         self.presence = presence[keep]
         self.hidden = hidden[keep]
         self.ranking: Ranking = rank(self.presence, self.hidden)
+        self._cumulated: tuple[Floats, tuple[Floats, Floats]] | None = None
 
     def weigh(self, weights: Floats) -> Floats:
         """Return the weight of each cell from those of the rooms."""
         return weights[self._rows]
+
+    def cumulate(self, weights: Floats) -> tuple[Floats, Floats]:
+        """Return `metrics.cumulate` of the ranking.
+
+        The last answer is kept: all measures of the order ask for the sums of one resample in turn.
+        """
+        if self._cumulated is None or not np.array_equal(self._cumulated[0], weights):
+            self._cumulated = weights, cumulate(self.ranking, weights)
+        return self._cumulated[1]
 
 
 class PresenceCells:

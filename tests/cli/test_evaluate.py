@@ -48,7 +48,13 @@ def test_a_run_beside_the_baselines(dataset: Path, trained: Path) -> None:
     assert len(list((trained / "evaluation").glob("run-*.png"))) == 3
 
 
-@pytest.mark.slow
+@pytest.fixture
+def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave the figures out, which take most of the time of an evaluation."""
+    monkeypatch.setattr("bsg_models.studies.evaluation_report.plot_evaluation", lambda *_, **__: {})
+
+
+@pytest.mark.usefixtures("no_figures")
 def test_json_all_metrics_and_force(dataset: Path, trained: Path, tmp_path: Path) -> None:
     words = [trained, "--data", dataset, "--resamples", "0", "--out", tmp_path / "e"]
     report = json.loads(run(*words, "--split", "val", "--json").stdout)
@@ -78,7 +84,7 @@ def test_what_is_missing_is_said(dataset: Path, tmp_path: Path) -> None:
     run("--data", dataset, code=2)
 
 
-@pytest.mark.slow
+@pytest.mark.usefixtures("no_figures")
 def test_a_run_named_like_a_baseline_keeps_its_column(dataset: Path, trained: Path) -> None:
     twins = [trained.rename(trained.with_name("doubled"))]
     for parent in ("a", "b"):

@@ -92,7 +92,7 @@ def test_ctrl_c_leaves_a_run_that_resumes_to_the_same_weights(
     dataset: Path, tmp_path: Path
 ) -> None:
     words = ["--config", "ceci-gcn", "--data", str(dataset), *SMALL]
-    words += ["--set", "training.epochs=400", "--set", "training.validate_every=5"]
+    words += ["--set", "training.epochs=150", "--set", "training.validate_every=5"]
     run(*words, "--out", tmp_path / "whole")
     stopped = tmp_path / "stopped"
     child = subprocess.Popen(

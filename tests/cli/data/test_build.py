@@ -41,7 +41,7 @@ def _count_reports(partial: Path) -> int:
 def test_a_build_that_is_stopped_from_outside_resumes(tmp_path: Path, sign: int) -> None:
     """Stop a real process once a shard is done; the same command ends with the same bytes."""
     buildings = tmp_path / "buildings"
-    run("synth", "--out", buildings, "--scenes", "120")
+    run("synth", "--out", buildings, "--scenes", "48")
     run("build", "--hm3d", buildings, "--out", tmp_path / "whole", "--workers", "1")
     words = ["build", "--hm3d", str(buildings), "--out", str(tmp_path / "out"), "--workers", "1"]
     child = subprocess.Popen(
