@@ -1,11 +1,12 @@
 from .build import build_dataset
 from .checks.dataset import check_dataset
 from .checks.faults import Fault
+from .dataset.categories import OtherObjects
 from .dataset.coverage import Coverage, measure_coverage
 from .dataset.dataset import Dataset, read_adjacency, read_cells
 from .dataset.frequencies import count_frequencies, plot_frequencies
 from .dataset.histograms import to_histograms
-from .dataset.manifest import FileEntry, Manifest, read_manifest
+from .dataset.manifest import ClassMapEntry, FileEntry, Manifest, read_manifest
 from .dataset.shards import read_scene_graphs, read_table, write_shards
 from .dataset.splits import assign_splits, read_splits, split_dataset
 from .errors import (
@@ -59,6 +60,7 @@ __all__ = [
     "BSGError",
     "Box",
     "ClassMap",
+    "ClassMapEntry",
     "ClassMapError",
     "Classified",
     "Connections",
@@ -81,6 +83,7 @@ __all__ = [
     "MeshCoverage",
     "MismatchError",
     "Observation",
+    "OtherObjects",
     "PairsRecipe",
     "PartialGraph",
     "Reading",

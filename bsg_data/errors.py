@@ -80,5 +80,8 @@ class MismatchError(DatasetError):
     """Report two things of different class maps or format versions that would be mixed."""
 
 
-class RecipeError(BSGError):
-    """Report a mask, a split or a build that cannot be made as asked."""
+class RecipeError(BSGError, ValueError):
+    """Report a mask, a split or a build that cannot be made as asked.
+
+    A ValueError too: what a validator of a record raises is reported with the path of its key.
+    """

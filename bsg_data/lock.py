@@ -41,8 +41,8 @@ def hold(folder: Path) -> Iterator[None]:
     try:
         yield
     finally:
-        # Removed while it is held: who has it open by now sees that it has no name any more, and
-        # opens it anew (filelock looks). A file with content is not ours.
+        # Removed while it is held: a process that waits on the removed file opens a new one, for
+        # filelock compares the two. A file with content is not ours.
         with suppress(OSError):
             if path.stat().st_size == 0:
                 path.unlink()

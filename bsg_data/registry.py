@@ -8,7 +8,7 @@ in the entry points of the packages that are installed. Nothing else can be load
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Generic, TypeVar
@@ -56,11 +56,8 @@ class Registry(Generic[Row]):
             RecipeError: for a name that nobody knows, with the nearest; for an entry point that
                 cannot be imported or is no such row.
         """
-        point = self._rows.get(name) or _installed(self.group).get(name)
-        if point is None:
-            near = difflib.get_close_matches(name, self.names(), n=1)
-            hint = f"; did you mean {near[0]}?" if near else "."
-            raise RecipeError(f"no {self.kind} {name!r}{hint} Known are {', '.join(self.names())}")
+        self.require([name])
+        point = self._rows.get(name) or _installed(self.group)[name]
         try:
             row = point.load()
         except Exception as error:
@@ -82,6 +79,14 @@ class Registry(Generic[Row]):
             )
         return row
 
+    def require(self, names: Iterable[str]) -> None:
+        """Refuse names that nobody knows; imports none.
+
+        Raises:
+            RecipeError: for the first such name, with the nearest that is known.
+        """
+        require_known(self.kind, names, self.names())
+
     def load_all(self) -> tuple[dict[str, Row], list[str]]:
         """Import every row; return those that can be, and what is wrong with the others.
 
@@ -94,6 +99,20 @@ class Registry(Generic[Row]):
             except RecipeError as error:
                 faults.append(str(error))
         return rows, faults
+
+
+def require_known(kind: str, names: Iterable[str], known: Iterable[str]) -> None:
+    """Refuse a name that is not known.
+
+    Raises:
+        RecipeError: for the first such name, with the nearest that is known.
+    """
+    listed = tuple(known)
+    for name in names:
+        if name not in listed:
+            near = difflib.get_close_matches(name, listed, n=1)
+            hint = f"; did you mean {near[0]}?" if near else "."
+            raise RecipeError(f"no {kind} {name!r}{hint} Known are {', '.join(listed)}")
 
 
 @cache

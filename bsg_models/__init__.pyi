@@ -13,7 +13,7 @@ from .errors import (
     PredictionError,
     TrainingError,
 )
-from .evaluation.bootstrap import Estimate
+from .evaluation.bootstrap import Bootstrap, Estimate
 from .evaluation.verdict import explain
 from .inputs.folds import scenes_of
 from .inputs.graphs import MaskedGraphs, read_split, to_graph
@@ -53,6 +53,7 @@ from .studies.run_summary import RunSummary, summarise_run
 from .studies.savings import Saving, WorldResult
 from .studies.search_cases import StudyRecipe
 from .studies.search_report import SearchReport, SearchRequest, report_search
+from .studies.search_steps import KeepRequest
 from .studies.search_study import Searches, Study, study_search
 from .training.learning_curve import EpochReport
 from .training.training import train_run
@@ -60,6 +61,7 @@ from .zoo.catalogue import BASELINES, ZOO
 from .zoo.config import RunConfig, find_config, override, read_config, validate_config, write_toml
 from .zoo.construction import make_model
 from .zoo.model import BeliefModel
+from .zoo.settings import DataConfig, ModelConfig, TrainingConfig
 
 __all__ = [
     "BASELINES",
@@ -72,11 +74,13 @@ __all__ = [
     "BeliefReport",
     "BeliefRequest",
     "BlindNode",
+    "Bootstrap",
     "Checkpoint",
     "CheckpointError",
     "Comparison",
     "ConfigError",
     "CountDistribution",
+    "DataConfig",
     "EpochReport",
     "Estimate",
     "EvaluationReport",
@@ -84,12 +88,14 @@ __all__ = [
     "Expectation",
     "FormatRow",
     "HydraError",
+    "KeepRequest",
     "Knowledge",
     "Leaderboard",
     "LeaderboardRecipe",
     "LeaderboardReport",
     "MaskedGraphs",
     "MaskedScenes",
+    "ModelConfig",
     "ModelResult",
     "Outcome",
     "Planner",
@@ -105,6 +111,7 @@ __all__ = [
     "Searches",
     "Study",
     "StudyRecipe",
+    "TrainingConfig",
     "TrainingError",
     "Travel",
     "UnseenClass",

@@ -7,11 +7,12 @@ test holds that both are the same.
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
 
 import click
 
+from bsg_data import registry
+from bsg_data.errors import RecipeError
 from bsg_data.observation.masks import MASKS
 from bsg_models.search.catalogue import PLANNERS
 from bsg_models.zoo.catalogue import ZOO
@@ -30,9 +31,7 @@ def require_known(kind: str, names: Iterable[str], known: Iterable[str]) -> None
     Raises:
         click.UsageError: for the first such name.
     """
-    listed = tuple(known)
-    for name in names:
-        if name not in listed:
-            near = difflib.get_close_matches(name, listed, n=1)
-            hint = f"; did you mean {near[0]}?" if near else "."
-            raise click.UsageError(f"no {kind} {name!r}{hint} Known are {', '.join(listed)}")
+    try:
+        registry.require_known(kind, names, known)
+    except RecipeError as error:
+        raise click.UsageError(str(error)) from error

@@ -177,7 +177,7 @@ def read_stops(text: str | None) -> tuple[float, ...]:
     try:
         stops = tuple(float(part) for part in text.split(","))
     except ValueError as error:
-        raise click.UsageError(f"--stop: {text!r} are no numbers") from error
+        raise click.UsageError(f"--stop: {text!r}: expected numbers") from error
     if not all(0 < stop < 1 for stop in stops):
         raise click.UsageError(f"--stop: probabilities between 0 and 1, found {text}")
     return stops

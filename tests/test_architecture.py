@@ -69,7 +69,7 @@ THIRD_PARTY = {
         "torch",
         "torch_geometric",
     },
-    "bsg_cli": {"click", "torch", "tqdm"},
+    "bsg_cli": {"click", "pydantic", "torch", "tqdm"},
 }
 
 
@@ -122,6 +122,13 @@ def test_a_room_imports_only_rooms_below(name: str) -> None:
     for target in arrows_of(name):
         other = room_of(target)
         assert other == room or FLOOR[str(other)] < FLOOR[room], f"{name} imports {target}"
+
+
+@pytest.mark.parametrize("name", [name for name in MODULES if not name.startswith("bsg_cli")])
+def test_a_library_module_imports_from_modules_not_from_a_root(name: str) -> None:
+    assert not {"bsg_data", "bsg_models"} & {
+        module for module in imported(MODULES[name]) if module not in MODULES
+    }
 
 
 @pytest.mark.parametrize("room", FLOOR)

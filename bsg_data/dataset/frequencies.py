@@ -32,7 +32,7 @@ def count_frequencies(dataset: Path) -> pd.DataFrame:
 
 
 def plot_frequencies(frame: pd.DataFrame, path: Path, *, title: str) -> None:
-    """Draw the instances and the rooms of every class as bars into an image file.
+    """Plot the instances and the rooms of every class as bars into an image file.
 
     Raises:
         BSGError: if matplotlib is not installed or the file cannot be written.

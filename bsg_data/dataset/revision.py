@@ -57,39 +57,39 @@ def revise(dataset: Path, write: Callable[[Manifest, Path], Manifest]) -> Manife
 
 def _swap(dataset: Path, old: Manifest, new: Manifest, staged: Path) -> None:
     """Put the new files in the place of the old ones."""
-    come = [entry.path for entry in new.files if (staged / "new" / entry.path).is_file()]
-    go = _list_leaving(dataset, new, come)
-    _refuse_links(dataset, come)
+    arriving = [entry.path for entry in new.files if (staged / "new" / entry.path).is_file()]
+    leaving = _list_leaving(dataset, new, arriving)
+    _refuse_links(dataset, arriving)
     publish(staged / "new", new)
-    publish(staged / "rest", _without(old, go))
+    publish(staged / "rest", _without(old, leaving))
     for name in _PUBLISHED:
         if (dataset / name).is_file():
             (staged / "old").mkdir(exist_ok=True)
             shutil.copy2(dataset / name, staged / "old" / name)
     moved: list[tuple[Path, Path]] = []
     try:
-        if any(entry.path in go for entry in old.files):
+        if any(entry.path in leaving for entry in old.files):
             _take(staged / "rest", dataset)
-        _move(go, dataset, staged / "old", moved)
-        _move(come, staged / "new", dataset, moved)
+        _move(leaving, dataset, staged / "old", moved)
+        _move(arriving, staged / "new", dataset, moved)
         _take(staged / "new", dataset)
     except BaseException:
         for source, target in reversed(moved):
             target.rename(source)
         _take(staged / "old", dataset)
         raise
-    for folder in {(dataset / path).parent for path in go} - {dataset}:
+    for folder in {(dataset / path).parent for path in leaving} - {dataset}:
         with suppress(OSError):
             folder.rmdir()  # unless anything is in it
 
 
-def _list_leaving(dataset: Path, new: Manifest, come: Sequence[str]) -> list[str]:
+def _list_leaving(dataset: Path, new: Manifest, arriving: Sequence[str]) -> list[str]:
     """Return the dataset's own files that are replaced or no longer listed.
 
     Those that a killed command left are among them. The user's own, which have other names, are
     not.
     """
-    stay = {entry.path for entry in new.files} - set(come)
+    stay = {entry.path for entry in new.files} - set(arriving)
     paths = (path.relative_to(dataset).as_posix() for path in dataset.rglob("*.parquet"))
     return sorted(path for path in paths if FILE_PATH.fullmatch(path) and path not in stay)
 

@@ -132,7 +132,7 @@ def _share_height(one: Box, other: Box) -> float:
 
 def _gap(box: Box, room: Room) -> float:
     """Return the metres from above between a box and the footprint of a room, 0 where they meet."""
-    import shapely  # here: importing shapely is slow
+    import shapely  # Imported here because importing Shapely is slow.
 
     (a, b, _), (c, d, _) = box.minimum, box.maximum
     return float(shapely.distance(shapely.box(a, b, c, d), shapely.Polygon(room.footprint)))

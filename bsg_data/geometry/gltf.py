@@ -86,7 +86,7 @@ def read_parts(path: Path) -> Iterator[MeshPart]:
     """
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")  # numbers that are none are found below
+            warnings.simplefilter("ignore")  # values that are not finite are found below
             scene, clamped = _load(path)
         yield from _parts(scene, path, clamped=clamped)
     except OSError as error:

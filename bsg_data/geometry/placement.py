@@ -125,7 +125,10 @@ def surround(points: Floats) -> tuple[tuple[float, float], ...]:
 
     Points on one line, which have no hull, give the corners of the rectangle around them.
     """
-    from scipy.spatial import ConvexHull, QhullError  # here: importing scipy is slow
+    from scipy.spatial import (  # Imported here because importing SciPy is slow.
+        ConvexHull,
+        QhullError,
+    )
 
     try:
         corners = _straighten(points[ConvexHull(points).vertices])

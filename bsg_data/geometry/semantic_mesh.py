@@ -167,7 +167,7 @@ class _Palette:
         return int(self._unlisted.sum())
 
     def _snap_jpeg(self, image: Image.Image, path: Path) -> Labels:
-        from scipy.spatial import cKDTree  # here: importing scipy is slow, and JPEG is rare
+        from scipy.spatial import cKDTree  # slow to import, and JPEG is rare
 
         if self._snap is None:
             raise MeshError(
@@ -428,7 +428,7 @@ def _concatenate(cells: list[_Cells]) -> _Cells:
 
 def _largest_parts(cells: _Cells) -> _Cells:
     """Keep the cells of the largest part of every label: cells that touch are of one part."""
-    from scipy.sparse import coo_array  # here: importing scipy is slow
+    from scipy.sparse import coo_array  # Imported here because importing SciPy is slow.
     from scipy.sparse.csgraph import connected_components
 
     keys = cells.keys

@@ -54,7 +54,7 @@ def sample_pairs(
     scene_id: str,
     connections: Connections | None = None,
 ) -> tuple[npt.NDArray[np.bool_], Counts]:
-    """Draw all masks of one building.
+    """Sample all masks of one building.
 
     Args:
         cells: `[N, C]` classified objects, row 0 the null region.
@@ -85,7 +85,7 @@ def write_pairs(
     executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Manifest:
-    """Draw the masked pairs of every split and return the dataset's new manifest.
+    """Sample the masked pairs of every split and return the dataset's new manifest.
 
     Args:
         dataset: a dataset that is split.

@@ -61,7 +61,7 @@ class SyntheticBuilding:
 
 
 def synthesise(rates: SyntheticRates, *, seed: int, number: int) -> SyntheticBuilding:
-    """Draw one building; it depends on the rates, the seed and the number only.
+    """Sample one building; it depends on the rates, the seed and the number only.
 
     Args:
         rates: what to draw from.
@@ -97,7 +97,7 @@ def _hash(seed: int, number: int) -> str:
 
 
 def draw_room_types(rates: SyntheticRates, rng: np.random.Generator) -> tuple[int, ...]:
-    """Draw the number of rooms, then how many are of each type given their sum; shuffled."""
+    """Sample the number of rooms, then how many are of each type given their sum; shuffled."""
     total = _pick(np.array(rates.rooms), rng)
     counts = next(counts for most, counts in rates.bins if total <= most)
     rest = [np.eye(1, total + 1)[0]]  # rest[k][n]: weight of n rooms in the types from k on
@@ -113,20 +113,20 @@ def draw_room_types(rates: SyntheticRates, rng: np.random.Generator) -> tuple[in
 
 
 def _pick(weights: Floats, rng: np.random.Generator) -> int:
-    """Draw an index in proportion to weights, which need not sum to 1."""
+    """Sample an index in proportion to weights, which need not sum to 1."""
     ends = np.cumsum(weights)
     return int(np.searchsorted(ends, rng.random() * ends[-1], side="right"))
 
 
 def _urn(drawn: list[Any], novelty: float, weights: Floats, rng: np.random.Generator) -> int:
-    """Draw from a Polya urn, by weight or again what was drawn before, and remember the draw."""
+    """Sample from a Polya urn, by weight or again what was drawn before, and remember the draw."""
     new = rng.random() * (novelty + len(drawn)) < novelty
     drawn.append(_pick(weights, rng) if new else drawn[int(rng.integers(len(drawn)))])
     return int(drawn[-1])
 
 
 def _draw_regions(rates: SyntheticRates, rooms: int, rng: np.random.Generator) -> tuple[int, ...]:
-    """Draw ascending region ids, which mostly count from 0."""
+    """Sample ascending region ids, which mostly count from 0."""
     regions = np.arange(rooms) + int(rng.random() < rates.starts_at_one)
     if rng.random() < rates.gap and rooms > 1:
         regions[rng.integers(1, rooms) :] += rng.integers(1, 4)
@@ -136,7 +136,7 @@ def _draw_regions(rates: SyntheticRates, rooms: int, rng: np.random.Generator) -
 def _draw_counts(
     rates: SyntheticRates, types: tuple[int, ...], rng: np.random.Generator
 ) -> npt.NDArray[np.int64]:
-    """Draw counts per room and category `[R, C + 1]`; no room is empty."""
+    """Sample counts per room and category `[R, C + 1]`; no room is empty."""
     regular, structure = np.array(rates.regularity), np.array(rates.structure)
     style, burst, rich = np.array(rates.style), np.array(rates.burst), np.array(rates.richness)
     building = rng.gamma(1 / rich, rich)[structure] * rng.gamma(1 / style, style)
@@ -158,7 +158,7 @@ def _draw_names(
     regions: tuple[int, ...],
     rng: np.random.Generator,
 ) -> list[Placed]:
-    """Draw the name and region of every instance, room by room."""
+    """Sample the name and region of every instance, room by room."""
     usual = np.array(rates.rates)[:, :-1] + 1e-9
     scarce = usual.mean(axis=0) <= np.median(usual.mean(axis=0))  # stand in for the rare ones
     weights = [np.array([weight for _, weight in known]) for known in rates.spellings]

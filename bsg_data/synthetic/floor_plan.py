@@ -112,7 +112,7 @@ class FloorPlan:
 def draw_floor_plan(
     rooms: int, *, with_stairs: Collection[int], rng: np.random.Generator
 ) -> FloorPlan:
-    """Draw the plan of a building.
+    """Sample the plan of a building.
 
     Args:
         rooms: how many.

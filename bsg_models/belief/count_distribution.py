@@ -124,39 +124,6 @@ class CountDistribution:
         return CountDistribution(means, np.exp(spread) * self.dispersions, self.weights)
 
 
-class KnownCounts(CountDistribution):
-    """Counts that are known: the distribution of an oracle, which no negative binomial is."""
-
-    @property
-    def variance(self) -> Floats:
-        """Nothing varies."""
-        return np.zeros(self.means.shape[1:])
-
-    def log_probability(self, counts: Floats, *, floor: float = MIN_RATE) -> Floats:
-        """Return 0 for the true counts and log of `floor`, or −∞, for others, `[N, C]`."""
-        with np.errstate(divide="ignore"):
-            return np.where(counts == self.mean, 0.0, np.log(floor))
-
-    def quantile(self, q: float) -> npt.NDArray[np.int64]:
-        """Return the counts, whatever q."""
-        return self.mean.astype(np.int64)
-
-    def sample(self, rng: np.random.Generator) -> npt.NDArray[np.int64]:
-        """Return the counts."""
-        return self.mean.astype(np.int64)
-
-    def take(self, rows: npt.NDArray[np.integer]) -> CountDistribution:
-        """Return the distribution of some nodes, `rows` `[M]`."""
-        return certain(self.mean[rows])
-
-
-def certain(counts: Floats) -> CountDistribution:
-    """Return the distribution of counts that are known, `[N, C]`."""
-    return KnownCounts(
-        counts[None], np.full((1, *counts.shape), np.inf), np.ones((1, len(counts), 1))
-    )
-
-
 def poisson(means: Floats) -> CountDistribution:
     """Return independent Poisson counts with these means `[N, C]`."""
     return negative_binomial(means, np.full_like(means, np.inf))

@@ -18,7 +18,6 @@ from bsg_data.arrays import Floats
 from bsg_models.belief.count_distribution import (
     MIN_RATE,
     CountDistribution,
-    certain,
     concatenate,
     poisson,
 )
@@ -91,11 +90,6 @@ def from_totals(inputs: Floats, totals: Floats) -> Expectation:
 def from_hidden_counts(inputs: Floats, distribution: CountDistribution) -> Expectation:
     """Return the expectation of a model that predicts the hidden counts."""
     return Expectation(inputs, distribution, inputs + distribution.mean)
-
-
-def from_truth(inputs: Floats, targets: Floats) -> Expectation:
-    """Return what an oracle believes: it knows the targets `[N, C]`."""
-    return Expectation(inputs, certain(targets - inputs), targets)
 
 
 def join(parts: Sequence[Expectation]) -> Expectation:

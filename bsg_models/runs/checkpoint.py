@@ -32,7 +32,7 @@ from bsg_models.zoo.model import BeliefModel
 
 CHECKPOINT_VERSION = 2
 UNSEALED_VERSION = 1  # before there were hashes; still read
-_SEAL = ',"sha256":"'  # what the header's own hash begins with, behind all that it covers
+_SEAL = ',"sha256":"'  # begins the hash of the header, which covers all text before it
 _AGAIN = "take another copy of it, or train again"
 
 
@@ -132,7 +132,7 @@ def load_checkpoint(path: Path) -> Checkpoint:
         tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     if header.tensors_sha256 not in (None, hash_tensors(tensors)):
         raise CheckpointError(
-            f"{path}: is damaged: its tensors are not those that its header says; {_AGAIN}"
+            f"{path}: is damaged: the sha256 of its tensors is not the one in its header; {_AGAIN}"
         )
     return Checkpoint(header, tensors)
 

@@ -65,7 +65,8 @@ class Predictor:
 def _nothing_where_searched(expectation: Expectation, seen: Observation) -> Expectation:
     """Return the expectation without hidden objects in rooms of which all was seen.
 
-    Models that read the share say so themselves; the paper's does not read it.
+    Models that read the share say so themselves. The paper's does not read it, and its `expect` may
+    believe in hidden objects there.
     """
     searched = seen.hidden_share == 0
     if not searched[1:].any():

@@ -57,7 +57,8 @@ def choose_rooms(
         ValueError: if a presence is not finite.
     """
     if not np.isfinite(presence).all():
-        raise ValueError("presence must be finite")  # compiled code would read beside its arrays
+        # With NaN, compiled code would read outside its arrays.
+        raise ValueError("presence must be finite")
     miss = 1.0 - np.clip(presence, LEAST, 1.0)
     miss = np.where(wanted[:, None, :], miss, 1.0)
     if not single:

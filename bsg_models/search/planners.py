@@ -2,8 +2,8 @@
 
 Each is a function of `Knowledge` of E searches at once that returns a node for each, `[E]`. What a
 robot does not know is not in `Knowledge`. With several classes a planner works on the probability
-that a room holds any that is still to be found, and the orders of `expected-cost`, `routing` and
-`oracle` on when all are found. Ties go to the room with the lowest index.
+that a room holds any that is still to be found, while the orders of `expected-cost`, `routing` and
+`oracle` depend on when all are found. Ties go to the room with the lowest index.
 """
 
 from __future__ import annotations

@@ -135,7 +135,7 @@ def measure_rooms(
 def sample_travel(
     recipe: WorldRecipe, *, nodes: int, episodes: int, scene_id: str, seed: int
 ) -> Travel:
-    """Draw the travel of a building's episodes, which depends on these arguments alone.
+    """Sample the travel of a building's episodes, which depends on these arguments alone.
 
     The travel of an episode does not depend on how many there are.
 

@@ -72,9 +72,7 @@ class LeaderboardRecipe(Record):
     @field_validator("masks")
     @classmethod
     def _masks_exist(cls, masks: tuple[str, ...]) -> tuple[str, ...]:
-        for name in masks:
-            if name not in MASKS:
-                raise ValueError(f"no mask {name!r}; known are {', '.join(MASKS)}")
+        MASKS.require(masks)
         return masks
 
 

@@ -93,7 +93,7 @@ def summarise_run(config: RunConfig, run: Path) -> RunSummary:
 
 
 def _plot_curve(config: RunConfig, run: Path) -> list[EpochReport]:
-    """Draw the learning curve, and return it; nothing for a model that counts."""
+    """Plot the learning curve, and return it; nothing for a model that counts."""
     if not (run / METRICS).is_file():
         return []
     reports = read_metrics(run / METRICS)

@@ -67,9 +67,7 @@ class StudyRecipe(Record):
     @field_validator("planners")
     @classmethod
     def _planners_exist(cls, names: tuple[str, ...]) -> tuple[str, ...]:
-        unknown = [name for name in names if name not in PLANNERS]
-        if unknown:
-            raise ValueError(f"no planner {unknown[0]!r}; known are {', '.join(PLANNERS)}")
+        PLANNERS.require(names)
         return names
 
     @property
@@ -100,7 +98,7 @@ def sample_case(
     scene_id: str,
     measured: Mapping[str, RoomGraph],
 ) -> Case | str:
-    """Draw the searches of one building in one world, or say why there are none."""
+    """Sample the searches of one building in one world, or say why there are none."""
     nodes = len(cells)
     if world.kind in MEASURED:
         rooms = measured[world.kind].rooms
@@ -128,7 +126,7 @@ def sample_case(
 def sample_searches(
     cells: Counts, rooms: Bools, recipe: StudyRecipe, *, scene_id: str
 ) -> tuple[Ints, Ints] | None:
-    """Draw artifacts `[E, A]` and starts `[E]`, or nothing if no search is possible.
+    """Sample artifacts `[E, A]` and starts `[E]`, or nothing if no search is possible.
 
     The first artifact is uniform over the classes that some room has and another has not, the start
     over the rooms without it, further artifacts over the classes that the start has not, either.
@@ -166,7 +164,7 @@ def sample_searches(
 
 
 def sample_presence(presence: Floats, rooms: Bools, rng: np.random.Generator) -> Bools:
-    """Draw in which rooms the artifacts are, given that each is in one at least.
+    """Sample in which rooms the artifacts are, given that each is in one at least.
 
     Args:
         presence: `[E, N, A]` P(at least one instance), rooms being independent.

@@ -21,6 +21,7 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.files import write_bytes
 from bsg_data.recipes import Record
+from bsg_data.registry import require_known
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.rendering.explorer import write_explorer
 from bsg_models.rendering.figures import plot_savings
@@ -254,7 +255,7 @@ def choose_buildings(
         chosen = dict.fromkeys(scenes_of(opened, split))
     if scene is not None:
         if scene not in chosen:
-            raise DatasetError(f"{opened.path}: {scene!r} is none of its {split} buildings")
+            raise DatasetError(f"{opened.path}: {scene!r} is not one of its {split} buildings")
         chosen = {scene: chosen[scene]}
     return chosen, notes
 
@@ -269,9 +270,7 @@ def _choose_planners(request: SearchRequest) -> tuple[str, ...]:
     believed = bool(request.runs)
     if request.planners is None:
         return tuple(n for n in PLANNERS if believed or PLANNERS[n].reads != "belief")
-    unknown = [name for name in request.planners if name not in PLANNERS]
-    if unknown:
-        raise RecipeError(f"no planner {unknown[0]!r}. Known are {', '.join(PLANNERS)}")
+    PLANNERS.require(request.planners)
     needing = [name for name in request.planners if PLANNERS[name].reads == "belief"]
     if needing and not believed:
         raise RecipeError(f"planner {needing[0]!r} needs a belief; name a --run")
@@ -282,11 +281,7 @@ def _choose_artifacts(names: tuple[str, ...], classes: Sequence[str]) -> tuple[i
     if names == ("every",):
         return None
     wanted = ROOM_SPECIFIC if names == ("room-specific",) else names
-    unknown = [name for name in wanted if name not in classes]
-    if unknown:
-        raise RecipeError(
-            f"--artifacts: {unknown[0]!r} is no class; known are {', '.join(classes)}"
-        )
+    require_known("class", wanted, classes)
     return tuple(sorted({classes.index(name) for name in wanted}))
 
 
@@ -313,7 +308,7 @@ def _note_left_out(study: Study) -> list[str]:
 
 
 def _plot(study: Study, path: Path, model: str | None) -> bool:
-    """Draw what planners save, if there are any beside `nearest`; say whether."""
+    """Plot what planners save, if there are any beside `nearest`; say whether."""
     shown = [name for name in study.recipe.all_planners if name != BASELINE]
     if not shown:
         return False

@@ -52,13 +52,13 @@ class RunConfig(Record):
         """Read the settings of a family as what the zoo says they are."""
         if isinstance(value, ModelConfig):
             return value
-        family = str(value.get("family")) if isinstance(value, Mapping) else ""
-        if family not in ZOO:
+        family = value.get("family") if isinstance(value, Mapping) else value
+        if not isinstance(family, str) or family not in ZOO:
             raise ValueError(
                 f"model.family must be one of {', '.join(ZOO)}; found {family!r}, which may be of "
                 "a package that is not installed"
             )
-        # As JSON, a list is a tuple and nothing else is taken for something that it is not.
+        # Strict reading takes a tuple for a list in JSON only, and guesses nothing else.
         return type(ZOO[family].config).model_validate_json(json.dumps(value), strict=True)
 
     @model_validator(mode="after")
@@ -124,7 +124,7 @@ def validate_config(tables: Mapping[str, Any], *, source: str) -> RunConfig:
         ConfigError: naming every fault with its path, what is valid, and the nearest key.
     """
     try:
-        # As JSON, a list is a tuple and nothing else is taken for something that it is not.
+        # Strict reading takes a tuple for a list in JSON only, and guesses nothing else.
         return RunConfig.model_validate_json(json.dumps(tables, default=str), strict=True)
     except ValidationError as error:
         family = _family_of(tables)
@@ -160,7 +160,7 @@ def _explain(
         known = tuple(tables.get(str(path[-2]) if path[1:] else "", RunConfig).model_fields)
         near = difflib.get_close_matches(str(path[-1]), known, n=1)
         hint = f"did you mean {near[0]}?" if near else f"valid are {', '.join(known)}"
-        yield f"{where} is no key; {hint}"
+        yield f"{where} is not a key; {hint}"
     elif fault["type"] == "value_error":  # of our own: it says what was found
         words = str(cause)
         yield words if words.startswith(f"{where}.") else f"{where}: {words}"

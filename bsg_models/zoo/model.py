@@ -70,7 +70,8 @@ class BeliefModel(torch.nn.Module, ABC):
     def expect(self, seen: Observation) -> Expectation:
         """Return what the model predicts, without gradients, and only if all of it is finite.
 
-        Whoever asks a trained model asks here.
+        A model that does not read the hidden share may believe in objects that are hidden in a room
+        of which all was seen; `Predictor` sets those to 0.
 
         Raises:
             PredictionError: naming the checkpoint, if anything is not finite.

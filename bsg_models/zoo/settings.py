@@ -54,8 +54,7 @@ class DataConfig(Record):
     @field_validator("mask")
     @classmethod
     def _strategy_exists(cls, mask: MaskRecipe) -> MaskRecipe:
-        if mask.strategy not in MASKS:
-            raise ValueError(f"no mask {mask.strategy!r}; known are {', '.join(MASKS)}")
+        MASKS.require([mask.strategy])
         return mask
 
     @model_validator(mode="after")

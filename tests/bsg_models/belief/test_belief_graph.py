@@ -25,7 +25,7 @@ from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.synthetic.buildings import write_synthetic
 from bsg_models.belief.belief_graph import believe, complete, rank_unseen
 from bsg_models.belief.count_distribution import poisson
-from bsg_models.belief.expectation import from_hidden_counts, from_totals, from_truth
+from bsg_models.belief.expectation import from_hidden_counts, from_totals
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.runs.predictor import Predictor
 from bsg_models.training.training import train_run
@@ -76,21 +76,6 @@ def test_distributions_and_totals() -> None:
     found = from_totals(np.zeros((2, 2)), np.array([[3.0, 1.0], [0.0, 0.0]]))
     assert found.total.tolist() == [4, 0]
     assert found.distribution.tolist() == [[0.75, 0.25], [0, 0]]
-
-
-def test_an_oracle_is_certain() -> None:
-    inputs = GRAPH.histograms().astype(float)
-    targets = inputs + np.array([[0, 3, 0, 0], [0, 2, 0, 0], [0, 1, 0, 0]])
-    oracle = from_truth(inputs, targets)
-    assert oracle.presence.tolist() == (targets > inputs).astype(float).tolist()
-    assert (oracle.log_probability(targets - inputs) == 0).all()
-    assert (oracle.quantile(0.9) == targets).all()
-    belief = believe(GRAPH, oracle)
-    assert [(node.room_index, node.class_index) for node in belief.blind] == [
-        (1, 1),
-        (1, 1),
-        (2, 1),
-    ]
 
 
 def test_the_expectation_of_another_graph_is_refused() -> None:

@@ -40,7 +40,7 @@ def test_without_a_run_no_planner_reads_a_belief() -> None:
     [
         ({"planners": ("fast",)}, "no planner 'fast'"),
         ({"planners": ("ratio",)}, "needs a belief"),
-        ({"artifacts": ("spaceship",)}, "'spaceship' is no class"),
+        ({"artifacts": ("spaceship",)}, "no class 'spaceship'"),
         ({"worlds": ("ring",)}, "no world 'ring'"),
         ({"stops": (0.1,)}, "need a --run"),
         ({"stops": (0.1,), "task": "single"}, "of the task all"),

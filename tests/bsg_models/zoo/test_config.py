@@ -51,11 +51,11 @@ def test_the_papers_values_are_the_defaults() -> None:
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ("training.epoch=5", "training.epoch is no key; did you mean epochs?"),
-        ("model.widht=5", "model.widht is no key; did you mean width?"),
-        ("data.mask.fractoin=0.1", "data.mask.fractoin is no key; did you mean fraction?"),
-        ("sed=1", "sed is no key; did you mean seed?"),
-        ("training.zzz=1", "training.zzz is no key; valid are epochs"),
+        ("training.epoch=5", "training.epoch is not a key; did you mean epochs?"),
+        ("model.widht=5", "model.widht is not a key; did you mean width?"),
+        ("data.mask.fractoin=0.1", "data.mask.fractoin is not a key; did you mean fraction?"),
+        ("sed=1", "sed is not a key; did you mean seed?"),
+        ("training.zzz=1", "training.zzz is not a key; valid are epochs"),
         (
             "training.epochs=0",
             "training.epochs: input should be greater than or equal to 1",
@@ -65,8 +65,8 @@ def test_the_papers_values_are_the_defaults() -> None:
         ("data.edges=['sideways']", "data.edges.0: input should be 'up', 'down'"),
         ("model.family=gcn", "model.family must be one of input, doubled"),
         ("training", "expected path=value"),
-        ("input=3", "input is no key"),
-        ("training.input=1", "training.input is no key"),
+        ("input=3", "input is not a key"),
+        ("training.input=1", "training.input is not a key"),
         ("training.epochs=true", "training.epochs: input should be a valid integer"),
         ("training.epochs=5.5", "training.epochs: input should be a valid integer"),
         ("training.learning_rate=inf", "input should be a finite number"),
