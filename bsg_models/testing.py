@@ -12,9 +12,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, cast
 
 import numpy as np
+import torch
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import ClassMapEntry
@@ -41,7 +42,7 @@ from bsg_models.search.planners import ask_planner
 from bsg_models.search.shortest_paths import Ints, find_ways
 from bsg_models.training.training import new_model
 from bsg_models.zoo.config import RunConfig, find_config, validate_config, write_toml
-from bsg_models.zoo.model import BeliefModel
+from bsg_models.zoo.model import BeliefModel, Network
 
 _RTOL, _ATOL = 1e-4, 1e-5  # a network computes in float32
 
@@ -55,7 +56,7 @@ def _example() -> tuple[tempfile.TemporaryDirectory[str], Dataset]:
 
 @cache
 def _fit(name: str) -> tuple[RunConfig, BeliefModel]:
-    """Return a row's configuration, and its model after `fit`; a network is not trained."""
+    """Return a row's configuration, and its model after `fit`; a network has no training here."""
     data, config = _example()[1], find_config(name)
     model = new_model(config, data)
     model.fit(data, config.data)
@@ -95,6 +96,24 @@ class ModelContract:
     """
 
     name: ClassVar[str]
+
+    def test_losses_are_numbers(self) -> None:
+        """Return losses that a network can be trained by, and a gradient."""
+        data, (config, model) = _example()[1], _fit(self.name)
+        if not isinstance(model, Network):
+            return
+        read = read_split(data, "test", vocabulary=model.vocabulary)
+        graph = model.graph_of(read.seen, read.targets)
+        total, cells = model.validation_loss(graph)
+        assert np.isfinite(total)
+        assert cells > 0
+        network = cast(Network, new_model(config, data)).train()
+        network.fit(data, config.data)
+        loss = network.loss(graph)
+        assert loss.shape == ()
+        assert torch.isfinite(loss)
+        torch.autograd.backward(loss)
+        assert any(one.grad is not None for one in network.parameters())
 
     def test_beliefs_are_numbers_and_inputs_stay(self) -> None:
         """Believe in hidden counts of 0 and more and in probabilities, beside what was seen."""

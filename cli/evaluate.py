@@ -67,8 +67,9 @@ def main(runs: tuple[Path, ...], all_metrics: bool, as_json: bool, **options: An
         print_json(report.summary)
         return
     names = list(comparison.estimates)
-    verdicts = bsg_models.explain(comparison.bootstraps, runs=comparison.runs)
-    click.echo("\n".join(verdicts) + "\n")
+    if comparison.has_verdicts:
+        verdicts = bsg_models.explain(comparison.bootstraps, runs=comparison.runs)
+        click.echo("\n".join(verdicts) + "\n")
     click.echo(format_text(bsg_models.headline_rows(comparison), header=["", *names]))
     if all_metrics:
         rows = bsg_models.metric_rows(comparison)

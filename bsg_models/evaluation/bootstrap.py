@@ -25,6 +25,7 @@ import numpy as np
 from bsg_models.evaluation.metrics import Floats
 
 Rule = Literal["centred", "percentile"]
+LEAST_BUILDINGS = 5  # of fewer, a bootstrap says nothing
 
 
 @dataclass(frozen=True, slots=True)

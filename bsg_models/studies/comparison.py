@@ -15,7 +15,7 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError
 from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import CheckpointError
-from bsg_models.evaluation.bootstrap import Bootstrap, Estimate, bootstrap
+from bsg_models.evaluation.bootstrap import LEAST_BUILDINGS, Bootstrap, Estimate, bootstrap
 from bsg_models.evaluation.measurement import (
     Measurement,
     count_empty,
@@ -66,6 +66,11 @@ class Comparison:
     class_names: tuple[str, ...]
     facts: dict[str, Any]
     notes: tuple[str, ...]
+
+    @property
+    def has_verdicts(self) -> bool:
+        """Whether there are buildings enough to say which model is better."""
+        return len(self.truth.scene_ids) >= LEAST_BUILDINGS
 
     @cached_property
     def estimates(self) -> dict[str, dict[str, Estimate]]:
@@ -138,7 +143,7 @@ def compare_runs(
         class_names=classes,
         facts=_facts(data, truth, fold=fold, resamples=resamples, seed=seed)
         | {"runs": _describe(loaded, models)},
-        notes=tuple(_notes(loaded, data, split)),
+        notes=tuple(_notes(loaded, data, truth, split)),
     )
 
 
@@ -205,7 +210,9 @@ def _facts(
     }
 
 
-def _notes(loaded: Sequence[tuple[Path, Checkpoint]], data: Dataset, split: str) -> list[str]:
+def _notes(
+    loaded: Sequence[tuple[Path, Checkpoint]], data: Dataset, truth: Truth, split: str
+) -> list[str]:
     notes = []
     for run, checkpoint in loaded:
         if checkpoint.header.dataset_sha256 != data.sha256:
@@ -220,6 +227,11 @@ def _notes(loaded: Sequence[tuple[Path, Checkpoint]], data: Dataset, split: str)
             notes.append(f"note: {run} stopped before its calibration; --resume finishes it")
         if last < epochs:
             notes.append(f"note: {run} stopped at epoch {last} of {epochs}; --resume goes on")
+    if (buildings := len(truth.scene_ids)) < LEAST_BUILDINGS:
+        notes.append(
+            f"note: measured on {buildings} building{'' if buildings == 1 else 's'}: intervals (±) "
+            f"and verdicts are over buildings, and need {LEAST_BUILDINGS} of them"
+        )
     if split == "train":
         notes.append("note: these are the buildings that the models were trained on")
     return notes

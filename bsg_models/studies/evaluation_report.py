@@ -136,6 +136,7 @@ def _write_page(
         findings={
             f"{run}, {BESIDE_DOUBLED}": verdicts
             for run, verdicts in judge_all(comparison.bootstraps, runs=comparison.runs).items()
+            if comparison.has_verdicts
         },
         tables=[
             Table(

@@ -12,14 +12,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bsg_models.evaluation.bootstrap import Estimate, estimate_value, resample_buildings
+from bsg_models.evaluation.bootstrap import (
+    LEAST_BUILDINGS,
+    Estimate,
+    estimate_value,
+    resample_buildings,
+)
 from bsg_models.search.knowledge import Task
 from bsg_models.search.shortest_paths import Floats
 from bsg_models.search.simulator import Outcome
 from bsg_models.studies.search_cases import BASELINE, ROUTING
 from bsg_models.studies.search_study import Searches, Study
 
-LEAST_BUILDINGS = 5  # of fewer, a bootstrap says nothing
 _TIE = 1e-9  # costs that differ by less than this share are a tie
 
 

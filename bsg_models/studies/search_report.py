@@ -22,6 +22,7 @@ from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.files import write_bytes
 from bsg_data.recipes import Record
 from bsg_data.registry import require_known
+from bsg_models.evaluation.bootstrap import LEAST_BUILDINGS
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.rendering.explorer import write_explorer
 from bsg_models.rendering.figures import plot_savings
@@ -31,7 +32,6 @@ from bsg_models.search.catalogue import PLANNERS
 from bsg_models.search.room_graphs import DEFAULT_WORLDS, WorldRecipe, parse_world
 from bsg_models.studies.replay import replay_search
 from bsg_models.studies.savings import (
-    LEAST_BUILDINGS,
     WorldResult,
     saving_of_buildings,
     summarise,

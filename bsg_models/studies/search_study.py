@@ -159,12 +159,13 @@ def choose_planners(
         remote: whether other processes ask them.
 
     Raises:
-        RecipeError: if a planner of the caller has a name of `PLANNERS`, or another process cannot
-            import its function.
+        RecipeError: if a planner of the caller has a name of `PLANNERS`, any planner has a name of
+            the study's own outcomes, or another process cannot import a function.
     """
-    for name, planner in own.items():
-        if name in PLANNERS or name == "sweep" or name.startswith("stop "):
+    for name in (*own, *recipe.all_planners):
+        if name == "sweep" or name.startswith("stop ") or (name in own and name in PLANNERS):
             raise RecipeError(f"planner {name!r}: this name is taken; give yours another one")
+    for name, planner in own.items():
         place = getattr(planner.choose, "__qualname__", "")
         if remote and ("<locals>" in place or "<lambda>" in place):
             raise RecipeError(

@@ -34,6 +34,15 @@ class ZooRow:
     training: TrainingConfig = TrainingConfig()
     summary: str = ""
 
+    def __post_init__(self) -> None:
+        """Refuse the class of a configuration in the place of an instance.
+
+        Raises:
+            TypeError: for it.
+        """
+        if not isinstance(self.config, ModelConfig):
+            raise TypeError(f"ZooRow: config is {self.config!r}, expected an instance of its class")
+
     def describe(self) -> str:
         """Return what the model is, in one line."""
         return self.summary or (type(self.config).__doc__ or "").strip().splitlines()[0]

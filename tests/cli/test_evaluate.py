@@ -32,11 +32,12 @@ def trained(dataset: Path, tmp_path: Path) -> Path:
 
 def test_a_run_beside_the_baselines(dataset: Path, trained: Path) -> None:
     result = run(trained, "--data", dataset, "--resamples", "3")
-    assert result.stdout.startswith("run, beside doubling what was seen")
+    assert "measured on 1 building: intervals" in result.stderr
+    assert "worse" not in result.stdout
     assert f"run {' '.join(BASELINES)}" in " ".join(result.stdout.split())
     for name in (*HEADLINES["what is hidden"], *HEADLINES["whole histograms"]):
         assert head_value(name) in result.stdout
-    assert max(map(len, result.stdout.split("\n\n")[1].splitlines())) <= 120
+    assert max(map(len, result.stdout.split("\n\n")[0].splitlines())) <= 120
     report = json.loads((trained / "evaluation" / "evaluation.json").read_text("utf-8"))
     nll = report["metrics"]["rooms/hidden_nll"]
     assert set(nll) == {"run", *BASELINES}
@@ -52,6 +53,16 @@ def test_a_run_beside_the_baselines(dataset: Path, trained: Path) -> None:
 def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave the figures out, which take most of the time of an evaluation."""
     monkeypatch.setattr("bsg_models.studies.evaluation_report.plot_evaluation", lambda *_, **__: {})
+
+
+@pytest.mark.usefixtures("no_figures")
+def test_enough_buildings_have_verdicts(
+    dataset: Path, trained: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("bsg_models.studies.comparison.LEAST_BUILDINGS", 1)
+    result = run(trained, "--data", dataset, "--resamples", "3", "--out", tmp_path / "e")
+    assert result.stdout.startswith("run, beside doubling what was seen")
+    assert "measured on" not in result.stderr
 
 
 @pytest.mark.usefixtures("no_figures")

@@ -50,7 +50,7 @@ def test_runs_are_compared_with_the_baselines_on_the_same_masks(
         assert found.estimates["doubled"][name].value == pytest.approx(value, nan_ok=True)
     assert len(found.classes) == 6 * 2 * 45
     assert found.facts["buildings"] == 1
-    assert found.notes == ()
+    assert [note.split(":")[1] for note in found.notes] == [" measured on 1 building"]
 
 
 def test_what_a_reader_must_know_is_noted(dataset: Path, tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from scipy import stats
 
 from bsg_data.dataset.dataset import read_cells
 from bsg_data.errors import RecipeError
-from bsg_models.search.catalogue import Planner
+from bsg_models.search.catalogue import PLANNERS, Planner
 from bsg_models.search.knowledge import Knowledge
 from bsg_models.search.planners import nearest
 from bsg_models.search.shortest_paths import Ints
@@ -104,12 +104,18 @@ def test_a_planner_of_ones_own_meets_the_same_searches(dataset: Path) -> None:
         assert one.savings["random"].saved == two.savings["random"].saved
 
 
-def test_a_planner_of_ones_own_that_cannot_be_asked_is_refused() -> None:
+def test_a_planner_of_ones_own_that_cannot_be_asked_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     recipe = StudyRecipe(planners=("random",))
     for name in ("nearest", "sweep", "stop 0.1"):
         with pytest.raises(RecipeError, match=f"'{name}': this name is taken"):
             choose_planners(recipe, {name: Planner(contrary)}, remote=False)
     local = {"mine": Planner(lambda known: known.here, "none")}
+    installed = recipe.model_copy(update={"planners": ("sweep",)})
+    monkeypatch.setitem(PLANNERS._rows, "sweep", PLANNERS._rows["nearest"])
+    with pytest.raises(RecipeError, match="'sweep': this name is taken"):
+        choose_planners(installed, {}, remote=False)
     assert "mine" in choose_planners(recipe, local, remote=False)
     with pytest.raises(RecipeError, match="other processes cannot import"):
         choose_planners(recipe, local, remote=True)
