@@ -82,6 +82,8 @@ def main(dataset: Path | None, as_json: bool, **options: Any) -> None:
     number = len(report.graphs)
     graphs_are = "1 belief graph" if number == 1 else f"{number:,} belief graphs"
     click.echo(f"{graphs_are}, {blind:,} blind nodes, by {report.model}")
+    if written := request.results:
+        click.echo(f"written: {', '.join(map(str, written))}")
 
 
 def read_request(dataset: Path | None, options: dict[str, Any]) -> bsg_models.BeliefRequest:
