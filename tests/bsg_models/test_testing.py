@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from bsg_data.registry import Registry
 from bsg_models.belief.belief_graph import BeliefGraph
@@ -31,6 +32,7 @@ from bsg_models.testing import (
     make_belief,
 )
 from bsg_models.zoo.catalogue import ZOO
+from bsg_models.zoo.gcn import CECIGCN
 
 
 class TestModels(ModelContract):
@@ -136,3 +138,25 @@ def test_a_careless_row_is_found_out(
     contract.name = "careless"  # type: ignore[attr-defined]
     with pytest.raises(AssertionError):
         proof(contract, tmp_path) if "tmp_path" in proof.__annotations__ else proof(contract)
+
+
+@pytest.mark.parametrize(
+    ("method", "answer"),
+    [
+        ("loss", lambda *_: torch.ones(3, requires_grad=True)),
+        ("loss", lambda *_: torch.tensor(torch.nan, requires_grad=True)),
+        ("loss", lambda *_: torch.ones((), requires_grad=True)),  # of no parameter
+        ("validation_loss", lambda *_: (float("inf"), 1)),
+        ("validation_loss", lambda *_: (0.0, 0)),
+    ],
+)
+def test_a_careless_loss_is_found_out(
+    method: str, answer: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Careless(ModelContract):
+        name = "ceci-gcn"
+
+    Careless().test_losses_are_numbers()
+    monkeypatch.setattr(CECIGCN, method, answer)
+    with pytest.raises(AssertionError):
+        Careless().test_losses_are_numbers()
