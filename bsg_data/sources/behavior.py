@@ -56,6 +56,13 @@ _KINDS = {
     "school": "school",
 }
 
+# BEHAVIOR has one category for two things. These models stand in public washrooms without a shower,
+# one for each toilet: they are its cubicles. The others are showers.
+TOILET_STALLS = frozenset(
+    f"shower_stall-{model}"
+    for model in ("gqxmqf", "nvempw", "rhvubh", "sqzpmj", "taqzxq", "vshrva")
+)
+
 _Count = Annotated[int, Field(ge=0, le=MAX_OBJECTS)]
 RoomLists = Mapping[str, Mapping[str, int]]  # room → `category-model` → how many
 
@@ -134,7 +141,9 @@ class BehaviorRooms:
             SceneRef(
                 scene_id=building,
                 location=", ".join(scene for scenes in floors.values() for scene in scenes),
-                fingerprint=_digest({number: self._rooms(names) for number, names in floors.items()}),
+                fingerprint=_digest(
+                    {number: self._rooms(names) for number, names in floors.items()}
+                ),
                 source_split=None,
                 source_version=None,
             )
@@ -218,13 +227,18 @@ def _read_listing(path: Path, size: int, changed: int) -> Mapping[str, RoomLists
 
 
 def _list_objects(content: Mapping[str, int], where: str) -> Iterator[str]:
-    """Yield the category of every object of a room, in the order of `category-model`."""
+    """Yield the category of every object of a room, in the order of `category-model`.
+
+    It is as listed but for cubicles of washrooms, which are `toilet_stall`.
+    """
     for name, count in sorted(content.items()):
         category, _, model = name.rpartition("-")
         if not category or not model:
-            raise SourceError(f"{where}: expected category-model, such as sofa-ahgkci; found {name!r}")
+            raise SourceError(
+                f"{where}: expected category-model, such as sofa-ahgkci; found {name!r}"
+            )
         for _ in range(count):
-            yield category
+            yield "toilet_stall" if name in TOILET_STALLS else category
 
 
 def _type_of(room: str) -> str:

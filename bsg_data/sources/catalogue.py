@@ -16,6 +16,9 @@ SOURCES = Registry(
     rows={
         "hm3d": "bsg_data.sources.hm3d:ROW",
         "hm3d-stats": "bsg_data.sources.hm3d_stats:ROW",
+        "behavior": "bsg_data.sources.behavior:ROW",
+        "procthor": "bsg_data.sources.procthor:ROW",
+        "table": "bsg_data.sources.table:ROW",
         "synthetic": "bsg_data.sources.synthetic:ROW",
     },
 )
@@ -57,7 +60,7 @@ def open_source(name: str, path: Path, **options: object) -> Source:
 
 
 def find_terms(kind: str) -> Terms | None:
-    """Return the terms of a kind of source; None if no row and no entry point has its name.
+    """Return the terms of a kind of source; None where its row has none, or nobody has its name.
 
     Raises:
         RecipeError: if there is an entry point of that name and it cannot be imported.

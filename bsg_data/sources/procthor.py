@@ -2,8 +2,8 @@
 
 A house is a JSON object; files hold one a line (`.jsonl`), or an array of them (`.json`), gzip or
 not. `rooms` have `id` (`room|4`), `roomType` and `floorPolygon`; `doors` name two rooms; `objects`
-have `id` (`4|0|0` begins with the number of the room), `assetId` (`Bed_25`), `position` and, nested,
-`children` that stand on or in them; `walls` say how high a room is. Metres, Y up, left-handed.
+have `id` (`4|0|0` begins with the number of the room), `assetId` (`Bed_25`), `position`, and in
+`children` what is in or on them; `walls` say how high a room is. Metres, Y up, left-handed.
 
 Doors, windows and walls are no objects there, and so none here.
 """
@@ -64,8 +64,8 @@ class _Place(_Entry):
 
 class _Room(_Entry):
     id: Annotated[str, Field(pattern=_ROOM.pattern + "$")]
-    roomType: Name
-    floorPolygon: Annotated[tuple[_Place, ...], Field(min_length=3)]
+    room_type: Annotated[Name, Field(alias="roomType")]
+    corners: Annotated[tuple[_Place, ...], Field(alias="floorPolygon", min_length=3)]
 
 
 class _Door(_Entry):
@@ -74,13 +74,13 @@ class _Door(_Entry):
 
 
 class _Wall(_Entry):
-    roomId: str | None = None
+    room_id: Annotated[str | None, Field(alias="roomId")] = None
     polygon: tuple[_Place, ...] = ()
 
 
 class _Thing(_Entry):
     id: Name
-    assetId: Name
+    asset: Annotated[Name, Field(alias="assetId")]
     position: _Place
     children: tuple[_Thing, ...] = ()
 
@@ -236,6 +236,15 @@ def _split(opened: BinaryIO, file: Path) -> Iterator[tuple[int, bytes]]:
         raise SourceError(f"{file}: no JSON ({error})") from error
 
 
+@dataclass(slots=True)
+class _Reading:
+    """A file that a thread is reading: its state, the houses to come, the number of the last."""
+
+    key: tuple[Path, int]
+    houses: Iterator[tuple[int, bytes]]
+    last: int = 0
+
+
 def _fetch(file: Path, number: int) -> bytes:
     """Return the text of a house.
 
@@ -243,12 +252,13 @@ def _fetch(file: Path, number: int) -> bytes:
     order, so each thread goes on where it was, and begins again only for an earlier house.
     """
     key = (file, file.stat().st_mtime_ns)
-    known, houses, last = getattr(_local, "place", (None, iter(()), 0))
-    if known != key or number <= last:
-        houses = _stream(file)
-    for found, text in houses:
+    place: _Reading | None = getattr(_local, "place", None)
+    if place is None or place.key != key or number <= place.last:
+        place = _Reading(key, _stream(file))
+        _local.place = place
+    for found, text in place.houses:
+        place.last = found
         if found == number:
-            _local.place = (key, houses, found)
             return text
     raise SourceError(f"{file.name}:{number}: is not there any more")
 
@@ -280,23 +290,23 @@ def _list_instances(house: _House) -> Iterator[Instance]:
         count += 1
         match = _OF_ROOM.fullmatch(thing.id)
         region = int(match[1]) if match and int(match[1]) in rooms else -1
-        yield Instance(count, name_asset(thing.assetId), region, centroid=_upright(thing.position))
+        yield Instance(count, name_asset(thing.asset), region, centroid=_upright(thing.position))
 
 
 def _describe(room: _Room, walls: Sequence[_Wall], where: str) -> Room:
     """Return a room with its floor: its area is the polygon's, its footprint the hull of that."""
-    corners = np.array([_upright(corner) for corner in room.floorPolygon])
+    corners = np.array([_upright(corner) for corner in room.corners])
     area = measure_area(corners[:, :2])
     if not area > 0:
         raise SourceError(f"{where}: rooms: {room.id}: its floorPolygon encloses nothing")
     floor = float(corners[:, 2].min())
-    tops = [corner.y for wall in walls if wall.roomId == room.id for corner in wall.polygon]
+    tops = [corner.y for wall in walls if wall.room_id == room.id for corner in wall.polygon]
     (a, b), (c, d) = (map(float, f(corners[:, :2], axis=0)) for f in (np.min, np.max))
     top = max([floor, *tops])
     return Room(
         room_index=0,
         region_id=int(room.id.removeprefix("room|")),
-        source_label=room.roomType,
+        source_label=room.room_type,
         centroid=((a + c) / 2, (b + d) / 2, (floor + top) / 2),
         box=Box((a, b, floor), (c, d, top)),
         floor_z=floor,
