@@ -14,8 +14,8 @@ def format_totals(manifest: bsg_data.Manifest) -> str:
     )
     return (
         f"{t.scenes:,} scenes, {t.rooms:,} rooms, {t.objects:,} objects, "
-        f"{t.classified:,} in {len(manifest.class_map.classes)} classes of "
-        f"{manifest.class_map.version}{placed}"
+        f"{t.classified:,} in {len(manifest.class_space.classes)} classes of "
+        f"{manifest.class_space.name}{placed}"
     )
 
 
@@ -30,10 +30,7 @@ def format_losses(manifest: bsg_data.Manifest, *, most: int = 20) -> str:
         bare = manifest.totals.scenes - len({*manifest.meshes, *(s.scene_id for s in left)})
         if bare > 0:
             lines.append(f"scenes without a mesh beside their annotation: {bare:,}")
-    for entries, what in (
-        (manifest.skipped, "skipped scene"),
-        (left, "geometry left out"),
-    ):
+    for entries, what in ((manifest.skipped, "skipped scene"), (left, "left out")):
         if entries:
             rows = [(entry.scene_id, entry.location, entry.reason) for entry in entries[:most]]
             lines.append(format_text(rows, header=(what, "location", "reason")))
