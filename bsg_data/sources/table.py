@@ -341,10 +341,10 @@ def number_rooms(names: Iterable[str]) -> dict[str, int]:
     return {name: place for place, name in enumerate(ordered)}
 
 
-def _by_digits(name: str) -> tuple[list[tuple[bool, int, str]], str]:
+def _by_digits(name: str) -> tuple[list[Any], str]:
     """Order names as people do: `room 9` before `room 10`."""
-    parts = _DIGITS.split(name)
-    return [(not p.isdigit(), int(p) if p.isdigit() else 0, p) for p in parts if p], name
+    parts = _DIGITS.split(name)  # text and numbers in turn, text first
+    return [int(part) if place % 2 else part for place, part in enumerate(parts)], name
 
 
 def _describe_rooms(rows: Sequence[TableRow], regions: Mapping[str, int]) -> list[Room]:
