@@ -16,6 +16,8 @@ SOURCES = Registry(
     rows={
         "hm3d": "bsg_data.sources.hm3d:ROW",
         "hm3d-stats": "bsg_data.sources.hm3d_stats:ROW",
+        "mp3d": "bsg_data.sources.mp3d:ROW",
+        "spark-dsg": "bsg_data.sources.spark_dsg:ROW",
         "synthetic": "bsg_data.sources.synthetic:ROW",
     },
 )
