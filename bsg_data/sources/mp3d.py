@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from bsg_data.errors import SourceError
 from bsg_data.geometry.adjacency import connect_rooms, measure_distance
 from bsg_data.geometry.placement import find_storeys, surround
 from bsg_data.scene.class_map import ClassMap
+from bsg_data.scene.room_label import label_of
 from bsg_data.scene.scene_graph import Box, Edge, Point, Room, SceneGraph, SceneObject
 from bsg_data.sources.annotation_files import PACKED, decode, fingerprint, read_bytes, walk_files
 from bsg_data.sources.hm3d_names import keep_one_copy
@@ -70,7 +72,7 @@ class MatterportHouses:
         return "mp3d"
 
     @property
-    def options(self) -> dict[str, int]:
+    def options(self) -> dict[str, int | str]:
         """None: there is nothing to choose."""
         return {}
 
@@ -128,6 +130,7 @@ def _assemble(house: House, ref: SceneRef, sha256: str, class_map: ClassMap) -> 
             _object(house, obj, place.get(obj.region, SceneObject.BUILDING), class_map)
             for obj in house.objects
         ),
+        class_map=class_map.version,
     )
     pairs = [(place[a], place[b]) for a, b in house.portals if a in place and b in place]
     return _join(connect_rooms(graph), pairs)
@@ -136,8 +139,9 @@ def _assemble(house: House, ref: SceneRef, sha256: str, class_map: ClassMap) -> 
 def _room(house: House, region: int, index: int) -> Room:
     """Return a room with the box and the footprint of its region, if that has any."""
     held = house.regions[region]
-    label = REGION_LABELS.get(held.label)
-    room = Room(index, region, source_label=label)
+    said, common = REGION_LABELS.get(held.label), label_of("mp3d", held.label)
+    area = _measure_floor(held)
+    room = Room(index, region, source_label=said, label=common, floor_area=area)
     if held.box is None:
         return room
     footprint = surround(_corners(held, held.box))
@@ -159,16 +163,13 @@ def _corners(region: HouseRegion, box: Box) -> npt.NDArray[np.float64]:
     return np.array(corners or [(a, b), (c, b), (c, d), (a, d)])
 
 
-def measure_floor(region: HouseRegion) -> float | None:
-    """Return the area of a region's floor polygons, square metres; None without a polygon."""
+def _measure_floor(region: HouseRegion) -> float | None:
+    """Return the area of a region's floor polygons, square metres; None without one."""
     areas = [
-        sum(
-            x * other_y - other_x * y
-            for (x, y), (other_x, other_y) in zip(polygon, (*polygon[1:], polygon[0]), strict=True)
-        )
+        sum(a * d - c * b for (a, b), (c, d) in pairwise([*polygon, polygon[0]]))
         for polygon in region.polygons
     ]
-    return sum(abs(area) for area in areas) / 2 if areas else None
+    return sum(abs(area) for area in areas) / 2 or None
 
 
 def _set_levels(
@@ -198,6 +199,7 @@ def _object(house: House, obj: HouseObject, room: int, class_map: ClassMap) -> S
         raw_category=name,
         category=known.category,
         class_index=known.class_index,
+        role=known.role,
         centroid=None if obj.box is None else _middle(obj.box),
         box=obj.box,
         part_box=obj.box,

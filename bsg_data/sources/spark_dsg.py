@@ -11,6 +11,7 @@ from bsg_data.errors import SourceError
 from bsg_data.geometry.adjacency import measure_distance
 from bsg_data.geometry.placement import find_storeys
 from bsg_data.scene.class_map import ClassMap
+from bsg_data.scene.room_label import label_of
 from bsg_data.scene.scene_graph import Box, Edge, Point, Room, SceneGraph, SceneObject
 from bsg_data.sources.annotation_files import PACKED, decode, fingerprint, read_bytes, walk_files
 from bsg_data.sources.dsg_file import DSGFile, DSGNode, parse_dsg
@@ -42,10 +43,10 @@ class RobotGraphs:
         return "spark-dsg"
 
     @property
-    def options(self) -> dict[str, int]:
-        """The label space, told from others of its name by 32 bits of its hash."""
+    def options(self) -> dict[str, int | str]:
+        """The label space, by its name and its hash."""
         space = self._space()
-        return {} if space is None else {f"labels_{space.name}": int(space.sha256[:8], 16)}
+        return {} if space is None else {"labels": f"{space.name} {space.sha256}"}
 
     def find(self) -> FoundScenes:
         """Find every graph; of one with and without its mesh, the one without."""
@@ -128,11 +129,13 @@ def _assemble(
             for place, node in enumerate(graph.objects, start=1)
         ),
         adjacency=_connect(rooms, graph.adjacency),
+        class_map=class_map.version,
     )
 
 
 def _room(node: DSGNode, index: int) -> Room:
-    room = Room(index, node.index, source_label=node.label_name or node.name)
+    said = node.label_name or node.name
+    room = Room(index, node.index, source_label=said, label=label_of("spark-dsg", said))
     if node.box is None:
         return replace(room, centroid=node.position)
     (a, b, floor), (c, d, _) = node.box.minimum, node.box.maximum
@@ -142,6 +145,7 @@ def _room(node: DSGNode, index: int) -> Room:
         centroid=_middle(node.box),
         floor_z=floor,
         footprint=((a, b), (c, b), (c, d), (a, d)),
+        floor_area=(c - a) * (d - b) or None,
     )
 
 
@@ -157,6 +161,7 @@ def _object(
         raw_category=name,
         category=known.category,
         class_index=known.class_index,
+        role=known.role,
         centroid=node.position if node.box is None else _middle(node.box),
         box=node.box,
     )
@@ -178,7 +183,7 @@ def name_object(node: DSGNode, space: LabelSpace | None) -> str:
 
 def _connect(rooms: Sequence[Room], pairs: Sequence[tuple[int, int]]) -> tuple[Edge, ...]:
     return tuple(
-        Edge(a + 1, b + 1, "adjacent", "layout", measure_distance(rooms[a], rooms[b]))
+        Edge(a + 1, b + 1, "adjacent", "robot", measure_distance(rooms[a], rooms[b]))
         for a, b in pairs
     )
 
