@@ -22,6 +22,7 @@ from bsg_data.observation.partial_graph import (
     observe,
 )
 from bsg_data.recipes import MaskRecipe
+from bsg_data.scene.class_space import load_class_space
 
 CLASS_SPACE = ClassSpaceEntry.of(load_class_space())
 CLASS = {name: number for number, name in enumerate(CLASS_SPACE.classes)}

@@ -88,7 +88,7 @@ def test_a_build_depends_on_the_label_space(tmp_path: Path) -> None:
     plain = build_dataset(RobotGraphs(tmp_path / "graphs"), tmp_path / "plain")
     assert ("label 99", 1) in [(entry.name, entry.instances) for entry in plain.unmapped]
     named = build_dataset(RobotGraphs(tmp_path / "graphs", "mpcat40"), tmp_path / "named")
-    assert str(named.options["labels"]).startswith("mpcat40 ")
+    assert str(named.sources[0].options["labels"]).startswith("mpcat40 ")
     assert named.totals.classified == 3
 
 
