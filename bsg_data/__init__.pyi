@@ -19,6 +19,7 @@ from .errors import (
     SourceError,
     UnmappedNameError,
 )
+from .exports.export import EXPORTS, Exported, ExportRow, export_dataset
 from .observation.masked_buildings import MaskedBuildings
 from .observation.masks import MASKS, Mask, sample_hidden, sample_visited
 from .observation.observation import Observation
@@ -54,6 +55,7 @@ from .synthetic.buildings import write_synthetic
 from .synthetic.geometry import GeometryOptions
 
 __all__ = [
+    "EXPORTS",
     "MASKS",
     "SOURCES",
     "AnnotationError",
@@ -68,6 +70,8 @@ __all__ = [
     "Dataset",
     "DatasetError",
     "Edge",
+    "ExportRow",
+    "Exported",
     "Fault",
     "FileEntry",
     "FoundScenes",
@@ -105,6 +109,7 @@ __all__ = [
     "build_dataset",
     "check_dataset",
     "count_frequencies",
+    "export_dataset",
     "list_class_maps",
     "list_unmapped",
     "load_class_map",
