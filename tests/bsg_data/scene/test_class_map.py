@@ -24,6 +24,7 @@ PAPER = (
 # A published map never changes: a new map is a new version, added here.
 PUBLISHED = {
     "hm3d45-v1": "46b5459227be1b27098463326f523e2e7149bb7168da928cbebdae982dfab9d3",
+    "hm3d45-v2": "90bdae748e3c074c9740c90bd156d882044fd87fbce251f11ad9967c4e513e54",
 }
 
 
