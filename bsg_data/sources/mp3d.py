@@ -57,6 +57,7 @@ REGION_LABELS = {
     "S": "spa/sauna",
     "Z": "junk",
 }
+_UNNAMED = "-"  # the name of a category that has none
 _JUNK = "Z"  # reflections in mirrors and points that float in space: no room
 
 
@@ -191,6 +192,7 @@ def _set_levels(
 
 def _object(house: House, obj: HouseObject, room: int, class_map: ClassMap) -> SceneObject:
     name = "" if obj.category == NOWHERE else house.categories[obj.category].name
+    name = "" if name == _UNNAMED else name
     known = class_map.classify(name)
     return SceneObject(
         object_index=obj.index + 1,
@@ -236,4 +238,5 @@ ROW = SourceRow(
             "non-commercial research and are to be signed before the data are downloaded."
         ),
     ),
+    class_map="mp3d45-v1",
 )

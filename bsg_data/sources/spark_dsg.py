@@ -209,4 +209,5 @@ ROW = SourceRow(
             "its library are BSD-3-Clause."
         ),
     ),
+    class_map="hm3d45-v2",
 )
