@@ -10,6 +10,7 @@ up, and its (x, y, z) is (x, z, -y) there, whichever axis points up in the mesh 
 from __future__ import annotations
 
 import json
+import re
 from typing import Annotated
 
 from pydantic import Field
@@ -20,6 +21,7 @@ from bsg_data.recipes import Record
 from bsg_data.scene.scene_graph import Point, Room, SceneGraph
 
 SUFFIX = ".semantic_config.json"
+_POINT = re.compile(r"\[\n *([^\n]+),\n *([^\n]+),\n *([^\n{}\[\]]+)\n *\]")  # as JSON, over lines
 _NO_LABEL = "room"  # habitat-sim makes a category of every label
 
 Metres = Annotated[float, Field(allow_inf_nan=False)]
@@ -79,7 +81,8 @@ def list_regions(graph: SceneGraph) -> tuple[Region, ...]:
 def encode_regions(regions: tuple[Region, ...]) -> bytes:
     """Return the bytes of a `semantic_config.json`; `decode_regions` reads them back."""
     config = SemanticConfig(region_annotations=regions).model_dump()
-    return (json.dumps(config, indent=2, ensure_ascii=False) + "\n").encode()
+    text = json.dumps(config, indent=2, ensure_ascii=False)
+    return (_POINT.sub(r"[\1, \2, \3]", text) + "\n").encode()
 
 
 def decode_regions(data: bytes) -> tuple[Region, ...]:
