@@ -18,7 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from bsg_data.errors import SourceError
 from bsg_data.geometry.adjacency import measure_distance
-from bsg_data.geometry.placement import find_storeys
+from bsg_data.geometry.placement import find_storeys, measure_area
 from bsg_data.recipes import name_fault
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph, is_scene_id
@@ -168,6 +168,7 @@ def _lay_out_room(room: Room, label: str, box: Box, *, placed: bool) -> Room:
         centroid=(x, y, z),
         floor_z=box.minimum[2],
         footprint=footprint,
+        floor_area=measure_area(footprint),
     )
 
 
