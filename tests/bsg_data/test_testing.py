@@ -16,7 +16,6 @@ from conftest import write_twelve
 from bsg_data.arrays import Bools, Counts
 from bsg_data.observation.masks import MASKS, UniformMask
 from bsg_data.recipes import MaskRecipe
-from bsg_data.sources.catalogue import SOURCES
 from bsg_data.sources.hm3d_stats import MEMBER
 from bsg_data.synthetic.buildings import write_synthetic
 from bsg_data.testing import MaskContract, SourceContract
@@ -30,7 +29,7 @@ STATISTICS = [
 
 
 class TestSources(SourceContract):
-    @pytest.fixture(autouse=True, params=SOURCES.names())
+    @pytest.fixture(autouse=True, params=["hm3d", "hm3d-stats", "synthetic"])
     def _row(self, request: pytest.FixtureRequest) -> None:
         self.name = request.param
 

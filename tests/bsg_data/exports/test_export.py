@@ -11,12 +11,13 @@ from dsg_files import robot_graph, write_graph
 from bsg_data import registry
 from bsg_data.build import build_dataset
 from bsg_data.errors import DatasetError, RecipeError
-from bsg_data.exports.export import EncodedScene, ExportRow, export_dataset
+from bsg_data.exports.catalogue import EncodedScene, ExportRow
+from bsg_data.exports.export import export_dataset
 from bsg_data.scene.scene_graph import SceneGraph
 from bsg_data.sources.spark_dsg import RobotGraphs
 
 NAMES = """
-from bsg_data.exports.export import EncodedScene, ExportRow
+from bsg_data.exports.catalogue import EncodedScene, ExportRow
 
 def encode(graph):
     return EncodedScene({f"{graph.scene_id}.txt": b"rooms"}, len(graph.rooms))
