@@ -119,14 +119,15 @@ def _generator() -> str:
 
 def _refuse_shared_buildings(datasets: Sequence[Path], manifests: Sequence[Manifest]) -> None:
     """Refuse a building that two datasets hold: it could be trained on and tested on."""
-    found: dict[str, Path] = {}
-    for dataset, manifest in zip(datasets, manifests, strict=True):
+    found: dict[str, int] = {}
+    for number, (dataset, manifest) in enumerate(zip(datasets, manifests, strict=True)):
         table = read_table(dataset, "scenes", columns=["scene_id"], manifest=manifest)
         for scene in table["scene_id"].to_pylist():
-            first = found.setdefault(building_hash(scene), dataset)
-            if first is not dataset:
+            first = found.setdefault(building_hash(scene), number)
+            if first != number:
                 raise DatasetError(
-                    f"{dataset}: building {scene} is in {first}, too; build one of them without it"
+                    f"{dataset}: building {scene} is in {datasets[first]}, too; "
+                    "build one of them without it"
                 )
 
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bsg_data.errors import AnnotationError
+from bsg_data.scene.scene_graph import Box, Point
 from bsg_data.sources.annotation_files import decode, read_bytes
 
 HEADER = "HM3D Semantic Annotations"
@@ -31,12 +32,16 @@ class Instance:
         name: the free text, exactly as annotated.
         region_id: its region; negative is the null region.
         colour: RRGGBB, upper case, six digits; None where the source has none.
+        centroid: where the source says that it is, metres, Z up; None where it does not.
+        box: its axis-aligned box, metres, Z up; None where the source has none.
     """
 
     instance_id: int
     name: str
     region_id: int
     colour: str | None = None
+    centroid: Point | None = None
+    box: Box | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -53,10 +53,7 @@ def format_losses(manifest: bsg_data.Manifest, *, most: int = 20) -> str:
         bare = manifest.totals.scenes - len({*manifest.meshes, *(s.scene_id for s in left)})
         if bare > 0:
             lines.append(f"scenes without a mesh beside their annotation: {bare:,}")
-    for entries, what in (
-        (manifest.skipped, "skipped scene"),
-        (left, "geometry left out"),
-    ):
+    for entries, what in ((manifest.skipped, "skipped scene"), (left, "left out")):
         if entries:
             rows = [(entry.scene_id, entry.location, entry.reason) for entry in entries[:most]]
             lines.append(format_text(rows, header=(what, "location", "reason")))
