@@ -53,12 +53,14 @@ class PairTruth:
     def __init__(
         self, frames: dict[str, pd.DataFrame], splits: pd.DataFrame, manifest: Manifest
     ) -> None:
-        self.cells = count_frames(frames, width=len(manifest.class_map.classes))
+        self.cells = count_frames(frames, width=len(manifest.class_space.classes))
         self.split = dict(zip(splits["scene_id"], splits["split"], strict=True))
         self.recipe = manifest.pairs
         edges = frames["edges"][frames["edges"]["kind"] == "adjacent"]
         self.adjacency: dict[str, list[tuple[int, int]]] = {}
-        for scene, a, b in zip(edges["scene_id"], edges["source"], edges["target"], strict=True):
+        for scene, a, b in zip(
+            edges["scene_id"], edges["source_index"], edges["target_index"], strict=True
+        ):
             self.adjacency.setdefault(scene, []).append((int(a), int(b)))
 
     def check(self, entry: FileEntry, table: pa.Table) -> Iterator[Fault]:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from bsg_data.dataset.manifest import Manifest, read_manifest
+from bsg_data.dataset.manifest import Manifest, read_manifest, require_current
 from bsg_data.dataset.revision import revise
 from bsg_data.dataset.schema import SPLIT_NAME, SPLITS
 from bsg_data.dataset.shards import describe_file, open_parquet, read_table
@@ -61,6 +61,7 @@ def split_dataset(dataset: Path, recipe: SplitRecipe, *, force: bool = False) ->
     """
 
     def write(manifest: Manifest, folder: Path) -> Manifest:
+        require_current(manifest, dataset)
         if manifest.split is not None and not force:
             raise DatasetError(
                 f"{dataset}: is split already; --force makes a new split and removes the old one "
@@ -85,7 +86,7 @@ def _write_splits(
         folder / "splits.parquet",
         SPLITS,
         table="splits",
-        class_map=manifest.class_map,
+        class_space=manifest.class_space,
         split=recipe.model_dump_json(),
     ) as writer:
         writer.write_table(table)

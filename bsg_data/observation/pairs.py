@@ -16,11 +16,12 @@ from bsg_data.arrays import Counts
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import to_histograms
 from bsg_data.dataset.manifest import (
-    ClassMapEntry,
+    ClassSpaceEntry,
     FileEntry,
     Manifest,
     hash_manifest,
     read_manifest,
+    require_current,
 )
 from bsg_data.dataset.revision import revise
 from bsg_data.dataset.schema import pairs_schema
@@ -100,11 +101,12 @@ def write_pairs(
     """
 
     def write(manifest: Manifest, folder: Path) -> Manifest:
+        require_current(manifest, dataset)
         if manifest.pairs is not None and not force:
             raise DatasetError(f"{dataset}: has pairs already; --force replaces them")
         splits = read_splits(dataset, manifest=manifest)
         files = _plan(dataset, splits, manifest)
-        tasks = [(folder, file, recipe, manifest.class_map) for file in files]
+        tasks = [(folder, file, recipe, manifest.class_space) for file in files]
         entries = run_all(_write_file, tasks, executor=executor, progress=progress)
         return manifest.with_table("pairs", tuple(entries), pairs=recipe)
 
@@ -160,16 +162,16 @@ def _plan(
 
 
 def _write_file(
-    folder: Path, file: _PairFile, recipe: PairsRecipe, class_map: ClassMapEntry
+    folder: Path, file: _PairFile, recipe: PairsRecipe, class_space: ClassSpaceEntry
 ) -> FileEntry:
     """Write one file of pairs at its path below a folder."""
-    schema = pairs_schema(len(class_map.classes))
+    schema = pairs_schema(len(class_space.classes))
     rows = 0
     with open_parquet(
         folder / file.path,
         schema,
         table="pairs",
-        class_map=class_map,
+        class_space=class_space,
         pairs=recipe.model_dump_json(),
     ) as writer:
         waiting: list[pa.RecordBatch] = []

@@ -17,13 +17,13 @@ from bsg_data.arrays import Counts
 from bsg_data.dataset.categories import place_columns
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import count_cells, to_histograms
-from bsg_data.dataset.manifest import ClassMapEntry
+from bsg_data.dataset.manifest import ClassSpaceEntry
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import RecipeError
 from bsg_data.observation.masks import Stream, sample_hidden, sample_visited, share_hidden
 from bsg_data.observation.observation import Observation
 from bsg_data.recipes import MaskRecipe
-from bsg_data.scene.class_map import ClassMap, is_nameless
+from bsg_data.scene.class_map import is_nameless
 from bsg_data.scene.connections import Connections
 from bsg_data.scene.scene_graph import Box, Point, SceneGraph, SceneObject
 
@@ -82,7 +82,7 @@ class PartialGraph:
 
     Attributes:
         scene_id: names the building.
-        class_map: whose classes the objects have.
+        class_space: whose classes the objects have.
         hidden_share: share of the building's objects that the robot has not seen.
         rooms: in the order of their indices, 1..R.
         objects: in any order.
@@ -90,7 +90,7 @@ class PartialGraph:
     """
 
     scene_id: str
-    class_map: ClassMapEntry
+    class_space: ClassSpaceEntry
     hidden_share: float
     rooms: tuple[KnownRoom, ...]
     objects: tuple[SeenObject, ...]
@@ -99,7 +99,7 @@ class PartialGraph:
     def histograms(self) -> Counts:
         """Return the histograms of what was seen, E′ × O′, `[1 + R, C]`, the building first."""
         known = [obj for obj in self.objects if obj.class_index is not None]
-        shape = (len(self.rooms) + 1, len(self.class_map.classes))
+        shape = (len(self.rooms) + 1, len(self.class_space.classes))
         rooms = np.array([obj.room_index for obj in known], dtype=np.int64)
         classes = np.array([obj.class_index for obj in known], dtype=np.int64)
         return to_histograms(count_cells(rooms, classes, shape=shape))
@@ -180,7 +180,7 @@ def observe(graph: PartialGraph, room_index: int, objects: Iterable[SeenObject])
 
 
 def mask_scene(
-    graph: SceneGraph, recipe: MaskRecipe, *, draw: int, class_map: ClassMapEntry
+    graph: SceneGraph, recipe: MaskRecipe, *, draw: int, class_space: ClassSpaceEntry
 ) -> PartialGraph:
     """Return what a mask leaves of a scene graph: the histograms that `bsg-data pairs` gives it.
 
@@ -188,7 +188,7 @@ def mask_scene(
     that were listed last are.
     """
     adjacent = [(edge.source, edge.target) for edge in graph.adjacency]
-    classes = len(class_map.classes)
+    classes = len(class_space.classes)
     cells, others, kinds = _count(graph, classes)
     visited = sample_visited(
         cells,
@@ -210,7 +210,7 @@ def mask_scene(
     share = share_hidden(visited, recipe)
     return PartialGraph(
         scene_id=graph.scene_id,
-        class_map=class_map,
+        class_space=class_space,
         hidden_share=float(share[0]),
         rooms=tuple(
             KnownRoom(
@@ -247,7 +247,7 @@ def mask_dataset(
     data = Dataset.open(dataset)
     for graph in read_scene_graphs(dataset):
         if graph.scene_id in scenes:
-            left = mask_scene(graph, recipe, draw=draw, class_map=data.manifest.class_map)
+            left = mask_scene(graph, recipe, draw=draw, class_space=data.manifest.class_space)
             yield left, to_histograms(data.cells(graph.scene_id))
 
 
@@ -284,9 +284,3 @@ def _count(graph: SceneGraph, classes: int) -> tuple[Counts, Counts, list[int]]:
     shape = (len(graph.rooms) + 1, classes + len(others))
     cells = count_cells(rooms, np.array(kinds, dtype=np.int64), shape=shape)
     return cells[:, :classes], cells[:, classes:], kinds
-
-
-def classify(raw_category: str, class_map: ClassMap) -> tuple[str | None, int | None]:
-    """Return the corrected name and the class of a spelling, None where the map has none."""
-    known = class_map.classify(raw_category)
-    return known.category, known.class_index

@@ -29,6 +29,7 @@ def assemble(
             _classify(instance, index, room_of.get(instance.region_id, 0), class_map)
             for index, instance in enumerate(annotation.instances, start=1)
         ),
+        class_map=class_map.version,
     )
 
 
@@ -41,5 +42,6 @@ def _classify(instance: Instance, index: int, room: int, class_map: ClassMap) ->
         raw_category=instance.name,
         category=known.category,
         class_index=known.class_index,
+        role=known.role,
         colour=instance.colour,
     )

@@ -212,7 +212,7 @@ class WithLayouts:
         return self.source.path
 
     @property
-    def options(self) -> dict[str, int]:
+    def options(self) -> dict[str, int | str]:
         """The source's own, and that there are layouts."""
         return {**self.source.options, "room_layouts": 1}
 

@@ -67,8 +67,8 @@ def _known_at_start(
     dataset: Path, recipe: StudyRecipe, kept: KeptSearch, graph: SceneGraph
 ) -> PartialGraph:
     """Return what the mask leaves, without any instance of the artifacts."""
-    class_map = Dataset.open(dataset).manifest.class_map
-    partial = mask_scene(graph, recipe.mask, draw=kept.draw, class_map=class_map)
+    class_space = Dataset.open(dataset).manifest.class_space
+    partial = mask_scene(graph, recipe.mask, draw=kept.draw, class_space=class_space)
     visible = tuple(obj for obj in partial.objects if obj.class_index not in kept.artifacts)
     return replace(partial, objects=visible)
 

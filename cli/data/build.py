@@ -10,10 +10,10 @@ import bsg_data
 from bsg_cli.data.totals import format_losses, format_totals
 from bsg_cli.options import (
     PATH,
-    class_map_option,
     force_option,
     json_option,
     out_option,
+    source_map_option,
     workers_option,
 )
 from bsg_cli.terminal import Command, print_json, print_note, progress_bar, worker_pool
@@ -48,7 +48,7 @@ from bsg_data.sources.catalogue import SOURCES
     help="Folder of DomestiGraph YAML: labels, boxes and connections of rooms.",
 )
 @out_option("Dataset to write.", required=True)
-@class_map_option
+@source_map_option
 @workers_option
 @click.option(
     "--strict", is_flag=True, help="Fail on a malformed scene, mesh or layout, or an unmapped name."
@@ -63,7 +63,7 @@ def command(
     snap_colours: int | None,
     room_layouts: Path | None,
     out: Path,
-    class_map: str,
+    class_map: str | None,
     workers: int,
     strict: bool,
     force: bool,

@@ -14,8 +14,8 @@ def format_totals(manifest: bsg_data.Manifest) -> str:
     )
     return (
         f"{t.scenes:,} scenes, {t.rooms:,} rooms, {t.objects:,} objects, "
-        f"{t.classified:,} in {len(manifest.class_map.classes)} classes of "
-        f"{manifest.class_map.version}{placed}"
+        f"{t.classified:,} in {len(manifest.class_space.classes)} classes of "
+        f"{manifest.class_space.name}{placed}"
     )
 
 

@@ -130,7 +130,7 @@ def test_a_source_from_outside_builds_under_its_own_terms(dolls: Path, tmp_path:
     out = tmp_path / "out"
     manifest = build_dataset(open_source("dolls", dolls), out)
     assert (manifest.totals.scenes, manifest.totals.rooms, manifest.totals.objects) == (2, 3, 7)
-    assert manifest.source.kind == "dolls"
+    assert manifest.sources[0].kind == "dolls"
     split_dataset(out, SplitRecipe(ratios=(0.5, 0.5, 0.0)))  # which writes the cards again
     card = (out / "README.md").read_text("utf-8")
     front = yaml.safe_load(card.split("---")[1])
@@ -157,12 +157,12 @@ def test_a_row_that_opens_something_else_is_refused(
 
 def test_a_kind_that_is_no_row_any_more_has_unknown_terms(dataset: Path) -> None:
     manifest = read_manifest(dataset)
-    gone = manifest.source.model_copy(update={"kind": "gone"})
-    manifest = manifest.model_copy(update={"source": gone})
+    gone = manifest.sources[0].model_copy(update={"kind": "gone", "terms": None})
+    manifest = manifest.model_copy(update={"sources": (gone,)})
     card, croissant = write_card(manifest), json.loads(write_croissant(manifest))
     assert find_terms("gone") is None
     assert yaml.safe_load(card.split("---")[1])["license"] == "unknown"
-    assert "The source is of unknown terms: ask whoever made it." in card
+    assert "gone: the source is of unknown terms: ask whoever made it." in card
     assert croissant["license"] == "unknown terms: ask whoever made it"
     assert "url" not in croissant
     assert "citeAs" not in croissant
