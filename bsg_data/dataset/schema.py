@@ -136,7 +136,7 @@ EDGES = pa.schema(
         _field(
             "method",
             pa.string(),
-            "how it is known: annotation; of adjacency layout, door, stairs, boxes or robot",
+            "how it is known: annotation; of adjacency layout, door, stairs, boxes, robot or given",
         ),
         _field(
             "distance_m",

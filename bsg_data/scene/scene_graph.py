@@ -17,8 +17,9 @@ from bsg_data.scene.class_map import Role
 Point = tuple[float, float, float]
 EdgeKind = Literal["contains", "adjacent"]
 NodeKind = Literal["building", "room", "object"]
-# A plan says so, a door, stairs, the boxes of two rooms, or a robot that went there.
-ADJACENCY_METHODS = ("layout", "door", "stairs", "boxes", "robot")
+# A plan says so, a door, stairs, the boxes of two rooms, a robot that went there, or whoever made
+# the data.
+ADJACENCY_METHODS = ("layout", "door", "stairs", "boxes", "robot", "given")
 _SCENE_ID = re.compile(r"[^./\\\x00-\x1f\x7f][^/\\\x00-\x1f\x7f]{0,199}")
 
 

