@@ -20,6 +20,7 @@ from .errors import (
     SourceError,
     UnmappedNameError,
 )
+from .exports.export import EXPORTS, Exported, ExportRow, export_dataset
 from .merge import merge_datasets, upgrade_dataset
 from .observation.masked_buildings import MaskedBuildings
 from .observation.masks import MASKS, Mask, sample_hidden, sample_visited
@@ -57,6 +58,7 @@ from .synthetic.buildings import write_synthetic
 from .synthetic.geometry import GeometryOptions
 
 __all__ = [
+    "EXPORTS",
     "MASKS",
     "SOURCES",
     "AnnotationError",
@@ -73,6 +75,8 @@ __all__ = [
     "Dataset",
     "DatasetError",
     "Edge",
+    "ExportRow",
+    "Exported",
     "Fault",
     "FileEntry",
     "FoundScenes",
@@ -111,6 +115,7 @@ __all__ = [
     "check_dataset",
     "count_frequencies",
     "count_sources",
+    "export_dataset",
     "list_class_maps",
     "list_class_spaces",
     "list_unmapped",
