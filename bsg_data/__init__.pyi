@@ -2,11 +2,12 @@ from .build import build_dataset
 from .checks.dataset import check_dataset
 from .checks.faults import Fault
 from .dataset.categories import OtherObjects
+from .dataset.composition import count_sources
 from .dataset.coverage import Coverage, measure_coverage
 from .dataset.dataset import Dataset, read_adjacency, read_cells
 from .dataset.frequencies import count_frequencies, plot_frequencies
 from .dataset.histograms import to_histograms
-from .dataset.manifest import ClassMapEntry, FileEntry, Manifest, read_manifest
+from .dataset.manifest import ClassMapEntry, ClassSpaceEntry, FileEntry, Manifest, read_manifest
 from .dataset.shards import read_scene_graphs, read_table, write_shards
 from .dataset.splits import assign_splits, read_splits, split_dataset
 from .errors import (
@@ -19,6 +20,8 @@ from .errors import (
     SourceError,
     UnmappedNameError,
 )
+from .exports.export import EXPORTS, Exported, ExportRow, export_dataset
+from .merge import merge_datasets, upgrade_dataset
 from .observation.masked_buildings import MaskedBuildings
 from .observation.masks import MASKS, Mask, sample_hidden, sample_visited
 from .observation.observation import Observation
@@ -34,6 +37,7 @@ from .observation.partial_graph import (
 from .observation.robot_json import list_unmapped, read_robot_graph
 from .recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from .scene.class_map import Classified, ClassMap, MapEntry, list_class_maps, load_class_map
+from .scene.class_space import ClassSpace, list_class_spaces, load_class_space
 from .scene.connections import Connections
 from .scene.mesh_coverage import MeshCoverage
 from .scene.scene_graph import Box, Edge, Room, SceneGraph, SceneObject
@@ -54,6 +58,7 @@ from .synthetic.buildings import write_synthetic
 from .synthetic.geometry import GeometryOptions
 
 __all__ = [
+    "EXPORTS",
     "MASKS",
     "SOURCES",
     "AnnotationError",
@@ -62,12 +67,16 @@ __all__ = [
     "ClassMap",
     "ClassMapEntry",
     "ClassMapError",
+    "ClassSpace",
+    "ClassSpaceEntry",
     "Classified",
     "Connections",
     "Coverage",
     "Dataset",
     "DatasetError",
     "Edge",
+    "ExportRow",
+    "Exported",
     "Fault",
     "FileEntry",
     "FoundScenes",
@@ -105,12 +114,17 @@ __all__ = [
     "build_dataset",
     "check_dataset",
     "count_frequencies",
+    "count_sources",
+    "export_dataset",
     "list_class_maps",
+    "list_class_spaces",
     "list_unmapped",
     "load_class_map",
+    "load_class_space",
     "mask_dataset",
     "mask_scene",
     "measure_coverage",
+    "merge_datasets",
     "observe",
     "open_source",
     "plot_frequencies",
@@ -127,6 +141,7 @@ __all__ = [
     "sample_visited",
     "split_dataset",
     "to_histograms",
+    "upgrade_dataset",
     "write_pairs",
     "write_shards",
     "write_synthetic",

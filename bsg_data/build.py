@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import shutil
-import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
@@ -18,8 +17,8 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from bsg_data.dataset.growth import finish, make_parent, open_partial, refuse_overwriting
 from bsg_data.dataset.manifest import (
-    MANIFEST,
     ClassMapEntry,
     ClassSpaceEntry,
     FileEntry,
@@ -29,12 +28,11 @@ from bsg_data.dataset.manifest import (
     SourceEntry,
     Totals,
     UnmappedEntry,
-    read_manifest,
 )
-from bsg_data.dataset.publication import REPORTS, REVISION, list_strays, publish
+from bsg_data.dataset.publication import REPORTS
 from bsg_data.dataset.schema import FORMAT_VERSION
 from bsg_data.dataset.shards import describe_file, write_shards
-from bsg_data.errors import DatasetError, SourceError, UnmappedNameError
+from bsg_data.errors import SourceError, UnmappedNameError
 from bsg_data.executors import run_all
 from bsg_data.files import write_bytes
 from bsg_data.lock import hold
@@ -102,16 +100,16 @@ def build_dataset(
     out = out.resolve()  # a linked --out stays a link; what it leads to is replaced
     chosen = class_map or name_class_map(source)
     loaded = load_class_map(chosen)
-    _refuse_overwriting(out, force=force)
+    refuse_overwriting(out, force=force)
     listing = source.find()
     if strict and listing.unreadable:
         skip = listing.unreadable[0]
         raise SourceError(f"{source.path / skip.location}: {skip.reason}")
     recipe = _recipe(source, listing, loaded, scenes_per_shard)
     starts = range(0, len(listing.scenes), scenes_per_shard)
-    _make_parent(out)
+    make_parent(out)
     with hold(out):  # against another build, and against split and pairs of what is replaced
-        growing = _open_partial(out, recipe)
+        growing = open_partial(out, recipe)
         tasks = [
             (source, listing.scenes[a : a + scenes_per_shard], growing, part, chosen, strict)
             for part, a in enumerate(starts)
@@ -121,11 +119,7 @@ def build_dataset(
         if not manifest.totals.scenes:
             shutil.rmtree(growing)
             raise SourceError(_nothing_readable(source, manifest))
-        for name in list_strays(growing, manifest):
-            (growing / name).unlink()
-        publish(growing, manifest)
-        _refuse_overwriting(out, force=force)
-        _move_into_place(growing, out)
+        finish(growing, out, manifest, force=force)
     return manifest
 
 
@@ -301,70 +295,3 @@ def _unmapped_message(ref: SceneRef, name: str, class_map: ClassMap) -> str:
         f"{ref.location}: {name!r} is not in class map {class_map.version} (nearest: {near}); "
         "leave --strict out to keep such objects without a class, or use a map that lists it"
     )
-
-
-def _make_parent(out: Path) -> None:
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise DatasetError(f"{out}: cannot be written ({error.strerror})") from error
-
-
-def _refuse_overwriting(out: Path, *, force: bool) -> None:
-    outer = next((folder for folder in out.parents if (folder / MANIFEST).is_file()), None)
-    if outer is not None:
-        raise DatasetError(f"{out}: is inside the dataset {outer}; choose another --out")
-    if not out.exists() or (out.is_dir() and not any(out.iterdir())):
-        return
-    if not (out / MANIFEST).is_file():
-        raise DatasetError(f"{out}: is no dataset and is left alone; choose another --out")
-    if not force:
-        raise DatasetError(f"{out}: is a finished dataset; --force replaces it")
-    try:
-        strays = list_strays(out, read_manifest(out))
-    except DatasetError as error:
-        raise DatasetError(f"{error}. --force does not remove it; move it away") from error
-    users = [name for name in strays if not name.startswith(f"{REVISION}/")]
-    if users:
-        raise DatasetError(
-            f"{out}: holds {users[0]}, which is not the dataset's; move it away, then --force"
-        )
-
-
-def _open_partial(out: Path, recipe: BuildRecipe) -> Path:
-    """Return the folder that the dataset grows in, keeping what the same build left there."""
-    partial = out.with_name(f"{out.name}.partial")
-    path = partial / REPORTS / "recipe.json"
-    wanted = recipe.model_dump_json().encode()
-    if partial.exists():
-        if path.is_file() and path.read_bytes() == wanted:
-            return partial
-        if not path.is_file() and not _is_bare(partial):
-            raise DatasetError(f"{partial}: is in the way and no build of ours; move it away")
-        shutil.rmtree(partial)  # of a build that was stopped and is not this one
-    write_bytes(path, wanted)
-    return partial
-
-
-def _is_bare(partial: Path) -> bool:
-    """Say whether nothing is there but what a build killed at its very start leaves."""
-    begun = {partial / REPORTS, partial / REPORTS / ".recipe.json.partial"}
-    return partial.is_dir() and not partial.is_symlink() and set(partial.rglob("*")) <= begun
-
-
-def _move_into_place(partial: Path, out: Path) -> None:
-    """Rename the finished dataset to its place; an old one is removed only after that."""
-    try:
-        if (out / MANIFEST).exists():
-            aside = Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))
-            out.rename(aside / out.name)
-            partial.rename(out)
-            shutil.rmtree(aside)
-        else:
-            partial.rename(out)
-        shutil.rmtree(out / REPORTS)
-    except OSError as error:
-        raise DatasetError(
-            f"{out}: cannot be put in place ({error.strerror or error}); "
-            f"the finished dataset is {partial}"
-        ) from error

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
+from itertools import pairwise
 from types import MappingProxyType
 from typing import Any
 
@@ -18,6 +19,7 @@ import pyarrow.compute as pc
 
 from bsg_data.dataset.schema import EDGES, OBJECTS, ROOMS, SCENES
 from bsg_data.errors import ClassMapError
+from bsg_data.geometry.placement import measure_area
 from bsg_data.scene.class_map import ClassMap, Role, is_nameless, load_class_map, published_maps
 from bsg_data.scene.class_space import hash_classes
 from bsg_data.sources.catalogue import find_terms
@@ -91,7 +93,11 @@ def convert_table(
     if name == "scenes":
         return _add(table, SCENES, class_map=[class_map] * len(table))
     if name == "rooms":
-        return _add(table.drop_columns(["label"]), ROOMS)
+        areas = [
+            None if outline is None else measure_area(list(pairwise(outline))[::2])
+            for outline in table["footprint"].to_pylist()
+        ]
+        return _add(table.drop_columns(["label"]), ROOMS, floor_area=areas)
     if name == "objects":
         return _add(table, OBJECTS, role=_tell_roles(table, _find_map(class_map)))
     if name == "edges":

@@ -128,6 +128,25 @@ def read_pairs(dataset: Path, split: str, *, manifest: Manifest | None = None) -
     return pa.concat_tables(read_file(dataset / f.path, manifest=manifest) for f in entries)
 
 
+def rewrite_pairs(dataset: Path, folder: Path, manifest: Manifest) -> list[FileEntry]:
+    """Write the pairs of a dataset into another folder, whose manifest this is, file by file."""
+    old = read_manifest(dataset)
+    schema = pairs_schema(len(manifest.class_space.classes))
+    entries = []
+    for entry in old.files_of("pairs"):
+        table = read_file(dataset / entry.path, manifest=old)
+        with open_parquet(
+            folder / entry.path,
+            schema,
+            table="pairs",
+            class_space=manifest.class_space,
+            pairs=manifest.pairs.model_dump_json() if manifest.pairs else "null",
+        ) as writer:
+            writer.write_table(table.cast(schema), row_group_size=ROWS_PER_GROUP)
+        entries.append(describe_file(folder, entry.path, rows=entry.rows))
+    return entries
+
+
 def histogram_column(table: pa.Table, name: str) -> npt.NDArray[np.uint16]:
     """Return a list column of the pairs as `[rows, C]`."""
     width = table.schema.field(name).type.list_size

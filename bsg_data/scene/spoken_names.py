@@ -19,7 +19,7 @@ RULES: Mapping[Rule, str] = {
     "class: `leather armchair` is `armchair`",
 }
 # What follows one of these tells what kind of the thing before it is meant.
-_PREPOSITION = re.compile(r"\s(?:with|for|of|in|on|from|without)\s")
+_PREPOSITION = re.compile(r"\s(?:with|without|for|of)\s")
 # A number of things is of the things' class (rule 3 of mappings/README.md).
 _COLLECTION = re.compile(r"^(?:an? )?(?:sets?|pairs?|piles?|stacks?|bunch|group|row) of ")
 # (ending of the plural, ending of the singular)
