@@ -34,22 +34,11 @@ def test_what_the_readme_and_the_docs_count() -> None:
     assert sum(entry.class_index is not None for entry in OURS.entries.values()) == 142
     found = {entry.class_index for entry in OURS.entries.values()} - {None}
     missing = {name for index, name in enumerate(OURS.classes) if index not in found}
-    assert missing == set(
-        [
-            "bathtub",
-            "blanket",
-            "bookshelf",
-            "chandelier",
-            "clothes",
-            "dishwasher",
-            "fan",
-            "floor mat",
-            "mirror",
-            "nightstand",
-            "stove",
-            "wardrobe",
-        ]
+    words = (
+        "bathtub,blanket,bookshelf,chandelier,clothes,dishwasher,fan,floor mat,mirror,nightstand,"
+        "stove,wardrobe"
     )
+    assert missing == set(words.split(","))
 
 
 @pytest.mark.parametrize(
