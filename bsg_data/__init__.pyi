@@ -20,7 +20,7 @@ from .errors import (
     UnmappedNameError,
 )
 from .observation.masked_buildings import MaskedBuildings
-from .observation.masks import MASKS, Mask, sample_hidden, sample_visited
+from .observation.masks import MASKS, Mask, sample_hidden, sample_view, sample_withheld
 from .observation.observation import Observation
 from .observation.pairs import read_pairs, sample_pairs, write_pairs
 from .observation.partial_graph import (
@@ -32,7 +32,8 @@ from .observation.partial_graph import (
     observe,
 )
 from .observation.robot_json import list_unmapped, read_robot_graph
-from .recipes import MaskRecipe, PairsRecipe, SplitRecipe
+from .observation.view import View
+from .recipes import Exploration, MaskRecipe, PairsRecipe, SplitRecipe
 from .scene.class_map import Classified, ClassMap, MapEntry, list_class_maps, load_class_map
 from .scene.connections import Connections
 from .scene.mesh_coverage import MeshCoverage
@@ -68,6 +69,7 @@ __all__ = [
     "Dataset",
     "DatasetError",
     "Edge",
+    "Exploration",
     "Fault",
     "FileEntry",
     "FoundScenes",
@@ -100,6 +102,7 @@ __all__ = [
     "SplitRecipe",
     "Terms",
     "UnmappedNameError",
+    "View",
     "WithLayouts",
     "assign_splits",
     "build_dataset",
@@ -124,7 +127,8 @@ __all__ = [
     "read_table",
     "sample_hidden",
     "sample_pairs",
-    "sample_visited",
+    "sample_view",
+    "sample_withheld",
     "split_dataset",
     "to_histograms",
     "write_pairs",
