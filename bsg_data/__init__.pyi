@@ -2,11 +2,12 @@ from .build import build_dataset
 from .checks.dataset import check_dataset
 from .checks.faults import Fault
 from .dataset.categories import OtherObjects
+from .dataset.composition import count_sources
 from .dataset.coverage import Coverage, measure_coverage
 from .dataset.dataset import Dataset, read_adjacency, read_cells
 from .dataset.frequencies import count_frequencies, plot_frequencies
 from .dataset.histograms import to_histograms
-from .dataset.manifest import ClassMapEntry, FileEntry, Manifest, read_manifest
+from .dataset.manifest import ClassMapEntry, ClassSpaceEntry, FileEntry, Manifest, read_manifest
 from .dataset.shards import read_scene_graphs, read_table, write_shards
 from .dataset.splits import assign_splits, read_splits, split_dataset
 from .errors import (
@@ -19,6 +20,7 @@ from .errors import (
     SourceError,
     UnmappedNameError,
 )
+from .merge import merge_datasets, upgrade_dataset
 from .observation.masked_buildings import MaskedBuildings
 from .observation.masks import MASKS, Mask, sample_hidden, sample_view, sample_withheld
 from .observation.observation import Observation
@@ -35,6 +37,7 @@ from .observation.robot_json import list_unmapped, read_robot_graph
 from .observation.view import View
 from .recipes import Exploration, MaskRecipe, PairsRecipe, SplitRecipe
 from .scene.class_map import Classified, ClassMap, MapEntry, list_class_maps, load_class_map
+from .scene.class_space import ClassSpace, list_class_spaces, load_class_space
 from .scene.connections import Connections
 from .scene.mesh_coverage import MeshCoverage
 from .scene.scene_graph import Box, Edge, Room, SceneGraph, SceneObject
@@ -63,6 +66,8 @@ __all__ = [
     "ClassMap",
     "ClassMapEntry",
     "ClassMapError",
+    "ClassSpace",
+    "ClassSpaceEntry",
     "Classified",
     "Connections",
     "Coverage",
@@ -108,12 +113,16 @@ __all__ = [
     "build_dataset",
     "check_dataset",
     "count_frequencies",
+    "count_sources",
     "list_class_maps",
+    "list_class_spaces",
     "list_unmapped",
     "load_class_map",
+    "load_class_space",
     "mask_dataset",
     "mask_scene",
     "measure_coverage",
+    "merge_datasets",
     "observe",
     "open_source",
     "plot_frequencies",
@@ -131,6 +140,7 @@ __all__ = [
     "sample_withheld",
     "split_dataset",
     "to_histograms",
+    "upgrade_dataset",
     "write_pairs",
     "write_shards",
     "write_synthetic",

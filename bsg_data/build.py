@@ -9,30 +9,30 @@ from __future__ import annotations
 
 import hashlib
 import shutil
-import tempfile
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
 from importlib.metadata import version
 from pathlib import Path
 
 from pydantic import ValidationError
 
+from bsg_data.dataset.growth import finish, make_parent, open_partial, refuse_overwriting
 from bsg_data.dataset.manifest import (
-    MANIFEST,
     ClassMapEntry,
+    ClassSpaceEntry,
     FileEntry,
     Manifest,
+    ResolvedEntry,
     SkipEntry,
     SourceEntry,
     Totals,
     UnmappedEntry,
-    read_manifest,
 )
-from bsg_data.dataset.publication import REPORTS, REVISION, list_strays, publish
+from bsg_data.dataset.publication import REPORTS
 from bsg_data.dataset.schema import FORMAT_VERSION
 from bsg_data.dataset.shards import describe_file, write_shards
-from bsg_data.errors import DatasetError, SourceError, UnmappedNameError
+from bsg_data.errors import SourceError, UnmappedNameError
 from bsg_data.executors import run_all
 from bsg_data.files import write_bytes
 from bsg_data.lock import hold
@@ -40,7 +40,8 @@ from bsg_data.recipes import Record
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
 from bsg_data.scene.mesh_coverage import MeshCoverage
 from bsg_data.scene.scene_graph import SceneGraph, is_scene_id
-from bsg_data.sources.source import FoundScenes, SceneRef, SkippedScene, Source
+from bsg_data.sources.catalogue import SOURCES, find_terms
+from bsg_data.sources.source import FoundScenes, SceneRef, SkippedScene, Source, SourceWithTerms
 
 SCENES_PER_SHARD = 16
 
@@ -51,8 +52,8 @@ class BuildRecipe(Record):
     format_version: int = FORMAT_VERSION
     generator: str
     source: SourceEntry
-    class_map: ClassMapEntry
-    options: dict[str, int]
+    class_space: ClassSpaceEntry
+    scenes_per_shard: int
 
 
 class ShardReport(Record):
@@ -64,13 +65,14 @@ class ShardReport(Record):
     left_out: tuple[SkipEntry, ...]
     meshes: dict[str, MeshCoverage]
     unmapped: dict[str, int]
+    resolved: tuple[ResolvedEntry, ...]
 
 
 def build_dataset(
     source: Source,
     out: Path,
     *,
-    class_map: str = DEFAULT_CLASS_MAP,
+    class_map: str | None = None,
     strict: bool = False,
     force: bool = False,
     scenes_per_shard: int = SCENES_PER_SHARD,
@@ -82,7 +84,8 @@ def build_dataset(
     Args:
         source: an `HM3DFolder`, an `HM3DStatistics` or your own `Source`.
         out: folder of the dataset; absent or empty, or a dataset to replace under `force`.
-        class_map: version of a published map, or the path of your own.
+        class_map: version of a published map, or the path of your own; None takes the map of the
+            source.
         strict: fail on the first malformed scene or unmapped name instead of reporting it.
         force: replace a finished dataset; it stays until the new one is finished.
         scenes_per_shard: scenes found per part of each table.
@@ -95,19 +98,20 @@ def build_dataset(
         DatasetError: if `out` is in the way or cannot be written.
     """
     out = out.resolve()  # a linked --out stays a link; what it leads to is replaced
-    loaded = load_class_map(class_map)
-    _refuse_overwriting(out, force=force)
+    chosen = class_map or name_class_map(source)
+    loaded = load_class_map(chosen)
+    refuse_overwriting(out, force=force)
     listing = source.find()
     if strict and listing.unreadable:
         skip = listing.unreadable[0]
         raise SourceError(f"{source.path / skip.location}: {skip.reason}")
     recipe = _recipe(source, listing, loaded, scenes_per_shard)
     starts = range(0, len(listing.scenes), scenes_per_shard)
-    _make_parent(out)
+    make_parent(out)
     with hold(out):  # against another build, and against split and pairs of what is replaced
-        growing = _open_partial(out, recipe)
+        growing = open_partial(out, recipe)
         tasks = [
-            (source, listing.scenes[a : a + scenes_per_shard], growing, part, class_map, strict)
+            (source, listing.scenes[a : a + scenes_per_shard], growing, part, chosen, strict)
             for part, a in enumerate(starts)
         ]
         reports = run_all(_make_shard, tasks, executor=executor, progress=progress)
@@ -115,12 +119,13 @@ def build_dataset(
         if not manifest.totals.scenes:
             shutil.rmtree(growing)
             raise SourceError(_nothing_readable(source, manifest))
-        for name in list_strays(growing, manifest):
-            (growing / name).unlink()
-        publish(growing, manifest)
-        _refuse_overwriting(out, force=force)
-        _move_into_place(growing, out)
+        finish(growing, out, manifest, force=force)
     return manifest
+
+
+def name_class_map(source: Source) -> str:
+    """Return the published class map of a source's words."""
+    return SOURCES[source.kind].class_map if source.kind in SOURCES else DEFAULT_CLASS_MAP
 
 
 def _nothing_readable(source: Source, manifest: Manifest) -> str:
@@ -144,7 +149,7 @@ def _make_shard(
     loaded = load_class_map(class_map)
     graphs, skipped, left_out = [], [], []
     meshes: dict[str, MeshCoverage] = {}
-    unmapped: Counter[str] = Counter()
+    names: Counter[str] = Counter()
     for ref in refs:
         try:
             if not is_scene_id(ref.scene_id):
@@ -162,21 +167,37 @@ def _make_shard(
         left_out += [_enter_skip(skip, source.path) for skip in reading.left_out]
         if reading.mesh is not None:
             meshes[ref.scene_id] = reading.mesh
-        names = [obj.raw_category for obj in graph.objects if obj.category is None]
-        if names and strict:
-            raise UnmappedNameError(_unmapped_message(ref, names[0], loaded))
-        unmapped.update(names)
+        unknown = [obj.raw_category for obj in graph.objects if obj.category is None]
+        if unknown and strict:
+            raise UnmappedNameError(_unmapped_message(ref, unknown[0], loaded))
+        names.update(obj.raw_category for obj in graph.objects)
         graphs.append(graph)
     report = ShardReport(
-        files=write_shards(graphs, folder, part=part, class_map=ClassMapEntry.of(loaded)),
+        files=write_shards(graphs, folder, part=part, class_space=ClassSpaceEntry.of(loaded.space)),
         totals=_total(graphs),
         skipped=tuple(skipped),
         left_out=tuple(left_out),
         meshes=meshes,
-        unmapped=dict(unmapped),
+        unmapped={n: times for n, times in names.items() if not loaded.classify(n).category},
+        resolved=tuple(_list_resolved(names, loaded)),
     )
     write_bytes(path, report.model_dump_json().encode())
     return report
+
+
+def _list_resolved(names: Mapping[str, int], class_map: ClassMap) -> Iterator[ResolvedEntry]:
+    """Yield the names that a rule explains, most frequent first."""
+    for name, instances in sorted(names.items(), key=lambda item: (-item[1], item[0])):
+        known = class_map.classify(name)
+        if known.rule is not None and known.category is not None:
+            index = known.class_index
+            yield ResolvedEntry(
+                name=name,
+                instances=instances,
+                rule=known.rule,
+                category=known.category,
+                class_name=None if index is None else class_map.classes[index],
+            )
 
 
 def _enter_skip(skip: SkippedScene, root: Path) -> SkipEntry:
@@ -225,9 +246,12 @@ def _recipe(
             kind=source.kind,
             version=", ".join(versions) or None,
             fingerprint=digest.hexdigest(),
+            class_map=ClassMapEntry.of(class_map),
+            options=source.options,
+            terms=source.terms if isinstance(source, SourceWithTerms) else find_terms(source.kind),
         ),
-        class_map=ClassMapEntry.of(class_map),
-        options={"scenes_per_shard": scenes_per_shard, **source.options},
+        class_space=ClassSpaceEntry.of(class_map.space),
+        scenes_per_shard=scenes_per_shard,
     )
 
 
@@ -235,8 +259,10 @@ def _summarise(
     recipe: BuildRecipe, listing: FoundScenes, reports: list[ShardReport], class_map: ClassMap
 ) -> Manifest:
     unmapped: Counter[str] = Counter()
+    resolved: Counter[str] = Counter()
     for report in reports:
         unmapped.update(report.unmapped)
+        resolved.update({entry.name: entry.instances for entry in report.resolved})
     elsewhere = [
         SkipEntry(scene_id=skip.scene_id, location=skip.location, reason=skip.reason)
         for skip in (*listing.duplicates, *listing.unreadable)
@@ -244,9 +270,9 @@ def _summarise(
     fields = Totals.model_fields
     return Manifest(
         generator=recipe.generator,
-        source=recipe.source,
-        class_map=recipe.class_map,
-        options=recipe.options,
+        class_space=recipe.class_space,
+        sources=(recipe.source,),
+        scenes_per_shard=recipe.scenes_per_shard,
         totals=Totals(**{f: sum(getattr(r.totals, f) for r in reports) for f in fields}),
         files=tuple(sorted((f for r in reports for f in r.files), key=lambda f: f.path)),
         skipped=(*(skip for r in reports for skip in r.skipped), *elsewhere),
@@ -259,6 +285,7 @@ def _summarise(
             UnmappedEntry(name=name, instances=count, nearest=class_map.nearest(name))
             for name, count in sorted(unmapped.items(), key=lambda item: (-item[1], item[0]))
         ),
+        resolved=tuple(_list_resolved(resolved, class_map)),
     )
 
 
@@ -268,70 +295,3 @@ def _unmapped_message(ref: SceneRef, name: str, class_map: ClassMap) -> str:
         f"{ref.location}: {name!r} is not in class map {class_map.version} (nearest: {near}); "
         "leave --strict out to keep such objects without a class, or use a map that lists it"
     )
-
-
-def _make_parent(out: Path) -> None:
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise DatasetError(f"{out}: cannot be written ({error.strerror})") from error
-
-
-def _refuse_overwriting(out: Path, *, force: bool) -> None:
-    outer = next((folder for folder in out.parents if (folder / MANIFEST).is_file()), None)
-    if outer is not None:
-        raise DatasetError(f"{out}: is inside the dataset {outer}; choose another --out")
-    if not out.exists() or (out.is_dir() and not any(out.iterdir())):
-        return
-    if not (out / MANIFEST).is_file():
-        raise DatasetError(f"{out}: is no dataset and is left alone; choose another --out")
-    if not force:
-        raise DatasetError(f"{out}: is a finished dataset; --force replaces it")
-    try:
-        strays = list_strays(out, read_manifest(out))
-    except DatasetError as error:
-        raise DatasetError(f"{error}. --force does not remove it; move it away") from error
-    users = [name for name in strays if not name.startswith(f"{REVISION}/")]
-    if users:
-        raise DatasetError(
-            f"{out}: holds {users[0]}, which is not the dataset's; move it away, then --force"
-        )
-
-
-def _open_partial(out: Path, recipe: BuildRecipe) -> Path:
-    """Return the folder that the dataset grows in, keeping what the same build left there."""
-    partial = out.with_name(f"{out.name}.partial")
-    path = partial / REPORTS / "recipe.json"
-    wanted = recipe.model_dump_json().encode()
-    if partial.exists():
-        if path.is_file() and path.read_bytes() == wanted:
-            return partial
-        if not path.is_file() and not _is_bare(partial):
-            raise DatasetError(f"{partial}: is in the way and no build of ours; move it away")
-        shutil.rmtree(partial)  # of a build that was stopped and is not this one
-    write_bytes(path, wanted)
-    return partial
-
-
-def _is_bare(partial: Path) -> bool:
-    """Say whether nothing is there but what a build killed at its very start leaves."""
-    begun = {partial / REPORTS, partial / REPORTS / ".recipe.json.partial"}
-    return partial.is_dir() and not partial.is_symlink() and set(partial.rglob("*")) <= begun
-
-
-def _move_into_place(partial: Path, out: Path) -> None:
-    """Rename the finished dataset to its place; an old one is removed only after that."""
-    try:
-        if (out / MANIFEST).exists():
-            aside = Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))
-            out.rename(aside / out.name)
-            partial.rename(out)
-            shutil.rmtree(aside)
-        else:
-            partial.rename(out)
-        shutil.rmtree(out / REPORTS)
-    except OSError as error:
-        raise DatasetError(
-            f"{out}: cannot be put in place ({error.strerror or error}); "
-            f"the finished dataset is {partial}"
-        ) from error

@@ -102,7 +102,15 @@ class MaskRecipe(Record):
 
 
 class PairsRecipe(Record):
-    """How masked pairs are drawn: a mask, and how many draws of every building."""
+    """How masked pairs are drawn: a mask, and how many draws of every building.
+
+    Attributes:
+        mask: how objects are hidden.
+        draws: masks of every building.
+        masks: version of the masks: 1 those of format 1 (`bsg_data.observation.masks_v1`), by which
+            nothing is drawn any more, but pairs stay what they were when a dataset is upgraded.
+    """
 
     mask: MaskRecipe = MaskRecipe()
     draws: int = Field(default=10, ge=1, le=1_000_000)
+    masks: Literal[1, 2] = 2

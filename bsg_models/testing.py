@@ -18,10 +18,10 @@ import numpy as np
 import torch
 
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.manifest import ClassMapEntry
+from bsg_data.dataset.manifest import ClassSpaceEntry
 from bsg_data.errors import BSGError
 from bsg_data.observation.observation import Observation
-from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, classify
+from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.connections import Connections
 from bsg_data.scene.scene_graph import Box
@@ -444,11 +444,12 @@ def make_belief(scene_id: str, *, names: Sequence[str]) -> BeliefGraph:
         for i, name in enumerate(names)
     )
     objects = tuple(
-        SeenObject(str(i), min(i, len(rooms)), name, *classify(name, class_map), None)
+        SeenObject(str(i), min(i, len(rooms)), name, known.category, known.class_index)
         for i, name in enumerate(["bed", *names] if names else [])
+        for known in [class_map.classify(name)]
     )
     pairs = tuple((a, a + 1) for a in range(1, len(rooms)))
-    graph = PartialGraph(scene_id, ClassMapEntry.of(class_map), 0.25, rooms, objects, pairs)
+    graph = PartialGraph(scene_id, ClassSpaceEntry.of(class_map.space), 0.25, rooms, objects, pairs)
     inputs = graph.histograms().astype(float)
     hidden = np.random.default_rng(0).gamma(0.1, 1.0, inputs.shape)
     return believe(graph, from_hidden_counts(inputs, poisson(hidden)), model=scene_id)

@@ -73,6 +73,10 @@ class_map_option = click.option(
     show_default=True,
     help="A published version, or the path of your own NAME.csv.",
 )
+source_map_option = click.option(
+    "--class-map",
+    help="A published version, or the path of your own NAME.csv.  [default: the source's]",
+)
 
 
 def version_option() -> Decorator[Any]:

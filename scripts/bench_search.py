@@ -94,7 +94,7 @@ def measure_orders(*, rooms: int = 13, cases: int = 200) -> None:
 def run(dataset: Path) -> None:
     """Print searches a second in every world, and the time of many searches."""
     data = Dataset.open(dataset)
-    classes = tuple(range(len(data.manifest.class_map.classes)))
+    classes = tuple(range(len(data.manifest.class_space.classes)))
     scenes = list(data.cells)[:BUILDINGS]
     print(f"{len(scenes)} buildings, {EPISODES} searches each, nearest-first, for one instance\n")
     print(f"{'world':24s}{'networkx':>12s}{'bsg_models':>12s}  ratio")

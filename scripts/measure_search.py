@@ -46,7 +46,7 @@ def measure_search(dataset: Path, run: Path, *, orders: int = ORDERS) -> Floats:
     gains = []
     for scene, truth in val_scenes(dataset):
         rooms = tuple(KnownRoom(str(room.region_id), 1.0, visited=False) for room in scene.rooms)
-        nothing = PartialGraph(scene.scene_id, manifest.class_map, 1.0, rooms, ())
+        nothing = PartialGraph(scene.scene_id, manifest.class_space, 1.0, rooms, ())
         before = surprises(predictor, nothing, truth)
         rng = np.random.default_rng(0)
         stops = {max(1, len(rooms) * quarter // 4) for quarter in (1, 2, 3)}
@@ -68,7 +68,7 @@ def measure_half_seen(dataset: Path, run: Path) -> Floats:
     manifest, predictor = read_manifest(dataset), Predictor(run)
     gains = []
     for scene, truth in val_scenes(dataset):
-        half = mask_scene(scene, MaskRecipe(), draw=0, class_map=manifest.class_map)
+        half = mask_scene(scene, MaskRecipe(), draw=0, class_space=manifest.class_space)
         before = surprises(predictor, half, truth)
         for room in range(1, len(scene.rooms) + 1):
             graph = half

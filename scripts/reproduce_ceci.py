@@ -95,7 +95,7 @@ def measure(
         found = predict_all(restore_model(run / BEST, checkpoint), masked)
         splits.append(Measurement(truth, found))
         errors.append(np.abs(found.totals - truth.targets)[~truth.is_building].mean(axis=0))
-    classes = checkpoint.header.class_map.classes
+    classes = checkpoint.header.class_space.classes
     per_class = dict(zip(classes, np.mean(errors, axis=0).tolist(), strict=True))
     measured = bootstrap(SplitsMeasurement(splits), resamples=resamples)
     return measured.estimates(), per_class

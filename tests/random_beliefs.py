@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from bsg_data.dataset.manifest import ClassMapEntry
-from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, classify
+from bsg_data.dataset.manifest import ClassSpaceEntry
+from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box
 from bsg_models.belief.belief_graph import BeliefGraph, believe
@@ -15,7 +15,7 @@ from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import from_hidden_counts
 
 LOADED = load_class_map()
-CLASS_MAP = ClassMapEntry.of(LOADED)
+CLASS_SPACE = ClassSpaceEntry.of(LOADED.space)
 HOSTILE = '</script><img src=x onerror="alert(1)">'
 
 
@@ -45,9 +45,11 @@ def make_belief(seed: int, *, mode: Any = "complete", scene_id: str = "s") -> Be
         name = str(rng.choice(["bed", "sofa", "tap", "zzqx", HOSTILE]))
         spot = (1.0, 2.0, float(number)) if rng.random() < 0.5 else None
         room = int(rng.integers(0, len(rooms) + 1))
-        objects.append(SeenObject(str(number), room, name, *classify(name, LOADED), spot))
+        known = LOADED.classify(name)
+        seen = SeenObject(str(number), room, name, known.category, known.class_index, spot)
+        objects.append(seen)
     pairs = [(a, a + 1) for a in range(1, len(rooms)) if rng.random() < 0.6]
-    graph = PartialGraph(scene_id, CLASS_MAP, 0.25, tuple(rooms), tuple(objects), tuple(pairs))
+    graph = PartialGraph(scene_id, CLASS_SPACE, 0.25, tuple(rooms), tuple(objects), tuple(pairs))
     inputs = graph.histograms().astype(float)
     expectation = from_hidden_counts(inputs, poisson(rng.gamma(0.1, 1.0, inputs.shape)))
     return believe(graph, expectation, mode=mode, model="random")

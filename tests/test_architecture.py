@@ -26,6 +26,7 @@ HOUSE = (
     "bsg_data.dataset",
     "bsg_data.observation",
     "bsg_data.build bsg_data.synthetic bsg_data.checks",
+    "bsg_data.merge",
     "bsg_data.testing",
     "bsg_models.errors",
     "bsg_models.belief bsg_models.search bsg_models.inputs",

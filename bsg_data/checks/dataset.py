@@ -21,12 +21,19 @@ from bsg_data.checks.tables import (
     check_rooms,
     check_scenes,
 )
-from bsg_data.dataset.manifest import MANIFEST, FileEntry, Manifest, read_manifest
+from bsg_data.dataset.manifest import (
+    MANIFEST,
+    ClassSpaceEntry,
+    FileEntry,
+    Manifest,
+    read_manifest,
+)
 from bsg_data.dataset.publication import CARD, CROISSANT, list_strays
-from bsg_data.dataset.schema import SPLITS, TABLES, pairs_schema
-from bsg_data.dataset.shards import check_file_metadata, describe_file
+from bsg_data.dataset.schema import TABLES
+from bsg_data.dataset.shards import check_file_metadata, describe_file, schema_of, to_current
 from bsg_data.errors import BSGError, ClassMapError
-from bsg_data.scene.class_map import list_class_maps, load_class_map
+from bsg_data.scene.class_map import load_class_map, published_maps
+from bsg_data.scene.class_space import hash_classes, list_class_spaces, load_class_space
 
 
 def check_dataset(
@@ -38,7 +45,7 @@ def check_dataset(
         DatasetError: if the manifest cannot be read, so that there is nothing to check against.
     """
     manifest = read_manifest(dataset)
-    faults = [*_check_class_map(manifest), *_check_strays(dataset, manifest)]
+    faults = [*_check_classes(manifest), *_check_strays(dataset, manifest)]
     faults += _check_recipes(manifest)
     tables: dict[str, list[pa.Table]] = {}
     pairs = manifest.files_of("pairs")
@@ -87,21 +94,27 @@ def _check_recipes(manifest: Manifest) -> Iterator[Fault]:
             yield Fault(MANIFEST, f"lists no file of {table}")
 
 
-def _check_class_map(manifest: Manifest) -> Iterator[Fault]:
-    ours = manifest.class_map
-    if ours.version not in list_class_maps():
-        return  # a map of the user's own: there is nothing published to compare with
+def _check_classes(manifest: Manifest) -> Iterator[Fault]:
+    """Compare class space and class maps with those that are published under their names."""
+    space = manifest.class_space
+    if space.sha256 != hash_classes(space.classes):
+        yield Fault(MANIFEST, f"the sha256 of class space {space.name} is not that of its classes")
     try:
-        published = load_class_map(ours.version)
+        if space.name in list_class_spaces() and space != ClassSpaceEntry.of(
+            load_class_space(space.name)
+        ):
+            yield Fault(MANIFEST, f"class space {space.name} is not the published one")
+        for ours in {source.class_map for source in manifest.sources}:
+            if ours.version in published_maps():
+                published = load_class_map(ours.version).sha256
+                if published != ours.sha256:
+                    yield Fault(
+                        MANIFEST,
+                        f"class map {ours.version} is not the published one: expected sha256 "
+                        f"{published}, found {ours.sha256}",
+                    )
     except ClassMapError as error:
         yield Fault(MANIFEST, str(error))
-        return
-    if (published.sha256, published.classes) != (ours.sha256, ours.classes):
-        yield Fault(
-            MANIFEST,
-            f"class map {ours.version} is not the published one: expected sha256 "
-            f"{published.sha256}, found {ours.sha256}",
-        )
 
 
 def _check_strays(dataset: Path, manifest: Manifest) -> Iterator[Fault]:
@@ -139,11 +152,7 @@ def _check_file(
         return [*faults, Fault(entry.path, str(error))], None
     except (OSError, pa.ArrowInvalid) as error:
         return [*faults, Fault(entry.path, f"is not readable parquet: {error}")], None
-    expected = {
-        **TABLES,
-        "splits": SPLITS,
-        "pairs": pairs_schema(len(manifest.class_map.classes)),
-    }[_table_of(entry)]
+    expected = schema_of(_table_of(entry), manifest)
     if not table.schema.equals(expected, check_metadata=False):
         faults.append(Fault(entry.path, f"expected the columns\n{expected}\nfound\n{table.schema}"))
         return faults, None
@@ -154,4 +163,4 @@ def _check_file(
         for field in expected
         if not field.nullable and table[field.name].null_count
     ]
-    return faults, table
+    return faults, None if faults else to_current(path, table, manifest)

@@ -60,12 +60,14 @@ class PairTruth:
     def __init__(
         self, frames: dict[str, pd.DataFrame], splits: pd.DataFrame, manifest: Manifest
     ) -> None:
-        self.cells = count_frames(frames, width=len(manifest.class_map.classes))
+        self.cells = count_frames(frames, width=len(manifest.class_space.classes))
         self.split = dict(zip(splits["scene_id"], splits["split"], strict=True))
         self.recipe = manifest.pairs
         edges = frames["edges"][frames["edges"]["kind"] == "adjacent"]
         self.adjacency: dict[str, list[tuple[int, int]]] = {}
-        for scene, a, b in zip(edges["scene_id"], edges["source"], edges["target"], strict=True):
+        for scene, a, b in zip(
+            edges["scene_id"], edges["source_index"], edges["target_index"], strict=True
+        ):
             self.adjacency.setdefault(scene, []).append((int(a), int(b)))
 
     def check(self, entry: FileEntry, table: pa.Table) -> Iterator[Fault]:
@@ -100,14 +102,14 @@ class PairTruth:
             return
         inputs = histogram_column(table, "input").astype(np.int64).reshape(shape)
         targets = histogram_column(table, "target").reshape(shape)
-        view = read_views(table, recipe.mask)
+        view = read_views(table, recipe)
         faults = list(_check_histograms(where, inputs, targets, cells))
         if tells_view(table):
             faults += _check_view(where, view, inputs, targets)
         yield from faults
         if not faults:
             known = Connections.of_pairs(self.adjacency.get(scene, ()))
-            if not _is_drawn(view, inputs, cells, recipe, scene, known, told=tells_view(table)):
+            if not _is_drawn(view, inputs, cells, recipe, scene, known):
                 yield Fault(where, "is not the mask of its recipe (or another NumPy drew it)")
 
 
@@ -118,11 +120,9 @@ def _is_drawn(
     recipe: PairsRecipe,
     scene: str,
     connections: Connections,
-    *,
-    told: bool,
 ) -> bool:
     """Say whether pairs `[D, N, C]` and the views of their rows are those of the recipe."""
-    if told:
+    if recipe.masks != 1:
         views, drawn = sample_pairs(cells, recipe, scene_id=scene, connections=connections)
         nodes = len(cells)
         same = all(

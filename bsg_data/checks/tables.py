@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -10,12 +11,13 @@ import pandas as pd
 import pyarrow as pa
 
 from bsg_data.checks.faults import Fault
-from bsg_data.dataset.manifest import MANIFEST, Manifest
-from bsg_data.scene.class_map import list_class_maps, load_class_map
-from bsg_data.scene.scene_graph import Room, is_scene_id
+from bsg_data.dataset.manifest import MANIFEST, ClassSpaceEntry, Manifest
+from bsg_data.scene.class_map import Role, load_class_map, published_maps
+from bsg_data.scene.scene_graph import ADJACENCY_METHODS, is_scene_id
 from bsg_data.scene.scene_id import building_hash
 
 _PLACES = ("centroid", "box_min", "box_max", "part_min", "part_max")
+_WHOLES = (("centroid",), ("box_min", "box_max"), ("part_min", "part_max"))  # all or nothing
 _ROUNDING = 2e-4  # metres: coordinates are rounded, and what is derived from them again
 
 
@@ -75,8 +77,6 @@ def check_scenes(frames: dict[str, pd.DataFrame], manifest: Manifest) -> Iterato
     rising = rooms["region_id"].diff() > 0
     for scene in rooms["scene_id"][(rooms["region_id"] < 0) | (together & ~rising)].unique():
         yield Fault("rooms", f"{scene}: region_id does not rise from 0 or more")
-    for scene in rooms["scene_id"][rooms["label"] != Room.LABEL].unique():
-        yield Fault("rooms", f"{scene}: a label is not {Room.LABEL!r}")
     for name, frame, key in (("rooms", rooms, "room_index"), ("objects", objects, "object_index")):
         expected = frame.groupby("scene_id").cumcount() + 1
         for scene in frame["scene_id"][frame[key] != expected].unique():
@@ -86,7 +86,7 @@ def check_scenes(frames: dict[str, pd.DataFrame], manifest: Manifest) -> Iterato
 def check_objects(frames: dict[str, pd.DataFrame], manifest: Manifest) -> Iterator[Fault]:
     """Check that every object is in a room of its scene and in the class that the map says."""
     objects = frames["objects"]
-    classes = manifest.class_map.classes
+    classes = manifest.class_space.classes
     rooms = frames["scenes"].set_index("scene_id")["num_rooms"]
     limit = objects["scene_id"].map(rooms).astype(float)
     outside = (objects["room_index"] < 0) | (objects["room_index"] > limit)
@@ -102,17 +102,42 @@ def check_objects(frames: dict[str, pd.DataFrame], manifest: Manifest) -> Iterat
     for column in ("instance_id", "object_index"):
         repeated = objects.duplicated(["scene_id", column])
         yield from _each(objects, repeated, f"{column} is there twice")
-    if manifest.class_map.version in list_class_maps():
-        published = load_class_map(manifest.class_map.version)
-        names = objects["raw_category"].unique()
-        classed = {name: published.classify(name).class_index for name in names}
-        by_map = objects["raw_category"].map(classed).astype(float)
+    yield from _check_roles(objects)
+    yield from _check_names(objects, frames["scenes"], manifest.class_space)
+
+
+def _check_roles(objects: pd.DataFrame) -> Iterator[Fault]:
+    """Check that roles agree with classes and categories."""
+    role = objects["role"]
+    yield from _each(objects, ~role.isin(get_args(Role)), f"role is none of {get_args(Role)}")
+    wrong = (role == "classified") != objects["class_index"].notna()
+    yield from _each(objects, wrong, "role is classified with a class, and only then")
+    wrong = (role == "unmapped") != objects["category"].isna()
+    yield from _each(objects, wrong, "role is unmapped without a category, and only then")
+
+
+def _check_names(
+    objects: pd.DataFrame, scenes: pd.DataFrame, space: ClassSpaceEntry
+) -> Iterator[Fault]:
+    """Check that class and role are what the published class map of a scene says."""
+    maps = objects["scene_id"].map(scenes.set_index("scene_id")["class_map"])
+    for version in sorted(set(maps.dropna()) & set(published_maps())):
+        published = load_class_map(version)
+        if published.classes != space.classes:
+            yield Fault("scenes", f"class map {version} does not lead into {space.name}")
+            continue
+        own = objects[maps == version]
+        known = {name: published.classify(name) for name in own["raw_category"].unique()}
+        index = own["class_index"].astype(float)
+        by_map = own["raw_category"].map({k: v.class_index for k, v in known.items()}).astype(float)
         differs = (by_map != index) & ~(by_map.isna() & index.isna())
-        yield from _each(objects, differs, f"class_index is not what {published.version} says")
+        yield from _each(own, differs, f"class_index is not what {version} says")
+        role = own["raw_category"].map({k: v.role for k, v in known.items()})
+        yield from _each(own, role != own["role"], f"role is not what {version} says")
 
 
 def _check_boxes(objects: pd.DataFrame) -> Iterator[Fault]:
-    """Check that what has a box has all of its place, and that it lies within the box."""
+    """Check that places are whole and finite, and that centroid and part lie within the box."""
     there = objects["box_min_x"].notna()
     yield from _each(
         objects, there != objects["has_geometry"], "has_geometry is not what the box says"
@@ -120,8 +145,12 @@ def _check_boxes(objects: pd.DataFrame) -> Iterator[Fault]:
     names = [f"{what}_{axis}" for what in _PLACES for axis in "xyz"]
     infinite = np.isinf(objects[names].to_numpy(dtype=float)).any(axis=1)
     yield from _each(objects, pd.Series(infinite, objects.index), "its geometry is not finite")
-    partial = objects[[*names, "area"]].isna().nunique(axis=1) > 1
-    yield from _each(objects, partial, "has only part of its geometry")
+    for what in _WHOLES:
+        columns = [f"{name}_{axis}" for name in what for axis in "xyz"]
+        partial = _is_partial(objects[columns])
+        yield from _each(objects, partial, f"has only part of its {what[0].split('_')[0]}")
+    bare = there & objects["centroid_x"].isna() | objects["part_min_x"].notna() & ~there
+    yield from _each(objects, bare, "has a box without a centroid, or a part without a box")
     for axis in "xyz":
         low, high = objects[f"box_min_{axis}"], objects[f"box_max_{axis}"]
         outside = (low > high) | (objects[f"part_min_{axis}"] > objects[f"part_max_{axis}"])
@@ -137,20 +166,23 @@ def check_rooms(frames: dict[str, pd.DataFrame]) -> Iterator[Fault]:
     """Check boxes, footprints and storeys of rooms, and what the scenes say of geometry."""
     rooms, scenes = frames["rooms"], frames["scenes"]
     names = [f"{what}_{axis}" for what in _PLACES[:3] for axis in "xyz"]
-    wrong = rooms[names].isna().nunique(axis=1) > 1
+    infinite = np.isinf(rooms[[*names, "floor_z", "floor_area"]].to_numpy(dtype=float)).any(axis=1)
+    wrong = pd.Series(infinite, rooms.index)
+    for what in _WHOLES[:2]:
+        columns = [f"{name}_{axis}" for name in what for axis in "xyz"]
+        wrong |= _is_partial(rooms[columns])
     there = rooms["box_min_x"].notna()
-    wrong |= pd.Series(np.isinf(rooms[names].to_numpy(dtype=float)).any(axis=1), rooms.index)
-    wrong |= there != _fill_boxes(rooms)
-    wrong |= there != (rooms["floor_index"] >= 0)
-    wrong |= there != (rooms["floor_z"].abs() < np.inf)
+    wrong |= there & rooms["centroid_x"].isna()
+    wrong |= ~_fill_boxes(rooms)
+    wrong |= (rooms["floor_index"] < 0) | (rooms["floor_area"] <= 0)
     for axis in "xyz":
         low, high = rooms[f"box_min_{axis}"], rooms[f"box_max_{axis}"]
         wrong |= (low > high) | ((rooms[f"centroid_{axis}"] - (low + high) / 2).abs() > _ROUNDING)
     for row in rooms[wrong].itertuples():
         yield Fault("rooms", f"{row.scene_id}, room {row.room_index}: its geometry is impossible")
     placed = {
-        *rooms.loc[rooms["box_min_x"].notna(), "scene_id"],
-        *frames["objects"].loc[frames["objects"]["has_geometry"], "scene_id"],
+        *rooms.loc[rooms["centroid_x"].notna() | rooms["footprint"].notna(), "scene_id"],
+        *frames["objects"].loc[frames["objects"]["centroid_x"].notna(), "scene_id"],
     }
     axes = ("x", "y", "z", "-x", "-y", "-z")
     for row in scenes[scenes["up_axis"].notna() & ~scenes["up_axis"].isin(axes)].itertuples():
@@ -159,12 +191,22 @@ def check_rooms(frames: dict[str, pd.DataFrame]) -> Iterator[Fault]:
         yield Fault("scenes", f"{row.scene_id}: has_geometry is not what rooms and objects say")
 
 
+def _is_partial(columns: pd.DataFrame) -> pd.Series[bool]:
+    """Say of every row whether some of its columns are null, and not all."""
+    null = columns.isna().to_numpy()
+    return pd.Series(null.any(axis=1) & ~null.all(axis=1), columns.index)
+
+
 def _fill_boxes(rooms: pd.DataFrame) -> pd.Series[bool]:
-    """Say of every room whether its footprint is a polygon that fills its box from above."""
+    """Say of every room whether its footprint is a polygon that fills its box from above.
+
+    A room without a box may have one, too; and a room with a box may have none.
+    """
     names = ["box_min_x", "box_min_y", "box_max_x", "box_max_y"]
     boxes = rooms[names].to_numpy(dtype=float)
     filled = [
-        _fills(footprint, box) for footprint, box in zip(rooms["footprint"], boxes, strict=True)
+        footprint is None or _fills(footprint, box)
+        for footprint, box in zip(rooms["footprint"], boxes, strict=True)
     ]
     return pd.Series(filled, rooms.index, dtype=bool)
 
@@ -173,8 +215,10 @@ def _fills(footprint: object, box: npt.NDArray[np.float64]) -> bool:
     if not isinstance(footprint, np.ndarray) or len(footprint) < 6 or len(footprint) % 2:
         return False
     corners = footprint.reshape(-1, 2)
+    if not np.isfinite(corners).all():
+        return False
     ends = [*corners.min(axis=0), *corners.max(axis=0)]
-    return bool((np.abs(np.array(ends) - box) <= 10 * _ROUNDING).all())
+    return bool(np.isnan(box).all() or (np.abs(np.array(ends) - box) <= 10 * _ROUNDING).all())
 
 
 def _each(objects: pd.DataFrame, wrong: pd.Series[bool], what: str) -> Iterator[Fault]:
@@ -191,16 +235,28 @@ def check_edges(frames: dict[str, pd.DataFrame]) -> Iterator[Fault]:
     edges = frames["edges"]
     rooms = frames["scenes"].set_index("scene_id")["num_rooms"]
     objects = frames["objects"]
-    to_rooms = frames["rooms"][["scene_id", "room_index"]].rename(columns={"room_index": "target"})
+    to_rooms = pd.DataFrame(
+        {
+            "scene_id": frames["rooms"]["scene_id"],
+            "source_kind": "building",
+            "source_index": 0,
+            "target_kind": "room",
+            "target_index": frames["rooms"]["room_index"],
+        }
+    )
+    in_room = objects["room_index"] > 0
     to_objects = pd.DataFrame(
         {
             "scene_id": objects["scene_id"],
-            "source": objects["room_index"],
-            "target": objects["object_index"] + objects["scene_id"].map(rooms).astype(float),
+            "source_kind": np.where(in_room, "room", "building"),
+            "source_index": objects["room_index"],
+            "target_kind": "object",
+            "target_index": objects["object_index"],
         }
     )
-    expected = pd.concat([to_rooms.assign(source=0), to_objects])
-    stored = edges.loc[edges["kind"] == "contains", ["scene_id", "source", "target"]]
+    expected = pd.concat([to_rooms, to_objects])
+    ends = ["source_kind", "source_index", "target_kind", "target_index"]
+    stored = edges.loc[edges["kind"] == "contains", ["scene_id", *ends]]
     both = expected.merge(stored, how="outer", indicator=True)
     for scene in both.loc[both["_merge"] != "both", "scene_id"].unique():
         yield Fault("edges", f"{scene}: contains edges are not what rooms and objects say")
@@ -208,12 +264,13 @@ def check_edges(frames: dict[str, pd.DataFrame]) -> Iterator[Fault]:
         yield Fault("edges", "a contains edge is there twice")
     adjacent = edges[edges["kind"] == "adjacent"]
     limit = adjacent["scene_id"].map(rooms).astype(float)
-    wrong = ~((adjacent["source"] >= 1) & (adjacent["source"] < adjacent["target"]))
-    wrong |= adjacent["target"] > limit
-    wrong |= adjacent.duplicated(["scene_id", "source", "target"])
+    first, second = adjacent["source_index"], adjacent["target_index"]
+    wrong = ~((first >= 1) & (first < second) & (second <= limit))
+    wrong |= (adjacent["source_kind"] != "room") | (adjacent["target_kind"] != "room")
+    wrong |= adjacent.duplicated(["scene_id", "source_index", "target_index"])
     for scene in adjacent.loc[wrong, "scene_id"].unique():
         yield Fault("edges", f"{scene}: an adjacent edge does not join two rooms once, low to high")
-    known = adjacent["method"].isin(["layout", "door", "stairs", "boxes"])
+    known = adjacent["method"].isin(ADJACENCY_METHODS)
     known &= _is_distance(adjacent, frames["rooms"])
     for scene in adjacent.loc[~known, "scene_id"].unique():
         yield Fault("edges", f"{scene}: an adjacent edge has an unknown method or distance")
@@ -231,7 +288,7 @@ def _is_distance(adjacent: pd.DataFrame, rooms: pd.DataFrame) -> pd.Series[bool]
     places = rooms.set_index(["scene_id", "room_index"])[axes]
     ends = [
         places.reindex(pd.MultiIndex.from_frame(adjacent[["scene_id", end]])).to_numpy()
-        for end in ("source", "target")
+        for end in ("source_index", "target_index")
     ]
     expected = np.linalg.norm(ends[0] - ends[1], axis=1)
     stored = adjacent["distance_m"].to_numpy(dtype=float)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from typing import Any
 
 import pyarrow as pa
@@ -10,8 +11,7 @@ import yaml
 
 from bsg_data.dataset.manifest import Manifest
 from bsg_data.dataset.schema import SPLITS, TABLES, describe_fields, pairs_schema
-from bsg_data.sources.catalogue import find_terms
-from bsg_data.sources.source import LICENCE_REF
+from bsg_data.sources.source import LICENCE_REF, Terms
 from bsg_data.tables import format_markdown
 
 _UNKNOWN = "unknown terms: ask whoever made it"  # of a source that is no row of the catalogue
@@ -39,21 +39,24 @@ def write_card(manifest: Manifest) -> str:
     """Return the dataset card: Hugging Face front matter and Markdown."""
     schemas = _schemas(manifest)
     totals = manifest.totals
-    source = " ".join(filter(None, (manifest.source.kind, manifest.source.version)))
     lines = [
         _front_matter(manifest),
         "# 3D scene graphs of buildings",
         "",
         f"{totals.scenes:,} buildings, {totals.rooms:,} rooms, {totals.objects:,} objects, "
-        f"{totals.classified:,} of them in one of {len(manifest.class_map.classes)} classes. "
-        f"Built by {manifest.generator} from {source} through the class map "
-        f"`{manifest.class_map.version}`. {len(manifest.skipped)} scenes were skipped and "
-        f"{totals.unmapped} objects had a name that the map does not know; `dataset.json` lists "
-        "both, with the hash of every file.",
+        f"{totals.classified:,} of them in one of {len(manifest.class_space.classes)} classes. "
+        f"Built by {manifest.generator}. {len(manifest.skipped)} scenes were skipped and "
+        f"{totals.unmapped:,} objects had a name that no class map knows; `dataset.json` lists "
+        "both, with the hash of every file. Metres, Z up, right-handed.",
         "",
-        "Metres, Z up, right-handed. " + _describe_terms(manifest),
+        "## Sources",
         "",
-        "Classes, in the order of every histogram: " + ", ".join(manifest.class_map.classes) + ".",
+        *_source_table(manifest),
+        "",
+        *_describe_terms(manifest),
+        f"Classes of `{manifest.class_space.name}`, in the order of every histogram: "
+        + ", ".join(manifest.class_space.classes)
+        + ".",
         "",
     ]
     for table, schema in schemas.items():
@@ -80,7 +83,7 @@ def column_table(schema: pa.Schema) -> list[str]:
 
 def write_croissant(manifest: Manifest) -> str:
     """Return the dataset as Croissant 1.0 JSON-LD (https://mlcommons.org/croissant)."""
-    terms = find_terms(manifest.source.kind)
+    terms = [source.terms for source in manifest.sources if source.terms is not None]
     description = {
         "@context": _CONTEXT,
         "@type": "sc:Dataset",
@@ -88,8 +91,11 @@ def write_croissant(manifest: Manifest) -> str:
         "description": "3D scene graphs of buildings: rooms, objects, containment, masked pairs.",
         "conformsTo": "http://mlcommons.org/croissant/1.0",
         "version": f"{manifest.format_version}.0.0",
-        "license": terms.licence_url if terms else _UNKNOWN,
-        **({"url": terms.homepage, "citeAs": terms.citation} if terms else {}),
+        "license": _one_or_all(
+            source.terms.licence_url if source.terms else _UNKNOWN for source in manifest.sources
+        ),
+        **({"url": _one_or_all(one.homepage for one in terms)} if terms else {}),
+        **({"citeAs": "; ".join(dict.fromkeys(one.citation for one in terms))} if terms else {}),
         "distribution": [
             {
                 "@type": "cr:FileSet",
@@ -105,9 +111,36 @@ def write_croissant(manifest: Manifest) -> str:
     return json.dumps(description, indent=1) + "\n"
 
 
-def _describe_terms(manifest: Manifest) -> str:
-    terms = find_terms(manifest.source.kind)
-    return terms.sentence if terms else f"The source is of {_UNKNOWN}."
+def _one_or_all(values: Iterable[str]) -> str | list[str]:
+    """Return the distinct values; one that stands alone as itself."""
+    distinct = list(dict.fromkeys(values))
+    return distinct[0] if len(distinct) == 1 else distinct
+
+
+def _source_table(manifest: Manifest) -> list[str]:
+    """Return the sources, their class maps and terms as the lines of a Markdown table."""
+    rows = [
+        (
+            source.kind,
+            source.version or "",
+            f"`{source.class_map.version}`",
+            f"[{source.terms.licence}]({source.terms.licence_url})" if source.terms else "unknown",
+            f"[{source.terms.homepage}]({source.terms.homepage})" if source.terms else "",
+        )
+        for source in manifest.sources
+    ]
+    return format_markdown(rows, header=("source", "version", "class map", "licence", "homepage"))
+
+
+def _describe_terms(manifest: Manifest) -> list[str]:
+    """Return what a user has to know of each source's terms, and how to cite it."""
+    lines = []
+    for source in manifest.sources:
+        if source.terms is None:
+            lines += [f"{source.kind}: the source is of {_UNKNOWN}.", ""]
+        else:
+            lines += [f"{source.kind}: {source.terms.sentence} Cite: {source.terms.citation}.", ""]
+    return lines
 
 
 def _schemas(manifest: Manifest) -> dict[str, pa.Schema]:
@@ -115,7 +148,7 @@ def _schemas(manifest: Manifest) -> dict[str, pa.Schema]:
     every = {
         **TABLES,
         "splits": SPLITS,
-        "pairs": pairs_schema(len(manifest.class_map.classes)),
+        "pairs": pairs_schema(len(manifest.class_space.classes)),
     }
     return {table: schema for table, schema in every.items() if manifest.files_of(table)}
 
@@ -134,26 +167,41 @@ def _file_sets(manifest: Manifest) -> list[tuple[str, str, pa.Schema]]:
 
 
 def _front_matter(manifest: Manifest) -> str:
-    """Return YAML that lets `datasets.load_dataset(folder, table)` find the files of a table."""
+    """Return YAML that lets `datasets.load_dataset(folder, table)` find the files of a table.
+
+    What is not split is the split `train`, as is the custom there; `all` is a keyword.
+    """
     tables: dict[str, list[dict[str, str]]] = {}
     for name, pattern, _ in _file_sets(manifest):
         table, _, split = name.partition("/")
         # A split's name has no hyphen there: fold-0 is fold_0.
-        split = split.replace("-", "_") or "all"
+        split = split.replace("-", "_") or "train"
         tables.setdefault(table, []).append({"split": split, "path": pattern})
     configs = [{"config_name": table, "data_files": files} for table, files in tables.items()]
     front = {**_name_licence(manifest), "configs": configs}
     return f"---\n{yaml.safe_dump(front, sort_keys=False)}---\n"
 
 
-def _name_licence(manifest: Manifest) -> dict[str, str]:
-    """Return the licence as the front matter names it: SPDX in lower case, or `other` by name."""
-    terms = find_terms(manifest.source.kind)
-    if terms is None:
-        return {"license": "unknown"}
-    if terms.licence.startswith(LICENCE_REF):
-        return {"license": "other", "license_name": terms.licence.removeprefix(LICENCE_REF)}
-    return {"license": terms.licence.lower()}
+def _name_licence(manifest: Manifest) -> dict[str, Any]:
+    """Return the licences as the front matter names them.
+
+    SPDX in lower case, `other` by name and link for what SPDX does not list.
+    """
+    names: list[str] = []
+    other: list[Terms] = []
+    for source in manifest.sources:
+        if source.terms is None:
+            names.append("unknown")
+        elif source.terms.licence.startswith(LICENCE_REF):
+            names.append("other")
+            other.append(source.terms)
+        else:
+            names.append(source.terms.licence.lower())
+    front: dict[str, Any] = {"license": _one_or_all(names)}
+    if other:
+        front["license_name"] = _one_or_all(one.licence.removeprefix(LICENCE_REF) for one in other)
+        front["license_link"] = _one_or_all(one.licence_url for one in other)
+    return front
 
 
 def _recipe_lines(manifest: Manifest) -> list[str]:

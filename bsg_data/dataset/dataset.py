@@ -91,7 +91,7 @@ class Dataset:
 
     @property
     def connection_methods(self) -> frozenset[str]:
-        """How connections of this dataset are known: any of layout, door, stairs and boxes."""
+        """How connections of this dataset are known: any of `ADJACENCY_METHODS`."""
         return frozenset(np.unique(self._connections[1].methods).tolist())
 
     def _rows_of(self, scene_id: str) -> slice:
@@ -128,14 +128,14 @@ class Dataset:
         self._require(bool(((rooms >= 0) & (rooms < sizes[scene])).all()), "room_index")
         has_class = table["class_index"].is_valid().to_numpy()
         classes = pc.fill_null(table["class_index"], 0).to_numpy().astype(np.int64)
-        self._require(bool((classes < len(self.manifest.class_map.classes)).all()), "class_index")
+        self._require(bool((classes < len(self.manifest.class_space.classes)).all()), "class_index")
         return self._starts[scene] + rooms, classes, has_class, table["category"]
 
     @cached_property
     def _cells(self) -> Counts:
         """The cells of all scenes one after another, `[ΣN, C]`."""
         nodes, classes, has_class, _ = self._objects
-        shape = (int(self._starts[-1]), len(self.manifest.class_map.classes))
+        shape = (int(self._starts[-1]), len(self.manifest.class_space.classes))
         cells = count_cells(nodes[has_class], classes[has_class], shape=shape)
         cells.setflags(write=False)  # all readers of this dataset share it
         return cells
@@ -155,11 +155,11 @@ class Dataset:
     @cached_property
     def _connections(self) -> tuple[Ints, Connections]:
         """Offsets of the scenes `[B + 1]`, and the connections of all of them."""
-        columns = ["scene_id", "source", "target", "kind", "method", "distance_m"]
+        columns = ["scene_id", "source_index", "target_index", "kind", "method", "distance_m"]
         table = read_table(self.path, "edges", columns=columns, manifest=self.manifest)
         table = table.filter(pc.equal(table["kind"], "adjacent"))
         scene = self._number_scenes(table["scene_id"])
-        pairs = np.stack([table[end].to_numpy() for end in ("source", "target")], axis=1)
+        pairs = np.stack([table[f"{end}_index"].to_numpy() for end in ("source", "target")], axis=1)
         rooms = np.diff(self._starts)[scene] - 1
         rising = (pairs[:, 0] >= 1) & (pairs[:, 0] < pairs[:, 1]) & (pairs[:, 1] <= rooms)
         self._require(bool(rising.all()), "adjacent edge")

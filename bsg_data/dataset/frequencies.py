@@ -22,7 +22,7 @@ def count_frequencies(dataset: Path) -> pd.DataFrame:
     rooms = np.concatenate([c[1:] for c in cells])
     frame = pd.DataFrame(
         {
-            "class": data.manifest.class_map.classes,
+            "class": data.manifest.class_space.classes,
             "instances": every.sum(axis=0),
             "rooms": (rooms > 0).sum(axis=0),
             "scenes": np.stack([(c.sum(axis=0) > 0) for c in cells]).sum(axis=0),

@@ -15,10 +15,14 @@ from typing import Literal
 from pydantic import Field, ValidationError
 
 from bsg_data.dataset.schema import FORMAT_VERSION, SPLIT_NAME
-from bsg_data.errors import DatasetError, MismatchError
+from bsg_data.dataset.version_1 import convert_manifest
+from bsg_data.errors import DatasetError, MismatchError, SourceError
 from bsg_data.recipes import PairsRecipe, Record, SplitRecipe, name_fault
 from bsg_data.scene.class_map import ClassMap
+from bsg_data.scene.class_space import ClassSpace
 from bsg_data.scene.mesh_coverage import MeshCoverage
+from bsg_data.scene.spoken_names import Rule
+from bsg_data.sources.source import Terms
 
 MANIFEST = "dataset.json"
 
@@ -39,17 +43,33 @@ class FileEntry(Record):
     sha256: str = Field(pattern=r"^[0-9a-f]{64}$")
 
 
-class ClassMapEntry(Record):
-    """The class map that a dataset was made with, and its classes in histogram order."""
+class ClassSpaceEntry(Record):
+    """The class space that histograms are over: its name, hash and classes in their order."""
 
-    version: str
+    name: str
     sha256: str
     classes: tuple[str, ...]
 
     @classmethod
+    def of(cls, space: ClassSpace) -> ClassSpaceEntry:
+        """Describe a class space."""
+        return cls(name=space.name, sha256=space.sha256, classes=space.classes)
+
+    def __str__(self) -> str:
+        """Name it, with the beginning of its hash."""
+        return f"{self.name} (sha256 {self.sha256[:12]}…)"
+
+
+class ClassMapEntry(Record):
+    """The class map that the names of a source were read with."""
+
+    version: str
+    sha256: str
+
+    @classmethod
     def of(cls, class_map: ClassMap) -> ClassMapEntry:
         """Describe a loaded map."""
-        return cls(version=class_map.version, sha256=class_map.sha256, classes=class_map.classes)
+        return cls(version=class_map.version, sha256=class_map.sha256)
 
 
 class SkipEntry(Record):
@@ -68,6 +88,16 @@ class UnmappedEntry(Record):
     nearest: tuple[str, ...]
 
 
+class ResolvedEntry(Record):
+    """A name that the class map does not list, and what a rule made of it."""
+
+    name: str
+    instances: int
+    rule: Rule
+    category: str
+    class_name: str | None
+
+
 class Totals(Record):
     """Sums over the scenes; `placed` are those with geometry, `adjacent` the pairs of rooms."""
 
@@ -81,30 +111,58 @@ class Totals(Record):
 
 
 class SourceEntry(Record):
-    """What the dataset was built from; `fingerprint` hashes the annotations of all its scenes."""
+    """One source of a dataset.
+
+    Attributes:
+        kind: its name in the catalogue of sources.
+        version: its own version; None where it does not say.
+        fingerprint: hash of the annotations of all its scenes.
+        class_map: that its names were read with.
+        options: the choices that its bytes depend on.
+        terms: under which its data are; None where nobody knows.
+    """
 
     kind: str
     version: str | None
     fingerprint: str
+    class_map: ClassMapEntry
+    options: dict[str, int | str] = Field(default_factory=dict)
+    terms: Terms | None = None
 
 
 class Manifest(Record):
-    """Everything that `dataset.json` says."""
+    """Everything that `dataset.json` says.
+
+    A dataset of format version 1 is read as one of version 2 that says so.
+    """
 
     format: Literal["bsg"] = "bsg"
-    format_version: int = FORMAT_VERSION
+    format_version: Literal[1, 2] = FORMAT_VERSION
     generator: str
-    source: SourceEntry
-    class_map: ClassMapEntry
-    options: dict[str, int]
+    class_space: ClassSpaceEntry
+    sources: tuple[SourceEntry, ...] = Field(min_length=1)
+    scenes_per_shard: int = Field(ge=1)
     totals: Totals
     files: tuple[FileEntry, ...]
     skipped: tuple[SkipEntry, ...] = ()
     left_out: tuple[SkipEntry, ...] = ()
     meshes: dict[str, MeshCoverage] = Field(default_factory=dict)
     unmapped: tuple[UnmappedEntry, ...] = ()
+    resolved: tuple[ResolvedEntry, ...] = ()
     split: SplitRecipe | None = None
     pairs: PairsRecipe | None = None
+
+    @property
+    def source_names(self) -> str:
+        """The kinds of its sources with their versions, as a phrase."""
+        return ", ".join(
+            " ".join(filter(None, (source.kind, source.version))) for source in self.sources
+        )
+
+    @property
+    def class_map_names(self) -> str:
+        """The class maps of its sources, as a phrase."""
+        return ", ".join(sorted({source.class_map.version for source in self.sources}))
 
     def files_of(self, table: str) -> tuple[FileEntry, ...]:
         """Return the files of one table (`scenes`, `pairs`, ...) in order."""
@@ -145,21 +203,26 @@ def read_manifest(dataset: Path) -> Manifest:
     except (OSError, UnicodeDecodeError) as error:
         raise DatasetError(f"{path}: cannot be read ({error})") from error
     try:
-        found = json.loads(text).get("format_version")
-        if found != FORMAT_VERSION:
+        said = json.loads(text)
+        found = said.get("format_version")
+        if found not in (1, FORMAT_VERSION):
             raise MismatchError(
-                f"{path}: format version {found}, this program reads {FORMAT_VERSION}: "
+                f"{path}: format version {found}, this program reads 1 and {FORMAT_VERSION}: "
                 "build the dataset again, or use the program that made it"
             )
-        manifest = Manifest.model_validate_json(text)
-    except (json.JSONDecodeError, AttributeError) as error:
+        if found == 1:
+            said = convert_manifest(said)
+        # Strict about types, as JSON is: a list is a tuple there, and nothing else is guessed.
+        return Manifest.model_validate_json(json.dumps(said))
+    except (json.JSONDecodeError, AttributeError, RecursionError) as error:
         raise DatasetError(f"{path}: not JSON ({error}); build the dataset again") from error
     except ValidationError as error:
         raise DatasetError(
             f"{path}: {name_fault(error)} ({error.error_count()} faults in all); "
             "the manifest was changed by hand or by another version: build the dataset again"
         ) from error
-    return manifest
+    except SourceError as error:
+        raise DatasetError(f"{path}: the terms of a source: {error}") from error
 
 
 def encode_manifest(manifest: Manifest) -> bytes:
@@ -172,15 +235,27 @@ def hash_manifest(dataset: Path) -> str:
     return hashlib.sha256((dataset / MANIFEST).read_bytes()).hexdigest()
 
 
-def require_class_map(manifest: Manifest, other: ClassMapEntry, *, what: str) -> None:
-    """Refuse to mix two class maps.
+def require_class_space(manifest: Manifest, other: ClassSpaceEntry, *, what: str) -> None:
+    """Refuse to mix two class spaces.
 
     Raises:
-        MismatchError: naming both versions and hashes.
+        MismatchError: naming both with their hashes.
     """
-    ours = manifest.class_map
-    if ours != other:
+    if manifest.class_space != other:
         raise MismatchError(
-            f"{what} is of class map {other.version} (sha256 {other.sha256[:12]}…), the dataset of "
-            f"{ours.version} (sha256 {ours.sha256[:12]}…): their histograms do not mean the same"
+            f"{what} is of class space {other}, the dataset of {manifest.class_space}: "
+            "their histograms do not mean the same"
+        )
+
+
+def require_current(manifest: Manifest, dataset: Path) -> None:
+    """Refuse to change a dataset of an earlier format.
+
+    Raises:
+        MismatchError: saying how to upgrade it.
+    """
+    if manifest.format_version != FORMAT_VERSION:
+        raise MismatchError(
+            f"{dataset}: is of format version {manifest.format_version}, which is read and not "
+            f"written; run `bsg-data upgrade {dataset}` first"
         )

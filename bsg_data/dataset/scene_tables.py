@@ -30,6 +30,8 @@ def collect_columns(
             source=graph.source,
             source_version=graph.source_version,
             source_split=graph.source_split,
+            class_map=graph.class_map,
+            building_kind=graph.building_kind,
             num_rooms=len(graph.rooms),
             num_objects=len(graph.objects),
             num_classified=sum(obj.class_index is not None for obj in graph.objects),
@@ -43,10 +45,11 @@ def collect_columns(
                 scene_id=graph.scene_id,
                 room_index=room.room_index,
                 region_id=room.region_id,
-                label=Room.LABEL,
+                label=room.label,
                 source_label=room.source_label,
                 floor_index=room.floor_index,
                 floor_z=room.floor_z,
+                floor_area=room.floor_area,
                 footprint=_flatten(room.footprint),
                 **_position_columns(room),
             )
@@ -60,6 +63,7 @@ def collect_columns(
                 room_index=obj.room_index,
                 raw_category=obj.raw_category,
                 category=obj.category,
+                role=obj.role,
                 class_index=obj.class_index,
                 colour=obj.colour,
                 has_geometry=obj.box is not None,
@@ -68,11 +72,14 @@ def collect_columns(
                 **_box_columns("part", obj.part_box),
             )
         for edge in graph.edges():
+            source, target = graph.describe_node(edge.source), graph.describe_node(edge.target)
             append(
                 "edges",
                 scene_id=graph.scene_id,
-                source=edge.source,
-                target=edge.target,
+                source_kind=source[0],
+                source_index=source[1],
+                target_kind=target[0],
+                target_index=target[1],
                 kind=edge.kind,
                 method=edge.method,
                 distance_m=edge.distance_m,
@@ -131,16 +138,20 @@ def _graph(
         source_split=scene["source_split"],
         annotation_sha256=scene["annotation_sha256"],
         up_axis=scene["up_axis"],
+        class_map=scene["class_map"],
+        building_kind=scene["building_kind"],
         rooms=tuple(
             Room(
                 room_index=row["room_index"],
                 region_id=row["region_id"],
                 source_label=row["source_label"],
+                label=row["label"],
                 centroid=_point(row, "centroid"),
                 box=_box(row, "box"),
                 floor_index=row["floor_index"],
                 floor_z=row["floor_z"],
                 footprint=_footprint(row["footprint"]),
+                floor_area=row["floor_area"],
             )
             for row in rooms
         ),
@@ -152,6 +163,7 @@ def _graph(
                 raw_category=row["raw_category"],
                 category=row["category"],
                 class_index=row["class_index"],
+                role=row["role"],
                 colour=row["colour"],
                 centroid=_point(row, "centroid"),
                 box=_box(row, "box"),
@@ -161,7 +173,13 @@ def _graph(
             for row in objects
         ),
         adjacency=tuple(
-            Edge(row["source"], row["target"], row["kind"], row["method"], row["distance_m"])
+            Edge(
+                row["source_index"],
+                row["target_index"],
+                row["kind"],
+                row["method"],
+                row["distance_m"],
+            )
             for row in edges
             if row["kind"] == "adjacent"
         ),

@@ -1,4 +1,4 @@
-"""The dataset format, version 1: one explicit Arrow schema a table.
+"""The dataset format, version 2: one explicit Arrow schema a table.
 
 The writer, the reader, `bsg-data check` and the tables of the docs all read these constants. The
 metadata of a field says what it means and its unit.
@@ -9,10 +9,11 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from types import MappingProxyType
+from typing import Final
 
 import pyarrow as pa
 
-FORMAT_VERSION = 1
+FORMAT_VERSION: Final = 2
 
 # The name of a split is part of the names of files, so no other is read from a file or written.
 SPLIT_NAME = re.compile(r"(?:train|val|test|fold-[0-9]{1,5})")
@@ -50,13 +51,15 @@ _SCENE_ID = _field("scene_id", pa.string(), "the building, e.g. 00006-HkseAnWCgq
 SCENES = pa.schema(
     [
         _SCENE_ID,
-        _field("source", pa.string(), "kind of source: hm3d, hm3d-stats or synthetic"),
+        _field("source", pa.string(), "kind of source, e.g. hm3d; the manifest has its terms"),
         _field("source_version", pa.string(), "its version, e.g. v0.2", null="it does not say"),
         _field("source_split", pa.string(), "the source's own split", null="it does not say"),
+        _field("class_map", pa.string(), "the class map that its names were read with"),
+        _field("building_kind", pa.string(), "home, office, school, …", null="it does not say"),
         _field("num_rooms", pa.int32(), "rooms R"),
         _field("num_objects", pa.int32(), "objects O, with or without a class"),
         _field("num_classified", pa.int32(), "objects with a class"),
-        _field("has_geometry", pa.bool_(), "whether any room or object has a box"),
+        _field("has_geometry", pa.bool_(), "whether any room or object has a place"),
         _field(
             "up_axis",
             pa.string(),
@@ -72,11 +75,17 @@ ROOMS = pa.schema(
         _SCENE_ID,
         _field("room_index", pa.int32(), "node index, 1..R in the order of the region ids"),
         _field("region_id", pa.int32(), "the annotation's region id; 0 is a real room"),
-        _field("label", pa.string(), "always `room`, the paper's one label"),
-        _field("source_label", pa.string(), "a label of the source; not for models", null="none"),
+        _field(
+            "label",
+            pa.string(),
+            "what kind of room it is, in the words of mappings/room-labels-v1.csv",
+            null="not known",
+        ),
+        _field("source_label", pa.string(), "what the source calls it", null="nothing"),
         *_position("centre of its box", "its box"),
         _field("floor_index", pa.int16(), "level of its floor, 0 at the bottom", null=_NO_PLACE),
         _field("floor_z", pa.float64(), "height of its floor", unit="m", null=_NO_PLACE),
+        _field("floor_area", pa.float64(), "area of its floor", unit="m²", null="not known"),
         _field(
             "footprint",
             pa.list_(pa.field("element", pa.float64(), nullable=False)),
@@ -97,6 +106,12 @@ OBJECTS = pa.schema(
         _field(
             "category", pa.string(), "corrected name by the class map", null="name not in the map"
         ),
+        _field(
+            "role",
+            pa.string(),
+            "classified, left-out (outside the classes), structure (of the building), nameless or "
+            "unmapped (name not in the map)",
+        ),
         _field("class_index", pa.uint8(), "index of its class, 0..C-1", null="outside the classes"),
         _field("class", pa.string(), "name of its class", null="outside the classes"),
         _field("colour", pa.string(), "RRGGBB in the semantic mesh", null="the source has none"),
@@ -113,13 +128,15 @@ OBJECTS = pa.schema(
 EDGES = pa.schema(
     [
         _SCENE_ID,
-        _field("source", pa.int32(), "node: 0 building, 1..R rooms, R+1..R+O objects; the parent"),
-        _field("target", pa.int32(), "node; the child, or the higher index of an adjacent pair"),
         _field("kind", pa.string(), "contains (directed) or adjacent (undirected, stored once)"),
+        _field("source_kind", pa.string(), "building or room: what contains, or one of two rooms"),
+        _field("source_index", pa.int32(), "0 of the building; room_index of a room"),
+        _field("target_kind", pa.string(), "room or object: what is contained, or the other room"),
+        _field("target_index", pa.int32(), "room_index or object_index"),
         _field(
             "method",
             pa.string(),
-            "how it is known: annotation; of adjacency layout, door, stairs or boxes",
+            "how it is known: annotation; of adjacency layout, door, stairs, boxes, robot or given",
         ),
         _field(
             "distance_m",

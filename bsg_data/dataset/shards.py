@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,28 +13,29 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from bsg_data.dataset.manifest import ClassMapEntry, FileEntry, Manifest, read_manifest
+from bsg_data.dataset.manifest import ClassSpaceEntry, FileEntry, Manifest, read_manifest
 from bsg_data.dataset.scene_tables import assemble_graphs, collect_columns
-from bsg_data.dataset.schema import FORMAT_VERSION, TABLES
+from bsg_data.dataset.schema import FORMAT_VERSION, SPLITS, TABLES, pairs_schema
+from bsg_data.dataset.version_1 import TABLES_1, convert_table
 from bsg_data.errors import DatasetError, MismatchError
 from bsg_data.files import hash_file, open_beside
 from bsg_data.scene.scene_graph import SceneGraph, is_scene_id
 
 
 def write_shards(
-    graphs: Sequence[SceneGraph], folder: Path, *, part: int, class_map: ClassMapEntry
+    graphs: Sequence[SceneGraph], folder: Path, *, part: int, class_space: ClassSpaceEntry
 ) -> tuple[FileEntry, ...]:
     """Write one part of every table for some scenes, in the order given.
 
     Raises:
         DatasetError: if a file cannot be written; none is left half-written.
     """
-    columns = collect_columns(graphs, classes=class_map.classes)
+    columns = collect_columns(graphs, classes=class_space.classes)
     entries = []
     for name, schema in TABLES.items():
         table = pa.Table.from_pydict(columns[name], schema=schema)
         path = f"{name}/part-{part:05d}.parquet"
-        with open_parquet(folder / path, schema, table=name, class_map=class_map) as writer:
+        with open_parquet(folder / path, schema, table=name, class_space=class_space) as writer:
             writer.write_table(table)
         entries.append(describe_file(folder, path, rows=table.num_rows))
     return tuple(entries)
@@ -52,7 +54,7 @@ def read_table(
 
     Raises:
         DatasetError: if a file is missing or not readable.
-        MismatchError: if a file is of another class map or format than the manifest.
+        MismatchError: if a file is of another class space or format than the manifest.
     """
     manifest = manifest or read_manifest(dataset)
     entries = manifest.files_of(name)
@@ -68,7 +70,11 @@ def read_file(path: Path, *, manifest: Manifest, columns: list[str] | None = Non
     try:
         file = pq.ParquetFile(path)
         check_file_metadata(path, file.schema_arrow, manifest)
-        table = file.read(columns=columns)
+        if manifest.format_version == 1:
+            table = to_current(path, file.read(), manifest)
+            table = table if columns is None else table.select(columns)
+        else:
+            table = file.read(columns=columns)
     except FileNotFoundError as error:
         raise DatasetError(f"{path}: in the manifest but not there; build again") from error
     except (OSError, pa.ArrowInvalid, KeyError) as error:
@@ -78,6 +84,33 @@ def read_file(path: Path, *, manifest: Manifest, columns: list[str] | None = Non
     if path.parent.name == "scenes" and "scene_id" in table.column_names:
         _require_scene_ids(path, table["scene_id"].to_pylist())
     return table
+
+
+def to_current(path: Path, table: pa.Table, manifest: Manifest) -> pa.Table:
+    """Return a whole table of a file, of whatever version its dataset is, with today's columns."""
+    if manifest.format_version != 1:
+        return table
+
+    def read_sizes() -> pa.Table:
+        scenes = path.parent.parent / "scenes" / path.name  # part k of all tables goes together
+        return pq.ParquetFile(scenes).read(columns=["scene_id", "num_rooms"])
+
+    return convert_table(
+        table,
+        path.parent.name,
+        class_map=manifest.sources[0].class_map.version,
+        read_sizes=read_sizes,
+    )
+
+
+def schema_of(table: str, manifest: Manifest) -> pa.Schema:
+    """Return the schema of the files of a table, of whatever version the dataset is."""
+    if table == "splits":
+        return SPLITS
+    if table == "pairs":
+        told = manifest.format_version != 1
+        return pairs_schema(len(manifest.class_space.classes), told=told)
+    return TABLES_1[table] if manifest.format_version == 1 else TABLES[table]
 
 
 def _require_scene_ids(path: Path, names: Sequence[object]) -> None:
@@ -101,17 +134,19 @@ def read_scene_graphs(dataset: Path) -> Iterator[SceneGraph]:
 
 @contextmanager
 def open_parquet(
-    path: Path, schema: pa.Schema, *, table: str, class_map: ClassMapEntry, **extra: str
+    path: Path, schema: pa.Schema, *, table: str, class_space: ClassSpaceEntry, **extra: str
 ) -> Iterator[pq.ParquetWriter]:
     """Open a parquet file beside its place; rename it there when the block ends well.
 
-    Every file says its table, format version and class map in its own metadata, and `extra`.
+    Every file says its table, format version, class space and the names of the classes in its own
+    metadata, and `extra`.
     """
     metadata = {
         "bsg.table": table,
         "bsg.format_version": str(FORMAT_VERSION),
-        "bsg.class_map": class_map.version,
-        "bsg.class_map_sha256": class_map.sha256,
+        "bsg.class_space": class_space.name,
+        "bsg.class_space_sha256": class_space.sha256,
+        "bsg.classes": json.dumps(class_space.classes, ensure_ascii=False),
         **{f"bsg.{key}": value for key, value in extra.items()},
     }
     with (
@@ -130,20 +165,24 @@ def describe_file(folder: Path, path: str, *, rows: int) -> FileEntry:
 
 
 def check_file_metadata(path: Path, schema: pa.Schema, manifest: Manifest) -> None:
-    """See that a file is of the dataset's format and class map.
+    """See that a file is of the dataset's format and class space.
 
     Raises:
         MismatchError: naming what the file says and what the manifest says.
     """
     words = {k.decode(): v.decode() for k, v in (schema.metadata or {}).items()}
+    if manifest.format_version == 1:
+        what, ours = "class_map", manifest.sources[0].class_map
+        name, sha256 = ours.version, ours.sha256
+    else:
+        what, name, sha256 = "class_space", manifest.class_space.name, manifest.class_space.sha256
     found = tuple(
-        words.get(f"bsg.{key}", "none")
-        for key in ("format_version", "class_map", "class_map_sha256")
+        words.get(f"bsg.{key}", "none") for key in ("format_version", what, f"{what}_sha256")
     )
-    ours = manifest.class_map
-    expected = (str(manifest.format_version), ours.version, ours.sha256)
+    expected = (str(manifest.format_version), name, sha256)
     if found != expected:
+        shown = what.replace("_", " ")
         raise MismatchError(
-            f"{path}: expected format {expected[0]}, class map {expected[1]} ({expected[2][:12]}…) "
+            f"{path}: expected format {expected[0]}, {shown} {expected[1]} ({expected[2][:12]}…) "
             f"as in the manifest, found format {found[0]}, {found[1]} ({found[2][:12]}…)"
         )

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import pyarrow as pa
 
-from bsg_data.dataset.manifest import Manifest, read_manifest
+from bsg_data.dataset.manifest import FileEntry, Manifest, read_manifest, require_current
 from bsg_data.dataset.revision import revise
 from bsg_data.dataset.schema import SPLIT_NAME, SPLITS
 from bsg_data.dataset.shards import describe_file, open_parquet, read_table
@@ -19,12 +20,18 @@ from bsg_data.recipes import SplitRecipe
 NAMES = ("train", "val", "test")
 
 
-def assign_splits(scenes: Mapping[str, str | None], recipe: SplitRecipe) -> dict[str, str]:
-    """Assign every scene to a split.
+def assign_splits(
+    scenes: Mapping[str, str | None],
+    recipe: SplitRecipe,
+    *,
+    sources: Mapping[str, str] | None = None,
+) -> dict[str, str]:
+    """Assign every scene to a split, so that each source has its share of every split.
 
     Args:
         scenes: scene id → the source's own split, which only `official` reads.
         recipe: method, seed, ratios or folds.
+        sources: scene id → the source; None where all are of one.
 
     Returns:
         scene id → split, sorted by scene id. It depends on the set of ids and on the recipe.
@@ -33,8 +40,11 @@ def assign_splits(scenes: Mapping[str, str | None], recipe: SplitRecipe) -> dict
         RecipeError: if a split that was asked for would be empty.
     """
     ids = sorted(scenes)
+    strata: dict[str, list[str]] = {}
+    for scene in ids:
+        strata.setdefault("" if sources is None else sources[scene], []).append(scene)
     if recipe.method == "folds":
-        chosen = _deal(ids, recipe)
+        chosen = _deal(list(strata.values()), recipe)
     elif recipe.method == "official":
         held = [scene for scene in ids if scenes[scene] in ("val", "minival")]
         rest = [scene for scene in ids if scenes[scene] == "train"]
@@ -45,9 +55,9 @@ def assign_splits(scenes: Mapping[str, str | None], recipe: SplitRecipe) -> dict
                 f"found {', '.join(f'{n} of {name}' for name, n in sorted(found.items()))}. "
                 "Split by ratios or folds instead"
             )
-        chosen = {**_cut(rest, recipe), **dict.fromkeys(held, "test")}
+        chosen = {**_cut([rest], recipe), **dict.fromkeys(held, "test")}
     else:
-        chosen = _cut(ids, recipe)
+        chosen = _cut(list(strata.values()), recipe)
     return {scene: chosen[scene] for scene in ids}
 
 
@@ -61,23 +71,37 @@ def split_dataset(dataset: Path, recipe: SplitRecipe, *, force: bool = False) ->
     """
 
     def write(manifest: Manifest, folder: Path) -> Manifest:
+        require_current(manifest, dataset)
         if manifest.split is not None and not force:
             raise DatasetError(
                 f"{dataset}: is split already; --force makes a new split and removes the old one "
                 "with the pairs made from it"
             )
-        columns = ["scene_id", "source_split"]
+        columns = ["scene_id", "source_split", "source"]
         scenes = read_table(dataset, "scenes", columns=columns, manifest=manifest).to_pydict()
-        own = dict(zip(scenes["scene_id"], scenes["source_split"], strict=True))
-        return _write_splits(folder, manifest, recipe, assign_splits(own, recipe))
+        own, sources = (
+            dict(zip(scenes["scene_id"], scenes[name], strict=True)) for name in columns[1:]
+        )
+        chosen = assign_splits(own, recipe, sources=sources)
+        entry = _write_file(folder, manifest, recipe, chosen)
+        return manifest.without_split().with_table("splits", (entry,), split=recipe)
 
     return revise(dataset, write)
 
 
-def _write_splits(
+def write_splits(dataset: Path, folder: Path, manifest: Manifest) -> list[FileEntry]:
+    """Write the splits of a dataset into another folder, whose manifest this is."""
+    if manifest.split is None:
+        return []
+    splits = read_splits(dataset)
+    chosen = {scene: name for name, scenes in splits.items() for scene in scenes}
+    return [_write_file(folder, manifest, manifest.split, dict(sorted(chosen.items())))]
+
+
+def _write_file(
     folder: Path, manifest: Manifest, recipe: SplitRecipe, chosen: dict[str, str]
-) -> Manifest:
-    """Write `splits.parquet` into a folder and return the manifest with it."""
+) -> FileEntry:
+    """Write `splits.parquet` into a folder."""
     table = pa.Table.from_pydict(
         {"scene_id": list(chosen), "split": list(chosen.values())}, schema=SPLITS
     )
@@ -85,12 +109,11 @@ def _write_splits(
         folder / "splits.parquet",
         SPLITS,
         table="splits",
-        class_map=manifest.class_map,
+        class_space=manifest.class_space,
         split=recipe.model_dump_json(),
     ) as writer:
         writer.write_table(table)
-    entry = describe_file(folder, "splits.parquet", rows=len(table))
-    return manifest.without_split().with_table("splits", (entry,), split=recipe)
+    return describe_file(folder, "splits.parquet", rows=len(table))
 
 
 def read_splits(dataset: Path, *, manifest: Manifest | None = None) -> dict[str, tuple[str, ...]]:
@@ -126,32 +149,45 @@ def _shuffle(ids: list[str], seed: int) -> list[str]:
     return [ids[i] for i in order]
 
 
-def _deal(ids: list[str], recipe: SplitRecipe) -> dict[str, str]:
-    """Deal the shuffled scenes to the folds in turn; sizes differ by at most one."""
+def _deal(strata: Sequence[list[str]], recipe: SplitRecipe) -> dict[str, str]:
+    """Deal the shuffled scenes to the folds in turn; sizes differ by at most one.
+
+    One stratum follows the other, so that the sizes in each differ by at most one, too.
+    """
+    shuffled = [scene for ids in strata for scene in _shuffle(ids, recipe.seed)]
     folds = recipe.folds or 0
-    if not 2 <= folds <= len(ids):
-        raise RecipeError(f"folds must be 2 to the number of scenes, {len(ids)}; found {folds}")
-    return {scene: f"fold-{i % folds}" for i, scene in enumerate(_shuffle(ids, recipe.seed))}
+    if not 2 <= folds <= len(shuffled):
+        raise RecipeError(
+            f"folds must be 2 to the number of scenes, {len(shuffled)}; found {folds}"
+        )
+    return {scene: f"fold-{i % folds}" for i, scene in enumerate(shuffled)}
 
 
-def _cut(ids: list[str], recipe: SplitRecipe) -> dict[str, str]:
-    """Cut the shuffled scenes by the ratios, apportioned by largest remainder."""
+def _cut(strata: Sequence[list[str]], recipe: SplitRecipe) -> dict[str, str]:
+    """Cut the shuffled scenes of each stratum by the ratios, apportioned by largest remainder."""
     ratios = np.array(recipe.ratios or (0.0, 0.0, 0.0))
     if not np.isfinite(ratios).all() or (ratios < 0).any() or abs(ratios.sum() - 1) > 1e-9:
         raise RecipeError(
             f"ratios must be three numbers of 0 or more that add up to 1; found {recipe.ratios}"
         )
-    quotas = ratios * len(ids)
-    sizes = np.floor(quotas + 1e-9).astype(int)
-    by_remainder = np.argsort(-(quotas - sizes).round(9), kind="stable")
-    sizes[by_remainder[: len(ids) - sizes.sum()]] += 1
-    empty = [
-        name for name, ratio, size in zip(NAMES, ratios, sizes, strict=True) if ratio and not size
-    ]
+    chosen: dict[str, str] = {}
+    for ids in strata:
+        names = np.repeat(NAMES, _apportion(len(ids), ratios))
+        chosen.update(zip(_shuffle(ids, recipe.seed), map(str, names), strict=True))
+    held = set(chosen.values())
+    empty = [name for name, ratio in zip(NAMES, ratios, strict=True) if ratio and name not in held]
     if empty:
         raise RecipeError(
-            f"{len(ids)} scenes cut by {recipe.ratios} leave {' and '.join(empty)} empty; "
+            f"{len(chosen)} scenes cut by {recipe.ratios} leave {' and '.join(empty)} empty; "
             "take more scenes or other ratios"
         )
-    names = np.repeat(NAMES, sizes)
-    return {scene: str(name) for scene, name in zip(_shuffle(ids, recipe.seed), names, strict=True)}
+    return chosen
+
+
+def _apportion(number: int, ratios: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
+    """Return how many of some scenes each split gets, by largest remainder."""
+    quotas = ratios * number
+    sizes = np.floor(quotas + 1e-9).astype(np.int64)
+    by_remainder = np.argsort(-(quotas - sizes).round(9), kind="stable")
+    sizes[by_remainder[: number - sizes.sum()]] += 1
+    return sizes

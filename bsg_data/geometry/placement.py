@@ -117,7 +117,27 @@ def _place_room(room: Room, cells: Floats) -> Room:
     centre = np.mean([box.minimum, box.maximum], axis=0)
     corners = [cells[:, [x, y], [0, 1]] for x in (0, 1) for y in (0, 1)]
     footprint = surround(np.concatenate(corners))
-    return replace(room, box=box, centroid=_point(centre), footprint=footprint)
+    return replace(
+        room,
+        box=box,
+        centroid=_point(centre),
+        footprint=footprint,
+        floor_area=measure_area(footprint),
+    )
+
+
+def measure_area(corners: Sequence[tuple[float, float]]) -> float | None:
+    """Return the area of a polygon (x, y) in its unit squared; None if it has none.
+
+    The shoelace formula; the corners may go either way round.
+
+    >>> measure_area([(0, 0), (3, 0), (3, 2), (0, 2)])
+    6.0
+    """
+    points = np.array(corners, dtype=np.float64).reshape(-1, 2)
+    x, y = (points - points.mean(axis=0)).T if len(points) else points.T
+    area = abs(float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))) / 2
+    return _round(area) or None
 
 
 def surround(points: Floats) -> tuple[tuple[float, float], ...]:

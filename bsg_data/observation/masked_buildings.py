@@ -24,9 +24,9 @@ from bsg_data.observation.hidden_others import sample_hidden_others
 from bsg_data.observation.masks import sample_hidden, sample_view
 from bsg_data.observation.masks_v1 import sample_hidden_of_format_1
 from bsg_data.observation.observation import Observation, observe_view, stack
-from bsg_data.observation.pairs import histogram_column, read_pairs, read_views, tells_view
+from bsg_data.observation.pairs import histogram_column, read_pairs, read_views
 from bsg_data.observation.view import View
-from bsg_data.recipes import MaskRecipe
+from bsg_data.recipes import MaskRecipe, PairsRecipe
 from bsg_data.scene.parts import find_wholes, load_parts
 
 
@@ -123,7 +123,7 @@ def read_masked(data: Dataset, split: str, *, vocabulary: tuple[str, ...] = ()) 
 
 @lru_cache(maxsize=32)
 def _read_masked(data: Dataset, split: str, vocabulary: tuple[str, ...]) -> MaskedBuildings:
-    recipe = data.manifest.pairs.mask if data.manifest.pairs else MaskRecipe()
+    recipe = data.manifest.pairs or PairsRecipe()
     table = read_pairs(data.path, split, manifest=data.manifest)
     inputs = histogram_column(table, "input").astype(np.int64)
     targets = histogram_column(table, "target").astype(np.int64)
@@ -131,12 +131,12 @@ def _read_masked(data: Dataset, split: str, vocabulary: tuple[str, ...]) -> Mask
     starts = np.flatnonzero(table["node_index"].to_numpy() == 0)
     scenes = table["scene_id"].take(starts).to_pylist()
     draws = table["draw"].take(starts).to_numpy().astype(np.int64)
-    see = see_others if tells_view(table) else _see_others_of_format_1
+    see = _see_others_of_format_1 if recipe.masks == 1 else see_others
     parts = []
     for scene, draw, a, b in zip(scenes, draws, starts, [*starts[1:], len(table)], strict=True):
         view, seen = views.take(int(a), int(b)), to_cells(inputs[a:b])
         hidden = to_cells(targets[a:b]) - seen
-        others = see(data, scene, recipe, int(draw), view, hidden, vocabulary=vocabulary)
+        others = see(data, scene, recipe.mask, int(draw), view, hidden, vocabulary=vocabulary)
         parts.append(
             observe_view(
                 scene,
@@ -219,7 +219,7 @@ def _see_others_of_format_1(
 
 def wholes_of(categories: tuple[str, ...], data: Dataset) -> Ints:
     """Return the class that each category is a part of, `[K]`; -1 for none."""
-    return find_wholes(categories, data.manifest.class_map.classes, load_parts())
+    return find_wholes(categories, data.manifest.class_space.classes, load_parts())
 
 
 def place_others(cells: Counts, categories: tuple[str, ...], vocabulary: tuple[str, ...]) -> Counts:

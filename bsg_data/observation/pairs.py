@@ -15,11 +15,12 @@ from bsg_data.arrays import Counts
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import to_histograms
 from bsg_data.dataset.manifest import (
-    ClassMapEntry,
+    ClassSpaceEntry,
     FileEntry,
     Manifest,
     hash_manifest,
     read_manifest,
+    require_current,
 )
 from bsg_data.dataset.revision import revise
 from bsg_data.dataset.schema import pairs_schema
@@ -30,7 +31,7 @@ from bsg_data.executors import run_all
 from bsg_data.observation.masks import sample_hidden, sample_view
 from bsg_data.observation.masks_v1 import view_of_format_1
 from bsg_data.observation.view import View
-from bsg_data.recipes import MaskRecipe, PairsRecipe
+from bsg_data.recipes import PairsRecipe
 from bsg_data.scene.connections import Connections
 
 SCENES_PER_FILE = 64
@@ -103,11 +104,14 @@ def write_pairs(
     """
 
     def write(manifest: Manifest, folder: Path) -> Manifest:
+        require_current(manifest, dataset)
+        if recipe.masks == 1:
+            raise RecipeError("masks of version 1 are not drawn any more: expected masks 2")
         if manifest.pairs is not None and not force:
             raise DatasetError(f"{dataset}: has pairs already; --force replaces them")
         splits = read_splits(dataset, manifest=manifest)
         files = _plan(dataset, splits, manifest)
-        tasks = [(folder, file, recipe, manifest.class_map) for file in files]
+        tasks = [(folder, file, recipe, manifest.class_space) for file in files]
         entries = run_all(_write_file, tasks, executor=executor, progress=progress)
         return manifest.with_table("pairs", tuple(entries), pairs=recipe)
 
@@ -129,6 +133,31 @@ def read_pairs(dataset: Path, split: str, *, manifest: Manifest | None = None) -
     return pa.concat_tables(read_file(dataset / f.path, manifest=manifest) for f in entries)
 
 
+def rewrite_pairs(dataset: Path, folder: Path, manifest: Manifest) -> list[FileEntry]:
+    """Write the pairs of a dataset into another folder, whose manifest this is, file by file.
+
+    Those of format 1 get the columns of what was told of their masks then.
+    """
+    old = read_manifest(dataset)
+    recipe = old.pairs or PairsRecipe()
+    schema = pairs_schema(len(manifest.class_space.classes))
+    entries = []
+    for entry in old.files_of("pairs"):
+        table = read_file(dataset / entry.path, manifest=old)
+        if not tells_view(table):
+            table = _tell_view(table, read_views(table, recipe), schema)
+        with open_parquet(
+            folder / entry.path,
+            schema,
+            table="pairs",
+            class_space=manifest.class_space,
+            pairs=manifest.pairs.model_dump_json() if manifest.pairs else "null",
+        ) as writer:
+            writer.write_table(table.cast(schema), row_group_size=ROWS_PER_GROUP)
+        entries.append(describe_file(folder, entry.path, rows=entry.rows))
+    return entries
+
+
 def histogram_column(table: pa.Table, name: str) -> npt.NDArray[np.uint16]:
     """Return a list column of the pairs as `[rows, C]`."""
     width = table.schema.field(name).type.list_size
@@ -141,7 +170,17 @@ def tells_view(table: pa.Table) -> bool:
     return "hidden_share" in table.column_names
 
 
-def read_views(table: pa.Table, recipe: MaskRecipe) -> View:
+def _tell_view(table: pa.Table, view: View, schema: pa.Schema) -> pa.Table:
+    """Return pairs of format 1 with the columns of a view of all their rows."""
+    more = {
+        "hidden_share": pa.array(view.told),
+        "withheld": _withheld((view,), schema.field("withheld").type),
+    }
+    columns = [more[name] if name in more else table[name] for name in schema.names]
+    return pa.Table.from_arrays(columns, schema=schema)
+
+
+def read_views(table: pa.Table, recipe: PairsRecipe) -> View:
     """Return the views of all pairs of a table, one after another, as one of all their rows.
 
     Of pairs of format 1 it is what was told of their recipe then.
@@ -153,7 +192,7 @@ def read_views(table: pa.Table, recipe: MaskRecipe) -> View:
     classes = table.schema.field("input").type.list_size
     if not tells_view(table):
         is_building = table["node_index"].to_numpy() == 0
-        return view_of_format_1(visited, recipe, is_building=is_building, classes=classes)
+        return view_of_format_1(visited, recipe.mask, is_building=is_building, classes=classes)
     chunks = [chunk.flatten().to_numpy(zero_copy_only=False) for chunk in table["withheld"].chunks]
     withheld = np.concatenate([np.zeros(0, dtype=bool), *chunks]).reshape(-1, classes)
     return View(visited, table["hidden_share"].to_numpy().astype(np.float64), withheld)
@@ -186,16 +225,16 @@ def _plan(
 
 
 def _write_file(
-    folder: Path, file: _PairFile, recipe: PairsRecipe, class_map: ClassMapEntry
+    folder: Path, file: _PairFile, recipe: PairsRecipe, class_space: ClassSpaceEntry
 ) -> FileEntry:
     """Write one file of pairs at its path below a folder."""
-    schema = pairs_schema(len(class_map.classes))
+    schema = pairs_schema(len(class_space.classes))
     rows = 0
     with open_parquet(
         folder / file.path,
         schema,
         table="pairs",
-        class_map=class_map,
+        class_space=class_space,
         pairs=recipe.model_dump_json(),
     ) as writer:
         waiting: list[pa.RecordBatch] = []

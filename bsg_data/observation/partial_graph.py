@@ -17,14 +17,14 @@ from bsg_data.arrays import Bools, Counts
 from bsg_data.dataset.categories import place_columns
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import count_cells, to_histograms
-from bsg_data.dataset.manifest import ClassMapEntry
+from bsg_data.dataset.manifest import ClassSpaceEntry
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import RecipeError
 from bsg_data.observation.hidden_others import sample_hidden_others
 from bsg_data.observation.masks import sample_hidden, sample_view, sample_withheld
 from bsg_data.observation.observation import Observation
 from bsg_data.recipes import MaskRecipe
-from bsg_data.scene.class_map import ClassMap, is_nameless
+from bsg_data.scene.class_map import is_nameless
 from bsg_data.scene.connections import Connections
 from bsg_data.scene.parts import find_wholes, load_parts
 from bsg_data.scene.scene_graph import Box, Point, SceneGraph, SceneObject
@@ -82,7 +82,7 @@ class PartialGraph:
 
     Attributes:
         scene_id: names the building.
-        class_map: whose classes the objects have.
+        class_space: whose classes the objects have.
         hidden_share: share of the building's objects that the robot has not seen.
         rooms: in the order of their indices, 1..R.
         objects: in any order.
@@ -90,7 +90,7 @@ class PartialGraph:
     """
 
     scene_id: str
-    class_map: ClassMapEntry
+    class_space: ClassSpaceEntry
     hidden_share: float
     rooms: tuple[KnownRoom, ...]
     objects: tuple[SeenObject, ...]
@@ -99,7 +99,7 @@ class PartialGraph:
     def histograms(self) -> Counts:
         """Return the histograms of what was seen, E′ × O′, `[1 + R, C]`, the building first."""
         known = [obj for obj in self.objects if obj.class_index is not None]
-        shape = (len(self.rooms) + 1, len(self.class_map.classes))
+        shape = (len(self.rooms) + 1, len(self.class_space.classes))
         rooms = np.array([obj.room_index for obj in known], dtype=np.int64)
         classes = np.array([obj.class_index for obj in known], dtype=np.int64)
         return to_histograms(count_cells(rooms, classes, shape=shape))
@@ -192,7 +192,7 @@ def observe(graph: PartialGraph, room_index: int, objects: Iterable[SeenObject])
 
 
 def mask_scene(
-    graph: SceneGraph, recipe: MaskRecipe, *, draw: int, class_map: ClassMapEntry
+    graph: SceneGraph, recipe: MaskRecipe, *, draw: int, class_space: ClassSpaceEntry
 ) -> PartialGraph:
     """Return what a mask leaves of a scene graph: the histograms that `bsg-data pairs` gives it.
 
@@ -201,7 +201,7 @@ def mask_scene(
     not say so: `list_withheld` says which, for whoever asks a model.
     """
     adjacent = [(edge.source, edge.target) for edge in graph.adjacency]
-    cells, others, kinds, categories = _count(graph, len(class_map.classes))
+    cells, others, kinds, categories = _count(graph, len(class_space.classes))
     view = sample_view(
         cells.shape,
         recipe,
@@ -218,7 +218,7 @@ def mask_scene(
         draw=draw,
         there=cells,
         hidden=hidden,
-        wholes=find_wholes(categories, class_map.classes, load_parts()) if recipe.parts else None,
+        wholes=find_wholes(categories, class_space.classes, load_parts()) if recipe.parts else None,
     )
     left = np.concatenate([cells - hidden, others - unseen], axis=1)
     seen = []
@@ -229,7 +229,7 @@ def mask_scene(
     share = view.hidden_share
     return PartialGraph(
         scene_id=graph.scene_id,
-        class_map=class_map,
+        class_space=class_space,
         hidden_share=float(share[0]),
         rooms=tuple(
             KnownRoom(
@@ -252,7 +252,7 @@ def mask_scene(
 def list_withheld(recipe: MaskRecipe, graph: PartialGraph, *, draw: int = 0) -> tuple[int, ...]:
     """Return the classes that a mask withheld from the graph that `mask_scene` made."""
     withheld = sample_withheld(
-        recipe, scene_id=graph.scene_id, draw=draw, classes=len(graph.class_map.classes)
+        recipe, scene_id=graph.scene_id, draw=draw, classes=len(graph.class_space.classes)
     )
     return tuple(np.flatnonzero(withheld).tolist())
 
@@ -274,7 +274,7 @@ def mask_dataset(
     data = Dataset.open(dataset)
     for graph in read_scene_graphs(dataset):
         if graph.scene_id in scenes:
-            left = mask_scene(graph, recipe, draw=draw, class_map=data.manifest.class_map)
+            left = mask_scene(graph, recipe, draw=draw, class_space=data.manifest.class_space)
             yield left, to_histograms(data.cells(graph.scene_id))
 
 
@@ -311,9 +311,3 @@ def _count(graph: SceneGraph, classes: int) -> tuple[Counts, Counts, list[int], 
     shape = (len(graph.rooms) + 1, classes + len(others))
     cells = count_cells(rooms, np.array(kinds, dtype=np.int64), shape=shape)
     return cells[:, :classes], cells[:, classes:], kinds, tuple(others)
-
-
-def classify(raw_category: str, class_map: ClassMap) -> tuple[str | None, int | None]:
-    """Return the corrected name and the class of a spelling, None where the map has none."""
-    known = class_map.classify(raw_category)
-    return known.category, known.class_index

@@ -21,16 +21,16 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, StrictBool, ValidationError
 
-from bsg_data.dataset.manifest import ClassMapEntry
+from bsg_data.dataset.manifest import ClassSpaceEntry
 from bsg_data.errors import SourceError
-from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, classify
+from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_data.recipes import Record, name_fault
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, load_class_map
 from bsg_data.scene.scene_graph import Box
@@ -63,6 +63,8 @@ class _Object(Record):
     id: Id
     room: Id | None = None
     category: Text
+    corrected: Text | None = None
+    class_name: Annotated[Text | None, Field(alias="class")] = None
     position: Triple | None = None
 
 
@@ -79,7 +81,8 @@ class _Graph(Record):
 def read_robot_graph(path: Path, *, class_map: str = DEFAULT_CLASS_MAP) -> PartialGraph:
     """Read a partial graph from JSON.
 
-    Objects whose category the map does not know stay, without a class: `list_unmapped` names them.
+    The class map says which class a category is of. Objects whose category it does not know stay,
+    without a class: `list_unmapped` names them.
 
     Raises:
         RobotGraphError: naming the file, the entry, and what was expected there.
@@ -104,11 +107,46 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def parse_robot_graph(said: Any, *, path: Path, class_map: str = DEFAULT_CLASS_MAP) -> PartialGraph:
-    """Return the partial graph that a JSON document says.
+    """Return the partial graph that a JSON document of a robot says.
 
     Raises:
         RobotGraphError: as `read_robot_graph`.
     """
+    loaded = load_class_map(class_map)
+
+    def classify(obj: _Object, _: str) -> tuple[str | None, int | None]:
+        known = loaded.classify(obj.category)
+        return known.category, known.class_index
+
+    space = ClassSpaceEntry.of(loaded.space)
+    return _assemble(said, path=path, class_space=space, classify=classify)
+
+
+def parse_classified_graph(said: Any, *, path: Path, class_space: ClassSpaceEntry) -> PartialGraph:
+    """Return the partial graph of a document that has the class of every object in it.
+
+    Raises:
+        RobotGraphError: as `read_robot_graph`, and for a class that the space has not.
+    """
+    index = {name: number for number, name in enumerate(class_space.classes)}
+
+    def classify(obj: _Object, where: str) -> tuple[str | None, int | None]:
+        if obj.class_name is not None and obj.class_name not in index:
+            raise RobotGraphError(
+                f"{path}: {where}: {obj.class_name!r} is no class of {class_space.name}"
+            )
+        return obj.corrected, None if obj.class_name is None else index[obj.class_name]
+
+    return _assemble(said, path=path, class_space=class_space, classify=classify)
+
+
+def _assemble(
+    said: Any,
+    *,
+    path: Path,
+    class_space: ClassSpaceEntry,
+    classify: Callable[[_Object, str], tuple[str | None, int | None]],
+) -> PartialGraph:
     if isinstance(said, dict) and said.get("format") == "bsg-belief-graph":
         said = said.get("partial")  # of a belief graph, what was seen
     try:
@@ -117,12 +155,11 @@ def parse_robot_graph(said: Any, *, path: Path, class_map: str = DEFAULT_CLASS_M
         raise RobotGraphError(f"{path}: {name_fault(error)}") from error
     index = _number([room.id for room in document.rooms], "room", path)
     _number([obj.id for obj in document.objects], "object", path)
-    loaded = load_class_map(class_map)
     rooms = tuple(_know(room) for room in document.rooms)
     objects = []
     for obj in document.objects:
         room = _find(obj.room, index, f"objects: {obj.id}", path) if obj.room is not None else 0
-        category, class_index = classify(obj.category, loaded)
+        category, class_index = classify(obj, f"objects: {obj.id}")
         objects.append(SeenObject(obj.id, room, obj.category, category, class_index, obj.position))
     adjacency = set()
     for ends in document.adjacency:
@@ -135,7 +172,7 @@ def parse_robot_graph(said: Any, *, path: Path, class_map: str = DEFAULT_CLASS_M
         share = float(np.mean([room.hidden_share for room in rooms])) if rooms else SEEN_SHARE
     return PartialGraph(
         scene_id=document.scene_id,
-        class_map=ClassMapEntry.of(loaded),
+        class_space=class_space,
         hidden_share=share,
         rooms=rooms,
         objects=tuple(objects),
@@ -172,7 +209,10 @@ def _know(room: _Room) -> KnownRoom:
 
 
 def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
-    """Return the JSON document of a partial graph; `parse_robot_graph` reads it back."""
+    """Return the JSON document of a partial graph.
+
+    `parse_classified_graph` reads it back; `parse_robot_graph` does with the same class map.
+    """
     names = [room.name for room in graph.rooms]
     return {
         "format": "bsg-partial-graph",
@@ -197,12 +237,18 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
                 "id": obj.name,
                 "room": names[obj.room_index - 1] if obj.room_index else None,
                 "category": obj.raw_category,
+                "corrected": obj.category,
+                "class": _name_class(graph, obj),
                 "position": obj.position,
             }
             for obj in graph.objects
         ],
         "adjacency": [[names[a - 1], names[b - 1]] for a, b in graph.adjacency],
     }
+
+
+def _name_class(graph: PartialGraph, obj: SeenObject) -> str | None:
+    return None if obj.class_index is None else graph.class_space.classes[obj.class_index]
 
 
 def list_unmapped(graph: PartialGraph) -> dict[str, int]:

@@ -1,29 +1,36 @@
-"""Class maps: from the free text of an annotation to one of the classes.
+"""Class maps: from the free text of an annotation to a class of a class space.
 
-A published map is two files in `mappings/` that never change: `<version>.csv` with
-`raw_category,category,class`, one row a spelling, and `<version>.classes.csv` with
-`index,class,definition`, whose order is the order of every histogram.
+A published map is a file of `mappings/` that never changes: `<version>.csv` with
+`raw_category,category,class`, one row a spelling. `class_maps.csv` says which class space it leads
+into, and whether names that it does not list are resolved by rule.
 """
 
 from __future__ import annotations
 
-import csv
 import difflib
 import hashlib
-import io
 import unicodedata
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Literal
 
 from bsg_data.errors import ClassMapError
+from bsg_data.scene.class_space import (
+    DEFAULT_CLASS_SPACE,
+    ClassSpace,
+    load_class_space,
+    parse_class_space,
+    read_published,
+    read_rows,
+)
+from bsg_data.scene.spoken_names import Rule, resolve
 
 DEFAULT_CLASS_MAP = "hm3d45-v1"
-MAX_CLASSES = 256  # the objects table has the index in a byte
 UNKNOWN = "unknown"  # the category of a nameless object
+SYNONYMS = "synonyms-v1.csv"
 Role = Literal["classified", "left-out", "structure", "nameless", "unmapped"]
 
 
@@ -50,11 +57,14 @@ class Classified:
         role: `classified` with a class; `left-out`, an object outside the classes; `structure`,
             a part of the building; `nameless`, blank or `unknown`; `unmapped`, a name that the map
             does not have.
+        rule: which rule led to the category; None for a name that the map lists, and for one that
+            no rule explains.
     """
 
     category: str | None
     class_index: int | None
     role: Role
+    rule: Rule | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,33 +73,57 @@ class ClassMap:
 
     Attributes:
         version: its name, e.g. `hm3d45-v1`.
-        sha256: of the bytes of `<version>.csv` followed by those of `<version>.classes.csv`.
-        classes: `[C]` class names in the order of every histogram.
-        definitions: `[C]` one sentence a class.
+        sha256: of the bytes of its files: the spellings, then the classes; of a map with rules, the
+            list of structure and the synonyms, too.
+        space: the classes that it leads to.
         structure: categories that are part of the building itself, not objects in it.
         entries: every spelling as published.
         normalised: the same under `normalise_name`.
+        synonyms: normalised name → listed name; None for a map without rules.
     """
 
     version: str
     sha256: str
-    classes: tuple[str, ...]
-    definitions: tuple[str, ...]
+    space: ClassSpace
     structure: frozenset[str]
     entries: Mapping[str, MapEntry]
     normalised: Mapping[str, MapEntry]
+    synonyms: Mapping[str, str] | None = None
+    _resolved: dict[str, Classified] = field(default_factory=dict, repr=False, compare=False)
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """The names of the classes, `[C]`, in the order of every histogram."""
+        return self.space.classes
 
     def lookup(self, name: str) -> MapEntry | None:
-        """Look a name up: exact, then normalised; None for an unmapped name."""
+        """Look a name up: exact, then normalised; None for a name that is not listed."""
         entry = self.entries.get(name)
         return entry if entry is not None else self.normalised.get(normalise_name(name))
 
     def classify(self, name: str) -> Classified:
         """Return what an annotated name comes to: the one rule from a name to a class."""
         entry = self.lookup(name)
-        if entry is None:
-            nameless = is_nameless(name)
-            return Classified(UNKNOWN, None, "nameless") if nameless else _UNMAPPED
+        if entry is not None:
+            return self._describe(entry)
+        if is_nameless(name):
+            return Classified(UNKNOWN, None, "nameless")
+        if name not in self._resolved:
+            self._resolved[name] = self._resolve(name)
+        return self._resolved[name]
+
+    def _resolve(self, name: str) -> Classified:
+        """Return what the rules make of a name that is not listed."""
+        if self.synonyms is None:
+            return _UNMAPPED
+        listed = self.normalised.__contains__
+        for other, rule in resolve(normalise_name(name), synonyms=self.synonyms, known=listed):
+            entry = self.normalised[normalise_name(other)]
+            if rule != "head noun" or entry.class_index is not None:
+                return self._describe(entry, rule=rule)
+        return _UNMAPPED
+
+    def _describe(self, entry: MapEntry, *, rule: Rule | None = None) -> Classified:
         role: Role = "left-out"
         if entry.class_index is not None:
             role = "classified"
@@ -97,26 +131,31 @@ class ClassMap:
             role = "nameless"
         elif entry.category in self.structure:
             role = "structure"
-        return Classified(entry.category, entry.class_index, role)
+        return Classified(entry.category, entry.class_index, role, rule)
 
     def nearest(self, name: str, *, count: int = 3) -> tuple[str, ...]:
         """Return the known spellings most like `name`, best first."""
         return tuple(difflib.get_close_matches(normalise_name(name), self.normalised, n=count))
 
-    def class_index(self, name: str) -> int:
-        """Return the index of a class.
-
-        Raises:
-            ClassMapError: for a name that is no class, with the nearest ones.
-        """
-        if name in self.classes:
-            return self.classes.index(name)
-        near = difflib.get_close_matches(name, self.classes, n=3)
-        hint = f"; did you mean {', '.join(near)}?" if near else ""
-        raise ClassMapError(f"{name!r} is not a class of {self.version}{hint}")
-
 
 _UNMAPPED = Classified(None, None, "unmapped")
+
+
+@dataclass(frozen=True, slots=True)
+class PublishedMap:
+    """A row of `mappings/class_maps.csv`.
+
+    Attributes:
+        class_map: its name.
+        class_space: which space it leads into.
+        source: whose words it is of.
+        rules: whether names that it does not list are resolved by rule.
+    """
+
+    class_map: str
+    class_space: str
+    source: str
+    rules: bool
 
 
 def normalise_name(name: str) -> str:
@@ -137,11 +176,18 @@ def is_nameless(name: str) -> bool:
     return normalise_name(name).split("/")[0].strip() in ("", UNKNOWN)
 
 
+@cache
+def published_maps() -> Mapping[str, PublishedMap]:
+    """Return the published maps by their names, in the order of `mappings/class_maps.csv`."""
+    data = files("bsg_mappings").joinpath("class_maps.csv").read_bytes()
+    header = ("class_map", "class_space", "source", "rules")
+    rows = [row for _, row in read_rows("class_maps.csv", data, header)]
+    return {row[0]: PublishedMap(row[0], row[1], row[2], row[3] == "yes") for row in rows}
+
+
 def list_class_maps() -> tuple[str, ...]:
     """Return the versions of the published maps, sorted."""
-    suffix = ".classes.csv"
-    names = (item.name for item in files("bsg_mappings").iterdir())
-    return tuple(sorted(name.removesuffix(suffix) for name in names if name.endswith(suffix)))
+    return tuple(sorted(published_maps()))
 
 
 @cache
@@ -153,85 +199,84 @@ def load_class_map(name: str = DEFAULT_CLASS_MAP) -> ClassMap:
     """
     if name.casefold().endswith(".csv"):
         return _read_own_map(Path(name))
-    if name not in list_class_maps():
+    if name not in published_maps():
         known = ", ".join(list_class_maps())
         raise ClassMapError(
             f"no class map {name!r}: published are {known}; a map of your own is named by the "
             "path of its .csv file (NAME.csv, with NAME.classes.csv beside it)"
         )
-    folder = files("bsg_mappings")
-    published = _published_hashes(folder.joinpath("SHA256SUMS").read_text("utf-8"))
-    contents = {}
-    for part in (f"{name}.csv", f"{name}.classes.csv", f"{name}.structure.csv"):
-        data = folder.joinpath(part).read_bytes()
-        if hashlib.sha256(data).hexdigest() != published.get(part):
-            raise ClassMapError(
-                f"mappings/{part} is not the published file (sha256 differs from SHA256SUMS): "
-                "published maps never change; reinstall, or give your version a new name"
-            )
-        contents[part] = data
-    return _parse_map(name, *contents.values())
-
-
-def _read_own_map(path: Path) -> ClassMap:
-    if path.stem in list_class_maps():
-        raise ClassMapError(f"{path}: {path.stem} is the name of a published map; choose another")
-    parts = [path, path.with_suffix(".classes.csv"), path.with_suffix(".structure.csv")]
-    for part in parts[:2]:
-        if not part.is_file():
-            raise ClassMapError(
-                f"{part}: no such file; a class map is NAME.csv (raw_category,category,class) "
-                "with NAME.classes.csv (index,class,definition) beside it"
-            )
-    structure = parts[2].read_bytes() if parts[2].is_file() else b"category\n"
-    return _parse_map(path.stem, parts[0].read_bytes(), parts[1].read_bytes(), structure)
-
-
-def _published_hashes(text: str) -> dict[str, str]:
-    pairs = (line.split(maxsplit=1) for line in text.splitlines() if line.strip())
-    return {name.lstrip("*"): digest for digest, name in pairs}
-
-
-def _parse_map(version: str, spellings: bytes, classes: bytes, structure: bytes) -> ClassMap:
-    names, definitions = _parse_classes(f"{version}.classes.csv", classes)
-    entries, normalised = _parse_spellings(f"{version}.csv", spellings, names)
-    rows = _rows(f"{version}.structure.csv", structure, ("category",))
-    return ClassMap(
-        version=version,
-        sha256=hashlib.sha256(spellings + classes).hexdigest(),
-        classes=names,
-        definitions=definitions,
-        structure=frozenset(category for _, (category,) in rows),
-        entries=entries,
-        normalised=normalised,
+    row = published_maps()[name]
+    return _parse_map(
+        name,
+        load_class_space(row.class_space),
+        spellings=read_published(f"{name}.csv"),
+        classes=read_published(f"{row.class_space}.classes.csv"),
+        structure=read_published(f"{name}.structure.csv"),
+        synonyms=read_published(SYNONYMS) if row.rules else None,
     )
 
 
-def _parse_classes(file: str, data: bytes) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    names: list[str] = []
-    definitions: list[str] = []
-    for line, (index, name, definition) in _rows(file, data, ("index", "class", "definition")):
-        if index != str(len(names)) or not name or name in names:
-            raise ClassMapError(
-                f"{file}, line {line}: expected index {len(names)} and a new class name, "
-                f"found {index!r}, {name!r}"
-            )
-        names.append(name)
-        definitions.append(definition)
-    if not 1 <= len(names) <= MAX_CLASSES:
-        raise ClassMapError(f"{file}: expected 1 to {MAX_CLASSES} classes, found {len(names)}")
-    return tuple(names), tuple(definitions)
+def _read_own_map(path: Path) -> ClassMap:
+    """Read a map of one's own, whose classes are its own or those of the default space."""
+    if path.stem in published_maps():
+        raise ClassMapError(f"{path}: {path.stem} is the name of a published map; choose another")
+    own, structure = path.with_suffix(".classes.csv"), path.with_suffix(".structure.csv")
+    if not path.is_file():
+        raise ClassMapError(
+            f"{path}: no such file; a class map is NAME.csv (raw_category,category,class), with "
+            "NAME.classes.csv (index,class,definition) beside it if it has classes of its own"
+        )
+    classes = own.read_bytes() if own.is_file() else None
+    default = load_class_space(DEFAULT_CLASS_SPACE)
+    return _parse_map(
+        path.stem,
+        default if classes is None else parse_class_space(path.stem, classes),
+        spellings=path.read_bytes(),
+        classes=classes or read_published(f"{default.name}.classes.csv"),
+        structure=structure.read_bytes() if structure.is_file() else b"category\n",
+        synonyms=read_published(SYNONYMS),
+    )
+
+
+def _parse_map(
+    version: str,
+    space: ClassSpace,
+    *,
+    spellings: bytes,
+    classes: bytes,
+    structure: bytes,
+    synonyms: bytes | None,
+) -> ClassMap:
+    entries, normalised = _parse_spellings(f"{version}.csv", spellings, space)
+    rows = read_rows(f"{version}.structure.csv", structure, ("category",))
+    hashed = (spellings, classes) if synonyms is None else (spellings, classes, structure, synonyms)
+    return ClassMap(
+        version=version,
+        sha256=hashlib.sha256(b"".join(hashed)).hexdigest(),
+        space=space,
+        structure=frozenset(category for _, (category,) in rows),
+        entries=entries,
+        normalised=normalised,
+        synonyms=None if synonyms is None else _parse_synonyms(synonyms, normalised),
+    )
+
+
+def _parse_synonyms(data: bytes, listed: Mapping[str, MapEntry]) -> dict[str, str]:
+    """Return the synonyms of what a map lists; it need not list all that there are."""
+    rows = [row for _, row in read_rows(SYNONYMS, data, ("name", "category"))]
+    words = {normalise_name(name): normalise_name(category) for name, category in rows}
+    return {name: category for name, category in words.items() if category in listed}
 
 
 def _parse_spellings(
-    file: str, data: bytes, classes: tuple[str, ...]
+    file: str, data: bytes, space: ClassSpace
 ) -> tuple[dict[str, MapEntry], dict[str, MapEntry]]:
-    index = {name: i for i, name in enumerate(classes)}
+    index = {name: i for i, name in enumerate(space.classes)}
     entries: dict[str, MapEntry] = {}
     normalised: dict[str, MapEntry] = {}
-    for line, (raw, category, name) in _rows(file, data, ("raw_category", "category", "class")):
+    for line, (raw, category, name) in read_rows(file, data, ("raw_category", "category", "class")):
         if name and name not in index:
-            raise ClassMapError(f"{file}, line {line}: {name!r} is not in {file[:-4]}.classes.csv")
+            raise ClassMapError(f"{file}, line {line}: {name!r} is no class of {space.name}")
         if raw in entries:
             raise ClassMapError(f"{file}, line {line}: {raw!r} is listed twice")
         entry = MapEntry(category, index[name] if name else None)
@@ -243,26 +288,3 @@ def _parse_spellings(
                 "but has another class"
             )
     return entries, normalised
-
-
-def _rows(file: str, data: bytes, header: tuple[str, ...]) -> list[tuple[int, list[str]]]:
-    try:
-        reader = csv.reader(io.StringIO(data.decode("utf-8-sig"), newline=""), strict=True)
-        first = next(reader, [])
-        if tuple(first) != header:
-            raise ClassMapError(
-                f"{file}, line 1: expected {','.join(header)}, found {','.join(first)!r}"
-            )
-        rows = [(reader.line_num, row) for row in reader]
-    except UnicodeDecodeError as error:
-        raise ClassMapError(
-            f"{file}: expected UTF-8, found byte {error.start} that is not"
-        ) from error
-    except csv.Error as error:
-        raise ClassMapError(f"{file}: not a readable CSV file ({error})") from error
-    for line, row in rows:
-        if len(row) != len(header):
-            raise ClassMapError(
-                f"{file}, line {line}: expected {len(header)} fields, found {len(row)}"
-            )
-    return rows

@@ -9,11 +9,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar, Literal
+
+from bsg_data.scene.class_map import Role
 
 Point = tuple[float, float, float]
 EdgeKind = Literal["contains", "adjacent"]
+NodeKind = Literal["building", "room", "object"]
+# A plan says so, a door, stairs, the boxes of two rooms, a robot that went there, or whoever made
+# the data.
+ADJACENCY_METHODS = ("layout", "door", "stairs", "boxes", "robot", "given")
 _SCENE_ID = re.compile(r"[^./\\\x00-\x1f\x7f][^/\\\x00-\x1f\x7f]{0,199}")
 
 
@@ -50,6 +56,8 @@ class SceneObject:
         raw_category: its name exactly as annotated.
         category: the corrected name by the class map; None if the map does not know the name.
         class_index: its class by the class map; None for an object without a class.
+        role: what the class map makes of its name: an object with a class or left out of the
+            classes, structure of the building, nameless or unmapped.
         colour: its colour in the semantic mesh as RRGGBB; None where the source has none.
         centroid: of its surface, weighted by area, metres; None without geometry.
         box: of all its surface, metres; None without geometry.
@@ -66,6 +74,7 @@ class SceneObject:
     raw_category: str
     category: str | None
     class_index: int | None
+    role: Role
     colour: str | None = None
     centroid: Point | None = None
     box: Box | None = None
@@ -80,7 +89,7 @@ class Room:
     Attributes:
         room_index: 1..R in the order of the region ids.
         region_id: the annotation's own id; 0 is a real room.
-        source_label: a label that the source gives ("kitchen"); models never read it.
+        source_label: what the source calls the room ("Wohnzimmer", "k").
         centroid: centre of its box, metres; None without geometry.
         box: around the largest parts of its objects without its stairs, metres; None without
             geometry.
@@ -88,9 +97,10 @@ class Room:
         floor_z: height of its floor, metres; None without geometry.
         footprint: corners (x, y) of the convex hull of its objects from above, against the clock,
             metres; None without geometry.
+        label: the common label of what the source calls it (mappings/room-labels-v1.csv); None
+            where nothing is known.
+        floor_area: square metres; None where unknown.
     """
-
-    LABEL: ClassVar[str] = "room"  # paper, section III-B: one general label for all rooms
 
     room_index: int
     region_id: int
@@ -100,6 +110,8 @@ class Room:
     floor_index: int | None = None
     floor_z: float | None = None
     footprint: tuple[tuple[float, float], ...] | None = None
+    label: str | None = None
+    floor_area: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,8 +123,8 @@ class Edge:
         target: node index; the child of a `contains` edge. An `adjacent` edge is undirected and
             stored once, with source < target.
         kind: `contains` or `adjacent`.
-        method: how the edge is known: `annotation` for containment; `layout`, `door`, `stairs` or
-            `boxes` for adjacency.
+        method: how the edge is known: `annotation` for containment; one of `ADJACENCY_METHODS` for
+            adjacency.
         distance_m: metres between the centroids of two adjacent rooms; None where unknown.
     """
 
@@ -137,6 +149,8 @@ class SceneGraph:
         objects: in the order of `object_index`.
         adjacency: the `adjacent` edges, sorted; containment follows from the objects.
         up_axis: the axis that pointed up in the mesh, `y` or `-z` for example; None without a mesh.
+        class_map: the version of the class map that its names were read with.
+        building_kind: what the source says it is, e.g. `home` or `office`; None where it does not.
     """
 
     scene_id: str
@@ -148,12 +162,21 @@ class SceneGraph:
     objects: tuple[SceneObject, ...]
     adjacency: tuple[Edge, ...] = ()
     up_axis: str | None = None
+    class_map: str = field(kw_only=True)
+    building_kind: str | None = None
 
     @property
     def has_geometry(self) -> bool:
-        """Say whether any room or object has a box."""
-        rooms = any(room.box is not None for room in self.rooms)
-        return rooms or any(obj.box is not None for obj in self.objects)
+        """Say whether any room or object has a place: a centroid, a box or a footprint."""
+        rooms = any(room.centroid or room.box or room.footprint for room in self.rooms)
+        return rooms or any(obj.centroid or obj.box for obj in self.objects)
+
+    def describe_node(self, node: int) -> tuple[NodeKind, int]:
+        """Return the kind of a node, and its room_index or object_index; 0 for the building."""
+        if node == 0:
+            return "building", 0
+        rooms = len(self.rooms)
+        return ("room", node) if node <= rooms else ("object", node - rooms)
 
     def edges(self) -> Iterator[Edge]:
         """Yield building → rooms, rooms → objects, then adjacency."""

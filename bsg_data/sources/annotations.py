@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bsg_data.errors import AnnotationError, SourceError
+from bsg_data.scene.scene_graph import Box, Point
 
 HEADER = "HM3D Semantic Annotations"
 MAX_BYTES = 64 * 2**20  # the largest real file is below 1 MiB
@@ -30,12 +31,16 @@ class Instance:
         name: the free text, exactly as annotated.
         region_id: its region; negative is the null region.
         colour: RRGGBB, upper case, six digits; None where the source has none.
+        centroid: where the source says that it is, metres, Z up; None where it does not.
+        box: its axis-aligned box, metres, Z up; None where the source has none.
     """
 
     instance_id: int
     name: str
     region_id: int
     colour: str | None = None
+    centroid: Point | None = None
+    box: Box | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import difflib
 import inspect
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import get_args
 
 from bsg_data.errors import SourceError
 from bsg_data.registry import Registry
@@ -16,9 +19,21 @@ SOURCES = Registry(
     rows={
         "hm3d": "bsg_data.sources.hm3d:ROW",
         "hm3d-stats": "bsg_data.sources.hm3d_stats:ROW",
+        "behavior": "bsg_data.sources.behavior:ROW",
+        "procthor": "bsg_data.sources.procthor:ROW",
+        "table": "bsg_data.sources.table:ROW",
         "synthetic": "bsg_data.sources.synthetic:ROW",
     },
 )
+
+
+_TRUTHS = {"yes": True, "true": True, "1": True, "no": False, "false": False, "0": False}
+_PARSERS: Mapping[type, Callable[[str], object]] = {
+    bool: lambda word: _TRUTHS[word.casefold()],
+    int: int,
+    float: float,
+    Path: Path,
+}
 
 
 def open_source(name: str, path: Path, **options: object) -> Source:
@@ -56,8 +71,61 @@ def open_source(name: str, path: Path, **options: object) -> Source:
     return source
 
 
+def parse_options(name: str, words: Mapping[str, str]) -> dict[str, object]:
+    """Return the options of a source from words, as a command has them.
+
+    A word becomes what the keyword of the row's `open` is annotated with: a bool from yes, no, true
+    or false, an int, a float or a path; otherwise it stays text.
+
+    Args:
+        name: of a row, or of an installed entry point.
+        words: the source's own options by name.
+
+    Raises:
+        RecipeError: for a source that nobody knows, with the nearest.
+        SourceError: for an option that the source does not have, with those that it has, or for a
+            word that its type does not take.
+    """
+    kinds = _list_options(SOURCES[name])
+    for option in words:
+        if option not in kinds:
+            near = difflib.get_close_matches(option, kinds, n=1)
+            hint = f"; did you mean {near[0]}?" if near else "."
+            known = ", ".join(kinds) or "none"
+            raise SourceError(
+                f"source {name!r} has no option {option!r}{hint} Its options: {known}"
+            )
+    return {option: _parse_word(word, kinds[option], option) for option, word in words.items()}
+
+
+def _list_options(row: SourceRow) -> dict[str, object]:
+    """Return name → annotation of what a row's `open` takes beside the path."""
+    try:
+        signature = inspect.signature(row.open, eval_str=True)
+    except NameError:  # of an annotation that is for type checkers alone
+        signature = inspect.signature(row.open)
+    named = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+    _, *options = signature.parameters.values()
+    return {option.name: option.annotation for option in options if option.kind in named}
+
+
+def _parse_word(word: str, kind: object, option: str) -> object:
+    """Return a word as the first of the types that an annotation names and a word can be."""
+    kinds = get_args(kind) or (kind,)
+    for wanted, parse in _PARSERS.items():
+        if wanted in kinds:
+            try:
+                return parse(word)
+            except (ValueError, KeyError) as error:
+                expected = "yes or no" if wanted is bool else f"a value of type {wanted.__name__}"
+                raise SourceError(
+                    f"option {option}: expected {expected}, found {word!r}"
+                ) from error
+    return word
+
+
 def find_terms(kind: str) -> Terms | None:
-    """Return the terms of a kind of source; None if no row and no entry point has its name.
+    """Return the terms of a kind of source; None where its row has none, or nobody has its name.
 
     Raises:
         RecipeError: if there is an entry point of that name and it cannot be imported.

@@ -58,7 +58,7 @@ class HM3DFolder:
     snap_colours: int | None = None
 
     @property
-    def options(self) -> dict[str, int]:
+    def options(self) -> dict[str, int | str]:
         """Whether meshes are read, and how."""
         snap = {} if self.snap_colours is None else {"snap_colours": self.snap_colours}
         return {"meshes": int(self.meshes), **snap}

@@ -51,7 +51,7 @@ class HM3DStatistics:
         return "hm3d-stats"
 
     @property
-    def options(self) -> dict[str, int]:
+    def options(self) -> dict[str, int | str]:
         """None: there is nothing to choose."""
         return {}
 

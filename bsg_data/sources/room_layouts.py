@@ -19,9 +19,10 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from bsg_data.errors import SourceError
 from bsg_data.geometry.adjacency import measure_distance
-from bsg_data.geometry.placement import find_storeys
+from bsg_data.geometry.placement import find_storeys, measure_area
 from bsg_data.recipes import name_fault
 from bsg_data.scene.class_map import ClassMap
+from bsg_data.scene.room_label import LAYOUTS, label_of
 from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph, is_scene_id
 from bsg_data.scene.scene_id import building_hash
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SkippedScene, Source
@@ -175,17 +176,19 @@ def lay_out(graph: SceneGraph, layout: RoomLayout) -> SceneGraph:
 def _lay_out_room(room: Room, label: str, box: Box, *, placed: bool) -> Room:
     """Return the room with its label, and with its box unless a mesh placed the building."""
     if placed:
-        return replace(room, source_label=label)
+        return replace(room, source_label=label, label=label_of(LAYOUTS, label))
     (a, b, _), (c, d, _) = box.minimum, box.maximum
     x, y, z = (float(v) for v in np.mean([box.minimum, box.maximum], axis=0))
     footprint = ((a, b), (c, b), (c, d), (a, d))
     return replace(
         room,
         source_label=label,
+        label=label_of(LAYOUTS, label),
         box=box,
         centroid=(x, y, z),
         floor_z=box.minimum[2],
         footprint=footprint,
+        floor_area=measure_area(footprint),
     )
 
 
@@ -212,7 +215,7 @@ class WithLayouts:
         return self.source.path
 
     @property
-    def options(self) -> dict[str, int]:
+    def options(self) -> dict[str, int | str]:
         """The source's own, and that there are layouts."""
         return {**self.source.options, "room_layouts": 1}
 

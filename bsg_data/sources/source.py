@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 from bsg_data.errors import SourceError
-from bsg_data.scene.class_map import ClassMap
+from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap
 from bsg_data.scene.mesh_coverage import MeshCoverage
 from bsg_data.scene.scene_graph import SceneGraph
 from bsg_data.scene.scene_id import building_hash
@@ -105,7 +105,7 @@ class Source(Protocol):
         """Return what the source reads."""
 
     @property
-    def options(self) -> dict[str, int]:
+    def options(self) -> dict[str, int | str]:
         """Return the choices that the bytes of a build depend on."""
 
     def find(self) -> FoundScenes:
@@ -156,6 +156,15 @@ class Terms:
                 raise SourceError(f"{name}: expected one line, found {getattr(self, name)!r}")
 
 
+@runtime_checkable
+class SourceWithTerms(Protocol):
+    """A source that says itself under which terms its data are."""
+
+    @property
+    def terms(self) -> Terms | None:
+        """Return them; None where nobody said any."""
+
+
 @dataclass(frozen=True, slots=True)
 class SourceRow:
     """One row of the catalogue of sources; its name is the `kind` of the source that it opens.
@@ -163,9 +172,12 @@ class SourceRow:
     Attributes:
         summary: what it reads, in one line.
         open: takes a path, and the source's own options as keywords.
-        terms: of what is derived from the source.
+        terms: of what is derived from the source; None where only whoever opens it can know them,
+            as of a table of a user's (`SourceWithTerms`).
+        class_map: the published map of its words, which a build takes unless it is told another.
     """
 
     summary: str
     open: Callable[..., Source]
-    terms: Terms
+    terms: Terms | None
+    class_map: str = DEFAULT_CLASS_MAP

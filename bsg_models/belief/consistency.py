@@ -37,7 +37,7 @@ def check_partial(partial: PartialGraph, *, path: Path) -> None:
 
 
 def _faults_of_beliefs(belief: BeliefGraph) -> Iterator[str]:
-    rooms, classes = len(belief.partial.rooms), belief.partial.class_map.classes
+    rooms, classes = len(belief.partial.rooms), belief.partial.class_space.classes
     shape = (rooms + 1, len(classes))
     if belief.expected.shape != shape or belief.presence.shape != shape:
         yield f"expected histograms of {shape[0]} × {shape[1]}"

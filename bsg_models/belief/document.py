@@ -9,15 +9,15 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, ValidationError
 
-from bsg_data.dataset.manifest import ClassMapEntry
+from bsg_data.dataset.manifest import ClassSpaceEntry
 from bsg_data.files import write_bytes
 from bsg_data.observation.partial_graph import PartialGraph
-from bsg_data.observation.robot_json import encode_robot_graph, parse_robot_graph
+from bsg_data.observation.robot_json import encode_robot_graph
 from bsg_data.recipes import Record, name_fault
 from bsg_models.belief.belief_graph import BeliefGraph, BlindNode, Mode
 from bsg_models.belief.consistency import check_beliefs
 from bsg_models.belief.formats import FormatRow
-from bsg_models.belief.header import check_header, encode_header
+from bsg_models.belief.header import check_class_space, encode_header, modernise, parse_partial
 from bsg_models.errors import BeliefFileError
 
 Count = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -36,7 +36,8 @@ class _Document(Record):
     version: int
     model: str
     mode: Mode
-    class_map: ClassMapEntry
+    class_space: ClassSpaceEntry
+    class_map: str | None = None
     partial: dict[str, Any]
     expected: list[list[Count]]
     presence: list[list[Probability]]
@@ -45,7 +46,7 @@ class _Document(Record):
 
 def encode_belief(belief: BeliefGraph) -> dict[str, Any]:
     """Return a belief graph as a JSON document; `decode_belief` reads it back."""
-    classes = belief.partial.class_map.classes
+    classes = belief.partial.class_space.classes
     return {
         **encode_header(belief),
         "partial": encode_robot_graph(belief.partial),
@@ -68,15 +69,20 @@ def decode_belief(document: Any, *, path: Path) -> BeliefGraph:
 
     Raises:
         BeliefFileError: naming what is wrong with it.
-        MismatchError: if it is of a class map that is not here.
+        MismatchError: if it is of a class space that has changed.
     """
     try:
-        entries = _Document.model_validate(document)
+        entries = _Document.model_validate(modernise(document, path=path))
     except ValidationError as error:
         raise BeliefFileError(f"{path}: {name_fault(error)}") from error
-    check_header(entries.format, entries.version, entries.class_map, path=path)
-    partial = parse_robot_graph(entries.partial, path=path, class_map=entries.class_map.version)
-    shape = (len(partial.rooms) + 1, len(partial.class_map.classes))
+    check_class_space(entries.class_space, path=path)
+    partial = parse_partial(
+        entries.partial,
+        path=path,
+        class_space=entries.class_space,
+        class_map=entries.class_map,
+    )
+    shape = (len(partial.rooms) + 1, len(partial.class_space.classes))
     for histograms in (entries.expected, entries.presence):
         if len(histograms) != shape[0] or any(len(row) != shape[1] for row in histograms):
             raise BeliefFileError(f"{path}: expected histograms of {shape[0]} × {shape[1]}")
@@ -93,7 +99,7 @@ def decode_belief(document: Any, *, path: Path) -> BeliefGraph:
 
 
 def _decode_blind(node: _Blind, partial: PartialGraph, path: Path) -> BlindNode:
-    classes = partial.class_map.classes
+    classes = partial.class_space.classes
     if node.class_name not in classes:
         raise BeliefFileError(f"{path}: a blind node of {node.class_name!r}, which is no class")
     return BlindNode(node.room, classes.index(node.class_name), node.expected, node.presence)

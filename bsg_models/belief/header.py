@@ -1,4 +1,4 @@
-"""What every format states once of a belief graph: its format version, model, mode and class map.
+"""What every format states once of a belief graph: its format version, model, mode and classes.
 
 In networkx and Spark-DSG it is the attributes of the graph, in parquet the metadata of a table. A
 JSON document begins with it; there the partial graph is a document of its own.
@@ -6,20 +6,30 @@ JSON document begins with it; there the partial graph is a document of its own.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import ValidationError
 
-from bsg_data.dataset.manifest import ClassMapEntry
+from bsg_data.dataset.manifest import ClassSpaceEntry
 from bsg_data.errors import MismatchError
-from bsg_data.observation.robot_json import Id, Share
+from bsg_data.observation.partial_graph import PartialGraph
+from bsg_data.observation.robot_json import (
+    Id,
+    Share,
+    parse_classified_graph,
+    parse_robot_graph,
+)
 from bsg_data.recipes import Record, name_fault
 from bsg_data.scene.class_map import list_class_maps, load_class_map
+from bsg_data.scene.class_space import hash_classes, list_class_spaces, load_class_space
 from bsg_models.belief.belief_graph import BeliefGraph, Mode
 from bsg_models.errors import BeliefFileError
 
-FORMAT, VERSION = "bsg-belief-graph", 1
+FORMAT, VERSION = "bsg-belief-graph", 2
+# Version 1 named a class map, by which the categories of its objects are read again.
+_MAPPED = 1
 
 
 class PartialHeader(Record):
@@ -39,16 +49,18 @@ class Header(Record):
         version: of the format.
         model: the name of the model that believes this.
         mode: how the blind nodes were chosen.
-        class_map: whose classes the histograms have.
+        class_space: whose classes the histograms have.
         partial: the same of the partial graph.
+        class_map: which the categories of objects are read with, in version 1 alone.
     """
 
     format: str
     version: int
     model: str
     mode: Mode
-    class_map: ClassMapEntry
+    class_space: ClassSpaceEntry
     partial: PartialHeader
+    class_map: str | None = None
 
 
 def encode_header(belief: BeliefGraph) -> dict[str, Any]:
@@ -58,7 +70,7 @@ def encode_header(belief: BeliefGraph) -> dict[str, Any]:
         "version": VERSION,
         "model": belief.model,
         "mode": belief.mode,
-        "class_map": belief.partial.class_map.model_dump(mode="json"),
+        "class_space": belief.partial.class_space.model_dump(mode="json"),
     }
 
 
@@ -75,26 +87,65 @@ def decode_whole_header(entries: Any, *, path: Path) -> Header:
 
     Raises:
         BeliefFileError: naming what is wrong with it.
-        MismatchError: if it is of a class map that is not here.
+        MismatchError: if it is of a class space or map that has changed, or a map that is not here.
     """
     try:
-        header = Header.model_validate(entries)
+        header = Header.model_validate(modernise(entries, path=path))
     except ValidationError as error:
         raise BeliefFileError(f"{path}: {name_fault(error)}") from error
-    check_header(header.format, header.version, header.class_map, path=path)
+    check_class_space(header.class_space, path=path)
     return header
 
 
-def check_header(name: str, version: int, class_map: ClassMapEntry, *, path: Path) -> None:
-    """Check that a file is of this format, and of a published class map.
+def modernise(entries: Any, *, path: Path) -> Any:
+    """Return the entries of a header, or of what begins with one, in the words of this version.
 
     Raises:
-        BeliefFileError: if it is of another format or version.
-        MismatchError: if it is of a class map that is not here, or has changed.
+        BeliefFileError: if they are of another format or version.
+        MismatchError: in version 1, if the class map has changed or is not here.
     """
-    if (name, version) != (FORMAT, VERSION):
-        raise BeliefFileError(f"{path}: expected {FORMAT} {VERSION}, found {name} {version}")
-    if class_map.version not in list_class_maps():
-        raise MismatchError(f"{path}: class map {class_map.version!r} is no published one")
-    if ClassMapEntry.of(load_class_map(class_map.version)) != class_map:
-        raise MismatchError(f"{path}: class map {class_map.version} has changed since")
+    if not isinstance(entries, Mapping):
+        return entries
+    found = (entries.get("format"), entries.get("version"))
+    if found not in ((FORMAT, VERSION), (FORMAT, _MAPPED)):
+        raise BeliefFileError(f"{path}: expected {FORMAT} {VERSION}, found {found[0]} {found[1]}")
+    class_map = entries.get("class_map")
+    if found[1] == VERSION or not isinstance(class_map, Mapping):
+        return {key: value for key, value in entries.items() if key != "class_map"}
+    version = class_map.get("version")
+    if version not in list_class_maps():
+        raise MismatchError(f"{path}: class map {version!r} is no published one")
+    loaded = load_class_map(version)
+    if class_map != {"version": version, "sha256": loaded.sha256, "classes": list(loaded.classes)}:
+        raise MismatchError(f"{path}: class map {version} has changed since")
+    space = ClassSpaceEntry.of(loaded.space).model_dump(mode="json")
+    return {**entries, "class_map": version, "class_space": space}
+
+
+def check_class_space(space: ClassSpaceEntry, *, path: Path) -> None:
+    """Check that a class space is what its hash says, and what was published under its name.
+
+    Raises:
+        MismatchError: if it is not.
+    """
+    changed = space.sha256 != hash_classes(space.classes)
+    if space.name in list_class_spaces():
+        changed |= ClassSpaceEntry.of(load_class_space(space.name)) != space
+    if changed:
+        raise MismatchError(f"{path}: class space {space.name} has changed since")
+
+
+def parse_partial(
+    document: Any, *, path: Path, class_space: ClassSpaceEntry, class_map: str | None
+) -> PartialGraph:
+    """Return the partial graph of a belief graph's document.
+
+    Args:
+        document: what `encode_robot_graph` returned.
+        path: where it comes from, for errors.
+        class_space: whose classes it names.
+        class_map: which its categories are read with, in version 1; None where it names classes.
+    """
+    if class_map is not None:
+        return parse_robot_graph(document, path=path, class_map=class_map)
+    return parse_classified_graph(document, path=path, class_space=class_space)

@@ -21,10 +21,10 @@ from typing import Any
 import numpy as np
 from pydantic import StrictBool, ValidationError
 
-from bsg_data.dataset.manifest import ClassMapEntry
+from bsg_data.dataset.manifest import ClassSpaceEntry
 from bsg_data.errors import ClassMapError
 from bsg_data.files import write_bytes
-from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, classify
+from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_data.observation.robot_json import SEEN_SHARE, Share
 from bsg_data.recipes import Record, name_fault
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
@@ -114,7 +114,7 @@ def read_hydra(
     }
     return PartialGraph(
         scene_id=_scene_of(graph) or path.name.partition(".")[0],
-        class_map=ClassMapEntry.of(loaded),
+        class_space=ClassSpaceEntry.of(loaded.space),
         hidden_share=float(np.mean([room.hidden_share for room in known])) if known else SEEN_SHARE,
         rooms=known,
         objects=tuple(objects),
@@ -182,9 +182,9 @@ def _seen_object(
         room = rooms.get(above, 0)
         above = graph.get_node(above).get_parent()
     name = _name_of(node, graph, labels)
-    category, class_index = classify(name, class_map)
+    known = class_map.classify(name)
     position = _point(node.attributes.position)
-    return SeenObject(str(node.id), room, name, category, class_index, position)
+    return SeenObject(str(node.id), room, name, known.category, known.class_index, position)
 
 
 def _name_of(node: Any, graph: Any, labels: str | None) -> str:

@@ -12,10 +12,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from bsg_data.observation.robot_json import encode_robot_graph, parse_robot_graph
+from bsg_data.observation.robot_json import encode_robot_graph
 from bsg_models.belief.belief_graph import BeliefGraph, BlindNode
 from bsg_models.belief.consistency import check_beliefs
-from bsg_models.belief.header import Header, decode_whole_header
+from bsg_models.belief.header import Header, decode_whole_header, parse_partial
 from bsg_models.errors import BeliefFileError
 
 Kind = Literal["building", "room", "object", "blind"]
@@ -41,7 +41,7 @@ class Node:
 
 def encode_nodes(belief: BeliefGraph) -> Iterator[Node]:
     """Yield the nodes of a belief graph in the order of their numbers."""
-    partial, classes = belief.partial, belief.partial.class_map.classes
+    partial, classes = belief.partial, belief.partial.class_space.classes
     document = encode_robot_graph(partial)
     for number, room in enumerate([{}, *document["rooms"]]):
         kind: Kind = "room" if number else "building"
@@ -51,8 +51,7 @@ def encode_nodes(belief: BeliefGraph) -> Iterator[Node]:
         }
         yield Node(kind, 0 if number else None, {"kind": kind, **room, **beliefs})
     for obj, entry in zip(partial.objects, document["objects"], strict=True):
-        name = None if obj.class_index is None else classes[obj.class_index]
-        yield Node("object", obj.room_index, {"kind": "object", **entry, "class": name})
+        yield Node("object", obj.room_index, {"kind": "object", **entry})
     for node in belief.blind:
         blind = {"class": classes[node.class_index], "expected": node.expected}
         attributes = {"kind": "blind", **blind, "presence": node.presence}
@@ -106,14 +105,16 @@ def _assemble(
     document = {
         **header.partial.model_dump(),
         "rooms": [_without(room, "kind", "expected", "presence") for room in rooms],
-        "objects": [_without(obj, "kind", "class") for obj in by_kind["object"]],
+        "objects": [_without(obj, "kind") for obj in by_kind["object"]],
         "adjacency": [
             [rooms[a - 1]["id"], rooms[b - 1]["id"]] for a, b, kind in edges if kind == "adjacent"
         ],
     }
-    partial = parse_robot_graph(document, path=path, class_map=header.class_map.version)
+    partial = parse_partial(
+        document, path=path, class_space=header.class_space, class_map=header.class_map
+    )
     room_of = {target: source for source, target, kind in edges if kind == "expects"}
-    class_index = {name: index for index, name in enumerate(header.class_map.classes)}
+    class_index = {name: index for index, name in enumerate(header.class_space.classes)}
     blind = tuple(
         BlindNode(
             room_of[number],

@@ -22,7 +22,7 @@ import pyarrow.parquet as pq
 
 from bsg_data.arrays import Floats
 from bsg_data.files import write_bytes
-from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, classify
+from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box
 from bsg_models.belief.belief_graph import BeliefGraph, BlindNode
@@ -44,6 +44,7 @@ SCHEMAS = {
             ("id", pa.string()),
             ("room", pa.string()),
             ("category", pa.string()),
+            ("corrected", pa.string()),
             ("class", pa.string()),
             ("expected", pa.float64()),
             ("presence", pa.float64()),
@@ -111,7 +112,7 @@ def write_tables(beliefs: Iterable[BeliefGraph], folder: Path) -> None:
 
 def _pack_nodes(belief: BeliefGraph) -> Columns:
     partial, blind = belief.partial, belief.blind
-    rooms, objects, classes = partial.rooms, partial.objects, partial.class_map.classes
+    rooms, objects, classes = partial.rooms, partial.objects, partial.class_space.classes
     names = [None, *(room.name for room in rooms)]
     rows_of = (1, len(rooms), len(objects), len(blind))
 
@@ -135,6 +136,7 @@ def _pack_nodes(belief: BeliefGraph) -> Columns:
         "id": column((room.name for room in rooms), (obj.name for obj in objects)),
         "room": column(of_objects=(names[obj.room_index] for obj in objects)),
         "category": column(of_objects=(obj.raw_category for obj in objects)),
+        "corrected": column(of_objects=(obj.category for obj in objects)),
         "class": column(
             of_objects=(
                 None if obj.class_index is None else classes[obj.class_index] for obj in objects
@@ -247,6 +249,9 @@ def _open_tables(folder: Path) -> tuple[list[Header], dict[str, pa.Table]]:
         if header.partial.scene_id != scene:
             raise ValueError(f"the metadata has {header.partial.scene_id!r} under {scene!r}")
         headers.append(header)
+    if "corrected" not in tables["nodes"].column_names:  # in version 1
+        nothing = pa.nulls(len(tables["nodes"]), pa.string())
+        tables["nodes"] = tables["nodes"].append_column("corrected", nothing)
     return headers, {
         name: tables[name].select(schema.names).cast(schema) for name, schema in SCHEMAS.items()
     }
@@ -281,27 +286,25 @@ def _unpack(header: Header, nodes: pa.Table, edges: pa.Table, histograms: pa.Tab
             raise ValueError(f"{name}: expected one row of each node, 0 to {number - 1}")
     links = list(_rows(edges, ("source", "target", "kind")))
     parents = {target: source for source, target, kind in links if kind != "adjacent"}
-    class_map = load_class_map(header.class_map.version)
-    class_index = {name: index for index, name in enumerate(header.class_map.classes)}
+    numbers = {name: index for index, name in enumerate(header.class_space.classes)}
     return BeliefGraph(
         partial=PartialGraph(
             scene_id=header.partial.scene_id,
-            class_map=header.class_map,
+            class_space=header.class_space,
             hidden_share=header.partial.hidden_share,
             rooms=_unpack_rooms(nodes.slice(1, rooms)),
             objects=tuple(
-                SeenObject(name, parents[number], raw, *classify(raw, class_map), _point(position))
-                for number, (name, raw, position) in enumerate(
-                    _rows(nodes.slice(1 + rooms, objects), ("id", "category"), ("position",)),
-                    1 + rooms,
+                SeenObject(name, parents[number], raw, category, class_index, _point(position))
+                for number, (name, raw, position, category, class_index) in enumerate(
+                    _read_objects(header, nodes.slice(1 + rooms, objects), numbers), 1 + rooms
                 )
             ),
             adjacency=tuple(sorted((a, b) for a, b, kind in links if kind == "adjacent" and a < b)),
         ),
-        expected=_matrix(histograms["expected"], len(class_index)),
-        presence=_matrix(histograms["presence"], len(class_index)),
+        expected=_matrix(histograms["expected"], len(numbers)),
+        presence=_matrix(histograms["presence"], len(numbers)),
         blind=tuple(
-            BlindNode(parents[number], class_index[name], expected, presence)
+            BlindNode(parents[number], numbers[name], expected, presence)
             for number, (name, expected, presence) in enumerate(
                 _rows(nodes.slice(1 + rooms + objects, blind), ("class", "expected", "presence")),
                 1 + rooms + objects,
@@ -310,6 +313,21 @@ def _unpack(header: Header, nodes: pa.Table, edges: pa.Table, histograms: pa.Tab
         mode=header.mode,
         model=header.model,
     )
+
+
+def _read_objects(
+    header: Header, nodes: pa.Table, numbers: Mapping[str, int]
+) -> Iterator[tuple[Any, ...]]:
+    """Yield id, category, position, corrected name and class of objects."""
+    rows = _rows(nodes, ("id", "category"), ("position", "corrected", "class"))
+    if header.class_map is None:
+        for *known, corrected, name in rows:
+            yield *known, corrected, None if name is None else numbers[name]
+        return
+    class_map = load_class_map(header.class_map)
+    for name, raw, position, *_ in rows:
+        known_as = class_map.classify(raw)
+        yield name, raw, position, known_as.category, known_as.class_index
 
 
 def _unpack_rooms(nodes: pa.Table) -> tuple[KnownRoom, ...]:

@@ -82,7 +82,7 @@ def _encode(view: View) -> dict[str, Any]:
         "title": view.title or partial.scene_id,
         "model": belief.model,
         "mode": belief.mode,
-        "classes": list(partial.class_map.classes),
+        "classes": list(partial.class_space.classes),
         "hidden_share": round(partial.hidden_share, _DIGITS),
         "input": belief.inputs.astype(int).tolist(),
         "expected": np.round(belief.expected, _DIGITS).tolist(),

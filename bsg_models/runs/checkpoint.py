@@ -20,18 +20,19 @@ from pydantic import Field, ValidationError
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
-from bsg_data.dataset.manifest import ClassMapEntry, Manifest, require_class_map
+from bsg_data.dataset.manifest import ClassSpaceEntry, Manifest, require_class_space
 from bsg_data.dataset.schema import FORMAT_VERSION
-from bsg_data.errors import MismatchError
 from bsg_data.files import write_bytes
 from bsg_data.recipes import Record, name_fault
+from bsg_data.scene.class_space import hash_classes
 from bsg_models.errors import CheckpointError, ConfigError
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.construction import make_model
 from bsg_models.zoo.model import BeliefModel
 
-CHECKPOINT_VERSION = 2
-UNSEALED_VERSION = 1  # before there were hashes; still read
+CHECKPOINT_VERSION = 3
+MAPPED_VERSIONS = (1, 2)  # named a class map instead of its class space; still read
+UNSEALED_VERSION = 1  # before there were hashes
 _SEAL = ',"sha256":"'  # begins the hash of the header, which covers all text before it
 _AGAIN = "take another copy of it, or train again"
 
@@ -43,7 +44,7 @@ class CheckpointHeader(Record):
         checkpoint_version: of this format.
         format_version: of the dataset format that it was trained on.
         config: of the run.
-        class_map: whose histograms it reads and predicts.
+        class_space: whose histograms it reads and predicts.
         members: of an ensemble, by name: the recipes that they were trained by.
         vocabulary: the categories outside the classes that it reads, in the order of its columns.
         dataset_sha256: of the manifest of the dataset that it was trained on.
@@ -58,7 +59,7 @@ class CheckpointHeader(Record):
     checkpoint_version: int = CHECKPOINT_VERSION
     format_version: int = FORMAT_VERSION
     config: RunConfig
-    class_map: ClassMapEntry
+    class_space: ClassSpaceEntry
     members: dict[str, RunConfig] = Field(default_factory=dict)
     vocabulary: tuple[str, ...] = ()
     dataset_sha256: str
@@ -166,18 +167,25 @@ def _parse_header(path: Path, file: Any) -> CheckpointHeader:
     try:
         fields = json.loads(text)
         version = fields["checkpoint_version"]
-        if version not in (CHECKPOINT_VERSION, UNSEALED_VERSION):
+        if version not in (*MAPPED_VERSIONS, CHECKPOINT_VERSION):
             raise CheckpointError(
-                f"{path}: checkpoint version {version}, this program reads {UNSEALED_VERSION} and "
-                f"{CHECKPOINT_VERSION}"
+                f"{path}: checkpoint version {version}, this program reads "
+                f"{UNSEALED_VERSION} to {CHECKPOINT_VERSION}"
             )
-        if version == CHECKPOINT_VERSION:
+        if version != UNSEALED_VERSION:
             covered, _, seal = text.rpartition(_SEAL)
             if seal != f'{_hash_text(covered)}"}}':
                 raise CheckpointError(
                     f"{path}: is damaged: its header is not what its sha256 says; {_AGAIN}"
                 )
             del fields["sha256"]
+        if version in MAPPED_VERSIONS:
+            named = fields.pop("class_map")
+            fields["class_space"] = {
+                "name": named["version"],
+                "sha256": hash_classes(named["classes"]),
+                "classes": named["classes"],
+            }
         header = CheckpointHeader.model_validate(fields)
     except ValidationError as error:  # also for a model of a package that is not installed
         raise CheckpointError(
@@ -209,7 +217,7 @@ def restore_model(path: Path, checkpoint: Checkpoint) -> BeliefModel:
     try:
         model = make_model(
             header.config,
-            classes=len(header.class_map.classes),
+            classes=len(header.class_space.classes),
             vocabulary=header.vocabulary,
             members=header.members,
         )
@@ -232,14 +240,9 @@ def restore_model(path: Path, checkpoint: Checkpoint) -> BeliefModel:
 
 
 def require_dataset(path: Path, header: CheckpointHeader, manifest: Manifest) -> None:
-    """Refuse a dataset of another class map or format than the checkpoint's.
+    """Refuse a dataset of another class space than the checkpoint's.
 
     Raises:
         MismatchError: naming both.
     """
-    if header.format_version != manifest.format_version:
-        raise MismatchError(
-            f"checkpoint {path} is of dataset format {header.format_version}, "
-            f"the dataset of {manifest.format_version}"
-        )
-    require_class_map(manifest, header.class_map, what=f"checkpoint {path}")
+    require_class_space(manifest, header.class_space, what=f"checkpoint {path}")

@@ -37,10 +37,10 @@ class Predictor:
         path = checkpoint_of(run)
         checkpoint = load_checkpoint(path)
         self._path = path
-        self._class_map = checkpoint.header.class_map
+        self.class_space = checkpoint.header.class_space
         self._model = restore_model(path, checkpoint)
         self.name = checkpoint.header.config.name
-        self.classes = self._class_map.classes
+        self.classes = self.class_space.classes
 
     def __call__(
         self, graph: PartialGraph, *, withheld: Collection[int] | Bools = ()
@@ -57,10 +57,10 @@ class Predictor:
             MismatchError: if the graph is of another class map.
             PredictionError: if the answer is not finite.
         """
-        if graph.class_map != self._class_map:
+        if graph.class_space != self.class_space:
             raise MismatchError(
-                f"{self._path} predicts classes of {self._class_map.version}, the graph "
-                f"{graph.scene_id} has those of {graph.class_map.version}"
+                f"{self._path} predicts classes of {self.class_space}, the graph "
+                f"{graph.scene_id} has those of {graph.class_space}"
             )
         seen = graph.observation(vocabulary=self._model.vocabulary, withheld=withheld)
         return _nothing_where_searched(self._model.expect(seen), seen)

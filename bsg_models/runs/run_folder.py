@@ -63,7 +63,7 @@ def make_header(
     """Return what a checkpoint of a run says of itself."""
     return CheckpointHeader(
         config=config,
-        class_map=data.manifest.class_map,
+        class_space=data.manifest.class_space,
         vocabulary=vocabulary,
         dataset_sha256=data.sha256,
         epoch=epoch,

@@ -197,7 +197,7 @@ def describe_rooms(
         belief: about a building with R rooms.
         ranked: for each of its 1 + R nodes the unseen classes to name, the likeliest first.
     """
-    partial, classes = belief.partial, belief.partial.class_map.classes
+    partial, classes = belief.partial, belief.partial.class_space.classes
     inputs = belief.inputs
     hidden = belief.expected - inputs
     for number, room in enumerate(partial.rooms, 1):

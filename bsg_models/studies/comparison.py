@@ -132,7 +132,7 @@ def compare_runs(
             seed=seed,
             progress=_offset(progress, before=done * resamples, total=len(models) * resamples),
         )
-    classes = data.manifest.class_map.classes
+    classes = data.manifest.class_space.classes
     return Comparison(
         runs=tuple(name for name in models if name not in BASELINES),
         split=split,
@@ -159,7 +159,7 @@ def _models(
             name, number = f"{taken}-{number}", number + 1
         models[name] = restore_model(run / BEST, checkpoint)
     for name in BASELINES:
-        model = make_model(find_config(name), classes=len(data.manifest.class_map.classes))
+        model = make_model(find_config(name), classes=len(data.manifest.class_space.classes))
         model.fit(data, DataConfig(fold=fold))
         models[name] = model
     return models
@@ -196,7 +196,7 @@ def _facts(
     return {
         "fold": fold,
         "dataset_sha256": data.sha256,
-        "class_map": data.manifest.class_map.version,
+        "class_space": data.manifest.class_space.name,
         "mask": pairs.mask.model_dump(mode="json"),
         "buildings": len(truth.scene_ids),
         "draws": pairs.draws,

@@ -200,7 +200,7 @@ def prepare_dataset(source: Path, copy: Path, recipe: LeaderboardRecipe, *, mask
         except OSError as error:
             raise DatasetError(f"{copy}: cannot be written ({error})") from error
     there = read_manifest(copy)
-    if (there.source, there.class_map) != (manifest.source, manifest.class_map):
+    if (there.sources, there.class_space) != (manifest.sources, manifest.class_space):
         raise DatasetError(f"{copy}: is a copy of another dataset; choose another --out")
     if there.split != split:
         split_dataset(copy, split, force=True)

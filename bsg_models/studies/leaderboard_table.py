@@ -38,8 +38,8 @@ def write_json(board: Leaderboard) -> dict[str, Any]:
     return {
         "recipe": board.recipe.model_dump(mode="json"),
         "dataset": {
-            "source": board.manifest.source.model_dump(mode="json"),
-            "class_map": board.manifest.class_map.version,
+            "sources": [one.model_dump(mode="json") for one in board.manifest.sources],
+            "class_space": board.manifest.class_space.name,
             "scenes": board.manifest.totals.scenes,
             "rooms": board.manifest.totals.rooms,
         },
@@ -77,7 +77,7 @@ def write_markdown(board: Leaderboard) -> str:
         "# Leaderboard",
         "",
         f"{totals.scenes} buildings, {totals.rooms:,} rooms, class map "
-        f"{board.manifest.class_map.version}; {recipe.folds} folds by building, {recipe.draws} "
+        f"{board.manifest.class_space.name}; {recipe.folds} folds by building, {recipe.draws} "
         f"masks of every test building that hide {100 * recipe.fraction:g} %, seed {recipe.seed}. "
         "Means over the folds, also of the training times; ± is half the 95 % interval over "
         "buildings. In bold the best of a column and what its paired interval does not tell from "

@@ -75,11 +75,11 @@ def _known_at_start(
 ) -> PartialGraph:
     """Return what the mask leaves, without any instance of the artifacts, or part of one."""
     data = Dataset.open(dataset)
-    class_map, cells = data.manifest.class_map, data.cells(kept.scene_id)
-    partial = mask_scene(graph, recipe.mask, draw=kept.draw, class_map=class_map)
+    class_space, cells = data.manifest.class_space, data.cells(kept.scene_id)
+    partial = mask_scene(graph, recipe.mask, draw=kept.draw, class_space=class_space)
     categories = tuple(obj.category or "" for obj in partial.objects)
     parts = load_parts() if recipe.parts else {}
-    wholes = find_wholes(categories, class_map.classes, parts).tolist()
+    wholes = find_wholes(categories, class_space.classes, parts).tolist()
     visible = tuple(
         obj
         for obj, whole in zip(partial.objects, wholes, strict=True)
@@ -103,7 +103,7 @@ def _withheld_at_start(start: PartialGraph, recipe: StudyRecipe, kept: KeptSearc
         recipe.mask,
         scene_id=kept.scene_id,
         draw=kept.draw,
-        classes=len(start.class_map.classes),
+        classes=len(start.class_space.classes),
     )
     share = np.array([start.hidden_share, *(room.hidden_share for room in start.rooms)])
     withheld: Bools = classes & (share > 0)[:, None]

@@ -160,7 +160,7 @@ def report_search(
         )
     _make_folder(out)
     opened = Dataset.open(request.dataset)
-    classes = opened.manifest.class_map.classes
+    classes = opened.manifest.class_space.classes
     chosen, notes = choose_buildings(opened, runs, split=request.split, scene=request.scene)
     recipe = make_recipe(request, classes)
     keep = None if request.trace is None else _choose_trace(recipe, request.trace)

@@ -205,10 +205,10 @@ def choose_runs(
     notes, models = [], set()
     for run in runs:
         header = read_header(checkpoint_of(run))
-        if header.class_map != data.manifest.class_map:
+        if header.class_space != data.manifest.class_space:
             raise MismatchError(
-                f"{run}: predicts classes of {header.class_map.version}, the dataset has those of "
-                f"{data.manifest.class_map.version}"
+                f"{run}: predicts classes of {header.class_space}, the dataset has those of "
+                f"{data.manifest.class_space}"
             )
         models.add(header.config.name)
         fold = header.config.data.fold if "fold-0" in data.splits else None

@@ -96,7 +96,7 @@ def new_model(config: RunConfig, data: Dataset) -> BeliefModel:
     reads = reads_categories(config)
     return make_model(
         config,
-        classes=len(data.manifest.class_map.classes),
+        classes=len(data.manifest.class_space.classes),
         vocabulary=(
             vocabulary_of(data, scenes, min_scenes=config.data.min_scenes) if reads else ()
         ),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from bsg_cli.data import build, check, info, map, pairs, split, synth  # noqa: A004
+from bsg_cli.data import build, check, info, map, merge, pairs, split, synth, upgrade  # noqa: A004
 from bsg_cli.options import version_option
 from bsg_cli.terminal import CommandGroup
 
@@ -24,5 +24,5 @@ def main() -> None:
     """
 
 
-for module in (build, check, info, map, pairs, split, synth):
+for module in (build, check, info, map, merge, pairs, split, synth, upgrade):
     main.add_command(module.command)

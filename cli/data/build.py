@@ -10,15 +10,15 @@ import bsg_data
 from bsg_cli.data.totals import format_losses, format_totals
 from bsg_cli.options import (
     PATH,
-    class_map_option,
     force_option,
     json_option,
     out_option,
+    source_map_option,
     workers_option,
 )
 from bsg_cli.terminal import Command, print_json, print_note, progress_bar, worker_pool
 from bsg_data.errors import BSGError
-from bsg_data.sources.catalogue import SOURCES
+from bsg_data.sources.catalogue import SOURCES, parse_options
 
 
 @click.command("build", cls=Command)
@@ -30,6 +30,13 @@ from bsg_data.sources.catalogue import SOURCES
     type=(str, PATH),
     metavar="NAME PATH",
     help=f"Any source by its name: {', '.join(SOURCES)}.",
+)
+@click.option(
+    "--option",
+    "words",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="An option of the source's own, e.g. as_listed=yes of behavior; again for another.",
 )
 @click.option(
     "--meshes/--no-meshes",
@@ -48,7 +55,7 @@ from bsg_data.sources.catalogue import SOURCES
     help="Folder of DomestiGraph YAML: labels, boxes and connections of rooms.",
 )
 @out_option("Dataset to write.", required=True)
-@class_map_option
+@source_map_option
 @workers_option
 @click.option(
     "--strict", is_flag=True, help="Fail on a malformed scene, mesh or layout, or an unmapped name."
@@ -59,11 +66,12 @@ def command(
     hm3d: Path | None,
     hm3d_stats: Path | None,
     named: tuple[str, Path] | None,
+    words: tuple[str, ...],
     meshes: bool,
     snap_colours: int | None,
     room_layouts: Path | None,
     out: Path,
-    class_map: str,
+    class_map: str | None,
     workers: int,
     strict: bool,
     force: bool,
@@ -78,7 +86,18 @@ def command(
       bsg-data build --hm3d buildings --out dataset
       bsg-data build --hm3d buildings --no-meshes --room-layouts layouts --out dataset
     """
-    source = _choose_source(hm3d, hm3d_stats, named, meshes=meshes, snap_colours=snap_colours)
+    name, path = _choose_source(hm3d, hm3d_stats, named)
+    own = _split_words(words)
+    if snap_colours is not None and not meshes:
+        raise click.UsageError("--snap-colours is of meshes: it excludes --no-meshes")
+    if name == "hm3d-stats" and (snap_colours is not None or not meshes):
+        raise click.UsageError("the statistics have no meshes: --snap-colours needs --hm3d")
+    options = parse_options(name, own)
+    if not meshes:
+        options["meshes"] = False
+    if snap_colours is not None:
+        options["snap_colours"] = snap_colours
+    source = bsg_data.open_source(name, path, **options)
     if room_layouts is not None:
         source = bsg_data.WithLayouts(source, room_layouts)
     try:
@@ -105,26 +124,27 @@ def command(
 
 
 def _choose_source(
-    hm3d: Path | None,
-    hm3d_stats: Path | None,
-    named: tuple[str, Path] | None,
-    *,
-    meshes: bool,
-    snap_colours: int | None,
-) -> bsg_data.Source:
-    """Return the one source that the options name; `--hm3d PATH` is `--source hm3d PATH`."""
+    hm3d: Path | None, hm3d_stats: Path | None, named: tuple[str, Path] | None
+) -> tuple[str, Path]:
+    """Return name and path of the one source; `--hm3d PATH` is `--source hm3d PATH`."""
     given = [("hm3d", hm3d), ("hm3d-stats", hm3d_stats), *([named] if named else [])]
     sources = [(name, path) for name, path in given if path is not None]
     if len(sources) != 1:
         raise click.UsageError(
             "give one source: --hm3d PATH, --hm3d-stats ZIP or --source NAME PATH"
         )
-    if snap_colours is not None and not meshes:
-        raise click.UsageError("--snap-colours is of meshes: it excludes --no-meshes")
-    if named is None and hm3d is None and (snap_colours is not None or not meshes):
-        raise click.UsageError("the statistics have no meshes: --snap-colours needs --hm3d")
-    options: dict[str, object] = {} if meshes else {"meshes": False}
-    if snap_colours is not None:
-        options["snap_colours"] = snap_colours
-    (name, path) = sources[0]
-    return bsg_data.open_source(name, path, **options)
+    return sources[0]
+
+
+def _split_words(words: tuple[str, ...]) -> dict[str, str]:
+    """Return name → value of `NAME=VALUE`, each name once."""
+    options: dict[str, str] = {}
+    for word in words:
+        name, equals, value = word.partition("=")
+        name = name.strip().replace("-", "_")
+        if not equals or not name:
+            raise click.UsageError(f"--option {word!r}: expected NAME=VALUE")
+        if name in options:
+            raise click.UsageError(f"--option {name} is there twice")
+        options[name] = value
+    return options

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 import bsg_data
-from bsg_cli.data.totals import format_losses, format_totals
+from bsg_cli.data.totals import format_losses, format_sources, format_totals
 from bsg_cli.options import PATH, dataset_argument, json_option
 from bsg_cli.terminal import Command, print_json, print_note
 from bsg_data.tables import format_text
@@ -33,10 +33,13 @@ def command(dataset: Path, figure: Path | None, as_json: bool) -> None:
     if as_json:
         summary = manifest.model_dump(mode="json", exclude={"files"})
         summary["splits"] = {name: len(ids) for name, ids in sizes.items()}
+        sources = bsg_data.count_sources(dataset, manifest=manifest).to_dict(orient="records")
+        summary["by_source"] = sources
         print_json({**summary, "classes": frame.to_dict(orient="records")})
         return
     click.echo(format_totals(manifest))
     click.echo(format_losses(manifest))
+    click.echo(format_sources(dataset))
     held = ", ".join(f"{name} {len(ids)}" for name, ids in sizes.items())
     click.echo(f"splits: {held or 'none yet (bsg-data split)'}")
     recipe = manifest.pairs

@@ -62,7 +62,7 @@ def map_show(category: str, class_map: str, as_json: bool) -> None:
         "category": entry.category if entry else None,
         "class": name,
         "nearest": [] if entry else list(loaded.nearest(category)),
-        "definition": None if index is None else loaded.definitions[index],
+        "definition": None if index is None else loaded.space.definitions[index],
         "spellings": [] if index is None else spellings,
     }
     known = entry is not None or index is not None
@@ -77,7 +77,7 @@ def map_show(category: str, class_map: str, as_json: bool) -> None:
         near = ", ".join(loaded.nearest(category)) or "nothing like it"
         click.echo(f"{category!r} is not in {loaded.version}; nearest: {near}")
     if index is not None and not as_json:
-        click.echo(f"class {index}, {category}: {loaded.definitions[index]}")
+        click.echo(f"class {index}, {category}: {loaded.space.definitions[index]}")
         click.echo(f"{len(spellings)} spellings: {', '.join(map(repr, spellings))}")
     if not known:
         raise click.exceptions.Exit(1)
@@ -97,7 +97,7 @@ def map_coverage(dataset: Path, class_map: str | None, as_json: bool) -> None:
       bsg-data map coverage dataset
     """
     manifest = bsg_data.read_manifest(dataset)
-    loaded = bsg_data.load_class_map(class_map or manifest.class_map.version)
+    loaded = bsg_data.load_class_map(class_map or manifest.sources[0].class_map.version)
     coverage = bsg_data.measure_coverage(dataset, loaded)
     parts = ("objects", "classified", "structure", "nameless", "unmapped", "left_out")
     counts = {part: int(getattr(coverage, part)) for part in parts}

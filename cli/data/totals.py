@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import bsg_data
 from bsg_data.tables import format_text
 
@@ -14,9 +16,30 @@ def format_totals(manifest: bsg_data.Manifest) -> str:
     )
     return (
         f"{t.scenes:,} scenes, {t.rooms:,} rooms, {t.objects:,} objects, "
-        f"{t.classified:,} in {len(manifest.class_map.classes)} classes of "
-        f"{manifest.class_map.version}{placed}"
+        f"{t.classified:,} in {len(manifest.class_space.classes)} classes of "
+        f"{manifest.class_space.name}{placed}"
     )
+
+
+def format_sources(dataset: Path) -> str:
+    """Return what each source gives to a dataset, as a table."""
+    rows = [
+        (
+            row["source"],
+            *(f"{row[name]:,}" for name in ("buildings", "rooms", "objects", "classified")),
+            row["classes"],
+            f"{row['share']:.1%}",
+            f"{row['unmapped']:,}",
+            f"{row['placed']:,}",
+            f"{row['connections']:,}",
+        )
+        for row in bsg_data.count_sources(dataset).to_dict(orient="records")
+    ]
+    header = (
+        *("source", "buildings", "rooms", "objects", "classified", "classes", "of things"),
+        *("unmapped", "placed", "connections"),
+    )
+    return format_text(rows, header=header)
 
 
 def format_losses(manifest: bsg_data.Manifest, *, most: int = 20) -> str:
@@ -30,17 +53,21 @@ def format_losses(manifest: bsg_data.Manifest, *, most: int = 20) -> str:
         bare = manifest.totals.scenes - len({*manifest.meshes, *(s.scene_id for s in left)})
         if bare > 0:
             lines.append(f"scenes without a mesh beside their annotation: {bare:,}")
-    for entries, what in (
-        (manifest.skipped, "skipped scene"),
-        (left, "geometry left out"),
-    ):
+    for entries, what in ((manifest.skipped, "skipped scene"), (left, "left out")):
         if entries:
             rows = [(entry.scene_id, entry.location, entry.reason) for entry in entries[:most]]
             lines.append(format_text(rows, header=(what, "location", "reason")))
     if manifest.unmapped:
         names = [(u.name, u.instances, ", ".join(u.nearest)) for u in manifest.unmapped[:most]]
         lines.append(format_text(names, header=("unmapped name", "instances", "nearest")))
-    counts = (len(manifest.skipped), len(left), len(manifest.unmapped))
+    if manifest.resolved:
+        known = [
+            (r.name, r.instances, r.rule, r.category, r.class_name or "none")
+            for r in manifest.resolved[:most]
+        ]
+        header = ("name resolved by rule", "instances", "rule", "category", "class")
+        lines.append(format_text(known, header=header))
+    counts = (len(manifest.skipped), len(left), len(manifest.unmapped), len(manifest.resolved))
     if max(counts) > most:
         lines.append("… dataset.json lists them all")
     return "\n".join(lines)

@@ -78,7 +78,7 @@ def write_line_by_line(belief: BeliefGraph, path: Path) -> None:
     """Write as much as it comes to."""
     with path.open("w", encoding="utf-8") as file:
         for node in belief.blind:
-            file.write(belief.partial.class_map.classes[node.class_index] + "\n")
+            file.write(belief.partial.class_space.classes[node.class_index] + "\n")
 
 
 def read_nothing(path: Path) -> BeliefGraph:

@@ -65,7 +65,7 @@ def estate(tmp_path: Path) -> Dataset:
 
 def test_the_cells_of_an_estate_by_hand(estate: Dataset) -> None:
     assert estate.scene_ids == (HOUSE, SHED, LAWN, RUIN)
-    classes = estate.manifest.class_map.classes
+    classes = estate.manifest.class_space.classes
     bed, chair = classes.index("bed"), classes.index("chair")
     house = estate.cells(HOUSE)
     assert house.shape == (4, 45)

@@ -245,7 +245,7 @@ def test_no_split_is_read_that_leads_out_of_the_dataset(dataset: Path, tmp_path:
         splits = [name, *["train"] * (len(scenes) - 1)]
         table = pa.Table.from_pydict({"scene_id": scenes, "split": splits}, schema=SPLITS)
         with open_parquet(
-            dataset / "splits.parquet", SPLITS, table="splits", class_map=manifest.class_map
+            dataset / "splits.parquet", SPLITS, table="splits", class_space=manifest.class_space
         ) as writer:
             writer.write_table(table)
         entry = describe_file(dataset, "splits.parquet", rows=len(table))

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+import json
 from pathlib import Path
+from typing import get_args
 
 import pyarrow.parquet as pq
 import pytest
@@ -9,6 +11,7 @@ from hypothesis import strategies as st
 
 from bsg_data.dataset.manifest import (
     ClassMapEntry,
+    ClassSpaceEntry,
     Manifest,
     SourceEntry,
     Totals,
@@ -19,10 +22,11 @@ from bsg_data.dataset.schema import TABLES
 from bsg_data.dataset.shards import read_scene_graphs, read_table, write_shards
 from bsg_data.errors import DatasetError, MismatchError
 from bsg_data.files import write_bytes
-from bsg_data.scene.class_map import load_class_map
+from bsg_data.scene.class_map import Role, load_class_map
 from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph, SceneObject
 
 CLASS_MAP = ClassMapEntry.of(load_class_map())
+CLASS_SPACE = ClassSpaceEntry.of(load_class_map().space)
 names = st.text(st.characters(exclude_categories=["Cs"]), max_size=12)
 metres = st.floats(-1e3, 1e3)
 points = st.tuples(metres, metres, metres)
@@ -47,6 +51,8 @@ def scene_graphs(draw: st.DrawFn, scene_id: str = "00001-aaaaaaaaaaa") -> SceneG
                 draw(st.none() | points),
                 draw(st.none() | boxes),
                 draw(st.none() | st.integers(0, 9)),
+                label=draw(st.none() | st.just("kitchen")),
+                floor_area=draw(st.none() | st.floats(0.1, 1e3)),
             )
             for i in range(1, rooms + 1)
         ),
@@ -58,6 +64,7 @@ def scene_graphs(draw: st.DrawFn, scene_id: str = "00001-aaaaaaaaaaa") -> SceneG
                 draw(names),
                 draw(st.none() | names),
                 draw(st.none() | st.integers(0, 44)),
+                draw(st.sampled_from(get_args(Role))),
                 draw(st.none() | st.just("00FF00")),
                 draw(st.none() | points),
                 draw(st.none() | boxes),
@@ -68,17 +75,19 @@ def scene_graphs(draw: st.DrawFn, scene_id: str = "00001-aaaaaaaaaaa") -> SceneG
             Edge(1, i, "adjacent", "layout", draw(st.none() | metres)) for i in range(2, rooms + 1)
         ),
         up_axis=draw(st.none() | st.just("z")),
+        class_map="hm3d45-v1",
+        building_kind=draw(st.none() | st.just("home")),
     )
 
 
 def publish(folder: Path, graphs: list[SceneGraph]) -> None:
     manifest = Manifest(
         generator="test",
-        source=SourceEntry(kind="hm3d", version=None, fingerprint=""),
-        class_map=CLASS_MAP,
-        options={},
+        class_space=CLASS_SPACE,
+        sources=(SourceEntry(kind="hm3d", version=None, fingerprint="", class_map=CLASS_MAP),),
+        scenes_per_shard=16,
         totals=Totals(),
-        files=write_shards(graphs, folder, part=0, class_map=CLASS_MAP),
+        files=write_shards(graphs, folder, part=0, class_space=CLASS_SPACE),
     )
     write_bytes(folder / "dataset.json", encode_manifest(manifest))
     assert read_manifest(folder) == manifest
@@ -93,13 +102,14 @@ def test_reading_is_the_inverse_of_writing(
     assert list(read_scene_graphs(tmp_path)) == [first, second]
 
 
-def test_files_carry_schema_meaning_and_class_map(dataset: Path) -> None:
+def test_files_carry_schema_meaning_and_classes(dataset: Path) -> None:
     for name, schema in TABLES.items():
         file = pq.ParquetFile(dataset / name / "part-00000.parquet")
         assert file.schema_arrow.equals(schema, check_metadata=False)
         words = {k.decode(): v.decode() for k, v in file.schema_arrow.metadata.items()}
         assert words["bsg.table"] == name
-        assert words["bsg.class_map_sha256"] == CLASS_MAP.sha256
+        assert words["bsg.class_space_sha256"] == CLASS_SPACE.sha256
+        assert tuple(json.loads(words["bsg.classes"])) == CLASS_SPACE.classes
         assert file.metadata.row_group(0).column(0).compression == "ZSTD"
         for field in file.schema_arrow:
             assert field.metadata[b"meaning"]
@@ -115,7 +125,7 @@ def test_a_missing_cut_or_foreign_file_is_refused(dataset: Path) -> None:
     with pytest.raises(DatasetError, match="in the manifest but not there"):
         read_table(dataset, "rooms")
     table = pq.read_table(dataset / "rooms" / "part-00000.parquet")
-    pq.write_table(table.replace_schema_metadata({"bsg.class_map": "other-v1"}), path)
+    pq.write_table(table.replace_schema_metadata({"bsg.class_space": "other-v1"}), path)
     with pytest.raises(MismatchError, match="found format none, other-v1"):
         read_table(dataset, "rooms")
 
@@ -128,7 +138,7 @@ def test_a_folder_without_manifest_is_no_dataset(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ('"format_version": 1', '"format_version": 99', "format version 99"),
+        ('"format_version": 2', '"format_version": 99', "format version 99"),
         ('"totals"', '"total"', "totals: Field required"),
         ('"rows": ', '"rows": -', "files.0.rows"),
         ('"path": "', '"path": "../../etc/', "files.0.path"),

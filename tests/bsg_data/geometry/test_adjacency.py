@@ -20,11 +20,13 @@ def room(index: int, low: Corner, high: Corner) -> Room:
 
 def thing(index: int, room_index: int, category: str, low: Corner, high: Corner) -> SceneObject:
     box = Box(low, high)
-    return SceneObject(index, index, room_index, category, category, None, None, low, box, 1.0, box)
+    return SceneObject(
+        index, index, room_index, category, category, None, "left-out", None, low, box, 1.0, box
+    )
 
 
 def graph(rooms: list[Room], *objects: SceneObject) -> SceneGraph:
-    return SceneGraph("s", "hm3d", None, None, "0" * 64, tuple(rooms), objects)
+    return SceneGraph("s", "hm3d", None, None, "0" * 64, tuple(rooms), objects, class_map="m")
 
 
 # Three rooms in a row, walls of 12 cm, and one far away.

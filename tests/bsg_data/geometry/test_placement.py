@@ -45,9 +45,10 @@ def scene(rooms: int = 2) -> SceneGraph:
         source_version=None,
         source_split=None,
         annotation_sha256="0" * 64,
+        class_map="hm3d45-v1",
         rooms=tuple(Room(i, 3 * i) for i in range(1, rooms + 1)),
         objects=tuple(
-            SceneObject(i, i, min(1 + (i > 3), rooms), name, name, None)
+            SceneObject(i, i, min(1 + (i > 3), rooms), name, name, None, "left-out")
             for i, name in enumerate(NAMES, 1)
         ),
     )

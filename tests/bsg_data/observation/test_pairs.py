@@ -3,35 +3,25 @@ from __future__ import annotations
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pyarrow as pa
 import pytest
 from conftest import annotation_text, write_scene
+from version_1_files import write_version_1
 
-from bsg_data.arrays import Counts
 from bsg_data.build import build_dataset
-from bsg_data.checks import dataset as checked
 from bsg_data.checks.dataset import check_dataset
 from bsg_data.dataset.dataset import Dataset, read_adjacency, read_cells
 from bsg_data.dataset.histograms import to_histograms
 from bsg_data.dataset.manifest import read_manifest
-from bsg_data.dataset.schema import pairs_schema
 from bsg_data.dataset.splits import read_splits, split_dataset
 from bsg_data.errors import DatasetError, RecipeError
-from bsg_data.observation import pairs
+from bsg_data.merge import upgrade_dataset
 from bsg_data.observation.masked_buildings import read_masked
 from bsg_data.observation.masks import sample_hidden, sample_view
-from bsg_data.observation.masks_v1 import (
-    sample_hidden_of_format_1,
-    sample_visited_of_format_1,
-)
 from bsg_data.observation.pairs import histogram_column, read_pairs, read_views, write_pairs
-from bsg_data.observation.view import View
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.scene.connections import Connections
 from bsg_data.scene.scene_graph import Edge, SceneGraph
 from bsg_data.sources.hm3d import HM3DFolder, SceneRef
 
@@ -46,7 +36,7 @@ def test_pairs_are_the_masks_of_their_recipe_in_order(
     cells = read_cells(dataset)
     for split, scenes in read_splits(dataset).items():
         table = read_pairs(dataset, split)
-        views = read_views(table, mask)
+        views = read_views(table, PairsRecipe(mask=mask))
         expected, first = [], 0
         for scene in scenes:
             for draw in range(3):
@@ -143,20 +133,25 @@ def test_adjacency_reaches_the_masks(tmp_path: Path) -> None:
     assert changes.max() <= 2  # one run of visited rooms along the chain
 
 
+@pytest.mark.parametrize("upgrade", [False, True])
 @pytest.mark.parametrize("strategy", ["uniform", "rooms", "frontier"])
 def test_pairs_of_format_1_are_read_with_what_was_told_then(
-    dataset: Path, strategy: str, monkeypatch: pytest.MonkeyPatch
+    dataset: Path, strategy: str, upgrade: bool
 ) -> None:
     mask = MaskRecipe(strategy=strategy, fraction=0.4, seed=3)
-    write_pairs_of_format_1(dataset, mask, monkeypatch)
+    write_version_1(dataset, mask=mask)
+    if upgrade:
+        upgrade_dataset(dataset)
+    recipe = read_manifest(dataset).pairs
+    assert recipe == PairsRecipe(mask=mask, draws=2, masks=1)
     table = read_pairs(dataset, "train")
-    assert "hidden_share" not in table.column_names
-    view = read_views(table, mask)
+    assert ("hidden_share" in table.column_names) == upgrade
+    view = read_views(table, recipe)
     of_visited = {"uniform": 0.4, "rooms": 0.0, "frontier": 0.4 / 1.6}[strategy]
     is_building = table["node_index"].to_numpy() == 0
-    assert (view.hidden_share[is_building] == 0.4).all()
+    np.testing.assert_allclose(view.hidden_share[is_building], 0.4, atol=1e-7)
     rooms = view.visited & ~is_building
-    np.testing.assert_allclose(view.hidden_share[rooms], of_visited)
+    np.testing.assert_allclose(view.hidden_share[rooms], of_visited, atol=1e-7)
     assert (view.hidden_share[~view.visited] == 1).all()
     assert not view.withheld.any()
     read = read_masked(Dataset.open(dataset), "train", vocabulary=("wall",))
@@ -166,39 +161,13 @@ def test_pairs_of_format_1_are_read_with_what_was_told_then(
     assert check_dataset(dataset) == ()
 
 
-def test_a_mask_that_format_1_had_not_is_refused(
-    dataset: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    write_pairs_of_format_1(dataset, MaskRecipe(), monkeypatch)
+def test_masks_of_format_1_are_not_drawn_any_more(dataset: Path) -> None:
+    write_version_1(dataset, mask=MaskRecipe())
     table = read_pairs(dataset, "train")
     with pytest.raises(RecipeError, match="pairs of format 1 by the mask 'explore'"):
-        read_views(table, MaskRecipe(strategy="explore"))
-
-
-def write_pairs_of_format_1(
-    dataset: Path, mask: MaskRecipe, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Write pairs as version 1 of the format did: by its masks, and without what is told."""
-    told, schema = pairs._scene_batch, pairs_schema(45, told=False)
-
-    def sample(
-        cells: Counts, recipe: PairsRecipe, *, scene_id: str, connections: Connections
-    ) -> tuple[tuple[View, ...], Counts]:
-        views, inputs = [], []
-        for draw in range(recipe.draws):
-            key: dict[str, Any] = {"scene_id": scene_id, "draw": draw}
-            visited = sample_visited_of_format_1(cells, recipe.mask, connections=connections, **key)
-            views.append(View(visited, visited * 1.0, np.zeros(cells.shape, dtype=bool)))
-            gone = sample_hidden_of_format_1(cells, visited, recipe.mask, **key)
-            inputs.append(to_histograms(cells - gone))
-        return tuple(views), np.stack(inputs)
-
-    def batch(*given: Any, schema: pa.Schema, **options: Any) -> pa.RecordBatch:
-        whole = told(*given, schema=pairs_schema(45), **options)
-        return whole.select(schema.names).cast(schema)
-
-    for module in (pairs, checked):
-        monkeypatch.setattr(module, "pairs_schema", lambda classes: schema)
-    monkeypatch.setattr(pairs, "sample_pairs", sample)
-    monkeypatch.setattr(pairs, "_scene_batch", batch)
-    write_pairs(dataset, PairsRecipe(mask=mask, draws=3), force=True)
+        read_views(table, PairsRecipe(mask=MaskRecipe(strategy="explore"), masks=1))
+    upgrade_dataset(dataset)
+    with pytest.raises(RecipeError, match="masks of version 1 are not drawn any more"):
+        write_pairs(dataset, PairsRecipe(masks=1), force=True)
+    write_pairs(dataset, PairsRecipe(), force=True)
+    assert check_dataset(dataset) == ()

@@ -10,7 +10,7 @@ import pytest
 
 from bsg_data.dataset.dataset import read_cells
 from bsg_data.dataset.histograms import to_histograms
-from bsg_data.dataset.manifest import ClassMapEntry, read_manifest
+from bsg_data.dataset.manifest import ClassSpaceEntry, read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import RecipeError
 from bsg_data.observation.masks import sample_hidden, sample_view
@@ -23,10 +23,10 @@ from bsg_data.observation.partial_graph import (
     observe,
 )
 from bsg_data.recipes import MaskRecipe
-from bsg_data.scene.class_map import load_class_map
+from bsg_data.scene.class_space import load_class_space
 
-CLASS_MAP = ClassMapEntry.of(load_class_map())
-CLASS = {name: number for number, name in enumerate(CLASS_MAP.classes)}
+CLASS_SPACE = ClassSpaceEntry.of(load_class_space())
+CLASS = {name: number for number, name in enumerate(CLASS_SPACE.classes)}
 
 
 def seen(name: str, room: int, category: str) -> SeenObject:
@@ -35,7 +35,7 @@ def seen(name: str, room: int, category: str) -> SeenObject:
 
 GRAPH = PartialGraph(
     "home",
-    CLASS_MAP,
+    CLASS_SPACE,
     0.5,
     (KnownRoom("a", 0.5), KnownRoom("b", 1.0, visited=False)),
     (seen("1", 1, "bed"), seen("2", 1, "bed"), seen("3", 1, "tap"), seen("4", 0, "book")),
@@ -88,7 +88,7 @@ def test_nothing_is_withheld_in_a_searched_room() -> None:
 
 
 def test_a_graph_without_rooms_and_objects_is_observed() -> None:
-    seen = PartialGraph("empty", CLASS_MAP, 0.5, (), ()).observation(vocabulary=("tap",))
+    seen = PartialGraph("empty", CLASS_SPACE, 0.5, (), ()).observation(vocabulary=("tap",))
     assert seen.inputs.tolist() == [[0] * 45]
     assert seen.others.tolist() == [[0]]
     assert len(seen.connections) == 0
@@ -122,7 +122,7 @@ def test_a_mask_leaves_the_histograms_of_its_pairs(dataset: Path, strategy: str)
         own = cells[graph.scene_id]
         view = sample_view(own.shape, recipe, scene_id=graph.scene_id, draw=2)
         hidden = sample_hidden(own, view, recipe, scene_id=graph.scene_id, draw=2)
-        left = mask_scene(graph, recipe, draw=2, class_map=manifest.class_map)
+        left = mask_scene(graph, recipe, draw=2, class_space=manifest.class_space)
         np.testing.assert_array_equal(left.histograms(), to_histograms(own - hidden))
         arrays = left.observation(withheld=list_withheld(recipe, left, draw=2))
         np.testing.assert_array_equal(arrays.visited, view.visited)

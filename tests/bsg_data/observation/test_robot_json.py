@@ -37,7 +37,7 @@ def test_a_graph_by_hand() -> None:
     assert graph.rooms[1].position == (1, 2, 0.5)
     first, second = graph.objects
     assert (first.room_index, first.category) == (1, "refrigerator")
-    assert graph.class_map.classes[first.class_index or 0] == "refrigerator"
+    assert graph.class_space.classes[first.class_index or 0] == "refrigerator"
     assert (second.room_index, second.category, second.class_index) == (0, None, None)
     assert graph.adjacency == ((1, 2),)
     assert list_unmapped(graph) == {"zzqx thing": 1}

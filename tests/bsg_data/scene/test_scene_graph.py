@@ -8,11 +8,11 @@ BOX = Box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
 def graph(*objects: SceneObject, rooms: int = 2) -> SceneGraph:
     listed = tuple(Room(i, 10 * i) for i in range(1, rooms + 1))
     adjacency = (Edge(1, 2, "adjacent", "door", 3.0),)
-    return SceneGraph("s", "hm3d", None, None, "0" * 64, listed, objects, adjacency)
+    return SceneGraph("s", "hm3d", None, None, "0" * 64, listed, objects, adjacency, class_map="m")
 
 
 def thing(index: int, room: int, box: Box | None = None) -> SceneObject:
-    return SceneObject(index, index, room, "bed", "bed", None, box=box)
+    return SceneObject(index, index, room, "bed", "bed", None, "left-out", box=box)
 
 
 def test_nodes_are_the_building_then_rooms_then_objects() -> None:

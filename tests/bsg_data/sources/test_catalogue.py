@@ -18,7 +18,7 @@ from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import RecipeError, SourceError
 from bsg_data.recipes import SplitRecipe
-from bsg_data.sources.catalogue import SOURCES, find_terms, open_source
+from bsg_data.sources.catalogue import SOURCES, find_terms, open_source, parse_options
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.sources.hm3d_stats import HM3DStatistics
 from bsg_data.sources.source import Source
@@ -130,7 +130,7 @@ def test_a_source_from_outside_builds_under_its_own_terms(dolls: Path, tmp_path:
     out = tmp_path / "out"
     manifest = build_dataset(open_source("dolls", dolls), out)
     assert (manifest.totals.scenes, manifest.totals.rooms, manifest.totals.objects) == (2, 3, 7)
-    assert manifest.source.kind == "dolls"
+    assert manifest.sources[0].kind == "dolls"
     split_dataset(out, SplitRecipe(ratios=(0.5, 0.5, 0.0)))  # which writes the cards again
     card = (out / "README.md").read_text("utf-8")
     front = yaml.safe_load(card.split("---")[1])
@@ -157,13 +157,44 @@ def test_a_row_that_opens_something_else_is_refused(
 
 def test_a_kind_that_is_no_row_any_more_has_unknown_terms(dataset: Path) -> None:
     manifest = read_manifest(dataset)
-    gone = manifest.source.model_copy(update={"kind": "gone"})
-    manifest = manifest.model_copy(update={"source": gone})
+    gone = manifest.sources[0].model_copy(update={"kind": "gone", "terms": None})
+    manifest = manifest.model_copy(update={"sources": (gone,)})
     card, croissant = write_card(manifest), json.loads(write_croissant(manifest))
     assert find_terms("gone") is None
     assert yaml.safe_load(card.split("---")[1])["license"] == "unknown"
-    assert "The source is of unknown terms: ask whoever made it." in card
+    assert "gone: the source is of unknown terms: ask whoever made it." in card
     assert croissant["license"] == "unknown terms: ask whoever made it"
     assert "url" not in croissant
     assert "citeAs" not in croissant
     assert "atterport" not in card + json.dumps(croissant)
+
+
+def test_words_become_what_a_source_takes() -> None:
+    assert parse_options("behavior", {"as_listed": "Yes"}) == {"as_listed": True}
+    assert parse_options("hm3d", {"meshes": "0", "snap_colours": "8"}) == {
+        "meshes": False,
+        "snap_colours": 8,
+    }
+    assert parse_options("table", {"licence": "1"}) == {"licence": "1"}
+    assert parse_options("procthor", {}) == {}
+
+
+@pytest.mark.parametrize(
+    ("source", "words", "expected"),
+    [
+        ("behavior", {"aslisted": "yes"}, r"no option 'aslisted'; did you mean as_listed\?"),
+        ("procthor", {"x": "1"}, "no option 'x'.* Its options: none"),
+        ("table", {"path": "x"}, "no option 'path'"),
+        ("behavior", {"as_listed": "2"}, "option as_listed: expected yes or no, found '2'"),
+        ("hm3d", {"snap_colours": "eight"}, "expected a value of type int, found 'eight'"),
+    ],
+)
+def test_options_that_a_source_does_not_take(
+    source: str, words: dict[str, str], expected: str
+) -> None:
+    with pytest.raises(SourceError, match=expected):
+        parse_options(source, words)
+
+
+def test_words_for_a_source_of_someone_elses(dolls: Path) -> None:
+    assert parse_options("dolls", {"kind": "dolls"}) == {"kind": "dolls"}

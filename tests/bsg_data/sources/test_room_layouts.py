@@ -55,7 +55,7 @@ def test_a_layout_joins_its_scene(hm3d_folder: Path, layouts: Path, tmp_path: Pa
     source = WithLayouts(HM3DFolder(hm3d_folder), layouts)
     manifest = build_dataset(source, tmp_path / "out", scenes_per_shard=3)
     assert (manifest.totals.placed, manifest.totals.adjacent) == (1, 1)
-    assert manifest.options["room_layouts"] == 1
+    assert manifest.sources[0].options["room_layouts"] == 1
     graph = next(g for g in read_scene_graphs(tmp_path / "out") if g.has_geometry)
     assert graph.scene_id == "00001-abcdefghi01"
     first, second, third = graph.rooms  # regions 0, 3 and 10

@@ -13,7 +13,7 @@ from hypothesis.extra.numpy import arrays
 
 from bsg_data.build import build_dataset
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.manifest import ClassMapEntry
+from bsg_data.dataset.manifest import ClassSpaceEntry
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import MismatchError, RecipeError
@@ -31,7 +31,7 @@ from bsg_models.runs.predictor import Predictor
 from bsg_models.training.training import train_run
 from bsg_models.zoo.config import find_config, override, validate_config
 
-FOUR = ClassMapEntry(version="test", sha256="0" * 64, classes=("bed", "lamp", "sink", "tv"))
+FOUR = ClassSpaceEntry(name="test", sha256="0" * 64, classes=("bed", "lamp", "sink", "tv"))
 GRAPH = PartialGraph(
     "s",
     FOUR,
@@ -100,7 +100,7 @@ def test_a_model_reads_a_partial_graph_as_it_reads_a_masked_building(
     masked = sample_masked(data, scenes, mask=recipe, draw=1, vocabulary=vocabulary)
     assert len(masked) > 5
     for number, scene in enumerate(scenes):
-        partial = mask_scene(graphs[scene], recipe, draw=1, class_map=data.manifest.class_map)
+        partial = mask_scene(graphs[scene], recipe, draw=1, class_space=data.manifest.class_space)
         ours, theirs = partial.observation(vocabulary=vocabulary), masked.seen.take([number])
         assert ours.scene_ids == theirs.scene_ids == (scene,)
         assert ours.vocabulary == theirs.vocabulary == vocabulary
@@ -109,7 +109,7 @@ def test_a_model_reads_a_partial_graph_as_it_reads_a_masked_building(
         np.testing.assert_array_equal(ours.connections.pairs, theirs.connections.pairs)
 
 
-def test_a_graph_of_another_class_map_is_refused(run: Path) -> None:
+def test_a_graph_of_another_class_space_is_refused(run: Path) -> None:
     with pytest.raises(MismatchError, match="the graph s has those of test"):
         Predictor(run)(GRAPH)
 

@@ -58,8 +58,9 @@ def test_a_file_is_read_back(tmp_path: Path) -> None:
         (lambda d: d["expected"][1].__setitem__(0, float("inf")), "expected.1.0"),
         (lambda d: d["presence"][1].__setitem__(0, 7), "presence.1.0"),
         (lambda d: d["expected"][1].pop(), "expected histograms"),
-        (lambda d: d["class_map"].update(version="/etc/passwd.csv"), "is no published one"),
-        (lambda d: d["class_map"].update(sha256="1" * 64), "has changed since"),
+        (lambda d: d["class_space"].update(sha256="1" * 64), "has changed since"),
+        (lambda d: d["class_space"]["classes"].reverse(), "has changed since"),
+        (lambda d: d["partial"]["objects"][0].update({"class": "axe"}), "is no class of hm3d45"),
         (lambda d: d["partial"].update(rooms=3), "rooms"),
     ],
 )

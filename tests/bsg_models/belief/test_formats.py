@@ -30,7 +30,7 @@ from bsg_models.belief.belief_graph import BeliefGraph
 from bsg_models.belief.formats import FormatRow
 
 def write_list(belief: BeliefGraph, path: Path) -> None:
-    classes = belief.partial.class_map.classes
+    classes = belief.partial.class_space.classes
     lines = [f"{node.room_index} {classes[node.class_index]}" for node in belief.blind]
     path.write_text("\\n".join(lines))
 

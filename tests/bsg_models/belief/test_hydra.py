@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from random_beliefs import CLASS_MAP, make_belief
+from random_beliefs import CLASS_SPACE, make_belief
 
 from bsg_data.errors import BSGError
 from bsg_models.belief.hydra import read_hydra, read_hydra_belief, write_hydra
@@ -34,7 +34,7 @@ def test_spark_dsg_shows_blind_nodes_as_predicted(tmp_path: Path) -> None:
     blind = list(graph.get_layer("BLIND").nodes)
     assert len(blind) == len(belief.blind)
     assert all(node.attributes.is_predicted for node in blind)
-    assert {node.attributes.name for node in blind} <= set(CLASS_MAP.classes)
+    assert {node.attributes.name for node in blind} <= set(CLASS_SPACE.classes)
     assert len(list(graph.get_layer("ROOMS").nodes)) == len(belief.partial.rooms)
     assert not any(node.attributes.is_predicted for node in graph.get_layer("OBJECTS").nodes)
     again = read_hydra(tmp_path / "belief.json")  # a robot would go on from it
@@ -70,7 +70,7 @@ def test_a_graph_of_hydra_is_read_through_its_labels(tmp_path: Path) -> None:
     assert [room.label for room in found.rooms] == ["kitchen", None]
     assert found.adjacency == ((1, 2),)
     names = [(obj.room_index, obj.raw_category, obj.class_index) for obj in found.objects]
-    classes = {name: number for number, name in enumerate(CLASS_MAP.classes)}
+    classes = {name: number for number, name in enumerate(CLASS_SPACE.classes)}
     assert names == [(1, "couch", classes["couch"]), (1, "tv", classes["tv"]), (0, "zzqx", None)]
     assert found.objects[0].position == (1.5, 2.5, 0.5)
     with pytest.raises(BSGError, match="ade20k, mpcat40"):

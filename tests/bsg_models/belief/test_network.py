@@ -6,7 +6,7 @@ import networkx as nx
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from random_beliefs import CLASS_MAP, make_belief
+from random_beliefs import CLASS_SPACE, make_belief
 
 from bsg_models.belief.network import from_networkx, to_networkx
 from bsg_models.errors import BeliefFileError
@@ -38,7 +38,7 @@ def test_nodes_and_edges_have_kinds() -> None:
     assert nx.is_arborescence(nx.DiGraph(contains))
     first = belief.blind[0]
     node = 1 + rooms + objects
-    assert graph.nodes[node]["class"] == CLASS_MAP.classes[first.class_index]
+    assert graph.nodes[node]["class"] == CLASS_SPACE.classes[first.class_index]
     assert graph.edges[first.room_index, node]["kind"] == "expects"
 
 

@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -128,13 +129,20 @@ def test_the_same_checkpoint_has_the_same_bytes(path: Path, tmp_path: Path) -> N
     assert (tmp_path / "again").read_bytes() == path.read_bytes()
 
 
+def fields_of_version(path: Path, version: int) -> dict[str, Any]:
+    """Return the header of a checkpoint as an earlier version had it."""
+    fields = json.loads(header_text(path))
+    space = fields.pop("class_space")
+    fields["class_map"] = {"version": space.pop("name"), **space}
+    return {**fields, "checkpoint_version": version}
+
+
 def test_version_1_has_no_hash_and_is_read(path: Path) -> None:
     loaded = load_checkpoint(path)
-    fields = json.loads(header_text(path))
+    fields = fields_of_version(path, 1)
     for added in ("sha256", "tensors_sha256"):
         del fields[added]
-    old = json.dumps({**fields, "checkpoint_version": 1})
-    save_file(loaded.tensors, path, metadata={"bsg": old})
+    save_file(loaded.tensors, path, metadata={"bsg": json.dumps(fields)})
     again = load_checkpoint(path)
     assert again.header.tensors_sha256 is None
     assert again.header.config == loaded.header.config
@@ -146,7 +154,7 @@ def test_version_1_has_no_hash_and_is_read(path: Path) -> None:
 @pytest.mark.parametrize("version", [1, 2])
 def test_a_version_that_does_not_go_with_the_hashes_is_refused(path: Path, version: int) -> None:
     tensors = load_checkpoint(path).tensors
-    fields = {**json.loads(header_text(path)), "checkpoint_version": version}
+    fields = fields_of_version(path, version)
     del fields["sha256" if version == 1 else "tensors_sha256"]
     save_file(tensors, path, metadata={"bsg": json.dumps(fields)})
     with pytest.raises(CheckpointError, match="damaged"):

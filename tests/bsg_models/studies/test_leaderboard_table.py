@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bsg_data.dataset.manifest import ClassMapEntry, Manifest, SourceEntry, Totals
+from bsg_data.dataset.manifest import ClassMapEntry, ClassSpaceEntry, Manifest, SourceEntry, Totals
 from bsg_data.scene.class_map import load_class_map
 from bsg_models.evaluation.bootstrap import Bootstrap
 from bsg_models.evaluation.catalogue import list_values
@@ -41,9 +41,16 @@ def board(values: Mapping[str, float]) -> Leaderboard:
 def _small_manifest() -> Manifest:
     return Manifest(
         generator="test",
-        source=SourceEntry(kind="hm3d", version=None, fingerprint="0"),
-        class_map=ClassMapEntry.of(load_class_map()),
-        options={},
+        class_space=ClassSpaceEntry.of(load_class_map().space),
+        sources=(
+            SourceEntry(
+                kind="hm3d",
+                version=None,
+                fingerprint="0",
+                class_map=ClassMapEntry.of(load_class_map()),
+            ),
+        ),
+        scenes_per_shard=16,
         totals=Totals(scenes=3, rooms=9),
         files=(),
     )

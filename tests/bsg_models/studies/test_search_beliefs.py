@@ -45,9 +45,9 @@ def test_beliefs_are_those_of_the_partial_graph(name: str, dataset: Path, tmp_pa
     explored = np.zeros((3, nodes), dtype=bool)
     explored[:, 2] = explored[1, 4] = True
     presence, share = beliefs(np.arange(3), explored)
-    predictor, class_map = Predictor(path), read_manifest(dataset).class_map
+    predictor, class_space = Predictor(path), read_manifest(dataset).class_space
     for e, (draw, artifact) in enumerate([(0, stove), (1, stove), (0, 3)]):
-        known = mask_scene(graph, mask, draw=draw, class_map=class_map)
+        known = mask_scene(graph, mask, draw=draw, class_space=class_space)
         kept = tuple(obj for obj in known.objects if obj.class_index != artifact)
         known = replace(known, objects=kept)
         for room in np.flatnonzero(explored[e]).tolist():

@@ -147,7 +147,7 @@ def test_a_robot_that_stops_itself_costs_less_and_misses_more(dataset: Path, run
 def test_files_of_a_study(dataset: Path, run: Path, tmp_path: Path) -> None:
     recipe = StudyRecipe(artifacts=EVERY, worlds=DRAWN, episodes=3, planners=("ratio",))
     study = study_search(dataset, dict.fromkeys(list(read_cells(dataset))[-2:], run), recipe)
-    classes = Dataset.open(dataset).manifest.class_map.classes
+    classes = Dataset.open(dataset).manifest.class_space.classes
     write_searches(study, classes, tmp_path / "searches.parquet")
     table = pq.read_table(tmp_path / "searches.parquet").to_pandas()
     assert len(table) == 2 * 2 * 2 * 3 * 3  # buildings, worlds, tasks, planners, searches

@@ -61,7 +61,7 @@ def test_conditional_counts_as_a_naive_loop_does(dataset: Path, observe: str) ->
     masked = sample_uniform(data, DataConfig(), draws=2)
     rows = ~masked.seen.is_building
     seen, hidden = masked.seen.inputs[rows], (masked.targets - masked.seen.inputs)[rows]
-    classes = data.manifest.class_map.classes
+    classes = data.manifest.class_space.classes
     levels = 4 if observe == "counts" else 1
     for name, level in (("chair", 2), ("pillow", 1), ("bed", 1)):
         j = classes.index(name)

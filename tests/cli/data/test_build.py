@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -63,3 +64,47 @@ def test_a_build_that_is_stopped_from_outside_resumes(tmp_path: Path, sign: int)
         copy = tmp_path / "out" / path.relative_to(tmp_path / "whole")
         assert copy.read_bytes() == path.read_bytes(), path.name
     assert check_dataset(tmp_path / "out") == ()
+
+
+TABLE = "scene,room,category\nflat,kitchen,stove\nhouse,bath,toilet\n"
+
+
+def test_a_source_takes_options_of_its_own(tmp_path: Path) -> None:
+    (tmp_path / "objects.csv").write_text(TABLE, "utf-8")
+    terms = ("licence=CC-BY-4.0", "homepage=https://example.org/?a=b", "citation=Doe, 2026")
+    options = [word for term in terms for word in ("--option", term)]
+    result = run(
+        *("build", "--source", "table", tmp_path / "objects.csv", *options),
+        *("--out", tmp_path / "d", "--workers", "1", "--json"),
+    )
+    (source,) = json.loads(result.stdout)["sources"]
+    assert source["terms"]["licence"] == "CC-BY-4.0"
+    assert source["terms"]["homepage"] == "https://example.org/?a=b"
+
+
+def test_a_table_needs_no_option_and_takes_a_map_of_ones_own(tmp_path: Path) -> None:
+    (tmp_path / "objects.csv").write_text(TABLE.replace("stove", "Herd"), "utf-8")
+    (tmp_path / "mine.csv").write_text("raw_category,category,class\nHerd,stove,stove\n", "utf-8")
+    words = ("build", "--source", "table", tmp_path / "objects.csv", "--out", tmp_path / "d")
+    result = run(*words, "--class-map", tmp_path / "mine.csv", "--workers", "1")
+    assert "1 in 45 classes" in result.stdout
+    assert "toilet" in result.stdout  # is in no row of the map
+    assert "matterport" not in (tmp_path / "d" / "README.md").read_text("utf-8").casefold()
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "expected"),
+    [
+        (("--option", "licence"), 2, "expected NAME=VALUE"),
+        (("--option", "licence=MIT", "--option", "licence=MIT"), 2, "licence is there twice"),
+        (("--option", "license=MIT"), 1, "did you mean licence?"),
+        (("--option", "licence=MIT"), 1, "homepage and citation missing"),
+    ],
+)
+def test_options_that_are_none(
+    tmp_path: Path, words: tuple[str, ...], code: int, expected: str
+) -> None:
+    (tmp_path / "objects.csv").write_text(TABLE, "utf-8")
+    source = ("--source", "table", tmp_path / "objects.csv", "--out", tmp_path / "d")
+    result = run("build", *source, *words, code=code)
+    assert expected in result.output

@@ -11,7 +11,7 @@ def test_the_thread_from_buildings_to_proof(tmp_path: Path) -> None:
     run("synth", "--out", buildings, "--scenes", "12", "--seed", "3")
     built = json.loads(run("build", "--hm3d", buildings, "--out", out, "--json").stdout)
     assert built["totals"]["scenes"] == 12
-    assert built["source"]["kind"] == "synthetic"
+    assert built["sources"][0]["kind"] == "synthetic"
     assert run("split", out).stdout == "train 10, val 1, test 1 buildings\n"
     pairs = json.loads(run("pairs", out, "--draws", "3", "--workers", "1", "--json").stdout)
     assert pairs["rows"] == 3 * (12 + built["totals"]["rooms"])

@@ -1,0 +1,222 @@
+"""Merge datasets of one class space into one, and rewrite one of an earlier format.
+
+Both read the scene graphs of what is there, one shard in memory at a time, and write new shards
+beside the place of the result, which one rename puts there.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from importlib.metadata import version
+from itertools import islice
+from pathlib import Path
+
+from bsg_data.build import SCENES_PER_SHARD
+from bsg_data.dataset.growth import finish, make_parent, open_partial, refuse_overwriting
+from bsg_data.dataset.manifest import (
+    FileEntry,
+    Manifest,
+    ResolvedEntry,
+    Totals,
+    UnmappedEntry,
+    hash_manifest,
+    read_manifest,
+    require_class_space,
+)
+from bsg_data.dataset.schema import FORMAT_VERSION
+from bsg_data.dataset.shards import read_scene_graphs, read_table, write_shards
+from bsg_data.dataset.splits import write_splits
+from bsg_data.errors import DatasetError, RecipeError
+from bsg_data.lock import hold
+from bsg_data.observation.pairs import rewrite_pairs
+from bsg_data.recipes import Record
+from bsg_data.scene.scene_graph import SceneGraph
+from bsg_data.scene.scene_id import building_hash
+
+
+class MergeRecipe(Record):
+    """All that the bytes of a merged dataset depend on: the hashes of the manifests."""
+
+    generator: str
+    parts: tuple[str, ...]
+    scenes_per_shard: int
+
+
+def merge_datasets(
+    datasets: Sequence[Path],
+    out: Path,
+    *,
+    force: bool = False,
+    scenes_per_shard: int = SCENES_PER_SHARD,
+    progress: Callable[[int, int], None] | None = None,
+) -> Manifest:
+    """Merge datasets into one, and return its manifest.
+
+    Rows keep their source. Splits and pairs are not taken over: they would leak from one part into
+    the test set of another. The bytes do not depend on the order of the datasets.
+
+    Args:
+        datasets: two or more, of one class space.
+        out: folder of the merged dataset; absent or empty, or a dataset to replace under `force`.
+        force: replace a finished dataset; it stays until the new one is finished.
+        scenes_per_shard: scenes per part of each table.
+        progress: called with (scenes done, scenes in all).
+
+    Raises:
+        RecipeError: for fewer than two datasets.
+        MismatchError: if two are of different class spaces.
+        DatasetError: if two hold the same building, one cannot be read, or `out` is in the way or
+            cannot be written.
+    """
+    if len(datasets) < 2:
+        raise RecipeError(f"a merge takes two datasets or more; found {len(datasets)}")
+    parts = sorted(datasets, key=hash_manifest_of)
+    manifests = [read_manifest(dataset) for dataset in parts]
+    for dataset, manifest in zip(parts, manifests, strict=True):
+        require_class_space(manifests[0], manifest.class_space, what=str(dataset))
+    _refuse_shared_buildings(parts, manifests)
+    merged = _combine(manifests, scenes_per_shard=scenes_per_shard)
+    return _rewrite(parts, out.resolve(), merged, force=force, progress=progress)
+
+
+def upgrade_dataset(
+    dataset: Path, *, progress: Callable[[int, int], None] | None = None
+) -> Manifest:
+    """Rewrite a dataset of format version 1 as one of today's, and return its manifest.
+
+    Its split and its pairs stay what they were. The old one is there until the new one is whole.
+
+    Raises:
+        DatasetError: if it cannot be read or replaced.
+    """
+    manifest = read_manifest(dataset)
+    if manifest.format_version == FORMAT_VERSION:
+        return manifest
+    upgraded = manifest.model_copy(
+        update={"format_version": FORMAT_VERSION, "generator": _generator()}
+    )
+    return _rewrite([dataset], dataset.resolve(), upgraded, force=True, progress=progress)
+
+
+def hash_manifest_of(dataset: Path) -> str:
+    """Return the hash of a dataset's manifest.
+
+    Raises:
+        DatasetError: if there is none.
+    """
+    try:
+        return hash_manifest(dataset)
+    except OSError:
+        read_manifest(dataset)  # says in words what is missing
+        raise
+
+
+def _generator() -> str:
+    return f"belief-scene-graphs {version('belief-scene-graphs')}"
+
+
+def _refuse_shared_buildings(datasets: Sequence[Path], manifests: Sequence[Manifest]) -> None:
+    """Refuse a building that two datasets hold: it could be trained on and tested on."""
+    found: dict[str, int] = {}
+    for number, (dataset, manifest) in enumerate(zip(datasets, manifests, strict=True)):
+        table = read_table(dataset, "scenes", columns=["scene_id"], manifest=manifest)
+        for scene in table["scene_id"].to_pylist():
+            first = found.setdefault(building_hash(scene), number)
+            if first != number:
+                raise DatasetError(
+                    f"{dataset}: building {scene} is in {datasets[first]}, too; "
+                    "build one of them without it"
+                )
+
+
+def _combine(manifests: Sequence[Manifest], *, scenes_per_shard: int) -> Manifest:
+    """Return the manifest of merged datasets, without its files."""
+    sources = {source.model_dump_json(): source for one in manifests for source in one.sources}
+    totals = {
+        name: sum(getattr(one.totals, name) for one in manifests) for name in Totals.model_fields
+    }
+    return Manifest(
+        generator=_generator(),
+        class_space=manifests[0].class_space,
+        sources=tuple(sources[key] for key in sorted(sources)),
+        scenes_per_shard=scenes_per_shard,
+        totals=Totals(**totals),
+        files=(),
+        skipped=tuple(skip for one in manifests for skip in one.skipped),
+        left_out=tuple(skip for one in manifests for skip in one.left_out),
+        meshes={scene: mesh for one in manifests for scene, mesh in one.meshes.items()},
+        unmapped=tuple(_add_unmapped(entry for one in manifests for entry in one.unmapped)),
+        resolved=tuple(_add_resolved(entry for one in manifests for entry in one.resolved)),
+    )
+
+
+def _add_unmapped(entries: Iterable[UnmappedEntry]) -> Iterator[UnmappedEntry]:
+    times: Counter[str] = Counter()
+    first: dict[str, UnmappedEntry] = {}
+    for entry in entries:
+        times[entry.name] += entry.instances
+        first.setdefault(entry.name, entry)
+    for name, instances in sorted(times.items(), key=lambda item: (-item[1], item[0])):
+        yield first[name].model_copy(update={"instances": instances})
+
+
+def _add_resolved(entries: Iterable[ResolvedEntry]) -> Iterator[ResolvedEntry]:
+    times: Counter[ResolvedEntry] = Counter()
+    for entry in entries:
+        times[entry.model_copy(update={"instances": 0})] += entry.instances
+    for entry, instances in sorted(times.items(), key=lambda item: (-item[1], item[0].name)):
+        yield entry.model_copy(update={"instances": instances})
+
+
+def _rewrite(
+    datasets: Sequence[Path],
+    out: Path,
+    manifest: Manifest,
+    *,
+    force: bool,
+    progress: Callable[[int, int], None] | None,
+) -> Manifest:
+    """Write the scenes of some datasets as one; `manifest` says what it is, but for its files."""
+    refuse_overwriting(out, force=force)
+    make_parent(out)
+    recipe = MergeRecipe(
+        generator=manifest.generator,
+        parts=tuple(hash_manifest_of(dataset) for dataset in datasets),
+        scenes_per_shard=manifest.scenes_per_shard,
+    )
+    with hold(out):
+        growing = open_partial(out, recipe)
+        files = _write_scenes(datasets, growing, manifest, progress=progress)
+        if manifest.split is not None:
+            files += write_splits(datasets[0], growing, manifest)
+        if manifest.pairs is not None:
+            files += rewrite_pairs(datasets[0], growing, manifest)
+        ordered = tuple(sorted(files, key=lambda entry: entry.path))
+        written = manifest.model_copy(update={"files": ordered})
+        finish(growing, out, written, force=force)
+    return written
+
+
+def _write_scenes(
+    datasets: Sequence[Path],
+    folder: Path,
+    manifest: Manifest,
+    *,
+    progress: Callable[[int, int], None] | None,
+) -> list[FileEntry]:
+    """Write all scenes in the order of their ids, some at a time."""
+    graphs = heapq.merge(*map(read_scene_graphs, datasets), key=lambda graph: graph.scene_id)
+    files: list[FileEntry] = []
+    for part, batch in enumerate(_batches(graphs, manifest.scenes_per_shard)):
+        files += write_shards(batch, folder, part=part, class_space=manifest.class_space)
+        if progress is not None:
+            done = min((part + 1) * manifest.scenes_per_shard, manifest.totals.scenes)
+            progress(done, manifest.totals.scenes)
+    return files
+
+
+def _batches(graphs: Iterator[SceneGraph], size: int) -> Iterator[list[SceneGraph]]:
+    while batch := list(islice(graphs, size)):
+        yield batch

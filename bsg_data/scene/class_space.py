@@ -1,0 +1,153 @@
+"""Class spaces: the ordered lists of classes that histograms are over.
+
+A published space is a file of `mappings/` that never changes: `<name>.classes.csv` with
+`index,class,definition`. Models, pairs and beliefs belong to a space; several class maps can lead
+into one (`bsg_data.scene.class_map`).
+"""
+
+from __future__ import annotations
+
+import csv
+import difflib
+import hashlib
+import io
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+
+from bsg_data.errors import ClassMapError
+
+DEFAULT_CLASS_SPACE = "hm3d45-v1"
+MAX_CLASSES = 256  # the objects table has the index in a byte
+_SUFFIX = ".classes.csv"
+
+
+@dataclass(frozen=True, slots=True)
+class ClassSpace:
+    """The classes of histograms, in their order.
+
+    Attributes:
+        name: e.g. `hm3d45-v1`.
+        classes: `[C]` names.
+        definitions: `[C]` one sentence a class.
+    """
+
+    name: str
+    classes: tuple[str, ...]
+    definitions: tuple[str, ...]
+
+    @property
+    def sha256(self) -> str:
+        """The hash of the names in their order."""
+        return hash_classes(self.classes)
+
+    def class_index(self, name: str) -> int:
+        """Return the index of a class.
+
+        Raises:
+            ClassMapError: for a name that is no class, with the nearest ones.
+        """
+        if name in self.classes:
+            return self.classes.index(name)
+        near = difflib.get_close_matches(name, self.classes, n=3)
+        hint = f"; did you mean {', '.join(near)}?" if near else ""
+        raise ClassMapError(f"{name!r} is not a class of {self.name}{hint}")
+
+
+def hash_classes(classes: Iterable[str]) -> str:
+    """Return the sha256 of class names, joined by line feeds."""
+    return hashlib.sha256("\n".join(classes).encode()).hexdigest()
+
+
+def list_class_spaces() -> tuple[str, ...]:
+    """Return the names of the published class spaces, sorted."""
+    names = (item.name for item in files("bsg_mappings").iterdir())
+    return tuple(sorted(name.removesuffix(_SUFFIX) for name in names if name.endswith(_SUFFIX)))
+
+
+@cache
+def load_class_space(name: str = DEFAULT_CLASS_SPACE) -> ClassSpace:
+    """Load a published class space.
+
+    Raises:
+        ClassMapError: if there is none of that name, or its file was changed.
+    """
+    if name not in list_class_spaces():
+        raise ClassMapError(
+            f"no class space {name!r}: published are {', '.join(list_class_spaces())}"
+        )
+    return parse_class_space(name, read_published(f"{name}{_SUFFIX}"))
+
+
+def read_published(file: str) -> bytes:
+    """Read a file of `mappings/` that SHA256SUMS lists.
+
+    Raises:
+        ClassMapError: if it is not what was published.
+    """
+    folder = files("bsg_mappings")
+    lines = folder.joinpath("SHA256SUMS").read_text("utf-8").splitlines()
+    published = {
+        name.lstrip("*"): digest
+        for digest, name in (line.split(maxsplit=1) for line in lines if line.strip())
+    }
+    data = folder.joinpath(file).read_bytes()
+    if hashlib.sha256(data).hexdigest() != published.get(file):
+        raise ClassMapError(
+            f"mappings/{file} is not the published file (sha256 differs from SHA256SUMS): "
+            "published files never change; reinstall, or give your version a new name"
+        )
+    return data
+
+
+def parse_class_space(name: str, data: bytes) -> ClassSpace:
+    """Parse `index,class,definition`.
+
+    Raises:
+        ClassMapError: naming the line at fault.
+    """
+    file = f"{name}{_SUFFIX}"
+    classes: list[str] = []
+    definitions: list[str] = []
+    for line, (index, class_name, definition) in read_rows(
+        file, data, ("index", "class", "definition")
+    ):
+        if index != str(len(classes)) or not class_name or class_name in classes:
+            raise ClassMapError(
+                f"{file}, line {line}: expected index {len(classes)} and a new class name, "
+                f"found {index!r}, {class_name!r}"
+            )
+        classes.append(class_name)
+        definitions.append(definition)
+    if not 1 <= len(classes) <= MAX_CLASSES:
+        raise ClassMapError(f"{file}: expected 1 to {MAX_CLASSES} classes, found {len(classes)}")
+    return ClassSpace(name, tuple(classes), tuple(definitions))
+
+
+def read_rows(file: str, data: bytes, header: tuple[str, ...]) -> list[tuple[int, list[str]]]:
+    """Read a CSV file of `mappings/` as numbered rows.
+
+    Raises:
+        ClassMapError: naming the line at fault, or the header that was expected.
+    """
+    try:
+        reader = csv.reader(io.StringIO(data.decode("utf-8-sig"), newline=""), strict=True)
+        first = next(reader, [])
+        if tuple(first) != header:
+            raise ClassMapError(
+                f"{file}, line 1: expected {','.join(header)}, found {','.join(first)!r}"
+            )
+        rows = [(reader.line_num, row) for row in reader]
+    except UnicodeDecodeError as error:
+        raise ClassMapError(
+            f"{file}: expected UTF-8, found byte {error.start} that is not"
+        ) from error
+    except csv.Error as error:
+        raise ClassMapError(f"{file}: not a readable CSV file ({error})") from error
+    for line, row in rows:
+        if len(row) != len(header):
+            raise ClassMapError(
+                f"{file}, line {line}: expected {len(header)} fields, found {len(row)}"
+            )
+    return rows

@@ -1,0 +1,277 @@
+"""BEHAVIOR-1K's list of rooms and their objects: homes, offices, schools, restaurants, shops.
+
+The package `bddl` holds `generated_data/combined_room_object_list.json`: `scenes` → room
+(`kitchen_0`, its type and number) → `category-model` → how many. It says nothing of places.
+
+A scene of BEHAVIOR is one floor of a house, with its garden or without; here a building is the
+whole house. Left apart, the same rooms would be trained on and tested on: `Rs_garden` has all the
+rooms of `Rs_int`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from bsg_data.errors import SourceError
+from bsg_data.recipes import name_fault
+from bsg_data.scene.class_map import ClassMap
+from bsg_data.scene.scene_graph import Room, is_scene_id
+from bsg_data.sources.annotations import Annotation, Instance
+from bsg_data.sources.assembly import assemble
+from bsg_data.sources.source import (
+    FoundScenes,
+    Reading,
+    SceneRef,
+    SkippedScene,
+    SourceRow,
+    Terms,
+)
+
+FILE = "combined_room_object_list.json"
+MAX_BYTES = 64 * 2**20  # the real list has 300 kB
+MAX_OBJECTS = 10**6  # in a building; the largest real one has 7,020
+_FLOOR = re.compile(r"([A-Z][A-Za-z]*)(?:_([0-9]{1,3}))?_(?:int|garden)")
+_STOREY = re.compile(r"(house_double_floor)_(lower|upper)")
+_ROOM = re.compile(r"(.+)_([0-9]{1,6})")
+# What the first words of a name say that the building is.
+_KINDS = {
+    **dict.fromkeys(("Beechwood", "Benevolence", "Ihlen", "Merom", "Pomaria"), "home"),
+    **dict.fromkeys(("Rs", "Wainscott"), "home"),
+    "gates_bedroom": "home",
+    "grocery_store": "shop",
+    "hall": "hall",
+    "hotel": "hotel",
+    "house": "home",
+    "office": "office",
+    "restaurant": "restaurant",
+    "school": "school",
+}
+
+# BEHAVIOR has one category for two things. These models stand in public washrooms without a shower,
+# one for each toilet: they are its cubicles. The others are showers.
+TOILET_STALLS = frozenset(
+    f"shower_stall-{model}"
+    for model in ("gqxmqf", "nvempw", "rhvubh", "sqzpmj", "taqzxq", "vshrva")
+)
+
+_Count = Annotated[int, Field(ge=0, le=MAX_OBJECTS)]
+RoomLists = Mapping[str, Mapping[str, int]]  # room → `category-model` → how many
+
+
+class _Listing(BaseModel):
+    model_config = ConfigDict(extra="ignore", frozen=True, strict=True)
+
+    scenes: Annotated[dict[str, dict[str, dict[str, _Count]]], Field(min_length=1)]
+
+
+@dataclass(frozen=True, slots=True)
+class Floor:
+    """Where a scene of BEHAVIOR belongs.
+
+    Attributes:
+        building: the house that it is a floor of, or its own name.
+        number: of the floor, from below; 0 where there is one.
+    """
+
+    building: str
+    number: int = 0
+
+
+def find_floor(scene: str) -> Floor:
+    """Return which house a scene is of.
+
+    >>> find_floor("Beechwood_1_int"), find_floor("Rs_garden")
+    (Floor(building='Beechwood', number=1), Floor(building='Rs', number=0))
+    """
+    if match := _FLOOR.fullmatch(scene):
+        return Floor(match[1], int(match[2] or 0))
+    if match := _STOREY.fullmatch(scene):
+        return Floor(match[1], ("lower", "upper").index(match[2]))
+    return Floor(scene)
+
+
+def find_building_kind(scene: str) -> str | None:
+    """Return what a scene or building is: home, office, school, restaurant, shop, hotel or hall.
+
+    The names say it; None for a name that is none of BEHAVIOR's.
+
+    >>> find_building_kind("Rs_int"), find_building_kind("restaurant_hotel")
+    ('home', 'restaurant')
+    """
+    starts = (kind for start, kind in _KINDS.items() if f"{scene}_".startswith(f"{start}_"))
+    return next(starts, None)
+
+
+@dataclass(frozen=True)
+class BehaviorRooms:
+    """BEHAVIOR-1K's list of rooms and their objects.
+
+    Attributes:
+        path: the JSON file.
+        as_listed: take every scene of the list for a building of its own, under its own name; a
+            house is then there several times, and can be in two splits.
+    """
+
+    path: Path
+    as_listed: bool = False
+
+    @property
+    def kind(self) -> str:
+        """`behavior`."""
+        return "behavior"
+
+    @property
+    def options(self) -> dict[str, int | str]:
+        """Whether floors and gardens stay apart."""
+        return {"as_listed": int(self.as_listed)}
+
+    def find(self) -> FoundScenes:
+        """List the buildings, and the scenes whose rooms another scene has with the garden."""
+        houses = self._houses()
+        refs = tuple(
+            SceneRef(
+                scene_id=building,
+                location=", ".join(scene for scenes in floors.values() for scene in scenes),
+                fingerprint=_digest(
+                    {number: self._rooms(names) for number, names in floors.items()}
+                ),
+                source_split=None,
+                source_version=None,
+            )
+            for building, floors in houses.items()
+        )
+        return FoundScenes(refs, duplicates=tuple(self._find_doubles(houses)))
+
+    def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
+        """Read one building; the regions are its rooms, floor by floor, in the order of names."""
+        rooms: list[Room] = []
+        instances: list[Instance] = []
+        for number, scenes in self._houses()[ref.scene_id].items():
+            for name, content in sorted(self._rooms(scenes).items(), key=_by_number):
+                if len(instances) + sum(content.values()) > MAX_OBJECTS:
+                    raise SourceError(f"{self.path}: {ref.location}: over {MAX_OBJECTS:,} objects")
+                region = len(rooms)
+                rooms.append(Room(0, region, _type_of(name), floor_index=number))
+                for category in _list_objects(content, f"{self.path}: {ref.location}, {name}"):
+                    instances.append(Instance(len(instances) + 1, category, region))
+        graph = assemble(
+            Annotation(tuple(instances), ref.fingerprint),
+            ref=ref,
+            kind=self.kind,
+            class_map=class_map,
+            rooms=rooms,
+            building_kind=find_building_kind(ref.scene_id),
+        )
+        return Reading(graph)
+
+    def _houses(self) -> dict[str, dict[int, list[str]]]:
+        """Return building → floor → its scenes, the one with the garden first."""
+        houses: dict[str, dict[int, list[str]]] = {}
+        for scene in sorted(self._scenes):  # `garden` stands before `int`
+            floor = Floor(scene) if self.as_listed else find_floor(scene)
+            houses.setdefault(floor.building, {}).setdefault(floor.number, []).append(scene)
+        return {name: dict(sorted(houses[name].items())) for name in sorted(houses)}
+
+    def _rooms(self, scenes: list[str]) -> RoomLists:
+        """Return the rooms of a floor, each as the first of its scenes has it."""
+        rooms: dict[str, Mapping[str, int]] = {}
+        for scene in reversed(scenes):
+            rooms.update(self._scenes[scene])
+        return rooms
+
+    def _find_doubles(self, houses: dict[str, dict[int, list[str]]]) -> Iterator[SkippedScene]:
+        for first, *others in (scenes for floors in houses.values() for scenes in floors.values()):
+            for scene in others:
+                if set(self._scenes[scene]) <= set(self._scenes[first]):
+                    reason = f"{first} has all its rooms, and the garden"
+                    yield SkippedScene(scene, scene, reason)
+
+    @property
+    def _scenes(self) -> Mapping[str, RoomLists]:
+        try:
+            stat = self.path.stat()
+        except OSError as error:
+            raise SourceError(f"{self.path}: cannot be read ({error.strerror})") from error
+        return _read_listing(self.path, stat.st_size, stat.st_mtime_ns)
+
+
+@lru_cache(maxsize=2)
+def _read_listing(path: Path, size: int, changed: int) -> Mapping[str, RoomLists]:
+    """Read the list, once for each state of the file."""
+    if path.is_dir():
+        raise SourceError(f"{path}: is a folder; expected the file {FILE} of the package bddl")
+    if size > MAX_BYTES:
+        raise SourceError(f"{path}: {size} bytes; the list has at most {MAX_BYTES}")
+    try:
+        scenes = _Listing.model_validate_json(path.read_bytes()).scenes
+    except OSError as error:
+        raise SourceError(f"{path}: cannot be read ({error.strerror})") from error
+    except ValidationError as error:
+        raise SourceError(
+            f"{path}: {name_fault(error)}; expected scenes → room → category-model → number, as "
+            f"in {FILE} of the package bddl"
+        ) from error
+    for name in scenes:
+        if not is_scene_id(name):
+            raise SourceError(f"{path}: scenes: {name!r} cannot be the name of a scene")
+    return scenes
+
+
+def _list_objects(content: Mapping[str, int], where: str) -> Iterator[str]:
+    """Yield the category of every object of a room, in the order of `category-model`.
+
+    It is as listed but for cubicles of washrooms, which are `toilet_stall`.
+    """
+    for name, count in sorted(content.items()):
+        category, _, model = name.rpartition("-")
+        if not category or not model:
+            raise SourceError(
+                f"{where}: expected category-model, such as sofa-ahgkci; found {name!r}"
+            )
+        for _ in range(count):
+            yield "toilet_stall" if name in TOILET_STALLS else category
+
+
+def _type_of(room: str) -> str:
+    """Return the type of a room: its name without the number."""
+    match = _ROOM.fullmatch(room)
+    return match[1] if match else room
+
+
+def _by_number(item: tuple[str, object]) -> tuple[str, int]:
+    match = _ROOM.fullmatch(item[0])
+    return (match[1], int(match[2])) if match else (item[0], -1)
+
+
+def _digest(content: object) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+ROW = SourceRow(
+    summary="BEHAVIOR-1K's list of rooms and their objects, a JSON file of the package bddl",
+    open=BehaviorRooms,
+    terms=Terms(
+        licence="MIT",
+        licence_url="https://opensource.org/license/mit",
+        homepage="https://behavior.stanford.edu",
+        citation=(
+            "Li et al., BEHAVIOR-1K: A Human-Centered, Embodied AI Benchmark with 1,000 Everyday "
+            "Activities and Realistic Simulation, 2024, arXiv:2403.09227"
+        ),
+        sentence=(
+            "The list of rooms and objects is under the MIT licence of the package bddl; the "
+            "scenes and objects that it lists have terms of their own, BEHAVIOR's, which have to "
+            "be read before anything learned from it is shipped."
+        ),
+    ),
+    class_map="behavior45-v1",
+)

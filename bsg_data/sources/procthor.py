@@ -1,0 +1,358 @@
+"""ProcTHOR's houses: rooms with their floors, the doors between them, objects and their places.
+
+A house is a JSON object; files hold one a line (`.jsonl`), or an array of them (`.json`), gzip or
+not. `rooms` have `id` (`room|4`), `roomType` and `floorPolygon`; `doors` name two rooms; `objects`
+have `id` (`4|0|0` begins with the number of the room), `assetId` (`Bed_25`), `position`, and in
+`children` what is in or on them; `walls` say how high a room is. Metres, Y up, left-handed.
+
+Doors, windows and walls are no objects there, and so none here.
+"""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+import json
+import re
+import threading
+import zlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, BinaryIO, cast
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from bsg_data.errors import SourceError
+from bsg_data.geometry.placement import find_storeys, surround
+from bsg_data.recipes import name_fault
+from bsg_data.scene.class_map import ClassMap
+from bsg_data.scene.scene_graph import Box, Point, Room
+from bsg_data.sources.annotations import Annotation, Instance
+from bsg_data.sources.assembly import assemble, connect_regions
+from bsg_data.sources.hm3d_names import keep_one_copy
+from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow, Terms
+
+SUFFIXES = (".jsonl", ".jsonl.gz", ".json", ".json.gz")
+MAX_HOUSE = 16 * 2**20  # bytes; the largest of 150 real houses has 84 kB
+MAX_ARRAY = 2**30  # bytes: an array is read whole, a file of lines is not
+MAX_METRES = 10_000.0
+_NUMBERED = 10**5  # a scene id has five digits for the number of the house in its file
+_SPLITS = ("train", "val", "test")
+_ROOM = re.compile(r"room\|([0-9]{1,6})")
+_OF_ROOM = re.compile(r"(?:[^|0-9]+\|)?([0-9]{1,6})(?:\|.*)?")  # 4|0|0, small|4|5
+_BETWEEN = re.compile(r"[\s,]*")  # what stands between two houses of an array
+_DECODER = json.JSONDecoder()
+_CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
+_local = threading.local()  # of each thread, the file that it is reading: see `_fetch`
+
+Metres = Annotated[float, Field(ge=-MAX_METRES, le=MAX_METRES, allow_inf_nan=False)]
+Name = Annotated[str, Field(min_length=1, max_length=200)]
+
+
+class _Entry(BaseModel):
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+
+class _Place(_Entry):
+    x: Metres
+    y: Metres
+    z: Metres
+
+
+class _Room(_Entry):
+    id: Annotated[str, Field(pattern=_ROOM.pattern + "$")]
+    room_type: Annotated[Name, Field(alias="roomType")]
+    corners: Annotated[tuple[_Place, ...], Field(alias="floorPolygon", min_length=3)]
+
+
+class _Door(_Entry):
+    room0: str
+    room1: str
+
+
+class _Wall(_Entry):
+    room_id: Annotated[str | None, Field(alias="roomId")] = None
+    polygon: tuple[_Place, ...] = ()
+
+
+class _Thing(_Entry):
+    id: Name
+    asset: Annotated[Name, Field(alias="assetId")]
+    position: _Place
+    children: tuple[_Thing, ...] = ()
+
+
+class _House(_Entry):
+    rooms: Annotated[tuple[_Room, ...], Field(min_length=1)]
+    doors: tuple[_Door, ...] = ()
+    walls: tuple[_Wall, ...] = ()
+    objects: tuple[_Thing, ...] = ()
+
+
+@dataclass(frozen=True)
+class ProcTHORHouses:
+    """A file of ProcTHOR's houses, or a folder with such files.
+
+    A scene id is the number of the house in its file, from 0 as Python counts them, and a hash of
+    its text: `00042-9f86d081884c`. The same house in two files is taken once.
+    """
+
+    path: Path
+
+    @property
+    def kind(self) -> str:
+        """`procthor`."""
+        return "procthor"
+
+    @property
+    def options(self) -> dict[str, int | str]:
+        """None: there is nothing to choose."""
+        return {}
+
+    def find(self) -> FoundScenes:
+        """Find the houses; of each only the hash is taken.
+
+        Raises:
+            SourceError: if there is none, or a file ends too early, naming the line.
+        """
+        refs = [
+            self._refer(file, index, *house)
+            for file in self._files()
+            for index, house in enumerate(_stream(file))
+        ]
+        if not refs:
+            raise SourceError(f"{self.path}: holds no house; expected a JSON object a line")
+        return keep_one_copy(refs)
+
+    def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
+        """Read one house."""
+        name, _, number = ref.location.rpartition(":")
+        file = self.path / name if self.path.is_dir() else self.path
+        text = _fetch(file, int(number))
+        if hashlib.sha256(text).hexdigest() != ref.fingerprint:
+            raise SourceError(f"{ref.location}: was changed since the houses were listed")
+        house = _parse(text, ref.location)
+        annotation = Annotation(tuple(_list_instances(house)), ref.fingerprint)
+        rooms = find_storeys([_describe(room, house.walls, ref.location) for room in house.rooms])
+        graph = assemble(
+            annotation,
+            ref=ref,
+            kind=self.kind,
+            class_map=class_map,
+            rooms=rooms,
+            building_kind="home",
+        )
+        return Reading(connect_regions(graph, _list_doors(house), method="door"))
+
+    def _files(self) -> list[Path]:
+        if not self.path.is_dir():
+            return [self.path]
+        files = sorted(file for file in self.path.iterdir() if file.name.endswith(SUFFIXES))
+        if not files:
+            raise SourceError(f"{self.path}: holds no file that ends in {', '.join(SUFFIXES)}")
+        return files
+
+    def _refer(self, file: Path, index: int, number: int, text: bytes) -> SceneRef:
+        digest = hashlib.sha256(text).hexdigest()
+        building = digest[:12]
+        stem = file.name.split(".")[0]
+        return SceneRef(
+            scene_id=f"{index:05d}-{building}" if index < _NUMBERED else building,
+            location=f"{file.name}:{number}",
+            fingerprint=digest,
+            source_split=stem if stem in _SPLITS else None,
+            source_version=None,
+        )
+
+
+def name_asset(asset: str) -> str:
+    """Return what kind of thing an asset is, by its name.
+
+    The words before the first number tell it. `RoboTHOR` says where an asset is from, and a single
+    letter which variant it is.
+
+    >>> name_asset("Dining_Table_208_2"), name_asset("RoboTHOR_mug_ai2_1_v"), name_asset("bin_4")
+    ('dining table', 'mug ai', 'bin')
+    >>> name_asset("DecorativeBox2"), name_asset("Countertop_L_10x8")
+    ('decorative box', 'countertop')
+    """
+    words = []
+    for word in asset.removeprefix("RoboTHOR_").split("_"):
+        if word[:1].isdigit():
+            break
+        words.append(_CAMEL.sub(" ", word.rstrip("0123456789")))
+    return " ".join(word for word in words if len(word) > 1).casefold()
+
+
+def _stream(file: Path) -> Iterator[tuple[int, bytes]]:
+    """Yield the number, from 1, of the line or of the element, and the text of every house."""
+    number = 0
+    try:
+        with _open(file) as opened:
+            lines = ".jsonl" in file.name
+            for number, text in _split_lines(opened, file) if lines else _split(opened, file):
+                yield number, text
+    except (OSError, EOFError, zlib.error) as error:
+        reason = getattr(error, "strerror", None) or error
+        where = f"{file}, after line {number}" if number else f"{file}"
+        raise SourceError(f"{where}: cannot be read ({reason})") from error
+
+
+def _split_lines(opened: BinaryIO, file: Path) -> Iterator[tuple[int, bytes]]:
+    number = 0
+    while line := opened.readline(MAX_HOUSE + 1):
+        number += 1
+        if len(line) > MAX_HOUSE:
+            raise SourceError(f"{file}, line {number}: a house has at most {MAX_HOUSE:,} bytes")
+        if line.strip():
+            yield number, line.strip()
+
+
+def _open(file: Path) -> BinaryIO:
+    return cast(BinaryIO, gzip.open(file)) if file.name.endswith(".gz") else file.open("rb")
+
+
+def _split(opened: BinaryIO, file: Path) -> Iterator[tuple[int, bytes]]:
+    """Yield the houses of an array, or one house that has more than a line."""
+    data = opened.read(MAX_ARRAY + 1)
+    if len(data) > MAX_ARRAY:
+        raise SourceError(f"{file}: over {MAX_ARRAY:,} bytes; write a house a line, as .jsonl")
+    try:
+        text = data.decode("utf-8-sig").strip()
+        opening = text.startswith("[")
+        if opening and not text.endswith("]"):
+            raise SourceError(f"{file}: the array has no end; the file was cut off")
+        start, end = (1, len(text) - 1) if opening else (0, len(text))
+        number = 0
+        while (start := _BETWEEN.match(text, start, end).end()) < end:  # type: ignore[union-attr]
+            _, stop = _DECODER.raw_decode(text, start)
+            number += 1
+            yield number, text[start:stop].encode()
+            start = stop
+    except (ValueError, RecursionError) as error:
+        raise SourceError(f"{file}: no JSON ({error})") from error
+
+
+@dataclass(slots=True)
+class _Reading:
+    """A file that a thread is reading: its state, the houses to come, the number of the last."""
+
+    key: tuple[Path, int]
+    houses: Iterator[tuple[int, bytes]]
+    last: int = 0
+
+
+def _fetch(file: Path, number: int) -> bytes:
+    """Return the text of a house.
+
+    A compressed file has no way to a line but from its beginning. Builds read houses in their
+    order, so each thread goes on where it was, and begins again only for an earlier house.
+    """
+    key = (file, file.stat().st_mtime_ns)
+    place: _Reading | None = getattr(_local, "place", None)
+    if place is None or place.key != key or number <= place.last:
+        place = _Reading(key, _stream(file))
+        _local.place = place
+    for found, text in place.houses:
+        place.last = found
+        if found == number:
+            return text
+    raise SourceError(f"{file.name}:{number}: is not there any more")
+
+
+def _parse(text: bytes, where: str) -> _House:
+    try:
+        house = _House.model_validate_json(text)
+    except ValidationError as error:
+        raise SourceError(f"{where}: {name_fault(error)}; expected a house of ProcTHOR") from error
+    ids = [room.id for room in house.rooms]
+    if len(set(ids)) < len(ids):
+        twice = next(name for name in ids if ids.count(name) > 1)
+        raise SourceError(f"{where}: rooms: {twice!r} is there twice")
+    return house
+
+
+def _number_rooms(house: _House) -> dict[str, int]:
+    return {room.id: int(room.id.removeprefix("room|")) for room in house.rooms}
+
+
+def _list_instances(house: _House) -> Iterator[Instance]:
+    """Yield the objects, each before its children; one of no room is the building's."""
+    rooms = set(_number_rooms(house).values())
+    waiting = list(reversed(house.objects))
+    count = 0
+    while waiting:
+        thing = waiting.pop()
+        waiting += reversed(thing.children)
+        count += 1
+        match = _OF_ROOM.fullmatch(thing.id)
+        region = int(match[1]) if match and int(match[1]) in rooms else -1
+        yield Instance(count, name_asset(thing.asset), region, centroid=_upright(thing.position))
+
+
+def _describe(room: _Room, walls: Sequence[_Wall], where: str) -> Room:
+    """Return a room with its floor: its area is the polygon's, its footprint the hull of that."""
+    corners = np.array([_upright(corner) for corner in room.corners])
+    area = measure_area(corners[:, :2])
+    if not area > 0:
+        raise SourceError(f"{where}: rooms: {room.id}: its floorPolygon encloses nothing")
+    floor = float(corners[:, 2].min())
+    tops = [corner.y for wall in walls if wall.room_id == room.id for corner in wall.polygon]
+    (a, b), (c, d) = (map(float, f(corners[:, :2], axis=0)) for f in (np.min, np.max))
+    top = max([floor, *tops])
+    return Room(
+        room_index=0,
+        region_id=int(room.id.removeprefix("room|")),
+        source_label=room.room_type,
+        centroid=((a + c) / 2, (b + d) / 2, (floor + top) / 2),
+        box=Box((a, b, floor), (c, d, top)),
+        floor_z=floor,
+        footprint=surround(corners[:, :2]),
+        floor_area=round(area, 4),
+    )
+
+
+def _list_doors(house: _House) -> Iterator[tuple[int, int]]:
+    """Yield the pairs of rooms that doors join; other doors lead outside."""
+    rooms = _number_rooms(house)
+    for door in house.doors:
+        if door.room0 != door.room1 and door.room0 in rooms and door.room1 in rooms:
+            yield rooms[door.room0], rooms[door.room1]
+
+
+def measure_area(corners: npt.NDArray[np.float64]) -> float:
+    """Return the area of a polygon `[P, 2]` that does not cross itself (the shoelace formula).
+
+    >>> measure_area(np.array([[0.0, 0], [3, 0], [3, 1], [1, 1], [1, 2], [0, 2]]))
+    4.0
+    """
+    x, y = corners.T
+    return float(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2)
+
+
+def _upright(place: _Place) -> Point:
+    """Return a place with Z up; swapping two axes makes a left-handed frame right-handed."""
+    return place.x, place.z, place.y
+
+
+ROW = SourceRow(
+    summary="ProcTHOR's houses, JSON lines or an array, gzip or not",
+    open=ProcTHORHouses,
+    terms=Terms(
+        licence="Apache-2.0",
+        licence_url="https://www.apache.org/licenses/LICENSE-2.0",
+        homepage="https://procthor.allenai.org",
+        citation=(
+            "Deitke et al., ProcTHOR: Large-Scale Embodied AI Using Procedural Generation, "
+            "NeurIPS 2022, arXiv:2206.06994"
+        ),
+        sentence=(
+            "ProcTHOR-10K is under the Apache licence 2.0; houses that others generated or "
+            "changed have the terms of whoever published them."
+        ),
+    ),
+    class_map="procthor45-v1",
+)

@@ -1,0 +1,40 @@
+"""`bsg-data merge`: one dataset of several."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+import bsg_data
+from bsg_cli.data.totals import format_sources, format_totals
+from bsg_cli.options import PATH, force_option, json_option, out_option
+from bsg_cli.terminal import Command, print_json, print_note, progress_bar
+
+
+@click.command("merge", cls=Command)
+@click.argument("datasets", type=PATH, nargs=-1, required=True, metavar="DATASET DATASET ...")
+@out_option("Dataset to write.", required=True)
+@force_option
+@json_option
+def command(datasets: tuple[Path, ...], out: Path, force: bool, as_json: bool) -> None:
+    """Merge datasets of one class space into one.
+
+    Rows keep their source. Splits and pairs are not taken over: make them anew.
+
+    \b
+    Example:
+      bsg-data merge hm3d behavior --out both
+    """
+    if len(datasets) < 2:
+        raise click.UsageError("a merge takes two datasets or more")
+    with progress_bar("merge", unit="scene") as report:
+        manifest = bsg_data.merge_datasets(datasets, out, force=force, progress=report)
+    if any(bsg_data.read_manifest(dataset).split is not None for dataset in datasets):
+        print_note(f"splits and pairs were not taken over; next: bsg-data split {out}")
+    if as_json:
+        print_json(manifest.model_dump(mode="json", exclude={"files"}))
+        return
+    click.echo(format_totals(manifest))
+    click.echo(format_sources(out))
+    click.echo(f"dataset in {out}")

@@ -1,0 +1,49 @@
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bsg_data.scene.spoken_names import change_number, find_head, resolve
+
+LISTED = {"tv stand", "shelf", "couch", "knife", "box", "battery", "plant", "basket", "tv", "towel"}
+SYNONYMS = {"sofa": "couch", "television": "tv"}
+
+
+@pytest.mark.parametrize(
+    ("name", "first"),
+    [
+        ("tv-stand", ("tv stand", "separator")),
+        ("tv__stand", ("tv stand", "separator")),
+        ("shelves", ("shelf", "number")),
+        ("knives", ("knife", "number")),
+        ("boxes", ("box", "number")),
+        ("batteries", ("battery", "number")),
+        ("tv-stands", ("tv stand", "number")),
+        ("sofa", ("couch", "synonym")),
+        ("sofas", ("couch", "synonym")),
+        ("house plant", ("plant", "head noun")),
+        ("red leather sofas", ("couch", "head noun")),
+        ("basket of towels", ("basket", "head noun")),
+        ("a pile of towels", ("towel", "head noun")),
+        ("towel for the tv", ("towel", "head noun")),
+        ("zzqx", None),
+        ("", None),
+    ],
+)
+def test_rules_by_hand(name: str, first: tuple[str, str] | None) -> None:
+    found = resolve(name, synonyms=SYNONYMS, known=LISTED.__contains__)
+    assert next(found, None) == first
+
+
+@given(st.sampled_from(sorted(LISTED)))
+def test_the_number_of_a_name_leads_back_to_it(name: str) -> None:
+    plural = change_number(name)[-1]
+    assert name in change_number(plural)
+
+
+@given(st.text(max_size=40))
+def test_any_text_has_a_head_and_only_listed_names_come_out(name: str) -> None:
+    assert isinstance(find_head(name), str)
+    for other, _ in resolve(name, synonyms=SYNONYMS, known=LISTED.__contains__):
+        assert other in LISTED

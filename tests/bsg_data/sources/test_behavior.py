@@ -1,0 +1,192 @@
+from __future__ import annotations
+
+import json
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import pytest
+from conftest import SHARED
+
+from bsg_data.errors import SourceError
+from bsg_data.scene.class_map import load_class_map
+from bsg_data.scene.scene_graph import SceneGraph
+from bsg_data.sources.behavior import (
+    FILE,
+    BehaviorRooms,
+    Floor,
+    find_building_kind,
+    find_floor,
+)
+from bsg_data.testing import SourceContract
+
+SAMPLE = SHARED.parent / "sources" / "behavior_room_object_list.json"
+KITCHEN = {"stove-abcdef": 1, "straight_chair-amgwaw": 2, "walls-aaaaaa": 1}
+SCENES = {
+    "Rs_int": {"kitchen_0": KITCHEN, "bedroom_0": {"bed-zrumze": 1}},
+    "Rs_garden": {
+        "kitchen_0": {**KITCHEN, "walls-bbbbbb": 1},
+        "bedroom_0": {"bed-zrumze": 1},
+        "garden_0": {"tree-ccccccc": 3},
+    },
+    "house_double_floor_upper": {"bedroom_10": {"bed-zrumze": 1}, "bedroom_9": {}},
+    "house_double_floor_lower": {"garage_0": {"car-aaaaaa": 1}},
+    "office_bike": {"shared_office_0": {"desk-aaaaaa": 2}},
+}
+
+
+def write_list(folder: Path, scenes: Any = SCENES) -> Path:
+    path = folder / FILE
+    path.write_text(json.dumps({"success": True, "scenes": scenes}), "utf-8")
+    return path
+
+
+class TestBehavior(SourceContract):
+    name = "behavior"
+
+    def write_example(self, folder: Path) -> Path:
+        return write_list(folder)
+
+
+def read_all(source: BehaviorRooms) -> dict[str, SceneGraph]:
+    class_map = load_class_map()
+    return {ref.scene_id: source.read(ref, class_map).graph for ref in source.find().scenes}
+
+
+def test_a_house_is_one_building_with_its_floors_and_its_garden(tmp_path: Path) -> None:
+    source = BehaviorRooms(write_list(tmp_path))
+    graphs = read_all(source)
+    assert list(graphs) == ["Rs", "house_double_floor", "office_bike"]
+    rooms = [(r.region_id, r.source_label, r.label, r.floor_index) for r in graphs["Rs"].rooms]
+    assert rooms == [
+        (0, "bedroom", "bedroom", 0),
+        (1, "garden", "garden", 0),
+        (2, "kitchen", "kitchen", 0),
+    ]
+    objects = [(obj.raw_category, obj.room_index) for obj in graphs["Rs"].objects]
+    assert Counter(objects) == {
+        ("bed", 1): 1,
+        ("tree", 2): 3,
+        ("stove", 3): 1,
+        ("straight_chair", 3): 2,
+        ("walls", 3): 2,
+    }  # as the garden's scene has the kitchen, not twice
+    double = graphs["house_double_floor"]
+    assert [(r.source_label, r.floor_index) for r in double.rooms] == [
+        ("garage", 0),
+        ("bedroom", 1),
+        ("bedroom", 1),
+    ]
+    assert [obj.room_index for obj in double.objects] == [1, 3]  # bedroom_9 before bedroom_10
+    assert {g.building_kind for g in graphs.values()} == {"home", "office"}
+    (left,) = source.find().duplicates
+    assert (left.scene_id, left.reason) == ("Rs_int", "Rs_garden has all its rooms, and the garden")
+
+
+def test_rooms_that_the_garden_scene_lacks_are_kept(tmp_path: Path) -> None:
+    scenes = {"Rs_int": SCENES["Rs_int"], "Rs_garden": {"garden_0": {"tree-cccccc": 1}}}
+    source = BehaviorRooms(write_list(tmp_path, scenes))
+    assert len(read_all(source)["Rs"].rooms) == 3
+    assert source.find().duplicates == ()
+
+
+def test_scenes_as_listed(tmp_path: Path) -> None:
+    source = BehaviorRooms(write_list(tmp_path), as_listed=True)
+    graphs = read_all(source)
+    assert list(graphs) == sorted(SCENES)
+    assert len(graphs["Rs_int"].objects) == 5
+    assert source.options != BehaviorRooms(source.path).options
+
+
+def test_cubicles_of_public_washrooms_are_no_showers(tmp_path: Path) -> None:
+    content = {"shower_stall-taqzxq": 4, "shower_stall-invgma": 1}
+    source = BehaviorRooms(write_list(tmp_path, {"office_bike": {"bathroom_0": content}}))
+    graph = read_all(source)["office_bike"]
+    names = Counter(obj.raw_category for obj in graph.objects)
+    assert names == {"toilet_stall": 4, "shower_stall": 1}
+
+
+@pytest.mark.parametrize(
+    ("scene", "floor", "kind"),
+    [
+        ("Beechwood_1_int", Floor("Beechwood", 1), "home"),
+        ("Rs_garden", Floor("Rs"), "home"),
+        ("house_double_floor_upper", Floor("house_double_floor", 1), "home"),
+        ("house_single_floor", Floor("house_single_floor"), "home"),
+        ("gates_bedroom", Floor("gates_bedroom"), "home"),
+        ("grocery_store_cafe", Floor("grocery_store_cafe"), "shop"),
+        ("hall_train_station", Floor("hall_train_station"), "hall"),
+        ("hotel_suite_small", Floor("hotel_suite_small"), "hotel"),
+        ("office_large", Floor("office_large"), "office"),
+        ("restaurant_hotel", Floor("restaurant_hotel"), "restaurant"),
+        ("school_gym", Floor("school_gym"), "school"),
+        ("officer", Floor("officer"), None),
+    ],
+)
+def test_where_a_scene_belongs(scene: str, floor: Floor, kind: str | None) -> None:
+    assert find_floor(scene) == floor
+    assert find_building_kind(scene) == kind
+    assert find_building_kind(floor.building) == kind
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("", "expected scenes"),
+        ("[]", "expected scenes"),
+        ('{"rooms": {}}', "scenes: Field required"),
+        ('{"scenes": {}}', "at least 1 item"),
+        ('{"scenes": {"a": {"kitchen_0": {"bed-x": -1}}}}', "scenes.a.kitchen_0.bed-x"),
+        ('{"scenes": {"a": {"kitchen_0": {"bed-x": 1.5}}}}', "scenes.a.kitchen_0.bed-x"),
+        ('{"scenes": {"a": {"kitchen_0": {"bed-x": 1e300}}}}', "scenes.a.kitchen_0.bed-x"),
+        ('{"scenes": {"../a": {"kitchen_0": {}}}}', "cannot be the name of a scene"),
+        ('{"scenes": {"a": ["kitchen_0"]}}', "scenes.a"),
+    ],
+)
+def test_a_malformed_list_is_refused(tmp_path: Path, text: str, expected: str) -> None:
+    path = tmp_path / FILE
+    path.write_text(text, "utf-8")
+    with pytest.raises(SourceError, match=expected):
+        BehaviorRooms(path).find()
+
+
+def test_names_without_a_model_and_too_many_objects_leave_their_scene_out(tmp_path: Path) -> None:
+    scenes = {
+        "school_gym": {"gym_0": {"bed": 1}},
+        "office_bike": {"bar_0": {"a-b": 10**6, "c-d": 10**6}},
+    }
+    source = BehaviorRooms(write_list(tmp_path, scenes))
+    office, school = source.find().scenes
+    with pytest.raises(SourceError, match=r"gym_0: expected category-model.*found 'bed'"):
+        source.read(school, load_class_map())
+    with pytest.raises(SourceError, match="office_bike: over 1,000,000 objects"):
+        source.read(office, load_class_map())
+
+
+def test_a_folder_and_a_list_that_is_far_too_large(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(SourceError, match=f"is a folder; expected the file {FILE}"):
+        BehaviorRooms(tmp_path).find()
+    path = write_list(tmp_path)
+    monkeypatch.setattr("bsg_data.sources.behavior.MAX_BYTES", 100)
+    with pytest.raises(SourceError, match="at most 100"):
+        BehaviorRooms(path).find()
+
+
+@pytest.mark.skipif(not SAMPLE.is_file(), reason="needs ../shared/sources")
+def test_the_real_list() -> None:
+    listed = read_all(BehaviorRooms(SAMPLE, as_listed=True))
+    assert len(listed) == 51
+    assert sum(len(graph.rooms) for graph in listed.values()) == 374
+    assert sum(len(graph.objects) for graph in listed.values()) == 36_164
+    assert None not in {graph.building_kind for graph in listed.values()}
+    source = BehaviorRooms(SAMPLE)
+    assert len(source.find().scenes) == 37
+    assert len(source.find().duplicates) == 5
+    class_map = load_class_map("behavior45-v1")
+    names = {obj.raw_category for graph in listed.values() for obj in graph.objects}
+    assert names == set(class_map.entries)  # every word has a row of its own, and no row is idle
+    found = {class_map.classify(name).class_index for name in names} - {None}
+    missing = {name for i, name in enumerate(class_map.classes) if i not in found}
+    assert missing == {"curtain", "dresser"}

@@ -1,0 +1,275 @@
+from __future__ import annotations
+
+import gzip
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import SHARED
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bsg_data.errors import SourceError
+from bsg_data.scene.class_map import load_class_map
+from bsg_data.scene.scene_graph import Box, Edge, SceneGraph
+from bsg_data.sources import procthor
+from bsg_data.sources.procthor import ProcTHORHouses, measure_area, name_asset
+from bsg_data.testing import SourceContract, require_whole
+
+SAMPLE = SHARED.parent / "sources" / "procthor_150_houses.jsonl.gz"
+
+
+def room(number: int, kind: str, *corners: tuple[float, float]) -> dict[str, Any]:
+    polygon = [{"x": x, "y": 0, "z": z} for x, z in corners]
+    return {"id": f"room|{number}", "roomType": kind, "floorPolygon": polygon, "children": []}
+
+
+def thing(name: str, asset: str, *children: dict[str, Any], x: float = 1, z: float = 1) -> Any:
+    place = {"x": x, "y": 0.5, "z": z}
+    own = {"children": list(children)} if children else {}
+    return {"id": name, "assetId": asset, "position": place, "kinematic": True, **own}
+
+
+def house(**changes: Any) -> dict[str, Any]:
+    """An L-shaped bedroom of 3 m², and a bathroom of 2 m² beside it."""
+    bedroom = room(4, "Bedroom", (0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2))
+    bathroom = room(2, "Bathroom", (2, 0), (4, 0), (4, 1), (2, 1))
+    wall = [{"x": 0, "y": y, "z": z} for y in (0, 2.5) for z in (0, 2)]
+    return {
+        "rooms": [bedroom, bathroom],
+        "doors": [
+            {"id": "door|2|4", "room0": "room|4", "room1": "room|2", "assetId": "Doorway_1"},
+            {"id": "door|4|2", "room0": "room|2", "room1": "room|4", "assetId": "Doorway_1"},
+            {"id": "door|1|4", "room0": "room|4", "room1": "room|4", "assetId": "Doorway_2"},
+            {"id": "door|0|4", "room0": "exterior", "room1": "room|4", "assetId": "Doorway_2"},
+        ],
+        "walls": [{"id": "wall|4|0", "roomId": "room|4", "polygon": wall}],
+        "windows": [{"id": "window|4|0", "assetId": "Window_Fixed_96x48"}],
+        "objects": [
+            thing("4|0|0", "Bed_25", thing("4|0|1", "pillow_11"), thing("small|4|5", "Book_2")),
+            thing("2|3", "Toilet_1", x=3, z=0.5),
+            thing("9|1", "Sofa_1"),
+            thing("Painting", "Wall_Decor_Photo_2V"),
+        ],
+        "metadata": {"schema": "1.0.0"},
+        **changes,
+    }
+
+
+def write_lines(path: Path, *houses: Any) -> Path:
+    text = "".join(f"{json.dumps(one)}\n" for one in houses).encode()
+    path.write_bytes(gzip.compress(text) if path.name.endswith(".gz") else text)
+    return path
+
+
+class TestProcTHOR(SourceContract):
+    name = "procthor"
+
+    def write_example(self, folder: Path) -> Path:
+        return write_lines(folder / "train.jsonl.gz", house(), house(objects=[]))
+
+
+def read_all(path: Path) -> list[SceneGraph]:
+    source, class_map = ProcTHORHouses(path), load_class_map()
+    return [source.read(ref, class_map).graph for ref in source.find().scenes]
+
+
+def test_a_house_worked_out_by_hand(tmp_path: Path) -> None:
+    (graph,) = read_all(write_lines(tmp_path / "val.jsonl", house()))
+    require_whole(graph)
+    assert (graph.source_split, graph.building_kind) == ("val", "home")
+    bathroom, bedroom = graph.rooms
+    assert [(r.region_id, r.source_label, r.label) for r in graph.rooms] == [
+        (2, "Bathroom", "bathroom"),
+        (4, "Bedroom", "bedroom"),
+    ]
+    assert (bathroom.floor_area, bedroom.floor_area) == (2.0, 3.0)
+    assert bedroom.box == Box((0, 0, 0), (2, 2, 2.5))
+    assert bedroom.centroid == (1, 1, 1.25)
+    assert bathroom.box == Box((2, 0, 0), (4, 1, 0))  # no wall says how high it is
+    hull = np.array(bedroom.footprint)
+    assert measure_area(hull) == 3.5  # convex, unlike the floor
+    assert {(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 2.0), (0.0, 2.0)} == set(bedroom.footprint)
+    assert [r.floor_index for r in graph.rooms] == [0, 0]
+    assert graph.adjacency == (Edge(1, 2, "adjacent", "door", pytest.approx(2.4109127)),)
+    assert [(o.raw_category, o.room_index) for o in graph.objects] == [
+        ("bed", 2),
+        ("pillow", 2),
+        ("book", 2),
+        ("toilet", 1),
+        ("sofa", 0),  # no room 9: the building's
+        ("wall decor photo", 0),
+    ]
+    assert graph.objects[3].centroid == (3, 0.5, 0.5)  # Z up
+    assert {obj.box for obj in graph.objects} == {None}
+
+
+@pytest.mark.parametrize(
+    ("asset", "name"),
+    [
+        ("Bed_25", "bed"),
+        ("bin_1", "bin"),
+        ("Side_Table_228_2_1", "side table"),
+        ("TV_Stand_206_2", "tv stand"),
+        ("CreditCard_3", "credit card"),
+        ("DecorativeBox2", "decorative box"),
+        ("Countertop_C_10x8", "countertop"),
+        ("Wall_Decor_Photo_2V", "wall decor photo"),
+        ("RoboTHOR_dining_table_antas", "dining table antas"),
+        ("RoboTHOR_mug_ai2_1_v", "mug ai"),
+        ("Toilet_Paper_Used_Up", "toilet paper used up"),
+        ("CD_1", "cd"),
+        ("0a1b2c3d4e5f", ""),  # of another library, whose names say nothing
+    ],
+)
+def test_names_of_assets(asset: str, name: str) -> None:
+    assert name_asset(asset) == name
+
+
+def test_the_same_house_is_taken_once_and_its_number_is_that_in_its_file(tmp_path: Path) -> None:
+    one, two = house(), house(objects=[])
+    write_lines(tmp_path / "train.jsonl.gz", one, two)
+    write_lines(tmp_path / "val.jsonl.gz", two)
+    (tmp_path / "README.md").write_text("no houses")
+    found = ProcTHORHouses(tmp_path).find()
+    assert [ref.scene_id[:6] for ref in found.scenes] == ["00000-", "00001-"]
+    assert [ref.location for ref in found.scenes] == ["train.jsonl.gz:1", "train.jsonl.gz:2"]
+    assert [ref.source_split for ref in found.scenes] == ["train", "train"]
+    (double,) = found.duplicates
+    assert double.location == "val.jsonl.gz:1"
+    assert "found before at train.jsonl.gz:2" in double.reason
+
+
+@pytest.mark.parametrize("suffix", [".json", ".json.gz"])
+@pytest.mark.parametrize("indent", [None, 1])
+def test_an_array_has_the_houses_of_a_file_of_lines(
+    tmp_path: Path, suffix: str, indent: int | None
+) -> None:
+    houses = [house(), house(objects=[])]
+    text = json.dumps(houses, indent=indent).encode()
+    path = tmp_path / f"houses{suffix}"
+    path.write_bytes(gzip.compress(text) if suffix.endswith(".gz") else text)
+    by_line = read_all(write_lines(tmp_path / "lines.jsonl", *houses))
+    assert [g.rooms for g in read_all(path)] == [g.rooms for g in by_line]
+    assert [g.objects for g in read_all(path)] == [g.objects for g in by_line]
+    (tmp_path / "one.json").write_text(json.dumps(houses[0], indent=1))
+    assert read_all(tmp_path / "one.json")[0].objects == by_line[0].objects
+
+
+def test_houses_are_read_in_any_order(tmp_path: Path) -> None:
+    houses = [house(objects=[thing(f"4|{n}", "Bed_1")] * n) for n in range(5)]
+    source = ProcTHORHouses(write_lines(tmp_path / "h.jsonl.gz", *houses))
+    scenes, class_map = source.find().scenes, load_class_map()
+    for order in ([4, 0, 2, 2, 1], [3, 4, 0]):
+        sizes = [len(source.read(scenes[n], class_map).graph.objects) for n in order]
+        assert sizes == order
+
+
+def test_a_file_that_was_changed_since_is_noticed(tmp_path: Path) -> None:
+    path = write_lines(tmp_path / "h.jsonl", house(), house(objects=[]))
+    source = ProcTHORHouses(path)
+    first, second = source.find().scenes
+    write_lines(path, house(doors=[]))
+    with pytest.raises(SourceError, match=r"h.jsonl:1: was changed"):
+        source.read(first, load_class_map())
+    with pytest.raises(SourceError, match=r"h.jsonl:2: is not there any more"):
+        source.read(second, load_class_map())
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({"rooms": []}, "rooms: Tuple should have at least 1 item"),
+        ({"rooms": [room(4, "Bedroom", (0, 0), (1, 0))]}, "rooms.0.floorPolygon"),
+        ({"rooms": [room(4, "Bedroom", (0, 0), (1, 0), (2, 0))]}, "encloses nothing"),
+        ({"rooms": [room(4, "Bedroom", (0, 0), (1e9, 0), (2, 0))]}, "floorPolygon.1.x"),
+        ({"rooms": [room(4, "B", (0, 0), (1, 0), (2, 2))] * 2}, r"'room\|4' is there twice"),
+        ({"rooms": [{**house()["rooms"][0], "id": "kitchen"}]}, "rooms.0.id"),
+        ({"objects": [{"id": "4|0", "assetId": "Bed_1"}]}, "objects.0.position: Field required"),
+        ({"objects": [thing("4|0", "Bed_1", x=float("nan"))]}, "objects.0.position.x"),
+        ({"doors": [{"room0": "room|4"}]}, "doors.0.room1"),
+    ],
+)
+def test_a_malformed_house_is_left_out_by_name(
+    tmp_path: Path, changes: dict[str, Any], expected: str
+) -> None:
+    source = ProcTHORHouses(write_lines(tmp_path / "h.jsonl", house(), house(**changes)))
+    reasons = []
+    for ref in source.find().scenes:
+        try:
+            source.read(ref, load_class_map())
+        except SourceError as error:
+            reasons.append(str(error))
+    (reason,) = reasons
+    assert reason.startswith("h.jsonl:2: ")
+    with pytest.raises(SourceError, match=expected):
+        raise SourceError(reason)
+
+
+def test_children_within_children_without_end_are_no_house(tmp_path: Path) -> None:
+    inner = "[" * 5000
+    path = tmp_path / "h.jsonl"
+    path.write_text(json.dumps(house())[:-1] + f', "objects": {inner}\n')
+    (ref,) = ProcTHORHouses(path).find().scenes
+    with pytest.raises(SourceError, match=r"h.jsonl:1: .*expected a house of ProcTHOR"):
+        ProcTHORHouses(path).read(ref, load_class_map())
+
+
+def test_files_that_are_cut_off_or_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = write_lines(tmp_path / "h.jsonl.gz", *[house(objects=[n]) for n in range(400)])
+    cut = tmp_path / "cut.jsonl.gz"
+    cut.write_bytes(whole.read_bytes()[:-20])
+    with pytest.raises(SourceError, match=r"cut.jsonl.gz, after line [1-9]\d*: cannot be read"):
+        ProcTHORHouses(cut).find()
+    plain = tmp_path / "plain.jsonl.gz"
+    plain.write_bytes(b"{}\n")
+    with pytest.raises(SourceError, match="cannot be read"):
+        ProcTHORHouses(plain).find()
+    (tmp_path / "open.json").write_text('[{"rooms": []}, {')
+    with pytest.raises(SourceError, match="the array has no end"):
+        ProcTHORHouses(tmp_path / "open.json").find()
+    (tmp_path / "bad.json").write_bytes(b'[{"rooms": \xff}]')
+    with pytest.raises(SourceError, match="no JSON"):
+        ProcTHORHouses(tmp_path / "bad.json").find()
+    (tmp_path / "empty.jsonl").write_text("\n\n")
+    with pytest.raises(SourceError, match="holds no house"):
+        ProcTHORHouses(tmp_path / "empty.jsonl").find()
+    (tmp_path / "none").mkdir()
+    with pytest.raises(SourceError, match=r"no file that ends in \.jsonl"):
+        ProcTHORHouses(tmp_path / "none").find()
+    monkeypatch.setattr(procthor, "MAX_HOUSE", 50)
+    with pytest.raises(SourceError, match=r"line 1: a house has at most 50 bytes"):
+        ProcTHORHouses(whole).find()
+    monkeypatch.setattr(procthor, "MAX_ARRAY", 5)
+    with pytest.raises(SourceError, match="write a house a line"):
+        ProcTHORHouses(tmp_path / "open.json").find()
+
+
+@given(st.integers(3, 12), st.floats(0, 6), st.booleans())
+def test_the_area_of_a_regular_polygon(corners: int, turn: float, back: bool) -> None:
+    angles = turn + np.linspace(0, 2 * np.pi, corners, endpoint=False)[:: -1 if back else 1]
+    found = measure_area(np.stack([np.cos(angles), np.sin(angles)], axis=1) + 5)
+    assert found == pytest.approx(corners / 2 * np.sin(2 * np.pi / corners))
+
+
+@pytest.mark.skipif(not SAMPLE.is_file(), reason="needs ../shared/sources")
+def test_real_houses() -> None:
+    import shapely
+
+    source = ProcTHORHouses(SAMPLE)
+    class_map = load_class_map("procthor45-v1")
+    graphs = [source.read(ref, class_map).graph for ref in source.find().scenes]
+    assert len(graphs) == 150
+    assert sum(len(graph.rooms) for graph in graphs) == 937
+    assert sum(len(graph.objects) for graph in graphs) == 15_276
+    assert sum(len(graph.adjacency) for graph in graphs) == 731
+    for graph in graphs:
+        require_whole(graph)
+        for obj in graph.objects:
+            hull = shapely.Polygon(graph.rooms[obj.room_index - 1].footprint)
+            assert hull.distance(shapely.Point(obj.centroid[:2])) < 0.01  # ids and places agree
+    names = {obj.raw_category for graph in graphs for obj in graph.objects}
+    assert names <= set(class_map.entries)
+    assert len({class_map.classify(name).class_index for name in names} - {None}) == 30

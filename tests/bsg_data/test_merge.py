@@ -1,0 +1,146 @@
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+import yaml
+from conftest import BEDROOM, KITCHEN, annotation_text, write_scene
+from version_1_files import write_version_1
+
+from bsg_data.build import build_dataset
+from bsg_data.checks.dataset import check_dataset
+from bsg_data.dataset.composition import count_sources
+from bsg_data.dataset.manifest import read_manifest
+from bsg_data.dataset.shards import read_scene_graphs
+from bsg_data.dataset.splits import read_splits, split_dataset
+from bsg_data.errors import DatasetError, MismatchError, RecipeError
+from bsg_data.merge import merge_datasets, upgrade_dataset
+from bsg_data.recipes import SplitRecipe
+from bsg_data.sources.hm3d import HM3DFolder
+from bsg_data.synthetic.buildings import write_synthetic
+
+
+@pytest.fixture
+def synthetic(tmp_path: Path) -> Path:
+    """Ten synthetic buildings as a dataset."""
+    list(write_synthetic(tmp_path / "made", scenes=10, seed=3))
+    build_dataset(HM3DFolder(tmp_path / "made"), tmp_path / "synthetic")
+    return tmp_path / "synthetic"
+
+
+def files_of(folder: Path) -> dict[str, bytes]:
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
+
+
+def test_a_merge_holds_the_buildings_of_both_in_order(
+    dataset: Path, synthetic: Path, tmp_path: Path
+) -> None:
+    merged = merge_datasets([dataset, synthetic], tmp_path / "both")
+    parts = {
+        graph.scene_id: graph for one in (dataset, synthetic) for graph in read_scene_graphs(one)
+    }
+    graphs = list(read_scene_graphs(tmp_path / "both"))
+    assert [graph.scene_id for graph in graphs] == sorted(parts)
+    assert all(graph == parts[graph.scene_id] for graph in graphs)
+    assert {source.kind for source in merged.sources} == {"hm3d", "synthetic"}
+    assert merged.split is None
+    assert check_dataset(tmp_path / "both") == ()
+    card = (tmp_path / "both" / "README.md").read_text("utf-8")
+    front = yaml.safe_load(card.split("---")[1])
+    assert set(front["license"]) == {"other", "apache-2.0"}
+    croissant = json.loads((tmp_path / "both" / "croissant.json").read_text("utf-8"))
+    assert len(croissant["license"]) == 2
+
+
+def test_the_order_of_the_parts_and_a_stopped_merge_do_not_matter(
+    dataset: Path, synthetic: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    merge_datasets([dataset, synthetic], tmp_path / "first")
+
+    def stop(done: int, total: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        merge_datasets([synthetic, dataset], tmp_path / "second", progress=stop)
+    assert not (tmp_path / "second").exists()
+    merge_datasets([synthetic, dataset], tmp_path / "second")
+    assert files_of(tmp_path / "first") == files_of(tmp_path / "second")
+
+
+def test_each_source_has_its_share_of_every_split(
+    dataset: Path, synthetic: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "both"
+    merge_datasets([dataset, synthetic], out)
+    split_dataset(out, SplitRecipe())
+    source = {graph.scene_id: graph.source for graph in read_scene_graphs(out)}
+    sizes = {
+        (kind, name): sum(source[scene] == kind for scene in scenes)
+        for name, scenes in read_splits(out).items()
+        for kind in ("hm3d", "synthetic")
+    }
+    assert sizes == {
+        ("hm3d", "train"): 10,
+        ("hm3d", "val"): 1,
+        ("hm3d", "test"): 1,
+        ("synthetic", "train"): 8,
+        ("synthetic", "val"): 1,
+        ("synthetic", "test"): 1,
+    }
+    split_dataset(out, SplitRecipe(method="folds", folds=4, ratios=None), force=True)
+    for kind in ("hm3d", "synthetic"):
+        folds = [sum(source[s] == kind for s in scenes) for scenes in read_splits(out).values()]
+        assert max(folds) - min(folds) <= 1
+
+
+def test_a_building_that_two_datasets_hold_is_refused(dataset: Path, tmp_path: Path) -> None:
+    write_scene(tmp_path / "more", "00950-abcdefghi03", annotation_text({0: KITCHEN, 1: BEDROOM}))
+    build_dataset(HM3DFolder(tmp_path / "more"), tmp_path / "other")
+    with pytest.raises(DatasetError, match=r"building \S+abcdefghi03 is in .*, too"):
+        merge_datasets([dataset, tmp_path / "other"], tmp_path / "both")
+    with pytest.raises(DatasetError, match="is in"):
+        merge_datasets([dataset, dataset], tmp_path / "both")
+    with pytest.raises(RecipeError, match="two datasets or more; found 1"):
+        merge_datasets([dataset], tmp_path / "both")
+    assert not (tmp_path / "both").exists()
+
+
+def test_two_class_spaces_do_not_merge(dataset: Path, tmp_path: Path) -> None:
+    (tmp_path / "own.csv").write_text("raw_category,category,class\nbed,bed,bed\n", "utf-8")
+    (tmp_path / "own.classes.csv").write_text("index,class,definition\n0,bed,A bed.\n", "utf-8")
+    write_scene(tmp_path / "more", "00900-zzzzzzzzzzz", annotation_text({0: BEDROOM}))
+    build_dataset(
+        HM3DFolder(tmp_path / "more"), tmp_path / "o", class_map=str(tmp_path / "own.csv")
+    )
+    with pytest.raises(MismatchError, match=r"own \(sha256 .*hm3d45"):
+        merge_datasets([dataset, tmp_path / "o"], tmp_path / "both")
+
+
+def test_what_each_source_gives_adds_up(dataset: Path, synthetic: Path, tmp_path: Path) -> None:
+    merged = merge_datasets([dataset, synthetic], tmp_path / "both")
+    frame = count_sources(tmp_path / "both").set_index("source")
+    assert frame.loc["hm3d", "buildings"] == 12
+    assert frame["objects"].sum() == merged.totals.objects
+    roles = ["classified", "left-out", "structure", "nameless", "unmapped"]
+    assert (frame[roles].sum(axis=1) == frame["objects"]).all()
+    # 66 bedrooms with a thing that the map does not know
+    assert frame.loc["hm3d", "unmapped"] == 66
+
+
+def test_an_upgrade_gives_the_dataset_that_a_build_gives(dataset: Path, tmp_path: Path) -> None:
+    shutil.copytree(dataset, tmp_path / "new")
+    write_version_1(dataset)
+    upgrade_dataset(dataset)
+    assert check_dataset(dataset) == ()
+    for table in ("scenes", "rooms", "objects", "edges"):
+        for path in (dataset / table).iterdir():
+            assert path.read_bytes() == (tmp_path / "new" / table / path.name).read_bytes()
+    before = files_of(dataset)
+    assert upgrade_dataset(dataset) == read_manifest(dataset)  # again: nothing to do
+    assert files_of(dataset) == before
