@@ -198,7 +198,7 @@ class MaskContract:
         rooms connect the building is left out: how full the rooms in the middle of a building are
         is no matter of the mask.
         """
-        sizes = np.array([2, 3, 1, 9, 4, 16, 2, 25, 8])
+        sizes = np.array([2, 3, 6, 9, 4, 12, 5, 15, 8])
         cells = np.random.default_rng(1).poisson(np.tile(sizes[:, None], 5))
         row = Connections.of_pairs([(room, room + 1) for room in range(1, len(cells) - 1)])
         for fraction in (0.1, 0.5, 0.9):
