@@ -65,6 +65,11 @@ class Observation:
         return np.repeat(np.arange(len(self)), np.diff(self.starts))
 
     @cached_property
+    def looked_into(self) -> Bools:
+        """Nodes of which anything could be seen, `[N]`: visited or glimpsed through a door."""
+        return self.hidden_share < 1
+
+    @cached_property
     def cell_share(self) -> Floats:
         """Share of its objects of each class that a node hides, `[N, C]`.
 
