@@ -24,7 +24,7 @@ from .exports.catalogue import EXPORTS, ExportRow
 from .exports.export import Exported, export_dataset
 from .merge import merge_datasets, upgrade_dataset
 from .observation.masked_buildings import MaskedBuildings
-from .observation.masks import MASKS, Mask, sample_hidden, sample_visited
+from .observation.masks import MASKS, Mask, sample_hidden, sample_view, sample_withheld
 from .observation.observation import Observation
 from .observation.pairs import read_pairs, sample_pairs, write_pairs
 from .observation.partial_graph import (
@@ -36,7 +36,8 @@ from .observation.partial_graph import (
     observe,
 )
 from .observation.robot_json import list_unmapped, read_robot_graph
-from .recipes import MaskRecipe, PairsRecipe, SplitRecipe
+from .observation.view import View
+from .recipes import Exploration, MaskRecipe, PairsRecipe, SplitRecipe
 from .scene.class_map import Classified, ClassMap, MapEntry, list_class_maps, load_class_map
 from .scene.class_space import ClassSpace, list_class_spaces, load_class_space
 from .scene.connections import Connections
@@ -76,6 +77,7 @@ __all__ = [
     "Dataset",
     "DatasetError",
     "Edge",
+    "Exploration",
     "ExportRow",
     "Exported",
     "Fault",
@@ -110,6 +112,7 @@ __all__ = [
     "SplitRecipe",
     "Terms",
     "UnmappedNameError",
+    "View",
     "WithLayouts",
     "assign_splits",
     "build_dataset",
@@ -139,7 +142,8 @@ __all__ = [
     "read_table",
     "sample_hidden",
     "sample_pairs",
-    "sample_visited",
+    "sample_view",
+    "sample_withheld",
     "split_dataset",
     "to_histograms",
     "upgrade_dataset",

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
 class Record(BaseModel):
@@ -38,22 +40,77 @@ class SplitRecipe(Record):
     folds: int | None = Field(default=None, ge=2, le=10_000)
 
 
+class Exploration(Record):
+    """How a robot goes through a building under the mask `explore`.
+
+    The fraction f of what is there is hidden, 1 − f is shown. `not_entered` and `searched` say how
+    much of either is whole rooms; the rest falls to the rooms that are half seen. The other masks
+    are corners of it: see `bsg_data.observation.masks`.
+
+    Attributes:
+        not_entered: part of what is hidden that is rooms which were not entered: from where to
+            where, each draw taking one value uniformly.
+        searched: part of what is shown that is rooms which were searched, likewise.
+        glimpsed: probability that a room beside one that was entered, and that was not entered
+            itself, was seen through the door.
+        glimpsed_share: share that such a room hides: from where to where, uniformly.
+        spread: how much the shares of rooms that are half seen differ: uniformly, by at most
+            spread · min(b, 1 − b) from their mean b; 0 for none.
+        connected: whether the robot enters room after room over the connections; otherwise it was
+            in rooms that are scattered.
+        exact: whether rooms of one share s lose together ⌊s · their objects⌋, as the paper's mask
+            does, instead of each object by itself with the probability s.
+    """
+
+    not_entered: tuple[Share, Share] = (0.0, 1.0)
+    searched: tuple[Share, Share] = (0.0, 1.0)
+    glimpsed: Share = 0.5
+    glimpsed_share: tuple[Share, Share] = (0.7, 0.98)
+    spread: float = Field(default=0.8, ge=0.0, lt=1.0)
+    connected: bool = True
+    exact: bool = False
+
+    @model_validator(mode="after")
+    def _ranges_rise(self) -> Self:
+        for name in ("not_entered", "searched", "glimpsed_share"):
+            low, high = getattr(self, name)
+            if low > high:
+                raise ValueError(f"{name} must rise, found {[low, high]}")
+        return self
+
+
 class MaskRecipe(Record):
     """How objects are hidden: with a scene and a draw, this is all that a mask depends on.
 
     Attributes:
         strategy: a name of `bsg_data.observation.masks.MASKS`; `uniform` is the paper's.
-        fraction: share of a building's classified objects to hide, 0..1.
+        fraction: share of a building's objects that the mask hides in the mean, 0..1.
         seed: of the generator.
+        withhold: share of the classes that are withheld, each by itself: nothing of a withheld
+            class is shown outside rooms that were searched.
+        parts: whether parts of a thing that are outside the classes are hidden with it
+            (`bsg_data.scene.parts`).
+        exploration: what `explore` reads besides.
     """
 
     strategy: str = Field(default="uniform", pattern=r"^[a-z][a-z0-9-]*$")
     fraction: float = Field(default=0.5, ge=0.0, le=1.0)
     seed: int = Field(default=0, ge=0)
+    withhold: Share = 0.0
+    parts: bool = False
+    exploration: Exploration = Exploration()
 
 
 class PairsRecipe(Record):
-    """How masked pairs are drawn: a mask, and how many draws of every building."""
+    """How masked pairs are drawn: a mask, and how many draws of every building.
+
+    Attributes:
+        mask: how objects are hidden.
+        draws: masks of every building.
+        masks: version of the masks: 1 those of format 1 (`bsg_data.observation.masks_v1`), by which
+            nothing is drawn any more, but pairs stay what they were when a dataset is upgraded.
+    """
 
     mask: MaskRecipe = MaskRecipe()
     draws: int = Field(default=10, ge=1, le=1_000_000)
+    masks: Literal[1, 2] = 2

@@ -20,8 +20,9 @@ from bsg_data.checks.dataset import check_dataset
 from bsg_data.dataset.publication import CARD, CROISSANT
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import SourceError
-from bsg_data.observation.masks import MASKS, sample_hidden, sample_visited, share_hidden
+from bsg_data.observation.masks import sample_hidden, sample_view
 from bsg_data.observation.pairs import write_pairs
+from bsg_data.observation.view import View
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.connections import Connections
@@ -164,33 +165,61 @@ class MaskContract:
                 yield rng.integers(0, 6, (nodes, 5)), recipe, None
             yield np.zeros((4, 3), dtype=np.int64), recipe, None  # nothing to hide
             yield np.full((4, 3), 9), recipe, row
+            yield np.full((4, 3), 9), recipe.model_copy(update={"withhold": 0.5}), row
+
+    def test_views_are_sound(self) -> None:
+        """Tell a share from 0 to 1 of every node, and of the building the mean of its rooms'."""
+        for cells, recipe, connections in self.cases():
+            view, _ = _draw(cells, recipe, connections=connections)
+            assert view.visited.shape == view.hidden_share.shape == (len(cells),)
+            assert view.withheld.shape == cells.shape
+            assert view.visited.dtype == view.withheld.dtype == bool
+            assert view.visited[0], "the robot is in the building"
+            assert ((view.hidden_share >= 0) & (view.hidden_share <= 1)).all()
+            if len(cells) > 1:
+                assert np.isclose(view.hidden_share[0], view.hidden_share[1:].mean())
 
     def test_no_more_is_hidden_than_is_there(self) -> None:
-        """Hide what is there, all of an unvisited room, and as much as the bounds say."""
+        """Hide what is there, where the share is 1 all of it, where it is 0 nothing."""
         for cells, recipe, connections in self.cases():
             for draw in range(3):
-                visited = sample_visited(
-                    cells, recipe, scene_id="s", draw=draw, connections=connections
-                )
-                assert visited.shape == (len(cells),)
-                assert visited.dtype == bool
-                assert visited[0], "the robot is in the building"
-                hidden = sample_hidden(cells, visited, recipe, scene_id="s", draw=draw)
+                view, hidden = _draw(cells, recipe, draw=draw, connections=connections)
                 assert ((hidden >= 0) & (hidden <= cells)).all()
-                assert (hidden[~visited] == cells[~visited]).all()
-                low, high = MASKS[self.name].hidden_bounds(cells, recipe)
-                assert low <= hidden.sum() <= high
+                everything = (view.hidden_share == 1)[:, None] | view.withheld
+                nothing = (view.hidden_share == 0)[:, None] & ~view.withheld
+                assert (hidden == cells)[everything].all()
+                assert (hidden[nothing] == 0).all()
+
+    def test_what_is_told_is_true_in_the_mean(self) -> None:
+        """Hide, over many draws, as many objects as the shares say, to a hundredth of them.
+
+        That is beyond three standard errors of the simulation, which are less than half a hundredth
+        each. Of the building, of the rooms that were entered and of those that were not. Where
+        rooms connect the building is left out: how full the rooms in the middle of a building are
+        is no matter of the mask.
+        """
+        sizes = np.array([2, 3, 6, 9, 4, 12, 5, 15, 8])
+        cells = np.random.default_rng(1).poisson(np.tile(sizes[:, None], 5))
+        row = Connections.of_pairs([(room, room + 1) for room in range(1, len(cells) - 1)])
+        for fraction in (0.1, 0.5, 0.9):
+            recipe = MaskRecipe(strategy=self.name, fraction=fraction, seed=7)
+            for connections in (None, row):
+                wrong = [_count_wrong(cells, recipe, draw, connections) for draw in range(_DRAWS)]
+                errors = np.array(wrong)[:, 1 if connections else 0 :] / cells.sum()
+                deviation = errors.std(axis=0) / np.sqrt(_DRAWS)
+                assert (deviation < _TOLERANCE / 2).all()
+                assert (np.abs(errors.mean(axis=0)) < _TOLERANCE + 3 * deviation).all()
 
     def test_a_mask_depends_on_recipe_scene_and_draw_alone(self) -> None:
         """Draw the same mask again after others, and in another order."""
         cells = np.full((8, 4), 5)
-        recipe = MaskRecipe(strategy=self.name, fraction=0.5, seed=3)
+        recipe = MaskRecipe(strategy=self.name, fraction=0.5, seed=3, withhold=0.3)
         keys = [(scene, draw) for scene in ("a", "b") for draw in range(3)]
 
-        def sample(scene: str, draw: int) -> tuple[bytes, bytes]:
-            visited = sample_visited(cells, recipe, scene_id=scene, draw=draw)
-            hidden = sample_hidden(cells, visited, recipe, scene_id=scene, draw=draw)
-            return visited.tobytes(), hidden.tobytes()
+        def sample(scene: str, draw: int) -> tuple[bytes, ...]:
+            view, hidden = _draw(cells, recipe, scene_id=scene, draw=draw)
+            told = (view.visited, view.hidden_share, view.withheld, hidden)
+            return tuple(array.tobytes() for array in told)
 
         first = {key: sample(*key) for key in keys}
         assert {key: sample(*key) for key in reversed(keys)} == first
@@ -199,19 +228,44 @@ class MaskContract:
         """Change no array of the caller."""
         for cells, recipe, connections in self.cases():
             before = cells.copy()
-            visited = sample_visited(cells, recipe, scene_id="s", draw=0, connections=connections)
-            sample_hidden(cells, visited, recipe, scene_id="s", draw=0)
+            _draw(cells, recipe, connections=connections)
             assert (cells == before).all()
-
-    def test_the_share_that_models_are_told_is_one(self) -> None:
-        """Tell a share from 0 to 1 of every node, and all of an unvisited room."""
-        for cells, recipe, _ in self.cases():
-            visited = sample_visited(cells, recipe, scene_id="s", draw=0)
-            share = share_hidden(visited, recipe)
-            assert ((share >= 0) & (share <= 1)).all()
-            assert (share[~visited] == 1).all()
 
     def test_pairs_of_it_are_sound(self, tmp_path: Path) -> None:
         """Write pairs, which `bsg-data check` finds nothing wrong with."""
         recipe = MaskRecipe(strategy=self.name)
         assert check_dataset(write_example_dataset(tmp_path, mask=recipe)) == ()
+
+
+_TOLERANCE = 0.01  # of the objects of a building
+_DRAWS = 600
+
+
+def _draw(
+    cells: Counts,
+    recipe: MaskRecipe,
+    *,
+    scene_id: str = "s",
+    draw: int = 0,
+    connections: Connections | None = None,
+) -> tuple[View, Counts]:
+    view = sample_view(cells.shape, recipe, scene_id=scene_id, draw=draw, connections=connections)
+    return view, sample_hidden(cells, view, recipe, scene_id=scene_id, draw=draw)
+
+
+def _count_wrong(
+    cells: Counts, recipe: MaskRecipe, draw: int, connections: Connections | None
+) -> tuple[float, float, float]:
+    """Return how many more objects are hidden than is told.
+
+    Of the building, the rooms that were entered, and those that were not.
+    """
+    view, hidden = _draw(cells, recipe, draw=draw, connections=connections)
+    there, gone = cells.sum(axis=1), hidden.sum(axis=1)
+    wrong = gone - view.hidden_share * there
+    rooms = np.arange(len(cells)) > 0
+    return (
+        float(gone.sum() - view.hidden_share[0] * there.sum()),
+        float(wrong[view.visited & rooms].sum()),
+        float(wrong[~view.visited].sum()),
+    )

@@ -89,7 +89,7 @@ def main(dataset: Path | None, as_json: bool, **options: Any) -> None:
 def read_request(dataset: Path | None, options: dict[str, Any]) -> bsg_models.BeliefRequest:
     """Return what the options ask for; those of masks are read with a dataset alone."""
     mask = {"strategy": options.pop("mask")}
-    mask |= {name: options.pop(name) for name in ("fraction", "seed")}
+    mask |= {name: options.pop(name) for name in ("fraction", "seed", "withhold", "parts")}
     scenes = {name: options.pop(name) for name in ("split", "fold", "scene")}
     if dataset is None:
         return bsg_models.BeliefRequest(**options)

@@ -109,17 +109,31 @@ def split_option(text: str, *, default: str, more: tuple[str, ...] = ()) -> Deco
     return click.option("--split", type=names, default=default, show_default=True, help=text)
 
 
-def mask_options(how: str, how_much: str) -> Decorator[Any]:
-    """Return `--mask` and `--fraction`: how objects are hidden, and how many."""
+def mask_options(how: str, how_much: str, *, min_open: bool = False) -> Decorator[Any]:
+    """Return `--mask`, `--fraction`, `--withhold` and `--parts`: how objects are hidden."""
 
     def decorate(function: Function) -> Function:
         fraction = click.option(
-            "--fraction", type=Fraction(0, 1), default=0.5, show_default=True, help=how_much
+            "--fraction",
+            type=Fraction(0, 1, min_open=min_open),
+            default=0.5,
+            show_default=True,
+            help=how_much,
+        )
+        withhold = click.option(
+            "--withhold",
+            type=Fraction(0, 1),
+            default=0.0,
+            show_default=True,
+            help="Share of the classes of which nothing is shown outside searched rooms.",
+        )
+        parts = click.option(
+            "--parts", is_flag=True, help="Hide parts of a thing, as a curtain rod, with the thing."
         )
         mask = click.option(
             "--mask", type=RegistryChoice(MASKS), default="uniform", show_default=True, help=how
         )
-        return mask(fraction(function))
+        return mask(fraction(withhold(parts(function))))
 
     return decorate
 

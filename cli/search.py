@@ -11,10 +11,10 @@ import bsg_models
 from bsg_cli.choices import DEFAULT_WORLDS, PLANNERS, WORLDS, require_known
 from bsg_cli.options import (
     PATH,
-    Fraction,
     data_option,
     force_option,
     json_option,
+    mask_options,
     out_option,
     resamples_option,
     seed_option,
@@ -83,12 +83,10 @@ from bsg_data.tables import format_text
     show_default=True,
     help="Masks of every building, which the searches take in turn.",
 )
-@click.option(
-    "--fraction",
-    type=Fraction(0, 1, min_open=True),
-    default=0.5,
-    show_default=True,
-    help="Share of the objects that a mask hides; the artifact is hidden wholly.",
+@mask_options(
+    "What the robot saw before it searches.",
+    "Share of the objects that a mask hides; the artifact is hidden wholly.",
+    min_open=True,
 )
 @click.option(
     "--stop",

@@ -6,17 +6,30 @@ import hashlib
 import json
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from bsg_data.dataset.histograms import to_histograms
 from bsg_data.dataset.manifest import Manifest, read_manifest
+from bsg_data.dataset.schema import pairs_schema
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.dataset.version_1 import TABLES_1
+from bsg_data.observation.masks_v1 import (
+    sample_hidden_of_format_1,
+    sample_visited_of_format_1,
+)
+from bsg_data.recipes import MaskRecipe
+from bsg_data.scene.connections import Connections
 from bsg_data.scene.scene_graph import SceneGraph
 
 
-def write_version_1(dataset: Path) -> Manifest:
+def write_version_1(dataset: Path, *, mask: MaskRecipe | None = None) -> Manifest:
     """Turn a dataset into one of version 1, as that version's description says.
+
+    Args:
+        dataset: of today.
+        mask: of two draws of pairs; without one it has neither pairs nor a split.
 
     Returns:
         the manifest that it had.
@@ -31,12 +44,20 @@ def write_version_1(dataset: Path) -> Manifest:
     said["source"] = {key: source[key] for key in ("kind", "version", "fingerprint")}
     said["class_map"] = class_map
     said["options"] = {"scenes_per_shard": said.pop("scenes_per_shard"), **source["options"]}
-    said["split"] = said["pairs"] = None
-    said["files"] = [f for f in said["files"] if f["path"].split("/")[0] in TABLES_1]
+    chosen = None if mask is None else mask.model_dump(include={"strategy", "fraction", "seed"})
+    said["pairs"] = chosen and {"mask": chosen, "draws": 2}
+    kept = [*TABLES_1, *(("splits.parquet", "pairs") if mask else ())]
+    said["split"] = said["split"] if mask else None
+    said["files"] = [f for f in said["files"] if f["path"].split("/")[0] in kept]
     graphs = {graph.scene_id: graph for graph in read_scene_graphs(dataset)}
     for entry in said["files"]:
         path, table = dataset / entry["path"], entry["path"].split("/")[0]
-        old = _to_version_1(pq.read_table(path), table, graphs)
+        old = pq.read_table(path)
+        if table in TABLES_1:
+            old = _to_version_1(old, table, graphs)
+        elif table == "pairs" and mask is not None:
+            old = _draw_version_1(old, mask, graphs)
+            entry["rows"] = len(old)
         words = {
             "bsg.table": table,
             "bsg.format_version": "1",
@@ -46,9 +67,10 @@ def write_version_1(dataset: Path) -> Manifest:
         pq.write_table(old.replace_schema_metadata(words), path)
         data = path.read_bytes()
         entry.update(bytes=len(data), sha256=hashlib.sha256(data).hexdigest())
-    for path in (*(dataset / "pairs").glob("*"), dataset / "splits.parquet"):
-        path.unlink()
-    (dataset / "pairs").rmdir()
+    if mask is None:
+        for path in (*(dataset / "pairs").glob("*"), dataset / "splits.parquet"):
+            path.unlink()
+        (dataset / "pairs").rmdir()
     (dataset / "dataset.json").write_text(json.dumps(said), "utf-8")
     return manifest
 
@@ -64,3 +86,28 @@ def _to_version_1(table: pa.Table, name: str, graphs: dict[str, SceneGraph]) -> 
                 behind = rooms if row[f"{end}_kind"] == "object" else 0
                 row[end] = row[f"{end}_index"] + behind
     return pa.Table.from_pylist(rows, schema=TABLES_1[name])
+
+
+def _draw_version_1(table: pa.Table, mask: MaskRecipe, graphs: dict[str, SceneGraph]) -> pa.Table:
+    """Return two draws of the scenes of a file of pairs, as version 1 drew them."""
+    rows = []
+    for scene in dict.fromkeys(table["scene_id"].to_pylist()):
+        graph = graphs[scene]
+        cells = np.zeros((len(graph.rooms) + 1, 45), dtype=np.int64)
+        for obj in graph.objects:
+            if obj.class_index is not None:
+                cells[obj.room_index, obj.class_index] += 1
+        known = Connections.of_pairs((edge.source, edge.target) for edge in graph.adjacency)
+        for draw in range(2):
+            visited = sample_visited_of_format_1(
+                cells, mask, scene_id=scene, draw=draw, connections=known
+            )
+            hidden = sample_hidden_of_format_1(cells, visited, mask, scene_id=scene, draw=draw)
+            columns = (visited, to_histograms(cells - hidden), to_histograms(cells))
+            rows += [
+                (scene, draw, node, bool(entered), seen.tolist(), there.tolist())
+                for node, (entered, seen, there) in enumerate(zip(*columns, strict=True))
+            ]
+    schema = pairs_schema(45, told=False)
+    named = [dict(zip(schema.names, row, strict=True)) for row in rows]
+    return pa.Table.from_pylist(named, schema=schema)

@@ -15,9 +15,16 @@ from bsg_data.dataset.histograms import count_cells, to_histograms
 from bsg_data.dataset.manifest import FileEntry, Manifest
 from bsg_data.dataset.splits import assign_splits
 from bsg_data.errors import RecipeError
-from bsg_data.observation.masks import MASKS
-from bsg_data.observation.pairs import histogram_column, sample_pairs, split_of_file
-from bsg_data.recipes import SplitRecipe
+from bsg_data.observation.masks_v1 import sample_hidden_of_format_1, sample_visited_of_format_1
+from bsg_data.observation.pairs import (
+    histogram_column,
+    read_views,
+    sample_pairs,
+    split_of_file,
+    tells_view,
+)
+from bsg_data.observation.view import View
+from bsg_data.recipes import PairsRecipe, SplitRecipe
 from bsg_data.scene.connections import Connections
 from bsg_data.scene.scene_id import building_hash
 
@@ -95,23 +102,59 @@ class PairTruth:
             return
         inputs = histogram_column(table, "input").astype(np.int64).reshape(shape)
         targets = histogram_column(table, "target").reshape(shape)
+        view = read_views(table, recipe)
         faults = list(_check_histograms(where, inputs, targets, cells))
-        hidden = (targets.astype(np.int64) - inputs)[:, 0].sum(axis=1)
-        low, high = MASKS[recipe.mask.strategy].hidden_bounds(cells, recipe.mask)
-        for draw in np.flatnonzero((hidden < low) | (hidden > high))[:3]:
-            bounds = str(low) if low == high else f"{low} to {high}"
-            faults.append(
-                Fault(where, f"draw {draw}: the mask hides {hidden[draw]} objects, not {bounds}")
-            )
+        if tells_view(table):
+            faults += _check_view(where, view, inputs, targets)
         yield from faults
         if not faults:
             known = Connections.of_pairs(self.adjacency.get(scene, ()))
-            visited, drawn = sample_pairs(cells, recipe, scene_id=scene, connections=known)
-            same = (drawn == inputs).all() and (
-                visited.ravel() == table["visited"].to_numpy()
-            ).all()
-            if not same:
+            if not _is_drawn(view, inputs, cells, recipe, scene, known):
                 yield Fault(where, "is not the mask of its recipe (or another NumPy drew it)")
+
+
+def _is_drawn(
+    view: View,
+    inputs: Counts,
+    cells: Counts,
+    recipe: PairsRecipe,
+    scene: str,
+    connections: Connections,
+) -> bool:
+    """Say whether pairs `[D, N, C]` and the views of their rows are those of the recipe."""
+    if recipe.masks != 1:
+        views, drawn = sample_pairs(cells, recipe, scene_id=scene, connections=connections)
+        nodes = len(cells)
+        same = all(
+            one.agrees(view.take(draw * nodes, (draw + 1) * nodes))
+            for draw, one in enumerate(views)
+        )
+        return same and np.array_equal(drawn, inputs)
+    for draw, (left, rows) in enumerate(
+        zip(inputs, view.visited.reshape(len(inputs), -1), strict=True)
+    ):
+        visited = sample_visited_of_format_1(
+            cells, recipe.mask, scene_id=scene, draw=draw, connections=connections
+        )
+        hidden = sample_hidden_of_format_1(cells, visited, recipe.mask, scene_id=scene, draw=draw)
+        if (visited != rows).any() or (to_histograms(cells - hidden) != left).any():
+            return False
+    return True
+
+
+def _check_view(where: str, view: View, inputs: Counts, targets: Counts) -> Iterator[Fault]:
+    """Check that what was seen can be seen under what is told."""
+    share, withheld = view.hidden_share, view.withheld.copy()
+    withheld[:: inputs.shape[1]] = False  # a building shows what its searched rooms do
+    seen, there = (counts.reshape(len(share), -1) for counts in (inputs, targets))
+    if not ((share >= 0) & (share <= 1)).all():
+        yield Fault(where, "hidden_share is not from 0 to 1")
+    elif (seen[withheld] > 0).any():
+        yield Fault(where, "shows objects of a class that is withheld")
+    elif (seen[share == 1] > 0).any():
+        yield Fault(where, "shows objects where hidden_share is 1")
+    elif ((share == 0)[:, None] & ~withheld & (seen < there)).any():
+        yield Fault(where, "hides objects where hidden_share is 0")
 
 
 def _check_histograms(

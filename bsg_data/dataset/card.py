@@ -26,6 +26,7 @@ _MEANINGS = {
 _CROISSANT_TYPES = {
     "bool": "sc:Boolean",
     "double": "sc:Float",
+    "float": "sc:Float",
     "int16": "sc:Integer",
     "int32": "sc:Integer",
     "string": "sc:Text",

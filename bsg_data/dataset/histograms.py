@@ -41,3 +41,14 @@ def to_histograms(cells: Counts) -> Counts:
     histograms = cells.copy()
     histograms[..., 0, :] = cells.sum(axis=-2)
     return histograms
+
+
+def to_cells(histograms: Counts) -> Counts:
+    """Return histograms `[..., N, C]` as cells: row 0 becomes what no room holds.
+
+    >>> to_cells(np.array([[3, 3], [2, 3]])).tolist()
+    [[1, 0], [2, 3]]
+    """
+    cells = histograms.copy()
+    cells[..., 0, :] -= histograms[..., 1:, :].sum(axis=-2)
+    return cells

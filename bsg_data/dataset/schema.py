@@ -160,8 +160,18 @@ TABLES: Mapping[str, pa.Schema] = MappingProxyType(
 )
 
 
-def pairs_schema(num_classes: int) -> pa.Schema:
-    """Return the schema of the pairs for histograms of `num_classes` classes."""
+def pairs_schema(num_classes: int, *, told: bool = True) -> pa.Schema:
+    """Return the schema of the pairs for histograms of `num_classes` classes.
+
+    Args:
+        num_classes: C.
+        told: with what a robot is told of the mask, which format 1 does not store.
+    """
+    flags = pa.list_(pa.field("element", pa.bool_(), nullable=False), num_classes)
+    view = [
+        _field("hidden_share", pa.float32(), "share of its objects that the node hides, as told"),
+        _field("withheld", flags, "classes that are left out of the input, whatever the share"),
+    ]
     histogram = pa.list_(pa.field("element", pa.uint16(), nullable=False), num_classes)
     return pa.schema(
         [
@@ -169,6 +179,7 @@ def pairs_schema(num_classes: int) -> pa.Schema:
             _field("draw", pa.int32(), "number of the mask, from 0"),
             _field("node_index", pa.int32(), "node of interest: 0 building, 1..R rooms"),
             _field("visited", pa.bool_(), "whether the mask lets the robot enter the room"),
+            *(view if told else ()),
             _field("input", histogram, "histogram of what the mask leaves: E′ × O′"),
             _field("target", histogram, "histogram of what is there: E × O"),
         ]

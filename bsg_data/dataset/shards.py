@@ -108,7 +108,8 @@ def schema_of(table: str, manifest: Manifest) -> pa.Schema:
     if table == "splits":
         return SPLITS
     if table == "pairs":
-        return pairs_schema(len(manifest.class_space.classes))
+        told = manifest.format_version != 1
+        return pairs_schema(len(manifest.class_space.classes), told=told)
     return TABLES_1[table] if manifest.format_version == 1 else TABLES[table]
 
 

@@ -75,6 +75,8 @@ def convert_manifest(said: dict[str, Any]) -> dict[str, Any]:
             "terms": None if terms is None else asdict(terms),
         }
     ]
+    if isinstance(said.get("pairs"), dict):
+        said["pairs"] = {**said["pairs"], "masks": 1}
     said["scenes_per_shard"] = options.get("scenes_per_shard")
     return said
 

@@ -1,30 +1,33 @@
 """Masked buildings: what a robot would have seen, beside what is there.
 
 They are sampled from the objects of a dataset, or read from its stored pairs. Stored pairs hold
-the masked histograms of the classes and which rooms were visited. What such a mask leaves of the
-objects outside the classes is not stored: it follows from the same recipe, and is sampled for a
-model that reads such objects.
+the masked histograms of the classes and the view. What such a mask leaves of the objects outside
+the classes is not stored: it follows from the same recipe, and is sampled for a model that reads
+such objects. Pairs of format 1 hold of the view which rooms were visited, and nothing else.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
-from bsg_data.arrays import Bools, Counts, Ints
+from bsg_data.arrays import Counts, Ints
 from bsg_data.dataset.categories import place_columns
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.histograms import to_histograms
+from bsg_data.dataset.histograms import to_cells, to_histograms
 from bsg_data.errors import DatasetError
-from bsg_data.observation.masks import sample_hidden, sample_visited, share_hidden
-from bsg_data.observation.observation import Observation, stack
-from bsg_data.observation.pairs import histogram_column, read_pairs
-from bsg_data.observation.search_moment import MaskedCells, observe_search, sample_search
-from bsg_data.recipes import MaskRecipe
+from bsg_data.observation.hidden_others import sample_hidden_others
+from bsg_data.observation.masks import sample_hidden, sample_view
+from bsg_data.observation.masks_v1 import sample_hidden_of_format_1
+from bsg_data.observation.observation import Observation, observe_view, stack
+from bsg_data.observation.pairs import histogram_column, read_pairs, read_views
+from bsg_data.observation.view import View
+from bsg_data.recipes import MaskRecipe, PairsRecipe
+from bsg_data.scene.parts import find_wholes, load_parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +84,6 @@ def sample_masked(
     mask: MaskRecipe,
     draw: int,
     fractions: tuple[float, float] | None = None,
-    withhold: float = 0.0,
     vocabulary: tuple[str, ...] = (),
 ) -> MaskedBuildings:
     """Sample mask number `draw` of some buildings.
@@ -89,19 +91,17 @@ def sample_masked(
     Args:
         data: an open dataset.
         scenes: of it, one or more.
-        mask: whose strategy, fraction and seed are used.
+        mask: how objects are hidden.
         draw: number of the mask.
         fractions: from where to where the fraction varies from mask to mask, instead of that of
             `mask`.
-        withhold: share of the classes to withhold; above 0 some rooms were searched, see
-            `bsg_data.observation.search_moment`.
         vocabulary: categories outside the classes that are looked for.
     """
     recipes = _vary(mask, fractions, draw, len(scenes))
     return MaskedBuildings(
         stack(
             [
-                _observe(data, scene, recipe, draw, withhold, vocabulary)
+                _observe(data, scene, recipe, draw, vocabulary)
                 for scene, recipe in zip(scenes, recipes, strict=True)
             ]
         ),
@@ -123,30 +123,30 @@ def read_masked(data: Dataset, split: str, *, vocabulary: tuple[str, ...] = ()) 
 
 @lru_cache(maxsize=32)
 def _read_masked(data: Dataset, split: str, vocabulary: tuple[str, ...]) -> MaskedBuildings:
-    recipe = data.manifest.pairs.mask if data.manifest.pairs else MaskRecipe()
+    recipe = data.manifest.pairs or PairsRecipe()
     table = read_pairs(data.path, split, manifest=data.manifest)
     inputs = histogram_column(table, "input").astype(np.int64)
-    visited = table["visited"].to_numpy()
+    targets = histogram_column(table, "target").astype(np.int64)
+    views = read_views(table, recipe)
     starts = np.flatnonzero(table["node_index"].to_numpy() == 0)
     scenes = table["scene_id"].take(starts).to_pylist()
     draws = table["draw"].take(starts).to_numpy().astype(np.int64)
+    see = _see_others_of_format_1 if recipe.masks == 1 else see_others
     parts = []
     for scene, draw, a, b in zip(scenes, draws, starts, [*starts[1:], len(table)], strict=True):
-        others = see_others(data, scene, recipe, int(draw), visited[a:b], vocabulary=vocabulary)
+        view, seen = views.take(int(a), int(b)), to_cells(inputs[a:b])
+        hidden = to_cells(targets[a:b]) - seen
+        others = see(data, scene, recipe.mask, int(draw), view, hidden, vocabulary=vocabulary)
         parts.append(
-            Observation(
-                scene_ids=(scene,),
-                starts=np.array([0, b - a]),
-                inputs=inputs[a:b],
-                hidden_share=share_hidden(visited[a:b], recipe).astype(np.float32),
-                visited=visited[a:b],
-                withheld=np.zeros_like(inputs[a:b], dtype=bool),
+            observe_view(
+                scene,
+                view,
+                seen,
                 vocabulary=vocabulary,
-                others=to_histograms(others),
+                others=others,
                 connections=data.connections(scene),
             )
         )
-    targets = histogram_column(table, "target").astype(np.int64)
     masked = MaskedBuildings(stack(parts), targets, draws)
     for array in (masked.seen.inputs, masked.seen.hidden_share, masked.seen.others, targets):
         array.setflags(write=False)  # all readers of these pairs share them
@@ -158,21 +158,68 @@ def see_others(
     scene: str,
     mask: MaskRecipe,
     draw: int,
-    visited: Bools,
+    view: View,
+    hidden: Counts,
     *,
     vocabulary: tuple[str, ...],
 ) -> Counts:
     """Return what a mask leaves of the objects outside the classes, `[N, V]` cells.
 
     All of them are masked, whatever the vocabulary, so that a mask does not depend on it.
+
+    Args:
+        data: an open dataset.
+        scene: of it.
+        mask: the recipe.
+        draw: number of the mask.
+        view: of the mask, sampled or as pairs tell it.
+        hidden: `[N, C]` classified objects that the mask hides.
+        vocabulary: categories that are looked for.
     """
     if not vocabulary:
-        return np.zeros((len(visited), 0), dtype=np.int64)
-    others = data.others(scene)
-    hidden = sample_hidden(
-        others.cells, visited, mask, scene_id=scene, draw=draw, stream="unclassified"
+        return np.zeros((len(hidden), 0), dtype=np.int64)
+    others, there = data.others(scene), data.cells(scene)
+    sampled = sample_view(
+        there.shape, mask, scene_id=scene, draw=draw, connections=data.connections(scene)
     )
-    return place_others(others.cells - hidden, others.categories, vocabulary)
+    if not sampled.agrees(view):  # another NumPy drew the pairs: what they tell holds
+        sampled = replace(view, exact=sampled.exact)
+    gone = sample_hidden_others(
+        others.cells,
+        sampled,
+        mask,
+        scene_id=scene,
+        draw=draw,
+        there=there,
+        hidden=hidden,
+        wholes=wholes_of(others.categories, data) if mask.parts else None,
+    )
+    return place_others(others.cells - gone, others.categories, vocabulary)
+
+
+def _see_others_of_format_1(
+    data: Dataset,
+    scene: str,
+    mask: MaskRecipe,
+    draw: int,
+    view: View,
+    hidden: Counts,
+    *,
+    vocabulary: tuple[str, ...],
+) -> Counts:
+    """Return what a mask of format 1 leaves of the objects outside the classes, `[N, V]` cells."""
+    if not vocabulary:
+        return np.zeros((len(hidden), 0), dtype=np.int64)
+    others = data.others(scene)
+    gone = sample_hidden_of_format_1(
+        others.cells, view.visited, mask, scene_id=scene, draw=draw, stream="unclassified"
+    )
+    return place_others(others.cells - gone, others.categories, vocabulary)
+
+
+def wholes_of(categories: tuple[str, ...], data: Dataset) -> Ints:
+    """Return the class that each category is a part of, `[K]`; -1 for none."""
+    return find_wholes(categories, data.manifest.class_space.classes, load_parts())
 
 
 def place_others(cells: Counts, categories: tuple[str, ...], vocabulary: tuple[str, ...]) -> Counts:
@@ -189,41 +236,17 @@ def _place_once(categories: tuple[str, ...], vocabulary: tuple[str, ...]) -> npt
 
 
 def _observe(
-    data: Dataset,
-    scene: str,
-    mask: MaskRecipe,
-    draw: int,
-    withhold: float,
-    vocabulary: tuple[str, ...],
+    data: Dataset, scene: str, mask: MaskRecipe, draw: int, vocabulary: tuple[str, ...]
 ) -> Observation:
     cells, connections = data.cells(scene), data.connections(scene)
-    visited = sample_visited(cells, mask, scene_id=scene, draw=draw, connections=connections)
-    left = cells - sample_hidden(cells, visited, mask, scene_id=scene, draw=draw)
-    others = see_others(data, scene, mask, draw, visited, vocabulary=vocabulary)
-    if withhold:
-        searched, classes = sample_search(
-            mask, scene_id=scene, draw=draw, shape=cells.shape, withhold=withhold
-        )
-        every = data.others(scene)
-        return observe_search(
-            scene,
-            MaskedCells(cells, left[None]),
-            MaskedCells(place_others(every.cells, every.categories, vocabulary), others[None]),
-            searched=searched[None],
-            withheld=classes[None],
-            fraction=mask.fraction,
-            vocabulary=vocabulary,
-            connections=connections,
-        )
-    return Observation(
-        scene_ids=(scene,),
-        starts=np.array([0, len(cells)]),
-        inputs=to_histograms(left),
-        hidden_share=share_hidden(visited, mask).astype(np.float32),
-        visited=visited,
-        withheld=np.zeros_like(cells, dtype=bool),
+    view = sample_view(cells.shape, mask, scene_id=scene, draw=draw, connections=connections)
+    hidden = sample_hidden(cells, view, mask, scene_id=scene, draw=draw)
+    return observe_view(
+        scene,
+        view,
+        cells - hidden,
         vocabulary=vocabulary,
-        others=to_histograms(others),
+        others=see_others(data, scene, mask, draw, view, hidden, vocabulary=vocabulary),
         connections=connections,
     )
 

@@ -16,6 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from bsg_data.arrays import Bools, Counts, Floats, Ints
+from bsg_data.dataset.histograms import to_histograms
+from bsg_data.observation.view import View
 from bsg_data.scene.connections import Connections, stack_connections
 
 
@@ -63,6 +65,11 @@ class Observation:
         return np.repeat(np.arange(len(self)), np.diff(self.starts))
 
     @cached_property
+    def looked_into(self) -> Bools:
+        """Nodes of which anything could be seen, `[N]`: visited or glimpsed through a door."""
+        return self.hidden_share < 1
+
+    @cached_property
     def cell_share(self) -> Floats:
         """Share of its objects of each class that a node hides, `[N, C]`.
 
@@ -108,6 +115,38 @@ class Observation:
         of_building = self.building[self.connections.pairs[:, 0]]
         ends = np.searchsorted(of_building, np.arange(len(self) + 1))
         return [slice(int(a), int(b)) for a, b in pairwise(ends)]
+
+
+def observe_view(
+    scene_id: str,
+    view: View,
+    seen: Counts,
+    *,
+    vocabulary: tuple[str, ...],
+    others: Counts,
+    connections: Connections,
+) -> Observation:
+    """Return what is seen of one building under a view.
+
+    Args:
+        scene_id: of the building.
+        view: how much of it was seen.
+        seen: `[N, C]` cells of what was seen, row 0 the null region.
+        vocabulary: `[V]` categories outside the classes.
+        others: `[N, V]` cells of what was seen of them.
+        connections: between the rooms.
+    """
+    return Observation(
+        scene_ids=(scene_id,),
+        starts=np.array([0, len(seen)]),
+        inputs=to_histograms(seen),
+        hidden_share=view.told,
+        visited=view.visited,
+        withheld=view.withheld,
+        vocabulary=vocabulary,
+        others=to_histograms(others),
+        connections=connections,
+    )
 
 
 def stack(observations: Sequence[Observation]) -> Observation:

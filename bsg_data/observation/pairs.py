@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
-import pyarrow.compute as pc
 
 from bsg_data.arrays import Counts
 from bsg_data.dataset.dataset import Dataset
@@ -29,7 +28,9 @@ from bsg_data.dataset.shards import describe_file, open_parquet, read_file
 from bsg_data.dataset.splits import read_splits
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.executors import run_all
-from bsg_data.observation.masks import sample_hidden, sample_visited
+from bsg_data.observation.masks import sample_hidden, sample_view
+from bsg_data.observation.masks_v1 import view_of_format_1
+from bsg_data.observation.view import View
 from bsg_data.recipes import PairsRecipe
 from bsg_data.scene.connections import Connections
 
@@ -54,7 +55,7 @@ def sample_pairs(
     *,
     scene_id: str,
     connections: Connections | None = None,
-) -> tuple[npt.NDArray[np.bool_], Counts]:
+) -> tuple[tuple[View, ...], Counts]:
     """Sample all masks of one building.
 
     Args:
@@ -64,18 +65,20 @@ def sample_pairs(
         connections: between the rooms; None where none is known.
 
     Returns:
-        visited `[D, N]` and input histograms `[D, N, C]`, row 0 the building.
+        `[D]` views, and input histograms `[D, N, C]`, row 0 the building.
     """
-    visited = np.empty((recipe.draws, len(cells)), dtype=bool)
+    views = []
     inputs = np.empty((recipe.draws, *cells.shape), dtype=np.int64)
     for draw in range(recipe.draws):
-        visited[draw] = sample_visited(
-            cells, recipe.mask, scene_id=scene_id, draw=draw, connections=connections
+        views.append(
+            sample_view(
+                cells.shape, recipe.mask, scene_id=scene_id, draw=draw, connections=connections
+            )
         )
         inputs[draw] = cells - sample_hidden(
-            cells, visited[draw], recipe.mask, scene_id=scene_id, draw=draw
+            cells, views[-1], recipe.mask, scene_id=scene_id, draw=draw
         )
-    return visited, to_histograms(inputs)
+    return tuple(views), to_histograms(inputs)
 
 
 def write_pairs(
@@ -102,6 +105,8 @@ def write_pairs(
 
     def write(manifest: Manifest, folder: Path) -> Manifest:
         require_current(manifest, dataset)
+        if recipe.masks == 1:
+            raise RecipeError("masks of version 1 are not drawn any more: expected masks 2")
         if manifest.pairs is not None and not force:
             raise DatasetError(f"{dataset}: has pairs already; --force replaces them")
         splits = read_splits(dataset, manifest=manifest)
@@ -129,12 +134,18 @@ def read_pairs(dataset: Path, split: str, *, manifest: Manifest | None = None) -
 
 
 def rewrite_pairs(dataset: Path, folder: Path, manifest: Manifest) -> list[FileEntry]:
-    """Write the pairs of a dataset into another folder, whose manifest this is, file by file."""
+    """Write the pairs of a dataset into another folder, whose manifest this is, file by file.
+
+    Those of format 1 get the columns of what was told of their masks then.
+    """
     old = read_manifest(dataset)
+    recipe = old.pairs or PairsRecipe()
     schema = pairs_schema(len(manifest.class_space.classes))
     entries = []
     for entry in old.files_of("pairs"):
         table = read_file(dataset / entry.path, manifest=old)
+        if not tells_view(table):
+            table = _tell_view(table, read_views(table, recipe), schema)
         with open_parquet(
             folder / entry.path,
             schema,
@@ -152,6 +163,39 @@ def histogram_column(table: pa.Table, name: str) -> npt.NDArray[np.uint16]:
     width = table.schema.field(name).type.list_size
     chunks = [chunk.flatten().to_numpy() for chunk in table[name].chunks]
     return np.concatenate([np.zeros(0, np.uint16), *chunks]).reshape(-1, width)
+
+
+def tells_view(table: pa.Table) -> bool:
+    """Say whether pairs hold what a robot is told of its mask; those of format 1 do not."""
+    return "hidden_share" in table.column_names
+
+
+def _tell_view(table: pa.Table, view: View, schema: pa.Schema) -> pa.Table:
+    """Return pairs of format 1 with the columns of a view of all their rows."""
+    more = {
+        "hidden_share": pa.array(view.told),
+        "withheld": _withheld((view,), schema.field("withheld").type),
+    }
+    columns = [more[name] if name in more else table[name] for name in schema.names]
+    return pa.Table.from_arrays(columns, schema=schema)
+
+
+def read_views(table: pa.Table, recipe: PairsRecipe) -> View:
+    """Return the views of all pairs of a table, one after another, as one of all their rows.
+
+    Of pairs of format 1 it is what was told of their recipe then.
+
+    Raises:
+        RecipeError: if they are of format 1, which had no such mask.
+    """
+    visited = table["visited"].to_numpy()
+    classes = table.schema.field("input").type.list_size
+    if not tells_view(table):
+        is_building = table["node_index"].to_numpy() == 0
+        return view_of_format_1(visited, recipe.mask, is_building=is_building, classes=classes)
+    chunks = [chunk.flatten().to_numpy(zero_copy_only=False) for chunk in table["withheld"].chunks]
+    withheld = np.concatenate([np.zeros(0, dtype=bool), *chunks]).reshape(-1, classes)
+    return View(visited, table["hidden_share"].to_numpy().astype(np.float64), withheld)
 
 
 def split_of_file(path: str) -> str:
@@ -215,7 +259,7 @@ def _scene_batch(
     recipe: PairsRecipe,
     schema: pa.Schema,
 ) -> pa.RecordBatch:
-    visited, inputs = sample_pairs(cells, recipe, scene_id=scene, connections=connections)
+    views, inputs = sample_pairs(cells, recipe, scene_id=scene, connections=connections)
     draws, nodes, _ = inputs.shape
     targets = np.broadcast_to(to_histograms(cells), inputs.shape)
     return pa.RecordBatch.from_arrays(
@@ -223,12 +267,19 @@ def _scene_batch(
             pa.array([scene]).take(pa.array(np.zeros(draws * nodes, dtype=np.int32))),
             pa.array(np.repeat(np.arange(draws, dtype=np.int32), nodes)),
             pa.array(np.tile(np.arange(nodes, dtype=np.int32), draws)),
-            pc.cast(pa.array(visited.ravel()), pa.bool_()),
+            pa.array(np.concatenate([view.visited for view in views])),
+            pa.array(np.concatenate([view.told for view in views])),
+            _withheld(views, schema.field("withheld").type),
             _histograms(inputs, schema.field("input").type),
             _histograms(targets, schema.field("target").type),
         ],
         schema=schema,
     )
+
+
+def _withheld(views: tuple[View, ...], kind: pa.DataType) -> pa.Array:
+    values = pa.array(np.concatenate([view.withheld.ravel() for view in views]))
+    return pa.FixedSizeListArray.from_arrays(values, type=kind)
 
 
 def _histograms(counts: Counts, kind: pa.DataType) -> pa.Array:

@@ -13,21 +13,21 @@ from pathlib import Path
 
 import numpy as np
 
-from bsg_data.arrays import Counts
+from bsg_data.arrays import Bools, Counts
 from bsg_data.dataset.categories import place_columns
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import count_cells, to_histograms
 from bsg_data.dataset.manifest import ClassSpaceEntry
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import RecipeError
-from bsg_data.observation.masks import Stream, sample_hidden, sample_visited, share_hidden
+from bsg_data.observation.hidden_others import sample_hidden_others
+from bsg_data.observation.masks import sample_hidden, sample_view, sample_withheld
 from bsg_data.observation.observation import Observation
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_map import is_nameless
 from bsg_data.scene.connections import Connections
+from bsg_data.scene.parts import find_wholes, load_parts
 from bsg_data.scene.scene_graph import Box, Point, SceneGraph, SceneObject
-
-_STREAMS: tuple[Stream, Stream] = ("classified", "unclassified")
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,25 +105,37 @@ class PartialGraph:
         return to_histograms(count_cells(rooms, classes, shape=shape))
 
     def observation(
-        self, *, vocabulary: tuple[str, ...] = (), withheld: Collection[int] = ()
+        self, *, vocabulary: tuple[str, ...] = (), withheld: Collection[int] | Bools = ()
     ) -> Observation:
         """Return the same as arrays, which is what models read.
 
         Args:
             vocabulary: categories outside the classes that are looked for.
             withheld: classes that the graph leaves out of rooms which were not searched, so that
-                none being there says nothing.
+                none being there says nothing. Or, by node and class, `[1 + R, C]` where nothing of
+                a class is shown.
+
+        Raises:
+            RecipeError: if an array is of another shape.
         """
         inputs = self.histograms()
         share = np.array([self.hidden_share, *(room.hidden_share for room in self.rooms)])
-        classes = np.isin(np.arange(inputs.shape[1]), list(withheld))
+        if isinstance(withheld, np.ndarray):
+            if withheld.shape != inputs.shape:
+                raise RecipeError(
+                    f"{self.scene_id}: withheld: expected {inputs.shape}, found {withheld.shape}"
+                )
+            without = withheld.astype(bool)
+        else:
+            classes = np.isin(np.arange(inputs.shape[1]), list(withheld))
+            without = classes & (share > 0)[:, None]
         return Observation(
             scene_ids=(self.scene_id,),
             starts=np.array([0, len(inputs)]),
             inputs=inputs,
             hidden_share=share.astype(np.float32),
             visited=np.array([True, *(room.visited for room in self.rooms)]),
-            withheld=classes & (share > 0)[:, None],
+            withheld=without,
             vocabulary=vocabulary,
             others=self._others(vocabulary),
             connections=Connections.of_pairs(self.adjacency),
@@ -185,21 +197,28 @@ def mask_scene(
     """Return what a mask leaves of a scene graph: the histograms that `bsg-data pairs` gives it.
 
     A mask says how many objects of each class and room are hidden, not which; of equal ones those
-    that were listed last are.
+    that were listed last are. Classes that the recipe withholds are left out, and the graph does
+    not say so: `list_withheld` says which, for whoever asks a model.
     """
     adjacent = [(edge.source, edge.target) for edge in graph.adjacency]
-    classes = len(class_space.classes)
-    cells, others, kinds = _count(graph, classes)
-    visited = sample_visited(
-        cells,
+    cells, others, kinds, categories = _count(graph, len(class_space.classes))
+    view = sample_view(
+        cells.shape,
         recipe,
         scene_id=graph.scene_id,
         draw=draw,
         connections=Connections.of_pairs(adjacent),
     )
-    hidden, unseen = (
-        sample_hidden(part, visited, recipe, scene_id=graph.scene_id, draw=draw, stream=stream)
-        for part, stream in zip((cells, others), _STREAMS, strict=True)
+    hidden = sample_hidden(cells, view, recipe, scene_id=graph.scene_id, draw=draw)
+    unseen = sample_hidden_others(
+        others,
+        view,
+        recipe,
+        scene_id=graph.scene_id,
+        draw=draw,
+        there=cells,
+        hidden=hidden,
+        wholes=find_wholes(categories, class_space.classes, load_parts()) if recipe.parts else None,
     )
     left = np.concatenate([cells - hidden, others - unseen], axis=1)
     seen = []
@@ -207,7 +226,7 @@ def mask_scene(
         left[obj.room_index, kind] -= 1
         if left[obj.room_index, kind] >= 0:
             seen.append(_see(obj))
-    share = share_hidden(visited, recipe)
+    share = view.hidden_share
     return PartialGraph(
         scene_id=graph.scene_id,
         class_space=class_space,
@@ -216,7 +235,7 @@ def mask_scene(
             KnownRoom(
                 str(room.region_id),
                 float(share[room.room_index]),
-                bool(visited[room.room_index]),
+                bool(view.visited[room.room_index]),
                 room.source_label,
                 room.centroid,
                 room.box,
@@ -228,6 +247,14 @@ def mask_scene(
         objects=tuple(seen),
         adjacency=tuple(adjacent),
     )
+
+
+def list_withheld(recipe: MaskRecipe, graph: PartialGraph, *, draw: int = 0) -> tuple[int, ...]:
+    """Return the classes that a mask withheld from the graph that `mask_scene` made."""
+    withheld = sample_withheld(
+        recipe, scene_id=graph.scene_id, draw=draw, classes=len(graph.class_space.classes)
+    )
+    return tuple(np.flatnonzero(withheld).tolist())
 
 
 def enter_room(known: PartialGraph, graph: SceneGraph, room_index: int) -> PartialGraph:
@@ -262,8 +289,8 @@ def _see(obj: SceneObject) -> SeenObject:
     )
 
 
-def _count(graph: SceneGraph, classes: int) -> tuple[Counts, Counts, list[int]]:
-    """Return the classified and other cells of a scene, and each object's column of both."""
+def _count(graph: SceneGraph, classes: int) -> tuple[Counts, Counts, list[int], tuple[str, ...]]:
+    """Return the classified and other cells of a scene, each object's column, others' names."""
     names = [
         None if obj.category is None or is_nameless(obj.category) else obj.category
         for obj in graph.objects
@@ -283,4 +310,4 @@ def _count(graph: SceneGraph, classes: int) -> tuple[Counts, Counts, list[int]]:
     rooms = np.array([obj.room_index for obj in graph.objects], dtype=np.int64)
     shape = (len(graph.rooms) + 1, classes + len(others))
     cells = count_cells(rooms, np.array(kinds, dtype=np.int64), shape=shape)
-    return cells[:, :classes], cells[:, classes:], kinds
+    return cells[:, :classes], cells[:, classes:], kinds, tuple(others)

@@ -1,22 +1,23 @@
 """What a robot knows in the middle of a search (paper, section IV-D).
 
-Before it starts, a mask hid a share of the objects, and *no* instance of the artifact was put into
-the partial graph. A room that it entered shows everything. So that none of a class is seen means
-nothing in a room that was not searched, if the class was *withheld* there, and is a fact in one
-that was; models are told which is which.
+Before it starts, a mask hid a part of the objects, and *no* instance of the artifact was put into
+the partial graph. A room that the search entered shows everything. So that none of a class is seen
+means nothing in a room that was not searched, if the class was *withheld* there, and is a fact in
+one that was; models are told which is which.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from bsg_data.arrays import Bools, Counts
+from bsg_data.arrays import Bools, Counts, Ints
 from bsg_data.dataset.histograms import to_histograms
-from bsg_data.observation.masks import mask_generator
+from bsg_data.observation.hidden_others import have_wholes
 from bsg_data.observation.observation import Observation
-from bsg_data.recipes import MaskRecipe
+from bsg_data.observation.view import View
 from bsg_data.scene.connections import Connections, stack_connections
 
 
@@ -42,11 +43,12 @@ def observe_search(
     classified: MaskedCells,
     others: MaskedCells,
     *,
+    views: Sequence[View],
     searched: Bools,
     withheld: Bools,
-    fraction: float,
     vocabulary: tuple[str, ...],
     connections: Connections,
+    wholes: Ints | None = None,
 ) -> Observation:
     """Return what E searches of one building see, one building of the observation each.
 
@@ -54,54 +56,37 @@ def observe_search(
         scene_id: of the building.
         classified: `[N, C]` objects of the classes.
         others: `[N, V]` objects by the vocabulary.
-        searched: `[E, N]` rooms that were entered; the building (0) is none.
-        withheld: `[E, C]` classes of which the mask showed nothing.
-        fraction: of the mask, which a room that was not searched still hides.
+        views: `[E]` of the masks before the searches began.
+        searched: `[E, N]` rooms that were entered since; the building (0) is none.
+        withheld: `[E, C]` classes of which nothing is shown elsewhere, not even in rooms that the
+            robot had searched before.
         vocabulary: `[V]`.
         connections: between the rooms.
+        wholes: `[V]` class that each category is a part of, -1 for none, where parts of what is
+            withheld are, too; None where they are not.
     """
     searches, nodes = searched.shape
-    seen = classified.seen(searched)
-    without = withheld[:, None, :] & ~searched[:, :, None]
+    share = np.where(searched, 0.0, np.stack([view.hidden_share for view in views]))
+    if nodes > 1:
+        share[:, 0] = share[:, 1:].mean(axis=1)
+    outside = ~searched[:, :, None]
+    before = np.stack([view.withheld for view in views])
+    without = (withheld[:, None, :] | before) & outside
+    seen, seen_others = classified.seen(searched), others.seen(searched)
     seen[without] = 0
-    rooms = nodes - 1
-    share = np.where(searched, 0.0, fraction)
-    share[:, 0] = fraction * (1 - searched[:, 1:].sum(axis=1) / rooms if rooms else 1.0)
+    if wholes is not None:
+        seen_others[have_wholes(classified.there, wholes) & withheld[:, None, wholes] & outside] = 0
     without[:, 0] &= (share[:, 0] > 0)[:, None]
     starts = np.arange(searches + 1) * nodes
+    visited = np.stack([view.visited for view in views]) | searched
     return Observation(
         scene_ids=(scene_id,) * searches,
         starts=starts,
         inputs=to_histograms(seen).reshape(searches * nodes, -1),
         hidden_share=share.astype(np.float32).ravel(),
-        visited=np.ones(searches * nodes, dtype=bool),
+        visited=visited.ravel(),
         withheld=without.reshape(searches * nodes, -1),
         vocabulary=vocabulary,
-        others=to_histograms(others.seen(searched)).reshape(searches * nodes, -1),
+        others=to_histograms(seen_others).reshape(searches * nodes, -1),
         connections=stack_connections([connections] * searches, starts[:-1].tolist()),
     )
-
-
-def sample_search(
-    recipe: MaskRecipe, *, scene_id: str, draw: int, shape: tuple[int, int], withhold: float
-) -> tuple[Bools, Bools]:
-    """Sample a moment of a search: which rooms were searched, and which classes are withheld.
-
-    Args:
-        recipe: of the mask, whose seed is used.
-        scene_id: of the building.
-        draw: number of the mask.
-        shape: (N, C).
-        withhold: share of the classes that are withheld, each by itself.
-
-    Returns:
-        `[N]` and `[C]`; every number of rooms from none to half of them is as likely: a room that
-        was searched has nothing left to teach.
-    """
-    rng = mask_generator(recipe, scene_id=scene_id, draw=draw, stream="search")
-    nodes, classes = shape
-    searched = np.zeros(nodes, dtype=bool)
-    if nodes > 1:
-        number = int(rng.integers((nodes - 1) // 2 + 1))
-        searched[1 + rng.permutation(nodes - 1)[:number]] = True
-    return searched, rng.random(classes) < withhold

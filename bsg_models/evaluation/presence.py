@@ -2,7 +2,7 @@
 
 Presence itself is `CountDistribution.presence`: P(at least one hidden object). There are three
 selections of cells: `all`, those of classes that are `unseen` in their room, and those of rooms
-that are `unvisited`, whose classes are all unseen.
+that are `unvisited`, of which nothing was seen, or a little through a door.
 """
 
 from __future__ import annotations

@@ -114,7 +114,6 @@ class MaskedGraphs(GraphDataset):  # type: ignore[misc]
         mask: MaskRecipe,
         draw: int,
         fractions: tuple[float, float] | None = None,
-        withhold: float = 0.0,
         fold: int | None = None,
         edges: Sequence[EdgeSet] = ("up", "down"),
         vocabulary: tuple[str, ...] = (),
@@ -124,11 +123,10 @@ class MaskedGraphs(GraphDataset):  # type: ignore[misc]
         Args:
             path: of the dataset, or one that is open.
             split: train, val or test.
-            mask: whose strategy, fraction and seed are used.
+            mask: how objects are hidden.
             draw: number of the mask.
             fractions: from where to where the fraction varies from mask to mask, instead of that
                 of `mask`.
-            withhold: share of the classes to withhold.
             fold: to test on, in a dataset of folds.
             edges: of the graphs.
             vocabulary: categories of `others`.
@@ -140,7 +138,6 @@ class MaskedGraphs(GraphDataset):  # type: ignore[misc]
             mask=mask,
             draw=draw,
             fractions=fractions,
-            withhold=withhold,
             vocabulary=vocabulary,
         )
         return cls(masked, edges=edges)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from pathlib import Path
 
+from bsg_data.arrays import Bools
 from bsg_data.errors import MismatchError
 from bsg_data.observation.observation import Observation
 from bsg_data.observation.partial_graph import PartialGraph
@@ -41,13 +42,16 @@ class Predictor:
         self.name = checkpoint.header.config.name
         self.classes = self.class_space.classes
 
-    def __call__(self, graph: PartialGraph, *, withheld: Collection[int] = ()) -> Expectation:
+    def __call__(
+        self, graph: PartialGraph, *, withheld: Collection[int] | Bools = ()
+    ) -> Expectation:
         """Return what the model believes about a partial graph.
 
         Args:
             graph: what was seen.
             withheld: classes that the graph leaves out of rooms which were not searched, so that
-                none being there says nothing; a search is told nothing of its artifact.
+                none being there says nothing; a search is told nothing of its artifact. Or, by
+                node and class, `[1 + R, C]` where nothing of a class is shown.
 
         Raises:
             MismatchError: if the graph is of another class map.
@@ -63,16 +67,14 @@ class Predictor:
 
 
 def _nothing_where_searched(expectation: Expectation, seen: Observation) -> Expectation:
-    """Return the expectation without hidden objects in rooms of which all was seen.
+    """Return the expectation without hidden objects where all was seen.
 
     Models that read the share say so themselves. The paper's does not read it, and its `expect` may
     believe in hidden objects there.
     """
-    searched = seen.hidden_share == 0
-    if not searched[1:].any():
+    known = seen.cell_share == 0
+    if not known[1:].any():
         return expectation
     believed = expectation.hidden_counts
-    left = CountDistribution(
-        believed.means * ~searched[None, :, None], believed.dispersions, believed.weights
-    )
+    left = CountDistribution(believed.means * ~known, believed.dispersions, believed.weights)
     return Expectation(expectation.inputs, left, expectation.totals)

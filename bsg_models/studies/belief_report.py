@@ -14,7 +14,7 @@ from pydantic import Field
 from bsg_data.arrays import Counts
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import BSGError, DatasetError, RecipeError
-from bsg_data.observation.partial_graph import PartialGraph, mask_dataset
+from bsg_data.observation.partial_graph import PartialGraph, list_withheld, mask_dataset
 from bsg_data.observation.robot_json import list_unmapped, read_robot_graph
 from bsg_data.recipes import MaskRecipe, Record
 from bsg_models.belief.belief_graph import BeliefGraph, Mode, believe, rank_unseen
@@ -151,7 +151,7 @@ def report_beliefs(
     views: list[View] = []
     rooms: list[RoomBelief] = []
     for done, (graph, truth) in enumerate(partial_graphs, 1):
-        expectation = predictor(graph)
+        expectation = predictor(graph, withheld=_withheld(request.scenes, graph))
         belief = believe(
             graph, expectation, mode=request.mode, top=request.top, model=predictor.name
         )
@@ -215,6 +215,13 @@ def describe_rooms(
                 for c in ranked[number]
             ),
         )
+
+
+def _withheld(scenes: MaskedScenes | None, graph: PartialGraph) -> tuple[int, ...]:
+    """Return the classes that the mask of a graph withholds; of a robot's own graph none."""
+    if scenes is None:
+        return ()
+    return list_withheld(scenes.mask, graph)
 
 
 def _choose(scenes: MaskedScenes) -> frozenset[str]:

@@ -18,7 +18,7 @@ from pydantic import Field
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.errors import DatasetError
 from bsg_data.files import write_bytes
-from bsg_data.observation.partial_graph import mask_dataset
+from bsg_data.observation.partial_graph import list_withheld, mask_dataset
 from bsg_data.recipes import MaskRecipe, Record
 from bsg_models.belief.belief_graph import believe
 from bsg_models.evaluation.verdict import BESIDE_DOUBLED, judge_all
@@ -165,7 +165,8 @@ def _look_into(comparison: Comparison, run: Path, data: Path) -> list[View]:
     recipe = manifest.pairs.mask if manifest.pairs else MaskRecipe()
     views = {}
     for seen, truth in mask_dataset(data, wanted, recipe):
-        belief = believe(seen, predictor(seen), model=predictor.name)
+        expectation = predictor(seen, withheld=list_withheld(recipe, seen))
+        belief = believe(seen, expectation, model=predictor.name)
         views[seen.scene_id] = View(belief, truth)
     return [views[scene] for scene in dict.fromkeys(wanted)]
 

@@ -11,11 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
+from bsg_data.arrays import Bools
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import to_histograms
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import DatasetError, RecipeError
+from bsg_data.observation.masks import sample_withheld
 from bsg_data.observation.partial_graph import PartialGraph, enter_room, mask_scene
+from bsg_data.scene.parts import find_wholes, load_parts
 from bsg_data.scene.scene_graph import SceneGraph
 from bsg_models.belief.belief_graph import believe
 from bsg_models.rendering.explorer import Moment, View
@@ -44,14 +47,18 @@ def replay_search(dataset: Path, run: Path, recipe: StudyRecipe, kept: KeptSearc
     truth = to_histograms(Dataset.open(dataset).cells(kept.scene_id))
     holds = np.flatnonzero(truth[1:, list(kept.artifacts)].any(axis=1)) + 1
     predictor = Predictor(run)
+    start = _known_at_start(dataset, recipe, kept, graph)
+    withheld = _withheld_at_start(start, recipe, kept)
     views = []
     known_and_moments = zip(
-        _explore(_known_at_start(dataset, recipe, kept, graph), graph, kept),
+        _explore(start, graph, kept),
         _moments(kept, holds=tuple(holds.tolist())),
         strict=True,
     )
     for known, moment in known_and_moments:
-        expectation = predictor(known, withheld=kept.artifacts)
+        withheld[list(moment.route)] = False
+        withheld[0] &= known.hidden_share > 0
+        expectation = predictor(known, withheld=withheld)
         views.append(View(believe(known, expectation, model=predictor.name), truth, moment=moment))
     return views
 
@@ -66,11 +73,42 @@ def _find_building(dataset: Path, scene_id: str) -> SceneGraph:
 def _known_at_start(
     dataset: Path, recipe: StudyRecipe, kept: KeptSearch, graph: SceneGraph
 ) -> PartialGraph:
-    """Return what the mask leaves, without any instance of the artifacts."""
-    class_space = Dataset.open(dataset).manifest.class_space
+    """Return what the mask leaves, without any instance of the artifacts, or part of one."""
+    data = Dataset.open(dataset)
+    class_space, cells = data.manifest.class_space, data.cells(kept.scene_id)
     partial = mask_scene(graph, recipe.mask, draw=kept.draw, class_space=class_space)
-    visible = tuple(obj for obj in partial.objects if obj.class_index not in kept.artifacts)
+    categories = tuple(obj.category or "" for obj in partial.objects)
+    parts = load_parts() if recipe.parts else {}
+    wholes = find_wholes(categories, class_space.classes, parts).tolist()
+    visible = tuple(
+        obj
+        for obj, whole in zip(partial.objects, wholes, strict=True)
+        if obj.class_index not in kept.artifacts
+        and not (
+            obj.class_index is None
+            and whole in kept.artifacts
+            and obj.room_index
+            and cells[obj.room_index, whole]
+        )
+    )
     return replace(partial, objects=visible)
+
+
+def _withheld_at_start(start: PartialGraph, recipe: StudyRecipe, kept: KeptSearch) -> Bools:
+    """Return where nothing of a class is shown, `[1 + R, C]`: artifacts, and what a mask withheld.
+
+    A mask withholds nothing in rooms of which it shows all, but artifacts also there.
+    """
+    classes = sample_withheld(
+        recipe.mask,
+        scene_id=kept.scene_id,
+        draw=kept.draw,
+        classes=len(start.class_space.classes),
+    )
+    share = np.array([start.hidden_share, *(room.hidden_share for room in start.rooms)])
+    withheld: Bools = classes & (share > 0)[:, None]
+    withheld[:, list(kept.artifacts)] = True
+    return withheld
 
 
 def _explore(known: PartialGraph, graph: SceneGraph, kept: KeptSearch) -> Iterator[PartialGraph]:

@@ -10,10 +10,11 @@ import numpy as np
 
 from bsg_data.arrays import Counts
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.observation.masked_buildings import place_others, see_others
-from bsg_data.observation.masks import sample_hidden
+from bsg_data.observation.masked_buildings import place_others, see_others, wholes_of
+from bsg_data.observation.masks import sample_hidden, sample_view
 from bsg_data.observation.observation import Observation
 from bsg_data.observation.search_moment import MaskedCells, observe_search
+from bsg_data.observation.view import View
 from bsg_data.recipes import MaskRecipe
 from bsg_models.errors import PredictionError
 from bsg_models.search.shortest_paths import Bools, Floats, Ints
@@ -44,18 +45,24 @@ class ModelBeliefs:
         draws: Ints,
         artifacts: Ints,
     ) -> None:
-        self._model, self._mask, self._scene_id = model, mask, scene_id
+        self._model, self._scene_id = model, scene_id
         self._draws, self._artifacts = draws, artifacts
         self._cells = data.cells(scene_id)
         self._connections = data.connections(scene_id)
         every = data.others(scene_id)
         self._others = place_others(every.cells, every.categories, model.vocabulary)
-        self._left: dict[int, tuple[Counts, Counts]] = {}
-        visited = np.ones(len(self._cells), dtype=bool)
+        self._wholes = wholes_of(model.vocabulary, data) if mask.parts else None
+        self._left: dict[int, tuple[View, Counts, Counts]] = {}
+        shape = self._cells.shape
         for draw in np.unique(draws).tolist():
-            hidden = sample_hidden(self._cells, visited, mask, scene_id=scene_id, draw=draw)
-            others = see_others(data, scene_id, mask, draw, visited, vocabulary=model.vocabulary)
-            self._left[draw] = self._cells - hidden, others
+            view = sample_view(
+                shape, mask, scene_id=scene_id, draw=draw, connections=self._connections
+            )
+            hidden = sample_hidden(self._cells, view, mask, scene_id=scene_id, draw=draw)
+            others = see_others(
+                data, scene_id, mask, draw, view, hidden, vocabulary=model.vocabulary
+            )
+            self._left[draw] = view, self._cells - hidden, others
         self._remembered: dict[bytes, tuple[Floats, Floats]] = {}
 
     def __call__(self, rows: Ints, explored: Bools) -> tuple[Floats, Floats]:
@@ -95,13 +102,14 @@ class ModelBeliefs:
         np.put_along_axis(withheld, states[:, 1 : 1 + width], True, axis=1)
         return observe_search(
             self._scene_id,
-            MaskedCells(self._cells, np.stack([classified for classified, _ in left])),
-            MaskedCells(self._others, np.stack([others for _, others in left])),
+            MaskedCells(self._cells, np.stack([classified for _, classified, _ in left])),
+            MaskedCells(self._others, np.stack([others for *_, others in left])),
+            views=[view for view, *_ in left],
             searched=states[:, 1 + width :] > 0,
             withheld=withheld,
-            fraction=self._mask.fraction,
             vocabulary=self._model.vocabulary,
             connections=self._connections,
+            wholes=self._wholes,
         )
 
 

@@ -11,7 +11,8 @@ from pydantic import Field, field_validator
 
 from bsg_data.arrays import Counts
 from bsg_data.errors import RecipeError
-from bsg_data.recipes import MaskRecipe, Record
+from bsg_data.observation.masks import MASKS
+from bsg_data.recipes import MaskRecipe, Record, Share
 from bsg_models.search.catalogue import PLANNERS
 from bsg_models.search.knowledge import Task
 from bsg_models.search.room_graphs import (
@@ -44,7 +45,11 @@ class StudyRecipe(Record):
         at_once: classes that one search looks for.
         episodes: searches of every building in every world.
         masks: of every building; the searches take turns.
+        strategy: of the masks, which say what the robot saw before it searched.
         fraction: share of the objects that a mask hides.
+        withhold: share of the classes that a mask withholds, besides the artifacts.
+        parts: whether parts of things are hidden with the things, and those of the artifacts with
+            the artifacts.
         stops: of `all`, with `expected-cost`: probabilities of anything left at which the robot
             itself ends a search.
         truth: `real`; or `posterior`, where the artifact is put where the model's first belief
@@ -59,7 +64,10 @@ class StudyRecipe(Record):
     at_once: int = Field(default=1, ge=1)
     episodes: int = Field(default=200, ge=1)
     masks: int = Field(default=10, ge=1)
+    strategy: str = "uniform"
     fraction: float = Field(default=0.5, gt=0, le=1)
+    withhold: Share = 0.0
+    parts: bool = False
     stops: tuple[Annotated[float, Field(gt=0, lt=1)], ...] = ()
     truth: Literal["real", "posterior"] = "real"
     seed: int = Field(default=0, ge=0)
@@ -70,6 +78,12 @@ class StudyRecipe(Record):
         PLANNERS.require(names)
         return names
 
+    @field_validator("strategy")
+    @classmethod
+    def _strategy_exists(cls, strategy: str) -> str:
+        MASKS.require([strategy])
+        return strategy
+
     @property
     def all_planners(self) -> tuple[str, ...]:
         """The planners, with what they are measured by: `nearest`, and `routing` for beliefs."""
@@ -79,7 +93,13 @@ class StudyRecipe(Record):
     @property
     def mask(self) -> MaskRecipe:
         """The masks' recipe."""
-        return MaskRecipe(fraction=self.fraction, seed=self.seed)
+        return MaskRecipe(
+            strategy=self.strategy,
+            fraction=self.fraction,
+            seed=self.seed,
+            withhold=self.withhold,
+            parts=self.parts,
+        )
 
 
 @dataclass(frozen=True, eq=False)

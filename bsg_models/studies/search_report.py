@@ -20,7 +20,7 @@ from pydantic import Field
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.files import write_bytes
-from bsg_data.recipes import Record
+from bsg_data.recipes import Record, Share
 from bsg_data.registry import require_known
 from bsg_models.evaluation.bootstrap import LEAST_BUILDINGS
 from bsg_models.inputs.folds import scenes_of
@@ -70,7 +70,9 @@ class SearchRequest(Record):
         task: `single`, `all` or `both`.
         artifacts: names of classes, or `every`, or `room-specific`.
         stops: of `all`: probabilities of anything left at which the robot itself stops.
-        at_once, episodes, masks, fraction, truth, seed: of the recipe; see `StudyRecipe`.
+        mask: strategy of the masks, the recipe's `strategy`.
+        at_once, episodes, masks, fraction, withhold, parts, truth, seed: of the recipe; see
+            `StudyRecipe`.
         resamples: of the bootstrap over buildings.
         trace: number of the search of the first building to replay; None for none.
         out: folder of the results; None for `search` in the first run, or `search`.
@@ -89,7 +91,10 @@ class SearchRequest(Record):
     at_once: int = Field(default=1, ge=1)
     episodes: int = Field(default=200, ge=1)
     masks: int = Field(default=10, ge=1)
+    mask: str = "uniform"
     fraction: float = Field(default=0.5, gt=0, le=1)
+    withhold: Share = 0.0
+    parts: bool = False
     truth: Literal["real", "posterior"] = "real"
     seed: int = Field(default=0, ge=0)
     resamples: int = Field(default=1000, ge=0)
@@ -201,7 +206,10 @@ def make_recipe(request: SearchRequest, classes: Sequence[str]) -> StudyRecipe:
         at_once=request.at_once,
         episodes=request.episodes,
         masks=request.masks,
+        strategy=request.mask,
         fraction=request.fraction,
+        withhold=request.withhold,
+        parts=request.parts,
         stops=request.stops,
         truth=request.truth,
         seed=request.seed,

@@ -71,10 +71,9 @@ class TrainingBuildings:
         return sample_masked(
             self._data,
             self._scenes,
-            mask=self._choice.mask,
+            mask=self._choice.fresh_mask,
             draw=epoch,
             fractions=self._choice.fractions,
-            withhold=self._choice.withhold,
             vocabulary=self._vocabulary,
         )
 
@@ -92,9 +91,8 @@ def validation_buildings(
             sample_masked(
                 data,
                 scenes,
-                mask=choice.mask,
+                mask=choice.fresh_mask,
                 draw=draw,
-                withhold=choice.withhold,
                 vocabulary=vocabulary,
             )
             for draw in range(_VAL_DRAWS)

@@ -23,7 +23,7 @@ from pydantic import (
 )
 
 from bsg_data.errors import RecipeError
-from bsg_data.recipes import MaskRecipe, Record
+from bsg_data.recipes import Exploration, MaskRecipe, Record
 from bsg_models.errors import ConfigError
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.settings import DataConfig, ModelConfig, TrainingConfig
@@ -171,6 +171,7 @@ def _explain(
 _TABLES: Mapping[str, type[Record]] = {
     "data": DataConfig,
     "mask": MaskRecipe,
+    "exploration": Exploration,
     "training": TrainingConfig,
 }
 

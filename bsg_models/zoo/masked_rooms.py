@@ -35,10 +35,9 @@ def sample_chosen(
             sample_masked(
                 data,
                 scenes,
-                mask=choice.mask,
+                mask=choice.fresh_mask,
                 draw=draw,
                 fractions=choice.fractions,
-                withhold=choice.withhold,
                 vocabulary=vocabulary,
             )
             for draw in range(draws)

@@ -9,14 +9,16 @@
 π, m and r are fitted to the training rooms by expectation maximisation. τ < 1 (`temper`) because
 the classes of a room are not independent given its type, so that the product alone is too sure.
 
-The building is a second level (`building`). Its habits show in the *other* visited rooms:
+The building is a second level (`building`). Its habits show in the *other* rooms that
+were looked into:
 
     which types it has          π_b ∝ η π + Σ P(k | V) over the other rooms
     how much of class c         g_bc = (α_c + Σ V_c) / (α_c + Σ E V_c), the mean of a
                                 Gamma(α_c, α_c) given the other rooms; it multiplies m_kc
 
-and every room is answered again with π_b and g_b m. In an unvisited room f is 1 and V says nothing:
-the answer is the building's types and habits. f is that of the class where one is withheld.
+and every room is answered again with π_b and g_b m. In a room that nobody looked into f is 1 and V
+says nothing: the answer is the building's types and habits. f is that of the class where one is
+withheld.
 """
 
 from __future__ import annotations
@@ -133,7 +135,7 @@ class RoomTypeMixture(CalibratedModel):
         evidence = _Evidence(
             seen=seen.inputs[is_room].astype(np.float64),
             share=seen.cell_share[is_room],
-            visited=seen.visited[is_room],
+            looked_into=seen.looked_into[is_room],
             building=seen.building[is_room],
         )
         means = to_array(self.means)[:, None]
@@ -158,19 +160,19 @@ class RoomTypeMixture(CalibratedModel):
             mean = np.maximum(kept * means[k], _LEAST)
             log_seen[k] = log_none(mean, r).sum(axis=1)
             np.add.at(log_seen[k], rows, log_beyond_none(seen, mean[rows, columns], r[columns]))
-        log_posterior = log_types + self.config.temper * log_seen * evidence.visited
+        log_posterior = log_types + self.config.temper * log_seen * evidence.looked_into
         return np.asarray(log_posterior - logsumexp(log_posterior, axis=0))
 
     def _learn_habits(
         self, evidence: _Evidence, posterior: Floats, means: Floats
     ) -> tuple[Floats, Floats]:
-        """Return log π_b `[K, rooms]` and g_b `[rooms, C]`, each from the other visited rooms."""
-        visited = evidence.visited[:, None].astype(float)
-        belonging = posterior.T * visited
+        """Return log π_b `[K, rooms]` and g_b `[rooms, C]`, from the other rooms."""
+        looked_into = evidence.looked_into[:, None].astype(float)
+        belonging = posterior.T * looked_into
         expected = (1 - evidence.share) * (belonging @ means[:, 0])
         of_others = [
             _sum_others(values, evidence.building)
-            for values in (belonging, evidence.seen * visited, expected)
+            for values in (belonging, evidence.seen * looked_into, expected)
         ]
         types = of_others[0] + _PRIOR_TYPES * np.exp(to_array(self.log_types))
         habit = to_array(self.habits)
@@ -185,13 +187,13 @@ class _Evidence:
     Attributes:
         seen: `[rooms, C]`.
         share: `[rooms, C]` that is hidden.
-        visited: `[rooms]`.
+        looked_into: `[rooms]` whether anything of them could be seen.
         building: `[rooms]` number of the building.
     """
 
     seen: Floats
     share: Floats
-    visited: npt.NDArray[np.bool_]
+    looked_into: npt.NDArray[np.bool_]
     building: Ints
 
 

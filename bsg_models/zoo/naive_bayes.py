@@ -3,7 +3,7 @@
     logit P(c | B) = logit P(c) + τ Σ_j log P(b_j | c) / P(b_j | not c)
 
 over all classes j, seen or not, as if they were independent given c; τ < 1 since they are not. In
-an unvisited room nothing was looked for, so that only the prior speaks.
+a room that nobody looked into nothing was looked for, so that only the prior speaks.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class NaiveBayesModel(BeliefModel):
         absent, present = to_array(self.seen)
         evidence = (inputs > 0) @ np.log(present / absent)
         evidence += ((inputs == 0) & (share < 1)) @ np.log((1 - present) / (1 - absent))
-        evidence *= seen.visited[:, None]
+        evidence *= seen.looked_into[:, None]
         odds = logit(to_array(self.prior)) + self.config.temper * evidence
         scale = share / float(self.fraction)
         presence = 1 - expit(-odds) ** scale

@@ -37,8 +37,8 @@ class DataConfig(Record):
         edges: which edges the graphs have; see `bsg_models.inputs.edges.connect`.
         min_scenes: training buildings in which a category outside the classes must occur to be
             read, by models that read them.
-        withhold: share of the classes that training masks withhold. Above 0 they are those of a
-            search: a random number of rooms was searched, and elsewhere no object of the withheld
+        withhold: short for a `mask` of the strategy `search` with this `withhold`: of each training
+            building up to half of the rooms were searched, and elsewhere no object of the withheld
             classes is shown. Models that read `withheld` are told.
         fold: the fold to test on, in a dataset of folds.
     """
@@ -66,8 +66,22 @@ class DataConfig(Record):
     @model_validator(mode="after")
     def _search_masks_are_fresh(self) -> Self:
         if self.withhold and (self.masks, self.mask.strategy) != ("fresh", "uniform"):
-            raise ValueError("withhold needs fresh masks of the strategy uniform")
+            raise ValueError(
+                "withhold needs fresh masks of the strategy uniform, which it makes those of "
+                "searches; for others set mask.withhold"
+            )
         return self
+
+    @property
+    def fresh_mask(self) -> MaskRecipe:
+        """The recipe of the fresh masks, with `withhold`; uniform ones are then those of searches.
+
+        A leaderboard gives the mask of a configuration another strategy, which it keeps.
+        """
+        if not self.withhold:
+            return self.mask
+        strategy = "search" if self.mask.strategy == "uniform" else self.mask.strategy
+        return self.mask.model_copy(update={"strategy": strategy, "withhold": self.withhold})
 
 
 class TrainingConfig(Record):

@@ -36,6 +36,8 @@ def command(
     dataset: Path,
     mask: str,
     fraction: float,
+    withhold: float,
+    parts: bool,
     draws: int,
     seed: int,
     workers: int,
@@ -47,8 +49,15 @@ def command(
     \b
     Example:
       bsg-data pairs dataset --mask uniform --fraction 0.5 --draws 10
+      bsg-data pairs dataset --mask explore --withhold 0.2 --force
     """
-    chosen = {"strategy": mask, "fraction": fraction, "seed": seed}
+    chosen = {
+        "strategy": mask,
+        "fraction": fraction,
+        "seed": seed,
+        "withhold": withhold,
+        "parts": parts,
+    }
     recipe = bsg_data.PairsRecipe(mask=bsg_data.MaskRecipe.model_validate(chosen), draws=draws)
     with worker_pool(workers) as executor, progress_bar("pairs", unit="file") as report:
         manifest = bsg_data.write_pairs(

@@ -106,6 +106,11 @@ PAIRS = "pairs/train-00000.parquet"
         (PAIRS, setting("input", np.full(45, 9, np.uint16)), "input is above target"),
         (PAIRS, setting("target", np.zeros(45, np.uint16)), "target is not the histogram"),
         (PAIRS, setting("input", np.zeros(45, np.uint16), 1), "not the sum of its rooms"),
+        (PAIRS, setting("hidden_share", np.float32(1.5)), "hidden_share is not from 0 to 1"),
+        (PAIRS, setting("hidden_share", np.float32(1)), "shows objects where hidden_share is 1"),
+        (PAIRS, setting("hidden_share", np.float32(0)), "hides objects where hidden_share is 0"),
+        (PAIRS, setting("hidden_share", np.float32(0.4)), "is not the mask of its recipe"),
+        (PAIRS, setting("withheld", np.ones(45, bool), 1), "shows objects of a class that is"),
     ],
 )
 def test_damage_is_found(
@@ -125,7 +130,7 @@ def test_a_mask_that_hides_another_number_is_found(dataset: Path) -> None:
         return frame.assign(input=inputs)
 
     edit(dataset, PAIRS, unhide)
-    assert any("draw 0: the mask hides 0 objects" in f.what for f in check_dataset(dataset))
+    assert any("is not the mask of its recipe" in f.what for f in check_dataset(dataset))
 
 
 def test_files_that_changed_vanished_or_appeared_are_named(dataset: Path) -> None:

@@ -20,8 +20,10 @@ from bsg_data.observation.masked_buildings import (
     see_others,
     stack_masked,
 )
+from bsg_data.observation.masks import sample_view
 from bsg_data.observation.observation import stack
 from bsg_data.observation.pairs import write_pairs
+from bsg_data.observation.view import View
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 
 VOCABULARY = ("floor", "wall")
@@ -70,9 +72,12 @@ def test_categories_are_placed_in_the_columns_of_a_vocabulary() -> None:
     assert place_others(cells, ("", "tap", "wall"), ()).shape == (2, 0)
 
 
-@pytest.mark.parametrize("strategy", ["uniform", "rooms", "frontier"])
-def test_stored_pairs_are_what_is_sampled_of_the_same_recipe(dataset: Path, strategy: str) -> None:
-    recipe = MaskRecipe(strategy=strategy, fraction=0.6, seed=2)
+@pytest.mark.parametrize("withhold", [0.0, 0.2])
+@pytest.mark.parametrize("strategy", ["uniform", "rooms", "frontier", "explore", "search"])
+def test_stored_pairs_are_what_is_sampled_of_the_same_recipe(
+    dataset: Path, strategy: str, withhold: float
+) -> None:
+    recipe = MaskRecipe(strategy=strategy, fraction=0.6, seed=2, withhold=withhold)
     write_pairs(dataset, PairsRecipe(mask=recipe, draws=2), force=True)
     data = Dataset.open(dataset)
     stored = read_masked(data, "train", vocabulary=VOCABULARY)
@@ -100,17 +105,29 @@ def test_targets_are_the_histograms_and_nothing_is_seen_twice(dataset: Path) -> 
 
 
 def test_what_is_seen_of_other_objects_does_not_depend_on_the_vocabulary(dataset: Path) -> None:
-    data = Dataset.open(dataset)
-    scene, visited = data.scene_ids[5], np.ones(len(data.cells(data.scene_ids[5])), dtype=bool)
-    wide = see_others(data, scene, MaskRecipe(), 0, visited, vocabulary=VOCABULARY)
-    narrow = see_others(data, scene, MaskRecipe(), 0, visited, vocabulary=("wall",))
+    data, recipe = Dataset.open(dataset), MaskRecipe()
+    scene = data.scene_ids[5]
+    cells = data.cells(scene)
+    view = sample_view(cells.shape, recipe, scene_id=scene, draw=0)
+    wide = see_others(data, scene, recipe, 0, view, 0 * cells, vocabulary=VOCABULARY)
+    narrow = see_others(data, scene, recipe, 0, view, 0 * cells, vocabulary=("wall",))
     assert wide[:, [1]].tolist() == narrow.tolist()
     every = data.others(scene)
     assert (wide <= place_others(every.cells, every.categories, VOCABULARY)).all()
-    assert see_others(data, scene, MaskRecipe(), 0, visited, vocabulary=()).shape == (
-        len(visited),
-        0,
-    )
+    nothing = see_others(data, scene, recipe, 0, view, 0 * cells, vocabulary=())
+    assert nothing.shape == (len(cells), 0)
+
+
+def test_pairs_that_another_numpy_drew_are_read_as_they_tell(dataset: Path) -> None:
+    """What is stored of the view holds for the objects outside the classes, too."""
+    data, recipe = Dataset.open(dataset), MaskRecipe(strategy="rooms")
+    scene = data.scene_ids[5]
+    cells = data.cells(scene)
+    for share in (0.0, 1.0):
+        told = View.of_rooms(np.full(len(cells) - 1, share), classes=cells.shape[1])
+        seen = see_others(data, scene, recipe, 0, told, 0 * cells, vocabulary=("wall",))
+        there = place_others(data.others(scene).cells, data.others(scene).categories, ("wall",))
+        assert seen.sum() == (0 if share else there.sum())
 
 
 def test_the_fraction_of_a_building_does_not_depend_on_its_objects(dataset: Path) -> None:

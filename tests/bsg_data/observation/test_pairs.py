@@ -7,45 +7,55 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import annotation_text, write_scene
+from version_1_files import write_version_1
 
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
-from bsg_data.dataset.dataset import read_adjacency, read_cells
+from bsg_data.dataset.dataset import Dataset, read_adjacency, read_cells
 from bsg_data.dataset.histograms import to_histograms
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.splits import read_splits, split_dataset
 from bsg_data.errors import DatasetError, RecipeError
-from bsg_data.observation.masks import sample_hidden, sample_visited
-from bsg_data.observation.pairs import histogram_column, read_pairs, write_pairs
+from bsg_data.merge import upgrade_dataset
+from bsg_data.observation.masked_buildings import read_masked
+from bsg_data.observation.masks import sample_hidden, sample_view
+from bsg_data.observation.pairs import histogram_column, read_pairs, read_views, write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import Edge, SceneGraph
 from bsg_data.sources.hm3d import HM3DFolder, SceneRef
 
 
-@pytest.mark.parametrize("strategy", ["uniform", "rooms", "frontier"])
-def test_pairs_are_the_masks_of_their_recipe_in_order(dataset: Path, strategy: str) -> None:
-    mask = MaskRecipe.model_validate({"strategy": strategy, "fraction": 0.4, "seed": 3})
+@pytest.mark.parametrize("withhold", [0.0, 0.2])
+@pytest.mark.parametrize("strategy", ["uniform", "rooms", "frontier", "explore", "search"])
+def test_pairs_are_the_masks_of_their_recipe_in_order(
+    dataset: Path, strategy: str, withhold: float
+) -> None:
+    mask = MaskRecipe(strategy=strategy, fraction=0.4, seed=3, withhold=withhold)
     write_pairs(dataset, PairsRecipe(mask=mask, draws=3), force=True)
     cells = read_cells(dataset)
     for split, scenes in read_splits(dataset).items():
         table = read_pairs(dataset, split)
-        expected = []
+        views = read_views(table, PairsRecipe(mask=mask))
+        expected, first = [], 0
         for scene in scenes:
             for draw in range(3):
-                visited = sample_visited(cells[scene], mask, scene_id=scene, draw=draw)
-                hidden = sample_hidden(cells[scene], visited, mask, scene_id=scene, draw=draw)
+                view = sample_view(cells[scene].shape, mask, scene_id=scene, draw=draw)
+                hidden = sample_hidden(cells[scene], view, mask, scene_id=scene, draw=draw)
                 inputs = to_histograms(cells[scene] - hidden)
                 expected += [
-                    (scene, draw, node, bool(visited[node]), tuple(inputs[node]))
+                    (scene, draw, node, bool(view.visited[node]), tuple(inputs[node]))
                     for node in range(len(inputs))
                 ]
+                assert views.take(first, first + len(inputs)).agrees(view)
+                first += len(inputs)
         keys = table.select(["scene_id", "draw", "node_index", "visited"]).to_pylist()
         rows = histogram_column(table, "input")
         found = [(*k.values(), tuple(row)) for k, row in zip(keys, rows, strict=True)]
         assert found == expected
         targets = histogram_column(table, "target")
         assert (rows <= targets).all()
+    assert check_dataset(dataset) == ()
 
 
 def test_the_same_bytes_with_any_number_of_workers(
@@ -121,3 +131,43 @@ def test_adjacency_reaches_the_masks(tmp_path: Path) -> None:
     assert not visited.all()
     changes = (visited[:, 1:] != visited[:, :-1]).sum(axis=1)
     assert changes.max() <= 2  # one run of visited rooms along the chain
+
+
+@pytest.mark.parametrize("upgrade", [False, True])
+@pytest.mark.parametrize("strategy", ["uniform", "rooms", "frontier"])
+def test_pairs_of_format_1_are_read_with_what_was_told_then(
+    dataset: Path, strategy: str, upgrade: bool
+) -> None:
+    mask = MaskRecipe(strategy=strategy, fraction=0.4, seed=3)
+    write_version_1(dataset, mask=mask)
+    if upgrade:
+        upgrade_dataset(dataset)
+    recipe = read_manifest(dataset).pairs
+    assert recipe == PairsRecipe(mask=mask, draws=2, masks=1)
+    table = read_pairs(dataset, "train")
+    assert ("hidden_share" in table.column_names) == upgrade
+    view = read_views(table, recipe)
+    of_visited = {"uniform": 0.4, "rooms": 0.0, "frontier": 0.4 / 1.6}[strategy]
+    is_building = table["node_index"].to_numpy() == 0
+    np.testing.assert_allclose(view.hidden_share[is_building], 0.4, atol=1e-7)
+    rooms = view.visited & ~is_building
+    np.testing.assert_allclose(view.hidden_share[rooms], of_visited, atol=1e-7)
+    assert (view.hidden_share[~view.visited] == 1).all()
+    assert not view.withheld.any()
+    read = read_masked(Dataset.open(dataset), "train", vocabulary=("wall",))
+    np.testing.assert_array_equal(read.seen.inputs, histogram_column(table, "input"))
+    assert (read.seen.others[~view.visited] == 0).all()
+    assert read.seen.others.sum() > 0
+    assert check_dataset(dataset) == ()
+
+
+def test_masks_of_format_1_are_not_drawn_any_more(dataset: Path) -> None:
+    write_version_1(dataset, mask=MaskRecipe())
+    table = read_pairs(dataset, "train")
+    with pytest.raises(RecipeError, match="pairs of format 1 by the mask 'explore'"):
+        read_views(table, PairsRecipe(mask=MaskRecipe(strategy="explore"), masks=1))
+    upgrade_dataset(dataset)
+    with pytest.raises(RecipeError, match="masks of version 1 are not drawn any more"):
+        write_pairs(dataset, PairsRecipe(masks=1), force=True)
+    write_pairs(dataset, PairsRecipe(), force=True)
+    assert check_dataset(dataset) == ()

@@ -13,11 +13,12 @@ from bsg_data.dataset.histograms import to_histograms
 from bsg_data.dataset.manifest import ClassSpaceEntry, read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import RecipeError
-from bsg_data.observation.masks import sample_hidden, sample_visited, share_hidden
+from bsg_data.observation.masks import sample_hidden, sample_view
 from bsg_data.observation.partial_graph import (
     KnownRoom,
     PartialGraph,
     SeenObject,
+    list_withheld,
     mask_scene,
     observe,
 )
@@ -69,6 +70,14 @@ def test_an_observation_by_hand() -> None:
     assert not plain.withheld.any()
 
 
+def test_what_is_withheld_may_be_said_by_node_and_class() -> None:
+    where = np.zeros((3, 45), dtype=bool)
+    where[2, CLASS["sink"]] = True
+    assert GRAPH.observation(withheld=where).withheld.tolist() == where.tolist()
+    with pytest.raises(RecipeError, match=r"withheld: expected \(3, 45\), found \(2, 45\)"):
+        GRAPH.observation(withheld=where[1:])
+
+
 def test_nothing_is_withheld_in_a_searched_room() -> None:
     after = observe(GRAPH, 2, [seen("5", 2, "sink")])
     bed = CLASS["bed"]
@@ -104,21 +113,21 @@ def test_what_cannot_be_observed_is_refused() -> None:
         observe(GRAPH, 2, [seen("1", 2, "sink")])
 
 
-@pytest.mark.parametrize("strategy", ["uniform", "rooms", "frontier"])
+@pytest.mark.parametrize("strategy", ["uniform", "rooms", "frontier", "explore", "search"])
 def test_a_mask_leaves_the_histograms_of_its_pairs(dataset: Path, strategy: str) -> None:
-    recipe = MaskRecipe.model_validate({"strategy": strategy, "fraction": 0.6, "seed": 4})
+    recipe = MaskRecipe(strategy=strategy, fraction=0.6, seed=4, withhold=0.2)
     manifest = read_manifest(dataset)
     cells = read_cells(dataset)
     for graph in read_scene_graphs(dataset):
         own = cells[graph.scene_id]
-        visited = sample_visited(own, recipe, scene_id=graph.scene_id, draw=2)
-        hidden = sample_hidden(own, visited, recipe, scene_id=graph.scene_id, draw=2)
+        view = sample_view(own.shape, recipe, scene_id=graph.scene_id, draw=2)
+        hidden = sample_hidden(own, view, recipe, scene_id=graph.scene_id, draw=2)
         left = mask_scene(graph, recipe, draw=2, class_space=manifest.class_space)
         np.testing.assert_array_equal(left.histograms(), to_histograms(own - hidden))
-        arrays = left.observation()
-        np.testing.assert_array_equal(arrays.visited, visited)
-        share = share_hidden(visited, recipe).astype(np.float32)
-        np.testing.assert_array_equal(arrays.hidden_share, share)
+        arrays = left.observation(withheld=list_withheld(recipe, left, draw=2))
+        np.testing.assert_array_equal(arrays.visited, view.visited)
+        np.testing.assert_array_equal(arrays.hidden_share, view.told)
+        np.testing.assert_array_equal(arrays.withheld, view.withheld)
         real = {str(obj.instance_id): obj for obj in graph.objects}
         assert all(real[obj.name].raw_category == obj.raw_category for obj in left.objects)
         assert all(real[obj.name].room_index == obj.room_index for obj in left.objects)

@@ -20,6 +20,7 @@ from bsg_models.zoo.config import find_config
 
 WORLDS = (WorldRecipe(kind="star"), WorldRecipe(kind="tree"))
 RECIPE = StudyRecipe(worlds=WORLDS, episodes=5, masks=2, at_once=2, planners=("ratio",))
+EXPLORED = RECIPE.model_copy(update={"strategy": "explore", "withhold": 0.2, "parts": True})
 EPISODE = 3
 
 
@@ -91,6 +92,22 @@ def test_the_presence_shown_is_that_which_the_planner_was_given(
         np.testing.assert_allclose(shown[open_], step.presence[open_], rtol=1e-6, atol=1e-9)
         assert (step.presence[~open_] == 0).all()
         assert step.presence[open_].any()
+
+
+def test_under_any_mask_the_presence_shown_is_that_which_the_planner_was_given(
+    dataset: Path, run: Path, scene: str
+) -> None:
+    """Also in rooms that the robot had searched before, and of classes that the mask withheld."""
+    keep = KeepRequest(EPISODE, "all", "ratio", world="tree:1-10")
+    study = study_search(dataset, {scene: run}, EXPLORED, keep=keep)
+    (kept,) = [one.kept for one in study.searches if one.kept is not None]
+    views = replay_search(dataset, run, EXPLORED, kept)
+    assert len(views) == len(kept.steps) + 1
+    for view, step in zip(views, kept.steps, strict=False):
+        assert step.presence is not None
+        open_ = np.setdiff1d(np.arange(1, len(step.presence)), view.moment.route)
+        shown = view.belief.presence[:, list(kept.artifacts)]
+        np.testing.assert_allclose(shown[open_], step.presence[open_], atol=1e-6)
 
 
 def test_the_route_ends_with_the_last_artifact(

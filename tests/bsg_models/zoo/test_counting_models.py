@@ -80,7 +80,7 @@ def test_naive_bayes_is_bayes_rule() -> None:
     model.seen[1].copy_(torch.tensor([[0.6, 0.4], [0.3, 0.9]]))
     model.number.copy_(torch.tensor([3.0, 3.0]))
     model.fraction.fill_(0.5)
-    found = model.predict(observe_building([[1, 0], [1, 0], [0, 0]], visited=[True, True, False]))
+    found = model.predict(observe_building([[1, 0], [1, 0], [0, 0]], hidden_share=[0.5, 0.5, 1.0]))
     there, absent = 0.5 * 0.6 * 0.7, 0.5 * 0.1 * 0.7  # class 0: saw class 0, not class 1
     assert found.presence[1, 0] == pytest.approx(there / (there + absent))
     there, absent = 0.2 * 0.4 * 0.1, 0.8 * 0.4 * 0.8

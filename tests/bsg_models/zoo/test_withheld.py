@@ -32,6 +32,15 @@ def test_search_masks_are_fresh_and_uniform() -> None:
         DataConfig(mask=MaskRecipe(strategy="rooms"), withhold=0.1)
 
 
+def test_withhold_is_short_for_masks_of_a_search() -> None:
+    mask = MaskRecipe(fraction=0.3, seed=4)
+    assert DataConfig(mask=mask).fresh_mask == mask
+    short = DataConfig(mask=mask, withhold=0.1).fresh_mask
+    assert short == MaskRecipe(strategy="search", fraction=0.3, seed=4, withhold=0.1)
+    explored = MaskRecipe(strategy="explore", withhold=0.2)
+    assert DataConfig(mask=explored).fresh_mask == explored
+
+
 def fitted(name: str, dataset: Path) -> BeliefModel:
     torch.manual_seed(0)
     data, config = Dataset.open(dataset), find_config(name)

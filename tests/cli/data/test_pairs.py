@@ -22,3 +22,13 @@ def test_pairs_that_are_there_need_force(dataset: Path) -> None:
 )
 def test_wrong_usage_is_exit_code_2(dataset: Path, words: tuple[str, str]) -> None:
     run("pairs", dataset, *words, code=2)
+
+
+def test_explore_withholds_and_hides_parts_if_so_asked(dataset: Path) -> None:
+    words = ("--mask", "explore", "--withhold", "0.2", "--parts")
+    answer = run("pairs", dataset, "--force", "--draws", "2", *words, "--json")
+    mask = json.loads(answer.stdout)["recipe"]["mask"]
+    assert (mask["strategy"], mask["withhold"], mask["parts"]) == ("explore", 0.2, True)
+    assert mask["exploration"]["glimpsed"] == 0.5
+    assert "sound" in run("check", dataset).stdout
+    run("pairs", dataset, "--force", "--withhold", "1.1", code=2)
