@@ -20,7 +20,8 @@ from .errors import (
     SourceError,
     UnmappedNameError,
 )
-from .exports.export import EXPORTS, Exported, ExportRow, export_dataset
+from .exports.catalogue import EXPORTS, ExportRow
+from .exports.export import Exported, export_dataset
 from .merge import merge_datasets, upgrade_dataset
 from .observation.masked_buildings import MaskedBuildings
 from .observation.masks import MASKS, Mask, sample_hidden, sample_visited

@@ -18,6 +18,7 @@ PROVED_ELSEWHERE = {
     "bsg_data/checks/pairs.py": "bsg_data/checks/test_dataset.py",
     "bsg_data/checks/tables.py": "bsg_data/checks/test_dataset.py",
     "bsg_data/dataset/composition.py": "bsg_data/test_merge.py",
+    "bsg_data/exports/catalogue.py": "bsg_data/exports/test_export.py",
     "bsg_data/dataset/growth.py": "bsg_data/test_build.py",
     "bsg_data/dataset/histograms.py": "bsg_data/dataset/test_categories.py",
     "bsg_data/dataset/manifest.py": "bsg_data/dataset/test_shards.py",

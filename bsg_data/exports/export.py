@@ -1,8 +1,4 @@
-"""Write the scenes of a dataset in the format of another program.
-
-A format from outside is an `ExportRow` that an entry point of the group `bsg_data.exports` names:
-it encodes one scene at a time, and all that has to do with files is done here.
-"""
+"""Write the scenes of a dataset in the format of another program: all that is about files."""
 
 from __future__ import annotations
 
@@ -17,37 +13,9 @@ from pathlib import Path
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import DatasetError
+from bsg_data.exports.catalogue import EXPORTS, ExportRow
 from bsg_data.files import write_bytes
-from bsg_data.registry import Registry
-from bsg_data.scene.scene_graph import SceneGraph, is_scene_id
-
-
-@dataclass(frozen=True, slots=True)
-class EncodedScene:
-    """One scene in another format.
-
-    Attributes:
-        files: their bytes by their names; none for a scene that has nothing for the format.
-        rooms: how many rooms are in them.
-        note: what its reader has to know of a scene, the same words for scenes that are alike.
-    """
-
-    files: Mapping[str, bytes]
-    rooms: int
-    note: str | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class ExportRow:
-    """One row of the exports.
-
-    Attributes:
-        summary: what it writes, in one line.
-        encode: encodes a scene.
-    """
-
-    summary: str
-    encode: Callable[[SceneGraph], EncodedScene]
+from bsg_data.scene.scene_graph import is_scene_id
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,14 +37,6 @@ class Exported:
     left_out: tuple[str, ...]
     rooms_left_out: int
     notes: Mapping[str, int] = field(default_factory=dict)
-
-
-EXPORTS = Registry(
-    "export",
-    ExportRow,
-    group="bsg_data.exports",
-    rows={"habitat": "bsg_data.exports.habitat:ROW"},
-)
 
 
 def export_dataset(

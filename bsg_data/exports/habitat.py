@@ -15,7 +15,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from bsg_data.exports.export import EncodedScene, ExportRow
+from bsg_data.exports.catalogue import EncodedScene, ExportRow
 from bsg_data.geometry.placement import UPRIGHT
 from bsg_data.recipes import Record
 from bsg_data.scene.scene_graph import Point, Room, SceneGraph

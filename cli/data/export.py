@@ -16,7 +16,7 @@ from bsg_cli.options import (
     out_option,
 )
 from bsg_cli.terminal import Command, print_json, progress_bar
-from bsg_data.exports.export import EXPORTS
+from bsg_data.exports.catalogue import EXPORTS
 
 
 @click.command("export", cls=Command)

@@ -6,17 +6,19 @@ import sys
 from pathlib import Path
 
 import pytest
+from conftest import REPOSITORY
 from dsg_files import robot_graph, write_graph
 
 from bsg_data import registry
 from bsg_data.build import build_dataset
 from bsg_data.errors import DatasetError, RecipeError
-from bsg_data.exports.export import EncodedScene, ExportRow, export_dataset
+from bsg_data.exports.catalogue import EncodedScene, ExportRow
+from bsg_data.exports.export import export_dataset
 from bsg_data.scene.scene_graph import SceneGraph
 from bsg_data.sources.spark_dsg import RobotGraphs
 
 NAMES = """
-from bsg_data.exports.export import EncodedScene, ExportRow
+from bsg_data.exports.catalogue import EncodedScene, ExportRow
 
 def encode(graph):
     return EncodedScene({f"{graph.scene_id}.txt": b"rooms"}, len(graph.rooms))
@@ -119,3 +121,16 @@ def test_an_installed_entry_point_is_an_export(
         sys.modules.pop("names_export", None)
     assert (done.files, done.rooms) == (3, 6)
     assert (tmp_path / "out" / "a.txt").read_bytes() == b"rooms"
+
+
+def test_the_example_of_the_docs_is_an_export(
+    robots: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The last lines of Python in docs/export.md."""
+    text = (REPOSITORY / "docs" / "export.md").read_text("utf-8")
+    names: dict[str, ExportRow] = {}
+    exec(compile(text.split("```python\n")[-1].split("```")[0], "docs/export.md", "exec"), names)
+    monkeypatch.setattr("bsg_data.exports.habitat.ROW", names["ROW"])
+    done = export_dataset(robots, tmp_path / "out", to="habitat")
+    assert (done.files, done.rooms, done.left_out) == (2, 2, ("c",))
+    assert (tmp_path / "out" / "a.areas.json").read_text() == '{"0": 8.0}'

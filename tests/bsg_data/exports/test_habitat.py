@@ -15,7 +15,8 @@ from pydantic import ValidationError
 
 from bsg_data.build import build_dataset
 from bsg_data.dataset.shards import read_scene_graphs
-from bsg_data.exports.export import EXPORTS, export_dataset
+from bsg_data.exports.catalogue import EXPORTS
+from bsg_data.exports.export import export_dataset
 from bsg_data.exports.habitat import (
     Region,
     decode_regions,
