@@ -3,7 +3,7 @@ from .checks.dataset import check_dataset
 from .checks.faults import Fault
 from .dataset.categories import OtherObjects
 from .dataset.composition import count_sources
-from .dataset.coverage import Coverage, measure_coverage
+from .dataset.coverage import Coverage, count_classes, measure_coverage
 from .dataset.dataset import Dataset, read_adjacency, read_cells
 from .dataset.frequencies import count_frequencies, plot_frequencies
 from .dataset.histograms import to_histograms
@@ -38,7 +38,15 @@ from .observation.partial_graph import (
 from .observation.robot_json import list_unmapped, read_robot_graph
 from .observation.view import View
 from .recipes import Exploration, MaskRecipe, PairsRecipe, SplitRecipe
-from .scene.class_map import Classified, ClassMap, MapEntry, list_class_maps, load_class_map
+from .scene.class_map import (
+    Classified,
+    ClassMap,
+    MapEntry,
+    PublishedMap,
+    list_class_maps,
+    load_class_map,
+    published_maps,
+)
 from .scene.class_space import ClassSpace, list_class_spaces, load_class_space
 from .scene.connections import Connections
 from .scene.mesh_coverage import MeshCoverage
@@ -98,6 +106,7 @@ __all__ = [
     "OtherObjects",
     "PairsRecipe",
     "PartialGraph",
+    "PublishedMap",
     "Reading",
     "RecipeError",
     "Room",
@@ -117,6 +126,7 @@ __all__ = [
     "assign_splits",
     "build_dataset",
     "check_dataset",
+    "count_classes",
     "count_frequencies",
     "count_sources",
     "export_dataset",
@@ -132,6 +142,7 @@ __all__ = [
     "observe",
     "open_source",
     "plot_frequencies",
+    "published_maps",
     "read_adjacency",
     "read_cells",
     "read_manifest",

@@ -31,13 +31,29 @@ def map_list(as_json: bool) -> None:
     Example:
       bsg-data map list
     """
-    maps = [bsg_data.load_class_map(version) for version in bsg_data.list_class_maps()]
+    rows = bsg_data.published_maps().values()
+    maps = [(row, bsg_data.load_class_map(row.class_map)) for row in rows]
     if as_json:
-        fields = [{"version": m.version, "sha256": m.sha256, "classes": m.classes} for m in maps]
-        print_json(fields)
+        print_json(
+            [
+                {
+                    "version": row.class_map,
+                    "class_space": row.class_space,
+                    "source": row.source,
+                    "rules": row.rules,
+                    "sha256": loaded.sha256,
+                    "classes": loaded.classes,
+                }
+                for row, loaded in maps
+            ]
+        )
         return
-    rows = [(m.version, len(m.classes), len(m.entries), m.sha256) for m in maps]
-    click.echo(format_text(rows, header=("version", "classes", "spellings", "sha256")))
+    cells = [
+        (row.class_map, row.class_space, len(m.classes), row.source, len(m.entries), m.sha256[:12])
+        for row, m in maps
+    ]
+    header = ("class map", "class space", "classes", "words of", "spellings", "sha256")
+    click.echo(format_text(cells, header=header))
 
 
 @command.command("show")
@@ -52,34 +68,36 @@ def map_show(category: str, class_map: str, as_json: bool) -> None:
       bsg-data map show "trash can"
     """
     loaded = bsg_data.load_class_map(class_map)
-    entry = loaded.lookup(category)
-    name = None if entry is None or entry.class_index is None else loaded.classes[entry.class_index]
+    known = loaded.classify(category)
+    name = None if known.class_index is None else loaded.classes[known.class_index]
     index = loaded.classes.index(category) if category in loaded.classes else None
     spellings = sorted(raw for raw, e in loaded.entries.items() if e.class_index == index)
+    mapped = known.role != "unmapped"
     answer = {
         "name": category,
-        "mapped": entry is not None,
-        "category": entry.category if entry else None,
+        "mapped": mapped,
+        "category": known.category,
         "class": name,
-        "nearest": [] if entry else list(loaded.nearest(category)),
+        "role": known.role,
+        "rule": known.rule,
+        "nearest": [] if mapped else list(loaded.nearest(category)),
         "definition": None if index is None else loaded.space.definitions[index],
         "spellings": [] if index is None else spellings,
     }
-    known = entry is not None or index is not None
     if as_json:
         print_json(answer)
-    elif entry is not None:
-        structure = " (part of the building)" if entry.category in loaded.structure else ""
-        click.echo(
-            f"name {category!r} → corrected {entry.category!r} → class {name or f'none{structure}'}"
-        )
-    elif not known:
+    elif mapped:
+        rule = f" (by the rule {known.rule!r})" if known.rule else ""
+        structure = " (part of the building)" if known.role == "structure" else ""
+        what = name or f"none{structure}"
+        click.echo(f"name {category!r} → corrected {known.category!r}{rule} → class {what}")
+    elif index is None:
         near = ", ".join(loaded.nearest(category)) or "nothing like it"
         click.echo(f"{category!r} is not in {loaded.version}; nearest: {near}")
     if index is not None and not as_json:
         click.echo(f"class {index}, {category}: {loaded.space.definitions[index]}")
         click.echo(f"{len(spellings)} spellings: {', '.join(map(repr, spellings))}")
-    if not known:
+    if not mapped and index is None:
         raise click.exceptions.Exit(1)
 
 
@@ -97,20 +115,78 @@ def map_coverage(dataset: Path, class_map: str | None, as_json: bool) -> None:
       bsg-data map coverage dataset
     """
     manifest = bsg_data.read_manifest(dataset)
-    loaded = bsg_data.load_class_map(class_map or manifest.sources[0].class_map.version)
+    loaded = None if class_map is None else bsg_data.load_class_map(class_map)
     coverage = bsg_data.measure_coverage(dataset, loaded)
-    parts = ("objects", "classified", "structure", "nameless", "unmapped", "left_out")
-    counts = {part: int(getattr(coverage, part)) for part in parts}
     if as_json:
-        shares = {"share": coverage.share, "share_of_named": coverage.share_of_named}
-        print_json({**counts, **shares, "most_left_out": dict(coverage.most_left_out)})
+        most = dict(coverage.most_left_out)
+        print_json({**_coverage_counts(coverage), "most_left_out": most})
         return
-    rows = [(part.replace("_", " "), count) for part, count in counts.items()]
-    click.echo(format_text(rows, header=(loaded.version, "instances")))
-    click.echo(f"\nclassified, of what is not structure: {coverage.share:.1%}")
-    click.echo(
-        f"classified, of what is not structure and has a name: {coverage.share_of_named:.1%}"
-    )
+    named = manifest.class_map_names if loaded is None else loaded.version
+    rows = [(what, _show(value)) for what, value in _coverage_counts(coverage).items()]
+    click.echo(format_text(rows, header=("", named)))
     rows = list(coverage.most_left_out)
     if rows:
         click.echo("\n" + format_text(rows, header=("most frequent left out", "instances")))
+
+
+@command.command("compare")
+@dataset_argument
+@click.option(
+    "--class-map",
+    "class_maps",
+    multiple=True,
+    required=True,
+    help="A published version, or your NAME.csv; give it for each map.",
+)
+@json_option
+def map_compare(dataset: Path, class_maps: tuple[str, ...], as_json: bool) -> None:
+    """Compare what class maps make of the objects of a dataset.
+
+    Coverage, then for each class its instances, the rooms that hold one, and the rooms that hold
+    two or more.
+
+    \b
+    Example:
+      bsg-data map compare dataset --class-map hm3d45-v1 --class-map hm3d45-v2
+    """
+    maps = [bsg_data.load_class_map(name) for name in dict.fromkeys(class_maps)]
+    coverages = [_coverage_counts(bsg_data.measure_coverage(dataset, one)) for one in maps]
+    frames = [bsg_data.count_classes(dataset, one).set_index("class") for one in maps]
+    if as_json:
+        print_json(
+            {
+                one.version: {"coverage": coverage, "classes": frame.to_dict(orient="index")}
+                for one, coverage, frame in zip(maps, coverages, frames, strict=True)
+            }
+        )
+        return
+    header = ("", *(one.version for one in maps))
+    rows = [(what, *(_show(one[what]) for one in coverages)) for what in coverages[0]]
+    click.echo(format_text(rows, header=header))
+    classes = sorted({name for frame in frames for name in frame.index})
+    header = (
+        *("class", *(f"instances {one.version}" for one in maps)),
+        *(f"{what} {one.version}" for what in ("rooms", "two or more") for one in maps),
+    )
+    cells = [
+        (
+            name,
+            *(
+                f"{frame.loc[name, column]:,}" if name in frame.index else "-"
+                for column in ("instances", "rooms", "doubles")
+                for frame in frames
+            ),
+        )
+        for name in classes
+    ]
+    click.echo("\n" + format_text(cells, header=header))
+
+
+def _coverage_counts(coverage: bsg_data.Coverage) -> dict[str, int | float]:
+    parts = ("objects", "classified", "structure", "nameless", "unmapped", "left_out")
+    counts: dict[str, int | float] = {part: int(getattr(coverage, part)) for part in parts}
+    return {**counts, "share": coverage.share, "share_of_named": coverage.share_of_named}
+
+
+def _show(value: float) -> str:
+    return f"{value:,}" if isinstance(value, int) else f"{value:.1%}"

@@ -10,6 +10,7 @@ import mlcroissant
 import pytest
 
 from bsg_data.build import build_dataset
+from bsg_data.dataset.manifest import read_manifest
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.synthetic.buildings import write_synthetic
 
@@ -30,6 +31,27 @@ def test_mlcroissant_reads_every_record_set(
     pair = next(iter(found.records("records/pairs/val")))
     assert len(pair["pairs/val/input"]) == 45
     assert not caplog.records
+
+
+@pytest.mark.filterwarnings("ignore")  # of what `datasets` uses
+@pytest.mark.parametrize("streaming", [False, True])
+def test_hugging_face_loads_every_configuration(
+    dataset: Path, tmp_path: Path, streaming: bool
+) -> None:
+    """The card's front matter is what `datasets` finds the files of a table by."""
+    import datasets
+
+    manifest = read_manifest(dataset)
+    names = datasets.get_dataset_config_names(str(dataset))
+    assert sorted(names) == ["edges", "objects", "pairs", "rooms", "scenes", "splits"]
+    for name in names:
+        loaded = datasets.load_dataset(
+            str(dataset), name, streaming=streaming, cache_dir=str(tmp_path / "cache")
+        )
+        expected = {"train", "val", "test"} if name == "pairs" else {"train"}
+        assert set(loaded) == expected
+        rows = sum(sum(1 for _ in split) for split in loaded.values())
+        assert rows == sum(entry.rows for entry in manifest.files_of(name))
 
 
 def test_the_card_says_what_the_manifest_says(dataset: Path) -> None:
