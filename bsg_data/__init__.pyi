@@ -20,6 +20,8 @@ from .errors import (
     SourceError,
     UnmappedNameError,
 )
+from .exports.catalogue import EXPORTS, ExportRow
+from .exports.export import Exported, export_dataset
 from .merge import merge_datasets, upgrade_dataset
 from .observation.masked_buildings import MaskedBuildings
 from .observation.masks import MASKS, Mask, sample_hidden, sample_view, sample_withheld
@@ -58,6 +60,7 @@ from .synthetic.buildings import write_synthetic
 from .synthetic.geometry import GeometryOptions
 
 __all__ = [
+    "EXPORTS",
     "MASKS",
     "SOURCES",
     "AnnotationError",
@@ -75,6 +78,8 @@ __all__ = [
     "DatasetError",
     "Edge",
     "Exploration",
+    "ExportRow",
+    "Exported",
     "Fault",
     "FileEntry",
     "FoundScenes",
@@ -114,6 +119,7 @@ __all__ = [
     "check_dataset",
     "count_frequencies",
     "count_sources",
+    "export_dataset",
     "list_class_maps",
     "list_class_spaces",
     "list_unmapped",

@@ -25,7 +25,7 @@ HOUSE = (
     "bsg_data.sources",
     "bsg_data.dataset",
     "bsg_data.observation",
-    "bsg_data.build bsg_data.synthetic bsg_data.checks",
+    "bsg_data.build bsg_data.synthetic bsg_data.checks bsg_data.exports",
     "bsg_data.merge",
     "bsg_data.testing",
     "bsg_models.errors",

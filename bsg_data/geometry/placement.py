@@ -26,7 +26,7 @@ STAIRS = frozenset({"stair", "stair step", "staircase", "stairs"})
 _STRAIGHT = 1e-3  # metres
 _ASSUMED = "y"  # the glTF standard's, where nothing shows which way is up
 # Rows are the x, y and z of the building in the axes of a file in which this axis is up.
-_UPRIGHT: dict[str, tuple[Point, Point, Point]] = {
+UPRIGHT: dict[str, tuple[Point, Point, Point]] = {
     "x": ((0, 1, 0), (0, 0, 1), (1, 0, 0)),
     "y": ((1, 0, 0), (0, 0, -1), (0, 1, 0)),
     "z": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
@@ -44,7 +44,7 @@ def place_scene(graph: SceneGraph, survey: MeshSurvey) -> SceneGraph:
         survey: of its mesh, one entry an object, in their order.
     """
     up_axis = find_up_axis(graph, survey)
-    upright = np.array(_UPRIGHT[up_axis])
+    upright = np.array(UPRIGHT[up_axis])
     boxes, parts = _turn_boxes(survey.box, upright), _turn_boxes(survey.part_box, upright)
     centroids = survey.centroid @ upright.T
     objects = tuple(

@@ -28,7 +28,7 @@ from bsg_data.scene.class_space import (
 )
 from bsg_data.scene.spoken_names import Rule, resolve
 
-DEFAULT_CLASS_MAP = "hm3d45-v1"
+DEFAULT_CLASS_MAP = "hm3d45-v2"
 UNKNOWN = "unknown"  # the category of a nameless object
 SYNONYMS = "synonyms-v1.csv"
 Role = Literal["classified", "left-out", "structure", "nameless", "unmapped"]

@@ -18,7 +18,7 @@ from importlib.resources import files
 
 from bsg_data.errors import ClassMapError
 
-DEFAULT_CLASS_SPACE = "hm3d45-v1"
+DEFAULT_CLASS_SPACE = "hm3d45-v2"
 MAX_CLASSES = 256  # the objects table has the index in a byte
 _SUFFIX = ".classes.csv"
 

@@ -13,8 +13,9 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from bsg_data.errors import AnnotationError, SourceError
+from bsg_data.errors import AnnotationError
 from bsg_data.scene.scene_graph import Box, Point
+from bsg_data.sources.annotation_files import decode, read_bytes
 
 HEADER = "HM3D Semantic Annotations"
 MAX_BYTES = 64 * 2**20  # the largest real file is below 1 MiB
@@ -63,13 +64,7 @@ def read_annotation(path: Path) -> Annotation:
         SourceError: if the file cannot be read or is far too large.
         AnnotationError: naming the first line that is malformed.
     """
-    try:
-        size = path.stat().st_size
-        if size > MAX_BYTES:
-            raise SourceError(f"{path}: {size} bytes; an annotation has at most {MAX_BYTES}")
-        data = path.read_bytes()
-    except OSError as error:
-        raise SourceError(f"{path}: cannot be read ({error.strerror})") from error
+    data = read_bytes(path, most=MAX_BYTES)
     return Annotation(parse_annotation(data, path=path), hashlib.sha256(data).hexdigest())
 
 
@@ -84,7 +79,7 @@ def parse_annotation(data: bytes, *, path: Path) -> tuple[Instance, ...]:
         AnnotationError: for the first malformed line, wrong encoding, a repeated id or colour, or
             a file without instances.
     """
-    lines = _decode(data, path).split("\n")  # not splitlines(): a name may hold a U+2028
+    lines = decode(data, path=path).split("\n")  # not splitlines(): a name may hold a U+2028
     if HEADER not in lines[0]:
         raise AnnotationError(path, 1, lines[0], expected=repr(HEADER))
     instances: dict[int, Instance] = {}
@@ -102,15 +97,6 @@ def parse_annotation(data: bytes, *, path: Path) -> tuple[Instance, ...]:
     if not instances:
         raise AnnotationError(path, None, "", expected="at least one annotated instance")
     return tuple(instances[key] for key in sorted(instances))
-
-
-def _decode(data: bytes, path: Path) -> str:
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        number = data.count(b"\n", 0, error.start) + 1
-        line = data.split(b"\n")[number - 1].decode("utf-8", "backslashreplace")
-        raise AnnotationError(path, number, line, expected="UTF-8 text") from error
 
 
 def _parse_row(line: str, path: Path, number: int) -> Instance:

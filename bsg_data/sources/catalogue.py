@@ -22,6 +22,8 @@ SOURCES = Registry(
         "behavior": "bsg_data.sources.behavior:ROW",
         "procthor": "bsg_data.sources.procthor:ROW",
         "table": "bsg_data.sources.table:ROW",
+        "mp3d": "bsg_data.sources.mp3d:ROW",
+        "spark-dsg": "bsg_data.sources.spark_dsg:ROW",
         "synthetic": "bsg_data.sources.synthetic:ROW",
     },
 )

@@ -15,6 +15,7 @@ from bsg_data.geometry.placement import place_scene
 from bsg_data.geometry.semantic_mesh import survey_mesh
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_id import split_scene_id
+from bsg_data.sources.annotation_files import fingerprint, walk_files
 from bsg_data.sources.annotations import MAX_BYTES, read_annotation
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.hm3d_names import keep_one_copy, split_by_number, split_of_folder, version_of
@@ -80,7 +81,7 @@ class HM3DFolder:
             raise SourceError(f"{self.path}: {what}{zipped}")
         self._refuse_unfinished_or_mixed()
         unreadable: list[SkippedScene] = []
-        refs = [self._refer(path) for path in _walk(self.path, unreadable)]
+        refs = [self._refer(path) for path in walk_files(self.path, _SUFFIXES, unreadable)]
         if not refs:
             raise SourceError(
                 f"{self.path}: no scene found; looked in every folder below it for "
@@ -128,46 +129,11 @@ class HM3DFolder:
         return SceneRef(
             scene_id=scene_id,
             location=relative.as_posix(),
-            fingerprint=_fingerprint(path),
+            fingerprint=fingerprint(path, most=MAX_BYTES),
             source_split=_last(map(split_of_folder, folders)) or split_by_number(scene_id),
             source_version=_last(map(version_of, folders)),
             geometry=_mesh_mark(path) if self.meshes else None,
         )
-
-
-def _walk(root: Path, unreadable: list[SkippedScene]) -> Iterator[Path]:
-    """Yield annotation files below `root`, through linked folders but never round a loop."""
-
-    def note(error: OSError) -> None:
-        where = Path(str(error.filename)).relative_to(root).as_posix()
-        unreadable.append(SkippedScene("-", where, f"the folder cannot be read ({error.strerror})"))
-
-    seen: set[Path] = set()
-    for folder, folders, names in os.walk(root, followlinks=True, onerror=note):
-        real = Path(folder).resolve()
-        if real in seen:
-            folders.clear()
-            continue
-        seen.add(real)
-        folders.sort()
-        for name in sorted(names):
-            if name.endswith(_SUFFIXES) and not name.startswith("."):
-                reason = _why_not(Path(folder, name))
-                if reason is None:
-                    yield Path(folder, name)
-                else:
-                    where = Path(folder, name).relative_to(root).as_posix()
-                    shown = where.encode("utf-8", "backslashreplace").decode()
-                    unreadable.append(SkippedScene("-", shown, reason))
-
-
-def _why_not(path: Path) -> str | None:
-    """Return why a path cannot be an annotation; None if it can."""
-    if not path.is_file():  # a link that leads nowhere, a pipe, a device
-        return "not a file, or a link that leads nowhere"
-    if not str(path).isprintable() and any("\ud800" <= c <= "\udfff" for c in str(path)):
-        return "its path is not UTF-8"
-    return None
 
 
 def _mesh_beside(annotation: Path) -> Path | None:
@@ -193,16 +159,6 @@ def _mesh_mark(annotation: Path) -> str | None:
     except OSError as error:
         return f"unreadable mesh: {error.strerror}"
     return f"mesh of {size} bytes, {digest.hexdigest()}"
-
-
-def _fingerprint(path: Path) -> str:
-    """Hash a file; one that cannot be read, or is far too large, is reported when it is read."""
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            return "too large"
-        return hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError as error:
-        return f"unreadable: {error.strerror}"
 
 
 def _last(values: Iterator[str | None]) -> str | None:

@@ -11,10 +11,9 @@ import hashlib
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from bsg_data.errors import SourceError
@@ -25,6 +24,7 @@ from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import LAYOUTS, label_of
 from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph, is_scene_id
 from bsg_data.scene.scene_id import building_hash
+from bsg_data.sources.plain_yaml import parse_yaml
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SkippedScene, Source
 
 MAX_BYTES = 2**20  # the largest real layout is 20 kB
@@ -68,24 +68,6 @@ class _Layout(_Entry):
     connections: tuple[tuple[Number, Number], ...] = ()
 
 
-class _Loader(yaml.BaseLoader):  # type: ignore[misc]
-    """Read YAML as text, lists and mappings alone; refuse what layouts do not need."""
-
-    def compose_node(self, parent: Any, index: Any) -> Any:
-        """Refuse aliases, with which a small file can stand for a huge one."""
-        if self.check_event(yaml.AliasEvent):
-            raise yaml.YAMLError(f"an alias, {self.peek_event().anchor!r}")
-        return super().compose_node(parent, index)
-
-    def construct_mapping(self, node: Any, deep: bool = False) -> Any:
-        """Refuse a key that is there twice."""
-        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
-        twice = {str(key) for key in keys if keys.count(key) > 1}
-        if twice:
-            raise yaml.YAMLError(f"the key {min(twice)!r} twice")
-        return super().construct_mapping(node, deep)
-
-
 @dataclass(frozen=True, slots=True)
 class RoomLayout:
     """The layout of one building.
@@ -108,13 +90,13 @@ def read_layout(path: Path) -> RoomLayout:
     try:
         if path.stat().st_size > MAX_BYTES:
             raise LayoutError(f"{path}: more than {MAX_BYTES:,} bytes: no layout of a building")
-        parsed = _Layout.model_validate(yaml.load(path.read_bytes(), _Loader))  # noqa: S506
+        parsed = _Layout.model_validate(parse_yaml(path.read_bytes()))
     except OSError as error:
         raise LayoutError(f"{path}: cannot be read ({error.strerror})") from error
     except ValidationError as error:
         raise LayoutError(f"{path}: {name_fault(error)}") from error
-    except (yaml.YAMLError, ValueError, TypeError, RecursionError) as error:
-        raise LayoutError(f"{path}: no YAML ({' '.join(str(error).split())[:200]})") from error
+    except ValueError as error:
+        raise LayoutError(f"{path}: {error}") from error
     rooms = {}
     for name, room in parsed.rooms.items():
         match = _NAME.fullmatch(name)

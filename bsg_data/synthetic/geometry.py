@@ -16,6 +16,7 @@ from bsg_data.synthetic.furnishing import Fixture, furnish
 from bsg_data.synthetic.meshes import SIZES, Colours, UpAxis, encode_mesh, measure_truth
 
 _UNLISTED = 3  # colours that are painted and not listed
+_RATES_MAP = "hm3d45-v1"  # by whose categories the rates were fitted; another gives other bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +49,7 @@ def shape_building(
     size = SIZES[options.size]
     up_axis: UpAxis = options.up_axis or ("y" if number % 2 == 0 else "z")
     regions = sorted({row.region_id for row in rows if row.region_id >= 0})
-    fixtures = _list_fixtures(rows, regions, load_class_map(), rng)
+    fixtures = _list_fixtures(rows, regions, load_class_map(_RATES_MAP), rng)
     with_stairs = {fixture.room for fixture in fixtures if fixture.category in STAIRS}
     plan = draw_floor_plan(len(regions), with_stairs=with_stairs, rng=rng)
     surfaces = furnish(plan, fixtures, texel=size.texel, rng=rng)

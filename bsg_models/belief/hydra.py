@@ -8,13 +8,9 @@ node has what it is in its metadata under `bsg`, so that the belief graph can be
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 import tempfile
 from collections.abc import Iterator, Mapping
-from functools import cache
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -22,13 +18,13 @@ import numpy as np
 from pydantic import StrictBool, ValidationError
 
 from bsg_data.dataset.manifest import ClassSpaceEntry
-from bsg_data.errors import ClassMapError
 from bsg_data.files import write_bytes
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_data.observation.robot_json import SEEN_SHARE, Share
 from bsg_data.recipes import Record, name_fault
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
 from bsg_data.scene.scene_graph import Box, Point
+from bsg_data.sources.label_space import read_labels
 from bsg_models.belief.belief_graph import BeliefGraph
 from bsg_models.belief.formats import FormatRow
 from bsg_models.belief.header import encode_whole_header
@@ -61,24 +57,6 @@ def _library() -> Any:
             "Spark-DSG files need spark-dsg: pip install 'belief-scene-graphs[hydra]'"
         ) from error
     return spark_dsg
-
-
-@cache
-def read_labels(space: str) -> dict[str, str]:
-    """Return the categories of the labels of a label space, `ade20k` or `mpcat40`.
-
-    Raises:
-        ClassMapError: for another space.
-    """
-    known = sorted(
-        item.name.removeprefix("labels-").removesuffix(".csv")
-        for item in files("bsg_mappings").iterdir()
-        if item.name.startswith("labels-")
-    )
-    if space not in known:
-        raise ClassMapError(f"no label space {space!r}: there are {', '.join(known)}")
-    text = files("bsg_mappings").joinpath(f"labels-{space}.csv").read_text("utf-8")
-    return {row["label"]: row["category"] for row in csv.DictReader(io.StringIO(text))}
 
 
 def read_hydra(

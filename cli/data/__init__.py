@@ -4,7 +4,18 @@ from __future__ import annotations
 
 import click
 
-from bsg_cli.data import build, check, info, map, merge, pairs, split, synth, upgrade  # noqa: A004
+from bsg_cli.data import (
+    build,
+    check,
+    export,
+    info,
+    map,  # noqa: A004
+    merge,
+    pairs,
+    split,
+    synth,
+    upgrade,
+)
 from bsg_cli.options import version_option
 from bsg_cli.terminal import CommandGroup
 
@@ -24,5 +35,5 @@ def main() -> None:
     """
 
 
-for module in (build, check, info, map, merge, pairs, split, synth, upgrade):
+for module in (build, check, export, info, map, merge, pairs, split, synth, upgrade):
     main.add_command(module.command)

@@ -29,8 +29,18 @@ STATISTICS = [
 ]
 
 
+# The other rows keep the contract in the tests of their own files.
+HERE = ("hm3d", "hm3d-stats", "synthetic")
+
+
+@pytest.mark.parametrize("name", [name for name in SOURCES._rows if name not in HERE])
+def test_every_other_source_keeps_the_contract_beside_its_own_tests(name: str) -> None:
+    file = Path(__file__).with_name("sources").joinpath(f"test_{name.replace('-', '_')}.py")
+    assert "(SourceContract):" in file.read_text("utf-8")
+
+
 class TestSources(SourceContract):
-    @pytest.fixture(autouse=True, params=SOURCES.names())
+    @pytest.fixture(autouse=True, params=HERE)
     def _row(self, request: pytest.FixtureRequest) -> None:
         self.name = request.param
 

@@ -81,7 +81,7 @@ def test_runs_that_cannot_be_asked(dataset: Path, run: Path, tmp_path: Path) -> 
     assert "none" in missing.stderr
     copy = Path(shutil.copytree(dataset, tmp_path / "copy"))
     manifest = copy / "dataset.json"
-    manifest.write_text(manifest.read_text("utf-8").replace("hm3d45-v1", "hm3d45-v9"), "utf-8")
+    manifest.write_text(manifest.read_text("utf-8").replace("hm3d45-v2", "hm3d45-v9"), "utf-8")
     other = run_command("--run", run, "--data", copy, "--workers", 1)
     assert other.exit_code == 1
 

@@ -270,7 +270,7 @@ def test_a_checkpoint_of_another_class_space_is_refused(dataset: Path, tmp_path:
         require_dataset(path, header.model_copy(update={"class_space": shuffled}), manifest)
     other = header.class_space.model_copy(update={"name": "mine-v1", "sha256": "f" * 64})
     foreign = header.model_copy(update={"class_space": other})
-    with pytest.raises(MismatchError, match=r"mine-v1 \(sha256 ffffffffffff…\).*hm3d45-v1"):
+    with pytest.raises(MismatchError, match=r"mine-v1 \(sha256 ffffffffffff…\).*hm3d45-v2"):
         require_dataset(path, foreign, manifest)
 
 

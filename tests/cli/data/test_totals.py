@@ -10,7 +10,7 @@ def test_totals_and_losses_are_those_of_the_manifest(dataset: Path) -> None:
     manifest = read_manifest(dataset)
     line = format_totals(manifest)
     assert line.startswith(f"12 scenes, {manifest.totals.rooms} rooms, ")
-    assert line.endswith("in 45 classes of hm3d45-v1")
+    assert line.endswith("in 45 classes of hm3d45-v2")
     losses = format_losses(manifest)
     assert losses.startswith(f"skipped scenes: 0, unmapped objects: {manifest.totals.unmapped}")
     assert "zzqx thing" in losses

@@ -1,0 +1,1 @@
+"""Datasets in the formats of other programs: one file a format, and a row each."""

@@ -1,0 +1,132 @@
+"""Write the scenes of a dataset in the format of another program: all that is about files."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections import Counter
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from bsg_data.dataset.manifest import read_manifest
+from bsg_data.dataset.shards import read_scene_graphs
+from bsg_data.errors import DatasetError
+from bsg_data.exports.catalogue import EXPORTS, ExportRow
+from bsg_data.files import write_bytes
+from bsg_data.scene.scene_graph import is_scene_id
+
+
+@dataclass(frozen=True, slots=True)
+class Exported:
+    """What an export wrote.
+
+    Attributes:
+        files: how many.
+        scenes: that are in them.
+        rooms: that are in them.
+        left_out: scenes that had nothing for the format.
+        rooms_left_out: rooms that had nothing for it, of all scenes.
+        notes: what readers have to know, with the number of scenes that it is true of.
+    """
+
+    files: int
+    scenes: int
+    rooms: int
+    left_out: tuple[str, ...]
+    rooms_left_out: int
+    notes: Mapping[str, int] = field(default_factory=dict)
+
+
+def export_dataset(
+    dataset: Path,
+    out: Path,
+    *,
+    to: str,
+    force: bool = False,
+    progress: Callable[[int, int], None] | None = None,
+) -> Exported:
+    """Write all scenes of a dataset in another format.
+
+    Every file is whole or absent, and none is renamed to its place before all are written.
+
+    Args:
+        dataset: its folder.
+        out: folder to write to; other files in it stay as they are.
+        to: name of a row of `EXPORTS`, or of an installed entry point.
+        force: replace files that are there.
+        progress: called with (scenes done, scenes in all).
+
+    Raises:
+        RecipeError: for an export that nobody knows, with the nearest.
+        DatasetError: if the dataset cannot be read, no scene has anything for the format, a file
+            is in the way, or one cannot be written.
+    """
+    row, total = EXPORTS[to], read_manifest(dataset).totals
+    made = not out.exists()
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        growing = Path(tempfile.mkdtemp(prefix=".export.", dir=out))
+    except OSError as error:
+        raise DatasetError(f"{out}: cannot be written ({error.strerror or error})") from error
+    try:
+        done = _encode_all(dataset, growing, row, progress=progress, scenes=total.scenes)
+        if not done.scenes:
+            raise DatasetError(
+                f"{dataset}: none of its {total.scenes:,} scenes has anything for {to!r}, which "
+                f"is: {row.summary}"
+            )
+        _move_into_place(growing, out, force=force)
+    finally:
+        shutil.rmtree(growing, ignore_errors=True)
+        if made:
+            with suppress(OSError):  # it holds files
+                out.rmdir()
+    return done
+
+
+def _encode_all(
+    dataset: Path,
+    growing: Path,
+    row: ExportRow,
+    *,
+    progress: Callable[[int, int], None] | None,
+    scenes: int,
+) -> Exported:
+    files = written = rooms = rooms_left_out = 0
+    left_out: list[str] = []
+    notes: Counter[str] = Counter()
+    for number, graph in enumerate(read_scene_graphs(dataset), start=1):
+        encoded = row.encode(graph)
+        for name, data in encoded.files.items():
+            if not is_scene_id(name):
+                raise DatasetError(f"{dataset}: scene {graph.scene_id!r}: {name!r} is no file name")
+            write_bytes(growing / name, data)
+        files += len(encoded.files)
+        rooms += encoded.rooms
+        rooms_left_out += len(graph.rooms) - encoded.rooms
+        if encoded.files:
+            written += 1
+            notes.update([encoded.note] if encoded.note else [])
+        else:
+            left_out.append(graph.scene_id)
+        if progress is not None:
+            progress(number, scenes)
+    return Exported(files, written, rooms, tuple(left_out), rooms_left_out, dict(notes))
+
+
+def _move_into_place(growing: Path, out: Path, *, force: bool) -> None:
+    files = sorted(growing.iterdir())
+    if not force:
+        taken = [file.name for file in files if (out / file.name).exists()]
+        if taken:
+            more = f" and {len(taken) - 1:,} more" if len(taken) > 1 else ""
+            raise DatasetError(f"{out / taken[0]}: is there{more}; --force replaces such files")
+    for file in files:
+        try:
+            file.replace(out / file.name)
+        except OSError as error:
+            raise DatasetError(
+                f"{out / file.name}: cannot be replaced ({error.strerror or error})"
+            ) from error

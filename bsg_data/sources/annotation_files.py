@@ -1,0 +1,108 @@
+"""Files of annotations: found below a folder, told apart by a hash, read within a bound."""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+import os
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+
+from bsg_data.errors import AnnotationError, SourceError
+from bsg_data.sources.source import SkippedScene
+
+PACKED = ".gz"
+
+
+def walk_files(
+    root: Path, suffixes: tuple[str, ...], unreadable: list[SkippedScene]
+) -> Iterator[Path]:
+    """Yield the files below a folder whose names end so, through links but never round a loop.
+
+    Args:
+        root: the folder.
+        suffixes: how the names end; hidden files are left out.
+        unreadable: takes the folders and files that cannot be read, and why.
+    """
+
+    def note(error: OSError) -> None:
+        where = Path(str(error.filename)).relative_to(root).as_posix()
+        unreadable.append(SkippedScene("-", where, f"the folder cannot be read ({error.strerror})"))
+
+    seen: set[Path] = set()
+    for folder, folders, names in os.walk(root, followlinks=True, onerror=note):
+        real = Path(folder).resolve()
+        if real in seen:
+            folders.clear()
+            continue
+        seen.add(real)
+        folders.sort()
+        for name in sorted(names):
+            if name.endswith(suffixes) and not name.startswith("."):
+                reason = _why_not(Path(folder, name))
+                if reason is None:
+                    yield Path(folder, name)
+                else:
+                    where = Path(folder, name).relative_to(root).as_posix()
+                    shown = where.encode("utf-8", "backslashreplace").decode()
+                    unreadable.append(SkippedScene("-", shown, reason))
+
+
+def _why_not(path: Path) -> str | None:
+    """Return why a path cannot be an annotation; None if it can."""
+    if not path.is_file():  # a link that leads nowhere, a pipe, a device
+        return "not a file, or a link that leads nowhere"
+    if not str(path).isprintable() and any("\ud800" <= c <= "\udfff" for c in str(path)):
+        return "its path is not UTF-8"
+    return None
+
+
+def fingerprint(path: Path, *, most: int) -> str:
+    """Hash a file; one that cannot be read, or is far too large, is reported when it is read."""
+    try:
+        if path.stat().st_size > most:
+            return "too large"
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError as error:
+        return f"unreadable: {error.strerror}"
+
+
+def read_bytes(path: Path, *, most: int) -> bytes:
+    """Read a file, unpacked if its name ends in `.gz`.
+
+    Args:
+        path: of the file.
+        most: bytes that it may have, packed and unpacked.
+
+    Raises:
+        SourceError: if it cannot be read, is no gzip though its name says so, or is larger.
+    """
+    try:
+        if path.stat().st_size > most:
+            raise SourceError(f"{path}: {path.stat().st_size:,} bytes; expected at most {most:,}")
+        if not path.name.endswith(PACKED):
+            return path.read_bytes()
+        with gzip.open(path) as file:
+            data = file.read(most + 1)
+    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+        raise SourceError(f"{path}: not a readable gzip file ({error})") from error
+    except OSError as error:
+        raise SourceError(f"{path}: cannot be read ({error.strerror or error})") from error
+    if len(data) > most:
+        raise SourceError(f"{path}: unpacks to more than {most:,} bytes; expected at most these")
+    return data
+
+
+def decode(data: bytes, *, path: Path) -> str:
+    """Return UTF-8 text.
+
+    Raises:
+        AnnotationError: naming the first line that is none.
+    """
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        number = data.count(b"\n", 0, error.start) + 1
+        line = data.split(b"\n")[number - 1].decode("utf-8", "backslashreplace")
+        raise AnnotationError(path, number, line, expected="UTF-8 text") from error

@@ -1,0 +1,288 @@
+"""Spark-DSG JSON as Hydra writes it: nodes in layers, edges, and names of labels.
+
+Objects are layer 2, places 3, rooms 4, buildings 5, unless `layer_names` says otherwise; the
+agents, which share layer 2, are another partition of it or of another type. A node's id is a
+symbol: a letter in the highest byte, and a number below it. The mesh and all else of a file are
+left alone. Metres; the axes of the robot's map, z up.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from bsg_data.errors import SourceError
+from bsg_data.recipes import name_fault
+from bsg_data.scene.scene_graph import Box, Point
+
+MAX_METRES = 1_000_000.0  # a map may be in the metres of a country's grid
+_LAYERS = {"OBJECTS": 2, "ROOMS": 4}
+_AGENT = "AgentNodeAttributes"
+_SYMBOL = re.compile(r"[A-Za-z]\([0-9]+\)")  # the name of a node that nobody named
+_NO_LABEL = 2**32 - 1
+_BOX_TYPES = ("INVALID", "AABB", "OBB", "RAABB")  # older files have their numbers
+_INDEX = 2**56 - 1
+
+Number = Annotated[int, Field(ge=0, lt=2**64)]
+Small = Annotated[int, Field(ge=-(2**31), lt=2**32)]
+Metres = Annotated[float, Field(ge=-MAX_METRES, le=MAX_METRES)]
+Triple = tuple[Metres | None, Metres | None, Metres | None]  # null stands for what is not finite
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+
+class _Quaternion(_Part):
+    w: Annotated[float, Field(ge=-1.01, le=1.01)] = 1.0
+    x: Annotated[float, Field(ge=-1.01, le=1.01)] = 0.0
+    y: Annotated[float, Field(ge=-1.01, le=1.01)] = 0.0
+    z: Annotated[float, Field(ge=-1.01, le=1.01)] = 0.0
+
+
+class _BoundingBox(_Part):
+    type: str | int = "INVALID"
+    min: Triple | None = None
+    max: Triple | None = None
+    dimensions: Triple | None = None
+    centre: Annotated[Triple | None, Field(alias="world_P_center")] = None
+    turn: Annotated[_Quaternion, Field(alias="world_R_center")] = _Quaternion()
+
+
+class _Attributes(_Part):
+    type: Annotated[str, Field(max_length=200)] = ""
+    name: Annotated[str, Field(max_length=1000)] = ""
+    position: Triple | None = None
+    semantic_label: Small | None = None
+    bounding_box: _BoundingBox | None = None
+
+
+class _Node(_Part):
+    id: Number
+    layer: Small
+    partition: Small = 0
+    attributes: _Attributes
+
+
+class _Edge(_Part):
+    source: Number
+    target: Number
+
+
+class _LayerKey(_Part):
+    layer: Small
+    partition: Small = 0
+
+
+class _Metadata(_Part):
+    labelspaces: dict[str, tuple[tuple[Small, str], ...]] = {}
+
+
+class _Graph(_Part):
+    nodes: tuple[_Node, ...]
+    edges: tuple[_Edge, ...]
+    layer_names: dict[str, _LayerKey | Small] = {}
+    metadata: _Metadata | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class DSGNode:
+    """A node of a robot's graph.
+
+    Attributes:
+        index: the number of its symbol, 3 of `O(3)`; its place among its kind if numbers repeat.
+        name: its own; None if that is its symbol, or empty.
+        label: the number of its label; None without one.
+        label_name: the name that the file has for its label; None without one.
+        position: metres; None where it is not finite.
+        box: axis-aligned, around the node's own; metres; None without one.
+        room: place of its room among the rooms; None without one, and for rooms.
+    """
+
+    index: int
+    name: str | None
+    label: int | None
+    label_name: str | None
+    position: Point | None
+    box: Box | None
+    room: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class DSGFile:
+    """What a robot's graph says of a building.
+
+    Attributes:
+        rooms: in the order of their ids.
+        objects: in the order of their ids.
+        adjacency: pairs of places of rooms, ascending and once each.
+    """
+
+    rooms: tuple[DSGNode, ...]
+    objects: tuple[DSGNode, ...]
+    adjacency: tuple[tuple[int, int], ...]
+
+
+def parse_dsg(text: str, *, path: Path) -> DSGFile:
+    """Parse a Spark-DSG file.
+
+    Args:
+        text: of the file.
+        path: named in errors.
+
+    Raises:
+        SourceError: if it is none, naming the entry at fault.
+    """
+    try:
+        graph = _Graph.model_validate(json.loads(text))
+    except ValidationError as error:
+        raise SourceError(f"{path}: expected a Spark-DSG graph; {name_fault(error)}") from error
+    except (ValueError, RecursionError) as error:
+        raise SourceError(f"{path}: no JSON ({str(error)[:200]})") from error
+    if len({node.id for node in graph.nodes}) < len(graph.nodes):
+        raise SourceError(f"{path}: expected nodes with an id each, found an id twice")
+    rooms, objects = (_nodes_of(graph, name) for name in ("ROOMS", "OBJECTS"))
+    place = {node.id: number for number, node in enumerate(rooms)}
+    above = _find_parents(graph, path)
+    pairs = {
+        (min(a, b), max(a, b))
+        for edge in graph.edges
+        if (a := place.get(edge.source)) is not None
+        and (b := place.get(edge.target)) is not None
+        and a != b
+    }
+    return DSGFile(
+        rooms=_describe(rooms, graph, [None] * len(rooms)),
+        objects=_describe(objects, graph, [_find_room(o.id, above, place) for o in objects]),
+        adjacency=tuple(sorted(pairs)),
+    )
+
+
+def _nodes_of(graph: _Graph, name: str) -> list[_Node]:
+    """Return the nodes of a layer by their ids, without agents."""
+    key = graph.layer_names.get(name, _LAYERS[name])
+    layer, partition = (key.layer, key.partition) if isinstance(key, _LayerKey) else (key, 0)
+    found = [
+        node
+        for node in graph.nodes
+        if (node.layer, node.partition) == (layer, partition) and node.attributes.type != _AGENT
+    ]
+    return sorted(found, key=lambda node: node.id)
+
+
+def _find_parents(graph: _Graph, path: Path) -> dict[int, int]:
+    """Return the parent of every node that has one: the node of a higher layer, by an edge."""
+    layer = {node.id: node.layer for node in graph.nodes}
+    parents: dict[int, int] = {}
+    for number, edge in enumerate(graph.edges):
+        if edge.source not in layer or edge.target not in layer:
+            raise SourceError(f"{path}: edges.{number}: expected two nodes that are there")
+        child, parent = sorted((edge.source, edge.target), key=layer.__getitem__)
+        if layer[child] < layer[parent]:
+            parents[child] = min(parent, parents.get(child, parent))
+    return parents
+
+
+def _find_room(node: int, above: Mapping[int, int], place: Mapping[int, int]) -> int | None:
+    """Return the place of the first room above a node, by way of places; layers only rise."""
+    at = above.get(node)
+    while at is not None:
+        if at in place:
+            return place[at]
+        at = above.get(at)
+    return None
+
+
+def _describe(
+    nodes: list[_Node], graph: _Graph, rooms: Iterable[int | None]
+) -> tuple[DSGNode, ...]:
+    indices = [node.id & _INDEX for node in nodes]
+    sound = len(set(indices)) == len(indices) and max(indices, default=0) < 2**31
+    spaces = graph.metadata.labelspaces if graph.metadata else {}
+    return tuple(
+        _describe_node(node, index if sound else number, room, spaces)
+        for number, (node, index, room) in enumerate(zip(nodes, indices, rooms, strict=True))
+    )
+
+
+def _describe_node(
+    node: _Node, index: int, room: int | None, spaces: Mapping[str, tuple[tuple[int, str], ...]]
+) -> DSGNode:
+    held = node.attributes
+    label = None if held.semantic_label == _NO_LABEL else held.semantic_label
+    named = dict(spaces.get(f"_l{node.layer}p{node.partition}", ()))
+    name = held.name.strip()
+    return DSGNode(
+        index=index,
+        name=None if _SYMBOL.fullmatch(name) or not name else name,
+        label=label,
+        label_name=None if label is None else named.get(label) or None,
+        position=_point(held.position),
+        box=None if held.bounding_box is None else _surround(held.bounding_box),
+        room=room,
+    )
+
+
+def _point(values: Triple | None) -> Point | None:
+    if values is None:
+        return None
+    x, y, z = (math.nan if value is None else value for value in values)
+    return (x, y, z) if math.isfinite(x + y + z) else None
+
+
+def _surround(box: _BoundingBox) -> Box | None:
+    """Return the axis-aligned box around a box; None for an invalid one.
+
+    Newer files have `dimensions` around `world_P_center`. Older ones have `min` and `max`, which
+    are the box itself if it is axis-aligned, and else its corners before it is turned and moved.
+    """
+    kind = box.type
+    if isinstance(kind, int):
+        kind = _BOX_TYPES[kind] if 0 <= kind < len(_BOX_TYPES) else "INVALID"
+    size, centre = _point(box.dimensions), _point(box.centre)
+    low, high = _point(box.min), _point(box.max)
+    if size is None and kind == "AABB" and low and high:
+        ends = np.array([low, high])
+    elif centre is None or kind not in _BOX_TYPES[1:]:
+        return None
+    else:
+        if size is not None:
+            half = np.array(size) / 2
+            corners = np.array([-half, half])
+        elif low and high:
+            corners = np.array([low, high])
+        else:
+            return None
+        turn = np.eye(3) if kind == "AABB" else _rotation(box.turn)
+        ends = np.array([[corners[i, axis] for axis, i in enumerate(at)] for at in _CORNERS])
+        ends = ends @ turn.T + np.array(centre)
+    lowest, highest = ends.min(axis=0).tolist(), ends.max(axis=0).tolist()
+    return Box((lowest[0], lowest[1], lowest[2]), (highest[0], highest[1], highest[2]))
+
+
+_CORNERS = tuple(product((0, 1), repeat=3))
+
+
+def _rotation(turn: _Quaternion) -> npt.NDArray[np.float64]:
+    """Return the rotation of a quaternion as a matrix `[3, 3]`; an empty one turns nothing."""
+    q = np.array([turn.w, turn.x, turn.y, turn.z])
+    length = float(np.linalg.norm(q))
+    if length < 1e-6:
+        return np.eye(3)
+    w, x, y, z = q / length
+    rows: Any = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.array(rows)

@@ -1,0 +1,148 @@
+"""Label spaces of robots: what the numbers and the names of their labels stand for.
+
+A published one translates the names of a public data set into categories of HM3D
+(`mappings/labels-<name>.csv`: `label,category`). One of your own says which name a number stands
+for: Hydra's YAML, with a list `label_names` of `{label: 5, name: chair}`, or a CSV with the columns
+`label,name` and, if names are to be translated too, `category`.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from types import MappingProxyType
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from bsg_data.errors import ClassMapError, SourceError
+from bsg_data.recipes import name_fault
+from bsg_data.sources.annotation_files import decode, read_bytes
+from bsg_data.sources.plain_yaml import parse_yaml
+
+MAX_BYTES = 2**22  # a list of ten thousand labels has a twentieth
+_PREFIX = "labels-"
+
+Name = Annotated[str, Field(max_length=200)]
+Number = Annotated[int, Field(ge=0, lt=2**32)]
+
+
+class _Label(BaseModel):
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+    label: Number
+    name: Name
+    category: Name | None = None
+
+
+class _HydraFile(BaseModel):
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+    label_names: Annotated[tuple[_Label, ...], Field(min_length=1)]
+
+
+@dataclass(frozen=True, slots=True)
+class LabelSpace:
+    """What the labels of a robot stand for.
+
+    Attributes:
+        name: of the space, or of its file.
+        sha256: of its bytes.
+        names: the names of numbers; empty in a published space, which has no numbers.
+        categories: the categories of names, where they are translated.
+    """
+
+    name: str
+    sha256: str
+    names: Mapping[int, str]
+    categories: Mapping[str, str]
+
+    def translate(self, name: str) -> str:
+        """Return the category that a name stands for; the name itself where none is given."""
+        return self.categories.get(name, name)
+
+
+def list_label_spaces() -> tuple[str, ...]:
+    """Return the names of the published label spaces, sorted."""
+    names = (item.name for item in files("bsg_mappings").iterdir())
+    return tuple(
+        sorted(
+            name.removeprefix(_PREFIX).removesuffix(".csv")
+            for name in names
+            if name.startswith(_PREFIX)
+        )
+    )
+
+
+@cache
+def read_labels(space: str) -> Mapping[str, str]:
+    """Return the categories of the labels of a published label space, `ade20k` or `mpcat40`.
+
+    Raises:
+        ClassMapError: for another space.
+    """
+    if space not in list_label_spaces():
+        raise ClassMapError(f"no label space {space!r}: there are {', '.join(list_label_spaces())}")
+    text = files("bsg_mappings").joinpath(f"{_PREFIX}{space}.csv").read_text("utf-8")
+    rows = csv.DictReader(io.StringIO(text))
+    return MappingProxyType({row["label"]: row["category"] for row in rows})
+
+
+def load_label_space(name: str) -> LabelSpace:
+    """Load a published label space by its name, or one of your own by its path.
+
+    Args:
+        name: `ade20k`, `mpcat40`, or the path of a `.yaml`, `.yml` or `.csv`.
+
+    Raises:
+        ClassMapError: for a name that is neither.
+        SourceError: for a file that cannot be read, naming the entry at fault.
+    """
+    path = Path(name)
+    if path.suffix.casefold() not in (".yaml", ".yml", ".csv"):
+        categories = read_labels(name)
+        listed = "\n".join(f"{label},{category}" for label, category in categories.items())
+        return LabelSpace(name, hashlib.sha256(listed.encode()).hexdigest(), {}, categories)
+    data = read_bytes(path, most=MAX_BYTES)
+    labels = _parse_csv(data, path) if path.suffix.casefold() == ".csv" else _parse_yaml(data, path)
+    names: dict[int, str] = {}
+    for label in labels:
+        if names.setdefault(label.label, label.name) != label.name:
+            raise SourceError(f"{path}: label {label.label} has two names, expected one")
+    categories = {label.name: label.category for label in labels if label.category}
+    return LabelSpace(path.stem, hashlib.sha256(data).hexdigest(), names, categories)
+
+
+def _parse_yaml(data: bytes, path: Path) -> tuple[_Label, ...]:
+    try:
+        return _HydraFile.model_validate(parse_yaml(data)).label_names
+    except ValidationError as error:
+        raise SourceError(
+            f"{path}: {name_fault(error)}; expected Hydra's label_names, a list of "
+            "{label: 5, name: chair}"
+        ) from error
+    except ValueError as error:
+        raise SourceError(f"{path}: {error}") from error
+
+
+def _parse_csv(data: bytes, path: Path) -> tuple[_Label, ...]:
+    reader = csv.DictReader(io.StringIO(decode(data, path=path), newline=""))
+    labels = []
+    try:
+        if not {"label", "name"} <= set(reader.fieldnames or ()):
+            found = ",".join(reader.fieldnames or ())
+            raise SourceError(f"{path}, line 1: expected the columns label,name; found {found!r}")
+        for row in reader:
+            given = {key: row[key] for key in ("label", "name", "category") if row.get(key)}
+            labels.append(_Label.model_validate(given))
+    except ValidationError as error:
+        raise SourceError(f"{path}, line {reader.line_num}: {name_fault(error)}") from error
+    except csv.Error as error:
+        raise SourceError(f"{path}: not a readable CSV file ({error})") from error
+    return tuple(labels)

@@ -1,0 +1,47 @@
+"""`bsg-data export`: a dataset in the format of another program."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+
+import click
+
+import bsg_data
+from bsg_cli.options import (
+    RegistryChoice,
+    dataset_argument,
+    force_option,
+    json_option,
+    out_option,
+)
+from bsg_cli.terminal import Command, print_json, progress_bar
+from bsg_data.exports.catalogue import EXPORTS
+
+
+@click.command("export", cls=Command)
+@dataset_argument
+@click.option("--to", type=RegistryChoice(EXPORTS), required=True, help="Whose format.")
+@out_option("Folder to write to; other files in it stay.", required=True)
+@force_option
+@json_option
+def command(dataset: Path, to: str, out: Path, force: bool, as_json: bool) -> None:
+    """Write a dataset in the format of another program.
+
+    habitat: rooms as habitat-sim reads them, one <scene>.semantic_config.json a scene.
+
+    \b
+    Example:
+      bsg-data export dataset --to habitat --out regions
+    """
+    with progress_bar("export", unit="scene") as report:
+        done = bsg_data.export_dataset(dataset, out, to=to, force=force, progress=report)
+    if as_json:
+        print_json({"out": str(out), "to": to, **asdict(done)})
+        return
+    click.echo(f"{done.rooms:,} rooms of {done.scenes:,} scenes in {done.files:,} files in {out}")
+    if done.rooms_left_out:
+        scenes = f", and all of {len(done.left_out):,} scenes" if done.left_out else ""
+        click.echo(f"rooms left out, for they have no box: {done.rooms_left_out:,}{scenes}")
+    for note, scenes_of in done.notes.items():
+        click.echo(f"{note} ({scenes_of:,} scenes)")

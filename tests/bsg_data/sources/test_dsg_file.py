@@ -1,0 +1,153 @@
+"""Spark-DSG files: one by hand, older and damaged ones, and what spark_dsg itself writes."""
+
+from __future__ import annotations
+
+import gzip
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import REPOSITORY
+from dsg_files import Graph, box, node, robot_graph
+
+from bsg_data.errors import SourceError
+from bsg_data.scene.scene_graph import Box
+from bsg_data.sources.dsg_file import DSGFile, parse_dsg
+
+SAMPLE = REPOSITORY.parent / "shared" / "sources" / "hydra_apartment_dsg.json.gz"
+PATH = Path("dsg.json")
+
+
+def parse(graph: Graph) -> DSGFile:
+    return parse_dsg(json.dumps(graph), path=PATH)
+
+
+def test_a_graph_by_hand() -> None:
+    graph = parse(robot_graph())
+    kitchen, other = graph.rooms
+    assert (kitchen.index, kitchen.name, kitchen.box) == (0, "kitchen", Box((0, 0, 0), (4, 2, 2)))
+    assert (other.index, other.name, other.box) == (3, None, None)
+    assert other.position == (3, 0, 0.5)
+    assert graph.adjacency == ((0, 1),), "once, whichever way it is written and however often"
+    sofa, tv, chair, last = graph.objects
+    assert [obj.index for obj in graph.objects] == [2, 5, 6, 9], "an agent is no object"
+    assert [obj.room for obj in graph.objects] == [0, 0, None, 1], "over places, or directly"
+    assert (sofa.label, sofa.label_name, sofa.name) == (7, "sofa", None)
+    assert sofa.box == Box((0, 0.5, 0.5), (2, 1.5, 1.5))
+    assert tv.box is not None
+    assert tv.box.minimum == pytest.approx((2.5, 0, 0.5)), "a quarter turn swaps length and width"
+    assert tv.box.maximum == pytest.approx((3.5, 2, 1.5))
+    assert (chair.label, chair.label_name, chair.name) == (None, None, "chair_12")
+    assert (last.label, last.label_name, last.position) == (99, None, None)
+
+
+def test_older_boxes_have_corners() -> None:
+    graph = robot_graph()
+    older = {"min": [1, 2, 3], "max": [2, 4, 6], "world_P_center": [1.5, 3, 4.5]}
+    local = {"min": [-1, -2, -3], "max": [1, 2, 3], "world_P_center": [5, 5, 5]}
+    graph["nodes"] += [
+        node("O", 20, 2, bounding_box={"type": "AABB", **older}),
+        node("O", 21, 2, bounding_box={"type": 1, **older}),
+        node("O", 22, 2, bounding_box={"type": "OBB", **local}),
+        node("O", 23, 2, bounding_box={"type": "INVALID", **older}),
+        node("O", 24, 2, bounding_box={"type": "AABB", "min": [0, 0, 0]}),
+    ]
+    boxes = [obj.box for obj in parse(graph).objects[4:]]
+    whole = Box((1, 2, 3), (2, 4, 6))
+    assert boxes == [whole, whole, Box((4, 3, 2), (6, 7, 8)), None, None]
+
+
+def test_numbers_that_repeat_give_way_to_places() -> None:
+    graph = robot_graph()
+    graph["nodes"].append(node("S", 3, 4))
+    assert [room.index for room in parse(graph).rooms] == [0, 1, 2]
+
+
+def drop(graph: Graph, key: str) -> None:
+    del graph[key]
+
+
+def twice(graph: Graph) -> None:
+    graph["nodes"].append(graph["nodes"][0])
+
+
+def lost(graph: Graph) -> None:
+    graph["edges"][0]["target"] = 5
+
+
+def huge(graph: Graph) -> None:
+    graph["nodes"][5]["attributes"]["position"] = [0, 1e30, 0]
+
+
+def text(graph: Graph) -> None:
+    graph["nodes"][5]["attributes"]["bounding_box"] = box("AABB", [0, 0, 0], ["1", "x", "1"])  # type: ignore[list-item]
+
+
+@pytest.mark.parametrize(
+    ("damage", "expected"),
+    [
+        (lambda graph: drop(graph, "nodes"), "expected a Spark-DSG graph; nodes: Field required"),
+        (lambda graph: drop(graph, "edges"), "expected a Spark-DSG graph; edges: Field required"),
+        (twice, "expected nodes with an id each, found an id twice"),
+        (lost, "edges.0: expected two nodes that are there"),
+        (huge, r"nodes\.5\.attributes\.position\.1.*less than or equal"),
+        (text, r"nodes\.5\.attributes\.bounding_box\.dimensions\.1.*valid number"),
+    ],
+)
+def test_a_damaged_graph_is_named(damage: Callable[[Graph], None], expected: str) -> None:
+    graph = robot_graph()
+    damage(graph)
+    with pytest.raises(SourceError, match=r"^dsg\.json: .*" + expected):
+        parse(graph)
+
+
+@pytest.mark.parametrize("damaged", ["", "[1]", "{", "[" * 100_000, '{"nodes": NaN}', "9" * 5_000])
+def test_what_is_no_graph_is_a_source_error(damaged: str) -> None:
+    with pytest.raises(SourceError, match=r"dsg\.json"):
+        parse_dsg(damaged, path=PATH)
+
+
+def test_what_spark_dsg_writes_is_read_as_it_reads_it(tmp_path: Path) -> None:
+    dsg = pytest.importorskip("spark_dsg")
+    graph = dsg.DynamicSceneGraph()
+    rng = np.random.default_rng(0)
+    for number in range(6):
+        attributes = dsg.ObjectNodeAttributes()
+        attributes.name, attributes.semantic_label = f"thing {number}", number % 3
+        attributes.position = rng.normal(size=3)
+        attributes.bounding_box = dsg.BoundingBox(
+            dsg.BoundingBoxType.OBB, rng.uniform(0.1, 3, 3), rng.normal(size=3), _turn(rng)
+        )
+        graph.add_node("OBJECTS", dsg.NodeSymbol("O", number), attributes)
+    room = dsg.RoomNodeAttributes()
+    room.name = "hall"
+    graph.add_node("ROOMS", dsg.NodeSymbol("R", 1), room)
+    graph.insert_edge(dsg.NodeSymbol("R", 1).value, dsg.NodeSymbol("O", 4).value)
+    graph.set_labelspace(dsg.Labelspace({0: "chair", 1: "bed"}), 2, 0)
+    graph.save(str(tmp_path / "dsg.json"), include_mesh=False)
+    read = parse_dsg((tmp_path / "dsg.json").read_text(), path=PATH)
+    assert [obj.label_name for obj in read.objects] == ["chair", "bed", None] * 2
+    assert [obj.room for obj in read.objects] == [None] * 4 + [0, None]
+    assert (read.rooms[0].index, read.rooms[0].name) == (1, "hall")
+    for number, found in enumerate(read.objects):
+        corners = graph.get_node(
+            dsg.NodeSymbol("O", number).value
+        ).attributes.bounding_box.corners()
+        assert found.box is not None
+        assert found.box.minimum == pytest.approx(np.min(corners, axis=0), abs=1e-5)
+        assert found.box.maximum == pytest.approx(np.max(corners, axis=0), abs=1e-5)
+
+
+def _turn(rng: np.random.Generator) -> np.ndarray:
+    turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    return turn * np.sign(np.linalg.det(turn))
+
+
+@pytest.mark.skipif(not SAMPLE.is_file(), reason="no sample here")
+def test_the_real_graph_is_read() -> None:
+    graph = parse_dsg(gzip.decompress(SAMPLE.read_bytes()).decode(), path=SAMPLE)
+    assert (len(graph.rooms), len(graph.objects), graph.adjacency) == (1, 7, ())
+    assert sorted(obj.label for obj in graph.objects if obj.label) == [5, 5, 5, 11, 11, 16, 16]
+    assert [obj.room for obj in graph.objects] == [None, 0, None, None, None, 0, 0]

@@ -1,0 +1,54 @@
+"""Label spaces: the published ones, and files of one's own, sound and damaged."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bsg_data.errors import SourceError
+from bsg_data.sources.label_space import list_label_spaces, load_label_space, read_labels
+
+
+def test_published_spaces_translate_names() -> None:
+    assert list_label_spaces() == ("ade20k", "mpcat40")
+    space = load_label_space("mpcat40")
+    assert (space.name, space.names, space.translate("tv_monitor")) == ("mpcat40", {}, "tv")
+    assert space.translate("zzqx") == "zzqx"
+    assert dict(space.categories) == dict(read_labels("mpcat40"))
+    assert space.sha256 != load_label_space("ade20k").sha256
+
+
+def test_a_file_of_hydra_names_numbers(tmp_path: Path) -> None:
+    path = tmp_path / "lab.yaml"
+    path.write_text(
+        "label_names:\n- {label: 3, name: chair, colour: red}\n- {name: bed, label: 0}\n"
+    )
+    space = load_label_space(str(path))
+    assert (space.name, dict(space.names), dict(space.categories)) == (
+        "lab",
+        {3: "chair", 0: "bed"},
+        {},
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "expected"),
+    [
+        ("a.yaml", "names: []", "label_names: Field required; expected Hydra's label_names"),
+        ("a.yaml", "label_names: [{label: x, name: bed}]", r"label_names\.0\.label"),
+        ("a.yaml", "label_names: [&a {label: 1, name: bed}, *a]", "no YAML .an alias"),
+        ("a.yml", "label_names: [", "no YAML"),
+        ("a.csv", "number,name\n1,bed\n", "line 1: expected the columns label,name; found"),
+        ("a.csv", "label,name\n1,bed\n-1,chair\n", "line 3: label"),
+        ("a.csv", "label,name\n1,bed\n1,chair\n", "label 1 has two names, expected one"),
+        ("a.csv", b"label,name\n1,b\xe9d\n", "line 2: expected UTF-8 text"),
+    ],
+)
+def test_a_damaged_file_is_named(
+    tmp_path: Path, name: str, text: str | bytes, expected: str
+) -> None:
+    path = tmp_path / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(SourceError, match=f"{name}.*{expected}"):
+        load_label_space(str(path))

@@ -1,0 +1,135 @@
+"""Robots' graphs as a source: one by hand, folders of Hydra's, label spaces, and a real one."""
+
+from __future__ import annotations
+
+import gzip
+import json
+from pathlib import Path
+
+import pytest
+from conftest import REPOSITORY
+from dsg_files import robot_graph, write_graph
+
+from bsg_data.build import build_dataset
+from bsg_data.errors import ClassMapError, SourceError
+from bsg_data.scene.class_map import load_class_map
+from bsg_data.scene.scene_graph import Box, SceneGraph
+from bsg_data.sources.spark_dsg import RobotGraphs
+from bsg_data.testing import SourceContract
+
+SAMPLE = REPOSITORY.parent / "shared" / "sources" / "hydra_apartment_dsg.json.gz"
+HYDRA = """\
+---
+total_semantic_labels: 3
+object_labels: [7, 10]
+label_names:
+  - {label: 7, name: chair}
+  - {label: 10, name: bed}
+  - {label: 99, name: shelf}
+"""
+
+
+class TestRobotGraphs(SourceContract):
+    """The contract of all sources, on two graphs."""
+
+    name = "spark-dsg"
+
+    def write_example(self, folder: Path) -> Path:
+        write_graph(folder / "first" / "backend" / "dsg.json")
+        packed = folder / "second.json.gz"
+        packed.write_bytes(gzip.compress(json.dumps(robot_graph()).encode()))
+        return folder
+
+
+def read(path: Path, labels: str | None = None) -> SceneGraph:
+    """Return the only graph of a path."""
+    source = RobotGraphs(path, labels)
+    (ref,) = source.find().scenes
+    return source.read(ref, load_class_map()).graph
+
+
+def test_a_graph_by_hand(tmp_path: Path) -> None:
+    graph = read(write_graph(tmp_path / "flat.json"))
+    assert (graph.scene_id, graph.source, graph.up_axis) == ("flat", "spark-dsg", None)
+    kitchen, other = graph.rooms
+    assert (kitchen.region_id, kitchen.source_label, kitchen.label) == (0, "kitchen", "kitchen")
+    assert (kitchen.box, kitchen.floor_area) == (Box((0, 0, 0), (4, 2, 2)), 8)
+    assert (kitchen.floor_z, kitchen.floor_index) == (0, 0)
+    assert (other.region_id, other.source_label, other.box) == (3, None, None)
+    assert other.centroid == (3, 0, 0.5)
+    (edge,) = graph.adjacency
+    assert (edge.source, edge.target, edge.method) == (1, 2, "robot")
+    assert edge.distance_m == pytest.approx((1 + 1 + 0.25) ** 0.5)
+    names = [(obj.instance_id, obj.room_index, obj.raw_category) for obj in graph.objects]
+    assert names == [(2, 1, "sofa"), (5, 1, "tv_monitor"), (6, 0, "chair"), (9, 2, "label 99")]
+
+
+@pytest.mark.parametrize(
+    ("labels", "expected"),
+    [
+        (None, ["sofa", "tv_monitor", "chair", "label 99"]),
+        ("mpcat40", ["couch", "tv", "chair", "label 99"]),
+        ("own.yaml", ["chair", "bed", "chair", "shelf"]),
+        ("own.csv", ["chair", "divan bed", "chair", "label 99"]),
+    ],
+)
+def test_names_of_labels_come_from_their_space(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, labels: str | None, expected: list[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("own.yaml").write_text(HYDRA)
+    Path("own.csv").write_text("label,name,category\n7,chair,\n10,bed,divan bed\n")
+    graph = read(write_graph(tmp_path / "graphs" / "flat.json"), labels)
+    assert [obj.raw_category for obj in graph.objects] == expected
+
+
+def test_a_build_depends_on_the_label_space(tmp_path: Path) -> None:
+    write_graph(tmp_path / "graphs" / "flat.json")
+    plain = build_dataset(RobotGraphs(tmp_path / "graphs"), tmp_path / "plain")
+    assert ("label 99", 1) in [(entry.name, entry.instances) for entry in plain.unmapped]
+    named = build_dataset(RobotGraphs(tmp_path / "graphs", "mpcat40"), tmp_path / "named")
+    assert str(named.sources[0].options["labels"]).startswith("mpcat40 ")
+    assert named.totals.classified == 3
+
+
+def test_of_a_graph_with_and_without_its_mesh_one_is_read(tmp_path: Path) -> None:
+    for name in ("dsg.json", "dsg_with_mesh.json"):
+        write_graph(tmp_path / "run" / "backend" / name)
+    write_graph(tmp_path / "alone" / "dsg_with_mesh.json")
+    found = RobotGraphs(tmp_path).find()
+    assert [ref.scene_id for ref in found.scenes] == ["alone-dsg_with_mesh", "run-backend-dsg"]
+    (second,) = found.duplicates
+    assert (second.location, second.reason) == (
+        "run/backend/dsg_with_mesh.json",
+        "the graph beside it, with its mesh",
+    )
+
+
+def test_what_is_no_graph_is_skipped_with_the_reason(tmp_path: Path) -> None:
+    write_graph(tmp_path / "graphs" / "flat.json")
+    (tmp_path / "graphs" / "settings.json").write_text('{"rate": 5}')
+    manifest = build_dataset(RobotGraphs(tmp_path / "graphs"), tmp_path / "out")
+    (skip,) = manifest.skipped
+    assert skip.location == "settings.json"
+    assert skip.reason == "expected a Spark-DSG graph; nodes: Field required"
+
+
+def test_a_missing_label_space_is_reported_before_anything_is_read(tmp_path: Path) -> None:
+    write_graph(tmp_path / "flat.json")
+    with pytest.raises(ClassMapError, match=r"no label space 'nyu40': there are ade20k, mpcat40"):
+        RobotGraphs(tmp_path, "nyu40").find()
+    with pytest.raises(SourceError, match=r"none\.yaml: cannot be read"):
+        RobotGraphs(tmp_path, str(tmp_path / "none.yaml")).find()
+
+
+def test_a_folder_without_graphs_says_what_it_expected(tmp_path: Path) -> None:
+    with pytest.raises(SourceError, match=r"expected Spark-DSG files named \*\.json"):
+        RobotGraphs(tmp_path).find()
+
+
+@pytest.mark.skipif(not SAMPLE.is_file(), reason="no sample here")
+def test_the_real_graph_is_read() -> None:
+    graph = read(SAMPLE)
+    assert (graph.scene_id, len(graph.rooms), len(graph.objects)) == ("hydra_apartment_dsg", 1, 7)
+    assert {obj.raw_category for obj in graph.objects} == {"label 5", "label 11", "label 16"}
+    assert all(obj.box is not None for obj in graph.objects)

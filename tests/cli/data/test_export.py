@@ -1,0 +1,26 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from data_commands import run
+from dsg_files import write_graph
+
+
+def test_rooms_are_written_and_counted(tmp_path: Path) -> None:
+    write_graph(tmp_path / "graphs" / "a.json")
+    run("build", "--source", "spark-dsg", tmp_path / "graphs", "--out", tmp_path / "dataset")
+    out = tmp_path / "regions"
+    done = run("export", tmp_path / "dataset", "--to", "habitat", "--out", out)
+    assert f"1 rooms of 1 scenes in 1 files in {out}" in done.stdout
+    assert "rooms left out, for they have no box: 1" in done.stdout
+    assert json.loads((out / "a.semantic_config.json").read_text())["region_annotations"]
+    again = run("export", tmp_path / "dataset", "--to", "habitat", "--out", out, code=1)
+    assert "--force replaces such files" in again.stderr
+    told = run("export", tmp_path / "dataset", "--to", "habitat", "--out", out, "--force", "--json")
+    assert json.loads(told.stdout)["rooms"] == 1
+
+
+def test_an_unknown_format_is_wrong_usage(dataset: Path, tmp_path: Path) -> None:
+    result = run("export", dataset, "--to", "unity", "--out", tmp_path / "out", code=2)
+    assert "habitat" in result.stderr
