@@ -2,8 +2,9 @@
 
 A house is a JSON object; files hold one a line (`.jsonl`), or an array of them (`.json`), gzip or
 not. `rooms` have `id` (`room|4`), `roomType` and `floorPolygon`; `doors` name two rooms; `objects`
-have `id` (`4|0|0` begins with the number of the room), `assetId` (`Bed_25`), `position`, and in
-`children` what is in or on them; `walls` say how high a room is. Metres, Y up, left-handed.
+have `id`, whose first number is the room's (`4|0|0`, `Apple|surface|4|0`), `assetId` (`Bed_25`),
+`position`, and in `children` what is in or on them; `walls` say how high a room is. Metres, Y up,
+left-handed.
 
 Doors, windows and walls are no objects there, and so none here.
 """
@@ -42,7 +43,7 @@ MAX_METRES = 10_000.0
 _NUMBERED = 10**5  # a scene id has five digits for the number of the house in its file
 _SPLITS = ("train", "val", "test")
 _ROOM = re.compile(r"room\|([0-9]{1,6})")
-_OF_ROOM = re.compile(r"(?:[^|0-9]+\|)?([0-9]{1,6})(?:\|.*)?")  # 4|0|0, small|4|5
+_OF_ROOM = re.compile(r"(?:^|\|)([0-9]{1,6})(?:\||$)")  # 4|0|0, small|4|5, Apple|surface|4|0
 _BETWEEN = re.compile(r"[\s,]*")  # what stands between two houses of an array
 _DECODER = json.JSONDecoder()
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
@@ -281,16 +282,29 @@ def _number_rooms(house: _House) -> dict[str, int]:
 
 def _list_instances(house: _House) -> Iterator[Instance]:
     """Yield the objects, each before its children; one of no room is the building's."""
-    rooms = set(_number_rooms(house).values())
+    rooms = _number_rooms(house)
     waiting = list(reversed(house.objects))
     count = 0
     while waiting:
         thing = waiting.pop()
         waiting += reversed(thing.children)
         count += 1
-        match = _OF_ROOM.fullmatch(thing.id)
-        region = int(match[1]) if match and int(match[1]) in rooms else -1
+        match = _OF_ROOM.search(thing.id)
+        named = match is not None and int(match[1]) in rooms.values()
+        region = int(match[1]) if match and named else _find_room(thing.position, house)
         yield Instance(count, name_asset(thing.asset), region, centroid=_upright(thing.position))
+
+
+def _find_room(place: _Place, house: _House) -> int:
+    """Return the room whose floor a place is above; -1, the null region, outside of all."""
+    for room, number in zip(house.rooms, _number_rooms(house).values(), strict=True):
+        corners = np.array([(corner.x, corner.z) for corner in room.corners])
+        ahead = np.roll(corners, -1, axis=0)
+        crossing = (corners[:, 1] > place.z) != (ahead[:, 1] > place.z)
+        (x, y), (to_x, to_y) = corners[crossing].T, ahead[crossing].T
+        if (x + (place.z - y) * (to_x - x) / (to_y - y) > place.x).sum() % 2:
+            return number
+    return -1
 
 
 def _describe(room: _Room, walls: Sequence[_Wall], where: str) -> Room:

@@ -50,8 +50,9 @@ def house(**changes: Any) -> dict[str, Any]:
         "objects": [
             thing("4|0|0", "Bed_25", thing("4|0|1", "pillow_11"), thing("small|4|5", "Book_2")),
             thing("2|3", "Toilet_1", x=3, z=0.5),
-            thing("9|1", "Sofa_1"),
-            thing("Painting", "Wall_Decor_Photo_2V"),
+            thing("9|1", "Sofa_1", x=9),
+            thing("Painting", "Wall_Decor_Photo_2V", x=3, z=0.5),
+            thing("Apple|surface|2|0", "Apple_24"),
         ],
         "metadata": {"schema": "1.0.0"},
         **changes,
@@ -99,8 +100,9 @@ def test_a_house_worked_out_by_hand(tmp_path: Path) -> None:
         ("pillow", 2),
         ("book", 2),
         ("toilet", 1),
-        ("sofa", 0),  # no room 9: the building's
-        ("wall decor photo", 0),
+        ("sofa", 0),  # no room 9, and none around it: the building's
+        ("wall decor photo", 1),  # by its place
+        ("apple", 1),  # as ids are in ProcTHOR-10K
     ]
     assert graph.objects[3].centroid == (3, 0.5, 0.5)  # Z up
     assert {obj.box for obj in graph.objects} == {None}
