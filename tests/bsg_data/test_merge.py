@@ -118,7 +118,7 @@ def test_two_class_spaces_do_not_merge(dataset: Path, tmp_path: Path) -> None:
     build_dataset(
         HM3DFolder(tmp_path / "more"), tmp_path / "o", class_map=str(tmp_path / "own.csv")
     )
-    with pytest.raises(MismatchError, match=r"own \(sha256 .*hm3d45"):
+    with pytest.raises(MismatchError, match=r"own \(sha256"):
         merge_datasets([dataset, tmp_path / "o"], tmp_path / "both")
 
 

@@ -395,6 +395,11 @@ def test_a_strategy_that_nobody_knows_is_refused_with_the_nearest() -> None:
         sample_view((2, 1), MaskRecipe(strategy="room"), scene_id="s", draw=0)
 
 
+def test_an_exploration_whose_range_falls_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"not_entered must rise, found \[0.8, 0.2\]"):
+        Exploration(not_entered=(0.8, 0.2))
+
+
 def test_no_connections_and_unknown_ones_are_the_same() -> None:
     for strategy in ("frontier", "explore"):
         recipe = MaskRecipe(strategy=strategy)
