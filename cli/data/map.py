@@ -124,9 +124,9 @@ def map_coverage(dataset: Path, class_map: str | None, as_json: bool) -> None:
     named = manifest.class_map_names if loaded is None else loaded.version
     rows = [(what, _show(value)) for what, value in _coverage_counts(coverage).items()]
     click.echo(format_text(rows, header=("", named)))
-    rows = list(coverage.most_left_out)
-    if rows:
-        click.echo("\n" + format_text(rows, header=("most frequent left out", "instances")))
+    left_out = [(name, f"{count:,}") for name, count in coverage.most_left_out]
+    if left_out:
+        click.echo("\n" + format_text(left_out, header=("most frequent left out", "instances")))
 
 
 @command.command("compare")

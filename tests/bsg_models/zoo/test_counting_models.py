@@ -86,7 +86,8 @@ def test_naive_bayes_is_bayes_rule() -> None:
     there, absent = 0.2 * 0.4 * 0.1, 0.8 * 0.4 * 0.8
     assert found.presence[1, 1] == pytest.approx(there / (there + absent))
     assert found.hidden[1, 1] == pytest.approx(3 * found.presence[1, 1])
-    assert found.presence[2].tolist() == pytest.approx([0.5, 0.2])  # unvisited: the prior
+    # Nobody looked into it: the prior, of twice the share that the model was fitted with.
+    assert found.presence[2].tolist() == pytest.approx([1 - 0.5**2, 1 - 0.8**2])
 
 
 def test_boosting_survives_its_checkpoint_and_says_when_it_is_damaged(
