@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import shutil
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from concurrent.futures import Executor
 from importlib.metadata import version
 from pathlib import Path
@@ -28,6 +28,7 @@ from bsg_data.dataset.manifest import (
     SourceEntry,
     Totals,
     UnmappedEntry,
+    list_resolved,
 )
 from bsg_data.dataset.publication import REPORTS
 from bsg_data.dataset.schema import FORMAT_VERSION
@@ -179,25 +180,10 @@ def _make_shard(
         left_out=tuple(left_out),
         meshes=meshes,
         unmapped={n: times for n, times in names.items() if not loaded.classify(n).category},
-        resolved=tuple(_list_resolved(names, loaded)),
+        resolved=tuple(list_resolved(names, loaded)),
     )
     write_bytes(path, report.model_dump_json().encode())
     return report
-
-
-def _list_resolved(names: Mapping[str, int], class_map: ClassMap) -> Iterator[ResolvedEntry]:
-    """Yield the names that a rule explains, most frequent first."""
-    for name, instances in sorted(names.items(), key=lambda item: (-item[1], item[0])):
-        known = class_map.classify(name)
-        if known.rule is not None and known.category is not None:
-            index = known.class_index
-            yield ResolvedEntry(
-                name=name,
-                instances=instances,
-                rule=known.rule,
-                category=known.category,
-                class_name=None if index is None else class_map.classes[index],
-            )
 
 
 def _enter_skip(skip: SkippedScene, root: Path) -> SkipEntry:
@@ -285,7 +271,7 @@ def _summarise(
             UnmappedEntry(name=name, instances=count, nearest=class_map.nearest(name))
             for name, count in sorted(unmapped.items(), key=lambda item: (-item[1], item[0]))
         ),
-        resolved=tuple(_list_resolved(resolved, class_map)),
+        resolved=tuple(list_resolved(resolved, class_map)),
     )
 
 

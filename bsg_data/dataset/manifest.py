@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Literal
 
@@ -96,6 +97,26 @@ class ResolvedEntry(Record):
     rule: Rule
     category: str
     class_name: str | None
+
+
+def list_resolved(names: Mapping[str, int], class_map: ClassMap) -> Iterator[ResolvedEntry]:
+    """Yield what rules made of some names, most frequent first.
+
+    Args:
+        names: name → how often it occurs.
+        class_map: that they were read with.
+    """
+    for name, instances in sorted(names.items(), key=lambda item: (-item[1], item[0])):
+        known = class_map.classify(name)
+        if known.rule is not None and known.category is not None:
+            index = known.class_index
+            yield ResolvedEntry(
+                name=name,
+                instances=instances,
+                rule=known.rule,
+                category=known.category,
+                class_name=None if index is None else class_map.classes[index],
+            )
 
 
 class Totals(Record):

@@ -185,6 +185,22 @@ def published_maps() -> Mapping[str, PublishedMap]:
     return {row[0]: PublishedMap(row[0], row[1], row[2], row[3] == "yes") for row in rows}
 
 
+def map_into(class_space: str) -> str:
+    """Return the published map of HM3D's words, which people speak, into a class space.
+
+    Raises:
+        ClassMapError: if none leads there: it is a space of somebody's own.
+    """
+    for row in published_maps().values():
+        if row.class_space == class_space and row.source == "hm3d":
+            return row.class_map
+    raise ClassMapError(
+        f"no published class map leads into the class space {class_space!r}; published are "
+        f"{', '.join(list_class_maps())}. Read the graph in Python with your own NAME.csv: "
+        "read_robot_graph(path, class_map='NAME.csv')"
+    )
+
+
 def list_class_maps() -> tuple[str, ...]:
     """Return the versions of the published maps, sorted."""
     return tuple(sorted(published_maps()))

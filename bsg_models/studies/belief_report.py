@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -13,10 +14,12 @@ from pydantic import Field
 
 from bsg_data.arrays import Counts
 from bsg_data.dataset.dataset import Dataset
+from bsg_data.dataset.manifest import ResolvedEntry, list_resolved
 from bsg_data.errors import BSGError, DatasetError, RecipeError
 from bsg_data.observation.partial_graph import PartialGraph, list_withheld, mask_dataset
 from bsg_data.observation.robot_json import list_unmapped, read_robot_graph
 from bsg_data.recipes import MaskRecipe, Record
+from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, load_class_map, map_into
 from bsg_models.belief.belief_graph import BeliefGraph, Mode, believe, rank_unseen
 from bsg_models.belief.formats import choose_format, write_beliefs
 from bsg_models.belief.hydra import read_hydra, write_hydra
@@ -113,12 +116,14 @@ class BeliefReport(NamedTuple):
         graphs: one a partial graph.
         rooms: of all graphs.
         unmapped: file → name that the class map does not know → times.
+        resolved: file → names that a rule explained.
     """
 
     model: str
     graphs: tuple[BeliefGraph, ...]
     rooms: tuple[RoomBelief, ...]
     unmapped: dict[Path, dict[str, int]]
+    resolved: dict[Path, tuple[ResolvedEntry, ...]]
 
 
 def report_beliefs(
@@ -139,7 +144,11 @@ def report_beliefs(
     wanted = _choose(request.scenes) if request.scenes else frozenset()
     _check_paths(request)
     predictor = Predictor(request.run)
-    graphs = {path: read_graph(path, labels=request.labels) for path in request.graphs}
+    class_map = map_into(predictor.class_space.name) if request.graphs else DEFAULT_CLASS_MAP
+    graphs = {
+        path: read_graph(path, labels=request.labels, class_map=class_map)
+        for path in request.graphs
+    }
     total = len(graphs) or len(wanted)
     out_holds_one = request.out is not None and not choose_format(request.out).many
     if (out_holds_one or request.hydra) and total != 1:
@@ -161,15 +170,30 @@ def report_beliefs(
             progress(done, total)
     _write(request, views)
     unmapped = {path: names for path, graph in graphs.items() if (names := list_unmapped(graph))}
-    return BeliefReport(predictor.name, tuple(v.belief for v in views), tuple(rooms), unmapped)
+    resolved = {path: _list_resolved(graph, class_map) for path, graph in graphs.items()}
+    return BeliefReport(
+        model=predictor.name,
+        graphs=tuple(view.belief for view in views),
+        rooms=tuple(rooms),
+        unmapped=unmapped,
+        resolved={path: names for path, names in resolved.items() if names},
+    )
 
 
-def read_graph(path: Path, *, labels: str | None = None) -> PartialGraph:
+def _list_resolved(graph: PartialGraph, class_map: str) -> tuple[ResolvedEntry, ...]:
+    names = Counter(obj.raw_category for obj in graph.objects)
+    return tuple(list_resolved(names, load_class_map(class_map)))
+
+
+def read_graph(
+    path: Path, *, labels: str | None = None, class_map: str = DEFAULT_CLASS_MAP
+) -> PartialGraph:
     """Read a robot's graph of either kind: our JSON, or Spark-DSG's.
 
     Args:
         path: of the file.
         labels: label space of a Hydra graph: `ade20k` or `mpcat40`.
+        class_map: that its names are read with.
 
     Raises:
         BSGError: if it cannot be read, or is no graph.
@@ -182,10 +206,10 @@ def read_graph(path: Path, *, labels: str | None = None) -> PartialGraph:
     except (ValueError, RecursionError) as error:
         raise BSGError(f"{path}: no JSON ({error})") from error
     if path.suffix == ".sparkdsg" or "SPARK_DSG_header" in document:
-        return read_hydra(path, labels=labels)
+        return read_hydra(path, labels=labels, class_map=class_map)
     if labels is not None:
         raise RecipeError(f"labels are for Hydra's graphs, and {path} is none")
-    return read_robot_graph(path)
+    return read_robot_graph(path, class_map=class_map)
 
 
 def describe_rooms(

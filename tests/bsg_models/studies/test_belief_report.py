@@ -1,13 +1,25 @@
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
-from conftest import REPOSITORY
+from conftest import REPOSITORY, write_twelve
 
-from bsg_data.errors import BSGError, DatasetError, RecipeError
+from bsg_data.build import build_dataset
+from bsg_data.dataset.splits import split_dataset
+from bsg_data.errors import BSGError, DatasetError, MismatchError, RecipeError
 from bsg_data.observation.robot_json import read_robot_graph
-from bsg_models.studies.belief_report import BeliefRequest, read_graph, report_beliefs
+from bsg_data.recipes import SplitRecipe
+from bsg_data.sources.hm3d import HM3DFolder
+from bsg_models.studies.belief_report import (
+    BeliefRequest,
+    MaskedScenes,
+    read_graph,
+    report_beliefs,
+)
+from bsg_models.training.training import train_run
+from bsg_models.zoo.config import find_config
 
 OFFICE = REPOSITORY / "docs" / "office.json"
 
@@ -30,3 +42,41 @@ def test_files_are_refused_before_the_run_is_loaded(tmp_path: Path) -> None:
     (tmp_path / "b.json").write_text("")
     with pytest.raises(DatasetError, match="is there already"):
         report_beliefs(BeliefRequest(run=tmp_path, graphs=(OFFICE,), out=tmp_path / "b.json"))
+
+
+@pytest.fixture
+def old_run(tmp_path: Path) -> Path:
+    """A run on the twelve buildings by the first class map."""
+    data = tmp_path / "old"
+    source = HM3DFolder(write_twelve(tmp_path / "twelve"))
+    build_dataset(source, data, class_map="hm3d45-v1")
+    split_dataset(data, SplitRecipe())
+    list(train_run(find_config("gamma-poisson"), data, tmp_path / "run"))
+    return tmp_path / "run"
+
+
+def test_a_graph_is_read_into_the_class_space_of_the_run(old_run: Path, tmp_path: Path) -> None:
+    report = report_beliefs(BeliefRequest(run=old_run, graphs=(OFFICE,)))
+    assert report.graphs[0].partial.class_space.name == "hm3d45-v1"
+    path = tmp_path / "robot.json"
+    rooms, objects = [{"id": "lounge"}], [{"id": "1", "room": "lounge", "category": "TV-stands"}]
+    path.write_text(json.dumps({"scene_id": "flat", "rooms": rooms, "objects": objects}))
+    old = report_beliefs(BeliefRequest(run=old_run, graphs=(path,)))
+    assert old.unmapped == {path: {"TV-stands": 1}}  # the first map has no rules
+    assert old.resolved == {}
+
+
+def test_a_run_of_another_space_is_refused_with_both_named(old_run: Path, dataset: Path) -> None:
+    scenes = MaskedScenes(dataset=dataset, split="test")
+    with pytest.raises(MismatchError, match=r"hm3d45-v1 \(sha256.*hm3d45-v2 \(sha256"):
+        report_beliefs(BeliefRequest(run=old_run, scenes=scenes))
+
+
+def test_what_a_rule_made_of_a_robots_names_is_reported(dataset: Path, tmp_path: Path) -> None:
+    list(train_run(find_config("gamma-poisson"), dataset, tmp_path / "run"))
+    path = tmp_path / "robot.json"
+    rooms, objects = [{"id": "lounge"}], [{"id": "1", "room": "lounge", "category": "TV-stands"}]
+    path.write_text(json.dumps({"scene_id": "flat", "rooms": rooms, "objects": objects}))
+    report = report_beliefs(BeliefRequest(run=tmp_path / "run", graphs=(path,)))
+    (made,) = report.resolved[path]
+    assert (made.name, made.rule, made.class_name) == ("TV-stands", "number", "cabinet")
