@@ -43,7 +43,11 @@ def check_splits(
         yield Fault("splits", f"building {building} leaks: it is in more than one split")
     own = scenes["source_split"].where(scenes["source_split"].notna(), None)
     try:
-        by_recipe = assign_splits(dict(zip(scenes["scene_id"], own, strict=True)), recipe)
+        by_recipe = assign_splits(
+            dict(zip(scenes["scene_id"], own, strict=True)),
+            recipe,
+            sources=dict(zip(scenes["scene_id"], scenes["source"], strict=True)),
+        )
     except RecipeError as error:
         yield Fault("splits", f"cannot be made by the recipe: {error}")
         return

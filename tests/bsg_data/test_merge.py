@@ -79,6 +79,7 @@ def test_each_source_has_its_share_of_every_split(
     out = tmp_path / "both"
     merge_datasets([dataset, synthetic], out)
     split_dataset(out, SplitRecipe())
+    assert check_dataset(out) == ()
     source = {graph.scene_id: graph.source for graph in read_scene_graphs(out)}
     sizes = {
         (kind, name): sum(source[scene] == kind for scene in scenes)
