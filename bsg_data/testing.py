@@ -1,4 +1,4 @@
-"""Contracts of sources and masks: tests that a row of one's own inherits.
+"""Contracts of sources, masks and exports: tests that a row of one's own inherits.
 
 A subclass names a row of the registry, and pytest runs it (docs/extending.md). Rows of this project
 keep the same contracts.
@@ -20,13 +20,14 @@ from bsg_data.checks.dataset import check_dataset
 from bsg_data.dataset.publication import CARD, CROISSANT
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import SourceError
+from bsg_data.exports.catalogue import EXPORTS
 from bsg_data.observation.masks import sample_hidden, sample_view
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.observation.view import View
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
-from bsg_data.scene.class_map import load_class_map
+from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, load_class_map
 from bsg_data.scene.connections import Connections
-from bsg_data.scene.scene_graph import SceneGraph, is_scene_id
+from bsg_data.scene.scene_graph import Box, Room, SceneGraph, is_scene_id
 from bsg_data.sources.annotations import HEADER
 from bsg_data.sources.catalogue import SOURCES, open_source
 from bsg_data.sources.hm3d import HM3DFolder
@@ -269,3 +270,50 @@ def _count_wrong(
         float(wrong[view.visited & rooms].sum()),
         float(wrong[~view.visited].sum()),
     )
+
+
+class ExportContract:
+    """What every export keeps.
+
+    Attributes:
+        name: of its row, or of its entry point.
+    """
+
+    name: ClassVar[str]
+
+    def graphs(self) -> Iterator[SceneGraph]:
+        """Yield a building whose rooms have places and labels, one without places, and none."""
+        box = Box((0.0, 0.0, 0.0), (4.0, 3.0, 2.5))
+        outline = ((0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (0.0, 3.0))
+        placed = Room(1, 0, "kitchen", (2.0, 1.5, 1.25), box, 0, 0.0, outline, "kitchen", 12.0)
+        for number, rooms in enumerate(((placed, Room(2, 5)), (Room(1, 0),), ())):
+            yield SceneGraph(
+                scene_id=f"0000{number}-building",
+                source="table",
+                source_version=None,
+                source_split=None,
+                annotation_sha256="0" * 64,
+                rooms=rooms,
+                objects=(),
+                class_map=DEFAULT_CLASS_MAP,
+            )
+
+    def test_a_scene_has_the_same_files_again(self) -> None:
+        """Encode a scene twice."""
+        for graph in self.graphs():
+            assert EXPORTS[self.name].encode(graph) == EXPORTS[self.name].encode(graph)
+
+    def test_files_have_names_without_folders(self) -> None:
+        """Name files that stay in the folder that they are written to, each of one scene alone."""
+        named: list[str] = []
+        for graph in self.graphs():
+            named += EXPORTS[self.name].encode(graph).files
+        assert all(is_scene_id(name) for name in named)
+        assert len(set(named)) == len(named)
+
+    def test_rooms_are_counted(self) -> None:
+        """Count at most the rooms that there are, and none without a file."""
+        for graph in self.graphs():
+            encoded = EXPORTS[self.name].encode(graph)
+            assert 0 <= encoded.rooms <= len(graph.rooms)
+            assert encoded.files or not encoded.rooms

@@ -12,13 +12,14 @@ from dsg_files import robot_graph, write_graph
 from bsg_data import registry
 from bsg_data.build import build_dataset
 from bsg_data.errors import DatasetError, RecipeError
-from bsg_data.exports.catalogue import EncodedScene, ExportRow
+from bsg_data.exports.catalogue import EXPORTS, EncodedScene, ExportRow
 from bsg_data.exports.export import export_dataset
 from bsg_data.scene.scene_graph import SceneGraph
 from bsg_data.sources.spark_dsg import RobotGraphs
+from bsg_data.testing import ExportContract
 
 NAMES = """
-from bsg_data.exports.catalogue import EncodedScene, ExportRow
+from bsg_data.exports.catalogue import EXPORTS, EncodedScene, ExportRow
 
 def encode(graph):
     return EncodedScene({f"{graph.scene_id}.txt": b"rooms"}, len(graph.rooms))
@@ -121,6 +122,12 @@ def test_an_installed_entry_point_is_an_export(
         sys.modules.pop("names_export", None)
     assert (done.files, done.rooms) == (3, 6)
     assert (tmp_path / "out" / "a.txt").read_bytes() == b"rooms"
+
+
+class TestExports(ExportContract):
+    @pytest.fixture(autouse=True, params=EXPORTS.names())
+    def _row(self, request: pytest.FixtureRequest) -> None:
+        self.name = request.param
 
 
 def test_the_example_of_the_docs_is_an_export(
