@@ -22,7 +22,7 @@ from bsg_data.sources.hm3d_names import keep_one_copy, split_by_number, split_of
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SkippedScene, SourceRow, Terms
 
 HOMEPAGE = "https://aihabitat.org/datasets/hm3d-semantics/"
-CITATION = "Saucedo et al., Belief Scene Graphs, ICRA 2024, arXiv:2402.03840"
+CITATION = "Yadav et al., Habitat-Matterport 3D Semantics Dataset, CVPR 2023, arXiv:2210.05633"
 MATTERPORT = Terms(
     licence="LicenseRef-matterport-academic",
     licence_url=(

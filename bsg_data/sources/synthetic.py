@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from bsg_data.errors import SourceError
-from bsg_data.sources.hm3d import CITATION, HOMEPAGE, HM3DFolder
+from bsg_data.sources.hm3d import HOMEPAGE, HM3DFolder
 from bsg_data.sources.source import SourceRow, Terms
 
 
@@ -30,7 +30,7 @@ ROW = SourceRow(
         licence="Apache-2.0",
         licence_url="https://www.apache.org/licenses/LICENSE-2.0",
         homepage=HOMEPAGE,
-        citation=CITATION,
+        citation="Saucedo et al., Belief Scene Graphs, ICRA 2024, arXiv:2402.03840",
         sentence="The buildings are synthetic: no building like them exists, and none was scanned.",
     ),
 )

@@ -39,7 +39,7 @@ def command(dataset: Path, figure: Path | None, as_json: bool) -> None:
         return
     click.echo(format_totals(manifest))
     click.echo(format_losses(manifest))
-    click.echo(format_sources(dataset))
+    click.echo(f"\n{format_sources(dataset)}\n")
     held = ", ".join(f"{name} {len(ids)}" for name, ids in sizes.items())
     click.echo(f"splits: {held or 'none yet (bsg-data split)'}")
     recipe = manifest.pairs

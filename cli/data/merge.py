@@ -36,5 +36,5 @@ def command(datasets: tuple[Path, ...], out: Path, force: bool, as_json: bool) -
         print_json(manifest.model_dump(mode="json", exclude={"files"}))
         return
     click.echo(format_totals(manifest))
-    click.echo(format_sources(out))
+    click.echo(f"\n{format_sources(out)}\n")
     click.echo(f"dataset in {out}")

@@ -22,7 +22,10 @@ def format_totals(manifest: bsg_data.Manifest) -> str:
 
 
 def format_sources(dataset: Path) -> str:
-    """Return what each source gives to a dataset, as a table."""
+    """Return what each source gives to a dataset, as a table.
+
+    The share is that of objects with a class in those that are no structure of the building.
+    """
     rows = [
         (
             row["source"],
@@ -36,8 +39,8 @@ def format_sources(dataset: Path) -> str:
         for row in bsg_data.count_sources(dataset).to_dict(orient="records")
     ]
     header = (
-        *("source", "buildings", "rooms", "objects", "classified", "classes", "of things"),
-        *("unmapped", "placed", "connections"),
+        *("source", "buildings", "rooms", "objects", "with a class", "classes", "of non-structure"),
+        *("unmapped", "with places", "adjacent rooms"),
     )
     return format_text(rows, header=header)
 
