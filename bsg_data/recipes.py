@@ -100,6 +100,18 @@ class MaskRecipe(Record):
     parts: bool = False
     exploration: Exploration = Exploration()
 
+    def __str__(self) -> str:
+        """Say it in words, without its seed and without what is not asked for.
+
+        >>> str(MaskRecipe(strategy="explore", withhold=0.2, parts=True))
+        'explore, fraction 0.5, withhold 0.2, parts'
+        """
+        words = [self.strategy, f"fraction {self.fraction}"]
+        words += [f"withhold {self.withhold}"] if self.withhold else []
+        words += ["parts"] if self.parts else []
+        words += ["exploration of its own"] if self.exploration != Exploration() else []
+        return ", ".join(words)
+
 
 class PairsRecipe(Record):
     """How masked pairs are drawn: a mask, and how many draws of every building.

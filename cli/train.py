@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 from tqdm import tqdm  # noqa: TID251 -- the command line is where bars belong
 
+import bsg_data
 import bsg_models
 from bsg_cli.choices import MODELS
 from bsg_cli.configurations import load_config
@@ -63,6 +64,7 @@ def main(
         return
     if dataset is None or out is None:
         raise click.UsageError("--data and --out are needed to train (or give --print-config)")
+    _note_other_mask(config, dataset)
     try:
         with _board(out if tensorboard else None) as log, _bar(config) as draw:
             trained = 0
@@ -81,6 +83,19 @@ def main(
         print_json(summary.encode())
     else:
         _print_summary(summary)
+
+
+def _note_other_mask(config: bsg_models.RunConfig, dataset: Path) -> None:
+    """Say so if a model trains under another mask than the pairs that it is validated on."""
+    pairs = bsg_data.read_manifest(dataset).pairs
+    if pairs is None or config.data.masks == "fixed" or config.data.fractions is not None:
+        return
+    fresh, stored = config.data.fresh_mask, pairs.mask
+    if str(fresh) != str(stored):
+        print_note(
+            f"trains on masks {fresh} (data.mask of the configuration); the pairs of {dataset}, on "
+            f"which it is validated, are of {stored}"
+        )
 
 
 def _print_summary(summary: bsg_models.RunSummary) -> None:

@@ -45,6 +45,9 @@ def check_scenes(frames: dict[str, pd.DataFrame], manifest: Manifest) -> Iterato
         yield Fault("scenes", f"{scene!r} cannot be a scene id: it would lead out of a folder")
     if not ids.is_monotonic_increasing:
         yield Fault("scenes", "is not sorted by scene_id")
+    kinds, listed = set(scenes["source"]), [source.kind for source in manifest.sources]
+    for kind in sorted(kinds ^ set(listed)):
+        yield Fault(MANIFEST, f"source {kind} is in the manifest or in the scenes, not in both")
     buildings = ids.map(building_hash)
     for building in buildings[buildings.duplicated()]:
         yield Fault("scenes", f"building {building} is there under two scene ids")
@@ -235,6 +238,8 @@ def check_edges(frames: dict[str, pd.DataFrame]) -> Iterator[Fault]:
     edges = frames["edges"]
     rooms = frames["scenes"].set_index("scene_id")["num_rooms"]
     objects = frames["objects"]
+    if edges.empty and objects.empty and frames["rooms"].empty:
+        return  # pandas cannot merge what has no rows
     to_rooms = pd.DataFrame(
         {
             "scene_id": frames["rooms"]["scene_id"],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 from collections.abc import Iterable
 from typing import Any
@@ -125,7 +126,7 @@ def _source_table(manifest: Manifest) -> list[str]:
             source.version or "",
             f"`{source.class_map.version}`",
             f"[{source.terms.licence}]({source.terms.licence_url})" if source.terms else "unknown",
-            f"[{source.terms.homepage}]({source.terms.homepage})" if source.terms else "",
+            f"<{source.terms.homepage}>" if source.terms else "",
         )
         for source in manifest.sources
     ]
@@ -139,7 +140,8 @@ def _describe_terms(manifest: Manifest) -> list[str]:
         if source.terms is None:
             lines += [f"{source.kind}: the source is of {_UNKNOWN}.", ""]
         else:
-            lines += [f"{source.kind}: {source.terms.sentence} Cite: {source.terms.citation}.", ""]
+            said = f"{source.terms.sentence} Cite: {source.terms.citation}."
+            lines += [f"{source.kind}: {html.escape(said, quote=False)}", ""]
     return lines
 
 
@@ -213,10 +215,7 @@ def _recipe_lines(manifest: Manifest) -> list[str]:
         lines += [f"Split by building: {what}, seed {split.seed}.", ""]
     if manifest.pairs is not None:
         mask = manifest.pairs.mask
-        lines += [
-            f"Pairs: {manifest.pairs.draws} draws of the mask `{mask.strategy}`, fraction "
-            f"{mask.fraction}, seed {mask.seed}."
-        ]
+        lines += [f"Pairs: {manifest.pairs.draws} draws of the mask {mask}, seed {mask.seed}."]
     return lines
 
 

@@ -11,16 +11,16 @@ import json
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Self
 
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, model_validator
 
 from bsg_data.dataset.schema import FORMAT_VERSION, SPLIT_NAME
 from bsg_data.dataset.version_1 import convert_manifest
 from bsg_data.errors import DatasetError, MismatchError, SourceError
 from bsg_data.recipes import PairsRecipe, Record, SplitRecipe, name_fault
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.scene.class_space import ClassSpace
+from bsg_data.scene.class_space import ClassSpace, hash_classes
 from bsg_data.scene.mesh_coverage import MeshCoverage
 from bsg_data.scene.spoken_names import Rule
 from bsg_data.sources.source import Terms
@@ -50,6 +50,12 @@ class ClassSpaceEntry(Record):
     name: str
     sha256: str
     classes: tuple[str, ...]
+
+    @model_validator(mode="after")
+    def _hash_fits(self) -> Self:
+        if self.sha256 != hash_classes(self.classes):
+            raise ValueError(f"the sha256 of class space {self.name} is not that of its classes")
+        return self
 
     @classmethod
     def of(cls, space: ClassSpace) -> ClassSpaceEntry:
@@ -226,7 +232,7 @@ def read_manifest(dataset: Path) -> Manifest:
     try:
         said = json.loads(text)
         found = said.get("format_version")
-        if found not in (1, FORMAT_VERSION):
+        if type(found) is not int or found not in (1, FORMAT_VERSION):
             raise MismatchError(
                 f"{path}: format version {found}, this program reads 1 and {FORMAT_VERSION}: "
                 "build the dataset again, or use the program that made it"

@@ -170,7 +170,11 @@ def pairs_schema(num_classes: int, *, told: bool = True) -> pa.Schema:
     flags = pa.list_(pa.field("element", pa.bool_(), nullable=False), num_classes)
     view = [
         _field("hidden_share", pa.float32(), "share of its objects that the node hides, as told"),
-        _field("withheld", flags, "classes that are left out of the input, whatever the share"),
+        _field(
+            "withheld",
+            flags,
+            "classes of which the input shows what is in searched rooms alone",
+        ),
     ]
     histogram = pa.list_(pa.field("element", pa.uint16(), nullable=False), num_classes)
     return pa.schema(

@@ -22,6 +22,7 @@ from bsg_data.errors import ClassMapError
 from bsg_data.geometry.placement import measure_area
 from bsg_data.scene.class_map import ClassMap, Role, is_nameless, load_class_map, published_maps
 from bsg_data.scene.class_space import hash_classes
+from bsg_data.scene.room_label import LAYOUTS, label_of
 from bsg_data.sources.catalogue import find_terms
 
 _NEW = {"class_map", "building_kind", "role", "floor_area"}  # columns that version 1 has not
@@ -99,7 +100,8 @@ def convert_table(
             None if outline is None else measure_area(list(pairwise(outline))[::2])
             for outline in table["footprint"].to_pylist()
         ]
-        return _add(table.drop_columns(["label"]), ROOMS, floor_area=areas)
+        labels = [label_of(LAYOUTS, said) for said in table["source_label"].to_pylist()]
+        return _add(table.drop_columns(["label"]), ROOMS, label=labels, floor_area=areas)
     if name == "objects":
         return _add(table, OBJECTS, role=_tell_roles(table, _find_map(class_map)))
     if name == "edges":

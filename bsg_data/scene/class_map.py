@@ -26,7 +26,7 @@ from bsg_data.scene.class_space import (
     read_published,
     read_rows,
 )
-from bsg_data.scene.spoken_names import Rule, resolve
+from bsg_data.scene.spoken_names import RULES_VERSION, Rule, resolve
 
 DEFAULT_CLASS_MAP = "hm3d45-v2"
 UNKNOWN = "unknown"  # the category of a nameless object
@@ -74,12 +74,13 @@ class ClassMap:
     Attributes:
         version: its name, e.g. `hm3d45-v1`.
         sha256: of the bytes of its files: the spellings, then the classes; of a map with rules, the
-            list of structure and the synonyms, too.
+            list of structure, the synonyms and the version of the rules, too.
         space: the classes that it leads to.
         structure: categories that are part of the building itself, not objects in it.
         entries: every spelling as published.
         normalised: the same under `normalise_name`.
-        synonyms: normalised name → listed name; None for a map without rules.
+        synonyms: normalised name → listed name, or the empty name for one whose last word
+            misleads; None for a map without rules.
     """
 
     version: str
@@ -265,7 +266,9 @@ def _parse_map(
 ) -> ClassMap:
     entries, normalised = _parse_spellings(f"{version}.csv", spellings, space)
     rows = read_rows(f"{version}.structure.csv", structure, ("category",))
-    hashed = (spellings, classes) if synonyms is None else (spellings, classes, structure, synonyms)
+    hashed = [spellings, classes]
+    if synonyms is not None:
+        hashed += [structure, synonyms, RULES_VERSION]
     return ClassMap(
         version=version,
         sha256=hashlib.sha256(b"".join(hashed)).hexdigest(),
@@ -281,7 +284,7 @@ def _parse_synonyms(data: bytes, listed: Mapping[str, MapEntry]) -> dict[str, st
     """Return the synonyms of what a map lists; it need not list all that there are."""
     rows = [row for _, row in read_rows(SYNONYMS, data, ("name", "category"))]
     words = {normalise_name(name): normalise_name(category) for name, category in rows}
-    return {name: category for name, category in words.items() if category in listed}
+    return {name: other for name, other in words.items() if not other or other in listed}
 
 
 def _parse_spellings(

@@ -1,4 +1,4 @@
-"""What a name means that no class map lists: the rules of number, hyphen, synonym and head noun.
+"""What a name means that no class map lists: the rules of separator, number, synonym and head noun.
 
 A robot says `house-plants` where HM3D says `plant`. The rules are tried one after another, and each
 form that they make is looked up again. Which rule decided is always reported.
@@ -11,44 +11,73 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Literal
 
 Rule = Literal["separator", "number", "synonym", "head noun"]
+RULES_VERSION = b"rules 1"  # of what is below: it is in the hash of every class map with rules
 RULES: Mapping[Rule, str] = {
-    "separator": "hyphens and underscores are spaces: `TV-stand` is `tv stand`",
+    "separator": "hyphens, underscores and spaces are alike, and a number at the end says nothing: "
+    "`TV-stand_3` is `tv stand`, `bed side table` is `bedside table`",
     "number": "the last word in the singular or plural: `sofas` is `sofa`",
     "synonym": "another word for the same thing, as mappings/synonyms-v1.csv lists",
-    "head noun": "the last word alone, or the last before `of`, `with` or `for`, if that is a "
-    "class: `leather armchair` is `armchair`",
+    "head noun": "the last words alone, the longest first, or those before `of`, `with` or `for`: "
+    "`leather armchair` is `armchair`. Only if that is a class",
 }
 # What follows one of these tells what kind of the thing before it is meant.
 _PREPOSITION = re.compile(r"\s(?:with|without|for|of)\s")
 # A number of things is of the things' class (rule 3 of mappings/README.md).
 _COLLECTION = re.compile(r"^(?:an? )?(?:sets?|pairs?|piles?|stacks?|bunch|group|row) of ")
+_INSTANCE = re.compile(r"[ .#]*[0-9]*[ .]*$")  # chair 3, chair.003
 # (ending of the plural, ending of the singular)
 _ENDINGS = (("ies", "y"), ("ves", "f"), ("ves", "fe"), ("es", ""), ("s", ""))
+_MOST_WORDS = 12  # no name of a thing has more
 
 
 def resolve(
     name: str, *, synonyms: Mapping[str, str], known: Callable[[str], bool]
 ) -> Iterator[tuple[str, Rule]]:
-    """Yield other names for a thing, with the rule that gives each, most literal first.
+    """Yield the listed names that a name can stand for, with the rule that gives each.
+
+    Nothing comes after a name that is listed itself, or that `synonyms` leads to the empty name:
+    its last word misleads.
 
     Args:
         name: normalised; it is not listed itself.
-        synonyms: normalised name → listed name.
+        synonyms: normalised name → listed name, or the empty name.
         known: says whether a name is listed.
     """
-    spaced = " ".join(re.sub(r"[-_]", " ", name).split())
-    if spaced != name and known(spaced):
-        yield spaced, "separator"
-    forms = [spaced, *change_number(spaced)]
-    yield from ((form, "number") for form in forms[1:] if known(form))
-    yield from ((synonyms[form], "synonym") for form in forms if form in synonyms)
-    head = find_head(spaced)
-    if head != spaced:
-        for form in (head, *change_number(head)):
-            if known(form):
-                yield form, "head noun"
-            elif form in synonyms:
-                yield synonyms[form], "head noun"
+    words = _INSTANCE.sub("", re.sub(r"[-_]", " ", name)).split()[:_MOST_WORDS]
+    whole = tuple(_explain(words, synonyms=synonyms, known=known))
+    if whole or not words:
+        yield from ((other, rule) for other, rule in whole if other)
+        return
+    for tail in _tails(words):
+        found = tuple(_explain(tail, synonyms=synonyms, known=known))
+        if found:
+            yield from ((other, "head noun") for other, _ in found[:1] if other)
+            return
+
+
+def _explain(
+    words: list[str], *, synonyms: Mapping[str, str], known: Callable[[str], bool]
+) -> Iterator[tuple[str, Rule]]:
+    """Yield what some words can stand for as they are: the empty name for a name that misleads."""
+    spaced = " ".join(words)
+    joined = (
+        " ".join([*words[:i], words[i] + words[i + 1], *words[i + 2 :]])
+        for i in range(len(words) - 1)
+    )
+    forms: list[tuple[str, Rule]] = [(spaced, "separator"), *((j, "separator") for j in joined)]
+    forms += [(form, "number") for form in change_number(spaced)]
+    for form, rule in forms:
+        if form in synonyms:
+            yield synonyms[form], "synonym"
+        elif known(form):
+            yield form, rule
+
+
+def _tails(words: list[str]) -> Iterator[list[str]]:
+    """Yield the last words of what a name is about, the longest first, but not the whole name."""
+    head = find_head(" ".join(words)).split()
+    start = 0 if head != words else 1
+    yield from (head[i:] for i in range(start, len(head)))
 
 
 def change_number(name: str) -> tuple[str, ...]:
@@ -66,10 +95,9 @@ def change_number(name: str) -> tuple[str, ...]:
 
 
 def find_head(name: str) -> str:
-    """Return the noun that a name is about.
+    """Return the part of a name that says what the thing is.
 
     >>> find_head("leather armchair"), find_head("basket of towels"), find_head("pile of towels")
-    ('armchair', 'basket', 'towels')
+    ('leather armchair', 'basket', 'towels')
     """
-    thing = _PREPOSITION.split(_COLLECTION.sub("", name), maxsplit=1)[0]
-    return thing.split()[-1] if thing.split() else name
+    return _PREPOSITION.split(_COLLECTION.sub("", name), maxsplit=1)[0]

@@ -149,7 +149,7 @@ class Terms:
                 f"{LICENCE_REF}NAME for a licence that SPDX does not list"
             )
         for name in ("licence_url", "homepage"):
-            if not re.fullmatch(r"https?://\S+", getattr(self, name)):
+            if not re.fullmatch(r"https?://[^\s<>()\[\]|\"]+", getattr(self, name)):
                 raise SourceError(f"{name}: expected an address, found {getattr(self, name)!r}")
         for name in ("citation", "sentence"):
             if not getattr(self, name).strip() or "\n" in getattr(self, name):

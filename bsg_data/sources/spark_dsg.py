@@ -17,7 +17,7 @@ from bsg_data.sources.annotation_files import PACKED, decode, fingerprint, read_
 from bsg_data.sources.dsg_file import DSGFile, DSGNode, parse_dsg
 from bsg_data.sources.hm3d_names import keep_one_copy
 from bsg_data.sources.label_space import LabelSpace, load_label_space
-from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SkippedScene, SourceRow, Terms
+from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SkippedScene, SourceRow
 
 MAX_BYTES = 256 * 2**20  # a graph without its mesh is below 10 MB
 _SUFFIXES = (".json", f".json{PACKED}")
@@ -196,18 +196,6 @@ def _middle(box: Box) -> Point:
 ROW = SourceRow(
     summary="a folder of Spark-DSG graphs, as Hydra records them: what robots saw",
     open=RobotGraphs,
-    terms=Terms(
-        licence="LicenseRef-of-the-recording",
-        licence_url="https://github.com/MIT-SPARK/Spark-DSG",
-        homepage="https://github.com/MIT-SPARK/Spark-DSG",
-        citation=(
-            "Hughes et al., Hydra: A Real-time Spatial Perception System for 3D Scene Graph "
-            "Construction and Optimization, RSS 2022, arXiv:2201.13360"
-        ),
-        sentence=(
-            "A recording belongs to whoever made it, and stays under their terms; the format and "
-            "its library are BSD-3-Clause."
-        ),
-    ),
+    terms=None,  # a recording belongs to whoever made it
     class_map="hm3d45-v2",
 )

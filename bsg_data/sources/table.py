@@ -6,6 +6,7 @@ a room is the building's; a row without a category tells of a room that holds no
 
 from __future__ import annotations
 
+import difflib
 import hashlib
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -155,8 +156,8 @@ class ObjectTable:
             )
             for scene, rows in table.scenes.items()
         )
-        columns = ", ".join(table.unread)
-        unread = SkippedScene("-", self.path.name, f"columns that are not read: {columns}")
+        columns = ", ".join(map(_name_unread, table.unread))
+        unread = SkippedScene("all", self.path.name, f"columns that are not read: {columns}")
         found = keep_one_copy(refs)
         return FoundScenes(found.scenes, found.duplicates, unused=(unread,) if columns else ())
 
@@ -219,12 +220,25 @@ def _read_table(path: Path, size: int, changed: int) -> _Table:
     return _Table(scenes, table.unread)
 
 
+def _name_unread(column: str) -> str:
+    """Name a column that is not read, and the one that may be meant."""
+    near = difflib.get_close_matches(column.casefold(), OPTIONAL, n=1)
+    return f"{column} (is {near[0]} meant?)" if near else column
+
+
 def _require_columns(path: Path, columns: Sequence[str]) -> None:
     missing = [name for name in REQUIRED if name not in columns]
     if missing:
+        if len(columns) == 1 and ";" in columns[0]:
+            raise SourceError(
+                f"{path}: its columns are separated by semicolons; save it with commas, "
+                "or with tabs as .tsv"
+            )
+        near = difflib.get_close_matches(missing[0], [c.casefold() for c in columns], n=1)
+        hint = f"; is {near[0]!r} meant?" if near else "."
         raise SourceError(
-            f"{path}: no column {missing[0]!r}; expected {', '.join(REQUIRED)}, and any of "
-            f"{', '.join(OPTIONAL)}; found {', '.join(columns) or 'none'}"
+            f"{path}: no column {missing[0]!r}{hint} Expected {', '.join(REQUIRED)}, in small "
+            f"letters, and any of {', '.join(OPTIONAL)}; found {', '.join(columns) or 'none'}"
         )
     for group in (CENTROID, BOX):
         absent = [name for name in group if name not in columns]

@@ -49,7 +49,10 @@ class Cells:
             return ""
         if isinstance(value, float) and value.is_integer():
             value = int(value)  # as Pandas gives whole numbers when one is missing
-        text = (";".join(map(str, value)) if isinstance(value, list) else str(value)).strip()
+        if isinstance(value, bytes | dict):
+            raise self.fault(column, "text or a number", value)
+        parts = [value] if not isinstance(value, list) else [v for v in value if v is not None]
+        text = ";".join(map(str, parts)).strip()
         if len(text) > limit:
             raise self.fault(column, f"at most {limit} characters", text[:40] + "…")
         return text
@@ -66,7 +69,7 @@ class Cells:
             return None
         value = float(text) if _REAL.fullmatch(text) else math.inf
         if not abs(value) <= limit:
-            raise self.fault(column, f"a number from {-limit:g} to {limit:g}", text)
+            raise self.fault(column, f"a number from {-limit:g} to {limit:g}, with a point", text)
         return value
 
     def fault(self, column: str, expected: str, found: object) -> SourceError:
@@ -147,9 +150,11 @@ def _read_csv(file: Path) -> Iterator[Any]:
                 if any(field.strip() for field in fields):
                     yield f"line {number}", fields
     except UnicodeDecodeError as error:
-        raise SourceError(f"{file}, after line {number}: expected UTF-8 text") from error
+        raise SourceError(f"{file}, line {number + 1} or later: expected UTF-8 text") from error
     except (csv.Error, EOFError, zlib.error) as error:
-        raise SourceError(f"{file}, after line {number}: cannot be read ({error})") from error
+        raise SourceError(
+            f"{file}, line {number + 1} or later: cannot be read ({error})"
+        ) from error
     except OSError as error:
         raise SourceError(f"{file}: cannot be read ({error.strerror or error})") from error
 

@@ -60,7 +60,8 @@ class Predictor:
         if graph.class_space != self.class_space:
             raise MismatchError(
                 f"{self._path} predicts classes of {self.class_space}, the graph "
-                f"{graph.scene_id} has those of {graph.class_space}"
+                f"{graph.scene_id} has those of {graph.class_space}; read the graph with a "
+                f"class map into {self.class_space.name}: read_robot_graph(path, class_map=NAME)"
             )
         seen = graph.observation(vocabulary=self._model.vocabulary, withheld=withheld)
         return _nothing_where_searched(self._model.expect(seen), seen)

@@ -38,6 +38,7 @@ def command(dataset: Path, figure: Path | None, as_json: bool) -> None:
         print_json({**summary, "classes": frame.to_dict(orient="records")})
         return
     click.echo(format_totals(manifest))
+    click.echo(f"format version {manifest.format_version}, class map {manifest.class_map_names}")
     click.echo(format_losses(manifest))
     click.echo(f"\n{format_sources(dataset)}\n")
     held = ", ".join(f"{name} {len(ids)}" for name, ids in sizes.items())
@@ -46,8 +47,7 @@ def command(dataset: Path, figure: Path | None, as_json: bool) -> None:
     if recipe is None:
         click.echo("pairs: none yet (bsg-data pairs)")
     else:
-        mask = recipe.mask
-        click.echo(f"pairs: {recipe.draws} draws of {mask.strategy}, fraction {mask.fraction}")
+        click.echo(f"pairs: {recipe.draws} draws of {recipe.mask}")
     most = max(1, int(frame["instances"].max()))
     rows = [
         (row["class"], row["instances"], row["rooms"], row["scenes"], _bar(row["instances"] / most))

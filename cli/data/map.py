@@ -8,7 +8,7 @@ import click
 
 import bsg_data
 from bsg_cli.options import class_map_option, dataset_argument, json_option
-from bsg_cli.terminal import CommandGroup, print_json
+from bsg_cli.terminal import CommandGroup, print_json, print_note
 from bsg_data.tables import format_text
 
 
@@ -150,6 +150,12 @@ def map_compare(dataset: Path, class_maps: tuple[str, ...], as_json: bool) -> No
       bsg-data map compare dataset --class-map hm3d45-v1 --class-map hm3d45-v2
     """
     maps = [bsg_data.load_class_map(name) for name in dict.fromkeys(class_maps)]
+    built = {source.class_map.version for source in bsg_data.read_manifest(dataset).sources}
+    if len(built) > 1:
+        print_note(
+            f"all objects are looked up in each map, also those that were read with one of "
+            f"{', '.join(sorted(built))}; `bsg-data map coverage` counts what was built"
+        )
     coverages = [_coverage_counts(bsg_data.measure_coverage(dataset, one)) for one in maps]
     frames = [bsg_data.count_classes(dataset, one).set_index("class") for one in maps]
     if as_json:

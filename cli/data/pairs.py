@@ -74,4 +74,4 @@ def command(
     if as_json:
         print_json({"recipe": recipe.model_dump(mode="json"), "rows": rows})
     else:
-        click.echo(f"{rows:,} pairs: {draws} draws of mask {mask}, fraction {fraction}")
+        click.echo(f"{rows:,} pairs: {draws} draws of the mask {recipe.mask}")

@@ -17,8 +17,15 @@ def format_totals(manifest: bsg_data.Manifest) -> str:
     return (
         f"{t.scenes:,} scenes, {t.rooms:,} rooms, {t.objects:,} objects, "
         f"{t.classified:,} in {len(manifest.class_space.classes)} classes of "
-        f"{manifest.class_space.name}{placed}"
+        f"{manifest.class_space.name}{_name_maps(manifest)}{placed}"
     )
+
+
+def _name_maps(manifest: bsg_data.Manifest) -> str:
+    """Name the class maps that are not the space's own."""
+    names = {source.class_map.version for source in manifest.sources}
+    others = sorted(names - {manifest.class_space.name})
+    return f" by the class map {', '.join(others)}" if others else ""
 
 
 def format_sources(dataset: Path) -> str:

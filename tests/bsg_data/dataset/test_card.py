@@ -59,7 +59,7 @@ def test_the_card_says_what_the_manifest_says(dataset: Path) -> None:
     assert "12 buildings, 90 rooms" in card
     assert "license_name: matterport-academic" in card
     assert "Split by building: ratios 0.8 / 0.1 / 0.1, seed 0." in card
-    assert "Pairs: 4 draws of the mask `uniform`, fraction 0.5, seed 0." in card
+    assert "Pairs: 4 draws of the mask uniform, fraction 0.5, seed 0." in card
 
 
 def test_synthetic_buildings_are_not_matterports(tmp_path: Path) -> None:

@@ -166,7 +166,12 @@ def test_a_malformed_row_is_named_by_line_and_column(
 @pytest.mark.parametrize(
     ("header", "expected"),
     [
-        ("scene,room", "no column 'category'; expected scene, room, category, and any of"),
+        ("scene;room;category", "separated by semicolons"),
+        ("scene,room,Category", "no column 'category'; is 'category' meant"),
+        (
+            "scene,room",
+            "no column 'category'. Expected scene, room, category, in small letters, and any of",
+        ),
         ("scene,room,category,x,y", "no column 'z'; expected all of x, y, z, or none"),
         ("scene,room,category,box_min_x", "no column 'box_min_y'"),
         ("scene,room,category", "holds no row"),

@@ -21,6 +21,7 @@ from bsg_data.observation.masked_buildings import sample_masked
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, mask_scene
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
+from bsg_data.scene.class_space import ClassSpace
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.synthetic.buildings import write_synthetic
 from bsg_models.belief.belief_graph import believe, complete, rank_unseen
@@ -31,7 +32,7 @@ from bsg_models.runs.predictor import Predictor
 from bsg_models.training.training import train_run
 from bsg_models.zoo.config import find_config, override, validate_config
 
-FOUR = ClassSpaceEntry(name="test", sha256="0" * 64, classes=("bed", "lamp", "sink", "tv"))
+FOUR = ClassSpaceEntry.of(ClassSpace("test", ("bed", "lamp", "sink", "tv"), ("",) * 4))
 GRAPH = PartialGraph(
     "s",
     FOUR,
