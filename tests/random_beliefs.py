@@ -19,6 +19,13 @@ CLASS_SPACE = ClassSpaceEntry.of(LOADED.space)
 HOSTILE = '</script><img src=x onerror="alert(1)">'
 
 
+def header_of_version_1(header: dict[str, Any]) -> dict[str, Any]:
+    """Return a header, or what begins with one, as version 1 had it: with a class map."""
+    old = {key: value for key, value in header.items() if key != "class_space"}
+    named = {"version": LOADED.version, "sha256": LOADED.sha256, "classes": list(LOADED.classes)}
+    return {**old, "version": 1, "class_map": named}
+
+
 def make_belief(seed: int, *, mode: Any = "complete", scene_id: str = "s") -> BeliefGraph:
     """Return a belief graph of random rooms, some with and some without geometry."""
     rng = np.random.default_rng(seed)

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from random_beliefs import make_belief
+from random_beliefs import header_of_version_1, make_belief
 
 from bsg_data.errors import BSGError
 from bsg_models.belief.document import (
@@ -30,6 +30,19 @@ def test_decoding_inverts_encoding(seed: int, mode: str) -> None:
 def test_a_file_is_read_back(tmp_path: Path) -> None:
     write_document(make_belief(1), tmp_path / "belief.json")
     assert read_document(tmp_path / "belief.json") == make_belief(1)
+
+
+def test_version_1_names_a_class_map_and_is_read() -> None:
+    document = header_of_version_1(encode_belief(make_belief(1)))
+    for obj in document["partial"]["objects"]:
+        del obj["corrected"], obj["class"]
+    assert decode_belief(document, path=Path("x")) == make_belief(1)
+    document["class_map"]["sha256"] = "1" * 64
+    with pytest.raises(BSGError, match="has changed since"):
+        decode_belief(document, path=Path("x"))
+    document["class_map"]["version"] = "/etc/passwd.csv"
+    with pytest.raises(BSGError, match="is no published one"):
+        decode_belief(document, path=Path("x"))
 
 
 @pytest.mark.parametrize(

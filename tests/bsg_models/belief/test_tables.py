@@ -17,7 +17,7 @@ import pytest
 from conftest import REPOSITORY
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from random_beliefs import make_belief
+from random_beliefs import header_of_version_1, make_belief
 
 from bsg_models.belief import tables
 from bsg_models.belief.network import to_networkx
@@ -33,6 +33,18 @@ def test_tables_are_read_back_by_scene(tmp_path: Path, seed: int, mode: str) -> 
     first, second = make_belief(seed, mode=mode), make_belief(seed + 1, mode=mode, scene_id="t")
     write_tables([second, first], tmp_path)
     assert list(read_tables(tmp_path)) == [first, second]
+
+
+def test_version_1_is_read(tmp_path: Path) -> None:
+    """It had no corrected names, and named a class map."""
+    write_tables([make_belief(1)], tmp_path)
+    path = tmp_path / "nodes.parquet"
+    table = pq.read_table(path)
+    said = json.loads(table.schema.metadata[b"bsg.beliefs"])
+    old = {scene: header_of_version_1(header) for scene, header in said.items()}
+    table = table.drop_columns(["corrected"])
+    pq.write_table(table.replace_schema_metadata({"bsg.beliefs": json.dumps(old)}), path)
+    assert list(read_tables(tmp_path)) == [make_belief(1)]
 
 
 def test_rows_may_be_in_any_order(tmp_path: Path) -> None:
