@@ -63,6 +63,7 @@ TOILET_STALLS = frozenset(
     for model in ("gqxmqf", "nvempw", "rhvubh", "sqzpmj", "taqzxq", "vshrva")
 )
 
+_Name = Annotated[str, Field(max_length=200)]  # the longest real one has 38 characters
 _Count = Annotated[int, Field(ge=0, le=MAX_OBJECTS)]
 RoomLists = Mapping[str, Mapping[str, int]]  # room → `category-model` → how many
 
@@ -70,7 +71,7 @@ RoomLists = Mapping[str, Mapping[str, int]]  # room → `category-model` → how
 class _Listing(BaseModel):
     model_config = ConfigDict(extra="ignore", frozen=True, strict=True)
 
-    scenes: Annotated[dict[str, dict[str, dict[str, _Count]]], Field(min_length=1)]
+    scenes: Annotated[dict[str, dict[str, dict[_Name, _Count]]], Field(min_length=1)]
 
 
 @dataclass(frozen=True, slots=True)

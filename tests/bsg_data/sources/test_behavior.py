@@ -141,6 +141,7 @@ def test_where_a_scene_belongs(scene: str, floor: Floor, kind: str | None) -> No
         ('{"scenes": {"a": {"kitchen_0": {"bed-x": 1e300}}}}', "scenes.a.kitchen_0.bed-x"),
         ('{"scenes": {"../a": {"kitchen_0": {}}}}', "cannot be the name of a scene"),
         ('{"scenes": {"a": ["kitchen_0"]}}', "scenes.a"),
+        ('{"scenes": {"a": {"kitchen_0": {"' + "b" * 300 + '-x": 1}}}}', "at most 200 characters"),
     ],
 )
 def test_a_malformed_list_is_refused(tmp_path: Path, text: str, expected: str) -> None:
