@@ -15,6 +15,24 @@ from bsg_data.sources.source import SkippedScene
 PACKED = ".gz"
 
 
+def list_files(path: Path, suffixes: tuple[str, ...], unreadable: list[SkippedScene]) -> list[Path]:
+    """Return a path that is such a file, or all such files below a folder.
+
+    Args:
+        path: of a file or a folder.
+        suffixes: how the names end.
+        unreadable: takes the folders and files that cannot be read, and why.
+
+    Raises:
+        SourceError: if nothing is there.
+    """
+    if path.is_file():
+        return [path] if path.name.endswith(suffixes) else []
+    if not path.is_dir():
+        raise SourceError(f"{path}: no such file or folder")
+    return list(walk_files(path, suffixes, unreadable))
+
+
 def walk_files(
     root: Path, suffixes: tuple[str, ...], unreadable: list[SkippedScene]
 ) -> Iterator[Path]:

@@ -17,7 +17,7 @@ from bsg_data.geometry.placement import find_storeys, surround
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import label_of
 from bsg_data.scene.scene_graph import Box, Edge, Point, Room, SceneGraph, SceneObject
-from bsg_data.sources.annotation_files import PACKED, decode, fingerprint, read_bytes, walk_files
+from bsg_data.sources.annotation_files import PACKED, decode, fingerprint, list_files, read_bytes
 from bsg_data.sources.hm3d_names import keep_one_copy
 from bsg_data.sources.house_file import NOWHERE, House, HouseObject, HouseRegion, parse_house
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SkippedScene, SourceRow, Terms
@@ -80,12 +80,7 @@ class MatterportHouses:
     def find(self) -> FoundScenes:
         """Find every `<house>.house` and `<house>.house.gz`."""
         unreadable: list[SkippedScene] = []
-        if self.path.is_file():
-            files = [self.path] if self.path.name.endswith(_SUFFIXES) else []
-        elif self.path.is_dir():
-            files = list(walk_files(self.path, _SUFFIXES, unreadable))
-        else:
-            raise SourceError(f"{self.path}: no such file or folder")
+        files = list_files(self.path, _SUFFIXES, unreadable)
         if not files:
             raise SourceError(
                 f"{self.path}: no house found; expected files named <house>.house or "

@@ -13,7 +13,7 @@ from bsg_data.geometry.placement import find_storeys
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import label_of
 from bsg_data.scene.scene_graph import Box, Edge, Point, Room, SceneGraph, SceneObject
-from bsg_data.sources.annotation_files import PACKED, decode, fingerprint, read_bytes, walk_files
+from bsg_data.sources.annotation_files import PACKED, decode, fingerprint, list_files, read_bytes
 from bsg_data.sources.dsg_file import DSGFile, DSGNode, parse_dsg
 from bsg_data.sources.hm3d_names import keep_one_copy
 from bsg_data.sources.label_space import LabelSpace, load_label_space
@@ -52,12 +52,7 @@ class RobotGraphs:
         """Find every graph; of one with and without its mesh, the one without."""
         self._space()  # a missing label space is no fault of a graph
         unreadable: list[SkippedScene] = []
-        if self.path.is_file():
-            files = [self.path] if self.path.name.endswith(_SUFFIXES) else []
-        elif self.path.is_dir():
-            files = list(walk_files(self.path, _SUFFIXES, unreadable))
-        else:
-            raise SourceError(f"{self.path}: no such file or folder")
+        files = list_files(self.path, _SUFFIXES, unreadable)
         if not files:
             raise SourceError(
                 f"{self.path}: no graph found; expected Spark-DSG files named *.json or "

@@ -14,21 +14,6 @@ SAMPLE = REPOSITORY.parent / "shared" / "sources" / "behavior_room_object_list.j
 OURS, HM3D = load_class_map("behavior45-v1"), load_class_map("hm3d45-v2")
 
 
-def test_a_category_that_hm3d_has_is_in_the_same_class_and_role() -> None:
-    for entry in OURS.entries.values():
-        listed = HM3D.lookup(entry.category)
-        if listed is not None and listed.category == entry.category:
-            assert listed.class_index == entry.class_index, entry
-            structure = entry.category in OURS.structure
-            assert structure == (entry.category in HM3D.structure), entry
-
-
-def test_one_category_has_one_class_and_structure_none() -> None:
-    classes = {(entry.category, entry.class_index) for entry in OURS.entries.values()}
-    assert len(classes) == len({category for category, _ in classes})
-    assert {(name, None) for name in OURS.structure} <= classes
-
-
 def test_what_the_readme_counts() -> None:
     roles = Counter(OURS.classify(name).role for name in OURS.entries)
     assert roles["classified"] == 254

@@ -24,15 +24,6 @@ def test_a_name_that_hm3d_has_means_the_same() -> None:
     assert {name: OURS.entries[name] for name in shared} == shared
 
 
-def test_a_category_that_hm3d_has_is_in_the_same_class_and_role() -> None:
-    for entry in OURS.entries.values():
-        listed = HM3D.lookup(entry.category)
-        if listed is not None and listed.category == entry.category:
-            assert listed.class_index == entry.class_index, entry
-            structure = entry.category in OURS.structure
-            assert structure == (entry.category in HM3D.structure), entry
-
-
 def test_what_the_readme_counts() -> None:
     entries = OURS.entries.values()
     classes = {entry.class_index for entry in entries if entry.class_index is not None}
