@@ -171,8 +171,8 @@ def _train_ensemble(
 def member_config(config: RunConfig, name: str) -> RunConfig:
     """Return the configuration of a member: its own recipe, with the ensemble's seed and data."""
     member = find_member(name)
-    chosen = {name: getattr(config.data, name) for name in ("fold", "mask", "min_scenes")}
-    data = member.data.model_copy(update=chosen)
+    chosen = {name: getattr(config.data, name) for name in ("fold", "min_scenes")}
+    data = member.data.under(config.data.mask).model_copy(update=chosen)
     return member.model_copy(update={"seed": config.seed, "data": data})
 
 
