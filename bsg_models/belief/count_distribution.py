@@ -16,7 +16,7 @@ import numpy.typing as npt
 from scipy.special import gammaln, lambertw, logsumexp
 
 from bsg_data.arrays import Floats
-from bsg_models.belief.negative_binomial import TINY, log_none
+from bsg_models.belief.negative_binomial import TINY, first_counts, log_none
 
 MIN_RATE = 1e-3  # no model may call a hidden object impossible: log 0 would swallow all the rest
 
@@ -61,11 +61,13 @@ class CountDistribution:
     @cached_property
     def _first(self) -> list[Floats]:
         """The untilted probabilities of the counts 0..J−1, each `[K, N, C]`."""
-        return _first_components(self, self.means)
+        none = np.exp(_log_nones(self.means, self.dispersions))
+        number = 0 if self.tilts is None else len(self.tilts)
+        return _first_counts(number, none, self.means, self.dispersions)
 
     @cached_property
     def _log_normaliser(self) -> Floats:
-        return _log_normaliser(self._first, self.tilts)
+        return _log_normaliser(self._first, np.zeros((0, 1)) if self.tilts is None else self.tilts)
 
     @property
     def presence(self) -> Floats:
@@ -86,10 +88,16 @@ class CountDistribution:
             floor: means below it count as this much, before tilts.
         """
         means = np.maximum(self.means, floor)
-        each = _log_components(counts, means, self.dispersions)
+        each = _log_nones(means, self.dispersions)
+        normaliser = None
         if self.tilts is not None:
-            first = _first_components(self, means) if floor else self._first
-            each -= _log_normaliser(first, self.tilts)
+            first = _first_counts(len(self.tilts), np.exp(each), means, self.dispersions)
+            normaliser = _log_normaliser(first, self.tilts)
+        some = counts > 0  # most counts are 0, and need no more
+        some_r = np.broadcast_to(self.dispersions, means.shape)[:, some]
+        each[:, some] += _log_beyond_nones(counts[some], means[:, some], some_r)
+        if self.tilts is not None:
+            each -= normaliser
             for count, tilt in enumerate(self.tilts):
                 each += tilt * (counts == count)
         if len(each) == 1:
@@ -186,8 +194,7 @@ class CountDistribution:
         Args:
             log_factor: `[N, C]`, added to log P(0) − log P(at least one).
         """
-        none = np.zeros(self.means.shape[1:])
-        before = _log_components(none, self.means, self.dispersions)
+        before = _log_nones(self.means, self.dispersions)
         tilts = np.zeros((1, *self.means.shape)) if self.tilts is None else self.tilts.copy()
         if self.tilts is not None:
             before += tilts[0] - self._log_normaliser
@@ -276,37 +283,39 @@ def _join_tilts(distributions: Sequence[CountDistribution], *, axis: int) -> Flo
     return np.concatenate(parts, axis=axis)
 
 
-def _log_components(counts: Floats, mean: Floats, dispersion: Floats) -> Floats:
-    """Return log P(counts) of every component, `[K, N, C]`, Poissons too.
+def _log_nones(mean: Floats, dispersion: Floats) -> Floats:
+    """Return the untilted log P(0) of every component, `[K, N, C]`, Poissons too."""
+    finite = np.isfinite(dispersion)
+    if finite.all():
+        return log_none(mean, dispersion)
+    return np.where(finite, log_none(mean, np.where(finite, dispersion, 1.0)), -mean)
 
-    Most counts are 0, where only the last term is left: the others are computed for the rest alone.
-    """
+
+def _log_beyond_nones(counts: Floats, mean: Floats, dispersion: Floats) -> Floats:
+    """Return log P(counts) − log P(0) of M cells with counts above 0, `[K, M]`, Poissons too."""
     finite = np.isfinite(dispersion)
     r = np.where(finite, dispersion, 1.0)
-    log_p = np.where(finite, log_none(mean, r), -mean)
-    some = counts > 0
-    n, mean, r, finite = counts[some], mean[:, some], r[:, some], finite[:, some]
     with np.errstate(divide="ignore"):
         spread = np.where(finite, np.log(mean + r), 0.0)
-        power = n * (np.log(mean) - spread)
-    choose = np.where(finite, gammaln(n + r) - gammaln(r), 0.0)
-    log_p[:, some] = choose - gammaln(n + 1) + power + log_p[:, some]
-    return log_p
+        power = counts * (np.log(mean) - spread)
+    choose = np.where(finite, gammaln(counts + r) - gammaln(r), 0.0)
+    return np.asarray(choose - gammaln(counts + 1) + power)
 
 
-def _first_components(distribution: CountDistribution, means: Floats) -> list[Floats]:
-    """Return the untilted probabilities of the counts 0..J−1, each `[K, N, C]`, Poissons too."""
-    number = 0 if distribution.tilts is None else len(distribution.tilts)
-    shape = means.shape[1:]
-    return [
-        np.exp(_log_components(np.full(shape, float(count)), means, distribution.dispersions))
-        for count in range(number)
-    ]
+def _first_counts(number: int, none: Floats, mean: Floats, dispersion: Floats) -> list[Floats]:
+    """Return the untilted P(0), …, P(number − 1) of every component, Poissons too."""
+    if number < 2 or np.isfinite(dispersion).all():
+        return first_counts(number, none, mean, dispersion)
+    probabilities = [none]
+    with np.errstate(invalid="ignore"):
+        for count in range(number - 1):
+            step = mean * (dispersion + count) / ((mean + dispersion) * (count + 1))
+            step = np.where(np.isfinite(dispersion), step, mean / (count + 1))
+            probabilities.append(probabilities[-1] * step)
+    return probabilities
 
 
-def _log_normaliser(first: Sequence[Floats], tilts: Floats | None) -> Floats:
-    """Return log Z of every component, `[K, N, C]`."""
-    if tilts is None:
-        raise ValueError("a distribution without tilts has no normaliser")
+def _log_normaliser(first: Sequence[Floats], tilts: Floats) -> Floats:
+    """Return log Z of every component, `[K, N, C]`, from its untilted first counts."""
     gained = sum(p * np.expm1(tilt) for p, tilt in zip(first, tilts, strict=True))
     return np.asarray(np.log(np.maximum(1 + gained, TINY)))

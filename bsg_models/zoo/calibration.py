@@ -71,7 +71,9 @@ def fit_calibration(distribution: CountDistribution, hidden: Floats) -> Floats:
     def cost(calibration: Floats) -> float:
         return -float(recalibrate(distribution, calibration).log_probability(hidden).mean())
 
-    minimum = minimize(cost, np.zeros(3), method="L-BFGS-B", bounds=[(-1.0, 1.0)] * 3)
+    minimum = minimize(
+        cost, np.zeros(3), method="L-BFGS-B", bounds=[(-1.0, 1.0)] * 3, options={"ftol": 1e-6}
+    )
     return np.asarray(minimum.x)
 
 

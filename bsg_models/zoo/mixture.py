@@ -61,7 +61,7 @@ _MOST = 60  # objects of one class in one room that the fit tells apart
 _LEAST = 1e-9  # no type calls a class impossible
 _LOG_SHAPE = 4.0  # |log r| at most; its prior is a standard normal
 _PRIOR_ROOMS = 2.0  # mean rooms that every type's means are shrunk towards
-_TILT_ROOMS = 20.0  # rooms that every type's tilts are shrunk towards none by
+_TILT_ROOMS = 40.0  # rooms that every type's tilts are shrunk towards none by
 _MOST_TILT = 5.0
 _PRIOR_TYPES = 8.0  # η: rooms of an average building that π_b starts from
 
@@ -80,7 +80,7 @@ class MixtureConfig(ModelConfig):
     """
 
     family: Literal["mixture"] = "mixture"
-    types: int = Field(default=24, ge=1, le=1000)
+    types: int = Field(default=16, ge=1, le=1000)
     iterations: int = Field(default=60, ge=1, le=10_000)
     temper: float = Field(default=0.85, gt=0, le=1)
     building: bool = True
