@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+import bsg_data
 import bsg_models
 from bsg_cli.options import (
     PATH,
@@ -74,6 +75,9 @@ def main(dataset: Path | None, as_json: bool, **options: Any) -> None:
         made = ", ".join(f"{r.name!r} is {r.category!r} ({r.rule})" for r in rules[:10])
         more = f", and {len(rules) - 10} more" if len(rules) > 10 else ""
         print_note(f"{path}: names that are not in the class map, by rule: {made}{more}")
+    for path, source in report.unknown_sources.items():
+        known = ", ".join(bsg_data.KNOWN_SOURCES)
+        print_note(f"{path}: source {source!r} counts as unknown; models know {known}")
     if as_json:
         print_json([encode_room(room) for room in report.rooms])
         return

@@ -20,6 +20,7 @@ from bsg_data.observation.partial_graph import PartialGraph, list_withheld, mask
 from bsg_data.observation.robot_json import list_unmapped, read_robot_graph
 from bsg_data.recipes import MaskRecipe, Record
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, load_class_map, map_into
+from bsg_data.scene.surroundings import KNOWN_SOURCES
 from bsg_models.belief.belief_graph import BeliefGraph, Mode, believe, rank_unseen
 from bsg_models.belief.formats import choose_format, write_beliefs
 from bsg_models.belief.hydra import read_hydra, write_hydra
@@ -117,6 +118,7 @@ class BeliefReport(NamedTuple):
         rooms: of all graphs.
         unmapped: file → name that the class map does not know → times.
         resolved: file → names that a rule explained.
+        unknown_sources: file → its source, where that is none of `KNOWN_SOURCES`.
     """
 
     model: str
@@ -124,6 +126,7 @@ class BeliefReport(NamedTuple):
     rooms: tuple[RoomBelief, ...]
     unmapped: dict[Path, dict[str, int]]
     resolved: dict[Path, tuple[ResolvedEntry, ...]]
+    unknown_sources: dict[Path, str]
 
 
 def report_beliefs(
@@ -171,12 +174,18 @@ def report_beliefs(
     _write(request, views)
     unmapped = {path: names for path, graph in graphs.items() if (names := list_unmapped(graph))}
     resolved = {path: _list_resolved(graph, class_map) for path, graph in graphs.items()}
+    strange = {
+        path: graph.source
+        for path, graph in graphs.items()
+        if graph.source is not None and graph.source not in KNOWN_SOURCES
+    }
     return BeliefReport(
         model=predictor.name,
         graphs=tuple(view.belief for view in views),
         rooms=tuple(rooms),
         unmapped=unmapped,
         resolved={path: names for path, names in resolved.items() if names},
+        unknown_sources=strange,
     )
 
 
