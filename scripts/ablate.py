@@ -25,14 +25,8 @@ from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_data.tables import format_markdown
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import BEST, clear_run, is_finished, open_run
-from bsg_models.studies.leaderboard import (
-    DATASET,
-    SECONDS,
-    LeaderboardRecipe,
-    fit_to,
-    make_leaderboard,
-    run_of,
-)
+from bsg_models.studies.leaderboard import DATASET, SECONDS, make_leaderboard
+from bsg_models.studies.leaderboard_runs import LeaderboardRecipe, fit_to, run_of
 from bsg_models.training.epochs import TrainingBuildings, train_epochs
 from bsg_models.training.training import calibrate_run, new_model, one_thread
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
@@ -142,11 +136,11 @@ def main() -> int:
         board = make_leaderboard(
             options.data, options.out, models, recipe, executor=executor, progress=show
         )
-    standings = board.standings["uniform"]
-    first = standings["ceci-sage"].metrics
+    results = board.results["uniform"]
+    first = results["ceci-sage"].metrics
     found = {}
-    for name, standing in standings.items():
-        metrics = standing.metrics
+    for name, result in results.items():
+        metrics = result.metrics
         difference = metrics.difference(first, "rooms/hidden_nll")
         cells = {"nll": f"{metrics.point['rooms/hidden_nll']:.4f}"}
         cells["difference"] = (
@@ -155,7 +149,7 @@ def main() -> int:
         for metric in ("auroc_macro/all", "auroc_macro/unseen", "ap_micro/unseen"):
             cells[metric] = f"{metrics.point[f'rooms/presence_{metric}']:.4f}"
         cells["ece"] = f"{metrics.point['rooms/presence_calibration_error/all']:.4f}"
-        cells["seconds"] = f"{standing.seconds:.0f}"
+        cells["seconds"] = f"{result.seconds:.0f}"
         found[name] = cells
     text = "\n".join(format_rows(found)) + "\n"
     (options.out / "ablation.md").write_text(text, "utf-8")
