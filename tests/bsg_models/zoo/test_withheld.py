@@ -21,7 +21,7 @@ from bsg_models.zoo.masked_rooms import sample_chosen, sample_uniform
 from bsg_models.zoo.model import BeliefModel, share_of, to_array
 from bsg_models.zoo.settings import DataConfig
 
-TOLD = ("gamma-poisson", "naive-bayes", "mixture", "ceci-sage", "universal")
+TOLD = ("gamma-poisson", "naive-bayes", "mixture", "ceci-sage", "universal", "prior-table")
 STOVE = 35
 
 
