@@ -23,6 +23,7 @@ from .errors import (
 from .exports.catalogue import EXPORTS, ExportRow
 from .exports.export import Exported, export_dataset
 from .merge import merge_datasets, upgrade_dataset
+from .observation.mask_hash import hash_masks, hash_splits
 from .observation.masked_buildings import MaskedBuildings
 from .observation.masks import MASKS, Mask, sample_hidden, sample_view, sample_withheld
 from .observation.observation import Observation
@@ -136,6 +137,8 @@ __all__ = [
     "count_frequencies",
     "count_sources",
     "export_dataset",
+    "hash_masks",
+    "hash_splits",
     "list_class_maps",
     "list_class_spaces",
     "list_room_labels",
