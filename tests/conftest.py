@@ -50,8 +50,10 @@ def write_twelve(root: Path) -> Path:
 
 
 def load_script(name: str) -> ModuleType:
-    """Return a script as a module."""
-    spec = importlib.util.spec_from_file_location(name, REPOSITORY / "scripts" / f"{name}.py")
+    """Return a script as a module, by its path below `scripts/` without its suffix."""
+    spec = importlib.util.spec_from_file_location(
+        name.replace("/", "_"), REPOSITORY / "scripts" / f"{name}.py"
+    )
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)

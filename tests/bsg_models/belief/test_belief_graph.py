@@ -131,6 +131,6 @@ def test_beliefs_about_unvisited_rooms_improve_as_others_are_searched(
     write_pairs(data, PairsRecipe(mask=mask, draws=2))
     tables = override(find_config("mixture").model_dump(mode="json"), ["data.mask.strategy=rooms"])
     list(train_run(validate_config(tables, source="test"), data, tmp_path / "run"))
-    gains = load_script("measure_search").measure_search(data, tmp_path / "run", orders=3)
+    gains = load_script("measure/searched_rooms").measure_search(data, tmp_path / "run", orders=3)
     assert len(gains) > 10
     assert (gains.mean(axis=0) > 0).all(), gains.mean(axis=0)

@@ -2,7 +2,7 @@
 
     bsg-data pairs hm3d --mask rooms --draws 5 --force
     bsg-train --config ceci-sage --data hm3d --out run --set data.mask.strategy=rooms
-    python scripts/measure_search.py --data hm3d --run run
+    python scripts/measure/searched_rooms.py --data hm3d --run run
 
 A robot begins with nothing seen and searches the rooms of every val building in random orders. The
 gain is by how many nats a room that is still unvisited is less of a surprise (−log P of all that is
