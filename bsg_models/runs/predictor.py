@@ -9,7 +9,6 @@ from bsg_data.arrays import Bools
 from bsg_data.errors import MismatchError
 from bsg_data.observation.observation import Observation
 from bsg_data.observation.partial_graph import PartialGraph
-from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import checkpoint_of
@@ -76,6 +75,5 @@ def _nothing_where_searched(expectation: Expectation, seen: Observation) -> Expe
     known = seen.cell_share == 0
     if not known[1:].any():
         return expectation
-    believed = expectation.hidden_counts
-    left = CountDistribution(believed.means * ~known, believed.dispersions, believed.weights)
+    left = expectation.hidden_counts.without(known)
     return Expectation(expectation.inputs, left, expectation.totals)

@@ -58,6 +58,7 @@ ZOO: Registry[ZooRow] = Registry(
         "train-mean": "bsg_models.zoo.baselines:TRAIN_MEAN",
         "conditional": "bsg_models.zoo.conditional:CONDITIONAL",
         "gamma-poisson": "bsg_models.zoo.gamma_poisson:GAMMA_POISSON",
+        "tilted-gamma-poisson": "bsg_models.zoo.gamma_poisson:TILTED_GAMMA_POISSON",
         "naive-bayes": "bsg_models.zoo.naive_bayes:NAIVE_BAYES",
         "mixture": "bsg_models.zoo.mixture:MIXTURE",
         "poisson-boosting": "bsg_models.zoo.boosting:POISSON_BOOSTING",
@@ -69,7 +70,8 @@ ZOO: Registry[ZooRow] = Registry(
         "deepsets": "bsg_models.zoo.deepsets:DEEPSETS",
         "room-transformer": "bsg_models.zoo.room_transformer:ROOM_TRANSFORMER",
         "ensemble": "bsg_models.zoo.ensemble:ENSEMBLE",
-        "search-sage": "bsg_models.zoo.sage:SEARCH_SAGE",
+        "universal": "bsg_models.zoo.sage:UNIVERSAL",
+        "universal-transformer": "bsg_models.zoo.room_transformer:UNIVERSAL_TRANSFORMER",
     },
 )
 BASELINES = ("input", "doubled", "train-mean", "gamma-poisson")

@@ -113,7 +113,7 @@ def test_what_cannot_be_observed_is_refused() -> None:
         observe(GRAPH, 2, [seen("1", 2, "sink")])
 
 
-@pytest.mark.parametrize("strategy", ["uniform", "rooms", "frontier", "explore", "search"])
+@pytest.mark.parametrize("strategy", ["uniform", "rooms", "frontier", "explore", "search", "mixed"])
 def test_a_mask_leaves_the_histograms_of_its_pairs(dataset: Path, strategy: str) -> None:
     recipe = MaskRecipe(strategy=strategy, fraction=0.6, seed=4, withhold=0.2)
     manifest = read_manifest(dataset)

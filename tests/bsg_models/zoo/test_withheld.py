@@ -41,6 +41,43 @@ def test_withhold_is_short_for_masks_of_a_search() -> None:
     assert DataConfig(mask=explored).fresh_mask == explored
 
 
+def test_a_choice_under_another_mask_withholds_what_it_did() -> None:
+    choice, rooms = DataConfig(withhold=0.1), MaskRecipe(strategy="rooms", seed=3)
+    assert choice.under(MaskRecipe(seed=3)).fresh_mask.strategy == "search"
+    other = choice.under(rooms)
+    assert other.fresh_mask == MaskRecipe(strategy="rooms", seed=3, withhold=0.1)
+    assert DataConfig.model_validate(other.model_dump()) == other
+    assert DataConfig().under(rooms).fresh_mask == rooms
+
+
+@pytest.mark.parametrize(
+    ("choice", "stored", "own"),
+    [
+        (DataConfig(), MaskRecipe(strategy="rooms"), False),  # the paper's, wherever it is tested
+        (DataConfig(mask=MaskRecipe(parts=True)), MaskRecipe(), False),
+        (DataConfig(mask=MaskRecipe(strategy="rooms")), MaskRecipe(), True),
+        (DataConfig(mask=MaskRecipe(strategy="rooms")), None, True),
+        (
+            DataConfig(mask=MaskRecipe(strategy="rooms", fraction=0.3, seed=1)),
+            MaskRecipe(strategy="rooms"),
+            False,  # fraction and seed aside they are the same
+        ),
+        (
+            DataConfig(mask=MaskRecipe(strategy="mixed", withhold=0.05)),
+            MaskRecipe(strategy="mixed"),
+            True,
+        ),
+        (DataConfig(mask=MaskRecipe(withhold=0.05)), MaskRecipe(), True),
+        (DataConfig(withhold=0.08), MaskRecipe(), True),
+        (DataConfig(masks="fixed", mask=MaskRecipe(strategy="mixed")), MaskRecipe(), False),
+    ],
+)
+def test_validation_draws_masks_where_stored_pairs_are_of_another_kind(
+    choice: DataConfig, stored: MaskRecipe | None, own: bool
+) -> None:
+    assert choice.needs_own_masks(stored) is own
+
+
 def fitted(name: str, dataset: Path) -> BeliefModel:
     torch.manual_seed(0)
     data, config = Dataset.open(dataset), find_config(name)
