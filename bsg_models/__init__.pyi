@@ -42,13 +42,14 @@ from .studies.evaluation_report import (
     EvaluationRequest,
     report_evaluation,
 )
-from .studies.leaderboard import Leaderboard, LeaderboardRecipe, ModelResult, make_leaderboard
+from .studies.leaderboard import Leaderboard, ModelResult, make_leaderboard
 from .studies.leaderboard_report import (
     LeaderboardReport,
     refuse_finished,
     report_leaderboard,
     summary_rows,
 )
+from .studies.leaderboard_runs import LeaderboardRecipe
 from .studies.run_summary import RunSummary, summarise_run
 from .studies.savings import Saving, WorldResult
 from .studies.search_cases import StudyRecipe
