@@ -89,6 +89,17 @@ def tally_second(
     return shares
 
 
+def tally_surroundings(truth: Truth, masked: MaskedBuildings, found: Expectation) -> Shares:
+    """Return `floor_area` and `labels`: the presence loss of unvisited rooms that have it."""
+    known = masked.seen.surroundings
+    unvisited = view_rooms(truth, masked)["unvisited"]
+    has = {"floor_area": np.isfinite(known.floor_area), "labels": known.labels.any(axis=1)}
+    return {
+        evidence: tally_presence_loss(truth, found, rooms=unvisited & there)
+        for evidence, there in has.items()
+    }
+
+
 def tally_presence_loss(truth: Truth, found: Expectation, *, rooms: Bools) -> tuple[Floats, Floats]:
     """Return the log-loss of presence in some rooms `[N]`: what each adds, and its cells."""
     said = np.clip(found.presence, LEAST, 1 - LEAST)

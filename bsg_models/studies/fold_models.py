@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from bsg_data.dataset.dataset import Dataset
@@ -27,7 +27,8 @@ from bsg_models.evaluation.tallies import Tally
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import BEST
-from bsg_models.studies.leaderboard import DATASET, run_of
+from bsg_models.studies.leaderboard import DATASET
+from bsg_models.studies.leaderboard_runs import run_of
 from bsg_models.training.training import one_thread
 from bsg_models.zoo.model import BeliefModel
 
@@ -152,6 +153,7 @@ def measure_models(
     mask: MaskRecipe,
     draws: int,
     by_fold: bool = False,
+    without: Sequence[str] = (),
 ) -> BuildingMeans:
     """Return some means over the buildings of several folds, each tested on by its own model.
 
@@ -161,13 +163,16 @@ def measure_models(
         mask: that the buildings are tested under.
         draws: masks of every building.
         by_fold: whether a value is the mean over the folds.
+        without: evidence that is withheld from the models, any of `EVIDENCE` of the surroundings;
+            the tally is told it all the same.
     """
     parts = []
     with one_thread():
         for one in models:
             masked = one.sample(mask, draws=draws)
             truth = read_truth(masked)
-            shares = tally(truth, masked, predict_all(one.model, masked))
+            told = replace(masked, seen=masked.seen.without(*without)) if without else masked
+            shares = tally(truth, masked, predict_all(one.model, told))
             parts.append(sum_buildings(truth.scene_ids, truth.building, shares))
     return join_buildings(parts, by_fold=by_fold)
 

@@ -8,10 +8,13 @@ from pathlib import Path
 import pytest
 from conftest import REPOSITORY, load_script
 
-PAGES = ("leaderboard", "masks", "fixtures", "ablation")
+from bsg_data.errors import DatasetError
+
+PAGES = ("leaderboard", "masks", "fixtures", "ablation", "search")
 FEW = {
     "masks": ["--draws=1", "--resamples=5", "--orders=1", "--models", "gamma-poisson@rooms"],
     "fixtures": ["--draws=2", "--resamples=5", "--models", "mixture@uniform"],
+    "search": ["--draws=1", "--episodes=4", "--worlds", "star:1-10", "--models", "mixture@uniform"],
     "ablation": ["--draws=1", "--resamples=5", "--base=mixture@rooms"],
 }
 
@@ -31,6 +34,12 @@ def test_a_script_writes_its_page(board: Path, tmp_path: Path, name: str) -> Non
     assert tables
     for table in tables:
         assert len({line.count("|") for line in table.splitlines()}) == 1
+
+
+def test_rooms_without_area_or_label_are_no_result(board: Path, tmp_path: Path) -> None:
+    script = load_script("measure/room_size")
+    with pytest.raises(DatasetError, match="no unvisited room has a known floor area"):
+        script.main([f"--leaderboard={board}", f"--out={tmp_path / 'page.md'}", "--draws=1"])
 
 
 def test_a_variant_is_compared_with_its_base(board: Path, tmp_path: Path) -> None:
