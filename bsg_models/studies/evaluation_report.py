@@ -36,17 +36,18 @@ class EvaluationRequest(Record):
     """What to compare, and which files to write.
 
     Attributes:
-        runs: folders of trained models.
+        runs: trained models, as `find_model` takes them: paths of runs, or names.
         dataset: that is split and has pairs.
         split: to measure on.
-        out: folder of the results; None for `evaluation` in the first run.
+        out: folder of the results; None for `evaluation` in the first run, or here if that is
+            no folder.
         html: one page with all results; None for none.
         resamples: of the bootstrap over buildings; 0 for no intervals.
         seed: of the bootstrap.
         force: replace results that are there.
     """
 
-    runs: tuple[Path, ...] = Field(min_length=1)
+    runs: tuple[Path | str, ...] = Field(min_length=1)
     dataset: Path
     split: Literal["train", "val", "test"] = "test"
     out: Path | None = None
@@ -58,7 +59,9 @@ class EvaluationRequest(Record):
     @property
     def folder(self) -> Path:
         """The folder of the results."""
-        return self.out or self.runs[0] / "evaluation"
+        first = self.runs[0]
+        inside = isinstance(first, Path) and not first.is_file()
+        return self.out or (Path(first) / "evaluation" if inside else Path("evaluation"))
 
 
 class EvaluationReport(NamedTuple):
@@ -155,7 +158,7 @@ def _write_page(
     )
 
 
-def _look_into(comparison: Comparison, run: Path, data: Path) -> list[View]:
+def _look_into(comparison: Comparison, run: Path | str, data: Path) -> list[View]:
     """Return what a run believes about the median, the smallest and the largest building."""
     manifest, predictor, measured = read_manifest(data), Predictor(run), comparison.truth
     rows = np.flatnonzero(measured.is_building & (measured.draw == measured.draw.min()))
