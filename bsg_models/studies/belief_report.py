@@ -28,6 +28,7 @@ from bsg_models.belief.tables import write_tables
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.rendering.explorer import View, write_explorer
 from bsg_models.runs.predictor import Predictor
+from bsg_models.runs.shipped import DEFAULT_MODEL
 
 
 class MaskedScenes(Record):
@@ -52,7 +53,7 @@ class BeliefRequest(Record):
     """What to believe about, and which files to write.
 
     Attributes:
-        run: folder of a trained model.
+        run: a model, as `find_model` takes it: the path of a run, or the name of a shipped one.
         graphs: files with robots' graphs, of ours or Spark-DSG's.
         scenes: masked buildings, in the place of graphs.
         labels: label space of Hydra's graphs: `ade20k` or `mpcat40`.
@@ -65,7 +66,7 @@ class BeliefRequest(Record):
         force: replace files that are there.
     """
 
-    run: Path
+    run: Path | str = DEFAULT_MODEL
     graphs: tuple[Path, ...] = ()
     scenes: MaskedScenes | None = None
     labels: str | None = None
