@@ -155,7 +155,6 @@ def test_loading_examples_run(dataset: Path, monkeypatch: pytest.MonkeyPatch) ->
         exec(compile(block, f"docs/loading.md, block {number}", "exec"), {"__name__": "loading"})
 
 
-@pytest.mark.filterwarnings("error")
 def test_the_entry_of_the_benchmark_is_measured(
     dataset: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
