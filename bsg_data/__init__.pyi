@@ -23,6 +23,7 @@ from .errors import (
 from .exports.catalogue import EXPORTS, ExportRow
 from .exports.export import Exported, export_dataset
 from .merge import merge_datasets, upgrade_dataset
+from .observation.mask_hash import hash_masks, hash_splits
 from .observation.masked_buildings import MaskedBuildings
 from .observation.masks import MASKS, Mask, sample_hidden, sample_view, sample_withheld
 from .observation.observation import Observation
@@ -50,7 +51,9 @@ from .scene.class_map import (
 from .scene.class_space import ClassSpace, list_class_spaces, load_class_space
 from .scene.connections import Connections
 from .scene.mesh_coverage import MeshCoverage
+from .scene.room_label import list_room_labels
 from .scene.scene_graph import Box, Edge, Room, SceneGraph, SceneObject
+from .scene.surroundings import BUILDING_KINDS, EVIDENCE, KNOWN_SOURCES, Surroundings
 from .sources.catalogue import SOURCES, open_source
 from .sources.hm3d import HM3DFolder
 from .sources.hm3d_stats import HM3DStatistics
@@ -68,7 +71,10 @@ from .synthetic.buildings import write_synthetic
 from .synthetic.geometry import GeometryOptions
 
 __all__ = [
+    "BUILDING_KINDS",
+    "EVIDENCE",
     "EXPORTS",
+    "KNOWN_SOURCES",
     "MASKS",
     "SOURCES",
     "AnnotationError",
@@ -119,6 +125,7 @@ __all__ = [
     "SourceError",
     "SourceRow",
     "SplitRecipe",
+    "Surroundings",
     "Terms",
     "UnmappedNameError",
     "View",
@@ -130,8 +137,11 @@ __all__ = [
     "count_frequencies",
     "count_sources",
     "export_dataset",
+    "hash_masks",
+    "hash_splits",
     "list_class_maps",
     "list_class_spaces",
+    "list_room_labels",
     "list_unmapped",
     "load_class_map",
     "load_class_space",

@@ -10,7 +10,7 @@
     ├── RecipeError            a mask, split or build was asked for that cannot be made
     │   └── ConfigError        a configuration names something that is not, or cannot be
     ├── CheckpointError        a checkpoint is missing, damaged, or of another shape or run
-    ├── PredictionError        a model's answer is not finite
+    ├── PredictionError        a model's answer is not finite, or a file of predictions is faulty
     ├── TrainingError          a training cannot start or go on
     └── BeliefFileError        a file or a graph is no belief graph of ours
         └── HydraError         a file is no scene graph of Hydra's, or Hydra's library is missing

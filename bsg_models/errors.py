@@ -14,7 +14,7 @@ class CheckpointError(BSGError):
 
 
 class PredictionError(BSGError):
-    """Report a model whose answer is not finite."""
+    """Report an answer that cannot be used: not finite, or a file of predictions that is faulty."""
 
 
 class TrainingError(BSGError):

@@ -10,6 +10,7 @@ import click
 import bsg_models
 from bsg_cli.options import (
     PATH,
+    complete_model,
     data_option,
     force_option,
     json_option,
@@ -37,9 +38,21 @@ class Evaluate(Command):
 
 
 @click.command("bsg-evaluate", cls=Evaluate)
-@click.argument("runs", nargs=-1, type=PATH, metavar="RUN...")
+@click.argument("runs", nargs=-1, metavar="[RUN]...", shell_complete=complete_model)
 @data_option("Dataset, with pairs.")
 @split_option("What to measure on.", default="test")
+@click.option(
+    "--predictions",
+    multiple=True,
+    type=PATH,
+    help="Predictions of any program (docs/benchmark.md): a parquet file, or a folder of some.",
+)
+@click.option(
+    "--fold",
+    type=click.IntRange(min=0),
+    help="Measure one fold, where there is no RUN.  [default: all, one by one]",
+)
+@click.option("--write-predictions", type=PATH, help="Folder for what the RUNs predict.")
 @out_option("Folder of the results.  [default: evaluation in the first RUN]")
 @resamples_option(200)
 @click.option("--html", type=PATH, help="All as one page, too.")
@@ -48,16 +61,20 @@ class Evaluate(Command):
 @force_option
 @json_option
 @version_option()
-def main(runs: tuple[Path, ...], all_metrics: bool, as_json: bool, **options: Any) -> None:
-    """Measure runs on a split, beside the baselines.
+def main(runs: tuple[str, ...], all_metrics: bool, as_json: bool, **options: Any) -> None:
+    """Measure runs or predictions on a split, beside the baselines.
+
+    A RUN is a folder that is there, or a model as `bsg-belief --model` takes it.
 
     \b
     Example:
       bsg-evaluate run --data dataset --split test
+      bsg-evaluate --predictions mine.parquet --data dataset
     """
-    if not runs:
-        raise click.UsageError("name a RUN")
-    request = bsg_models.EvaluationRequest(runs=runs, **options)
+    if not runs and not options["predictions"]:
+        raise click.UsageError("name a RUN, or --predictions FILE")
+    models = tuple(Path(run) if Path(run).exists() else run for run in runs)
+    request = bsg_models.EvaluationRequest(runs=models, **options)
     with progress_bar("evaluate", unit="resample") as progress:
         report = bsg_models.report_evaluation(request, progress=progress)
     comparison = report.comparison

@@ -124,6 +124,29 @@ def board(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
+def shipped(_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of shipped models that is taken for that of the package: `universal`, and `other`.
+
+    Both are the run of `gamma-poisson`.
+    """
+    from bsg_models.runs import shipped
+    from bsg_models.runs.checkpoint import read_header
+    from bsg_models.runs.model_card import ModelCard, TrainedOn, write_card
+
+    folder = tmp_path / "weights"
+    folder.mkdir()
+    header = read_header(_run / "best.safetensors")
+    for name in ("universal", "other"):
+        shutil.copy(_run / "best.safetensors", folder / f"{name}.safetensors")
+        trained_on = (TrainedOn(source="synthetic", buildings=12, licence="Apache-2.0"),)
+        card = ModelCard(name=name, purpose="For tests.", trained_on=trained_on)
+        (folder / f"{name}.md").write_text(write_card(card, header=header), "utf-8")
+    (folder / "SHA256SUMS").write_text(shipped.encode_sums(folder, ("universal", "other")))
+    monkeypatch.setattr(shipped, "weights_folder", lambda: folder)
+    return folder
+
+
+@pytest.fixture
 def shared() -> Path:
     """The real annotations, where this machine has them."""
     if not SHARED.is_dir():

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import chain
-from typing import ClassVar, Self
+from typing import ClassVar, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +28,7 @@ EVIDENCE = ("floor_area", "labels", "building_kinds", "sources")
 
 MAX_FLOOR_AREA = 1e5  # square metres, of a room: the largest halls that are built
 RoomType = str | Mapping[str, float]  # a label, or labels with their probabilities
+Said, Read = TypeVar("Said"), TypeVar("Read")
 _NOTHING = frozenset({"", "other", "unknown"})  # words that name no kind
 _ROUNDING = 1e-6  # by which probabilities may add up to more than 1
 _MOST_LABELS = 1000  # of one room
@@ -93,8 +94,8 @@ class Surroundings:
                 f" and {len(room_types)}"
             )
         return cls(
-            np.array([np.nan, *map(check_floor_area, areas)], dtype=np.float64),
-            np.stack([_spread(None), *map(_spread, room_types)]),
+            np.array([None, *_of_each_room(check_floor_area, areas)], dtype=np.float64),
+            np.stack([_spread(None), *_of_each_room(_spread, room_types)]),
             (check_building_kind(building_kind) or "",),
             (source or "",),
         )
@@ -189,8 +190,8 @@ def check_building_kind(kind: str | None) -> str | None:
         return None
     if spoken not in BUILDING_KINDS:
         raise RecipeError(
-            f"expected a kind of building, found {kind!r}; known are {', '.join(BUILDING_KINDS)}"
-            "; leave it out, or say `other`"
+            f"expected a kind of building, found {str(kind)[:80]!r}; known are "
+            f"{', '.join(BUILDING_KINDS)}; leave it out, or say `other`"
         )
     return spoken
 
@@ -215,12 +216,12 @@ def check_room_type(said: RoomType | None) -> RoomType | None:
     found: dict[str, float] = {}
     for word, share in said.items():
         if not (math.isfinite(share) and 0 <= share <= 1 + _ROUNDING):
-            raise RecipeError(f"expected a probability of {word!r}, from 0 to 1, found {share}")
+            raise RecipeError(f"{word[:80]!r}: expected a probability, 0 to 1, found {share}")
         label = _find_label(word)
         if label is not None and share > 0:
             found[label] = found.get(label, 0.0) + float(share)
-    if math.fsum(said.values()) > 1 + _ROUNDING:
-        total = math.fsum(said.values())
+    total = math.fsum(said.values())
+    if total > 1 + _ROUNDING:
         raise RecipeError(f"expected probabilities that add up to 1 or less, found {total:g}")
     return next(iter(found)) if list(found.values()) == [1.0] else found or None
 
@@ -235,6 +236,15 @@ def label_rows(labels: Sequence[str | None]) -> npt.NDArray[np.float32]:
     return rows
 
 
+def _of_each_room(read: Callable[[Said], Read], said: Iterable[Said]) -> Iterator[Read]:
+    """Yield what is read of each room; an error says which room it is."""
+    for number, one in enumerate(said, 1):
+        try:
+            yield read(one)
+        except RecipeError as error:
+            raise RecipeError(f"room {number}: {error}") from error
+
+
 def _find_label(word: str) -> str | None:
     """Return the common label of a word; None if it says that nothing is known."""
     spoken = normalise_room(word)
@@ -242,9 +252,9 @@ def _find_label(word: str) -> str | None:
         return None
     label = label_of(ANY_SOURCE, word)
     if label is None:
-        near = difflib.get_close_matches(spoken, list_room_labels(), n=3)
+        near = difflib.get_close_matches(spoken[:80], list_room_labels(), n=3)
         hint = f"did you mean {', '.join(near)}?" if near else "leave it out, or say `other`"
-        raise RecipeError(f"expected a room label, found {word!r}; {hint}")
+        raise RecipeError(f"expected a room label, found {word[:80]!r}; {hint}")
     return label
 
 

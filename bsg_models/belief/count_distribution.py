@@ -89,7 +89,7 @@ class CountDistribution:
         """
         means = np.maximum(self.means, floor)
         each = _log_nones(means, self.dispersions)
-        normaliser = None
+        normaliser: Floats | float = 0.0
         if self.tilts is not None:
             first = _first_counts(len(self.tilts), np.exp(each), means, self.dispersions)
             normaliser = _log_normaliser(first, self.tilts)

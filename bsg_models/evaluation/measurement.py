@@ -18,6 +18,10 @@ from bsg_models.evaluation.metrics import Floats
 from bsg_models.evaluation.truth import Prediction, Truth
 from bsg_models.zoo.model import BeliefModel
 
+# Of the metrics and of how predictions are read: it rises when the same predictions would get
+# another value, so that results of one version can be compared.
+EVALUATOR_VERSION = 1
+
 
 def read_truth(masked: MaskedBuildings) -> Truth:
     """Return the truth of masked buildings, nodes in their order."""

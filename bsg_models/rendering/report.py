@@ -28,7 +28,7 @@ def write_report(
     findings: Mapping[str, Mapping[str, Sequence[str]]],
     tables: Sequence[Table],
     figures: Mapping[str, Path],
-    explorer: str,
+    explorer: str | None,
 ) -> None:
     """Write the page, whole or not at all; everything is in it, and all text is escaped.
 
@@ -39,7 +39,7 @@ def write_report(
         findings: heading → verdict → what it is of.
         tables: of metrics; those after the first are folded.
         figures: caption → PNG.
-        explorer: page of `explorer_page`, shown in a frame.
+        explorer: page of `explorer_page`, shown in a frame; None for none.
     """
     page = render_page(
         "report.html.jinja",

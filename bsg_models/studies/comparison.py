@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,11 +13,14 @@ import pandas as pd
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError
-from bsg_models.belief.expectation import Expectation
+from bsg_data.observation.masked_buildings import stack_masked
+from bsg_models.belief.expectation import Expectation, join
 from bsg_models.errors import CheckpointError
 from bsg_models.evaluation.bootstrap import LEAST_BUILDINGS, Bootstrap, Estimate, bootstrap
 from bsg_models.evaluation.measurement import (
+    EVALUATOR_VERSION,
     Measurement,
+    SplitsMeasurement,
     count_empty,
     measure_classes,
     predict_all,
@@ -33,7 +36,9 @@ from bsg_models.runs.checkpoint import (
     require_dataset,
     restore_model,
 )
-from bsg_models.runs.run_folder import BEST, LAST
+from bsg_models.runs.found_model import FoundModel, find_model
+from bsg_models.runs.run_folder import LAST
+from bsg_models.studies.entries import Entry, Folds, folds_of, hash_measured, read_entry
 from bsg_models.zoo.catalogue import BASELINES
 from bsg_models.zoo.config import find_config
 from bsg_models.zoo.construction import make_model
@@ -91,20 +96,26 @@ class Comparison:
 
 
 def compare_runs(
-    runs: Sequence[Path],
+    runs: Sequence[Path | str],
     dataset: Path,
     *,
     split: str,
+    predictions: Sequence[Path] = (),
+    fold: int | None = None,
     resamples: int = 200,
     seed: int = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> Comparison:
-    """Measure runs and baselines on the stored pairs of a split.
+    """Measure runs, predictions of other programs and baselines on the stored pairs of a split.
+
+    Without runs a dataset in folds is measured fold by fold, and the values are averaged.
 
     Args:
-        runs: folders of `bsg-train`.
+        runs: trained models, as `find_model` takes them.
         dataset: that is split and has pairs.
         split: `train`, `val` or `test`.
+        predictions: files of predictions, or folders of such files.
+        fold: the one to measure where there is no run; None for all of them.
         resamples: of the bootstrap over buildings.
         seed: of the bootstrap.
         progress: called with (resamples done, resamples in all), over all models.
@@ -113,28 +124,44 @@ def compare_runs(
         CheckpointError: if a run cannot be loaded, or the runs were trained for different folds.
         MismatchError: if a run is of another class map.
         DatasetError: if the split has no pairs.
+        PredictionError: if predictions cannot be read, or do not fit the pairs.
     """
     data = Dataset.open(dataset)
-    loaded = [(run, load_checkpoint(run / BEST)) for run in runs]
+    found = map(find_model, runs)
+    loaded = [(run, load_checkpoint(run.path)) for run in found]
     for run, checkpoint in loaded:
-        require_dataset(run / BEST, checkpoint.header, data.manifest)
-    fold = _one_fold(loaded)
+        require_dataset(run.path, checkpoint.header, data.manifest)
+    fold = _one_fold(loaded, fold) if loaded else fold
     part = cast(Split, split)
-    truth = read_truth(read_split(data, part, fold=fold))
-    models = _models(loaded, data, fold=fold)
+    folds: Folds = (fold,) if loaded else folds_of(data, fold)
+    masked = [read_split(data, part, fold=one) for one in folds]
+    truths = [read_truth(some) for some in masked]
+    truth = truths[0] if len(folds) == 1 else read_truth(stack_masked(masked))
+    entries = [read_entry(p, data, masked, split=part, folds=folds) for p in predictions]
+    models = [_models(loaded, data, fold=one) for one in folds]
+    names = _order(models[0], entries)
     bootstraps, expectations = {}, {}
-    for done, (name, model) in enumerate(models.items()):
-        masked = read_split(data, part, fold=fold, vocabulary=model.vocabulary)
-        expectations[name] = predict_all(model, masked)
+    for done, (name, entry) in enumerate(names.items()):
+        if entry is None:
+            splits = [
+                predict_all(
+                    own[name], read_split(data, part, fold=k, vocabulary=own[name].vocabulary)
+                )
+                for k, own in zip(folds, models, strict=True)
+            ]
+            expectations[name] = splits[0] if len(splits) == 1 else join(splits)
+        else:
+            splits, expectations[name] = list(entry.splits), entry.whole
+        each = [Measurement(*both) for both in zip(truths, splits, strict=True)]
         bootstraps[name] = bootstrap(
-            Measurement(truth, expectations[name]),
+            each[0] if len(each) == 1 else SplitsMeasurement(each),
             resamples=resamples,
             seed=seed,
-            progress=_offset(progress, before=done * resamples, total=len(models) * resamples),
+            progress=_offset(progress, before=done * resamples, total=len(names) * resamples),
         )
     classes = data.manifest.class_space.classes
     return Comparison(
-        runs=tuple(name for name in models if name not in BASELINES),
+        runs=tuple(name for name in names if name not in BASELINES),
         split=split,
         bootstraps=bootstraps,
         expectations=expectations,
@@ -142,22 +169,26 @@ def compare_runs(
         classes=measure_classes(truth, expectations, classes),
         class_names=classes,
         facts=_facts(data, truth, fold=fold, resamples=resamples, seed=seed)
-        | {"runs": _describe(loaded, models)},
+        | {
+            "masks_sha256": hash_measured(data, part, folds),
+            "runs": _describe(loaded, models[0]),
+            "predictions": {name: entry.facts for name, entry in names.items() if entry},
+        },
         notes=tuple(_notes(loaded, data, truth, split)),
     )
 
 
 def _models(
-    loaded: Sequence[tuple[Path, Checkpoint]], data: Dataset, *, fold: int | None
+    loaded: Sequence[tuple[FoundModel, Checkpoint]], data: Dataset, *, fold: int | None
 ) -> dict[str, BeliefModel]:
     """Return the models by name: the runs by their folders, then the baselines, fitted on train."""
     models: dict[str, BeliefModel] = {}
     for run, checkpoint in loaded:
-        name = run.name or run.resolve().name
+        name = run.name
         taken, number = name, 2
         while name in models or name in BASELINES:
             name, number = f"{taken}-{number}", number + 1
-        models[name] = restore_model(run / BEST, checkpoint)
+        models[name] = restore_model(run.path, checkpoint)
     for name in BASELINES:
         model = make_model(find_config(name), classes=len(data.manifest.class_space.classes))
         model.fit(data, DataConfig(fold=fold))
@@ -165,8 +196,20 @@ def _models(
     return models
 
 
+def _order(models: Iterable[str], entries: Sequence[Entry]) -> dict[str, Entry | None]:
+    """Return all that is measured by name: runs, then predictions, then baselines."""
+    runs = [name for name in models if name not in BASELINES]
+    names: dict[str, Entry | None] = dict.fromkeys(runs)
+    for entry in entries:
+        taken, number = entry.name, 2
+        while taken in names or taken in BASELINES:
+            taken, number = f"{entry.name}-{number}", number + 1
+        names[taken] = entry
+    return names | dict.fromkeys(name for name in models if name in BASELINES)
+
+
 def _describe(
-    loaded: Sequence[tuple[Path, Checkpoint]], models: dict[str, BeliefModel]
+    loaded: Sequence[tuple[FoundModel, Checkpoint]], models: dict[str, BeliefModel]
 ) -> dict[str, Any]:
     """Return epoch, dataset and configuration of each run by its name."""
     return {
@@ -179,10 +222,13 @@ def _describe(
     }
 
 
-def _one_fold(loaded: Sequence[tuple[Path, Checkpoint]]) -> int | None:
+def _one_fold(loaded: Sequence[tuple[FoundModel, Checkpoint]], asked: int | None) -> int | None:
     folds = {checkpoint.header.config.data.fold for _, checkpoint in loaded}
+    if asked is not None and folds != {asked}:
+        listed = ", ".join(f"{run.name}: {c.header.config.data.fold}" for run, c in loaded)
+        raise CheckpointError(f"expected runs that test on fold {asked}, found {listed}")
     if len(folds) > 1:
-        listed = ", ".join(f"{run}: {c.header.config.data.fold}" for run, c in loaded)
+        listed = ", ".join(f"{run.name}: {c.header.config.data.fold}" for run, c in loaded)
         raise CheckpointError(f"the runs test on different folds ({listed}); compare those of one")
     return folds.pop()
 
@@ -194,6 +240,7 @@ def _facts(
     if pairs is None:
         raise DatasetError(f"{data.path}: has no pairs; run `bsg-data pairs` first")
     return {
+        "evaluator_version": EVALUATOR_VERSION,
         "fold": fold,
         "dataset_sha256": data.sha256,
         "class_space": data.manifest.class_space.name,
@@ -211,22 +258,23 @@ def _facts(
 
 
 def _notes(
-    loaded: Sequence[tuple[Path, Checkpoint]], data: Dataset, truth: Truth, split: str
+    loaded: Sequence[tuple[FoundModel, Checkpoint]], data: Dataset, truth: Truth, split: str
 ) -> list[str]:
     notes = []
     for run, checkpoint in loaded:
         if checkpoint.header.dataset_sha256 != data.sha256:
             notes.append(
-                f"note: {run} was trained on another dataset or another version of this one; "
+                f"note: {run.name} was trained on another dataset or another version of this one; "
                 f"buildings of this {split} split may have been in its training set"
             )
         header = checkpoint.header
         epochs = header.config.training.epochs
-        last = read_header(run / LAST).epoch if (run / LAST).is_file() else epochs
+        unfinished = run.path.with_name(LAST)
+        last = read_header(unfinished).epoch if unfinished.is_file() else epochs
         if header.calibrated != getattr(header.config.model, "calibrate", False):
-            notes.append(f"note: {run} stopped before its calibration; --resume finishes it")
+            notes.append(f"note: {run.name} stopped before its calibration; --resume finishes it")
         if last < epochs:
-            notes.append(f"note: {run} stopped at epoch {last} of {epochs}; --resume goes on")
+            notes.append(f"note: {run.name} stopped at epoch {last} of {epochs}; --resume goes on")
     if (buildings := len(truth.scene_ids)) < LEAST_BUILDINGS:
         notes.append(
             f"note: measured on {buildings} building{'' if buildings == 1 else 's'}: intervals (±) "

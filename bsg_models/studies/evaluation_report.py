@@ -10,11 +10,12 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.errors import DatasetError
 from bsg_data.files import write_bytes
@@ -28,6 +29,7 @@ from bsg_models.rendering.report import Table, write_report
 from bsg_models.runs.predictor import Predictor
 from bsg_models.studies.comparison import Comparison, compare_runs
 from bsg_models.studies.comparison_table import encode_comparison, headline_rows, metric_rows
+from bsg_models.studies.entries import write_entry
 
 REPORT, CLASSES = "evaluation.json", "classes.csv"
 
@@ -36,29 +38,47 @@ class EvaluationRequest(Record):
     """What to compare, and which files to write.
 
     Attributes:
-        runs: folders of trained models.
+        runs: trained models, as `find_model` takes them: paths of runs, or names.
         dataset: that is split and has pairs.
         split: to measure on.
-        out: folder of the results; None for `evaluation` in the first run.
+        predictions: files of predictions of other programs, or folders of such files.
+        fold: the one to measure where there is no run; None for all of them.
+        write_predictions: folder where the beliefs of the runs are written as predictions.
+        out: folder of the results; None for `evaluation` in the first run, or here if that is no
+            folder, or beside the first predictions.
         html: one page with all results; None for none.
         resamples: of the bootstrap over buildings; 0 for no intervals.
         seed: of the bootstrap.
         force: replace results that are there.
     """
 
-    runs: tuple[Path, ...] = Field(min_length=1)
+    runs: tuple[Path | str, ...] = ()
     dataset: Path
     split: Literal["train", "val", "test"] = "test"
+    predictions: tuple[Path, ...] = ()
+    fold: int | None = Field(default=None, ge=0)
+    write_predictions: Path | None = None
     out: Path | None = None
     html: Path | None = None
     resamples: int = Field(default=200, ge=0)
     seed: int = Field(default=0, ge=0)
     force: bool = False
 
+    @model_validator(mode="after")
+    def _has_something_to_measure(self) -> Self:
+        if not self.runs and not self.predictions:
+            raise ValueError("name a run or predictions")
+        return self
+
     @property
     def folder(self) -> Path:
         """The folder of the results."""
-        return self.out or self.runs[0] / "evaluation"
+        if self.out is None and not self.runs:
+            first = self.predictions[0]
+            return first.with_name(f"{first.stem}-evaluation")
+        run = self.runs[0] if self.runs else Path()
+        inside = isinstance(run, Path) and not run.is_file()
+        return self.out or (Path(run) / "evaluation" if inside else Path("evaluation"))
 
 
 class EvaluationReport(NamedTuple):
@@ -92,6 +112,7 @@ def report_evaluation(
         DatasetError: if the split has no pairs, or results are there already.
         CheckpointError: if a run cannot be loaded, or the runs were trained for different folds.
         MismatchError: if a run is of another class map.
+        PredictionError: if predictions cannot be read, or do not fit the pairs.
     """
     report, classes = request.folder / REPORT, request.folder / CLASSES
     if report.exists() and not request.force:
@@ -104,10 +125,14 @@ def report_evaluation(
         request.runs,
         request.dataset,
         split=request.split,
+        predictions=request.predictions,
+        fold=request.fold,
         resamples=request.resamples,
         seed=request.seed,
         progress=progress,
     )
+    if request.write_predictions is not None:
+        _write_entries(comparison, request, request.write_predictions)
     summary = encode_comparison(comparison)
     figures = _plot(comparison, request.folder)
     write_bytes(classes, comparison.classes.to_csv(index=False).encode())
@@ -117,13 +142,26 @@ def report_evaluation(
     return EvaluationReport(comparison, summary, report, classes, figures)
 
 
+def _write_entries(comparison: Comparison, request: EvaluationRequest, folder: Path) -> None:
+    """Write what the runs expect as predictions, as those of other programs are."""
+    for name in comparison.facts["runs"]:
+        write_entry(
+            folder,
+            name,
+            comparison.expectations[name],
+            Dataset.open(request.dataset),
+            split=request.split,
+            fold=comparison.facts["fold"],
+            force=request.force,
+        )
+
+
 def _write_page(
     path: Path, comparison: Comparison, request: EvaluationRequest, figures: Mapping[str, Path]
 ) -> None:
     """Write the evaluation as one page, with buildings that the likeliest run believes in."""
     estimates = comparison.estimates
-    likelihood = [estimates[name]["rooms/hidden_nll"].value for name in comparison.runs]
-    best = int(np.argmin(likelihood))
+    likelihood = [estimates[name]["rooms/hidden_nll"].value for name in comparison.facts["runs"]]
     write_report(
         path,
         title=f"What is hidden, and how well it is known: {', '.join(comparison.runs)}",
@@ -151,11 +189,15 @@ def _write_page(
             ),
         ],
         figures=figures,
-        explorer=explorer_page(_look_into(comparison, request.runs[best], request.dataset)),
+        explorer=explorer_page(
+            _look_into(comparison, request.runs[int(np.argmin(likelihood))], request.dataset)
+        )
+        if request.runs
+        else None,
     )
 
 
-def _look_into(comparison: Comparison, run: Path, data: Path) -> list[View]:
+def _look_into(comparison: Comparison, run: Path | str, data: Path) -> list[View]:
     """Return what a run believes about the median, the smallest and the largest building."""
     manifest, predictor, measured = read_manifest(data), Predictor(run), comparison.truth
     rows = np.flatnonzero(measured.is_building & (measured.draw == measured.draw.min()))

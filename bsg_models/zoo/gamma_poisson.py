@@ -124,7 +124,7 @@ def fit_gamma_prior(counts: npt.NDArray[np.integer]) -> tuple[float, float]:
 
 
 def fit_tilted_prior(
-    counts: npt.NDArray[np.integer], shape: float, rate: float, tilted: int
+    counts: npt.NDArray[np.integer], shape: float, rate: float, *, tilted: int
 ) -> tuple[float, ...]:
     """Return a, b and the tilts a_0..a_{J−1} that maximise the likelihood of counts `[R]`.
 

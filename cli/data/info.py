@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 import bsg_data
-from bsg_cli.data.totals import format_losses, format_sources, format_totals
+from bsg_cli.data.totals import format_hashes, format_losses, format_sources, format_totals
 from bsg_cli.options import PATH, dataset_argument, json_option
 from bsg_cli.terminal import Command, print_json, print_note
 from bsg_data.tables import format_text
@@ -28,6 +28,7 @@ def command(dataset: Path, figure: Path | None, as_json: bool) -> None:
     manifest = bsg_data.read_manifest(dataset)
     frame = bsg_data.count_frequencies(dataset)
     sizes = bsg_data.read_splits(dataset, manifest=manifest) if manifest.split else {}
+    hashes = bsg_data.hash_splits(bsg_data.Dataset.open(dataset)) if manifest.pairs else {}
     if figure is not None:
         bsg_data.plot_frequencies(frame, figure, title=format_totals(manifest))
     if as_json:
@@ -35,6 +36,7 @@ def command(dataset: Path, figure: Path | None, as_json: bool) -> None:
         summary["splits"] = {name: len(ids) for name, ids in sizes.items()}
         sources = bsg_data.count_sources(dataset, manifest=manifest).to_dict(orient="records")
         summary["by_source"] = sources
+        summary["masks_sha256"] = hashes
         print_json({**summary, "classes": frame.to_dict(orient="records")})
         return
     click.echo(format_totals(manifest))
@@ -48,6 +50,7 @@ def command(dataset: Path, figure: Path | None, as_json: bool) -> None:
         click.echo("pairs: none yet (bsg-data pairs)")
     else:
         click.echo(f"pairs: {recipe.draws} draws of {recipe.mask}")
+        click.echo(format_hashes(hashes))
     most = max(1, int(frame["instances"].max()))
     rows = [
         (row["class"], row["instances"], row["rooms"], row["scenes"], _bar(row["instances"] / most))

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 import bsg_data
+from bsg_cli.data.totals import format_hashes
 from bsg_cli.options import (
     dataset_argument,
     force_option,
@@ -71,7 +72,10 @@ def command(
                 f"{bare:,} of {manifest.totals.scenes:,} scenes have no adjacency: there every "
                 "room neighbours every other"
             )
+    hashes = bsg_data.hash_splits(bsg_data.Dataset.open(dataset))
     if as_json:
-        print_json({"recipe": recipe.model_dump(mode="json"), "rows": rows})
+        answer = {"recipe": recipe.model_dump(mode="json"), "rows": rows, "masks_sha256": hashes}
+        print_json(answer)
     else:
         click.echo(f"{rows:,} pairs: {draws} draws of the mask {recipe.mask}")
+        click.echo(format_hashes(hashes))

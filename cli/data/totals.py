@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import bsg_data
@@ -26,6 +27,11 @@ def _name_maps(manifest: bsg_data.Manifest) -> str:
     names = {source.class_map.version for source in manifest.sources}
     others = sorted(names - {manifest.class_space.name})
     return f" by the class map {', '.join(others)}" if others else ""
+
+
+def format_hashes(hashes: Mapping[str, str]) -> str:
+    """Return the sha256 of the masks of each split, and of all of them, a line each."""
+    return format_text(list(hashes.items()), header=("masks of", "sha256"))
 
 
 def format_sources(dataset: Path) -> str:

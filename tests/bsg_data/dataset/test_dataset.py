@@ -16,7 +16,8 @@ from bsg_data.dataset.manifest import MANIFEST, hash_manifest, read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.dataset.splits import read_splits, split_dataset
 from bsg_data.errors import DatasetError
-from bsg_data.recipes import SplitRecipe
+from bsg_data.observation.partial_graph import mask_scene
+from bsg_data.recipes import MaskRecipe, SplitRecipe
 from bsg_data.scene.class_map import ClassMap, is_nameless
 from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.scene_graph import Box, Edge, SceneGraph
@@ -174,6 +175,12 @@ def assert_alike(data: Dataset) -> None:
             for room, kind in np.argwhere(one.cells)
         }
         assert there == others
+        space, ours = data.manifest.class_space, data.surroundings(scene)
+        robots = mask_scene(graph, MaskRecipe(), draw=0, class_space=space).surroundings()
+        np.testing.assert_array_equal(ours.floor_area, robots.floor_area)
+        np.testing.assert_array_equal(ours.labels, robots.labels)
+        np.testing.assert_array_equal(ours.building_kind_index, robots.building_kind_index)
+        assert ours.sources == robots.sources
         pairs = [(edge.source, edge.target) for edge in graph.adjacency]
         assert [tuple(pair) for pair in data.connections(scene).pairs.tolist()] == pairs
         assert adjacent.get(scene, []) == pairs

@@ -123,7 +123,10 @@ def test_labels_of_a_dataset_that_nobody_lists_are_unknown() -> None:
         ({"types": ["kitchn"]}, "found 'kitchn'; did you mean kitchen"),
         ({"types": ["zzqx"]}, "found 'zzqx'; leave it out"),
         ({"types": [{"kitchn": 1.0}]}, "did you mean kitchen"),
-        ({"types": [{"kitchen": -0.1}]}, "probability of 'kitchen', from 0 to 1, found -0.1"),
+        (
+            {"types": [{"kitchen": -0.1}]},
+            "room 1: 'kitchen': expected a probability, 0 to 1",
+        ),
         ({"types": [{"kitchen": float("nan")}]}, "found nan"),
         ({"types": [{"kitchen": 0.7, "bar": 0.4}]}, "add up to 1 or less, found 1.1"),
         ({"types": [{str(n): 0.0 for n in range(1001)}]}, "at most 1000 labels"),

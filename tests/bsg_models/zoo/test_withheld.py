@@ -21,7 +21,7 @@ from bsg_models.zoo.masked_rooms import sample_chosen, sample_uniform
 from bsg_models.zoo.model import BeliefModel, share_of, to_array
 from bsg_models.zoo.settings import DataConfig
 
-TOLD = ("gamma-poisson", "naive-bayes", "mixture", "ceci-sage", "search-sage")
+TOLD = ("gamma-poisson", "naive-bayes", "mixture", "ceci-sage", "universal", "prior-table")
 STOVE = 35
 
 
@@ -121,7 +121,7 @@ def test_a_withheld_class_is_expected_more_than_one_that_was_not_seen(
 
 def test_a_network_and_a_model_that_counts_are_told_the_same_share(dataset: Path) -> None:
     seen = observe_building([[3] * 45] * 3, hidden_share=[0.25, 0.5, 1.0], withheld=[STOVE])
-    graph = fitted("search-sage", dataset).graph_of(seen)  # type: ignore[operator]
+    graph = fitted("universal", dataset).graph_of(seen)  # type: ignore[operator]
     np.testing.assert_array_equal(to_array(share_of(graph)), seen.cell_share)
     assert seen.cell_share[:, STOVE].tolist() == [1.0, 1.0, 1.0]
     assert seen.cell_share[:, 0].tolist() == [0.25, 0.5, 1.0]

@@ -13,7 +13,10 @@ def test_classes_and_splits_are_counted(dataset: Path, tmp_path: Path) -> None:
     assert info["splits"] == {"train": 10, "val": 1, "test": 1}
     assert sum(row["instances"] for row in info["classes"]) == info["totals"]["classified"]
     assert (tmp_path / "c.png").stat().st_size > 10_000
-    assert "pairs: 4 draws of uniform, fraction 0.5" in run("info", dataset).stdout
+    shown = run("info", dataset).stdout
+    assert "pairs: 4 draws of uniform, fraction 0.5" in shown
+    assert list(info["masks_sha256"]) == ["test", "train", "val", "all"]
+    assert all(found in shown for found in info["masks_sha256"].values())
 
 
 def test_a_missing_dataset_is_one_line_without_traceback(tmp_path: Path) -> None:

@@ -10,7 +10,12 @@ from data_commands import run
 def test_every_building_and_room_has_a_pair_in_every_draw(dataset: Path) -> None:
     words = ("pairs", dataset, "--force", "--draws", "3", "--workers", "1", "--json")
     totals = json.loads(run("info", dataset, "--json").stdout)["totals"]
-    assert json.loads(run(*words).stdout)["rows"] == 3 * (totals["scenes"] + totals["rooms"])
+    drawn = json.loads(run(*words).stdout)
+    assert drawn["rows"] == 3 * (totals["scenes"] + totals["rooms"])
+    assert (
+        drawn["masks_sha256"] == json.loads(run("info", dataset, "--json").stdout)["masks_sha256"]
+    )
+    assert drawn["masks_sha256"]["all"] in run(*words[:-1]).stdout
 
 
 def test_pairs_that_are_there_need_force(dataset: Path) -> None:

@@ -1,0 +1,83 @@
+"""Predictions beside runs, and runs as predictions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.dataset.splits import split_dataset
+from bsg_data.observation.mask_hash import hash_splits
+from bsg_data.observation.pairs import write_pairs
+from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
+from bsg_models.errors import PredictionError
+from bsg_models.evaluation.measurement import (
+    Measurement,
+    SplitsMeasurement,
+    predict_all,
+    read_truth,
+)
+from bsg_models.inputs.graphs import read_split
+from bsg_models.studies.comparison import compare_runs
+from bsg_models.studies.entries import folds_of, write_entry
+from bsg_models.zoo.catalogue import BASELINES
+from bsg_models.zoo.config import find_config
+from bsg_models.zoo.construction import make_model
+from bsg_models.zoo.settings import DataConfig
+
+
+def test_what_a_run_writes_is_measured_as_the_run(dataset: Path, run: Path, tmp_path: Path) -> None:
+    first = compare_runs([run], dataset, split="test", resamples=2)
+    data = Dataset.open(dataset)
+    path = write_entry(
+        tmp_path / "p", "mine", first.expectations["run"], data, split="test", fold=None
+    )
+    both = compare_runs([run], dataset, split="test", predictions=[path, path], resamples=2)
+    assert both.runs == ("run", "mine", "mine-2")
+    assert list(both.estimates) == ["run", "mine", "mine-2", *BASELINES]
+    assert both.facts["predictions"]["mine"]["exactly"] == 8
+    assert both.facts["masks_sha256"] == hash_splits(data)["test"]
+    ours, theirs = both.estimates["run"], both.estimates["mine"]
+    for name, estimate in ours.items():
+        exact = "hidden_nll" not in name
+        close = pytest.approx(estimate.value, rel=1e-9 if exact else 1e-3, nan_ok=True)
+        assert theirs[name].value == close, name
+
+
+def test_predictions_of_all_folds_are_measured_fold_by_fold(dataset: Path, tmp_path: Path) -> None:
+    split_dataset(dataset, SplitRecipe(method="folds", ratios=None, folds=3), force=True)
+    write_pairs(dataset, PairsRecipe(mask=MaskRecipe(strategy="explore"), draws=2))
+    data = Dataset.open(dataset)
+    assert folds_of(data, None) == (0, 1, 2)
+    assert folds_of(data, 1) == (1,)
+    measured = []
+    for fold in range(3):
+        model = make_model(find_config("gamma-poisson"), classes=45)
+        model.fit(data, DataConfig(fold=fold))
+        masked = read_split(data, "test", fold=fold)
+        expectation = predict_all(model, masked)
+        measured.append(Measurement(read_truth(masked), expectation))
+        write_entry(tmp_path, "mine", expectation, data, split="test", fold=fold)
+    every = compare_runs([], dataset, split="test", predictions=[tmp_path / "mine"], resamples=0)
+    point = SplitsMeasurement(measured).evaluate()
+    for name in ("rooms/presence_ap_micro/all", "all/correlation_frobenius"):
+        assert every.estimates["mine"][name].value == pytest.approx(point[name])
+        assert every.estimates["gamma-poisson"][name].value == pytest.approx(point[name])
+    assert every.facts["masks_sha256"] == hash_splits(data)["all"]
+    assert every.facts["buildings"] == 12
+    one = compare_runs(
+        [], dataset, split="test", predictions=[tmp_path / "mine"], fold=1, resamples=0
+    )
+    name = "rooms/presence_brier/all"
+    assert one.estimates["mine"][name].value == pytest.approx(measured[1].evaluate()[name])
+
+
+def test_predictions_for_other_masks_are_refused(dataset: Path, run: Path, tmp_path: Path) -> None:
+    data = Dataset.open(dataset)
+    model = make_model(find_config("doubled"), classes=45)
+    expectation = predict_all(model, read_split(data, "test"))
+    path = write_entry(tmp_path, "mine", expectation, data, split="test", fold=None)
+    write_pairs(dataset, PairsRecipe(mask=MaskRecipe(seed=1), draws=4), force=True)
+    with pytest.raises(PredictionError, match="was made for other masks"):
+        compare_runs([], dataset, split="test", predictions=[path], resamples=0)
