@@ -83,15 +83,11 @@ class GammaPoissonModel(BeliefModel):
         rooms = np.concatenate([data.cells(scene)[1:] for scene in scenes])
         fitted = np.array([fit_gamma_prior(column) for column in rooms.T])
         if self.config.tilted:
-            number = self.config.tilted
-            tilted = np.array(
-                [
-                    fit_tilted_prior(c, *start, number)
-                    for c, start in zip(rooms.T, fitted, strict=True)
-                ]
+            starts = zip(rooms.T, fitted, strict=True)
+            fitted = np.array(
+                [fit_tilted_prior(c, a, b, tilted=self.config.tilted) for c, (a, b) in starts]
             )
-            fitted = tilted[:, :2]
-            self.tilts.copy_(torch.from_numpy(tilted[:, 2:].T))
+            self.tilts.copy_(torch.from_numpy(fitted[:, 2:].T))
         self.shape.copy_(torch.from_numpy(fitted[:, 0]))
         self.rate.copy_(torch.from_numpy(fitted[:, 1]))
 
