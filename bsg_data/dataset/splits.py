@@ -89,6 +89,43 @@ def split_dataset(dataset: Path, recipe: SplitRecipe, *, force: bool = False) ->
     return revise(dataset, write)
 
 
+def assign_folds(dataset: Path, folds: Mapping[str, int], *, number: int) -> Manifest:
+    """Write folds of one's own into a dataset, and return its new manifest.
+
+    They replace a split that is there, with the pairs made from it. The recipe says how many folds
+    there are; it would not deal the buildings so.
+
+    Args:
+        dataset: its folder.
+        folds: scene id → 0 to `number` - 1, of every scene of the dataset.
+        number: of folds.
+
+    Raises:
+        RecipeError: if a scene has no fold, a fold has no scene, or there is no such fold.
+    """
+    recipe = SplitRecipe(method="folds", ratios=None, folds=number)
+
+    def write(manifest: Manifest, folder: Path) -> Manifest:
+        require_current(manifest, dataset)
+        columns = ["scene_id"]
+        scenes = read_table(dataset, "scenes", columns=columns, manifest=manifest)["scene_id"]
+        ids = sorted(scenes.to_pylist())
+        without = [scene for scene in ids if scene not in folds]
+        if without:
+            raise RecipeError(f"{dataset}: scene {without[0]} has no fold; each must have one")
+        found = {folds[scene] for scene in ids}
+        if found != set(range(number)):
+            raise RecipeError(
+                f"{dataset}: expected scenes in each of the folds 0 to {number - 1}, found them in "
+                f"{', '.join(map(str, sorted(found)))}"
+            )
+        chosen = {scene: f"fold-{folds[scene]}" for scene in ids}
+        entry = _write_file(folder, manifest, recipe, chosen)
+        return manifest.without_split().with_table("splits", (entry,), split=recipe)
+
+    return revise(dataset, write)
+
+
 def write_splits(dataset: Path, folder: Path, manifest: Manifest) -> list[FileEntry]:
     """Write the splits of a dataset into another folder, whose manifest this is."""
     if manifest.split is None:

@@ -1,7 +1,7 @@
 """Co-occurrence: which classes meet in the rooms of another source, counted once and shipped.
 
 A planner that has no model asks what its objects usually stand beside. The table is of BEHAVIOR's
-rooms (`mappings/behavior-cooccurrence-v1.csv`, made by `scripts/fit_cooccurrence.py`), and two
+rooms (`mappings/behavior-cooccurrence-v1.csv`, made by `scripts/fit/cooccurrence.py`), and two
 rules make a score of it, with n rooms in all, n_c of which have the class c:
 
     pmi           the mean over visible classes j of log P(c | j) / P(c)

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from bsg_data.errors import DatasetError
-from bsg_models.evaluation.bootstrap import Bootstrap, Estimate
+from bsg_models.evaluation.bootstrap import Bootstrap, Estimate, estimate_value
 from bsg_models.evaluation.tallies import tally_second
 from bsg_models.studies.fold_models import list_models, measure_masks, open_dataset
 from bsg_models.studies.results_page import (
@@ -63,10 +63,12 @@ def tabulate(found: dict[str, Bootstrap], classes: Sequence[str]) -> ResultsTabl
 
 def scale(one: Bootstrap, name: str) -> Estimate:
     """Return a share in per cent, with its interval."""
-    scaled = Bootstrap(
-        {name: 100 * one.point[name]}, {name: 100 * one.resampled[name]}, {name: one.nodes[name]}
+    return estimate_value(
+        100 * one.point[name],
+        100 * one.resampled[name],
+        nodes=one.nodes[name],
+        rule="percentile",  # which is never below 0
     )
-    return scaled.estimate(name)
 
 
 def conclude(found: dict[str, Bootstrap], classes: Sequence[str]) -> tuple[str, ...]:

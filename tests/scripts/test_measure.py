@@ -6,11 +6,19 @@ import re
 from pathlib import Path
 
 import pytest
-from conftest import REPOSITORY, load_script
+from conftest import REPOSITORY, annotation_text, load_script, write_scene
 
+from bsg_data.build import build_dataset
 from bsg_data.errors import DatasetError
+from bsg_data.sources.hm3d import HM3DFolder
 
-PAGES = ("leaderboard", "masks", "fixtures", "ablation", "search")
+PAGES = (
+    "leaderboard",
+    "masks",
+    "fixtures",
+    "ablation",
+    pytest.param("search", marks=pytest.mark.slow),
+)
 FEW = {
     "masks": ["--draws=1", "--resamples=5", "--orders=1", "--models", "gamma-poisson@rooms"],
     "fixtures": ["--draws=2", "--resamples=5", "--models", "mixture@uniform"],
@@ -40,6 +48,28 @@ def test_rooms_without_area_or_label_are_no_result(board: Path, tmp_path: Path) 
     script = load_script("measure/room_size")
     with pytest.raises(DatasetError, match="no unvisited room has a known floor area"):
         script.main([f"--leaderboard={board}", f"--out={tmp_path / 'page.md'}", "--draws=1"])
+
+
+def test_one_source_is_tested_on_another(board: Path, tmp_path: Path) -> None:
+    """The other one is of HM3D, too, so that all buildings are of its part."""
+    for k in range(6):
+        rooms = {0: ["sofa", "tv", "lamp"], 1: ["bed", "lamp"] * (k + 3)}
+        write_scene(tmp_path / "raw", f"{900 + k:05d}-zyxwvutsr{k:02d}", annotation_text(rooms))
+    build_dataset(HM3DFolder(tmp_path / "raw"), tmp_path / "other")
+    page = tmp_path / "transfer.md"
+    load_script("measure/transfer").main(
+        [
+            f"--hm3d={board.parent / 'dataset'}",
+            f"--behavior={tmp_path / 'other'}",
+            f"--runs={tmp_path / 'runs'}",
+            f"--out={page}",
+            *("--model=gamma-poisson", "--folds=3", "--draws=1", "--resamples=5"),
+        ]
+    )
+    text = page.read_text("utf-8")
+    assert "| trained on | HM3D (18) |" in text
+    for name in ("HM3D", "BEHAVIOR", "HM3D and BEHAVIOR"):
+        assert re.search(rf"^\| {name} \| -?\d", text, re.MULTILINE)
 
 
 def test_a_variant_is_compared_with_its_base(board: Path, tmp_path: Path) -> None:

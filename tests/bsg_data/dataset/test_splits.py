@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bsg_data.checks.dataset import check_dataset
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
-from bsg_data.dataset.splits import assign_splits, read_splits, split_dataset
+from bsg_data.dataset.splits import assign_folds, assign_splits, read_splits, split_dataset
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.recipes import SplitRecipe
 
@@ -95,3 +96,15 @@ def test_splitting_again_needs_force_and_removes_the_pairs(dataset: Path) -> Non
     assert read_splits(dataset) != before
     assert read_manifest(dataset) == manifest
     assert check_dataset(dataset) == ()
+
+
+def test_folds_of_ones_own_are_stored(dataset: Path) -> None:
+    folds = {scene: k % 3 for k, scene in enumerate(Dataset.open(dataset).scene_ids)}
+    manifest = assign_folds(dataset, folds, number=3)
+    assert manifest.pairs is None
+    stored = {scene: name for name, some in read_splits(dataset).items() for scene in some}
+    assert stored == {scene: f"fold-{fold}" for scene, fold in folds.items()}
+    with pytest.raises(RecipeError, match="has no fold; each must have one"):
+        assign_folds(dataset, dict(list(folds.items())[1:]), number=3)
+    with pytest.raises(RecipeError, match="expected scenes in each of the folds 0 to 3"):
+        assign_folds(dataset, folds, number=4)

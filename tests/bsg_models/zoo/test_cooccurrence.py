@@ -97,7 +97,7 @@ def test_pairs_of_few_buildings_are_left_out() -> None:
 
     twice = building([2, 1, 1, 0], [1, 1, 0, 1])
     once = building([1, 1, 0, 0], [0, 0, 3, 0])
-    count_pairs = load_script("fit_cooccurrence").count_pairs
+    count_pairs = load_script("fit/cooccurrence").count_pairs
     # The first two meet in all three buildings, the others in two at most, though in many rooms.
     assert list(count_pairs([twice, twice, once], NAMES)) == [("bed", "pillow", 5, 5, 5, 6)]
 

@@ -1,7 +1,7 @@
 """Count which classes meet in the rooms of BEHAVIOR: mappings/behavior-cooccurrence-v1.csv.
 
     bsg-data build --source behavior combined_room_object_list.json --out behavior
-    python scripts/fit_cooccurrence.py behavior > mappings/behavior-cooccurrence-v1.csv
+    python scripts/fit/cooccurrence.py behavior > mappings/behavior-cooccurrence-v1.csv
 
 docs/sources.md says where the list is. A row is a pair of classes that meet in rooms of at least
 three buildings, so that no row tells of one building; a class that fewer buildings have is left

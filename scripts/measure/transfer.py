@@ -1,0 +1,187 @@
+"""Measure what a model that was trained on one source knows of another.
+
+    python scripts/measure/transfer.py --hm3d hm3d --behavior behavior --runs runs --out transfer.md
+
+Trains the model on HM3D, on BEHAVIOR and on both, in folds by building, and tests each on the
+buildings of a fold that it never saw: those of HM3D, BEHAVIOR's homes, and its other buildings.
+Buildings of BEHAVIOR that share copied rooms are in one fold. Finished runs are kept.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import sys
+from collections.abc import Iterator, Sequence
+from datetime import date
+from pathlib import Path
+
+from bsg_data.dataset.copied_rooms import deal_groups, group_copies, list_contents
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.dataset.manifest import MANIFEST
+from bsg_data.dataset.splits import assign_folds, assign_splits
+from bsg_data.merge import merge_datasets
+from bsg_data.observation.pairs import write_pairs
+from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
+from bsg_models.evaluation.bootstrap import Bootstrap, bootstrap
+from bsg_models.evaluation.tallies import tally_likelihood
+from bsg_models.runs.checkpoint import load_checkpoint, restore_model
+from bsg_models.runs.run_folder import BEST, is_finished
+from bsg_models.studies.fold_models import FoldModel, measure_models
+from bsg_models.studies.leaderboard_runs import run_of
+from bsg_models.studies.results_page import (
+    ResultsPage,
+    ResultsTable,
+    describe,
+    format_estimate,
+    is_told_apart,
+    write_page,
+)
+from bsg_models.training.training import train_run
+from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
+
+HM3D, BEHAVIOR, BOTH = "HM3D", "BEHAVIOR", "HM3D and BEHAVIOR"
+TRAINED = {HM3D: "hm3d", BEHAVIOR: "behavior", BOTH: "both"}  # → folder below --runs
+
+
+def prepare(sources: dict[str, Path], runs: Path, *, folds: int, seed: int) -> dict[str, Dataset]:
+    """Return a copy of each source and both as one, all in the same folds, with stored pairs."""
+    chosen: dict[str, int] = {}
+    for name, source in sources.items():
+        data = Dataset.open(source)
+        if name == HM3D:
+            recipe = SplitRecipe(method="folds", ratios=None, folds=folds, seed=seed)
+            dealt = assign_splits(dict.fromkeys(data.scene_ids), recipe)
+            chosen |= {scene: int(fold.removeprefix("fold-")) for scene, fold in dealt.items()}
+        else:
+            contents = {scene: tuple(list_contents(data, scene)) for scene in data.scene_ids}
+            chosen |= deal_groups(group_copies(contents), number=folds)
+    opened = {}
+    for name, folder in TRAINED.items():
+        copy = runs / folder / "dataset"
+        if not (copy / MANIFEST).is_file():
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            if name == BOTH:
+                merge_datasets(list(sources.values()), copy)
+            else:
+                shutil.rmtree(copy, ignore_errors=True)
+                shutil.copytree(sources[name], copy)
+        if Dataset.open(copy).manifest.pairs is None:
+            assign_folds(copy, chosen, number=folds)
+            write_pairs(copy, PairsRecipe(mask=MaskRecipe(seed=seed), draws=5), force=True)
+        opened[name] = Dataset.open(copy)
+    return opened
+
+
+def train(config: RunConfig, data: Dataset, folder: Path, *, fold: int) -> Path:
+    """Train a model without a fold unless that is done; return its run."""
+    run = run_of(folder, config.name, fold)
+    fitted = config.model_copy(
+        update={"data": config.data.model_copy(update={"fold": fold})},
+    )
+    if not is_finished(run, fitted, data):
+        for _ in train_run(fitted, data.path, run, force=True):
+            pass
+        print(f"trained {run}", flush=True)
+    return run
+
+
+def find_parts(both: Dataset) -> dict[str, set[str]]:
+    """Return the scenes of each part that is tested on."""
+    parts: dict[str, set[str]] = {HM3D: set(), "BEHAVIOR, homes": set(), "BEHAVIOR, others": set()}
+    for scene in both.scene_ids:
+        known = both.surroundings(scene)
+        home = "homes" if known.building_kinds[0] == "home" else "others"
+        parts[HM3D if known.sources[0] == "hm3d" else f"BEHAVIOR, {home}"].add(scene)
+    return {name: scenes for name, scenes in parts.items() if scenes}
+
+
+def open_models(
+    name: str, runs: Sequence[Path], both: Dataset, part: set[str]
+) -> Iterator[FoldModel]:
+    """Yield the model of every fold with the scenes of a part that are in the fold."""
+    for fold, run in enumerate(runs):
+        scenes = tuple(scene for scene in both.splits[f"fold-{fold}"] if scene in part)
+        if scenes:
+            model = restore_model(run / BEST, load_checkpoint(run / BEST))
+            yield FoldModel(name, fold, both, model, scenes, run)
+
+
+def conclude(found: dict[str, dict[str, Bootstrap]]) -> tuple[str, ...]:
+    """Return what training on both changes for each part, beside the better of the two."""
+    sentences = []
+    for part in found[BOTH]:
+        alone = min((HM3D, BEHAVIOR), key=lambda name: found[name][part].point["nll"])
+        gap = found[BOTH][part].difference(found[alone][part], "nll")
+        how = "worse" if gap.value > 0 else "better"
+        said = f"{how} by {abs(gap.value):.4f}" if is_told_apart(gap) else "not distinguishable"
+        sentences.append(f"- {part}: trained on both it is {said} beside {alone} alone.")
+    return ("\n".join(sentences),)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Train, measure, and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--hm3d", type=Path, required=True, help="dataset of bsg-data build")
+    parser.add_argument("--behavior", type=Path, required=True, help="of the same class space")
+    parser.add_argument("--runs", type=Path, required=True, help="folder for datasets and runs")
+    parser.add_argument("--out", type=Path, required=True, help="page to write")
+    parser.add_argument("--model", default="universal", help="name of the zoo")
+    parser.add_argument("--epochs", type=int, help="default: those of the model")
+    parser.add_argument("--folds", type=int, default=5)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--mask", default="explore", help="of the test buildings")
+    parser.add_argument("--draws", type=int, default=5, help="masks of every building")
+    parser.add_argument("--resamples", type=int, default=1000)
+    options = parser.parse_args(argv)
+    settings = [] if options.epochs is None else [f"training.epochs={options.epochs}"]
+    tables = override(find_config(options.model).model_dump(mode="json"), settings)
+    config = validate_config(tables, source=options.model)
+    data = prepare(
+        {HM3D: options.hm3d, BEHAVIOR: options.behavior},
+        options.runs,
+        folds=options.folds,
+        seed=options.seed,
+    )
+    parts = find_parts(data[BOTH])
+    mask = MaskRecipe(strategy=options.mask, seed=options.seed)
+    found: dict[str, dict[str, Bootstrap]] = {}
+    for name, folder in TRAINED.items():
+        runs = [
+            train(config, data[name], options.runs / folder, fold=fold)
+            for fold in range(options.folds)
+        ]
+        found[name] = {
+            part: bootstrap(
+                measure_models(
+                    open_models(name, runs, data[BOTH], scenes),
+                    tally_likelihood,
+                    mask=mask,
+                    draws=options.draws,
+                ),
+                resamples=options.resamples,
+            )
+            for part, scenes in parts.items()
+        }
+    rows = tuple(
+        (name, *(format_estimate(one.estimate("nll")) for one in by_part.values()))
+        for name, by_part in found.items()
+    )
+    header = ("trained on", *(f"{part} ({len(scenes)})" for part, scenes in parts.items()))
+    reading = (
+        f"Hidden NLL of `{options.model}` over the classes of all rooms, `{options.mask}` masks, "
+        "with 95 % intervals over buildings; less is better. Columns are the buildings that are "
+        "tested on, with their number."
+    )
+    page = ResultsPage(
+        "From one source to another",
+        conclude(found),
+        (ResultsTable("", header, rows, reading),),
+        describe(data[BOTH], [__file__, *(argv or sys.argv[1:])], date=date.today().isoformat()),
+    )
+    write_page(page, options.out)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
