@@ -55,6 +55,23 @@ def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("bsg_models.studies.evaluation_report.plot_evaluation", lambda *_, **__: {})
 
 
+@pytest.mark.usefixtures("no_figures", "shipped")
+def test_a_shipped_model_is_measured_by_its_name(
+    dataset: Path, trained: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    out = ("--data", dataset, "--resamples", "0")
+    named = run("other", "run", *out)  # a name, and a folder that is there
+    report = json.loads(Path("evaluation/evaluation.json").read_text("utf-8"))
+    assert list(report["runs"]) == ["other", "run"]
+    assert "other" in named.stdout
+    shutil.copytree(trained, "other")
+    run("other", *out)  # a folder that is there comes first
+    report = json.loads(Path("other/evaluation/evaluation.json").read_text("utf-8"))
+    assert report["runs"]["other"]["config"]["name"] == "ceci-gcn"
+    assert "did you mean other?" in run("othr", *out, "--out", "x", code=1).stderr
+
+
 @pytest.mark.usefixtures("no_figures")
 def test_enough_buildings_have_verdicts(
     dataset: Path, trained: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
