@@ -63,13 +63,19 @@ class Shipped(NamedTuple):
     settings: tuple[str, ...] = ()
 
 
+# What counts is calibrated on every mask, as networks are.
+_MIXED = ("data.mask.strategy=mixed", "data.mask.withhold=0.05", "data.fractions=[0.1, 0.9]")
+
 MODELS: Mapping[str, Shipped] = {
     "universal": Shipped("pooled", "universal", "The default: 45 classes, whatever was seen."),
     "universal-wide": Shipped("wide", "universal", "170 classes: shoes, clocks, laptops."),
-    "mixture": Shipped(
-        "pooled", "mixture", "Sixteen latent room types: fast and plain.", ("model.types=16",)
+    "mixture": Shipped("pooled", "mixture", "Sixteen latent room types: fast and plain.", _MIXED),
+    "ensemble": Shipped(
+        "pooled",
+        "ensemble",
+        "Room types and attention as one: the likeliest, and slow.",
+        ('model.members=["mixture","universal-transformer"]',),
     ),
-    "ensemble": Shipped("pooled", "ensemble", "Several models as one: the likeliest, and slow."),
     "behavior": Shipped("behavior", "universal", "45 classes, with weights for everybody."),
 }
 
