@@ -51,7 +51,9 @@ from .scene.class_map import (
 from .scene.class_space import ClassSpace, list_class_spaces, load_class_space
 from .scene.connections import Connections
 from .scene.mesh_coverage import MeshCoverage
+from .scene.room_label import list_room_labels
 from .scene.scene_graph import Box, Edge, Room, SceneGraph, SceneObject
+from .scene.surroundings import BUILDING_KINDS, EVIDENCE, KNOWN_SOURCES, Surroundings
 from .sources.catalogue import SOURCES, open_source
 from .sources.hm3d import HM3DFolder
 from .sources.hm3d_stats import HM3DStatistics
@@ -69,7 +71,10 @@ from .synthetic.buildings import write_synthetic
 from .synthetic.geometry import GeometryOptions
 
 __all__ = [
+    "BUILDING_KINDS",
+    "EVIDENCE",
     "EXPORTS",
+    "KNOWN_SOURCES",
     "MASKS",
     "SOURCES",
     "AnnotationError",
@@ -120,6 +125,7 @@ __all__ = [
     "SourceError",
     "SourceRow",
     "SplitRecipe",
+    "Surroundings",
     "Terms",
     "UnmappedNameError",
     "View",
@@ -135,6 +141,7 @@ __all__ = [
     "hash_splits",
     "list_class_maps",
     "list_class_spaces",
+    "list_room_labels",
     "list_unmapped",
     "load_class_map",
     "load_class_space",

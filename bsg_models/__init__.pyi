@@ -19,7 +19,12 @@ from .inputs.folds import scenes_of
 from .inputs.graphs import MaskedGraphs, read_split, to_graph
 from .rendering.explorer import View, write_explorer
 from .runs.checkpoint import Checkpoint, load_checkpoint, restore_model
+from .runs.found_model import FoundModel, find_model, locate_run
+from .runs.hub import HubModel
+from .runs.hub_files import download
+from .runs.model_summary import ModelSummary, describe_model, list_shipped, summarise_model
 from .runs.predictor import Predictor
+from .runs.shipped import DEFAULT_MODEL, shipped_names
 from .search.catalogue import PLANNERS, Planner
 from .search.knowledge import Knowledge
 from .search.planners import next_room
@@ -42,17 +47,23 @@ from .studies.evaluation_report import (
     EvaluationRequest,
     report_evaluation,
 )
-from .studies.leaderboard import Leaderboard, LeaderboardRecipe, ModelResult, make_leaderboard
+from .studies.leaderboard import Leaderboard, ModelResult, make_leaderboard
 from .studies.leaderboard_report import (
     LeaderboardReport,
     refuse_finished,
     report_leaderboard,
     summary_rows,
 )
+from .studies.leaderboard_runs import LeaderboardRecipe
 from .studies.run_summary import RunSummary, summarise_run
 from .studies.savings import Saving, WorldResult
 from .studies.search_cases import StudyRecipe
-from .studies.search_report import SearchReport, SearchRequest, report_search
+from .studies.search_report import (
+    SearchReport,
+    SearchRequest,
+    choose_default_run,
+    report_search,
+)
 from .studies.search_steps import KeepRequest
 from .studies.search_study import Searches, Study, study_search
 from .training.learning_curve import EpochReport
@@ -65,6 +76,7 @@ from .zoo.settings import DataConfig, ModelConfig, TrainingConfig
 
 __all__ = [
     "BASELINES",
+    "DEFAULT_MODEL",
     "FORMATS",
     "PLANNERS",
     "ZOO",
@@ -87,6 +99,8 @@ __all__ = [
     "EvaluationRequest",
     "Expectation",
     "FormatRow",
+    "FoundModel",
+    "HubModel",
     "HydraError",
     "KeepRequest",
     "Knowledge",
@@ -97,6 +111,7 @@ __all__ = [
     "MaskedScenes",
     "ModelConfig",
     "ModelResult",
+    "ModelSummary",
     "Outcome",
     "Planner",
     "PredictionError",
@@ -119,12 +134,18 @@ __all__ = [
     "WorldRecipe",
     "WorldResult",
     "believe",
+    "choose_default_run",
     "compare_runs",
+    "describe_model",
+    "download",
     "explain",
     "find_config",
+    "find_model",
     "from_networkx",
     "headline_rows",
+    "list_shipped",
     "load_checkpoint",
+    "locate_run",
     "make_leaderboard",
     "make_model",
     "metric_rows",
@@ -145,7 +166,9 @@ __all__ = [
     "report_search",
     "restore_model",
     "scenes_of",
+    "shipped_names",
     "study_search",
+    "summarise_model",
     "summarise_run",
     "summary_rows",
     "to_graph",

@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+import bsg_data
 import bsg_models
 from bsg_cli.options import (
     PATH,
@@ -14,7 +15,9 @@ from bsg_cli.options import (
     force_option,
     json_option,
     mask_options,
+    model_option,
     out_option,
+    read_model,
     seed_option,
     split_option,
     version_option,
@@ -27,7 +30,7 @@ MOST_ROWS = 60
 
 @click.command("bsg-belief", cls=Command)
 @click.argument("graphs", type=PATH, nargs=-1, metavar="[GRAPH]...")
-@click.option("--run", type=PATH, required=True, help="Of a trained model.")
+@model_option("A shipped model, a trained run, or a model of the hub.  [default: universal]")
 @data_option("Mask buildings of a dataset instead.", required=False)
 @split_option("With --data: whose buildings.", default="val")
 @click.option("--fold", type=click.IntRange(min=0), help="With --data of folds: the fold.")
@@ -55,15 +58,23 @@ MOST_ROWS = 60
 def main(dataset: Path | None, as_json: bool, **options: Any) -> None:
     """Say what is expected in every room that was not seen there.
 
-    A GRAPH is a robot's partial scene graph: our JSON (docs/belief.md), or Spark-DSG's.
+    A GRAPH is a robot's partial scene graph: our JSON (docs/belief.md), or Spark-DSG's. A model is
+    a path that is there, a shipped model's name (`bsg-models list`), a folder of that name, or an
+    OWNER/NAME of the hub that `bsg-models download` brought, in this order.
 
     \b
     Example:
-      bsg-belief graph.json --run run --out belief.json --html belief.html
-      bsg-belief --data dataset --split val --run run --tables beliefs
+      bsg-belief graph.json --html belief.html
+      bsg-belief graph.json --model run --out belief.json --html belief.html
+      bsg-belief --data dataset --split val --model run --tables beliefs
     """
     if bool(options["graphs"]) == (dataset is not None):
         raise click.UsageError("give GRAPHs, or --data DATASET")
+    named = read_model(options.pop("model"), options.pop("run"))
+    if named is None:
+        print_note(f"model: {bsg_models.describe_model()}")
+    else:
+        options["run"] = named
     request = read_request(dataset, options)
     with progress_bar("belief", unit="graph") as progress:
         report = bsg_models.report_beliefs(request, progress=progress)
@@ -74,6 +85,9 @@ def main(dataset: Path | None, as_json: bool, **options: Any) -> None:
         made = ", ".join(f"{r.name!r} is {r.category!r} ({r.rule})" for r in rules[:10])
         more = f", and {len(rules) - 10} more" if len(rules) > 10 else ""
         print_note(f"{path}: names that are not in the class map, by rule: {made}{more}")
+    for path, source in report.unknown_sources.items():
+        known = ", ".join(bsg_data.KNOWN_SOURCES)
+        print_note(f"{path}: source {source!r} counts as unknown; models know {known}")
     if as_json:
         print_json([encode_room(room) for room in report.rooms])
         return

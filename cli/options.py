@@ -11,7 +11,9 @@ from typing import Any, TypeVar
 import click
 
 import bsg_data
+import bsg_models
 from bsg_cli.choices import MASKS
+from bsg_data.errors import BSGError
 from bsg_data.registry import Registry
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP
 
@@ -89,6 +91,45 @@ def data_option(text: str, *, required: bool = True) -> Decorator[Any]:
     return click.option(
         "--data", "dataset", type=PATH, required=required, callback=_require_dataset, help=text
     )
+
+
+def model_option(text: str, *, multiple: bool = False) -> Decorator[Any]:
+    """Return `--model`, and `--run`, its older spelling, which takes a path alone."""
+
+    def decorate(function: Function) -> Function:
+        model = click.option(
+            "--model",
+            metavar="NAME|FOLDER|HUB-ID",
+            multiple=multiple,
+            help=text,
+            shell_complete=complete_model,
+        )
+        run = click.option(
+            "--run", type=PATH, multiple=multiple, help="The folder of a run, whatever its name."
+        )
+        return model(run(function))
+
+    return decorate
+
+
+def complete_model(ctx: click.Context, param: click.Parameter, text: str) -> list[str]:
+    """Return the names of shipped models that begin so; of none, if their list is damaged."""
+    try:
+        names = bsg_models.shipped_names()
+    except BSGError:
+        names = ()
+    return [name for name in names if name.startswith(text)]
+
+
+def read_model(model: str | None, run: Path | None) -> Path | str | None:
+    """Return the model that is named by either spelling; None where neither is.
+
+    Raises:
+        click.UsageError: for both.
+    """
+    if model is not None and run is not None:
+        raise click.UsageError("--run is another spelling of --model; give one of them")
+    return model if run is None else run
 
 
 def out_option(text: str, *, required: bool = False) -> Decorator[Any]:

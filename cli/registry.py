@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 import click
 
-from bsg_cli import belief, data, evaluate, leaderboard, search, train
+from bsg_cli import belief, data, evaluate, leaderboard, models, search, train
 
 COMMANDS: Mapping[str, click.Command] = MappingProxyType(
     {
@@ -17,5 +17,6 @@ COMMANDS: Mapping[str, click.Command] = MappingProxyType(
         "bsg-leaderboard": leaderboard.main,
         "bsg-belief": belief.main,
         "bsg-search": search.main,
+        "bsg-models": models.main,
     }
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import click
@@ -10,11 +11,11 @@ import click
 import bsg_models
 from bsg_cli.choices import DEFAULT_WORLDS, PLANNERS, WORLDS, require_known
 from bsg_cli.options import (
-    PATH,
     data_option,
     force_option,
     json_option,
     mask_options,
+    model_option,
     out_option,
     resamples_option,
     seed_option,
@@ -28,20 +29,19 @@ from bsg_data.tables import format_text
 
 
 @click.command("bsg-search", cls=Command)
-@click.option(
-    "--run",
-    "runs",
-    type=PATH,
+@model_option(
+    "Of which the belief is; of a dataset of folds, one run for each fold that is searched.  "
+    "[default: universal, where it fits]",
     multiple=True,
-    help="Of a trained model; of a dataset of folds, one for each fold that is searched.",
 )
+@click.option("--no-model", is_flag=True, help="Search without a belief.")
 @data_option("Dataset, split.")
 @split_option(
-    "Whose buildings are searched; `all` only without --run.", default="test", more=("all",)
+    "Whose buildings are searched; `all` only without a model.", default="test", more=("all",)
 )
 @click.option(
     "--planners",
-    help=f"Some of {', '.join(PLANNERS)}.  [default: all; without a RUN those without a belief]",
+    help=f"Some of {', '.join(PLANNERS)}.  [default: all; without a model those without a belief]",
 )
 @click.option(
     "--worlds",
@@ -99,7 +99,7 @@ from bsg_data.tables import format_text
     type=click.Choice(["real", "posterior"]),
     default="real",
     show_default=True,
-    help="Where the artifact is; `posterior` puts it where the RUN believes it at the start.",
+    help="Where the artifact is; `posterior` puts it where the model believes it at the start.",
 )
 @resamples_option(1000)
 @click.option(
@@ -109,13 +109,16 @@ from bsg_data.tables import format_text
     help="Replay search N of the first building, in the first world, room by room, as a page.",
 )
 @click.option("--scene", help="Search this building alone.")
-@out_option("Folder of the results.  [default: search in the first RUN, or search]")
+@out_option("Folder of the results.  [default: search in the first run, or search]")
 @workers_option
 @seed_option()
 @force_option
 @json_option
 @version_option()
 def main(
+    model: tuple[str, ...],
+    run: tuple[Path, ...],
+    no_model: bool,
     planners: str | None,
     worlds: str | None,
     artifacts: str,
@@ -131,8 +134,8 @@ def main(
 
     \b
     Example:
-      bsg-search --run run --data dataset
-      bsg-search --run run --data dataset --worlds star:1-10 --artifacts stove,bed --trace 0
+      bsg-search --data dataset
+      bsg-search --model run --data dataset --worlds star:1-10 --artifacts stove,bed --trace 0
     """
     lists = {
         "planners": split_names(planners, option="--planners"),
@@ -142,8 +145,17 @@ def main(
     require_known("planner", lists["planners"] or (), PLANNERS)
     kinds = [world.partition(":")[0] for world in lists["worlds"] or ()]
     require_known("world", kinds, WORLDS)
+    named: list[Path | str] = [*model, *run]
+    runs = tuple(map(bsg_models.locate_run, named))
+    if no_model and runs:
+        raise click.UsageError("--no-model leaves no use for a --model")
+    if not runs and not no_model:
+        runs, note = bsg_models.choose_default_run(
+            options["dataset"], planners=lists["planners"], split=options["split"]
+        )
+        print_note(note)
     request = bsg_models.SearchRequest.model_validate(
-        {**options, **lists, "stops": read_stops(stops)}
+        {**options, **lists, "runs": runs, "stops": read_stops(stops)}
     )
     with worker_pool(workers) as executor, progress_bar("search", unit="building") as progress:
         report = bsg_models.report_search(request, executor=executor, progress=progress)

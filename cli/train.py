@@ -86,12 +86,17 @@ def main(
 
 
 def _note_other_mask(config: bsg_models.RunConfig, dataset: Path) -> None:
-    """Say so if a model trains under another mask than the pairs that it is validated on."""
-    pairs = bsg_data.read_manifest(dataset).pairs
-    if pairs is None or config.data.masks == "fixed" or config.data.fractions is not None:
+    """Say so if a model trains under another mask than that of the stored pairs."""
+    pairs, choice = bsg_data.read_manifest(dataset).pairs, config.data
+    if pairs is None or choice.masks == "fixed" or choice.fractions is not None:
         return
-    fresh, stored = config.data.fresh_mask, pairs.mask
-    if str(fresh) != str(stored):
+    fresh, stored = choice.fresh_mask, pairs.mask
+    if choice.needs_own_masks(stored):
+        print_note(
+            f"trains and validates on fresh masks {fresh} (data.mask of the configuration); the "
+            f"pairs of {dataset}, on which it is tested, are of {stored}"
+        )
+    elif str(fresh) != str(stored):
         print_note(
             f"trains on masks {fresh} (data.mask of the configuration); the pairs of {dataset}, on "
             f"which it is validated, are of {stored}"

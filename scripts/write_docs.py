@@ -28,7 +28,8 @@ PART = re.compile(r"(<!-- generated: (\S+) (.+?) -->\n).*?(<!-- end -->)", re.DO
 
 def find_documents() -> list[Path]:
     """Return every document that may have generated parts."""
-    return [DOCS / "README.md", *sorted((DOCS / "docs").glob("*.md"))]
+    pages = sorted((DOCS / "docs").glob("*.md")) + sorted((DOCS / "docs/results").glob("*.md"))
+    return [DOCS / "README.md", *pages]
 
 
 def renew(text: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import shutil
 from pathlib import Path
 from types import ModuleType
@@ -50,8 +51,10 @@ def write_twelve(root: Path) -> Path:
 
 
 def load_script(name: str) -> ModuleType:
-    """Return a script as a module."""
-    spec = importlib.util.spec_from_file_location(name, REPOSITORY / "scripts" / f"{name}.py")
+    """Return a script as a module, by its path below `scripts/` without its suffix."""
+    spec = importlib.util.spec_from_file_location(
+        name.replace("/", "_"), REPOSITORY / "scripts" / f"{name}.py"
+    )
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -95,6 +98,52 @@ def _run(_dataset: Path) -> Path:
 def run(_run: Path, tmp_path: Path) -> Path:
     """A run of `gamma-poisson`, trained on `dataset`; each test has its own copy."""
     return Path(shutil.copytree(_run, tmp_path / "run"))
+
+
+@pytest.fixture(scope="session")
+def board(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished leaderboard of two models on the twelve buildings in three folds: only read it."""
+    from bsg_models.studies.leaderboard import make_leaderboard
+    from bsg_models.studies.leaderboard_report import REPORT
+    from bsg_models.studies.leaderboard_runs import LeaderboardRecipe
+    from bsg_models.studies.leaderboard_table import write_json
+    from bsg_models.zoo.config import find_config, override, validate_config
+
+    folder = tmp_path_factory.mktemp("board")
+    build_dataset(HM3DFolder(write_twelve(folder / "hm3d")), folder / "dataset")
+    small = ["model.types=2", "model.iterations=5", "model.calibrate=false"]
+    tables = override(find_config("mixture").model_dump(mode="json"), small)
+    models = {
+        "gamma-poisson": find_config("gamma-poisson"),
+        "mixture": validate_config(tables, source="test"),
+    }
+    recipe = LeaderboardRecipe(folds=3, draws=2, resamples=3)
+    made = make_leaderboard(folder / "dataset", folder / "board", models, recipe)
+    (folder / "board" / REPORT).write_text(json.dumps(write_json(made)), "utf-8")
+    return folder / "board"
+
+
+@pytest.fixture
+def shipped(_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of shipped models that is taken for that of the package: `universal`, and `other`.
+
+    Both are the run of `gamma-poisson`.
+    """
+    from bsg_models.runs import shipped
+    from bsg_models.runs.checkpoint import read_header
+    from bsg_models.runs.model_card import ModelCard, TrainedOn, write_card
+
+    folder = tmp_path / "weights"
+    folder.mkdir()
+    header = read_header(_run / "best.safetensors")
+    for name in ("universal", "other"):
+        shutil.copy(_run / "best.safetensors", folder / f"{name}.safetensors")
+        trained_on = (TrainedOn(source="synthetic", buildings=12, licence="Apache-2.0"),)
+        card = ModelCard(name=name, purpose="For tests.", trained_on=trained_on)
+        (folder / f"{name}.md").write_text(write_card(card, header=header), "utf-8")
+    (folder / "SHA256SUMS").write_text(shipped.encode_sums(folder, ("universal", "other")))
+    monkeypatch.setattr(shipped, "weights_folder", lambda: folder)
+    return folder
 
 
 @pytest.fixture

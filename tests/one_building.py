@@ -8,6 +8,7 @@ import numpy as np
 
 from bsg_data.observation.observation import Observation
 from bsg_data.scene.connections import Connections
+from bsg_data.scene.surroundings import Surroundings
 
 
 def observe_building(
@@ -20,6 +21,7 @@ def observe_building(
     vocabulary: tuple[str, ...] = (),
     connected: Sequence[tuple[int, int]] = (),
     scene_id: str = "by hand",
+    surroundings: Surroundings | None = None,
 ) -> Observation:
     """Return an observation of one building.
 
@@ -32,6 +34,7 @@ def observe_building(
         vocabulary: `[V]`.
         connected: pairs of rooms.
         scene_id: names the building.
+        surroundings: of the building; unknown if it is not said.
     """
     histograms = np.array(inputs).astype(np.int64)
     nodes, classes = histograms.shape
@@ -49,4 +52,5 @@ def observe_building(
             else np.array(others, dtype=np.int64).reshape(nodes, len(vocabulary))
         ),
         connections=Connections.of_pairs(connected),
+        **({} if surroundings is None else {"surroundings": surroundings}),
     )

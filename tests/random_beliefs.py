@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,24 @@ CLASS_SPACE = ClassSpaceEntry.of(LOADED.space)
 HOSTILE = '</script><img src=x onerror="alert(1)">'
 
 
+ROOM_TYPES = (None, "kitchen", {"kitchen": 0.1, "bar": 0.25})
+
+
+def header_of_version_2(header: dict[str, Any]) -> dict[str, Any]:
+    """Return a header, or what begins with one, as version 2 had it: without surroundings."""
+    new = {"building_kind", "source"}
+    partial = {key: value for key, value in header["partial"].items() if key not in new}
+    return {**header, "version": 2, "partial": {**partial, "version": 1}}
+
+
+def forget_surroundings(belief: BeliefGraph) -> BeliefGraph:
+    """Return a belief graph of which nothing is known but its objects and where its rooms are."""
+    partial = belief.partial
+    rooms = tuple(replace(room, floor_area=None, room_type=None) for room in partial.rooms)
+    known = replace(partial, rooms=rooms, building_kind=None, source=None)
+    return replace(belief, partial=known)
+
+
 def header_of_version_1(header: dict[str, Any]) -> dict[str, Any]:
     """Return a header, or what begins with one, as version 1 had it: with a class map."""
     old = {key: value for key, value in header.items() if key != "class_space"}
@@ -28,7 +47,7 @@ def header_of_version_1(header: dict[str, Any]) -> dict[str, Any]:
 
 def make_belief(seed: int, *, mode: Any = "complete", scene_id: str = "s") -> BeliefGraph:
     """Return a belief graph of random rooms, some with and some without geometry."""
-    rng = np.random.default_rng(seed)
+    rng, around = np.random.default_rng(seed), np.random.default_rng([seed, 1])
     rooms = []
     for number in range(int(rng.integers(1, 5))):
         low = tuple(float(v) for v in rng.uniform(-5, 5, 3))
@@ -45,6 +64,8 @@ def make_belief(seed: int, *, mode: Any = "complete", scene_id: str = "s") -> Be
                 Box(low, high) if placed else None,  # type: ignore[arg-type]
                 outline if placed else None,
                 int(rng.integers(3)) if placed else None,
+                float(around.uniform(1, 50)) if around.random() < 0.5 else None,
+                ROOM_TYPES[int(around.integers(3))],
             )
         )
     objects = []
@@ -56,7 +77,11 @@ def make_belief(seed: int, *, mode: Any = "complete", scene_id: str = "s") -> Be
         seen = SeenObject(str(number), room, name, known.category, known.class_index, spot)
         objects.append(seen)
     pairs = [(a, a + 1) for a in range(1, len(rooms)) if rng.random() < 0.6]
-    graph = PartialGraph(scene_id, CLASS_SPACE, 0.25, tuple(rooms), tuple(objects), tuple(pairs))
+    graph = PartialGraph(
+        *(scene_id, CLASS_SPACE, 0.25, tuple(rooms), tuple(objects), tuple(pairs)),
+        building_kind="hotel" if around.random() < 0.5 else None,
+        source=HOSTILE if around.random() < 0.5 else None,
+    )
     inputs = graph.histograms().astype(float)
     expectation = from_hidden_counts(inputs, poisson(rng.gamma(0.1, 1.0, inputs.shape)))
     return believe(graph, expectation, mode=mode, model="random")

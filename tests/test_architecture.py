@@ -53,6 +53,7 @@ THIRD_PARTY = {
         "yaml",
     },
     "bsg_models": {
+        "huggingface_hub",
         "jinja2",
         "lightgbm",
         "markupsafe",
@@ -69,6 +70,7 @@ THIRD_PARTY = {
         "tomli_w",
         "torch",
         "torch_geometric",
+        "yaml",
     },
     "bsg_cli": {"click", "pydantic", "torch", "tqdm"},
 }

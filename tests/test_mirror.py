@@ -38,6 +38,7 @@ PROVED_ELSEWHERE = {
     "bsg_models/evaluation/metric_kinds.py": "bsg_models/evaluation/test_catalogue.py",
     "bsg_models/evaluation/metric_rows.py": "bsg_models/evaluation/test_measurement.py",
     "bsg_models/evaluation/truth.py": "bsg_models/evaluation/test_measurement.py",
+    "bsg_models/runs/hub_files.py": "bsg_models/runs/test_hub.py",
     "bsg_models/runs/predictor.py": "bsg_models/belief/test_belief_graph.py",
     "bsg_models/runs/run_folder.py": "bsg_models/training/test_training.py",
     "bsg_models/search/catalogue.py": "bsg_models/search/test_planners.py",

@@ -18,6 +18,7 @@ FOLDERS = {
     "bsg_data": "bsg_data",
     "bsg_mappings": "mappings",
     "bsg_models": "bsg_models",
+    "bsg_weights": "weights",
 }
 BUILD = "import sys; from setuptools.build_meta import build_wheel; build_wheel(sys.argv[1])"
 IMPORT = """
@@ -57,7 +58,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for source in FOLDERS.values():
         hidden = shutil.ignore_patterns("__pycache__")
         shutil.copytree(REPOSITORY / source, copy / source, ignore=hidden)
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
+    for name in ("pyproject.toml", "README.md", "LICENSE", "NOTICE"):
         shutil.copy(REPOSITORY / name, copy)
     done = subprocess.run(
         [sys.executable, "-c", BUILD, str(folder)], cwd=copy, capture_output=True, text=True

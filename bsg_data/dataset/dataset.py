@@ -9,23 +9,28 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from bsg_data.arrays import Counts, Ints
+from bsg_data.arrays import Counts, Floats, Ints
 from bsg_data.dataset.categories import NO_CATEGORY, OtherObjects
 from bsg_data.dataset.histograms import count_cells
 from bsg_data.dataset.manifest import Manifest, hash_manifest, read_manifest
 from bsg_data.dataset.shards import describe_file, read_table
 from bsg_data.dataset.splits import read_splits
 from bsg_data.errors import DatasetError
+from bsg_data.geometry.floor_area import find_floor_area
 from bsg_data.scene.class_map import is_nameless
 from bsg_data.scene.connections import Connections
+from bsg_data.scene.scene_graph import Box
+from bsg_data.scene.surroundings import MAX_FLOOR_AREA, Surroundings, label_rows
 
 _MOST_ROOMS = 1_000_000  # in one building
+_BOX = tuple(f"box_{end}_{axis}" for end in ("min", "max") for axis in "xyz")
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,15 +94,27 @@ class Dataset:
         number = self._number[scene_id]
         return every.take(np.s_[starts[number] : starts[number + 1]])
 
+    def surroundings(self, scene_id: str) -> Surroundings:
+        """Return what is known of a scene and its rooms besides their objects.
+
+        What no room can have, and labels that this version does not list, count as unknown.
+        """
+        number = self._number_of(scene_id)
+        rows = self._rows_of(scene_id)
+        return self._surroundings.take(rows, buildings=slice(number, number + 1))
+
     @property
     def connection_methods(self) -> frozenset[str]:
         """How connections of this dataset are known: any of `ADJACENCY_METHODS`."""
         return frozenset(np.unique(self._connections[1].methods).tolist())
 
-    def _rows_of(self, scene_id: str) -> slice:
+    def _number_of(self, scene_id: str) -> int:
         if scene_id not in self._number:
             raise DatasetError(f"{self.path}: has no scene {scene_id!r}")
-        number = self._number[scene_id]
+        return self._number[scene_id]
+
+    def _rows_of(self, scene_id: str) -> slice:
+        number = self._number_of(scene_id)
         return slice(int(self._starts[number]), int(self._starts[number + 1]))
 
     @cached_property
@@ -172,6 +189,35 @@ class Dataset:
         starts = np.searchsorted(scene[order], np.arange(len(self.scene_ids) + 1))
         return starts, every
 
+    @cached_property
+    def _surroundings(self) -> Surroundings:
+        """What is known of all scenes, one after another."""
+        columns = ["source", "building_kind"]
+        scenes = read_table(self.path, "scenes", columns=columns, manifest=self.manifest)
+        nothing = Surroundings.unknown(nodes=int(self._starts[-1]), buildings=len(scenes))
+        floor_area, labels = nothing.floor_area, nothing.labels
+        if self._starts[-1] > len(scenes):  # there are rooms
+            rooms = self._read_rooms()
+            scene = self._number_scenes(rooms["scene_id"])
+            places = rooms["room_index"].to_numpy()
+            sizes = np.diff(self._starts)
+            self._require(bool(((places >= 1) & (places < sizes[scene])).all()), "room_index")
+            nodes = self._starts[scene] + places
+            floor_area[nodes] = _measure_rooms(rooms)
+            labels[nodes] = label_rows(rooms["label"].to_pylist())
+        for array in (floor_area, labels):
+            array.setflags(write=False)  # all readers of this dataset share it
+        return Surroundings(
+            floor_area,
+            labels,
+            tuple(kind or "" for kind in scenes["building_kind"].to_pylist()),
+            tuple(source or "" for source in scenes["source"].to_pylist()),
+        )
+
+    def _read_rooms(self) -> pa.Table:
+        columns = ["scene_id", "room_index", "label", "floor_area", "footprint", *_BOX]
+        return read_table(self.path, "rooms", columns=columns, manifest=self.manifest)
+
     def _number_scenes(self, column: pa.ChunkedArray) -> Ints:
         """Return the number of the scene of every row of a table."""
         encoded = column.combine_chunks().dictionary_encode()
@@ -199,6 +245,27 @@ def _open_once(path: Path, sha256: str) -> Dataset:
                 f"{path / entry.path}: is not what the manifest says; `bsg-data check`"
             )
     return Dataset(path, manifest, sha256)
+
+
+def _measure_rooms(rooms: pa.Table) -> Floats:
+    """Return the floor area of every row of the rooms' table, `[R]`; NaN where unknown."""
+    areas: Floats = pc.fill_null(rooms["floor_area"], np.nan).to_numpy().astype(np.float64)
+    silent = np.flatnonzero(~((areas > 0) & (areas <= MAX_FLOOR_AREA)))
+    areas[silent] = np.nan
+    for row, room in zip(silent, rooms.take(silent).to_pylist(), strict=True):
+        corners = room["footprint"] or ()
+        area = find_floor_area(
+            None,
+            footprint=tuple(zip(corners[::2], corners[1::2], strict=False)),
+            box=_box(room),
+        )
+        areas[row] = np.nan if area is None else area
+    return areas
+
+
+def _box(room: dict[str, Any]) -> Box | None:
+    values = [room[name] for name in _BOX]
+    return None if None in values else Box(tuple(values[:3]), tuple(values[3:]))
 
 
 def _number_categories(column: pa.ChunkedArray) -> tuple[Ints, tuple[str, ...]]:

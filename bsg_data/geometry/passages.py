@@ -7,7 +7,7 @@ forests of the building, rooted anywhere (the directed matrix-tree theorem, Tutt
 of a matrix). Small rooms have one door, hubs attract, and another way in makes a pair less likely,
 all without a rule for it.
 
-`scripts/fit_passages.py` fits the weights and cross-validates them; docs/geometry.md has the
+`scripts/fit/passages.py` fits the weights and cross-validates them; docs/geometry.md has the
 figures. Nothing depends on where a building stands, on quarter turns, mirroring or the order of its
 rooms.
 """

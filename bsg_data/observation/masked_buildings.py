@@ -145,6 +145,7 @@ def _read_masked(data: Dataset, split: str, vocabulary: tuple[str, ...]) -> Mask
                 vocabulary=vocabulary,
                 others=others,
                 connections=data.connections(scene),
+                surroundings=data.surroundings(scene),
             )
         )
     masked = MaskedBuildings(stack(parts), targets, draws)
@@ -248,6 +249,7 @@ def _observe(
         vocabulary=vocabulary,
         others=see_others(data, scene, mask, draw, view, hidden, vocabulary=vocabulary),
         connections=connections,
+        surroundings=data.surroundings(scene),
     )
 
 

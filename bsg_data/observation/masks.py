@@ -14,6 +14,8 @@ of them is true in the mean. Each mask is one row of `MASKS`:
   the same code with other values of `bsg_data.recipes.Exploration`, each written in its class.
 - `search`, moments of an object search: every room is half seen, then from none to half of the
   rooms are searched. Its fraction is that of the rooms that were not.
+- `mixed`: each draw of each building is one of the five above, which are equally likely. What is
+  told says nothing of which: a model that is trained under it is for whatever a robot has seen.
 
 Any of them may also withhold classes, and hide parts of things with the things (`MaskRecipe`).
 
@@ -207,6 +209,30 @@ class SearchMask(Mask):
         return half_seen.search(rooms)
 
 
+class MixedMask(Mask):
+    """See each building as one of several other masks would, each as likely."""
+
+    summary = "each draw one of uniform, rooms, frontier, explore and search, equally likely"
+    reads_connections = True
+    parts: ClassVar[tuple[str, ...]] = ("uniform", "rooms", "frontier", "explore", "search")
+
+    def look(
+        self,
+        shape: tuple[int, int],
+        recipe: MaskRecipe,
+        *,
+        connections: Connections,
+        rng: np.random.Generator,
+    ) -> View:
+        """Choose a mask, and sample its view.
+
+        Each of them tells the truth in the mean, and which one it is does not ask for the objects:
+        so does the mixture. Its building hides the fraction less what `search` shows of it.
+        """
+        chosen = MASKS[self.parts[int(rng.integers(len(self.parts)))]]
+        return chosen.look(shape, recipe, connections=connections, rng=rng)
+
+
 MASKS: Registry[Mask] = Registry(
     "mask",
     Mask,  # type: ignore[type-abstract]
@@ -217,10 +243,11 @@ MASKS: Registry[Mask] = Registry(
         "frontier": "bsg_data.observation.masks:FRONTIER",
         "explore": "bsg_data.observation.masks:EXPLORE",
         "search": "bsg_data.observation.masks:SEARCH",
+        "mixed": "bsg_data.observation.masks:MIXED",
     },
 )
 UNIFORM, ROOMS, FRONTIER = UniformMask(), RoomsMask(), FrontierMask()
-EXPLORE, SEARCH = ExploreMask(), SearchMask()
+EXPLORE, SEARCH, MIXED = ExploreMask(), SearchMask(), MixedMask()
 
 
 def mask_generator(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -19,6 +19,11 @@ from bsg_data.arrays import Bools, Counts, Floats, Ints
 from bsg_data.dataset.histograms import to_histograms
 from bsg_data.observation.view import View
 from bsg_data.scene.connections import Connections, stack_connections
+from bsg_data.scene.surroundings import Surroundings, stack_surroundings
+
+
+def _say_nothing() -> Surroundings:
+    return Surroundings.unknown(nodes=0, buildings=0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +41,8 @@ class Observation:
         vocabulary: `[V]` categories outside the classes.
         others: `[N, V]` objects that were seen outside the classes, by the vocabulary.
         connections: between rooms, by rows.
+        surroundings: what is known of nodes and buildings besides objects; if it is not given,
+            nothing is.
     """
 
     scene_ids: tuple[str, ...]
@@ -47,6 +54,24 @@ class Observation:
     vocabulary: tuple[str, ...]
     others: Counts
     connections: Connections
+    surroundings: Surroundings = field(default_factory=_say_nothing)
+
+    def __post_init__(self) -> None:
+        """Say that nothing is known of the surroundings, where a maker says nothing.
+
+        Raises:
+            ValueError: if they are of other nodes or buildings.
+        """
+        found, size = self.surroundings, (len(self.inputs), len(self.scene_ids))
+        if (len(found), len(found.sources)) == size:
+            return
+        if len(found):
+            raise ValueError(
+                f"surroundings: expected (nodes, buildings) {size}, "
+                f"found {(len(found), len(found.sources))}"
+            )
+        nothing = Surroundings.unknown(nodes=size[0], buildings=size[1])
+        object.__setattr__(self, "surroundings", nothing)
 
     def __len__(self) -> int:
         """Return the number of buildings B."""
@@ -102,7 +127,16 @@ class Observation:
             vocabulary=self.vocabulary,
             others=self.others[rows],
             connections=self.connections_of(number),
+            surroundings=self.surroundings.take(rows, buildings=slice(number, number + 1)),
         )
+
+    def without(self, *evidence: str) -> Observation:
+        """Return the same where some of the surroundings are unknown: any of `EVIDENCE`.
+
+        Raises:
+            RecipeError: if there is no such evidence.
+        """
+        return replace(self, surroundings=self.surroundings.without(*evidence))
 
     def connections_of(self, number: int) -> Connections:
         """Return the connections of one building, by its own nodes."""
@@ -125,6 +159,7 @@ def observe_view(
     vocabulary: tuple[str, ...],
     others: Counts,
     connections: Connections,
+    surroundings: Surroundings | None = None,
 ) -> Observation:
     """Return what is seen of one building under a view.
 
@@ -135,6 +170,7 @@ def observe_view(
         vocabulary: `[V]` categories outside the classes.
         others: `[N, V]` cells of what was seen of them.
         connections: between the rooms.
+        surroundings: of the building; None where nothing is known.
     """
     return Observation(
         scene_ids=(scene_id,),
@@ -146,6 +182,9 @@ def observe_view(
         vocabulary=vocabulary,
         others=to_histograms(others),
         connections=connections,
+        surroundings=Surroundings.unknown(nodes=len(seen))
+        if surroundings is None
+        else surroundings,
     )
 
 
@@ -169,4 +208,5 @@ def stack(observations: Sequence[Observation]) -> Observation:
         vocabulary=observations[0].vocabulary,
         others=np.concatenate([one.others for one in observations]),
         connections=stack_connections([one.connections for one in observations], offsets.tolist()),
+        surroundings=stack_surroundings([one.surroundings for one in observations]),
     )

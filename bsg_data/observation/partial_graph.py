@@ -20,6 +20,7 @@ from bsg_data.dataset.histograms import count_cells, to_histograms
 from bsg_data.dataset.manifest import ClassSpaceEntry
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import RecipeError
+from bsg_data.geometry.floor_area import find_floor_area
 from bsg_data.observation.hidden_others import sample_hidden_others
 from bsg_data.observation.masks import sample_hidden, sample_view, sample_withheld
 from bsg_data.observation.observation import Observation
@@ -27,7 +28,9 @@ from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_map import is_nameless
 from bsg_data.scene.connections import Connections
 from bsg_data.scene.parts import find_wholes, load_parts
+from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.scene_graph import Box, Point, SceneGraph, SceneObject
+from bsg_data.scene.surroundings import BUILDING_KINDS, RoomType, Surroundings, is_floor_area
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,11 +62,14 @@ class KnownRoom:
         name: its id in its source, unique in the graph.
         hidden_share: share of its objects that the robot has not seen, 0 to 1.
         visited: whether it was inside.
-        label: what its source calls it; models never read it.
+        label: what its source calls it, for people; models never read it.
         position: metres, Z up; None where unknown.
         box: metres; None where unknown.
         footprint: corners (x, y) from above, metres; None where unknown.
         floor_index: storey, 0 at the bottom; None where unknown.
+        floor_area: square metres; None where unknown, or what footprint and box say.
+        room_type: one of `list_room_labels()`, or several with their probabilities, which models
+            read; None where unknown.
     """
 
     name: str
@@ -74,6 +80,8 @@ class KnownRoom:
     box: Box | None = None
     footprint: tuple[tuple[float, float], ...] | None = None
     floor_index: int | None = None
+    floor_area: float | None = None
+    room_type: RoomType | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +95,9 @@ class PartialGraph:
         rooms: in the order of their indices, 1..R.
         objects: in any order.
         adjacency: pairs of indices of rooms that connect, ascending.
+        building_kind: one of `BUILDING_KINDS`; None where unknown.
+        source: kind of source whose annotation its objects are named and counted like, e.g. `hm3d`;
+            None where unknown.
     """
 
     scene_id: str
@@ -95,6 +106,8 @@ class PartialGraph:
     rooms: tuple[KnownRoom, ...]
     objects: tuple[SeenObject, ...]
     adjacency: tuple[tuple[int, int], ...] = ()
+    building_kind: str | None = None
+    source: str | None = None
 
     def histograms(self) -> Counts:
         """Return the histograms of what was seen, E′ × O′, `[1 + R, C]`, the building first."""
@@ -116,7 +129,8 @@ class PartialGraph:
                 a class is shown.
 
         Raises:
-            RecipeError: if an array is of another shape.
+            RecipeError: if an array is of another shape, or a floor area, a room type or a kind of
+                building cannot be.
         """
         inputs = self.histograms()
         share = np.array([self.hidden_share, *(room.hidden_share for room in self.rooms)])
@@ -139,7 +153,24 @@ class PartialGraph:
             vocabulary=vocabulary,
             others=self._others(vocabulary),
             connections=Connections.of_pairs(self.adjacency),
+            surroundings=self.surroundings(),
         )
+
+    def surroundings(self) -> Surroundings:
+        """Return what is known of the building and its rooms besides their objects.
+
+        Raises:
+            RecipeError: if a floor area, a room type or a kind of building cannot be.
+        """
+        try:
+            return Surroundings.of_rooms(
+                [_area_of(room) for room in self.rooms],
+                [room.room_type for room in self.rooms],
+                building_kind=self.building_kind,
+                source=self.source,
+            )
+        except RecipeError as error:
+            raise RecipeError(f"{self.scene_id}: {error}") from error
 
     def _others(self, vocabulary: Sequence[str]) -> Counts:
         """Return what was seen outside the classes, by the categories of a vocabulary, `[N, V]`."""
@@ -153,6 +184,13 @@ class PartialGraph:
         shape = (len(self.rooms) + 1, len(vocabulary))
         cells = count_cells(rooms[columns >= 0], columns[columns >= 0], shape=shape)
         return to_histograms(cells)
+
+
+def _area_of(room: KnownRoom) -> float | None:
+    """Return the floor area that a room says, or that its shape has, square metres."""
+    if room.floor_area is not None:
+        return room.floor_area
+    return find_floor_area(None, footprint=room.footprint, box=room.box)
 
 
 def observe(graph: PartialGraph, room_index: int, objects: Iterable[SeenObject]) -> PartialGraph:
@@ -241,11 +279,15 @@ def mask_scene(
                 room.box,
                 room.footprint,
                 room.floor_index,
+                room.floor_area if is_floor_area(room.floor_area) else None,
+                room.label if room.label in list_room_labels() else None,
             )
             for room in graph.rooms
         ),
         objects=tuple(seen),
         adjacency=tuple(adjacent),
+        building_kind=graph.building_kind if graph.building_kind in BUILDING_KINDS else None,
+        source=graph.source,
     )
 
 

@@ -1,20 +1,22 @@
 """A robot's partial graph as plain JSON, in and out.
 
     {
-      "format": "bsg-partial-graph", "version": 1,
-      "scene_id": "office",
+      "format": "bsg-partial-graph", "version": 2,
+      "scene_id": "office", "building_kind": "office", "source": null,
       "rooms": [
         {"id": "kitchen", "visited": true, "hidden_share": 0.5, "label": null,
-         "position": [2.0, 1.5, 0.0]},
-        {"id": "hall", "visited": false}
+         "position": [2.0, 1.5, 0.0], "floor_area": 9.5,
+         "room_type": {"kitchen": 0.7, "dining room": 0.3}},
+        {"id": "hall", "visited": false, "room_type": "corridor"}
       ],
       "objects": [{"id": "7", "room": "kitchen", "category": "fridge", "position": null}],
       "adjacency": [["kitchen", "hall"]]
     }
 
 `id`s are text, unique among rooms and among objects; a category is any public spelling; a room
-that was not visited hides everything, one that was hides half unless it says otherwise. Metres, Z
-up. docs/belief.md says more.
+that was not visited hides everything, one that was hides half unless it says otherwise. Metres and
+square metres, Z up. Version 1 had no `floor_area`, `room_type`, `building_kind` and `source`.
+docs/belief.md says more.
 """
 
 from __future__ import annotations
@@ -26,14 +28,20 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, StrictBool, ValidationError
+from pydantic import AfterValidator, Field, PlainValidator, StrictBool, ValidationError
 
 from bsg_data.dataset.manifest import ClassSpaceEntry
-from bsg_data.errors import SourceError
+from bsg_data.errors import RecipeError, SourceError
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_data.recipes import Record, name_fault
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, load_class_map
 from bsg_data.scene.scene_graph import Box
+from bsg_data.scene.surroundings import (
+    MAX_FLOOR_AREA,
+    RoomType,
+    check_building_kind,
+    check_room_type,
+)
 
 MAX_BYTES = 64 * 2**20
 SEEN_SHARE = 0.5  # of the objects of a room that the robot passed through, if it does not say
@@ -42,6 +50,26 @@ Text = Annotated[str, Field(max_length=500)]
 Metres = Annotated[float, Field(ge=-1e6, le=1e6)]
 Triple = tuple[Metres, Metres, Metres]
 Share = Annotated[float, Field(ge=0, le=1, strict=True)]
+SquareMetres = Annotated[float, Field(gt=0, le=MAX_FLOOR_AREA, strict=True)]
+BuildingKind = Annotated[Text | None, AfterValidator(check_building_kind)]
+
+
+def _read_room_type(said: object) -> RoomType | None:
+    """Return a room type of JSON in the common labels.
+
+    Raises:
+        RecipeError: if it is none.
+    """
+    if said is None or isinstance(said, str):
+        return check_room_type(said)
+    if isinstance(said, dict) and all(type(share) in (int, float) for share in said.values()):
+        return check_room_type(said)
+    raise RecipeError(
+        f"expected a room label, or labels with their probabilities, found {str(said)[:80]}"
+    )
+
+
+RoomTypes = Annotated[RoomType | None, PlainValidator(_read_room_type)]
 
 
 class RobotGraphError(SourceError):
@@ -57,6 +85,8 @@ class _Room(Record):
     box: tuple[Triple, Triple] | None = None
     footprint: Annotated[tuple[tuple[Metres, Metres], ...], Field(min_length=3)] | None = None
     floor_index: Annotated[int, Field(ge=-1000, le=1000)] | None = None
+    floor_area: SquareMetres | None = None
+    room_type: RoomTypes = None
 
 
 class _Object(Record):
@@ -70,9 +100,11 @@ class _Object(Record):
 
 class _Graph(Record):
     format: Literal["bsg-partial-graph"] = "bsg-partial-graph"
-    version: Literal[1] = 1
+    version: Literal[1, 2] = 2
     scene_id: Id
     hidden_share: Share | None = None
+    building_kind: BuildingKind = None
+    source: Id | None = None
     rooms: tuple[_Room, ...]
     objects: tuple[_Object, ...] = ()
     adjacency: tuple[tuple[Id, Id], ...] = ()
@@ -177,6 +209,8 @@ def _assemble(
         rooms=rooms,
         objects=tuple(objects),
         adjacency=tuple(sorted(adjacency)),
+        building_kind=document.building_kind,
+        source=document.source,
     )
 
 
@@ -205,6 +239,8 @@ def _know(room: _Room) -> KnownRoom:
         box=None if room.box is None else Box(*room.box),
         footprint=room.footprint,
         floor_index=room.floor_index,
+        floor_area=room.floor_area,
+        room_type=room.room_type,
     )
 
 
@@ -216,9 +252,11 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
     names = [room.name for room in graph.rooms]
     return {
         "format": "bsg-partial-graph",
-        "version": 1,
+        "version": 2,
         "scene_id": graph.scene_id,
         "hidden_share": graph.hidden_share,
+        "building_kind": graph.building_kind,
+        "source": graph.source,
         "rooms": [
             {
                 "id": room.name,
@@ -229,6 +267,8 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
                 "box": None if room.box is None else [room.box.minimum, room.box.maximum],
                 "footprint": room.footprint,
                 "floor_index": room.floor_index,
+                "floor_area": room.floor_area,
+                "room_type": room.room_type,
             }
             for room in graph.rooms
         ],

@@ -19,6 +19,7 @@ from bsg_data.observation.hidden_others import have_wholes
 from bsg_data.observation.observation import Observation
 from bsg_data.observation.view import View
 from bsg_data.scene.connections import Connections, stack_connections
+from bsg_data.scene.surroundings import Surroundings, repeat_surroundings
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +50,7 @@ def observe_search(
     vocabulary: tuple[str, ...],
     connections: Connections,
     wholes: Ints | None = None,
+    surroundings: Surroundings | None = None,
 ) -> Observation:
     """Return what E searches of one building see, one building of the observation each.
 
@@ -64,6 +66,7 @@ def observe_search(
         connections: between the rooms.
         wholes: `[V]` class that each category is a part of, -1 for none, where parts of what is
             withheld are, too; None where they are not.
+        surroundings: of the building; None where nothing is known.
     """
     searches, nodes = searched.shape
     share = np.where(searched, 0.0, np.stack([view.hidden_share for view in views]))
@@ -79,6 +82,7 @@ def observe_search(
     without[:, 0] &= (share[:, 0] > 0)[:, None]
     starts = np.arange(searches + 1) * nodes
     visited = np.stack([view.visited for view in views]) | searched
+    around = Surroundings.unknown(nodes=nodes) if surroundings is None else surroundings
     return Observation(
         scene_ids=(scene_id,) * searches,
         starts=starts,
@@ -89,4 +93,5 @@ def observe_search(
         vocabulary=vocabulary,
         others=to_histograms(seen_others).reshape(searches * nodes, -1),
         connections=stack_connections([connections] * searches, starts[:-1].tolist()),
+        surroundings=repeat_surroundings(around, searches),
     )

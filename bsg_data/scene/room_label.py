@@ -43,6 +43,7 @@ def label_of(source: str, source_label: str | None) -> str | None:
     return None
 
 
+@cache
 def list_room_labels() -> tuple[str, ...]:
     """Return the common room labels, sorted."""
     return tuple(sorted({label for label in _read_labels().values() if label is not None}))

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph
+from bsg_data.scene.surroundings import is_floor_area
 from bsg_models.belief.belief_graph import BeliefGraph
 from bsg_models.errors import BeliefFileError
 
@@ -68,6 +69,8 @@ def _faults_of_partial(partial: PartialGraph) -> Iterator[str]:
             yield f"room {room.name!r}: a hidden share is between 0 and 1"
         if not all(abs(value) <= FARTHEST for value in _coordinates(room)):
             yield f"room {room.name!r}: lies more than {FARTHEST:.0e} metres away"
+        if room.floor_area is not None and not is_floor_area(room.floor_area):
+            yield f"room {room.name!r}: no room has {room.floor_area} square metres"
         if room.footprint is not None and len(room.footprint) < 3:
             yield f"room {room.name!r}: a footprint has 3 corners or more"
     for obj in partial.objects:

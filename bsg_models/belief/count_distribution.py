@@ -1,19 +1,22 @@
 """The distribution of the hidden counts: per node and class a finite mixture of negative binomials.
 
-One component serves most models; latent room types and ensembles need more of them.
+One component serves most models; latent room types and ensembles need more of them. Each component
+may be tilted: its first counts are as much likelier as its tilts say
+(`bsg_models.belief.negative_binomial`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 from scipy.special import gammaln, lambertw, logsumexp
 
 from bsg_data.arrays import Floats
-from bsg_models.belief.negative_binomial import log_none
+from bsg_models.belief.negative_binomial import TINY, first_counts, log_none
 
 MIN_RATE = 1e-3  # no model may call a hidden object impossible: log 0 would swallow all the rest
 
@@ -26,36 +29,77 @@ class CountDistribution:
         means: `[K, N, C]` μ ≥ 0 of the K components.
         dispersions: `[K, N, C]` r > 0; ∞ for a Poisson.
         weights: `[K, N, 1]` or `[K, N, C]`, sums over K to 1.
+        tilts: `[J, K, N, C]` log factors of the hidden counts 0..J−1, before each component is
+            normalised; None for J = 0. With them `means` are those of the untilted components.
     """
 
     means: Floats
     dispersions: Floats
     weights: Floats
+    tilts: Floats | None = None
 
-    @property
+    @cached_property
     def mean(self) -> Floats:
         """Expected hidden counts λ, `[N, C]`."""
-        return np.asarray((self.weights * self.means).sum(axis=0))
+        return np.asarray((self.weights * self._moment(self.means, 1)).sum(axis=0))
 
     @property
     def variance(self) -> Floats:
         """Variance of the hidden counts, `[N, C]`."""
-        second = self.means + self.means**2 * (1 + 1 / self.dispersions)
+        second = self._moment(self.means + self.means**2 * (1 + 1 / self.dispersions), 2)
         return np.asarray((self.weights * second).sum(axis=0) - self.mean**2)
+
+    def _moment(self, untilted: Floats, power: int) -> Floats:
+        """Return E(count^power) of every component, `[K, N, C]`, from that without tilts."""
+        if self.tilts is None:
+            return untilted
+        moment = untilted.copy()
+        for count, (probability, tilt) in enumerate(zip(self._first, self.tilts, strict=True)):
+            moment += count**power * probability * np.expm1(tilt)
+        return np.asarray(np.maximum(moment, 0.0) * np.exp(-self._log_normaliser))
+
+    @cached_property
+    def _first(self) -> list[Floats]:
+        """The untilted probabilities of the counts 0..J−1, each `[K, N, C]`."""
+        none = np.exp(_log_nones(self.means, self.dispersions))
+        number = 0 if self.tilts is None else len(self.tilts)
+        return _first_counts(number, none, self.means, self.dispersions)
+
+    @cached_property
+    def _log_normaliser(self) -> Floats:
+        return _log_normaliser(self._first, np.zeros((0, 1)) if self.tilts is None else self.tilts)
 
     @property
     def presence(self) -> Floats:
         """P(at least one hidden object of the class), `[N, C]`."""
         return -np.expm1(self.log_probability(np.zeros(self.means.shape[1:]), floor=0.0))
 
+    @property
+    def log_odds_of_none(self) -> Floats:
+        """Log P(0) − log P(at least one), `[N, C]`, between −20 and 20."""
+        none = np.clip(1 - self.presence, 1e-9, 1 - 1e-9)
+        return np.asarray(np.log(none) - np.log1p(-none))
+
     def log_probability(self, counts: Floats, *, floor: float = MIN_RATE) -> Floats:
         """Return log P(hidden = counts), `[N, C]`.
 
         Args:
             counts: `[N, C]` whole numbers.
-            floor: means below it count as this much.
+            floor: means below it count as this much, before tilts.
         """
-        each = _log_components(counts, np.maximum(self.means, floor), self.dispersions)
+        means = np.maximum(self.means, floor)
+        each = _log_nones(means, self.dispersions)
+        normaliser: Floats | float = 0.0
+        if self.tilts is not None:
+            first = _first_counts(len(self.tilts), np.exp(each), means, self.dispersions)
+            normaliser = _log_normaliser(first, self.tilts)
+        some = counts > 0  # most counts are 0, and need no more
+        some_r = np.broadcast_to(self.dispersions, means.shape)[:, some]
+        each[:, some] += _log_beyond_nones(counts[some], means[:, some], some_r)
+        if self.tilts is not None:
+            each -= normaliser
+            for count, tilt in enumerate(self.tilts):
+                each += tilt * (counts == count)
         if len(each) == 1:
             return np.asarray(each[0])
         with np.errstate(divide="ignore"):
@@ -76,16 +120,20 @@ class CountDistribution:
         """
         if not 0 <= q < 1:
             raise ValueError(f"q must be 0 to below 1, found {q}")
-        quantiles = np.zeros(self.means.shape[1:], dtype=np.int64)
-        below = np.zeros(quantiles.shape)
-        count, waiting = 0, np.ones(quantiles.shape, dtype=bool)
+        return self._invert(np.full(self.means.shape[1:], q))
+
+    def _invert(self, levels: Floats) -> npt.NDArray[np.int64]:
+        """Return the smallest counts that hold these shares of the probability, `[N, C]`."""
+        counts = np.zeros(levels.shape, dtype=np.int64)
+        below = np.zeros(levels.shape)
+        count, waiting = 0, np.ones(levels.shape, dtype=bool)
         most = np.ceil(self.mean.max(initial=0) + 60 * np.sqrt(self.variance.max(initial=0))) + 1
         while waiting.any() and count <= most:
-            below += np.exp(self.log_probability(np.full(quantiles.shape, float(count)), floor=0.0))
-            quantiles[waiting] = count
-            waiting &= below < q - 1e-12
+            below += np.exp(self.log_probability(np.full(levels.shape, float(count)), floor=0.0))
+            counts[waiting] = count
+            waiting &= below < levels - 1e-12
             count += 1
-        return quantiles
+        return counts
 
     def sample(self, rng: np.random.Generator) -> npt.NDArray[np.int64]:
         """Sample all counts once, `[N, C]`; a building's is not the sum of its rooms'."""
@@ -97,6 +145,10 @@ class CountDistribution:
             np.take_along_axis(part, chosen[None], axis=0)[0]
             for part in (self.means, np.broadcast_to(self.dispersions, self.means.shape))
         )
+        if self.tilts is not None:
+            tilts = np.take_along_axis(self.tilts, chosen[None, None], axis=1)
+            one = replace(negative_binomial(means, r), tilts=tilts)
+            return one._invert(rng.random(chosen.shape))
         finite = np.isfinite(r)
         gamma = rng.gamma(np.where(finite, r, 1.0)) / np.where(finite, r, 1.0)
         return np.asarray(rng.poisson(np.where(finite, gamma, 1.0) * means))
@@ -104,24 +156,59 @@ class CountDistribution:
     def take(self, rows: npt.NDArray[np.integer]) -> CountDistribution:
         """Return the distribution of some nodes, `rows` `[M]`."""
         return CountDistribution(
-            self.means[:, rows], self.dispersions[:, rows], self.weights[:, rows]
+            self.means[:, rows],
+            self.dispersions[:, rows],
+            self.weights[:, rows],
+            None if self.tilts is None else self.tilts[:, :, rows],
         )
 
     def take_classes(self, columns: npt.NDArray[np.integer]) -> CountDistribution:
         """Return the distribution of some classes of every node, `columns` `[N, A]`."""
         shape = (len(self.means), *columns.shape)
-        parts = [
+        means, dispersions, weights = (
             np.take_along_axis(
                 np.broadcast_to(part, self.means.shape), np.broadcast_to(columns, shape), axis=2
             )
             for part in (self.means, self.dispersions, self.weights)
-        ]
-        return CountDistribution(*parts)
+        )
+        tilts = self.tilts
+        if tilts is not None:
+            everywhere = np.broadcast_to(columns, (*tilts.shape[:2], *columns.shape))
+            tilts = np.take_along_axis(tilts, everywhere, axis=3)
+        return CountDistribution(means, dispersions, weights, tilts)
 
     def recalibrated(self, *, shift: float, slope: float, spread: float) -> CountDistribution:
-        """Return the distribution with means e^shift · μ^slope and dispersions e^spread · r."""
+        """Return the distribution with means e^shift · μ^slope and dispersions e^spread · r.
+
+        The means are those before tilts, which stay as they are.
+        """
         means = np.exp(shift) * self.means**slope
-        return CountDistribution(means, np.exp(spread) * self.dispersions, self.weights)
+        return replace(self, means=means, dispersions=np.exp(spread) * self.dispersions)
+
+    def with_none_likelier(self, log_factor: Floats) -> CountDistribution:
+        """Return the distribution with so much higher log odds of none.
+
+        All probabilities beyond none keep their ratios, those of several components too: each
+        weighs as much as what is left of it.
+
+        Args:
+            log_factor: `[N, C]`, added to log P(0) − log P(at least one).
+        """
+        before = _log_nones(self.means, self.dispersions)
+        tilts = np.zeros((1, *self.means.shape)) if self.tilts is None else self.tilts.copy()
+        if self.tilts is not None:
+            before += tilts[0] - self._log_normaliser
+        tilts[0] += log_factor
+        weights = self.weights
+        if len(weights) > 1:
+            weights = weights * np.maximum(1 + np.exp(before) * np.expm1(log_factor), TINY)
+            weights = weights / weights.sum(axis=0)
+        return replace(self, tilts=tilts, weights=weights)
+
+    def without(self, known: npt.NDArray[np.bool_]) -> CountDistribution:
+        """Return the distribution with nothing hidden where `known` `[N, C]`."""
+        tilts = None if self.tilts is None else self.tilts * ~known
+        return replace(self, means=self.means * ~known, tilts=tilts)
 
 
 def poisson(means: Floats) -> CountDistribution:
@@ -168,6 +255,7 @@ def blend(
         np.concatenate([distribution.means for distribution in distributions]),
         np.concatenate([distribution.dispersions for distribution in distributions]),
         np.concatenate(scaled),
+        _join_tilts(distributions, axis=1),
     )
 
 
@@ -177,22 +265,57 @@ def concatenate(distributions: Sequence[CountDistribution]) -> CountDistribution
         np.concatenate([distribution.means for distribution in distributions], axis=1),
         np.concatenate([distribution.dispersions for distribution in distributions], axis=1),
         np.concatenate([distribution.weights for distribution in distributions], axis=1),
+        _join_tilts(distributions, axis=2),
     )
 
 
-def _log_components(counts: Floats, mean: Floats, dispersion: Floats) -> Floats:
-    """Return log P(counts) of every component, `[K, N, C]`, Poissons too.
+def _join_tilts(distributions: Sequence[CountDistribution], *, axis: int) -> Floats | None:
+    """Return the tilts of several distributions along an axis; those that have fewer get zeros."""
+    number = max(0 if one.tilts is None else len(one.tilts) for one in distributions)
+    if not number:
+        return None
+    parts = []
+    for one in distributions:
+        tilts = np.zeros((number, *one.means.shape))
+        if one.tilts is not None:
+            tilts[: len(one.tilts)] = one.tilts
+        parts.append(tilts)
+    return np.concatenate(parts, axis=axis)
 
-    Most counts are 0, where only the last term is left: the others are computed for the rest alone.
-    """
+
+def _log_nones(mean: Floats, dispersion: Floats) -> Floats:
+    """Return the untilted log P(0) of every component, `[K, N, C]`, Poissons too."""
+    finite = np.isfinite(dispersion)
+    if finite.all():
+        return log_none(mean, dispersion)
+    return np.where(finite, log_none(mean, np.where(finite, dispersion, 1.0)), -mean)
+
+
+def _log_beyond_nones(counts: Floats, mean: Floats, dispersion: Floats) -> Floats:
+    """Return log P(counts) − log P(0) of M cells with counts above 0, `[K, M]`, Poissons too."""
     finite = np.isfinite(dispersion)
     r = np.where(finite, dispersion, 1.0)
-    log_p = np.where(finite, log_none(mean, r), -mean)
-    some = counts > 0
-    n, mean, r, finite = counts[some], mean[:, some], r[:, some], finite[:, some]
     with np.errstate(divide="ignore"):
         spread = np.where(finite, np.log(mean + r), 0.0)
-        power = n * (np.log(mean) - spread)
-    choose = np.where(finite, gammaln(n + r) - gammaln(r), 0.0)
-    log_p[:, some] = choose - gammaln(n + 1) + power + log_p[:, some]
-    return log_p
+        power = counts * (np.log(mean) - spread)
+    choose = np.where(finite, gammaln(counts + r) - gammaln(r), 0.0)
+    return np.asarray(choose - gammaln(counts + 1) + power)
+
+
+def _first_counts(number: int, none: Floats, mean: Floats, dispersion: Floats) -> list[Floats]:
+    """Return the untilted P(0), …, P(number − 1) of every component, Poissons too."""
+    if number < 2 or np.isfinite(dispersion).all():
+        return first_counts(number, none, mean, dispersion)
+    probabilities = [none]
+    with np.errstate(invalid="ignore"):
+        for count in range(number - 1):
+            step = mean * (dispersion + count) / ((mean + dispersion) * (count + 1))
+            step = np.where(np.isfinite(dispersion), step, mean / (count + 1))
+            probabilities.append(probabilities[-1] * step)
+    return probabilities
+
+
+def _log_normaliser(first: Sequence[Floats], tilts: Floats) -> Floats:
+    """Return log Z of every component, `[K, N, C]`, from its untilted first counts."""
+    gained = sum(p * np.expm1(tilt) for p, tilt in zip(first, tilts, strict=True))
+    return np.asarray(np.log(np.maximum(1 + gained, TINY)))

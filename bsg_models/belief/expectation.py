@@ -45,7 +45,7 @@ class Expectation:
         parts = (self.inputs, self.totals, distribution.weights, distribution.means, self.hidden)
         return all(bool(np.isfinite(part).all()) for part in parts) and not bool(
             np.isnan(distribution.dispersions).any()
-        )
+        )  # tilts are in `hidden`
 
     @cached_property
     def hidden(self) -> Floats:

@@ -16,6 +16,7 @@ from bsg_data.dataset.manifest import ClassSpaceEntry
 from bsg_data.errors import MismatchError
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.observation.robot_json import (
+    BuildingKind,
     Id,
     Share,
     parse_classified_graph,
@@ -27,18 +28,22 @@ from bsg_data.scene.class_space import list_class_spaces, load_class_space
 from bsg_models.belief.belief_graph import BeliefGraph, Mode
 from bsg_models.errors import BeliefFileError
 
-FORMAT, VERSION = "bsg-belief-graph", 2
-# Version 1 named a class map, by which the categories of its objects are read again.
+FORMAT, VERSION = "bsg-belief-graph", 3
+# Version 1 named a class map, by which the categories of its objects are read again; version 2 had
+# no surroundings.
 _MAPPED = 1
+_READ = (_MAPPED, 2, VERSION)
 
 
 class PartialHeader(Record):
     """What is stated once of the partial graph."""
 
     format: Literal["bsg-partial-graph"] = "bsg-partial-graph"
-    version: Literal[1] = 1
+    version: Literal[1, 2] = 2
     scene_id: Id
     hidden_share: Share
+    building_kind: BuildingKind = None
+    source: Id | None = None
 
 
 class Header(Record):
@@ -77,7 +82,10 @@ def encode_header(belief: BeliefGraph) -> dict[str, Any]:
 def encode_whole_header(belief: BeliefGraph) -> dict[str, Any]:
     """Return the header of a belief graph with that of its partial graph."""
     partial = PartialHeader(
-        scene_id=belief.partial.scene_id, hidden_share=belief.partial.hidden_share
+        scene_id=belief.partial.scene_id,
+        hidden_share=belief.partial.hidden_share,
+        building_kind=belief.partial.building_kind,
+        source=belief.partial.source,
     )
     return {**encode_header(belief), "partial": partial.model_dump()}
 
@@ -107,10 +115,10 @@ def modernise(entries: Any, *, path: Path) -> Any:
     if not isinstance(entries, Mapping):
         return entries
     found = (entries.get("format"), entries.get("version"))
-    if found not in ((FORMAT, VERSION), (FORMAT, _MAPPED)):
+    if found not in [(FORMAT, version) for version in _READ]:
         raise BeliefFileError(f"{path}: expected {FORMAT} {VERSION}, found {found[0]} {found[1]}")
     class_map = entries.get("class_map")
-    if found[1] == VERSION or not isinstance(class_map, Mapping):
+    if found[1] != _MAPPED or not isinstance(class_map, Mapping):
         return {key: value for key, value in entries.items() if key != "class_map"}
     version = class_map.get("version")
     if version not in list_class_maps():

@@ -12,7 +12,7 @@ import math
 import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from pydantic import StrictBool, ValidationError
@@ -20,7 +20,14 @@ from pydantic import StrictBool, ValidationError
 from bsg_data.dataset.manifest import ClassSpaceEntry
 from bsg_data.files import write_bytes
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
-from bsg_data.observation.robot_json import SEEN_SHARE, Share
+from bsg_data.observation.robot_json import (
+    SEEN_SHARE,
+    BuildingKind,
+    Id,
+    RoomTypes,
+    Share,
+    SquareMetres,
+)
 from bsg_data.recipes import Record, name_fault
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
 from bsg_data.scene.scene_graph import Box, Point
@@ -31,6 +38,7 @@ from bsg_models.belief.header import encode_whole_header
 from bsg_models.belief.nodes import Attributes, decode_nodes, encode_edges, encode_nodes
 from bsg_models.errors import HydraError
 
+Metadata = TypeVar("Metadata", bound=Record)
 _BLIND_LAYER = 10
 _COLOURS = {
     "building": (0, 24, 236),
@@ -47,6 +55,15 @@ class _RoomMetadata(Record):
 
     visited: StrictBool = True
     hidden_share: Share | None = None
+    floor_area: SquareMetres | None = None
+    room_type: RoomTypes = None
+
+
+class _BuildingMetadata(Record):
+    """What the metadata of a graph may hold of its building, under `bsg`, in `partial`."""
+
+    building_kind: BuildingKind = None
+    source: Id | None = None
 
 
 def _library() -> Any:
@@ -90,6 +107,7 @@ def read_hydra(
         for other in node.siblings()
         if (a := index[node.id.value]) != (b := index.get(other, 0)) and b
     }
+    building = _read_metadata(_BuildingMetadata, _said_of(graph), f"{path}: metadata")
     return PartialGraph(
         scene_id=_scene_of(graph) or path.name.partition(".")[0],
         class_space=ClassSpaceEntry.of(loaded.space),
@@ -97,6 +115,8 @@ def read_hydra(
         rooms=known,
         objects=tuple(objects),
         adjacency=tuple(sorted(pairs)),
+        building_kind=building.building_kind,
+        source=building.source,
     )
 
 
@@ -121,9 +141,14 @@ def _nodes_of(graph: Any, name: str) -> Iterator[Any]:
 
 def _scene_of(graph: Any) -> str | None:
     """Return the scene id that `write_hydra` left, if it did."""
-    partial = _ours(graph.metadata.get()).get("partial")
-    name = partial.get("scene_id") if isinstance(partial, Mapping) else None
+    name = _said_of(graph).get("scene_id")
     return name if isinstance(name, str) and name else None
+
+
+def _said_of(graph: Any) -> dict[str, Any]:
+    """Return what the metadata of a graph say of the partial graph."""
+    partial = _ours(graph.metadata.get()).get("partial")
+    return dict(partial) if isinstance(partial, Mapping) else {}
 
 
 def _ours(metadata: Any) -> dict[str, Any]:
@@ -132,14 +157,19 @@ def _ours(metadata: Any) -> dict[str, Any]:
     return dict(ours) if isinstance(ours, Mapping) else {}
 
 
-def _known_room(node: Any, path: Path) -> KnownRoom:
-    entries = _ours(node.attributes.metadata.get())
+def _read_metadata(kind: type[Metadata], entries: Attributes, where: str) -> Metadata:
+    """Return those of some entries that a record has."""
     try:
-        metadata = _RoomMetadata.model_validate(
-            {key: value for key, value in entries.items() if key in _RoomMetadata.model_fields}
+        return kind.model_validate(
+            {key: value for key, value in entries.items() if key in kind.model_fields}
         )
     except ValidationError as error:
-        raise HydraError(f"{path}: metadata of room {node.id}: {name_fault(error)}") from error
+        raise HydraError(f"{where}: {name_fault(error)}") from error
+
+
+def _known_room(node: Any, path: Path) -> KnownRoom:
+    entries = _ours(node.attributes.metadata.get())
+    metadata = _read_metadata(_RoomMetadata, entries, f"{path}: metadata of room {node.id}")
     usual = SEEN_SHARE if metadata.visited else 1.0
     return KnownRoom(
         name=str(node.id),
@@ -148,6 +178,8 @@ def _known_room(node: Any, path: Path) -> KnownRoom:
         label=node.attributes.name or None,
         position=_point(node.attributes.position),
         box=_box(node.attributes.bounding_box),
+        floor_area=metadata.floor_area,
+        room_type=metadata.room_type,
     )
 
 

@@ -7,6 +7,13 @@ With mean μ and dispersion r it has variance μ + μ²/r; r = ∞ is a Poisson.
     a mask that hides a share f of T             V | Λ ~ Poisson((1 − f) Λ), H | Λ ~ Poisson(f Λ)
     after V was seen                             Λ | V ~ Gamma(r + V, b + 1 − f), so that
                                                  H | V ~ NB(f (r + V) / (b + 1 − f), r + V)
+
+A Gamma can only be spread wider than a Poisson: with one fridge in sight it expects another. A
+*tilt* mends that. It multiplies the prior of the true count T by exp(a_T) for the first J counts,
+and by 1 beyond. Thinning and the normaliser of the prior cancel, so that all stays closed:
+
+    P(H = h | V = v) = NB(h) exp(a_{v+h}) / Z_v,    Z_v = 1 + Σ_h NB(h) (exp(a_{v+h}) − 1)
+    P(V = v) = NB_V(v) Z_v / Z                      Z the same sum over the prior of T
 """
 
 from __future__ import annotations
@@ -20,6 +27,7 @@ from scipy.special import gammaln
 from bsg_data.arrays import Floats
 
 Array = TypeVar("Array", bound=Any)  # of NumPy or of torch
+TINY = 1e-30  # below it a normaliser is rounding
 
 
 def hidden_posterior(shape: Array, rate: Array, seen: Array, share: Array) -> tuple[Array, Array]:
@@ -35,6 +43,47 @@ def hidden_posterior(shape: Array, rate: Array, seen: Array, share: Array) -> tu
     """
     dispersion = shape + seen
     return share * dispersion / (rate + 1 - share), dispersion
+
+
+def hidden_tilts(tilts: Array, seen: Array) -> list[Array]:
+    """Return the tilts of the hidden counts 0..J−1 after some were seen: a_{v+h}, 0 beyond J.
+
+    Args:
+        tilts: a of the true counts 0..J−1, the first axis; the rest broadcasts with `seen`.
+        seen: V, the counts that were seen.
+    """
+    number = len(tilts)
+    return [
+        sum(tilts[t] * (seen + h == t) for t in range(h + 1, number)) + tilts[h] * (seen == 0)
+        for h in range(number)
+    ]
+
+
+def first_counts(number: int, none: Array, mean: Array, dispersion: Array) -> list[Array]:
+    """Return the probabilities of the counts 0..number−1, each from the one before.
+
+    Args:
+        number: J.
+        none: P(0).
+        mean: μ.
+        dispersion: r, finite.
+    """
+    probabilities = [none]
+    success = mean / (mean + dispersion)
+    for count in range(number - 1):
+        step = success * (dispersion + count) / (count + 1)
+        probabilities.append(probabilities[-1] * step)
+    return probabilities[:number]
+
+
+def log_normaliser(tilts: Floats, mean: Floats, dispersion: Floats) -> Floats:
+    """Return log Z of tilted negative binomials; `tilts` has the counts 0..J−1 as its first axis.
+
+    Dispersions are finite.
+    """
+    counts = first_counts(len(tilts), np.exp(log_none(mean, dispersion)), mean, dispersion)
+    gained = sum(p * np.expm1(tilt) for p, tilt in zip(counts, tilts, strict=True))
+    return np.asarray(np.log(np.maximum(1 + gained, TINY)))
 
 
 def log_negative_binomial(

@@ -25,6 +25,7 @@ from bsg_data.files import write_bytes
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box
+from bsg_data.scene.surroundings import RoomType, check_room_type
 from bsg_models.belief.belief_graph import BeliefGraph, BlindNode
 from bsg_models.belief.consistency import check_beliefs, check_partial
 from bsg_models.belief.formats import FormatRow
@@ -55,6 +56,8 @@ SCHEMAS = {
             ("box", _METRES),
             ("footprint", _METRES),
             ("floor_index", pa.int16()),
+            ("floor_area", pa.float64()),
+            ("room_type", pa.map_(pa.string(), pa.float64())),
         ]
     ),
     "edges": pa.schema(
@@ -75,6 +78,8 @@ SCHEMAS = {
         ]
     ),
 }
+# Columns of nodes that version 1 has not, nor version 2 but for `corrected`.
+_NEW = frozenset({"corrected", "floor_area", "room_type"})
 _SORTED_BY = {"nodes": ("node",), "edges": ("source", "target"), "histograms": ("node",)}
 
 
@@ -157,7 +162,15 @@ def _pack_nodes(belief: BeliefGraph) -> Columns:
             for room in rooms
         ),
         "floor_index": column(room.floor_index for room in rooms),
+        "floor_area": column(room.floor_area for room in rooms),
+        "room_type": column(_pack_room_type(room.room_type) for room in rooms),
     }
+
+
+def _pack_room_type(room_type: RoomType | None) -> list[tuple[str, float]] | None:
+    if room_type is None:
+        return None
+    return [(room_type, 1.0)] if isinstance(room_type, str) else list(room_type.items())
 
 
 def _pack_edges(belief: BeliefGraph) -> Columns:
@@ -249,9 +262,10 @@ def _open_tables(folder: Path) -> tuple[list[Header], dict[str, pa.Table]]:
         if header.partial.scene_id != scene:
             raise ValueError(f"the metadata has {header.partial.scene_id!r} under {scene!r}")
         headers.append(header)
-    if "corrected" not in tables["nodes"].column_names:  # in version 1
-        nothing = pa.nulls(len(tables["nodes"]), pa.string())
-        tables["nodes"] = tables["nodes"].append_column("corrected", nothing)
+    nodes = SCHEMAS["nodes"]
+    for name in _NEW - set(tables["nodes"].column_names):
+        nothing = pa.nulls(len(tables["nodes"]), nodes.field(name).type)
+        tables["nodes"] = tables["nodes"].append_column(name, nothing)
     return headers, {
         name: tables[name].select(schema.names).cast(schema) for name, schema in SCHEMAS.items()
     }
@@ -300,6 +314,8 @@ def _unpack(header: Header, nodes: pa.Table, edges: pa.Table, histograms: pa.Tab
                 )
             ),
             adjacency=tuple(sorted((a, b) for a, b, kind in links if kind == "adjacent" and a < b)),
+            building_kind=header.partial.building_kind,
+            source=header.partial.source,
         ),
         expected=_matrix(histograms["expected"], len(numbers)),
         presence=_matrix(histograms["presence"], len(numbers)),
@@ -332,15 +348,18 @@ def _read_objects(
 
 def _unpack_rooms(nodes: pa.Table) -> tuple[KnownRoom, ...]:
     known = ("id", "hidden_share", "visited")
-    rows = _rows(nodes, known, ("label", "position", "box", "footprint", "floor_index"))
+    said = ("label", "position", "box", "footprint", "floor_index", "floor_area", "room_type")
+    rows = _rows(nodes, known, said)
     return tuple(
         KnownRoom(
             *(name, share, visited, label, _point(position)),
             box=None if box is None else Box(_point(box[:3]), _point(box[3:])),
             footprint=None if outline is None else _corners(outline),
             floor_index=floor,
+            floor_area=area,
+            room_type=None if kind is None else check_room_type(dict(kind)),
         )
-        for name, share, visited, label, position, box, outline, floor in rows
+        for name, share, visited, label, position, box, outline, floor, area, kind in rows
     )
 
 

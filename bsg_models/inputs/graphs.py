@@ -30,11 +30,16 @@ def to_graph(seen: Observation, *, edges: Sequence[EdgeSet], targets: Counts | N
     It has `x` `[N, C]`, `others` `[N, V]`, `edge_index` `[2, E]`, `is_building`, `visited` and
     `hidden_share` `[N]`, `withheld` `[N, C]`, and `y` `[N, C]` if the targets are given.
 
+    Of the surroundings it has `floor_area` `[N]` in square metres, 0 where unknown; `labels`
+    `[N, L]`, all 0 where unknown; `building_kind` and `source` `[N]`, each node's place in
+    `BUILDING_KINDS` and `KNOWN_SOURCES`, -1 where unknown.
+
     Args:
         seen: what was seen.
         edges: among each building and its rooms.
         targets: `[N, C]` histograms of what is there.
     """
+    around, sizes = seen.surroundings, np.diff(seen.starts)
     graph = Data(
         x=torch.from_numpy(seen.inputs.astype(np.float32)),
         edge_index=torch.from_numpy(edges_of(seen, edges)),
@@ -43,6 +48,10 @@ def to_graph(seen: Observation, *, edges: Sequence[EdgeSet], targets: Counts | N
         visited=torch.from_numpy(seen.visited.copy()),
         hidden_share=torch.from_numpy(seen.hidden_share.copy()),
         withheld=torch.from_numpy(seen.withheld.copy()),
+        floor_area=torch.from_numpy(np.nan_to_num(around.floor_area).astype(np.float32)),
+        labels=torch.from_numpy(around.labels.astype(np.float32)),
+        building_kind=torch.from_numpy(np.repeat(around.building_kind_index, sizes)),
+        source=torch.from_numpy(np.repeat(around.source_index, sizes)),
     )
     if targets is not None:
         graph.y = torch.from_numpy(targets.astype(np.float32))

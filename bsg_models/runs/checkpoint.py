@@ -26,11 +26,13 @@ from bsg_data.files import write_bytes
 from bsg_data.recipes import Record, name_fault
 from bsg_data.scene.class_space import hash_classes
 from bsg_models.errors import CheckpointError, ConfigError
+from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.construction import make_model
 from bsg_models.zoo.model import BeliefModel
 
-CHECKPOINT_VERSION = 3
+CHECKPOINT_VERSION = 4
+UNTILTED_VERSIONS = (1, 2, 3)  # before counts were tilted and presence was calibrated; still read
 MAPPED_VERSIONS = (1, 2)  # named a class map instead of its class space; still read
 UNSEALED_VERSION = 1  # before there were hashes
 _SEAL = ',"sha256":"'  # begins the hash of the header, which covers all text before it
@@ -167,7 +169,7 @@ def _parse_header(path: Path, file: Any) -> CheckpointHeader:
     try:
         fields = json.loads(text)
         version = fields["checkpoint_version"]
-        if version not in (*MAPPED_VERSIONS, CHECKPOINT_VERSION):
+        if version not in (*UNTILTED_VERSIONS, CHECKPOINT_VERSION):
             raise CheckpointError(
                 f"{path}: checkpoint version {version}, this program reads "
                 f"{UNSEALED_VERSION} to {CHECKPOINT_VERSION}"
@@ -186,6 +188,8 @@ def _parse_header(path: Path, file: Any) -> CheckpointHeader:
                 "sha256": hash_classes(named["classes"]),
                 "classes": named["classes"],
             }
+        if version in UNTILTED_VERSIONS:
+            _add_untilted(fields)
         header = CheckpointHeader.model_validate(fields)
     except ValidationError as error:  # also for a model of a package that is not installed
         raise CheckpointError(
@@ -201,6 +205,14 @@ def _parse_header(path: Path, file: Any) -> CheckpointHeader:
             f"sha256 of the tensors; {_AGAIN}"
         )
     return header
+
+
+def _add_untilted(fields: dict[str, Any]) -> None:
+    """Say in the header of an older version what its models could not be but: not tilted."""
+    for config in (fields["config"], *fields.get("members", {}).values()):
+        family = config["model"]["family"]
+        if family in ZOO and hasattr(ZOO[family].config, "tilted"):
+            config["model"].setdefault("tilted", 0)
 
 
 def _hash_text(text: str) -> str:
@@ -225,6 +237,9 @@ def restore_model(path: Path, checkpoint: Checkpoint) -> BeliefModel:
     except (ConfigError, CheckpointError) as error:
         raise CheckpointError(f"{path}: {error}") from error
     expected, stored = model.state_dict(), checkpoint.state_of("model")
+    if header.checkpoint_version in UNTILTED_VERSIONS:
+        added = [name for name in expected if name.endswith("presence_calibration")]
+        stored |= {name: torch.zeros_like(expected[name]) for name in added}
     for name in sorted(expected.keys() | stored.keys()):
         ours = tuple(expected[name].shape) if name in expected else "no such tensor"
         theirs = tuple(stored[name].shape) if name in stored else "no such tensor"

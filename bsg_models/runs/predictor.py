@@ -9,32 +9,35 @@ from bsg_data.arrays import Bools
 from bsg_data.errors import MismatchError
 from bsg_data.observation.observation import Observation
 from bsg_data.observation.partial_graph import PartialGraph
-from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
-from bsg_models.runs.run_folder import checkpoint_of
+from bsg_models.runs.found_model import find_model
+from bsg_models.runs.shipped import DEFAULT_MODEL
 
 
 class Predictor:
-    """A model of a finished run, loaded once.
+    """A trained model, loaded once: a shipped one, a run, or one of the hub.
 
     Attributes:
         name: of the model, as in the zoo.
         classes: `[C]` that it predicts.
 
     Example:
-        >>> predictor = Predictor(Path("run"))  # doctest: +SKIP
+        >>> predictor = Predictor()  # doctest: +SKIP
         >>> predictor(graph).presence.shape  # doctest: +SKIP
         (15, 45)
     """
 
-    def __init__(self, run: Path) -> None:
-        """Load the best checkpoint of a run.
+    def __init__(self, model: Path | str = DEFAULT_MODEL) -> None:
+        """Load a model.
+
+        Args:
+            model: what `find_model` takes: the path of a run, or a name.
 
         Raises:
             CheckpointError: if there is none, or it is damaged.
         """
-        path = checkpoint_of(run)
+        path = find_model(model).path
         checkpoint = load_checkpoint(path)
         self._path = path
         self.class_space = checkpoint.header.class_space
@@ -76,6 +79,5 @@ def _nothing_where_searched(expectation: Expectation, seen: Observation) -> Expe
     known = seen.cell_share == 0
     if not known[1:].any():
         return expectation
-    believed = expectation.hidden_counts
-    left = CountDistribution(believed.means * ~known, believed.dispersions, believed.weights)
+    left = expectation.hidden_counts.without(known)
     return Expectation(expectation.inputs, left, expectation.totals)

@@ -20,6 +20,7 @@ from bsg_data.observation.partial_graph import PartialGraph, list_withheld, mask
 from bsg_data.observation.robot_json import list_unmapped, read_robot_graph
 from bsg_data.recipes import MaskRecipe, Record
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, load_class_map, map_into
+from bsg_data.scene.surroundings import KNOWN_SOURCES
 from bsg_models.belief.belief_graph import BeliefGraph, Mode, believe, rank_unseen
 from bsg_models.belief.formats import choose_format, write_beliefs
 from bsg_models.belief.hydra import read_hydra, write_hydra
@@ -27,6 +28,7 @@ from bsg_models.belief.tables import write_tables
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.rendering.explorer import View, write_explorer
 from bsg_models.runs.predictor import Predictor
+from bsg_models.runs.shipped import DEFAULT_MODEL
 
 
 class MaskedScenes(Record):
@@ -51,7 +53,7 @@ class BeliefRequest(Record):
     """What to believe about, and which files to write.
 
     Attributes:
-        run: folder of a trained model.
+        run: a model, as `find_model` takes it: the path of a run, or the name of a shipped one.
         graphs: files with robots' graphs, of ours or Spark-DSG's.
         scenes: masked buildings, in the place of graphs.
         labels: label space of Hydra's graphs: `ade20k` or `mpcat40`.
@@ -64,7 +66,7 @@ class BeliefRequest(Record):
         force: replace files that are there.
     """
 
-    run: Path
+    run: Path | str = DEFAULT_MODEL
     graphs: tuple[Path, ...] = ()
     scenes: MaskedScenes | None = None
     labels: str | None = None
@@ -117,6 +119,7 @@ class BeliefReport(NamedTuple):
         rooms: of all graphs.
         unmapped: file → name that the class map does not know → times.
         resolved: file → names that a rule explained.
+        unknown_sources: file → its source, where that is none of `KNOWN_SOURCES`.
     """
 
     model: str
@@ -124,6 +127,7 @@ class BeliefReport(NamedTuple):
     rooms: tuple[RoomBelief, ...]
     unmapped: dict[Path, dict[str, int]]
     resolved: dict[Path, tuple[ResolvedEntry, ...]]
+    unknown_sources: dict[Path, str]
 
 
 def report_beliefs(
@@ -171,12 +175,18 @@ def report_beliefs(
     _write(request, views)
     unmapped = {path: names for path, graph in graphs.items() if (names := list_unmapped(graph))}
     resolved = {path: _list_resolved(graph, class_map) for path, graph in graphs.items()}
+    strange = {
+        path: graph.source
+        for path, graph in graphs.items()
+        if graph.source is not None and graph.source not in KNOWN_SOURCES
+    }
     return BeliefReport(
         model=predictor.name,
         graphs=tuple(view.belief for view in views),
         rooms=tuple(rooms),
         unmapped=unmapped,
         resolved={path: names for path, names in resolved.items() if names},
+        unknown_sources=strange,
     )
 
 

@@ -36,7 +36,8 @@ from bsg_models.runs.checkpoint import (
     require_dataset,
     restore_model,
 )
-from bsg_models.runs.run_folder import BEST, LAST
+from bsg_models.runs.found_model import FoundModel, find_model
+from bsg_models.runs.run_folder import LAST
 from bsg_models.studies.entries import Entry, Folds, folds_of, hash_measured, read_entry
 from bsg_models.zoo.catalogue import BASELINES
 from bsg_models.zoo.config import find_config
@@ -95,7 +96,7 @@ class Comparison:
 
 
 def compare_runs(
-    runs: Sequence[Path],
+    runs: Sequence[Path | str],
     dataset: Path,
     *,
     split: str,
@@ -110,7 +111,7 @@ def compare_runs(
     Without runs a dataset in folds is measured fold by fold, and the values are averaged.
 
     Args:
-        runs: folders of `bsg-train`.
+        runs: trained models, as `find_model` takes them.
         dataset: that is split and has pairs.
         split: `train`, `val` or `test`.
         predictions: files of predictions, or folders of such files.
@@ -126,9 +127,10 @@ def compare_runs(
         PredictionError: if predictions cannot be read, or do not fit the pairs.
     """
     data = Dataset.open(dataset)
-    loaded = [(run, load_checkpoint(run / BEST)) for run in runs]
+    found = map(find_model, runs)
+    loaded = [(run, load_checkpoint(run.path)) for run in found]
     for run, checkpoint in loaded:
-        require_dataset(run / BEST, checkpoint.header, data.manifest)
+        require_dataset(run.path, checkpoint.header, data.manifest)
     fold = _one_fold(loaded, fold) if loaded else fold
     part = cast(Split, split)
     folds: Folds = (fold,) if loaded else folds_of(data, fold)
@@ -177,16 +179,16 @@ def compare_runs(
 
 
 def _models(
-    loaded: Sequence[tuple[Path, Checkpoint]], data: Dataset, *, fold: int | None
+    loaded: Sequence[tuple[FoundModel, Checkpoint]], data: Dataset, *, fold: int | None
 ) -> dict[str, BeliefModel]:
     """Return the models by name: the runs by their folders, then the baselines, fitted on train."""
     models: dict[str, BeliefModel] = {}
     for run, checkpoint in loaded:
-        name = run.name or run.resolve().name
+        name = run.name
         taken, number = name, 2
         while name in models or name in BASELINES:
             name, number = f"{taken}-{number}", number + 1
-        models[name] = restore_model(run / BEST, checkpoint)
+        models[name] = restore_model(run.path, checkpoint)
     for name in BASELINES:
         model = make_model(find_config(name), classes=len(data.manifest.class_space.classes))
         model.fit(data, DataConfig(fold=fold))
@@ -207,7 +209,7 @@ def _order(models: Iterable[str], entries: Sequence[Entry]) -> dict[str, Entry |
 
 
 def _describe(
-    loaded: Sequence[tuple[Path, Checkpoint]], models: dict[str, BeliefModel]
+    loaded: Sequence[tuple[FoundModel, Checkpoint]], models: dict[str, BeliefModel]
 ) -> dict[str, Any]:
     """Return epoch, dataset and configuration of each run by its name."""
     return {
@@ -220,13 +222,13 @@ def _describe(
     }
 
 
-def _one_fold(loaded: Sequence[tuple[Path, Checkpoint]], asked: int | None) -> int | None:
+def _one_fold(loaded: Sequence[tuple[FoundModel, Checkpoint]], asked: int | None) -> int | None:
     folds = {checkpoint.header.config.data.fold for _, checkpoint in loaded}
     if asked is not None and folds != {asked}:
-        listed = ", ".join(f"{run}: {c.header.config.data.fold}" for run, c in loaded)
+        listed = ", ".join(f"{run.name}: {c.header.config.data.fold}" for run, c in loaded)
         raise CheckpointError(f"expected runs that test on fold {asked}, found {listed}")
     if len(folds) > 1:
-        listed = ", ".join(f"{run}: {c.header.config.data.fold}" for run, c in loaded)
+        listed = ", ".join(f"{run.name}: {c.header.config.data.fold}" for run, c in loaded)
         raise CheckpointError(f"the runs test on different folds ({listed}); compare those of one")
     return folds.pop()
 
@@ -256,22 +258,23 @@ def _facts(
 
 
 def _notes(
-    loaded: Sequence[tuple[Path, Checkpoint]], data: Dataset, truth: Truth, split: str
+    loaded: Sequence[tuple[FoundModel, Checkpoint]], data: Dataset, truth: Truth, split: str
 ) -> list[str]:
     notes = []
     for run, checkpoint in loaded:
         if checkpoint.header.dataset_sha256 != data.sha256:
             notes.append(
-                f"note: {run} was trained on another dataset or another version of this one; "
+                f"note: {run.name} was trained on another dataset or another version of this one; "
                 f"buildings of this {split} split may have been in its training set"
             )
         header = checkpoint.header
         epochs = header.config.training.epochs
-        last = read_header(run / LAST).epoch if (run / LAST).is_file() else epochs
+        unfinished = run.path.with_name(LAST)
+        last = read_header(unfinished).epoch if unfinished.is_file() else epochs
         if header.calibrated != getattr(header.config.model, "calibrate", False):
-            notes.append(f"note: {run} stopped before its calibration; --resume finishes it")
+            notes.append(f"note: {run.name} stopped before its calibration; --resume finishes it")
         if last < epochs:
-            notes.append(f"note: {run} stopped at epoch {last} of {epochs}; --resume goes on")
+            notes.append(f"note: {run.name} stopped at epoch {last} of {epochs}; --resume goes on")
     if (buildings := len(truth.scene_ids)) < LEAST_BUILDINGS:
         notes.append(
             f"note: measured on {buildings} building{'' if buildings == 1 else 's'}: intervals (±) "

@@ -38,21 +38,21 @@ class EvaluationRequest(Record):
     """What to compare, and which files to write.
 
     Attributes:
-        runs: folders of trained models.
+        runs: trained models, as `find_model` takes them: paths of runs, or names.
         dataset: that is split and has pairs.
         split: to measure on.
         predictions: files of predictions of other programs, or folders of such files.
         fold: the one to measure where there is no run; None for all of them.
         write_predictions: folder where the beliefs of the runs are written as predictions.
-        out: folder of the results; None for `evaluation` in the first run, or beside the first
-            predictions.
+        out: folder of the results; None for `evaluation` in the first run, or here if that is no
+            folder, or beside the first predictions.
         html: one page with all results; None for none.
         resamples: of the bootstrap over buildings; 0 for no intervals.
         seed: of the bootstrap.
         force: replace results that are there.
     """
 
-    runs: tuple[Path, ...] = ()
+    runs: tuple[Path | str, ...] = ()
     dataset: Path
     split: Literal["train", "val", "test"] = "test"
     predictions: tuple[Path, ...] = ()
@@ -76,7 +76,9 @@ class EvaluationRequest(Record):
         if self.out is None and not self.runs:
             first = self.predictions[0]
             return first.with_name(f"{first.stem}-evaluation")
-        return self.out or self.runs[0] / "evaluation"
+        run = self.runs[0] if self.runs else Path()
+        inside = isinstance(run, Path) and not run.is_file()
+        return self.out or (Path(run) / "evaluation" if inside else Path("evaluation"))
 
 
 class EvaluationReport(NamedTuple):
@@ -195,7 +197,7 @@ def _write_page(
     )
 
 
-def _look_into(comparison: Comparison, run: Path, data: Path) -> list[View]:
+def _look_into(comparison: Comparison, run: Path | str, data: Path) -> list[View]:
     """Return what a run believes about the median, the smallest and the largest building."""
     manifest, predictor, measured = read_manifest(data), Predictor(run), comparison.truth
     rows = np.flatnonzero(measured.is_building & (measured.draw == measured.draw.min()))

@@ -1,7 +1,7 @@
 """The leaderboard: every model trained and measured on the same folds, for each kind of mask.
 
     OUT/MASK/dataset          a copy of the dataset, in folds, with masked pairs
-    OUT/MASK/fold-K/MODEL     a run: trained without fold K, to be tested on it
+    OUT/MASK/fold-K/MODEL     a run: trained on that kind of mask, without fold K
     OUT/leaderboard.json      written last; with leaderboard.md and leaderboard.png
 
 A leaderboard that was stopped goes on where it was: finished runs of the same configuration and
@@ -15,10 +15,8 @@ import shutil
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-
-from pydantic import field_validator
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import MANIFEST, Manifest, read_manifest
@@ -28,10 +26,9 @@ from bsg_data.errors import DatasetError
 from bsg_data.executors import run_all
 from bsg_data.files import write_bytes
 from bsg_data.lock import hold
-from bsg_data.observation.masks import MASKS
 from bsg_data.observation.pairs import write_pairs
-from bsg_data.recipes import MaskRecipe, PairsRecipe, Record, SplitRecipe
-from bsg_models.errors import ConfigError, TrainingError
+from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
+from bsg_models.errors import TrainingError
 from bsg_models.evaluation.bootstrap import Bootstrap, bootstrap
 from bsg_models.evaluation.measurement import (
     Measurement,
@@ -42,38 +39,20 @@ from bsg_models.evaluation.measurement import (
 from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import BEST, is_finished
+from bsg_models.studies.leaderboard_runs import (
+    LeaderboardRecipe,
+    Place,
+    fit_to,
+    members_of,
+    plan_runs,
+    run_of,
+    trained_on,
+)
 from bsg_models.training.training import combine_runs, member_config, one_thread, train_run
 from bsg_models.zoo.config import RunConfig
-from bsg_models.zoo.ensemble import EnsembleConfig
 
 SECONDS = "seconds.json"
 DATASET = "dataset"
-
-
-class LeaderboardRecipe(Record):
-    """All that a leaderboard depends on besides the dataset and the models.
-
-    Attributes:
-        masks: kinds of masks; each is trained and tested on by itself.
-        fraction: share of the objects that they hide.
-        folds: of the buildings; every building is tested on once.
-        draws: masks of every building.
-        seed: of the folds, the masks and the trainings.
-        resamples: of the bootstrap over buildings.
-    """
-
-    masks: tuple[str, ...] = ("uniform", "rooms")
-    fraction: float = 0.5
-    folds: int = 5
-    draws: int = 5
-    seed: int = 0
-    resamples: int = 200
-
-    @field_validator("masks")
-    @classmethod
-    def _masks_exist(cls, masks: tuple[str, ...]) -> tuple[str, ...]:
-        MASKS.require(masks)
-        return masks
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,10 +62,12 @@ class ModelResult:
     Attributes:
         metrics: the mean over the folds, and on resamples of the buildings.
         seconds: that a training took, mean over the folds; of an ensemble with its members.
+        trained_on: kind of mask, if it is the model's own and not the one that is measured on.
     """
 
     metrics: Bootstrap
     seconds: float
+    trained_on: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,48 +113,31 @@ def make_leaderboard(
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise DatasetError(f"{out}: cannot be made ({error.strerror})") from error
-    single, ensembles = sort_models(models)
+    runs = plan_runs(models, recipe)
     with hold(out):
-        for mask in recipe.masks:
+        for mask in dict.fromkeys((*recipe.masks, *runs.masks)):
             prepare_dataset(dataset, out / mask / DATASET, recipe, mask=mask)
         for what, function, some in (
-            ("train", _train, single),
-            ("combine", _combine, ensembles),  # of runs that are there by now
+            ("train", _train, runs.single),
+            ("combine", _combine, runs.ensembles),  # of runs that are there by now
         ):
             tasks = [
-                (out / mask, name, fit_to(config, recipe, mask=mask, fold=fold))
-                for mask in recipe.masks
+                (out / place.mask, place.name, fit_to(config, recipe, mask=place.mask, fold=fold))
                 for fold in range(recipe.folds)
-                for name, config in some.items()
+                for place, config in some.items()
             ]
             run_all(function, tasks, executor=executor, progress=_name(report, what))
-        shown = [(out / mask, name, recipe) for mask in recipe.masks for name in models]
+        shown = [
+            (out, mask, Place(trained_on(config, mask), name), recipe)
+            for mask in recipe.masks
+            for name, config in models.items()
+        ]
         measured = run_all(_measure, shown, executor=executor, progress=_name(report, "measure"))
     results: dict[str, dict[str, ModelResult]] = {mask: {} for mask in recipe.masks}
-    for (folder, name, _), result in zip(shown, measured, strict=True):
-        results[folder.name][name] = result
+    for (_, mask, place, _), result in zip(shown, measured, strict=True):
+        own = models[place.name].data.own_strategy
+        results[mask][place.name] = replace(result, trained_on=own)
     return Leaderboard(recipe, read_manifest(dataset), results)
-
-
-def sort_models(
-    models: Mapping[str, RunConfig],
-) -> tuple[dict[str, RunConfig], dict[str, RunConfig]]:
-    """Return the models that are trained, with those that ensembles need, and the ensembles.
-
-    Raises:
-        ConfigError: if an ensemble needs a model whose name is taken by another configuration.
-    """
-    single = {n: c for n, c in models.items() if not isinstance(c.model, EnsembleConfig)}
-    ensembles = {n: c for n, c in models.items() if n not in single}
-    for name, config in ensembles.items():
-        for member in _members(config):
-            needed = member_config(config, member)
-            if single.setdefault(member, needed) != needed:
-                raise ConfigError(
-                    f"{name} needs the zoo's {member} with its own seed and data, and another "
-                    "configuration has this name; rename its file, or set both alike"
-                )
-    return single, ensembles
 
 
 def prepare_dataset(source: Path, copy: Path, recipe: LeaderboardRecipe, *, mask: str) -> None:
@@ -208,22 +172,6 @@ def prepare_dataset(source: Path, copy: Path, recipe: LeaderboardRecipe, *, mask
         write_pairs(copy, pairs, force=True)
 
 
-def fit_to(config: RunConfig, recipe: LeaderboardRecipe, *, mask: str, fold: int) -> RunConfig:
-    """Return a configuration for one kind of mask and one fold; its seed is added to the fold's."""
-    drawn = MaskRecipe(strategy=mask, fraction=recipe.fraction, seed=recipe.seed)
-    data = config.data.model_copy(update={"mask": drawn, "fold": fold})
-    return config.model_copy(update={"data": data, "seed": config.seed + recipe.seed})
-
-
-def run_of(folder: Path, name: str, fold: int) -> Path:
-    """Return the folder of a run below that of a mask."""
-    return folder / f"fold-{fold}" / name
-
-
-def _members(config: RunConfig) -> tuple[str, ...]:
-    return config.model.members if isinstance(config.model, EnsembleConfig) else ()
-
-
 def _train(folder: Path, name: str, config: RunConfig) -> None:
     """Train one model for one fold, unless that is done."""
     run = run_of(folder, name, config.data.fold or 0)
@@ -240,7 +188,7 @@ def _combine(folder: Path, name: str, config: RunConfig) -> None:
     """Make one ensemble for one fold of the runs of its members there."""
     fold = config.data.fold or 0
     data = Dataset.open(folder / DATASET)
-    members = {member: run_of(folder, member, fold) for member in _members(config)}
+    members = {member: run_of(folder, member, fold) for member in members_of(config)}
     for member, trained in members.items():
         if not is_finished(trained, member_config(config, member), data):
             raise TrainingError(f"{trained}: is not the run that {name} needs; remove it")
@@ -252,17 +200,15 @@ def _combine(folder: Path, name: str, config: RunConfig) -> None:
     )
 
 
-def _measure(folder: Path, name: str, recipe: LeaderboardRecipe) -> ModelResult:
-    """Measure one model over all folds."""
-    data = Dataset.open(folder / DATASET)
+def _measure(out: Path, mask: str, place: Place, recipe: LeaderboardRecipe) -> ModelResult:
+    """Measure one model over all folds, on one kind of mask."""
+    data = Dataset.open(out / mask / DATASET)
     splits, seconds = [], 0.0
     with one_thread():
         for fold in range(recipe.folds):
-            run = run_of(folder, name, fold)
-            checkpoint = load_checkpoint(run / BEST)
-            model = restore_model(run / BEST, checkpoint)
-            config = checkpoint.header.config
-            masked = read_split(data, "test", fold=config.data.fold, vocabulary=model.vocabulary)
+            run = run_of(out / place.mask, place.name, fold)
+            model = restore_model(run / BEST, load_checkpoint(run / BEST))
+            masked = read_split(data, "test", fold=fold, vocabulary=model.vocabulary)
             splits.append(Measurement(read_truth(masked), predict_all(model, masked)))
             seconds += _read_seconds(run) / recipe.folds
         metrics = bootstrap(SplitsMeasurement(splits), resamples=recipe.resamples, seed=recipe.seed)

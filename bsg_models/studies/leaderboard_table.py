@@ -24,13 +24,15 @@ RANKED_BY = "rooms/hidden_nll"
 def write_json(board: Leaderboard) -> dict[str, Any]:
     """Return a leaderboard as JSON.
 
-    `masks` → mask → model → `seconds`, `metrics` (value, interval, nodes), and what `compare` says.
+    `masks` → mask → model → `seconds`, `trained_on` (a kind of mask), `metrics` (value, interval,
+    nodes), and what `compare` says.
     """
     masks: dict[str, Any] = {}
     for mask, results in board.results.items():
         masks[mask] = {
             name: {
                 "seconds": round(result.seconds, 2),
+                "trained_on": result.trained_on or mask,
                 **{k: _plain(v) for k, v in compare(results, name).items()},
                 "metrics": {k: _plain(e) for k, e in result.metrics.estimates().items()},
             }
@@ -85,12 +87,26 @@ def write_markdown(board: Leaderboard) -> str:
         "buildings. In bold the best of a column and what its paired interval does not tell from "
         "it. docs/evaluation.md says what the metrics are.",
         "",
+        *_own_masks(board),
     ]
     for mask, results in board.results.items():
         lines += [f"## Masks: {mask}", "", *_headline_tables(results), *_moments(results)]
     for mask, results in board.results.items():
         lines += [f"## Every metric, masks {mask}", "", *_everything(results)]
     return "\n".join(lines)
+
+
+def _own_masks(board: Leaderboard) -> Iterator[str]:
+    """Yield which models were trained once for all kinds of masks, and on which."""
+    own = {
+        name: result.trained_on
+        for results in board.results.values()
+        for name, result in results.items()
+        if result.trained_on
+    }
+    for name, mask in own.items():
+        yield f"`{name}` was trained once, on `{mask}` masks, and is the same model in every table."
+        yield ""
 
 
 def _headline_tables(results: Mapping[str, ModelResult]) -> Iterator[str]:

@@ -49,6 +49,7 @@ class ModelBeliefs:
         self._draws, self._artifacts = draws, artifacts
         self._cells = data.cells(scene_id)
         self._connections = data.connections(scene_id)
+        self._surroundings = data.surroundings(scene_id)
         every = data.others(scene_id)
         self._others = place_others(every.cells, every.categories, model.vocabulary)
         self._wholes = wholes_of(model.vocabulary, data) if mask.parts else None
@@ -110,6 +111,7 @@ class ModelBeliefs:
             vocabulary=self._model.vocabulary,
             connections=self._connections,
             wholes=self._wholes,
+            surroundings=self._surroundings,
         )
 
 

@@ -27,7 +27,10 @@ from bsg_models.inputs.folds import scenes_of
 from bsg_models.rendering.explorer import write_explorer
 from bsg_models.rendering.figures import plot_savings
 from bsg_models.runs.checkpoint import read_header
+from bsg_models.runs.found_model import locate_run
+from bsg_models.runs.model_summary import describe_model
 from bsg_models.runs.run_folder import checkpoint_of
+from bsg_models.runs.shipped import DEFAULT_MODEL, shipped_names
 from bsg_models.search.catalogue import PLANNERS
 from bsg_models.search.room_graphs import DEFAULT_WORLDS, WorldRecipe, parse_world
 from bsg_models.studies.replay import replay_search
@@ -61,7 +64,8 @@ class SearchRequest(Record):
 
     Attributes:
         dataset: that is split.
-        runs: folders of trained models; of a dataset of folds, one for each fold that is searched.
+        runs: folders of trained models, or checkpoints, as `locate_run` finds them; of a dataset of
+            folds, one for each fold that is searched.
         split: whose buildings are searched; `all` only without runs.
         scene: this building alone.
         planners: names of planners; None for all, or without runs those that read no belief.
@@ -192,6 +196,39 @@ def report_search(
     return SearchReport(study, results, summary, model, sought, report, written, tuple(notes))
 
 
+def choose_default_run(
+    dataset: Path, *, planners: Sequence[str] | None, split: str
+) -> tuple[tuple[Path, ...], str]:
+    """Return the default model for a search that names none, and a line about it.
+
+    There is none, and the line says why, if nothing asks for a belief, the buildings may have
+    trained it (`all`), none is shipped, or the dataset is of other classes or in folds.
+
+    Raises:
+        DatasetError: if the dataset is damaged.
+        CheckpointError: if the shipped model is.
+    """
+    why = ""
+    if planners is not None and all(PLANNERS[name].reads != "belief" for name in planners):
+        why = "no planner reads one"
+    elif split == "all":
+        why = "--split all may hold buildings that trained it"
+    elif DEFAULT_MODEL not in shipped_names():
+        why = f"no model {DEFAULT_MODEL!r} is shipped with this build"
+    if why:
+        return (), f"without a belief: {why}"
+    run, data = locate_run(DEFAULT_MODEL), Dataset.open(dataset)
+    header = read_header(run)
+    if header.class_space != data.manifest.class_space:
+        return (), (
+            f"without a belief: the model {DEFAULT_MODEL!r} predicts classes of "
+            f"{header.class_space}, the dataset has those of {data.manifest.class_space}"
+        )
+    if "fold-0" in data.splits:
+        return (), f"without a belief: the model {DEFAULT_MODEL!r} is of no fold of the dataset"
+    return (run,), f"model: {describe_model()}"
+
+
 def make_recipe(request: SearchRequest, classes: Sequence[str]) -> StudyRecipe:
     """Return the recipe of the study that a request asks for.
 
@@ -222,7 +259,7 @@ def make_recipe(request: SearchRequest, classes: Sequence[str]) -> StudyRecipe:
     if trace is not None and posterior:
         raise RecipeError("--trace replays searches for what is really there")
     if not request.runs and (trace is not None or request.stops or posterior):
-        raise RecipeError("--trace, --stop and --truth posterior need a --run")
+        raise RecipeError("--trace, --stop and --truth posterior need a --model")
     return recipe
 
 
@@ -281,7 +318,7 @@ def _choose_planners(request: SearchRequest) -> tuple[str, ...]:
     PLANNERS.require(request.planners)
     needing = [name for name in request.planners if PLANNERS[name].reads == "belief"]
     if needing and not believed:
-        raise RecipeError(f"planner {needing[0]!r} needs a belief; name a --run")
+        raise RecipeError(f"planner {needing[0]!r} needs a belief; name a --model")
     return request.planners
 
 

@@ -81,9 +81,13 @@ class TrainingBuildings:
 def validation_buildings(
     config: RunConfig, data: Dataset, *, vocabulary: tuple[str, ...]
 ) -> MaskedBuildings:
-    """Return the stored pairs of val or, if masks are those of a search, fresh ones of its own."""
-    choice = config.data
-    if not choice.withhold:
+    """Return val under masks of the kind that is trained on: stored pairs, or fresh ones.
+
+    Raises:
+        DatasetError: if stored pairs are needed, and there are none.
+    """
+    choice, pairs = config.data, data.manifest.pairs
+    if not choice.needs_own_masks(pairs.mask if pairs else None):
         return read_split(data, "val", fold=choice.fold, vocabulary=vocabulary)
     scenes = scenes_of(data, "val", fold=choice.fold)
     return stack_masked(
@@ -93,6 +97,8 @@ def validation_buildings(
                 scenes,
                 mask=choice.fresh_mask,
                 draw=draw,
+                # Runs of `withhold` are calibrated at one fraction, as measured ones were.
+                fractions=None if choice.withhold else choice.fractions,
                 vocabulary=vocabulary,
             )
             for draw in range(_VAL_DRAWS)

@@ -33,7 +33,12 @@ from bsg_models.training.epochs import (
     validation_buildings,
 )
 from bsg_models.training.learning_curve import EpochReport
-from bsg_models.zoo.calibration import CalibratedModel, fit_calibration
+from bsg_models.zoo.calibration import (
+    CalibratedModel,
+    fit_calibration,
+    fit_presence_calibration,
+    recalibrate,
+)
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.construction import find_member, make_model, reads_categories
 from bsg_models.zoo.ensemble import Ensemble, EnsembleConfig
@@ -122,14 +127,21 @@ def calibrate_if_wanted(model: BeliefModel, config: RunConfig, data: Dataset) ->
 
 def calibrate(model: CalibratedModel, masked: MaskedBuildings) -> None:
     """Fit a model's calibration on masked buildings with their targets."""
-    distributions, hidden = [], []
+    parts, hiddens, shares = [], [], []
     for some in masked.batches(_BATCH):
         rooms = np.flatnonzero(~some.seen.is_building)
-        distributions.append(model.predict_hidden_counts(some.seen).take(rooms))
-        hidden.append(some.hidden[rooms].astype(np.float64))
-    if sum(len(part) for part in hidden):
-        fitted = fit_calibration(concatenate(distributions), np.concatenate(hidden))
-        model.calibration.copy_(torch.from_numpy(fitted))
+        parts.append(model.predict_hidden_counts(some.seen).take(rooms))
+        hiddens.append(some.hidden[rooms].astype(np.float64))
+        shares.append(some.seen.cell_share[rooms])
+    learned, hidden = concatenate(parts), np.concatenate(hiddens)
+    if not len(hidden):
+        return
+    fitted = fit_calibration(learned, hidden)
+    model.calibration.copy_(torch.from_numpy(fitted))
+    lines = fit_presence_calibration(
+        recalibrate(learned, fitted), hidden, share=np.concatenate(shares)
+    )
+    model.presence_calibration.copy_(torch.from_numpy(lines))
 
 
 def _train_ensemble(
@@ -159,8 +171,8 @@ def _train_ensemble(
 def member_config(config: RunConfig, name: str) -> RunConfig:
     """Return the configuration of a member: its own recipe, with the ensemble's seed and data."""
     member = find_member(name)
-    chosen = {name: getattr(config.data, name) for name in ("fold", "mask", "min_scenes")}
-    data = member.data.model_copy(update=chosen)
+    chosen = {name: getattr(config.data, name) for name in ("fold", "min_scenes")}
+    data = member.data.under(config.data.mask).model_copy(update=chosen)
     return member.model_copy(update={"seed": config.seed, "data": data})
 
 

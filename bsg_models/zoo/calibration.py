@@ -1,8 +1,12 @@
-"""Calibration: three numbers, fitted on the val buildings, that mend how sure a model is.
+"""Calibration: numbers, fitted on the val buildings, that mend how sure a model is.
 
-A distribution with means μ and dispersions r becomes one with means e^shift · μ^slope and
-dispersions e^spread · r. It keeps the order of the classes of a room; a slope below 1 is a
-temperature above 1.
+First three of the counts: a distribution with means μ and dispersions r becomes one with means
+e^shift · μ^slope and dispersions e^spread · r. It keeps the order of the classes of a room; a slope
+below 1 is a temperature above 1.
+
+Then two of presence, apart for cells that were looked into and those that were not: the log odds of
+none hidden, ℓ, become ℓ + shift + slope · ℓ, and what is left keeps its ratios. A model errs there
+in different ways: where it saw something it is too sure, where it saw nothing it knows the average.
 """
 
 from __future__ import annotations
@@ -13,7 +17,7 @@ import numpy as np
 import torch
 from scipy.optimize import minimize
 
-from bsg_data.arrays import Floats
+from bsg_data.arrays import Bools, Floats
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation, from_hidden_counts
@@ -21,19 +25,25 @@ from bsg_models.zoo.model import BeliefModel, ModelInputs, to_array
 from bsg_models.zoo.room_sums import sum_rooms
 from bsg_models.zoo.settings import ModelConfig
 
+_PRIOR = 10.0  # cells' worth of log-likelihood for a line that is off by 1
+
 
 class CalibratedModel(BeliefModel):
     """A model with a distribution of the hidden counts, which can be calibrated.
 
     Attributes:
         calibration: `[3]` shift, logarithm of the slope, and spread; 0 changes nothing.
+        presence_calibration: `[2, 2]` shift and slope of the log odds of none, of cells that were
+            looked into and of those that were not; 0 changes nothing.
     """
 
     calibration: torch.Tensor
+    presence_calibration: torch.Tensor
 
     def __init__(self, config: ModelConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
         self.register_buffer("calibration", torch.zeros(3, dtype=torch.float64))
+        self.register_buffer("presence_calibration", torch.zeros((2, 2), dtype=torch.float64))
 
     @abstractmethod
     def predict_hidden_counts(self, seen: Observation) -> CountDistribution:
@@ -43,6 +53,9 @@ class CalibratedModel(BeliefModel):
         """Return the calibrated expectation; a building hides what its rooms hide."""
         learned = self.predict_hidden_counts(seen)
         calibrated = recalibrate(learned, to_array(self.calibration))
+        lines = to_array(self.presence_calibration)
+        if lines.any():
+            calibrated = recalibrate_presence(calibrated, lines, looked_into=seen.cell_share < 1)
         return from_hidden_counts(seen.inputs.astype(np.float64), sum_rooms(calibrated, seen))
 
 
@@ -58,5 +71,52 @@ def fit_calibration(distribution: CountDistribution, hidden: Floats) -> Floats:
     def cost(calibration: Floats) -> float:
         return -float(recalibrate(distribution, calibration).log_probability(hidden).mean())
 
-    minimum = minimize(cost, np.zeros(3), method="L-BFGS-B", bounds=[(-1.0, 1.0)] * 3)
+    minimum = minimize(
+        cost, np.zeros(3), method="L-BFGS-B", bounds=[(-1.0, 1.0)] * 3, options={"ftol": 1e-6}
+    )
     return np.asarray(minimum.x)
+
+
+def recalibrate_presence(
+    distribution: CountDistribution, lines: Floats, *, looked_into: Bools
+) -> CountDistribution:
+    """Return the distribution under shift and slope of both kinds of cells.
+
+    Args:
+        distribution: of N nodes.
+        lines: `[2, 2]` of cells that were looked into and of those that were not.
+        looked_into: `[N, C]`.
+    """
+    shift, slope = lines[np.where(looked_into, 0, 1)].transpose(2, 0, 1)
+    return distribution.with_none_likelier(shift + slope * distribution.log_odds_of_none)
+
+
+def fit_presence_calibration(
+    distribution: CountDistribution, hidden: Floats, *, share: Floats
+) -> Floats:
+    """Return the lines `[2, 2]` that maximise the likelihood of what is hidden.
+
+    Given δ, the likelihood of a count depends on it through presence alone, so that this is a
+    logistic regression. A weak prior holds a line where few cells are.
+
+    Args:
+        distribution: of N rooms.
+        hidden: `[N, C]` counts.
+        share: `[N, C]` that each cell hides; cells that hide nothing are not read.
+    """
+    odds, none = distribution.log_odds_of_none, hidden == 0
+    lines = np.zeros((2, 2))
+    for line, cells in zip(lines, ((share > 0) & (share < 1), share == 1), strict=True):
+        if cells.any():
+            line[:] = _fit_line(odds[cells], none[cells])
+    return lines
+
+
+def _fit_line(odds: Floats, none: Bools) -> Floats:
+    sign = np.where(none, 1.0, -1.0)
+
+    def cost(line: Floats) -> float:
+        mended = odds + line[0] + line[1] * odds
+        return float(np.logaddexp(0.0, -sign * mended).sum()) + _PRIOR * float(line @ line)
+
+    return np.asarray(minimize(cost, np.zeros(2), method="L-BFGS-B", bounds=[(-1.0, 1.0)] * 2).x)

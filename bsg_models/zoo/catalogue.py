@@ -58,7 +58,12 @@ ZOO: Registry[ZooRow] = Registry(
         "train-mean": "bsg_models.zoo.baselines:TRAIN_MEAN",
         "conditional": "bsg_models.zoo.conditional:CONDITIONAL",
         "gamma-poisson": "bsg_models.zoo.gamma_poisson:GAMMA_POISSON",
+        "tilted-gamma-poisson": "bsg_models.zoo.gamma_poisson:TILTED_GAMMA_POISSON",
         "naive-bayes": "bsg_models.zoo.naive_bayes:NAIVE_BAYES",
+        "glove": "bsg_models.zoo.glove:GLOVE",
+        "cooccurrence": "bsg_models.zoo.cooccurrence:COOCCURRENCE",
+        "cooccurrence-naive-bayes": "bsg_models.zoo.cooccurrence:COOCCURRENCE_NAIVE_BAYES",
+        "prior-table": "bsg_models.zoo.prior_table:PRIOR_TABLE",
         "mixture": "bsg_models.zoo.mixture:MIXTURE",
         "poisson-boosting": "bsg_models.zoo.boosting:POISSON_BOOSTING",
         "ceci-gcn": "bsg_models.zoo.gcn:CECI_GCN",
@@ -69,7 +74,8 @@ ZOO: Registry[ZooRow] = Registry(
         "deepsets": "bsg_models.zoo.deepsets:DEEPSETS",
         "room-transformer": "bsg_models.zoo.room_transformer:ROOM_TRANSFORMER",
         "ensemble": "bsg_models.zoo.ensemble:ENSEMBLE",
-        "search-sage": "bsg_models.zoo.sage:SEARCH_SAGE",
+        "universal": "bsg_models.zoo.sage:UNIVERSAL",
+        "universal-transformer": "bsg_models.zoo.room_transformer:UNIVERSAL_TRANSFORMER",
     },
 )
 BASELINES = ("input", "doubled", "train-mean", "gamma-poisson")

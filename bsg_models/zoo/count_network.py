@@ -9,11 +9,16 @@ h is what the trunk makes of the features of a node, f the share that it hides. 
 per class (`bsg_models.zoo.gamma_poisson`) with a prior of its own for every room: the network says
 what is usual in such a room and how sure that is, and Bayes' rule adds what was seen of the class
 itself, at any share. A node's own histogram therefore never has to survive the trunk.
+
+The prior of the first true counts is tilted (`bsg_models.belief.negative_binomial`), by factors
+that are linear in h, too: rooms have one refrigerator, not two.
 """
 
 from __future__ import annotations
 
 from abc import abstractmethod
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -30,7 +35,7 @@ from bsg_models.belief.count_distribution import (
     negative_binomial,
     poisson,
 )
-from bsg_models.belief.negative_binomial import hidden_posterior
+from bsg_models.belief.negative_binomial import first_counts, hidden_posterior, hidden_tilts
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.zoo.calibration import CalibratedModel
 from bsg_models.zoo.model import ModelInputs, Network, share_of, to_array
@@ -63,17 +68,18 @@ class CountNetwork(CalibratedModel, Network):
         rooms = np.concatenate([data.cells(scene)[1:] for scene in scenes])
         self.head.start(torch.from_numpy(rooms.mean(axis=0)))
 
-    def forward(self, graphs: Data) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return means λ and dispersions r of the hidden counts, both `[N, C]`."""
+    def forward(self, graphs: Data) -> Posterior:
+        """Return the posterior of the hidden counts of N nodes and C classes."""
         encoded = self.encode(self.features(graphs), graphs)
-        posterior: tuple[torch.Tensor, torch.Tensor] = self.head(encoded, graphs)
+        posterior: Posterior = self.head(encoded, graphs)
         return posterior
 
     def loss(self, graphs: Data) -> torch.Tensor:
         """Return the mean loss over rooms and classes, as `likelihood` says."""
-        mean, dispersion = (part[~graphs.is_building] for part in self(graphs))
-        hidden = (graphs.y - graphs.x)[~graphs.is_building]
-        cells = cell_loss(hidden, mean, dispersion, likelihood=self.likelihood)
+        rooms = ~graphs.is_building
+        posterior: Posterior = self(graphs)
+        hidden = (graphs.y - graphs.x)[rooms]
+        cells = cell_loss(hidden, posterior.take(rooms), likelihood=self.likelihood)
         return cells.sum() / max(cells.numel(), 1)  # a batch may have no rooms
 
     def validation_loss(self, graphs: Data) -> tuple[float, int]:
@@ -87,10 +93,33 @@ class CountNetwork(CalibratedModel, Network):
         """Return the distribution that the network gives."""
         self.eval()
         with torch.no_grad():
-            mean, dispersion = (to_array(part) for part in self(self.graph_of(seen)))
-        if self.likelihood == "negative-binomial":
-            return negative_binomial(mean, dispersion)
-        return poisson(mean)
+            posterior: Posterior = self(self.graph_of(seen))
+        if self.likelihood != "negative-binomial":
+            return poisson(to_array(posterior.mean))
+        counts = negative_binomial(to_array(posterior.mean), to_array(posterior.dispersion))
+        if not posterior.tilts:
+            return counts
+        tilts = np.stack([to_array(tilt)[None] for tilt in posterior.tilts])
+        return replace(counts, tilts=tilts)
+
+
+class Posterior(NamedTuple):
+    """The hidden counts of N nodes and C classes, as a network says them.
+
+    Attributes:
+        mean: `[N, C]` λ before tilts.
+        dispersion: `[N, C]` r.
+        tilts: of the hidden counts 0..J−1, each `[N, C]`.
+    """
+
+    mean: torch.Tensor
+    dispersion: torch.Tensor
+    tilts: list[torch.Tensor]
+
+    def take(self, nodes: torch.Tensor) -> Posterior:
+        """Return those of some nodes, a mask `[N]`."""
+        tilts = [tilt[nodes] for tilt in self.tilts]
+        return Posterior(self.mean[nodes], self.dispersion[nodes], tilts)
 
 
 class PriorHead(nn.Module):
@@ -101,7 +130,12 @@ class PriorHead(nn.Module):
         self.dropout = nn.Dropout(config.dropout)
         self.mean = nn.Linear(config.width, classes)
         self.shape = nn.Linear(config.width, classes)
-        for layer in (self.mean, self.shape):
+        layers = [self.mean, self.shape]
+        self.tilted = config.tilted if config.likelihood == "negative-binomial" else 0
+        if self.tilted:
+            self.tilt = nn.Linear(config.width, self.tilted * classes)
+            layers.append(self.tilt)
+        for layer in layers:
             nn.init.zeros_(layer.weight)
             nn.init.zeros_(layer.bias)
 
@@ -110,34 +144,46 @@ class PriorHead(nn.Module):
         with torch.no_grad():
             self.mean.bias.copy_(means.clamp(min=MIN_RATE).log())
 
-    def forward(self, encoded: torch.Tensor, graphs: Data) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return mean and dispersion of the posterior of the hidden counts, both `[N, C]`."""
+    def forward(self, encoded: torch.Tensor, graphs: Data) -> Posterior:
+        """Return the posterior of the hidden counts."""
         mean = self.mean(self.dropout(encoded)).clamp(-2 * _MOST, _MOST).exp()
         shape = self.shape(self.dropout(encoded)).clamp(-_MOST, _MOST).exp()
-        return hidden_posterior(shape, shape / mean, graphs.x, share_of(graphs))
+        hidden = hidden_posterior(shape, shape / mean, graphs.x, share_of(graphs))
+        if not self.tilted:
+            return Posterior(*hidden, [])
+        tilts = self.tilt(self.dropout(encoded)).clamp(-_MOST, _MOST)
+        of_counts = tilts.unflatten(1, (self.tilted, -1)).unbind(1)
+        return Posterior(*hidden, hidden_tilts(of_counts, graphs.x))
 
 
 def cell_loss(
-    hidden: torch.Tensor, mean: torch.Tensor, dispersion: torch.Tensor, *, likelihood: Likelihood
+    hidden: torch.Tensor, posterior: Posterior, *, likelihood: Likelihood
 ) -> torch.Tensor:
     """Return the loss of every (node, class), `[N, C]`.
 
     Args:
         hidden: `[N, C]` true counts.
-        mean: `[N, C]`.
-        dispersion: `[N, C]`; only `negative-binomial` reads it.
+        posterior: what is said of them; only `negative-binomial` reads dispersions and tilts.
         likelihood: `mse` squares the error; the others are −log P(hidden).
     """
     if likelihood == "mse":
-        return functional.mse_loss(mean, hidden, reduction="none")
-    mean = mean.clamp(min=MIN_RATE)
+        return functional.mse_loss(posterior.mean, hidden, reduction="none")
+    mean, dispersion = posterior.mean.clamp(min=MIN_RATE), posterior.dispersion
     if likelihood == "poisson":
         return mean - hidden * mean.log() + torch.lgamma(hidden + 1)
-    distribution = (
+    log_none = -dispersion * torch.log1p(mean / dispersion)
+    log_p = (
         torch.lgamma(hidden + dispersion)
         - torch.lgamma(dispersion)
         - torch.lgamma(hidden + 1)
-        - dispersion * torch.log1p(mean / dispersion)
+        + log_none
         + hidden * (mean.log() - (mean + dispersion).log())
     )
-    return -distribution
+    if not posterior.tilts:
+        return -log_p
+    normaliser = torch.ones_like(mean)
+    first = first_counts(len(posterior.tilts), log_none.exp(), mean, dispersion)
+    for count, (probability, tilt) in enumerate(zip(first, posterior.tilts, strict=True)):
+        normaliser = normaliser + probability * torch.expm1(tilt)
+        log_p = log_p + tilt * (hidden == count)
+    return normaliser.clamp(min=1e-6).log() - log_p

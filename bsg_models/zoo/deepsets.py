@@ -11,7 +11,7 @@ from torch_geometric.data import Data
 from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.count_network import CountNetwork
 from bsg_models.zoo.model import ModelInputs
-from bsg_models.zoo.node_features import NetworkConfig
+from bsg_models.zoo.node_features import NetworkConfig, ShownDropout
 from bsg_models.zoo.training_recipes import COUNTS, VARIED
 
 
@@ -28,7 +28,7 @@ class DeepSets(CountNetwork):
         super().__init__(config, inputs)
         widths = [self.features.width, *[config.width] * config.depth]
         self.layers = nn.Sequential(
-            nn.Dropout(config.dropout / 2),
+            ShownDropout(config.dropout / 2, self.features.told),
             *(
                 nn.Sequential(
                     nn.Linear(before, config.width),

@@ -15,6 +15,7 @@ from bsg_models.zoo.calibration import CalibratedModel
 from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.model import BeliefModel, ModelInputs
 from bsg_models.zoo.settings import ModelConfig
+from bsg_models.zoo.training_recipes import WHATEVER
 
 
 class EnsembleConfig(ModelConfig):
@@ -27,7 +28,7 @@ class EnsembleConfig(ModelConfig):
 
     family: Literal["ensemble"] = "ensemble"
     members: tuple[str, ...] = Field(
-        default=("mixture", "ceci-gcn-residual", "ceci-sage", "room-transformer"), min_length=1
+        default=("mixture", "universal", "universal-transformer"), min_length=1
     )
     calibrate: bool = True
 
@@ -71,4 +72,4 @@ class Ensemble(CalibratedModel):
             yield name, cast(BeliefModel, member)
 
 
-ENSEMBLE = ZooRow(EnsembleConfig(), Ensemble)
+ENSEMBLE = ZooRow(EnsembleConfig(), Ensemble, data=WHATEVER)

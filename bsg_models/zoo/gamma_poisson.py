@@ -7,15 +7,20 @@
                                 H | V ~ NB(mean f (a_c + V) / (b_c + 1 − f), dispersion a_c + V)
 
 a and b maximise the likelihood of the training rooms' counts, T ~ NB(mean a/b, dispersion a).
+
+With `tilted` J > 0 the prior of the first J true counts is tilted, too: classes of which a room has
+one know that (`bsg_models.belief.negative_binomial`).
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 import torch
+from pydantic import Field
 from scipy.optimize import minimize, minimize_scalar
 
 from bsg_data.arrays import Floats
@@ -23,7 +28,13 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import negative_binomial
 from bsg_models.belief.expectation import Expectation, from_hidden_counts
-from bsg_models.belief.negative_binomial import hidden_posterior, log_likelihood
+from bsg_models.belief.negative_binomial import (
+    hidden_posterior,
+    hidden_tilts,
+    log_likelihood,
+    log_negative_binomial,
+    log_normaliser,
+)
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.model import BeliefModel, ModelInputs, to_array
@@ -32,9 +43,14 @@ from bsg_models.zoo.settings import DataConfig, ModelConfig
 
 
 class GammaPoissonConfig(ModelConfig):
-    """Shrink each count to its class: Poisson counts with a Gamma prior fitted per class."""
+    """Shrink each count to its class: Poisson counts with a Gamma prior fitted per class.
+
+    Attributes:
+        tilted: J, of how many first counts the prior is tilted.
+    """
 
     family: Literal["gamma-poisson"] = "gamma-poisson"
+    tilted: int = Field(default=0, ge=0, le=8)
 
 
 class GammaPoissonModel(BeliefModel):
@@ -43,22 +59,35 @@ class GammaPoissonModel(BeliefModel):
     Attributes:
         shape: `[C]` a of the Gamma prior.
         rate: `[C]` b of the Gamma prior.
+        tilts: `[J, C]` log factors of the first true counts; only with `tilted`.
     """
 
     shape: torch.Tensor
     rate: torch.Tensor
+    tilts: torch.Tensor
+
+    config: GammaPoissonConfig
 
     def __init__(self, config: GammaPoissonConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
         classes = inputs.classes
         self.register_buffer("shape", torch.ones(classes, dtype=torch.float64))
         self.register_buffer("rate", torch.ones(classes, dtype=torch.float64))
+        if config.tilted:
+            tilts = torch.zeros((config.tilted, classes), dtype=torch.float64)
+            self.register_buffer("tilts", tilts)
 
     def fit(self, data: Dataset, choice: DataConfig) -> None:
         """Fit the prior of every class to the counts of the training rooms."""
         scenes = scenes_of(data, "train", fold=choice.fold)
         rooms = np.concatenate([data.cells(scene)[1:] for scene in scenes])
         fitted = np.array([fit_gamma_prior(column) for column in rooms.T])
+        if self.config.tilted:
+            starts = zip(rooms.T, fitted, strict=True)
+            fitted = np.array(
+                [fit_tilted_prior(c, a, b, tilted=self.config.tilted) for c, (a, b) in starts]
+            )
+            self.tilts.copy_(torch.from_numpy(fitted[:, 2:].T))
         self.shape.copy_(torch.from_numpy(fitted[:, 0]))
         self.rate.copy_(torch.from_numpy(fitted[:, 1]))
 
@@ -67,6 +96,9 @@ class GammaPoissonModel(BeliefModel):
         inputs, share = seen.inputs.astype(np.float64), seen.cell_share
         a, b = to_array(self.shape), to_array(self.rate)
         hidden = negative_binomial(*hidden_posterior(a, b, inputs, share))
+        if self.config.tilted:
+            tilts = hidden_tilts(to_array(self.tilts)[:, None], inputs)
+            hidden = replace(hidden, tilts=np.stack(tilts)[:, None])
         return from_hidden_counts(inputs, sum_rooms(hidden, seen))
 
 
@@ -87,6 +119,37 @@ def fit_gamma_prior(counts: npt.NDArray[np.integer]) -> tuple[float, float]:
     return a, a / mean
 
 
+def fit_tilted_prior(
+    counts: npt.NDArray[np.integer], shape: float, rate: float, *, tilted: int
+) -> tuple[float, ...]:
+    """Return a, b and the tilts a_0..a_{J−1} that maximise the likelihood of counts `[R]`.
+
+    Each tilt has a normal prior of standard deviation 2, which holds those of counts that are rare.
+
+    Args:
+        counts: of one class in all rooms.
+        shape: a to begin with.
+        rate: b to begin with.
+        tilted: J.
+    """
+    values, times = np.unique(counts, return_counts=True)
+
+    def cost(parameters: Floats) -> float:
+        a, mean = np.exp(parameters[:2])
+        tilts = parameters[2:]
+        small = values < tilted
+        likelihood = float(times @ log_negative_binomial(values, mean, a))
+        likelihood += float(times[small] @ tilts[values[small]])
+        likelihood -= len(counts) * float(log_normaliser(tilts, mean, a))
+        return float(tilts @ tilts) / 8 - likelihood
+
+    start = np.concatenate([np.log([shape, shape / rate]), np.zeros(tilted)])
+    bounds = [(-8.0, 8.0), (-12.0, 5.0)] + [(-5.0, 5.0)] * tilted
+    best = minimize(cost, start, method="L-BFGS-B", bounds=bounds).x
+    a, mean = np.exp(best[:2])
+    return float(a), float(a / mean), *best[2:].tolist()
+
+
 def fit_dispersion(counts: Floats, means: Floats) -> Floats:
     """Return the dispersions `[C]` that maximise the likelihood of counts given means `[N, C]`."""
     dispersions = np.empty(counts.shape[1])
@@ -101,3 +164,8 @@ def fit_dispersion(counts: Floats, means: Floats) -> Floats:
 
 
 GAMMA_POISSON = ZooRow(GammaPoissonConfig(), GammaPoissonModel)
+TILTED_GAMMA_POISSON = ZooRow(
+    GammaPoissonConfig(tilted=2),
+    GammaPoissonModel,
+    summary="Shrink each count to its class, whose prior knows how likely none and one are.",
+)

@@ -10,7 +10,7 @@ from torch_geometric.data import Data
 
 from bsg_models.zoo.count_network import CountNetwork
 from bsg_models.zoo.model import ModelInputs
-from bsg_models.zoo.node_features import NetworkConfig
+from bsg_models.zoo.node_features import NetworkConfig, ShownDropout
 
 
 class MessagePassing(CountNetwork):
@@ -29,7 +29,9 @@ class MessagePassing(CountNetwork):
     ) -> None:
         super().__init__(config, inputs)
         self.enter = nn.Sequential(
-            nn.Dropout(config.dropout / 2), nn.Linear(self.features.width, config.width), nn.SiLU()
+            ShownDropout(config.dropout / 2, self.features.told),
+            nn.Linear(self.features.width, config.width),
+            nn.SiLU(),
         )
         self.convolutions = nn.ModuleList(convolution(config.width) for _ in range(config.depth))
         self.norms = nn.ModuleList(nn.LayerNorm(config.width) for _ in range(config.depth))

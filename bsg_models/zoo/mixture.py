@@ -16,7 +16,11 @@ were looked into:
     how much of class c         g_bc = (α_c + Σ V_c) / (α_c + Σ E V_c), the mean of a
                                 Gamma(α_c, α_c) given the other rooms; it multiplies m_kc
 
-and every room is answered again with π_b and g_b m. In a room that nobody looked into f is 1 and V
+and every room is answered again with π_b and g_b m.
+
+With `tilted` J > 0 the prior of the first J counts of every type is tilted
+(`bsg_models.belief.negative_binomial`), so that a type knows of what it has just one. m is then the
+mean before tilts; E V is that of the tilted counts. In a room that nobody looked into f is 1 and V
 says nothing: the answer is the building's types and habits. f is that of the class where one is
 withheld.
 """
@@ -38,10 +42,13 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.negative_binomial import (
+    first_counts,
     hidden_posterior,
+    hidden_tilts,
     log_beyond_none,
     log_negative_binomial,
     log_none,
+    log_normaliser,
 )
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of
@@ -54,6 +61,8 @@ _MOST = 60  # objects of one class in one room that the fit tells apart
 _LEAST = 1e-9  # no type calls a class impossible
 _LOG_SHAPE = 4.0  # |log r| at most; its prior is a standard normal
 _PRIOR_ROOMS = 2.0  # mean rooms that every type's means are shrunk towards
+_TILT_ROOMS = 40.0  # rooms that every type's tilts are shrunk towards none by
+_MOST_TILT = 5.0
 _PRIOR_TYPES = 8.0  # η: rooms of an average building that π_b starts from
 
 
@@ -66,14 +75,16 @@ class MixtureConfig(ModelConfig):
         temper: exponent on the likelihood of what is seen; below 1, since the classes of a room
             are not as independent as a type says.
         building: whether the other rooms of a building tell its types and habits.
-        calibrate: fit three numbers on the val buildings that mend how sure the model is.
+        tilted: J, of how many first counts the prior of a type is tilted.
+        calibrate: fit a few numbers on the val buildings that mend how sure the model is.
     """
 
     family: Literal["mixture"] = "mixture"
-    types: int = Field(default=24, ge=1, le=1000)
+    types: int = Field(default=16, ge=1, le=1000)
     iterations: int = Field(default=60, ge=1, le=10_000)
     temper: float = Field(default=0.85, gt=0, le=1)
     building: bool = True
+    tilted: int = Field(default=2, ge=0, le=8)
     calibrate: bool = True
 
 
@@ -85,12 +96,14 @@ class RoomTypeMixture(CalibratedModel):
         means: `[K, C]` m.
         dispersions: `[K, C]` r.
         habits: `[C]` α; large where buildings do not differ.
+        tilts: `[J, K, C]` log factors of the first counts; only with `tilted`.
     """
 
     log_types: torch.Tensor
     means: torch.Tensor
     dispersions: torch.Tensor
     habits: torch.Tensor
+    tilts: torch.Tensor
 
     config: MixtureConfig
 
@@ -101,6 +114,9 @@ class RoomTypeMixture(CalibratedModel):
         self.register_buffer("means", torch.ones(shape, dtype=torch.float64))
         self.register_buffer("dispersions", torch.ones(shape, dtype=torch.float64))
         self.register_buffer("habits", torch.ones(inputs.classes, dtype=torch.float64))
+        if config.tilted:
+            tilts = torch.zeros((config.tilted, *shape), dtype=torch.float64)
+            self.register_buffer("tilts", tilts)
 
     def fit(self, data: Dataset, choice: DataConfig) -> None:
         """Fit types, and how much buildings differ, to the rooms of the training buildings."""
@@ -113,21 +129,24 @@ class RoomTypeMixture(CalibratedModel):
                 "lower model.types"
             )
         seed = int(torch.randint(2**31, (1,)).item())  # torch was seeded with the run's seed
-        log_types, means, dispersions, belonging = fit_types(
-            counts, types=self.config.types, iterations=self.config.iterations, seed=seed
+        fitted = fit_types(
+            counts,
+            types=self.config.types,
+            iterations=self.config.iterations,
+            seed=seed,
+            tilted=self.config.tilted,
         )
         of_building = np.repeat(np.arange(len(rooms)), [len(one) for one in rooms])
         totals, expected = np.zeros((2, len(rooms), counts.shape[1]))
         np.add.at(totals, of_building, counts)
-        np.add.at(expected, of_building, belonging @ means)
+        np.add.at(expected, of_building, fitted.belonging @ fitted.expected)
         habits = [fit_habit(t, e) for t, e in zip(totals.T, expected.T, strict=True)]
-        for name, value in (
-            ("log_types", log_types),
-            ("means", means),
-            ("dispersions", dispersions),
-            ("habits", np.array(habits)),
-        ):
-            getattr(self, name).copy_(torch.from_numpy(value))
+        self.log_types.copy_(torch.from_numpy(fitted.log_types))
+        self.means.copy_(torch.from_numpy(fitted.means))
+        self.dispersions.copy_(torch.from_numpy(fitted.dispersions))
+        self.habits.copy_(torch.from_numpy(np.array(habits)))
+        if self.config.tilted:
+            self.tilts.copy_(torch.from_numpy(fitted.tilts))
 
     def predict_hidden_counts(self, seen: Observation) -> CountDistribution:
         """Return the posterior of the hidden counts of every room, K components."""
@@ -140,36 +159,48 @@ class RoomTypeMixture(CalibratedModel):
         )
         means = to_array(self.means)[:, None]
         types = np.broadcast_to(to_array(self.log_types)[:, None], (len(means), is_room.sum()))
-        log_posterior = self._classify(evidence, types, means)
+        posterior = self._posterior(evidence, types, means)
         if self.config.building:
-            types, habit = self._learn_habits(evidence, np.exp(log_posterior), means)
-            means = means * habit
-            log_posterior = self._classify(evidence, types, means)
+            types, habit = self._learn_habits(evidence, posterior.weights[..., 0])
+            posterior = self._posterior(evidence, types, means * habit)
+        return _spread_over_nodes(posterior, is_room)
+
+    def _posterior(
+        self, evidence: _Evidence, log_types: Floats, means: Floats
+    ) -> CountDistribution:
+        """Return the hidden counts given the prior of types `[K, rooms]` and their means."""
         r = to_array(self.dispersions)[:, None]
         hidden, dispersions = hidden_posterior(r, r / means, evidence.seen, evidence.share)
-        distribution = CountDistribution(hidden, dispersions, np.exp(log_posterior)[:, :, None])
-        return _spread_over_nodes(distribution, is_room)
+        dispersions = np.broadcast_to(dispersions, hidden.shape)
+        log_seen = self._log_seen(evidence, means)
+        tilts = None
+        if self.config.tilted:
+            prior = to_array(self.tilts)[:, :, None]
+            tilts = np.stack(hidden_tilts(prior, evidence.seen))
+            log_seen += log_normaliser(tilts, hidden, dispersions).sum(axis=2)
+            log_seen -= log_normaliser(prior, means, r).sum(axis=2)
+        log_posterior = log_types + self.config.temper * log_seen * evidence.looked_into
+        log_posterior -= logsumexp(log_posterior, axis=0)
+        weights = np.exp(log_posterior)[:, :, None]
+        return CountDistribution(hidden, dispersions, weights, tilts)
 
-    def _classify(self, evidence: _Evidence, log_types: Floats, means: Floats) -> Floats:
-        """Return log P(type | what was seen), `[K, rooms]`."""
+    def _log_seen(self, evidence: _Evidence, means: Floats) -> Floats:
+        """Return log NB(what was seen) of every type without tilts, `[K, rooms]`."""
         kept = 1 - evidence.share
         rows, columns = np.nonzero(evidence.seen)
         seen = evidence.seen[rows, columns]
-        log_seen = np.empty(log_types.shape)
+        log_seen = np.empty((len(means), len(evidence.seen)))
         for k, r in enumerate(to_array(self.dispersions)):
             mean = np.maximum(kept * means[k], _LEAST)
             log_seen[k] = log_none(mean, r).sum(axis=1)
             np.add.at(log_seen[k], rows, log_beyond_none(seen, mean[rows, columns], r[columns]))
-        log_posterior = log_types + self.config.temper * log_seen * evidence.looked_into
-        return np.asarray(log_posterior - logsumexp(log_posterior, axis=0))
+        return log_seen
 
-    def _learn_habits(
-        self, evidence: _Evidence, posterior: Floats, means: Floats
-    ) -> tuple[Floats, Floats]:
+    def _learn_habits(self, evidence: _Evidence, posterior: Floats) -> tuple[Floats, Floats]:
         """Return log π_b `[K, rooms]` and g_b `[rooms, C]`, from the other rooms."""
         looked_into = evidence.looked_into[:, None].astype(float)
         belonging = posterior.T * looked_into
-        expected = (1 - evidence.share) * (belonging @ means[:, 0])
+        expected = (1 - evidence.share) * (belonging @ self._expected())
         of_others = [
             _sum_others(values, evidence.building)
             for values in (belonging, evidence.seen * looked_into, expected)
@@ -178,6 +209,11 @@ class RoomTypeMixture(CalibratedModel):
         habit = to_array(self.habits)
         gain = (habit + of_others[1]) / (habit + of_others[2])
         return np.log(types / types.sum(axis=1, keepdims=True)).T, gain
+
+    def _expected(self) -> Floats:
+        """Return the mean counts of every type with its tilts, `[K, C]`."""
+        tilts = to_array(self.tilts) if self.config.tilted else None
+        return tilted_means(to_array(self.means), to_array(self.dispersions), tilts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,27 +233,54 @@ class _Evidence:
     building: Ints
 
 
+@dataclass(frozen=True, eq=False)
+class FittedTypes:
+    """What expectation maximisation comes to, with K types, C classes and R rooms.
+
+    Attributes:
+        log_types: log π `[K]`.
+        means: m `[K, C]`, before tilts.
+        dispersions: r `[K, C]`.
+        tilts: `[J, K, C]`.
+        belonging: P(type | room) `[R, K]`.
+    """
+
+    log_types: Floats
+    means: Floats
+    dispersions: Floats
+    tilts: Floats
+    belonging: Floats
+
+    @property
+    def expected(self) -> Floats:
+        """Mean counts with tilts, `[K, C]`."""
+        return tilted_means(self.means, self.dispersions, self.tilts)
+
+
 def fit_types(
-    counts: Ints, *, types: int, iterations: int, seed: int
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """Fit a mixture of negative binomials to complete rooms by expectation maximisation.
+    counts: Ints, *, types: int, iterations: int, seed: int, tilted: int = 0
+) -> FittedTypes:
+    """Fit a mixture of tilted negative binomials to complete rooms by expectation maximisation.
+
+    Each round fits the negative binomials as if there were no tilts, and then the tilts to what
+    they leave. That is not quite the maximum of the likelihood, but both steps are in closed form
+    or nearly so, and neither lets a rare type believe what a few rooms show.
 
     Args:
         counts: `[R, C]`.
         types: K.
         iterations: of the algorithm.
         seed: of its start, rooms grouped around K random ones.
-
-    Returns:
-        log π `[K]`, m `[K, C]`, r `[K, C]`, and P(type | room) `[R, K]`.
+        tilted: J.
     """
     rooms, classes = counts.shape
-    values = np.arange(counts.max(initial=0) + 1)
+    values = np.arange(max(int(counts.max(initial=0)) + 1, tilted))
     # One row a room, one column a (class, count): all sums over rooms become matrix products.
     indicator = (counts[:, :, None] == values).astype(np.float32).reshape(rooms, -1)
     overall = np.maximum(counts.mean(axis=0), 0.5 / rooms)
     belonging = _group(np.log1p(counts), types, seed=seed)
     dispersions = np.ones((types, classes))
+    tilts = np.zeros((tilted, types, classes))
     for _ in range(iterations):
         size = belonging.sum(axis=0)
         log_types = np.log((size + 1) / (rooms + types))
@@ -225,9 +288,39 @@ def fit_types(
         frequency = (belonging.T.astype(np.float32) @ indicator).reshape(types, classes, -1)
         dispersions = _improve_dispersions(dispersions, means, frequency.astype(float), values)
         table = log_negative_binomial(values, means[..., None], dispersions[..., None])
+        tilts = _fit_tilts(table, frequency.astype(float), tilted)
+        table[..., :tilted] += np.moveaxis(tilts, 0, -1)
+        table -= log_normaliser(tilts, means, dispersions)[..., None]
         log_joint = log_types + indicator @ table.reshape(types, -1).T.astype(np.float32)
         belonging = np.exp(log_joint - logsumexp(log_joint, axis=1, keepdims=True))
-    return log_types, means, dispersions, belonging
+    return FittedTypes(log_types, means, dispersions, tilts, belonging)
+
+
+def _fit_tilts(table: Floats, frequency: Floats, tilted: int) -> Floats:
+    """Return the tilts `[J, K, C]` that give the first counts their shares of the rooms.
+
+    The shares are shrunk towards those without tilts, by as many rooms as `_TILT_ROOMS`.
+
+    Args:
+        table: `[K, C, values]` log probabilities of the counts without tilts.
+        frequency: `[K, C, values]` weight of the rooms with each count.
+        tilted: J.
+    """
+    first = np.exp(table[..., :tilted])
+    beyond = np.maximum(1 - first.sum(axis=-1), 1e-9)
+    weights = frequency[..., :tilted] + _TILT_ROOMS * first
+    rest = frequency[..., tilted:].sum(axis=-1) + _TILT_ROOMS * beyond
+    gain = np.log(weights / first) - np.log(rest / beyond)[..., None]
+    return np.moveaxis(np.clip(gain, -_MOST_TILT, _MOST_TILT), -1, 0)
+
+
+def tilted_means(means: Floats, dispersions: Floats, tilts: Floats | None) -> Floats:
+    """Return the means of tilted negative binomials; `tilts` has counts as its first axis."""
+    if tilts is None or not len(tilts):
+        return means
+    first = first_counts(len(tilts), np.exp(log_none(means, dispersions)), means, dispersions)
+    gained = sum(t * p * np.expm1(a) for t, (p, a) in enumerate(zip(first, tilts, strict=True)))
+    return np.asarray((means + gained) * np.exp(-log_normaliser(tilts, means, dispersions)))
 
 
 def fit_habit(totals: Floats, expected: Floats) -> float:
@@ -300,7 +393,11 @@ def _spread_over_nodes(
     dispersions = np.ones_like(means)
     means[:, is_room], dispersions[:, is_room] = distribution.means, distribution.dispersions
     weights[:, is_room] = distribution.weights
-    return CountDistribution(means, dispersions, weights)
+    if distribution.tilts is None:
+        return CountDistribution(means, dispersions, weights)
+    tilts = np.zeros((len(distribution.tilts), *means.shape))
+    tilts[:, :, is_room] = distribution.tilts
+    return CountDistribution(means, dispersions, weights, tilts)
 
 
 MIXTURE = ZooRow(MixtureConfig(), RoomTypeMixture)

@@ -16,6 +16,8 @@ from torch import nn
 from torch_geometric.data import Data
 from torch_geometric.utils import scatter
 
+from bsg_data.scene.room_label import list_room_labels
+from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES
 from bsg_models.zoo.model import building_numbers, share_of
 from bsg_models.zoo.settings import ModelConfig
 
@@ -23,7 +25,15 @@ _EDGE = 0.02  # shares are at least this far from 0 and 1 where a logarithm is t
 
 
 Likelihood = Literal["mse", "poisson", "negative-binomial"]
-Reading = Literal["mask", "building", "categories", "withheld"]
+Reading = Literal["mask", "building", "categories", "withheld", "size", "labels", "kind", "source"]
+_USUAL_AREA = 12.0  # m² of a room, whose logarithm counts as 0
+# Widths of what is around a room, in the order of their features.
+_SURROUNDINGS = {
+    "size": 2,
+    "labels": len(list_room_labels()),
+    "kind": len(BUILDING_KINDS),
+    "source": len(KNOWN_SOURCES),
+}
 
 
 class NetworkConfig(ModelConfig):
@@ -34,12 +44,15 @@ class NetworkConfig(ModelConfig):
         depth: rounds or layers.
         dropout: share of channels dropped after each; half of it of the features.
         likelihood: of the hidden counts.
+        tilted: J, of how many first counts the prior is tilted; 0 for a Gamma's.
         reads: what a node's features hold besides its own histogram; see `NodeFeatures`.
         embedding: width of the embedding of the categories outside the classes.
         embed: `learned` with all the rest, or `svd`: the first components of which categories are
             in which training rooms, kept as they are.
         category_dropout: share of these categories that training overlooks.
-        calibrate: fit three numbers on the val buildings that mend how sure the model is.
+        forget: share of the rooms of which training forgets the size and the label, and of the
+            buildings of which it forgets kind and source, so that none of them is ever needed.
+        calibrate: fit a few numbers on the val buildings that mend how sure the model is.
     """
 
     family: str = ""  # each names its own
@@ -47,10 +60,12 @@ class NetworkConfig(ModelConfig):
     depth: int = Field(default=2, ge=1, le=64)
     dropout: float = Field(default=0.4, ge=0.0, lt=1.0)
     likelihood: Likelihood = "negative-binomial"
+    tilted: int = Field(default=2, ge=0, le=8)
     reads: tuple[Reading, ...] = ("mask", "building", "categories")
     embedding: int = Field(default=32, ge=1, le=4096)
     embed: Literal["learned", "svd"] = "learned"
     category_dropout: float = Field(default=0.3, ge=0.0, lt=1.0)
+    forget: float = Field(default=0.5, ge=0.0, lt=1.0)
     calibrate: bool = True
 
 
@@ -69,21 +84,30 @@ class NodeFeatures(nn.Module):
     - `categories`: a learned embedding of the set of visible categories outside the classes, of
       the node and in the mean of the other visited rooms; single categories are dropped at random
       in training.
+    - `size`: the logarithm of the floor area in usual rooms, and whether it is known.
+    - `labels`: how likely each room label is, all 0 where nothing is known.
+    - `kind`, `source`: which kind of building it is, and where its annotation is from, if known.
 
     Attributes:
         width: F.
+        told: the features that say what the mask hides. Dropout must leave them: what is dropped
+            would say that nothing is hidden.
     """
 
     def __init__(self, config: NetworkConfig, classes: int, vocabulary: int) -> None:
         super().__init__()
         self.reads = frozenset(config.reads)
+        self.forget = config.forget
         self.width = 2 * classes + 1
+        first = self.width
         if "mask" in self.reads:
             self.width += 2
-        if "building" in self.reads:
-            self.width += 2 * classes + 2
         if "withheld" in self.reads:
             self.width += classes
+        self.told = slice(first, self.width)
+        if "building" in self.reads:
+            self.width += 2 * classes + 2
+        self.width += sum(_SURROUNDINGS[name] for name in _SURROUNDINGS if name in self.reads)
         if not vocabulary:  # none is common enough to be read
             self.reads -= {"categories"}
         if "categories" in self.reads:
@@ -127,7 +151,31 @@ class NodeFeatures(nn.Module):
             parts += _look_around(
                 graphs, torch.cat(shown, dim=1), torch.cat([looked_for, every], dim=1)
             )
+        parts += self._surroundings(graphs)
         return torch.cat(parts, dim=1)
+
+    def _surroundings(self, graphs: Data) -> list[torch.Tensor]:
+        """Return size, label, kind and source of every node, as far as they are read."""
+        parts = []
+        if "size" in self.reads:
+            known = (graphs.floor_area > 0) & self._remembered(graphs.floor_area)
+            size = torch.log(graphs.floor_area.clamp(min=1e-2) / _USUAL_AREA) * known
+            parts += [size[:, None], known.float()[:, None]]
+        if "labels" in self.reads:
+            parts.append(graphs.labels * self._remembered(graphs.labels[:, 0])[:, None])
+        for name, of_building in (("kind", graphs.building_kind), ("source", graphs.source)):
+            if name in self.reads:
+                building = building_numbers(graphs)
+                kept = self._remembered(of_building[graphs.is_building])[building]
+                numbers = torch.where(kept, of_building, -1)
+                parts.append((numbers[:, None] == torch.arange(_SURROUNDINGS[name])).float())
+        return parts
+
+    def _remembered(self, values: torch.Tensor) -> torch.Tensor:
+        """Return which of some nodes `[M]` keep what is known of them; all but in training."""
+        if not self.training:
+            return torch.ones(len(values), dtype=torch.bool)
+        return torch.rand(len(values)) >= self.forget
 
     def _embed(self, graphs: Data) -> torch.Tensor:
         present = (graphs.others > 0).float()
@@ -161,3 +209,20 @@ def _look_around(graphs: Data, shown: torch.Tensor, looked_for: torch.Tensor) ->
         torch.log1p(rooms),
         graphs.is_building.float()[:, None],
     ]
+
+
+class ShownDropout(nn.Module):
+    """Dropout of features `[N, F]` that leaves those that say what the mask hides."""
+
+    def __init__(self, share: float, told: slice) -> None:
+        super().__init__()
+        self.share = share
+        self.told = told
+
+    def forward(self, features: torch.Tensor) -> torch.Tensor:
+        """Return the features, some of them 0 and the rest larger, in training."""
+        if not (self.training and self.share):
+            return features
+        dropped = nn.functional.dropout(features, self.share)
+        dropped[:, self.told] = features[:, self.told]
+        return dropped

@@ -38,4 +38,11 @@ def sum_rooms(distribution: CountDistribution, seen: Observation) -> CountDistri
     )
     means, dispersions = distribution.means.copy(), distribution.dispersions.copy()
     means[:, first], dispersions[:, first] = mean, dispersion
-    return CountDistribution(means, dispersions, distribution.weights)
+    tilts = None if distribution.tilts is None else distribution.tilts.copy()
+    if tilts is not None:
+        tilts[:, :, first] = 0.0
+    weights = distribution.weights
+    if weights.shape[2] > 1:  # components of a building are the same, whatever they weigh
+        weights = weights.copy()
+        weights[:, first] = 1 / len(weights)
+    return CountDistribution(means, dispersions, weights, tilts)

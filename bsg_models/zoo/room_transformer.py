@@ -13,8 +13,8 @@ from torch_geometric.utils import to_dense_batch
 from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.count_network import CountNetwork
 from bsg_models.zoo.model import ModelInputs, building_numbers
-from bsg_models.zoo.node_features import NetworkConfig
-from bsg_models.zoo.training_recipes import COUNTS, VARIED
+from bsg_models.zoo.node_features import NetworkConfig, ShownDropout
+from bsg_models.zoo.training_recipes import COUNTS, EVERYTHING, VARIED, WHATEVER
 
 
 class RoomTransformerConfig(NetworkConfig):
@@ -36,7 +36,8 @@ class RoomTransformer(CountNetwork):
     def __init__(self, config: RoomTransformerConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
         self.enter = nn.Sequential(
-            nn.Dropout(config.dropout / 2), nn.Linear(self.features.width, config.width)
+            ShownDropout(config.dropout / 2, self.features.told),
+            nn.Linear(self.features.width, config.width),
         )
         layer = nn.TransformerEncoderLayer(
             config.width,
@@ -57,3 +58,10 @@ class RoomTransformer(CountNetwork):
 
 
 ROOM_TRANSFORMER = ZooRow(RoomTransformerConfig(), RoomTransformer, data=VARIED, training=COUNTS)
+UNIVERSAL_TRANSFORMER = ZooRow(
+    RoomTransformerConfig(reads=EVERYTHING),
+    RoomTransformer,
+    data=WHATEVER,
+    training=COUNTS,
+    summary="Attention between rooms for whatever a robot has seen: trained on every mask.",
+)

@@ -10,7 +10,7 @@ from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.message_passing import MessagePassing
 from bsg_models.zoo.model import ModelInputs
 from bsg_models.zoo.node_features import NetworkConfig
-from bsg_models.zoo.training_recipes import CONNECTED, COUNTS, SEARCHING
+from bsg_models.zoo.training_recipes import CONNECTED, COUNTS, EVERYTHING, WHATEVER
 
 
 class SAGEConfig(NetworkConfig):
@@ -27,10 +27,10 @@ class CECISAGE(MessagePassing):
 
 
 CECI_SAGE = ZooRow(SAGEConfig(), CECISAGE, data=CONNECTED, training=COUNTS)
-SEARCH_SAGE = ZooRow(
-    SAGEConfig(reads=("mask", "building", "categories", "withheld")),
+UNIVERSAL = ZooRow(
+    SAGEConfig(reads=EVERYTHING),
     CECISAGE,
-    data=SEARCHING,
+    data=WHATEVER,
     training=COUNTS,
-    summary="GraphSAGE between building and rooms. Trained on masks of a search.",
+    summary="GraphSAGE for whatever a robot has seen: trained on every mask; reads all evidence.",
 )

@@ -30,7 +30,8 @@ class DataConfig(Record):
 
     Attributes:
         masks: `fresh` draws new masks of the training buildings each epoch; `fixed` takes the
-            stored pairs, as the paper does. Validation and test always take stored pairs.
+            stored pairs, as the paper does. Test takes stored pairs, and so does validation unless
+            the fresh masks are of another kind: see `needs_own_masks`.
         mask: of the fresh masks.
         fractions: from where to where the fraction of the fresh masks varies, instead of the
             mask's own: a model that met one fraction only is not to be trusted at another.
@@ -73,15 +74,43 @@ class DataConfig(Record):
         return self
 
     @property
-    def fresh_mask(self) -> MaskRecipe:
-        """The recipe of the fresh masks, with `withhold`; uniform ones are then those of searches.
+    def own_strategy(self) -> str | None:
+        """The kind of mask that it asks for by name; None of the default, which studies replace."""
+        return None if self.mask.strategy == "uniform" else self.mask.strategy
 
-        A leaderboard gives the mask of a configuration another strategy, which it keeps.
+    def under(self, mask: MaskRecipe) -> Self:
+        """Return the choice with another mask, as studies set it.
+
+        A mask of another strategy than `uniform` takes the classes that are withheld into itself.
         """
+        if not self.withhold or mask.strategy == "uniform":
+            return self.model_copy(update={"mask": mask})
+        withheld = mask.model_copy(update={"withhold": self.withhold})
+        return self.model_copy(update={"mask": withheld, "withhold": 0.0})
+
+    def needs_own_masks(self, stored: MaskRecipe | None) -> bool:
+        """Say whether validation draws masks of its own, because stored pairs would mislead it.
+
+        Fresh masks of another strategy than `uniform`, or that withhold classes, are of another
+        kind than stored pairs, unless these were drawn by the same recipe; its fraction and its
+        seed aside. Which epoch is the best, and how sure the model may be, is then found on the
+        kind of mask that it is trained for.
+
+        Args:
+            stored: mask of the stored pairs; None if there are none.
+        """
+        mask = self.fresh_mask
+        if self.masks == "fixed" or (mask.strategy == "uniform" and not mask.withhold):
+            return False
+        aside = {"fraction": mask.fraction, "seed": mask.seed}
+        return stored is None or stored.model_copy(update=aside) != mask
+
+    @property
+    def fresh_mask(self) -> MaskRecipe:
+        """The recipe of the fresh masks; with `withhold` they are those of searches."""
         if not self.withhold:
             return self.mask
-        strategy = "search" if self.mask.strategy == "uniform" else self.mask.strategy
-        return self.mask.model_copy(update={"strategy": strategy, "withhold": self.withhold})
+        return self.mask.model_copy(update={"strategy": "search", "withhold": self.withhold})
 
 
 class TrainingConfig(Record):

@@ -2,17 +2,32 @@
 
 from __future__ import annotations
 
+from bsg_data.recipes import MaskRecipe
+from bsg_models.zoo.node_features import Reading
 from bsg_models.zoo.settings import DataConfig, TrainingConfig
 
 # The visible share varies, so that a model answers at any.
 VARIED = DataConfig(fractions=(0.1, 0.9))
 # Every room sees every other.
 CONNECTED = DataConfig(fractions=(0.1, 0.9), edges=("complete",))
-# For a search, which knows all of some rooms and nothing of its artifact in the others.
-SEARCHING = DataConfig(fractions=(0.1, 0.9), withhold=0.08, edges=("complete",))
+# Whatever a robot has seen: every mask in turn, now and then without some classes, as in a search.
+WHATEVER = DataConfig(
+    mask=MaskRecipe(strategy="mixed", withhold=0.05), fractions=(0.1, 0.9), edges=("complete",)
+)
+# All that a robot may know of a room; what is not known is left out.
+EVERYTHING: tuple[Reading, ...] = (
+    "mask",
+    "building",
+    "categories",
+    "withheld",
+    "size",
+    "labels",
+    "kind",
+    "source",
+)
 # For networks of hidden counts.
 COUNTS = TrainingConfig(
-    epochs=400,
+    epochs=160,
     batch_size=32,
     learning_rate=0.002,
     decay=0.02,

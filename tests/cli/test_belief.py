@@ -101,3 +101,16 @@ def test_a_run_that_is_none_is_an_error(tmp_path: Path) -> None:
 def test_a_damaged_run_is_an_error(run: Path) -> None:
     shutil.copy(OFFICE, run / "best.safetensors")
     assert "not a readable checkpoint" in call(OFFICE, "--run", run).output
+
+
+@pytest.mark.usefixtures("shipped")
+def test_a_model_that_is_not_named_is_the_shipped_one(run: Path) -> None:
+    asked = call(OFFICE, "--json")
+    assert asked.exit_code == 0, asked.output
+    assert "model: universal (shipped; trained on 12 buildings of synthetic)" in asked.stderr
+    for words in (("--model", "other"), ("--run", run), ("--model", run)):
+        named = call(OFFICE, *words, "--json")
+        assert named.stdout == asked.stdout
+        assert "model:" not in named.stderr
+    assert "give one of them" in call(OFFICE, "--run", run, "--model", "other").stderr
+    assert "did you mean universal?" in call(OFFICE, "--model", "universl").stderr

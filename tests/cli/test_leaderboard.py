@@ -57,12 +57,14 @@ def test_wrong_usage(
     assert message in run(*COMMON, "--data", dataset, *words, code=2).stderr
 
 
-def test_without_lightgbm_the_zoo_goes_on(
+def test_without_the_packages_of_extras_the_zoo_goes_on(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert set(choose_models(None)) == set(ZOO)
     monkeypatch.setattr(leaderboard_module.importlib.util, "find_spec", lambda name: None)
-    assert set(choose_models(None)) == set(ZOO) - {"poisson-boosting"}
-    assert "poisson-boosting is left out" in capsys.readouterr().err
+    assert set(choose_models(None)) == set(ZOO) - {"glove", "poisson-boosting"}
+    notes = capsys.readouterr().err
+    assert "poisson-boosting is left out: pip install 'belief-scene-graphs[boosting]'" in notes
+    assert "glove is left out: pip install 'belief-scene-graphs[glove]'" in notes
     with pytest.raises(UsageError):
         choose_models("")

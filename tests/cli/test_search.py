@@ -35,8 +35,9 @@ def test_a_study_with_everything(dataset: Path, run: Path) -> None:
     assert "--force" in again.stderr
 
 
-def test_without_a_run_planners_have_no_belief(dataset: Path, tmp_path: Path) -> None:
+def test_without_a_model_planners_have_no_belief(dataset: Path, tmp_path: Path) -> None:
     few = ("--episodes", 2, "--workers", 1, "--out", tmp_path / "out", "--split", "all")
+    few += ("--no-model",)
     result = run_command("--data", dataset, *few, "--worlds", "star,layout", "--json")
     assert result.exit_code == 0, result.stderr
     report = json.loads(result.stdout)
@@ -45,7 +46,20 @@ def test_without_a_run_planners_have_no_belief(dataset: Path, tmp_path: Path) ->
     for refused in (("--planners", "ratio"), ("--stop", "0.1"), ("--trace", 0)):
         result = run_command("--data", dataset, *few, *refused, "--force")
         assert result.exit_code == 2
-        assert "--run" in result.stderr
+        assert "--model" in result.stderr
+
+
+@pytest.mark.usefixtures("shipped")
+def test_a_search_that_names_no_model_takes_the_shipped_one(dataset: Path, tmp_path: Path) -> None:
+    few = ("--episodes", 1, "--workers", 1, "--resamples", 0, "--worlds", "star", "--json")
+    one = ("--artifacts", "bed", "--data", dataset, *few)
+    result = run_command(*one, "--out", tmp_path / "a", "--planners", "nearest,greedy-belief")
+    assert result.exit_code == 0, result.stderr
+    assert "model: universal (shipped; trained on" in result.stderr
+    assert json.loads(result.stdout)["model"] == "gamma-poisson"
+    both = run_command(*one, "--no-model", "--model", "universal")
+    assert both.exit_code == 2
+    assert "--no-model leaves no use for a --model" in both.stderr
 
 
 @pytest.mark.parametrize(

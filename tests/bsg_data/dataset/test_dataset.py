@@ -16,16 +16,22 @@ from bsg_data.dataset.manifest import MANIFEST, hash_manifest, read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.dataset.splits import read_splits, split_dataset
 from bsg_data.errors import DatasetError
-from bsg_data.recipes import SplitRecipe
+from bsg_data.observation.partial_graph import mask_scene
+from bsg_data.recipes import MaskRecipe, SplitRecipe
 from bsg_data.scene.class_map import ClassMap, is_nameless
-from bsg_data.scene.scene_graph import Edge, SceneGraph
+from bsg_data.scene.room_label import list_room_labels
+from bsg_data.scene.scene_graph import Box, Edge, SceneGraph
+from bsg_data.scene.surroundings import Surroundings
 from bsg_data.sources.hm3d import HM3DFolder, SceneRef
 
 HOUSE, SHED, LAWN, RUIN = (f"0000{k}-abcdefghi0{k}" for k in range(4))
 
 
 class Estate(HM3DFolder):
-    """A house of three rooms, a shed of two without objects, a lawn without rooms, nothing."""
+    """A house of three rooms, a shed of two without objects, a lawn without rooms, nothing.
+
+    Rooms of the house have their areas from three places; those of the shed have none that can be.
+    """
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> SceneGraph:
         """Return a building with its adjacency, or without its objects or its rooms."""
@@ -37,10 +43,15 @@ class Estate(HM3DFolder):
                 Edge(1, 3, "adjacent", "door"),
                 Edge(2, 3, "adjacent", "stairs", 4.0),
             )
-            graph = replace(graph, adjacency=edges)
+            one, two, three = graph.rooms
+            one = replace(one, floor_area=5.5, box=Box((0, 0, 0), (9, 9, 3)), label="kitchen")
+            two = replace(two, footprint=((0, 0), (3, 0), (3, 2), (0, 2)), label="no such room")
+            three = replace(three, box=Box((0, 0, 0), (4, 2, 3)))
+            graph = replace(graph, adjacency=edges, rooms=(one, two, three), building_kind="home")
         elif ref.scene_id == SHED:
             edges = (Edge(1, 2, "adjacent", "boxes", 1.0),)
-            graph = replace(graph, objects=(), adjacency=edges)
+            rooms = tuple(replace(room, floor_area=1e6) for room in graph.rooms)
+            graph = replace(graph, objects=(), adjacency=edges, rooms=rooms, building_kind="castle")
         elif ref.scene_id == LAWN:
             outside = tuple(replace(obj, room_index=0) for obj in graph.objects)
             graph = replace(graph, rooms=(), objects=outside)
@@ -101,6 +112,28 @@ def test_the_connections_of_an_estate_by_hand(estate: Dataset) -> None:
     assert estate.connection_methods == {"layout", "door", "stairs", "boxes"}
 
 
+def test_the_surroundings_of_an_estate_by_hand(estate: Dataset) -> None:
+    house = estate.surroundings(HOUSE)
+    np.testing.assert_array_equal(house.floor_area, [np.nan, 5.5, 6, 8])
+    kitchen = list_room_labels().index("kitchen")
+    assert np.argwhere(house.labels).tolist() == [[1, kitchen]]
+    assert (house.building_kinds, house.sources) == (("home",), ("hm3d",))
+    shed = estate.surroundings(SHED)
+    assert np.isnan(shed.floor_area).all(), "no room has a square kilometre"
+    assert shed.building_kind_index.tolist() == [Surroundings.UNKNOWN]
+    for scene in (LAWN, RUIN):
+        assert len(estate.surroundings(scene)) == 1
+        assert estate.surroundings(scene).building_kinds == ("",)
+    with pytest.raises(DatasetError, match="nowhere"):
+        estate.surroundings("nowhere")
+
+
+def test_a_dataset_without_rooms_has_surroundings(tmp_path: Path) -> None:
+    write_scene(tmp_path / "hm3d", LAWN, annotation_text({0: ["chair"]}))
+    build_dataset(Estate(tmp_path / "hm3d"), tmp_path / "lawn")
+    assert np.isnan(Dataset.open(tmp_path / "lawn").surroundings(LAWN).floor_area).all()
+
+
 def test_an_estate_is_what_a_plain_loop_counts(estate: Dataset) -> None:
     assert_alike(estate)
 
@@ -142,6 +175,12 @@ def assert_alike(data: Dataset) -> None:
             for room, kind in np.argwhere(one.cells)
         }
         assert there == others
+        space, ours = data.manifest.class_space, data.surroundings(scene)
+        robots = mask_scene(graph, MaskRecipe(), draw=0, class_space=space).surroundings()
+        np.testing.assert_array_equal(ours.floor_area, robots.floor_area)
+        np.testing.assert_array_equal(ours.labels, robots.labels)
+        np.testing.assert_array_equal(ours.building_kind_index, robots.building_kind_index)
+        assert ours.sources == robots.sources
         pairs = [(edge.source, edge.target) for edge in graph.adjacency]
         assert [tuple(pair) for pair in data.connections(scene).pairs.tolist()] == pairs
         assert adjacent.get(scene, []) == pairs

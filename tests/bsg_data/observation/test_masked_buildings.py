@@ -73,7 +73,7 @@ def test_categories_are_placed_in_the_columns_of_a_vocabulary() -> None:
 
 
 @pytest.mark.parametrize("withhold", [0.0, 0.2])
-@pytest.mark.parametrize("strategy", ["uniform", "rooms", "frontier", "explore", "search"])
+@pytest.mark.parametrize("strategy", ["uniform", "rooms", "frontier", "explore", "search", "mixed"])
 def test_stored_pairs_are_what_is_sampled_of_the_same_recipe(
     dataset: Path, strategy: str, withhold: float
 ) -> None:

@@ -19,6 +19,7 @@ from bsg_data.observation.masks import (
     Mask,
     RoomsMask,
     UniformMask,
+    mask_generator,
     sample_hidden,
     sample_view,
     sample_withheld,
@@ -28,7 +29,7 @@ from bsg_data.observation.view import View
 from bsg_data.recipes import Exploration, MaskRecipe
 from bsg_data.scene.connections import Connections
 
-STRATEGIES = ("uniform", "rooms", "frontier", "explore", "search")
+STRATEGIES = ("uniform", "rooms", "frontier", "explore", "search", "mixed")
 FRACTIONS = (0.1, 0.3, 0.5, 0.7, 0.9)
 ROW = Connections.of_pairs([(room, room + 1) for room in range(1, 12)])
 cells_strategy = hnp.arrays(
@@ -237,7 +238,7 @@ def test_what_is_told_is_true_in_the_mean(strategy: str, fraction: float) -> Non
     deviation = errors.std(axis=0) / np.sqrt(draws)
     assert deviation.max() < 0.005
     assert (np.abs(errors.mean(axis=0)) < 0.01 + 3 * deviation).all()
-    if strategy != "search":  # whose fraction is that of the rooms that were not searched
+    if strategy not in ("search", "mixed"):  # a search's is that of rooms that were not searched
         assert fractions.mean() == pytest.approx(fraction, abs=0.001 + 4 * fractions.std() / 31)
 
 
@@ -371,6 +372,21 @@ def test_nothing_of_a_withheld_class_is_shown_outside_searched_rooms(strategy: s
     assert np.mean(share) == pytest.approx(0.2, abs=0.03)
 
 
+def test_mixed_is_each_of_the_others_as_often() -> None:
+    """Over 1,000 draws, against the look of the mask that the generator chooses; by chi-square."""
+    recipe, numbers = MaskRecipe(strategy="mixed", fraction=0.4, seed=2), np.zeros(5)
+    connections = ROW.take(slice(0, 8))
+    for draw in range(1000):
+        told = sample_view((10, 2), recipe, scene_id="s", draw=draw, connections=connections)
+        rng = mask_generator(recipe, scene_id="s", draw=draw, stream="rooms")
+        number = int(rng.integers(5))
+        one = MASKS[STRATEGIES[number]].look((10, 2), recipe, connections=connections, rng=rng)
+        assert told.agrees(one)
+        assert told.exact == (STRATEGIES[number] == "uniform")
+        numbers[number] += 1
+    assert stats.chisquare(numbers).pvalue > 1e-3
+
+
 def test_objects_without_a_class_are_hidden_under_the_same_view() -> None:
     others = np.array([[2], [10], [0], [7], [1]])
     for strategy in STRATEGIES:
@@ -384,10 +400,10 @@ def test_objects_without_a_class_are_hidden_under_the_same_view() -> None:
 
 
 def test_every_strategy_is_a_row_of_the_registry() -> None:
-    assert MASKS.names()[:5] == STRATEGIES
+    assert MASKS.names()[:6] == STRATEGIES
     rows = [MASKS[name] for name in STRATEGIES]
     assert all(isinstance(row, Mask) and row.summary for row in rows)
-    assert [row.reads_connections for row in rows] == [False, False, True, True, False]
+    assert [row.reads_connections for row in rows] == [False, False, True, True, False, True]
 
 
 def test_a_strategy_that_nobody_knows_is_refused_with_the_nearest() -> None:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from one_building import observe_building
 
 from bsg_data.observation.observation import Observation, stack
+from bsg_data.scene.surroundings import EVIDENCE, Surroundings
 
+HOME = Surroundings.of_rooms([12, None], [None, "kitchen"], building_kind="home", source="hm3d")
 FIELDS = ("starts", "inputs", "hidden_share", "visited", "withheld", "others")
 
 
@@ -16,6 +20,15 @@ def same(a: Observation, b: Observation) -> bool:
         (a.scene_ids, a.vocabulary) == (b.scene_ids, b.vocabulary)
         and all(np.array_equal(getattr(a, name), getattr(b, name)) for name in FIELDS)
         and np.array_equal(a.connections.pairs, b.connections.pairs)
+        and same_surroundings(a.surroundings, b.surroundings)
+    )
+
+
+def same_surroundings(a: Surroundings, b: Surroundings) -> bool:
+    return (
+        (a.building_kinds, a.sources) == (b.building_kinds, b.sources)
+        and np.array_equal(a.floor_area, b.floor_area, equal_nan=True)
+        and np.array_equal(a.labels, b.labels)
     )
 
 
@@ -24,7 +37,11 @@ def parts() -> list[Observation]:
     """Two rooms that connect; none; three rooms of which two connect, twice."""
     return [
         observe_building(
-            [[4, 1], [3, 1], [1, 0]], hidden_share=0.25, connected=[(1, 2)], scene_id="a"
+            [[4, 1], [3, 1], [1, 0]],
+            hidden_share=0.25,
+            connected=[(1, 2)],
+            scene_id="a",
+            surroundings=HOME,
         ),
         observe_building([[9, 9]], scene_id="b"),
         observe_building(
@@ -78,3 +95,23 @@ def test_what_cannot_be_stacked_is_refused(parts: list[Observation]) -> None:
         stack([parts[0], observe_building([[1, 1]], vocabulary=("tap",))])
     with pytest.raises(ValueError, match="one building or more"):
         stack([])
+
+
+def test_surroundings_go_with_their_buildings(parts: list[Observation]) -> None:
+    around = stack(parts).surroundings
+    assert around.building_kinds == ("home", "", "")
+    np.testing.assert_array_equal(around.floor_area[:4], [np.nan, 12, np.nan, np.nan])
+    assert same_surroundings(stack(parts).take([2, 0]).take([1]).surroundings, HOME)
+
+
+def test_a_maker_who_says_nothing_of_surroundings_knows_nothing(parts: list[Observation]) -> None:
+    assert same_surroundings(parts[2].surroundings, Surroundings.unknown(nodes=4))
+    whole = stack(parts)
+    nothing = whole.without(*EVIDENCE)
+    assert same_surroundings(nothing.surroundings, Surroundings.unknown(nodes=8, buildings=3))
+    assert same(replace(nothing, surroundings=whole.surroundings), whole)
+
+
+def test_surroundings_of_other_nodes_are_refused(parts: list[Observation]) -> None:
+    with pytest.raises(ValueError, match=r"expected .* \(1, 1\), found \(3, 1\)"):
+        replace(parts[1], surroundings=HOME)

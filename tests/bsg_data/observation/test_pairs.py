@@ -27,7 +27,7 @@ from bsg_data.sources.hm3d import HM3DFolder, SceneRef
 
 
 @pytest.mark.parametrize("withhold", [0.0, 0.2])
-@pytest.mark.parametrize("strategy", ["uniform", "rooms", "frontier", "explore", "search"])
+@pytest.mark.parametrize("strategy", ["uniform", "rooms", "frontier", "explore", "search", "mixed"])
 def test_pairs_are_the_masks_of_their_recipe_in_order(
     dataset: Path, strategy: str, withhold: float
 ) -> None:

@@ -24,6 +24,7 @@ from bsg_data.observation.partial_graph import (
 )
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_space import load_class_space
+from bsg_data.scene.room_label import list_room_labels
 
 CLASS_SPACE = ClassSpaceEntry.of(load_class_space())
 CLASS = {name: number for number, name in enumerate(CLASS_SPACE.classes)}
@@ -70,6 +71,21 @@ def test_an_observation_by_hand() -> None:
     assert not plain.withheld.any()
 
 
+def test_the_surroundings_of_a_graph_by_hand() -> None:
+    one = replace(GRAPH.rooms[0], room_type={"kitchen": 1.0}, footprint=((0, 0), (4, 0), (0, 2)))
+    graph = replace(GRAPH, rooms=(one, GRAPH.rooms[1]), building_kind="school", source="behavior")
+    around = graph.observation().surroundings
+    np.testing.assert_array_equal(around.floor_area, [np.nan, 4, np.nan])
+    assert np.argwhere(around.labels).tolist() == [[1, list_room_labels().index("kitchen")]]
+    assert (around.building_kinds, around.sources) == (("school",), ("behavior",))
+    after = observe(graph, 1, []).observation().surroundings
+    np.testing.assert_array_equal(after.labels, around.labels)
+    with pytest.raises(RecipeError, match=r"home: room 2: .*found 'kitchn'; did you mean kitchen"):
+        replace(graph, rooms=(one, KnownRoom("b", 1.0, room_type="kitchn"))).observation()
+    with pytest.raises(RecipeError, match="home: room 1: expected a floor area"):
+        replace(graph, rooms=(replace(one, floor_area=-1.0),)).observation()
+
+
 def test_what_is_withheld_may_be_said_by_node_and_class() -> None:
     where = np.zeros((3, 45), dtype=bool)
     where[2, CLASS["sink"]] = True
@@ -113,7 +129,7 @@ def test_what_cannot_be_observed_is_refused() -> None:
         observe(GRAPH, 2, [seen("1", 2, "sink")])
 
 
-@pytest.mark.parametrize("strategy", ["uniform", "rooms", "frontier", "explore", "search"])
+@pytest.mark.parametrize("strategy", ["uniform", "rooms", "frontier", "explore", "search", "mixed"])
 def test_a_mask_leaves_the_histograms_of_its_pairs(dataset: Path, strategy: str) -> None:
     recipe = MaskRecipe(strategy=strategy, fraction=0.6, seed=4, withhold=0.2)
     manifest = read_manifest(dataset)

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from conftest import REPOSITORY
 from hypothesis import given
@@ -18,6 +19,7 @@ from bsg_data.observation.robot_json import (
     parse_robot_graph,
     read_robot_graph,
 )
+from bsg_data.scene.surroundings import BUILDING_KINDS
 
 SAID: dict[str, Any] = {
     "scene_id": "home",
@@ -43,6 +45,9 @@ def test_a_graph_by_hand() -> None:
     assert list_unmapped(graph) == {"zzqx thing": 1}
 
 
+room_types = st.sampled_from([None, "Kitchen", "hallway", "other"]) | st.dictionaries(
+    st.sampled_from(["kitchen", "hall", "corridor", ""]), st.floats(0, 0.25)
+)
 texts = st.text(min_size=1, max_size=8).filter(lambda text: text.isprintable())
 
 
@@ -62,6 +67,8 @@ def test_any_graph_is_read_back(
                 "visited": data.draw(st.booleans()),
                 "hidden_share": data.draw(st.none() | st.floats(0, 1)),
                 "footprint": data.draw(st.none() | st.just([[0, 0], [1, 0], [1, 1.5]])),
+                "floor_area": data.draw(st.none() | st.floats(0.01, 1e5)),
+                "room_type": data.draw(room_types),
             }
             for name in rooms
         ],
@@ -73,6 +80,8 @@ def test_any_graph_is_read_back(
             }
             for number, c in enumerate(categories)
         ],
+        "building_kind": data.draw(st.none() | st.sampled_from([*BUILDING_KINDS, "other"])),
+        "source": data.draw(st.none() | texts),
     }
     graph = parse_robot_graph(said, path=Path("x"))
     written = json.loads(json.dumps(encode_robot_graph(graph)))
@@ -81,6 +90,10 @@ def test_any_graph_is_read_back(
 
 def changed(**values: Any) -> str:
     return json.dumps({**SAID, **values})
+
+
+def room(**values: Any) -> str:
+    return changed(rooms=[{"id": "kitchen", **values}])
 
 
 @pytest.mark.parametrize(
@@ -97,7 +110,22 @@ def changed(**values: Any) -> str:
         (changed(objects=[{"id": "1", "room": "kitchen"}]), "objects.0.category"),
         (changed(adjacency=[["hall", "hall"]]), "'hall' with itself"),
         (changed(adjacency=[["hall", "attic"]]), "no room 'attic'"),
-        (changed(version=2), "version"),
+        (changed(version=3), "version"),
+        (room(floor_area=0), "rooms.0.floor_area: .* greater than 0"),
+        (room(floor_area=1e6), "rooms.0.floor_area: .* less than or equal to 100000"),
+        (room(floor_area=True), "rooms.0.floor_area"),
+        (room(floor_area="9"), "rooms.0.floor_area"),
+        (room(floor_area=0).replace(": 0}", ": NaN}"), "rooms.0.floor_area"),
+        (room(room_type="kitchn"), "rooms.0.room_type: .*'kitchn'; did you mean kitchen"),
+        (room(room_type="x" * 10_000), "rooms.0.room_type: .*found 'x{80}'; leave it out"),
+        (room(room_type=5), "rooms.0.room_type: .*with their probabilities, found 5"),
+        (room(room_type={"kitchen": True}), "rooms.0.room_type: .*with their probabilities"),
+        (room(room_type={"kitchen": None}), "rooms.0.room_type: .*with their probabilities"),
+        (room(room_type={"kitchen": 0.7, "bar": 0.4}), "rooms.0.room_type: .*add up to 1 or less"),
+        (room(room_type={"kitchen": -1}), "rooms.0.room_type: .*0 to 1, found -1"),
+        (changed(building_kind="castle"), "building_kind: .*'castle'; known are home, office"),
+        (changed(building_kind=3), "building_kind"),
+        (changed(source=""), "source"),
         (changed(rooms=[{"id": "a", "visited": "yes"}]), "rooms.0.visited"),
         (changed(rooms=[{"id": "a", "hidden_share": True}]), "rooms.0.hidden_share"),
         (changed(rooms=[{"id": "a", "label": "\ud800"}]), "rooms.0.label"),
@@ -113,6 +141,37 @@ def test_what_is_wrong_is_named(tmp_path: Path, text: str, expected: str) -> Non
     with pytest.raises(RobotGraphError, match=expected) as caught:
         read_robot_graph(path)
     assert str(path) in str(caught.value)
+
+
+def test_surroundings_by_hand() -> None:
+    said = {
+        **SAID,
+        "rooms": [
+            {"id": "kitchen", "floor_area": 9, "room_type": "Open kitchen"},
+            {"id": "hall", "box": [[0, 0, 0], [3, 2, 2.5]], "room_type": {"hall": 0.5, "bar": 0.5}},
+            {"id": "?", "room_type": "unknown"},
+        ],
+        "building_kind": "Home",
+        "source": "my robot",
+    }
+    graph = parse_robot_graph(said, path=Path("x"))
+    kinds = [room.room_type for room in graph.rooms]
+    assert kinds == ["kitchen", {"corridor": 0.5, "bar": 0.5}, None]
+    assert (graph.building_kind, graph.source) == ("home", "my robot")
+    around = graph.observation().surroundings
+    np.testing.assert_array_equal(around.floor_area, [np.nan, 9, 6, np.nan])
+    assert around.labels.sum(axis=1).tolist() == [0, 1, 1, 0]
+    assert (around.building_kinds, around.sources) == (("home",), ("my robot",))
+    written = json.loads(json.dumps(encode_robot_graph(graph)))
+    assert parse_robot_graph(written, path=Path("x")) == graph
+
+
+def test_version_1_knows_no_surroundings() -> None:
+    graph = parse_robot_graph({**SAID, "version": 1}, path=Path("x"))
+    around = graph.observation().surroundings
+    assert np.isnan(around.floor_area).all()
+    assert not around.labels.any()
+    assert (around.building_kinds, around.sources) == (("",), ("",))
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import load_script
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -28,7 +27,11 @@ from bsg_models.belief.belief_graph import believe, complete, rank_unseen
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import from_hidden_counts, from_totals
 from bsg_models.inputs.folds import scenes_of
+from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.predictor import Predictor
+from bsg_models.runs.run_folder import BEST
+from bsg_models.studies.fold_models import FoldModel
+from bsg_models.studies.searched_rooms import measure_searched
 from bsg_models.training.training import train_run
 from bsg_models.zoo.config import find_config, override, validate_config
 
@@ -131,6 +134,9 @@ def test_beliefs_about_unvisited_rooms_improve_as_others_are_searched(
     write_pairs(data, PairsRecipe(mask=mask, draws=2))
     tables = override(find_config("mixture").model_dump(mode="json"), ["data.mask.strategy=rooms"])
     list(train_run(validate_config(tables, source="test"), data, tmp_path / "run"))
-    gains = load_script("measure_search").measure_search(data, tmp_path / "run", orders=3)
-    assert len(gains) > 10
-    assert (gains.mean(axis=0) > 0).all(), gains.mean(axis=0)
+    best, opened = tmp_path / "run" / BEST, Dataset.open(data)
+    model = restore_model(best, load_checkpoint(best))
+    one = FoldModel("mixture@rooms", 0, opened, model, scenes_of(opened, "val"), best.parent)
+    gains = measure_searched(one, orders=3)
+    assert len(gains.scene_ids) > 10
+    assert all(gain > 0 for gain in gains.evaluate().values()), gains.evaluate()

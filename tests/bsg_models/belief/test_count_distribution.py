@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -123,3 +125,84 @@ def test_recalibration_by_hand() -> None:
     assert mended.dispersions[0, 0, 0] == pytest.approx(9.0)
     same = distribution.recalibrated(shift=0.0, slope=1.0, spread=0.0)
     assert (same.mean, same.dispersions) == (distribution.mean, distribution.dispersions)
+
+
+def tilted(seed: int = 0, *, number: int = 2) -> CountDistribution:
+    rng = np.random.default_rng(seed)
+    means, r = rng.gamma(1.0, 2.0, (2, 3, 4)), rng.gamma(2.0, 1.0, (2, 3, 4)) + 0.1
+    weights = np.broadcast_to(np.array([0.3, 0.7])[:, None, None], (2, 3, 1))
+    return CountDistribution(means, r, weights, rng.normal(0, 1.5, (number, 2, 3, 4)))
+
+
+def probabilities(distribution: CountDistribution, most: int = 400) -> np.ndarray:
+    shape = distribution.means.shape[1:]
+    each = [
+        np.exp(distribution.log_probability(np.full(shape, float(n)), floor=0.0))
+        for n in range(most)
+    ]
+    return np.stack(each)
+
+
+@pytest.mark.parametrize("number", [1, 2, 4])
+def test_moments_of_tilted_counts_are_those_of_their_probabilities(number: int) -> None:
+    distribution = tilted(number=number)
+    p, counts = probabilities(distribution), np.arange(400.0)[:, None, None]
+    np.testing.assert_allclose(p.sum(axis=0), 1)
+    np.testing.assert_allclose(distribution.mean, (counts * p).sum(axis=0))
+    second = (counts**2 * p).sum(axis=0)
+    np.testing.assert_allclose(distribution.variance, second - distribution.mean**2)
+    np.testing.assert_allclose(distribution.presence, 1 - p[0])
+    quantile = distribution.quantile(0.7)
+    assert (np.cumsum(p, axis=0) < 0.7 - 1e-12).sum(axis=0).tolist() == quantile.tolist()
+
+
+def test_tilts_say_how_much_likelier_first_counts_are() -> None:
+    plain = replace(tilted(), weights=np.ones((1, 3, 1)), tilts=None)
+    plain = CountDistribution(plain.means[:1], plain.dispersions[:1], plain.weights)
+    tilts = np.zeros((2, 1, 3, 4))
+    tilts[1] = np.log(3.0)
+    p, q = probabilities(plain, 3), probabilities(replace(plain, tilts=tilts), 3)
+    np.testing.assert_allclose(q[1] / q[0], 3 * p[1] / p[0])
+    np.testing.assert_allclose(q[2] / q[0], p[2] / p[0])
+
+
+@pytest.mark.parametrize("distribution", [tilted(), mixture()])
+def test_none_gets_likelier_by_the_odds_that_are_asked_for(distribution: CountDistribution) -> None:
+    shift = np.random.default_rng(3).normal(0, 1, distribution.means.shape[1:])
+    shifted = distribution.with_none_likelier(shift)
+    np.testing.assert_allclose(
+        shifted.log_odds_of_none, distribution.log_odds_of_none + shift, atol=1e-6
+    )
+    before, after = probabilities(distribution, 6)[1:], probabilities(shifted, 6)[1:]
+    np.testing.assert_allclose(after / after.sum(axis=0), before / before.sum(axis=0), atol=1e-12)
+
+
+def test_tilts_go_with_their_nodes_and_classes() -> None:
+    whole = tilted()
+    p = probabilities(whole, 5)
+    np.testing.assert_allclose(probabilities(whole.take(np.array([2, 0])), 5), p[:, [2, 0]])
+    columns = np.array([[1, 3], [0, 0], [2, 1]])
+    found = probabilities(whole.take_classes(columns), 5)
+    np.testing.assert_allclose(found, np.take_along_axis(p, columns[None].repeat(5, 0), axis=2))
+    plain = poisson(np.ones((3, 4)))
+    both = blend([whole, plain], [0.5, 0.5])
+    np.testing.assert_allclose(probabilities(both, 5), (p + probabilities(plain, 5)) / 2)
+    joined = concatenate([tilted(number=1), whole])
+    np.testing.assert_allclose(probabilities(joined, 5)[:, 3:], p)
+
+
+def test_nothing_is_hidden_where_all_is_known() -> None:
+    known = np.zeros((3, 4), dtype=bool)
+    known[1] = True
+    left = tilted().without(known)
+    np.testing.assert_allclose(left.presence[1], 0, atol=1e-12)
+    np.testing.assert_allclose(left.mean[1], 0, atol=1e-12)
+    np.testing.assert_array_equal(left.presence[0], tilted().presence[0])
+
+
+def test_tilted_samples_have_the_frequencies_of_the_distribution() -> None:
+    one = tilted().take(np.zeros(4000, dtype=np.int64))
+    sampled = one.sample(np.random.default_rng(0))
+    p = probabilities(tilted().take(np.array([0])), 4)[:, 0]
+    for count in range(4):
+        np.testing.assert_allclose((sampled == count).mean(axis=0), p[count], atol=0.03)

@@ -9,7 +9,12 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from random_beliefs import header_of_version_1, make_belief
+from random_beliefs import (
+    forget_surroundings,
+    header_of_version_1,
+    header_of_version_2,
+    make_belief,
+)
 
 from bsg_data.errors import BSGError
 from bsg_models.belief.document import (
@@ -45,6 +50,13 @@ def test_version_1_names_a_class_map_and_is_read() -> None:
         decode_belief(document, path=Path("x"))
 
 
+def test_version_2_has_no_surroundings_and_is_read() -> None:
+    document = header_of_version_2(encode_belief(make_belief(1)))
+    for room in document["partial"]["rooms"]:
+        del room["floor_area"], room["room_type"]
+    assert decode_belief(document, path=Path("x")) == forget_surroundings(make_belief(1))
+
+
 @pytest.mark.parametrize(
     ("change", "expected"),
     [
@@ -75,6 +87,7 @@ def test_version_1_names_a_class_map_and_is_read() -> None:
         (lambda d: d["class_space"]["classes"].reverse(), "is not that of its classes"),
         (lambda d: d["partial"]["objects"][0].update({"class": "axe"}), "is no class of hm3d45"),
         (lambda d: d["partial"].update(rooms=3), "rooms"),
+        (lambda d: d["partial"].update(building_kind="castle"), "known are home, office"),
     ],
 )
 def test_a_file_that_is_wrong_is_refused_with_the_reason(

@@ -17,7 +17,12 @@ import pytest
 from conftest import REPOSITORY
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from random_beliefs import header_of_version_1, make_belief
+from random_beliefs import (
+    forget_surroundings,
+    header_of_version_1,
+    header_of_version_2,
+    make_belief,
+)
 
 from bsg_models.belief import tables
 from bsg_models.belief.network import to_networkx
@@ -45,6 +50,18 @@ def test_version_1_is_read(tmp_path: Path) -> None:
     table = table.drop_columns(["corrected"])
     pq.write_table(table.replace_schema_metadata({"bsg.beliefs": json.dumps(old)}), path)
     assert list(read_tables(tmp_path)) == [make_belief(1)]
+
+
+def test_version_2_is_read(tmp_path: Path) -> None:
+    """It had no surroundings."""
+    write_tables([make_belief(1)], tmp_path)
+    path = tmp_path / "nodes.parquet"
+    table = pq.read_table(path)
+    said = json.loads(table.schema.metadata[b"bsg.beliefs"])
+    old = {scene: header_of_version_2(header) for scene, header in said.items()}
+    table = table.drop_columns(["floor_area", "room_type"])
+    pq.write_table(table.replace_schema_metadata({"bsg.beliefs": json.dumps(old)}), path)
+    assert list(read_tables(tmp_path)) == [forget_surroundings(make_belief(1))]
 
 
 def test_rows_may_be_in_any_order(tmp_path: Path) -> None:

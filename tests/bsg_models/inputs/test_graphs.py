@@ -15,6 +15,8 @@ from bsg_data.errors import DatasetError
 from bsg_data.observation.observation import stack
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
+from bsg_data.scene.room_label import list_room_labels
+from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES, Surroundings
 from bsg_models.inputs.edges import EdgeSet
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.inputs.graphs import MaskedGraphs, read_split, to_graph
@@ -73,6 +75,20 @@ def test_stored_graphs_are_the_stored_pairs(dataset: Path, part: str) -> None:
         assert graph.visited.all()
 
 
+def test_the_surroundings_of_a_graph_by_hand() -> None:
+    kitchen = list_room_labels().index("kitchen")
+    home = Surroundings.of_rooms([12, None], [None, "kitchen"], building_kind="home", source="mp3d")
+    seen = stack([observe_building([[0, 0]] * 3, surroundings=home), observe_building([[0, 0]])])
+    graph = to_graph(seen, edges=())
+    assert graph.floor_area.dtype == graph.labels.dtype == torch.float32
+    assert graph.floor_area.tolist() == [0, 12, 0, 0]
+    assert graph.labels.shape == (4, len(list_room_labels()))
+    assert graph.labels.nonzero().tolist() == [[2, kitchen]]
+    assert graph.building_kind.dtype == graph.source.dtype == torch.int64
+    assert graph.building_kind.tolist() == [BUILDING_KINDS.index("home")] * 3 + [-1]
+    assert graph.source.tolist() == [KNOWN_SOURCES.index("mp3d")] * 3 + [-1]
+
+
 def test_an_open_dataset_serves_as_its_folder_does(dataset: Path) -> None:
     data = Dataset.open(dataset)
     pairs = [
@@ -103,7 +119,8 @@ def test_many_buildings_are_one_graph_as_pyg_batches_them(
     graphs = MaskedGraphs(masked, edges=edges)
     (batch,) = DataLoader(graphs, batch_size=len(graphs))
     whole = to_graph(masked.seen, edges=edges, targets=masked.targets)
-    for name in ("x", "y", "others", "edge_index", "is_building", "visited", "hidden_share"):
+    seen_as = ("x", "y", "others", "edge_index", "is_building", "visited", "hidden_share")
+    for name in (*seen_as, "floor_area", "labels", "building_kind", "source"):
         assert torch.equal(batch[name], whole[name]), name
     assert torch.equal(batch.withheld, whole.withheld)
 

@@ -12,15 +12,10 @@ from bsg_data.dataset.manifest import read_manifest
 from bsg_data.errors import DatasetError
 from bsg_data.lock import hold
 from bsg_data.sources.hm3d import HM3DFolder
-from bsg_models.errors import ConfigError
 from bsg_models.runs.checkpoint import load_checkpoint
 from bsg_models.runs.run_folder import BEST
-from bsg_models.studies.leaderboard import (
-    LeaderboardRecipe,
-    make_leaderboard,
-    run_of,
-    sort_models,
-)
+from bsg_models.studies.leaderboard import make_leaderboard
+from bsg_models.studies.leaderboard_runs import LeaderboardRecipe, run_of
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
 
 RECIPE = LeaderboardRecipe(folds=3, draws=2, resamples=3)
@@ -125,16 +120,41 @@ def test_an_ensemble_is_the_mean_of_its_members(unsplit: Path, tmp_path: Path) -
     assert all(checkpoint.header.calibrated for checkpoint in members)
 
 
-def test_a_name_that_an_ensemble_needs_is_not_taken_by_another_model() -> None:
-    single, ensembles = sort_models({"pair": MODELS["pair"]})
-    assert (set(single), set(ensembles)) == ({"gamma-poisson", "train-mean"}, {"pair"})
-    seeded = configure("ensemble", 'model.members=["train-mean"]', "seed=3")
-    assert sort_models({"seeded": seeded})[0]["train-mean"].seed == 3
-    with pytest.raises(ConfigError, match="with its own seed"):
-        sort_models({"seeded": seeded, "train-mean": find_config("train-mean")})
-    taken = {"pair": MODELS["pair"], "train-mean": find_config("input")}
-    with pytest.raises(ConfigError, match="needs the zoo's train-mean"):
-        sort_models(taken)
+@pytest.mark.slow
+def test_a_model_with_a_mask_of_its_own_is_trained_once_and_measured_on_every_kind(
+    unsplit: Path, tmp_path: Path
+) -> None:
+    """Also an ensemble, whose members are those trained for it and those of the leaderboard."""
+    mixed = ("data.mask.strategy=mixed", "data.mask.withhold=0.05")
+    models = {
+        "train-mean": configure("train-mean", *mixed),
+        "pair": configure("ensemble", 'model.members=["gamma-poisson","train-mean"]', *mixed),
+        "naive-bayes": find_config("naive-bayes"),
+    }
+    recipe = RECIPE.model_copy(update={"draws": 1})
+    seen: list[tuple[str, int, int]] = []
+    out = tmp_path / "board"
+    board = make_leaderboard(
+        unsplit, out, models, recipe, progress=lambda *words: seen.append(words)
+    )
+    assert max(seen) == ("train", 12, 12)  # two on mixed masks, one on each of two, three folds
+    assert ("measure", 6, 6) in seen
+    runs = {path.parent.relative_to(out).as_posix() for path in out.glob("*/fold-0/*/best.*")}
+    assert runs == {
+        "mixed/fold-0/train-mean",
+        "mixed/fold-0/gamma-poisson",
+        "mixed/fold-0/pair",
+        "uniform/fold-0/naive-bayes",
+        "rooms/fold-0/naive-bayes",
+    }
+    rooms = board.results["rooms"]
+    assert list(rooms) == list(models)
+    own = {name: result.trained_on for name, result in rooms.items()}
+    assert own == {"train-mean": "mixed", "pair": "mixed", "naive-bayes": None}
+    points = [board.results[mask]["pair"].metrics.point for mask in recipe.masks]
+    assert points[0]["rooms/hidden_nll"] != points[1]["rooms/hidden_nll"]
+    config = load_checkpoint(run_of(out / "mixed", "pair", 2) / BEST).header.config
+    assert (config.data.fold, str(config.data.mask)) == (2, "mixed, fraction 0.5, withhold 0.05")
 
 
 def test_two_leaderboards_never_write_into_one_folder(unsplit: Path, tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,8 @@ from bsg_data.scene.class_map import load_class_map
 from bsg_models.evaluation.bootstrap import Bootstrap
 from bsg_models.evaluation.catalogue import list_values
 from bsg_models.rendering.figures import plot_leaderboard
-from bsg_models.studies.leaderboard import Leaderboard, LeaderboardRecipe, ModelResult
+from bsg_models.studies.leaderboard import Leaderboard, ModelResult
+from bsg_models.studies.leaderboard_runs import LeaderboardRecipe
 from bsg_models.studies.leaderboard_table import compare, rank_models, write_json, write_markdown
 
 RECIPE = LeaderboardRecipe(folds=3, draws=2, resamples=3)
@@ -71,6 +73,20 @@ def test_paired_comparisons_by_hand() -> None:
     assert ratio.low < ratio.value < ratio.high
     alone = board({"ours": 0.3}).results["rooms"]
     assert compare(alone, "ours")["nll_over_gamma_poisson"] is None
+
+
+def test_the_documents_say_what_a_model_was_trained_on() -> None:
+    made = board({"train-mean": 0.5, "ours": 0.3})
+    made.results["rooms"]["ours"] = replace(made.results["rooms"]["ours"], trained_on="mixed")
+    said = write_json(made)["masks"]["rooms"]
+    assert {name: one["trained_on"] for name, one in said.items()} == {
+        "train-mean": "rooms",
+        "ours": "mixed",
+    }
+    (line,) = (line for line in write_markdown(made).splitlines() if "trained once" in line)
+    assert (
+        line == "`ours` was trained once, on `mixed` masks, and is the same model in every table."
+    )
 
 
 def test_the_documents_say_the_same_as_the_board(tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from bsg_models.training.training import train_run
 from bsg_models.zoo.config import find_config
 
 
-@pytest.mark.parametrize("name", ["mixture", "ceci-sage", "search-sage"])
+@pytest.mark.parametrize("name", ["mixture", "ceci-sage", "universal"])
 def test_beliefs_are_those_of_the_partial_graph(name: str, dataset: Path, tmp_path: Path) -> None:
     config = find_config(name)
     few = config.training.model_copy(update={"epochs": 2, "validate_every": 1})

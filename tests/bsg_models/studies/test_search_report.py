@@ -1,13 +1,21 @@
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import RecipeError
+from bsg_data.recipes import SplitRecipe
 from bsg_data.scene.class_map import load_class_map
-from bsg_models.studies.search_report import ROOM_SPECIFIC, SearchRequest, make_recipe
+from bsg_models.studies.search_report import (
+    ROOM_SPECIFIC,
+    SearchRequest,
+    choose_default_run,
+    make_recipe,
+)
 
 CLASSES = load_class_map().classes
 
@@ -35,6 +43,28 @@ def test_without_a_run_no_planner_reads_a_belief() -> None:
     assert set(with_run) > set(without)
 
 
+def test_the_default_model_is_taken_where_it_fits(
+    shipped: Path, dataset: Path, tmp_path: Path
+) -> None:
+    def choose(*planners: str, data: Path = dataset, split: str = "test") -> tuple[object, str]:
+        return choose_default_run(data, planners=planners or None, split=split)
+
+    runs, said = choose()
+    assert runs == (shipped / "universal.safetensors",)
+    assert said == "model: universal (shipped; trained on 12 buildings of synthetic)"
+    assert choose("nearest", "ratio")[0] == runs
+    assert choose("nearest") == ((), "without a belief: no planner reads one")
+    assert choose(split="all")[0] == ()
+    folds, other = (Path(shutil.copytree(dataset, tmp_path / name)) for name in ("f", "o"))
+    split_dataset(folds, SplitRecipe(method="folds", folds=3, ratios=None), force=True)
+    assert "is of no fold of the dataset" in choose(data=folds)[1]
+    text = (other / "dataset.json").read_text("utf-8").replace("hm3d45-v2", "hm3d45-v9")
+    (other / "dataset.json").write_text(text, "utf-8")
+    assert "the dataset has those of hm3d45-v9" in choose(data=other)[1]
+    (shipped / "SHA256SUMS").write_text("")
+    assert "no model 'universal' is shipped" in choose()[1]
+
+
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
@@ -42,7 +72,7 @@ def test_without_a_run_no_planner_reads_a_belief() -> None:
         ({"planners": ("ratio",)}, "needs a belief"),
         ({"artifacts": ("spaceship",)}, "no class 'spaceship'"),
         ({"worlds": ("ring",)}, "no world 'ring'"),
-        ({"stops": (0.1,)}, "need a --run"),
+        ({"stops": (0.1,)}, "need a --model"),
         ({"stops": (0.1,), "task": "single"}, "of the task all"),
         ({"trace": 5, "episodes": 5}, "has 5 searches, from 0"),
         ({"trace": 0, "truth": "posterior"}, "really there"),

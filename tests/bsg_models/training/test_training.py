@@ -16,6 +16,7 @@ from bsg_data.errors import DatasetError, MismatchError
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import PairsRecipe, SplitRecipe
 from bsg_models.errors import CheckpointError, TrainingError
+from bsg_models.inputs.folds import scenes_of
 from bsg_models.runs.checkpoint import (
     CheckpointHeader,
     load_checkpoint,
@@ -25,6 +26,7 @@ from bsg_models.runs.checkpoint import (
 )
 from bsg_models.runs.run_folder import BEST, LAST, METRICS
 from bsg_models.training import optimiser as optimiser_module
+from bsg_models.training.epochs import validation_buildings
 from bsg_models.training.learning_curve import read_metrics
 from bsg_models.training.training import train_run
 from bsg_models.zoo.catalogue import ZOO
@@ -68,6 +70,38 @@ def test_a_run_leaves_checkpoints_and_metrics(dataset: Path, tmp_path: Path) -> 
     assert (best.epoch, best.val_loss) == (lowest.epoch, lowest.val_loss)
     assert reports[-1].best_epoch == best.epoch
     assert best.dataset_sha256 == Dataset.open(dataset).sha256
+
+
+def test_a_mixed_model_is_validated_on_masks_of_its_own(dataset: Path) -> None:
+    """Ten masks of every val building, the same again, whose rooms are seen in every way."""
+    config = configure("data.mask.strategy=mixed", "data.fractions=[0.1,0.9]", name="ceci-sage")
+    data = Dataset.open(dataset)
+    assert read_manifest(dataset).pairs == PairsRecipe(draws=4)  # uniform ones
+    one, again = (validation_buildings(config, data, vocabulary=()) for _ in range(2))
+    assert one.draws.tolist() == [draw for draw in range(10) for _ in scenes_of(data, "val")]
+    assert set(one.seen.scene_ids) == set(scenes_of(data, "val"))
+    assert (one.seen.inputs == again.seen.inputs).all()
+    share = one.seen.hidden_share[~one.seen.is_building]
+    assert (share == 0).any()
+    assert (share == 1).any()
+    assert len(set(share[(share > 0) & (share < 1)].tolist())) > 5
+    stored = configure("data.fractions=[0.1,0.9]", name="ceci-sage")
+    assert set(validation_buildings(stored, data, vocabulary=()).draws.tolist()) == {0, 1, 2, 3}
+
+
+def test_a_model_of_mixed_masks_is_trained(dataset: Path, tmp_path: Path) -> None:
+    config = configure(
+        "data.mask.strategy=mixed",
+        "data.mask.withhold=0.05",
+        "training.epochs=1",
+        "model.width=8",
+        "model.embedding=4",
+        name="ceci-sage",
+    )
+    (report,) = train_run(config, dataset, tmp_path / "run")
+    header = load_checkpoint(tmp_path / "run" / BEST).header
+    assert (header.config.data.mask.strategy, header.calibrated) == ("mixed", True)
+    assert header.val_loss == report.val_loss
 
 
 @pytest.mark.slow

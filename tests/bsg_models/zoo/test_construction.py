@@ -18,6 +18,7 @@ COUNTING = {
     "train-mean",
     "conditional",
     "gamma-poisson",
+    "tilted-gamma-poisson",
     "naive-bayes",
     "mixture",
     "poisson-boosting",
@@ -56,8 +57,8 @@ def test_a_model_of_ones_own_is_named_by_its_family() -> None:
     nameless = {"model": {"family": "ceci-gcn", "depth": 2}}
     assert validate_config(nameless, source="test").name == "ceci-gcn"
     # RunConfig(model=GCNConfig()) without a name leaves it empty, with a warning of pydantic's.
-    assert find_config("search-sage").name == "search-sage"
-    assert find_config("search-sage").model.family == "ceci-sage"
+    assert find_config("universal").name == "universal"
+    assert find_config("universal").model.family == "ceci-sage"
 
 
 def test_a_model_is_made_without_the_zoo() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +18,9 @@ from bsg_data.errors import MismatchError
 from bsg_data.observation.masked_buildings import sample_masked
 from bsg_data.observation.observation import Observation
 from bsg_data.recipes import MaskRecipe
+from bsg_data.scene.room_label import list_room_labels
+from bsg_data.scene.surroundings import BUILDING_KINDS, Surroundings
+from bsg_models.belief.count_distribution import negative_binomial
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.inputs.graphs import read_split, to_graph
@@ -25,10 +29,10 @@ from bsg_models.runs.run_folder import BEST, LAST
 from bsg_models.training.training import new_model, train_run
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
-from bsg_models.zoo.count_network import CountNetwork, PriorHead, cell_loss
+from bsg_models.zoo.count_network import CountNetwork, Posterior, PriorHead, cell_loss
 from bsg_models.zoo.gamma_poisson import GammaPoissonConfig, GammaPoissonModel
-from bsg_models.zoo.model import ModelInputs
-from bsg_models.zoo.node_features import NetworkConfig, NodeFeatures
+from bsg_models.zoo.model import ModelInputs, to_array
+from bsg_models.zoo.node_features import NetworkConfig, NodeFeatures, ShownDropout
 
 NETWORKS = [name for name in ZOO if isinstance(ZOO[name].config, NetworkConfig)]
 SMALL = ("model.width=8", "model.embedding=4", "training.epochs=4", "training.validate_every=2")
@@ -53,23 +57,28 @@ def test_the_head_is_shrinkage_with_a_prior_of_its_own() -> None:
     """With mean m and shape r everywhere it is the Gamma-Poisson model of a = r, b = r / m."""
     head = PriorHead(NetworkConfig(width=4), 2).eval()
     head.start(torch.tensor([2.0, 0.5]))
+    tilts = torch.tensor([[0.5, -0.5], [1.0, 0.3]])
     with torch.no_grad():
         head.shape.bias.copy_(torch.log(torch.tensor([3.0, 0.7])))
+        head.tilt.bias.copy_(tilts.flatten())
     seen = observe_building(
         [[9, 1], [3, 0], [6, 1], [0, 0]],
         hidden_share=[0.5, 0.5, 0.2, 1.0],
         visited=[True, True, True, False],
     )
-    mean, dispersion = head(torch.randn(4, 4), to_graph(seen, edges=("up", "down")))
-    model = GammaPoissonModel(GammaPoissonConfig(), ModelInputs(classes=2))
+    posterior = head(torch.randn(4, 4), to_graph(seen, edges=("up", "down")))
+    model = GammaPoissonModel(GammaPoissonConfig(tilted=2), ModelInputs(classes=2))
+    model.tilts.copy_(tilts)
     model.shape.copy_(torch.tensor([3.0, 0.7]))
     model.rate.copy_(torch.tensor([3.0 / 2.0, 0.7 / 0.5]))
-    expected = model.predict(seen)
-    np.testing.assert_allclose(mean[1:].detach().numpy(), expected.hidden[1:], rtol=1e-5)
-    np.testing.assert_allclose(
-        dispersion[1:].detach().numpy(), expected.hidden_counts.dispersions[0, 1:], rtol=1e-5
-    )
-    assert mean[3].tolist() == pytest.approx([2.0, 0.5])  # nothing seen: the prior
+    expected = model.predict(seen).hidden_counts
+    found = [to_array(part) for part in (posterior.mean, posterior.dispersion)]
+    np.testing.assert_allclose(found[0][1:], expected.means[0, 1:], rtol=1e-5)
+    np.testing.assert_allclose(found[1][1:], expected.dispersions[0, 1:], rtol=1e-5)
+    assert expected.tilts is not None
+    for found_tilt, tilt in zip(posterior.tilts, expected.tilts[:, 0, 1:], strict=True):
+        np.testing.assert_allclose(to_array(found_tilt)[1:], tilt, rtol=1e-5)
+    assert found[0][3].tolist() == pytest.approx([2.0, 0.5])  # nothing seen: the prior
 
 
 @pytest.mark.parametrize("likelihood", ["mse", "poisson", "negative-binomial"])
@@ -82,8 +91,50 @@ def test_losses_are_scipys(likelihood: str) -> None:
         "poisson": -stats.poisson.logpmf(hidden, mean),
         "negative-binomial": -stats.nbinom.logpmf(hidden, r, r / (r + mean)),
     }[likelihood]
-    found = cell_loss(*map(torch.from_numpy, (hidden, mean, r)), likelihood=likelihood)  # type: ignore[arg-type]
+    counts, *parts = map(torch.from_numpy, (hidden, mean, r))
+    found = cell_loss(counts, Posterior(*parts, []), likelihood=likelihood)  # type: ignore[arg-type]
     np.testing.assert_allclose(found.numpy(), expected, rtol=1e-6)
+
+
+def test_the_loss_of_tilted_counts_is_their_log_probability() -> None:
+    rng = np.random.default_rng(0)
+    hidden = rng.poisson(1.0, (6, 3)).astype(float)
+    mean, r, tilts = rng.gamma(2, 1, (6, 3)), rng.gamma(2, 1, (6, 3)), rng.normal(0, 1, (2, 6, 3))
+    expected = replace(negative_binomial(mean, r), tilts=tilts[:, None]).log_probability(hidden)
+    counts, *parts = map(torch.from_numpy, (hidden, mean, r))
+    posterior = Posterior(*parts, list(torch.from_numpy(tilts)))
+    found = cell_loss(counts, posterior, likelihood="negative-binomial")
+    np.testing.assert_allclose(found.numpy(), -expected, rtol=1e-9)
+
+
+def test_dropout_leaves_what_is_told_of_the_mask() -> None:
+    features = torch.ones(50, 8)
+    dropped = ShownDropout(0.5, slice(2, 5)).train()(features)
+    assert (dropped[:, 2:5] == 1).all()
+    assert set(dropped[:, [0, 1, 5, 6, 7]].unique().tolist()) == {0.0, 2.0}
+    assert torch.equal(ShownDropout(0.5, slice(2, 5)).eval()(features), features)
+
+
+def test_surroundings_by_hand() -> None:
+    """Two rooms: one of 12 m² and known kind, one of which nothing is known."""
+    config = NetworkConfig(reads=("size", "labels", "kind", "source"))
+    features = NodeFeatures(config, 1, 0)
+    labels = list_room_labels()
+    around = Surroundings.of_rooms(
+        [12 * math.e, None], ["kitchen", None], building_kind="office", source="behavior"
+    )
+    seen = replace(observe_building([[1.0], [1.0], [0.0]]), surroundings=around)
+    graphs = to_graph(seen, edges=("up", "down"))
+    told = features.eval()(graphs)[:, 3:]
+    assert told[:, :2].tolist() == [[0, 0], [pytest.approx(1.0, abs=1e-6), 1], [0, 0]]
+    kitchen = [float(label == "kitchen") for label in labels]
+    assert told[1, 2 : 2 + len(labels)].tolist() == kitchen
+    assert not told[[0, 2], 2 : 2 + len(labels)].any()
+    rest = told[:, 2 + len(labels) :]
+    assert [row.nonzero().flatten().tolist() for row in rest] == [[1, len(BUILDING_KINDS) + 1]] * 3
+    torch.manual_seed(0)
+    forgetting = NodeFeatures(config.model_copy(update={"forget": 0.999}), 1, 0).train()
+    assert not forgetting(graphs)[:, 3:].any()
 
 
 def test_features_by_hand() -> None:

@@ -12,8 +12,8 @@ from bsg_models.zoo.mixture import MixtureConfig, RoomTypeMixture, fit_habit, fi
 from bsg_models.zoo.model import ModelInputs
 
 
-def two_types(*, temper: float = 1.0, building: bool = False) -> RoomTypeMixture:
-    config = MixtureConfig(types=2, temper=temper, building=building)
+def two_types(*, temper: float = 1.0, building: bool = False, tilted: int = 0) -> RoomTypeMixture:
+    config = MixtureConfig(types=2, temper=temper, building=building, tilted=tilted)
     model = RoomTypeMixture(config, ModelInputs(classes=2))
     model.log_types.copy_(torch.log(torch.tensor([0.7, 0.3])))
     model.means.copy_(torch.tensor([[4.0, 0.1], [0.2, 3.0]]))
@@ -67,6 +67,42 @@ def test_the_posterior_predicts_what_its_own_rooms_hide() -> None:
         np.testing.assert_allclose(share, distribution, atol=0.01)
 
 
+def test_the_posterior_of_tilted_types_is_that_of_the_joint_written_out() -> None:
+    """P(type, hidden | seen), from P(type) Π P(T | type) P(V | T) over all T."""
+    model, f, seen = two_types(tilted=2), 0.375, [2, 0]
+    model.tilts.copy_(torch.tensor([[[0.5, 1.0], [-1.0, 0.2]], [[1.5, 0.0], [0.3, -0.7]]]))
+    counts, joint = np.arange(300), np.zeros((2, 2, 300))
+    for k in range(2):
+        for c in range(2):
+            m, r = float(model.means[k, c]), float(model.dispersions[k, c])
+            prior = stats.nbinom.pmf(counts, r, r / (r + m))
+            prior[:2] *= np.exp(model.tilts[:, k, c].numpy())
+            joint[k, c] = prior / prior.sum() * stats.binom.pmf(seen[c], counts, 1 - f)
+    evidence = joint.sum(axis=2)
+    weights = np.exp(model.log_types.numpy()) * evidence.prod(axis=1)
+    weights /= weights.sum()
+    found = model.predict(observe_building([seen, seen], hidden_share=f)).hidden_counts
+    np.testing.assert_allclose(found.weights[:, 1, 0], weights)
+    for c in range(2):
+        of_type = joint[:, c, seen[c] :] / evidence[:, c, None]
+        expected = (weights[:, None] * of_type).sum(axis=0)
+        p = [
+            np.exp(found.log_probability(np.full((2, 2), float(n)), floor=0))[1, c]
+            for n in range(6)
+        ]
+        np.testing.assert_allclose(p, expected[:6])
+
+
+def test_tilts_give_the_first_counts_their_shares() -> None:
+    """Rooms of one toilet each: a negative binomial alone says two in many."""
+    counts = np.ones((400, 1), dtype=np.int64)
+    fitted = fit_types(counts, types=1, iterations=20, seed=0, tilted=2)
+    p = stats.nbinom.pmf([0, 1, 2], r := fitted.dispersions[0, 0], r / (r + fitted.means[0, 0]))
+    p[:2] *= np.exp(fitted.tilts[:, 0, 0])
+    assert p[1] / p.sum() > 0.9
+    assert fitted.expected[0, 0] == pytest.approx(1.0, abs=0.1)
+
+
 def test_an_unvisited_room_is_what_the_others_are() -> None:
     """Three rooms of the second type make it likelier, and their habit raises its count."""
     model = two_types(building=True)
@@ -90,11 +126,12 @@ def test_planted_types_are_found() -> None:
     means = np.array([[6.0, 0.1, 1.0], [0.1, 4.0, 1.0]])
     kind = rng.choice(2, 3000, p=[0.6, 0.4])
     counts = rng.poisson(rng.gamma(2.0, means[kind] / 2.0))
-    log_types, found, shapes, belonging = fit_types(counts, types=2, iterations=60, seed=0)
+    fitted = fit_types(counts, types=2, iterations=60, seed=0)
+    log_types, found, shapes = fitted.log_types, fitted.means, fitted.dispersions
     order = np.argsort(-found[:, 0])
     np.testing.assert_allclose(found[order], means, rtol=0.15, atol=0.05)
     np.testing.assert_allclose(np.exp(log_types[order]), [0.6, 0.4], atol=0.03)
-    assert (belonging.argmax(axis=1) == order[kind]).mean() > 0.93  # types overlap
+    assert (fitted.belonging.argmax(axis=1) == order[kind]).mean() > 0.93  # types overlap
     np.testing.assert_allclose(shapes[order[0], 0], 2.0, rtol=0.25)
 
 
@@ -103,7 +140,8 @@ def test_more_iterations_never_lose_likelihood() -> None:
     counts = rng.poisson(rng.gamma(0.7, 2.0, (300, 6)))
 
     def likelihood(iterations: int) -> float:
-        log_types, means, r, _ = fit_types(counts, types=4, iterations=iterations, seed=0)
+        fitted = fit_types(counts, types=4, iterations=iterations, seed=0)
+        log_types, means, r = fitted.log_types, fitted.means, fitted.dispersions
         distribution = stats.nbinom.logpmf(counts[:, None], r, r / (r + means)).sum(axis=2)
         prior = stats.norm.logpdf(np.log(r)).sum()  # what the fit maximises has it
         return float(np.logaddexp.reduce(log_types + distribution, axis=1).sum() + prior)

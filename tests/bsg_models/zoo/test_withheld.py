@@ -21,7 +21,7 @@ from bsg_models.zoo.masked_rooms import sample_chosen, sample_uniform
 from bsg_models.zoo.model import BeliefModel, share_of, to_array
 from bsg_models.zoo.settings import DataConfig
 
-TOLD = ("gamma-poisson", "naive-bayes", "mixture", "ceci-sage", "search-sage")
+TOLD = ("gamma-poisson", "naive-bayes", "mixture", "ceci-sage", "universal", "prior-table")
 STOVE = 35
 
 
@@ -39,6 +39,43 @@ def test_withhold_is_short_for_masks_of_a_search() -> None:
     assert short == MaskRecipe(strategy="search", fraction=0.3, seed=4, withhold=0.1)
     explored = MaskRecipe(strategy="explore", withhold=0.2)
     assert DataConfig(mask=explored).fresh_mask == explored
+
+
+def test_a_choice_under_another_mask_withholds_what_it_did() -> None:
+    choice, rooms = DataConfig(withhold=0.1), MaskRecipe(strategy="rooms", seed=3)
+    assert choice.under(MaskRecipe(seed=3)).fresh_mask.strategy == "search"
+    other = choice.under(rooms)
+    assert other.fresh_mask == MaskRecipe(strategy="rooms", seed=3, withhold=0.1)
+    assert DataConfig.model_validate(other.model_dump()) == other
+    assert DataConfig().under(rooms).fresh_mask == rooms
+
+
+@pytest.mark.parametrize(
+    ("choice", "stored", "own"),
+    [
+        (DataConfig(), MaskRecipe(strategy="rooms"), False),  # the paper's, wherever it is tested
+        (DataConfig(mask=MaskRecipe(parts=True)), MaskRecipe(), False),
+        (DataConfig(mask=MaskRecipe(strategy="rooms")), MaskRecipe(), True),
+        (DataConfig(mask=MaskRecipe(strategy="rooms")), None, True),
+        (
+            DataConfig(mask=MaskRecipe(strategy="rooms", fraction=0.3, seed=1)),
+            MaskRecipe(strategy="rooms"),
+            False,  # fraction and seed aside they are the same
+        ),
+        (
+            DataConfig(mask=MaskRecipe(strategy="mixed", withhold=0.05)),
+            MaskRecipe(strategy="mixed"),
+            True,
+        ),
+        (DataConfig(mask=MaskRecipe(withhold=0.05)), MaskRecipe(), True),
+        (DataConfig(withhold=0.08), MaskRecipe(), True),
+        (DataConfig(masks="fixed", mask=MaskRecipe(strategy="mixed")), MaskRecipe(), False),
+    ],
+)
+def test_validation_draws_masks_where_stored_pairs_are_of_another_kind(
+    choice: DataConfig, stored: MaskRecipe | None, own: bool
+) -> None:
+    assert choice.needs_own_masks(stored) is own
 
 
 def fitted(name: str, dataset: Path) -> BeliefModel:
@@ -84,7 +121,7 @@ def test_a_withheld_class_is_expected_more_than_one_that_was_not_seen(
 
 def test_a_network_and_a_model_that_counts_are_told_the_same_share(dataset: Path) -> None:
     seen = observe_building([[3] * 45] * 3, hidden_share=[0.25, 0.5, 1.0], withheld=[STOVE])
-    graph = fitted("search-sage", dataset).graph_of(seen)  # type: ignore[operator]
+    graph = fitted("universal", dataset).graph_of(seen)  # type: ignore[operator]
     np.testing.assert_array_equal(to_array(share_of(graph)), seen.cell_share)
     assert seen.cell_share[:, STOVE].tolist() == [1.0, 1.0, 1.0]
     assert seen.cell_share[:, 0].tolist() == [0.25, 0.5, 1.0]

@@ -2,7 +2,7 @@
 
     bsg-data synth --out places --scenes 20 --geometry --size full
     bsg-data build --hm3d places --out placed
-    python scripts/measure_geometry.py --buildings places --data placed
+    python scripts/measure/geometry.py --buildings places --data placed
 
 Prints, over all scenes, how far boxes are from the truth, and the precision, recall and F1 of the
 adjacency, by method, from boxes alone, and for every building.

@@ -1,6 +1,6 @@
 """Fit the rates behind `bsg-data synth` on HM3D, and say how close the result is.
 
-Fit:      python scripts/fit_synthetic_rates.py --hm3d-stats ../shared/hm3d/HM3DSem-v0.2-train.zip \
+Fit:      python scripts/fit/synthetic_rates.py --hm3d-stats ../shared/hm3d/HM3DSem-v0.2-train.zip \
               --annotations ../shared/hm3d/annotations --out bsg_data/synthetic/rates.json
 Compare:  the same two inputs with `--compare DIR`, a folder written by `bsg-data synth`; prints the
           Markdown tables of docs/synthetic.md.
@@ -561,7 +561,7 @@ def fit(instances: Sequence[Instance]) -> dict[str, object]:
     spellings, novelty = fit_spellings(instances, data.categories)
     return {
         "about": "Aggregate rates of HM3D-Semantics v0.2 (train scenes of the public statistics) "
-        "for synthetic buildings; made by scripts/fit_synthetic_rates.py, see docs/synthetic.md",
+        "for synthetic buildings; made by scripts/fit/synthetic_rates.py, see docs/synthetic.md",
         "version": 1,
         "fitted_on": {
             "scenes": int(data.building.max()) + 1,

@@ -1,6 +1,6 @@
 """Measure in how many buildings a class must stand to be learned: the threshold of hm3d-wide-v1.
 
-    python scripts/measure_class_threshold.py --hm3d-stats PATH/TO/HM3DSem-v0.2.zip
+    python scripts/fit/class_threshold.py --hm3d-stats PATH/TO/HM3DSem-v0.2.zip
 
 Half of the objects of every room are hidden. From the classes that are seen, naive Bayes ranks the
 rooms of held-out buildings by whether they hide an object of an unseen class (five folds over

@@ -1,6 +1,6 @@
 """Train the readings of the paper's CECI on several splits and write the tables of the docs.
 
-    python scripts/reproduce_ceci.py --data DATASET --out FOLDER
+    python scripts/measure/reproduction.py --data DATASET --out FOLDER
 
 `DATASET` is built from HM3D. Every seed splits the buildings anew (80/10/10), trains every reading
 with that seed, and measures it on the test buildings of that split. One figure is the mean over the

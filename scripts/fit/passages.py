@@ -1,6 +1,6 @@
 """Fit the weights of bsg_data/passages.py on real room layouts, and cross-validate them.
 
-    python scripts/fit_passages.py --layouts PATH/TO/room_layouts
+    python scripts/fit/passages.py --layouts PATH/TO/room_layouts
 
 The layouts are DomestiGraph's YAML. Ten folds over buildings, five ways to fold: weights and
 thresholds come from the training folds alone. Prints the plain rule beside it, the cross-validated

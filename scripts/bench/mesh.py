@@ -1,6 +1,6 @@
 """Measure what a mesh costs beside reading it: seconds and peak memory, with the ratios.
 
-    python scripts/bench_mesh.py
+    python scripts/bench/mesh.py
 
 Writes one full-size synthetic scene to a temporary folder and reads it in processes of their own:
 `trimesh.load` as it is, which leaves the textures packed; the same with its textures unpacked; and

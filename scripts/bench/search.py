@@ -1,7 +1,7 @@
 """Measure how fast searches are simulated, beside a plain loop over networkx graphs.
 
-    python scripts/bench_search.py                      # of synthetic buildings
-    python scripts/bench_search.py --data hm3d          # of a dataset
+    python scripts/bench/search.py                      # of synthetic buildings
+    python scripts/bench/search.py --data hm3d          # of a dataset
 
 First by how much the order of many rooms that is searched for costs more than the exact one. Then
 the same `nearest` searches in the same worlds both ways, which must come to the same costs; and

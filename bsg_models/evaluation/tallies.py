@@ -1,0 +1,107 @@
+"""What each room adds to some means: likelihood, and what was said of it beside what is true.
+
+A tally takes the truth of masked buildings, what was seen of them, and what a model expects. It
+returns `Shares`, name → (`[N]` what each node adds, `[N]` of how many cells); a cell is a room and
+a class. `bsg_models.evaluation.building_means` makes means of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from bsg_data.observation.masked_buildings import MaskedBuildings
+from bsg_models.belief.expectation import Expectation
+from bsg_models.evaluation.building_means import Shares
+from bsg_models.evaluation.metric_rows import hidden_nll
+from bsg_models.evaluation.metrics import Bools, Floats
+from bsg_models.evaluation.truth import Truth
+
+Tally = Callable[[Truth, MaskedBuildings, Expectation], Shares]
+VIEWS = ("half seen", "glimpsed", "unvisited")
+LEAST = 1e-6  # a presence is at least this far from 0 and 1 where its logarithm is taken
+
+
+def tally_all(*tallies: Tally) -> Tally:
+    """Return the tally of several at once."""
+
+    def tally(truth: Truth, masked: MaskedBuildings, found: Expectation) -> Shares:
+        return {k: v for one in tallies for k, v in one(truth, masked, found).items()}
+
+    return tally
+
+
+def tally_likelihood(truth: Truth, masked: MaskedBuildings, found: Expectation) -> Shares:
+    """Return `nll`: −log P(hidden counts), over the classes of every room."""
+    rooms = (~truth.is_building).astype(float)
+    return {"nll": (hidden_nll(truth, found) * rooms, rooms)}
+
+
+def tally_views(truth: Truth, masked: MaskedBuildings, found: Expectation) -> Shares:
+    """Return `nll/VIEW`, and `gap/VIEW`: presence as said minus as true, of the `VIEWS` of rooms.
+
+    A room that was entered and hides a part is half seen, one that shows a part and was not entered
+    is glimpsed, and one that shows nothing is unvisited.
+    """
+    gap = (found.presence - (truth.hidden > 0)).sum(axis=1)
+    loss = hidden_nll(truth, found)
+    classes = truth.inputs.shape[1]
+    shares = {}
+    for view, rooms in view_rooms(truth, masked).items():
+        shares[f"nll/{view}"] = (loss * rooms, rooms.astype(float))
+        shares[f"gap/{view}"] = (gap * rooms, classes * rooms.astype(float))
+    return shares
+
+
+def view_rooms(truth: Truth, masked: MaskedBuildings) -> Mapping[str, Bools]:
+    """Return which nodes are rooms of each of the `VIEWS`, `[N]`."""
+    share = masked.seen.hidden_share
+    part = (share > 0) & (share < 1) & ~truth.is_building
+    return {
+        "half seen": part & truth.visited,
+        "glimpsed": part & ~truth.visited,
+        "unvisited": (share >= 1) & ~truth.is_building,
+    }
+
+
+def tally_second(
+    truth: Truth, masked: MaskedBuildings, found: Expectation, *, classes: Mapping[str, int]
+) -> Shares:
+    """Return `said/CLASS` and `true/CLASS`: P(another one | one is seen).
+
+    They are over the rooms that show exactly one of the class and hide a part of their objects.
+
+    Args:
+        truth: of N nodes.
+        masked: what was seen of them.
+        found: what a model expects.
+        classes: name → index in the class space.
+    """
+    partly = view_rooms(truth, masked)
+    open_ = partly["half seen"] | partly["glimpsed"]
+    shares = {}
+    for name, c in classes.items():
+        one = open_ & (truth.inputs[:, c] == 1) & ~masked.seen.withheld[:, c]
+        cells = one.astype(float)
+        shares[f"said/{name}"] = (found.presence[:, c] * cells, cells)
+        shares[f"true/{name}"] = ((truth.hidden[:, c] > 0) * cells, cells)
+    return shares
+
+
+def tally_surroundings(truth: Truth, masked: MaskedBuildings, found: Expectation) -> Shares:
+    """Return `floor_area` and `labels`: the presence loss of unvisited rooms that have it."""
+    known = masked.seen.surroundings
+    unvisited = view_rooms(truth, masked)["unvisited"]
+    has = {"floor_area": np.isfinite(known.floor_area), "labels": known.labels.any(axis=1)}
+    return {
+        evidence: tally_presence_loss(truth, found, rooms=unvisited & there)
+        for evidence, there in has.items()
+    }
+
+
+def tally_presence_loss(truth: Truth, found: Expectation, *, rooms: Bools) -> tuple[Floats, Floats]:
+    """Return the log-loss of presence in some rooms `[N]`: what each adds, and its cells."""
+    said = np.clip(found.presence, LEAST, 1 - LEAST)
+    loss = -np.where(truth.hidden > 0, np.log(said), np.log1p(-said)).sum(axis=1)
+    return loss * rooms, truth.inputs.shape[1] * rooms.astype(float)

@@ -1,0 +1,257 @@
+"""What a file of weights tells of the buildings that it was trained on.
+
+Two questions. Can a row of a building be read out of the file? That is looked for, tensor by tensor
+(`find_disclosed`). Can one tell, with the model in hand, whether a building was among them? That is
+measured as an attack (`measure_membership`): training buildings surprise a model that knows them by
+heart less than others do.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.stats import rankdata
+
+from bsg_data.arrays import Floats
+from bsg_data.dataset.categories import choose_vocabulary
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.observation.masked_buildings import MaskedBuildings
+from bsg_models.belief.count_distribution import concatenate
+from bsg_models.runs.checkpoint import Checkpoint, load_checkpoint
+from bsg_models.zoo.model import BeliefModel
+
+_LONG_ID = 8  # letters of a scene id that no other text holds by chance
+_FEW_CLASSES = 3  # a histogram of fewer is nobody's in particular
+_SAME = 1 - 1e-9  # cosine of two rows that are one
+_BATCH = 256  # buildings
+
+
+@dataclass(frozen=True, slots=True)
+class Disclosure:
+    """What was looked for in a checkpoint, and found.
+
+    Attributes:
+        tensors: that it holds.
+        numbers: in them.
+        categories: of its vocabulary.
+        least_scenes: buildings that the rarest of these categories is in.
+        scenes: of the dataset.
+        rooms: of the dataset.
+        faults: what was found that should not be there; empty if all is well.
+    """
+
+    tensors: int
+    numbers: int
+    categories: int
+    least_scenes: int
+    scenes: int
+    rooms: int
+    faults: tuple[str, ...]
+
+    def __str__(self) -> str:
+        """Say it in words."""
+        found = "; ".join(self.faults) or "none of it was found"
+        read = (
+            f" Each of the {self.categories:,} categories that it reads is in "
+            f"{self.least_scenes} training buildings or more."
+            if self.categories
+            else ""
+        )
+        return (
+            f"Looked for in its {self.tensors} tensors of {self.numbers:,} numbers: a dimension "
+            f"with a place for each of the {self.scenes} buildings or {self.rooms:,} rooms, and a "
+            f"row that is some room's histogram, or a multiple of it; in its header: the name of a "
+            f"building: {found}.{read}"
+        )
+
+
+def find_disclosed(path: Path, data: Dataset) -> Disclosure:
+    """Look for buildings of a dataset in a checkpoint that was trained on it.
+
+    Args:
+        path: of the checkpoint.
+        data: the dataset, split.
+
+    Raises:
+        CheckpointError: if it cannot be read.
+    """
+    checkpoint = load_checkpoint(path)
+    train = data.splits.get("train", data.scene_ids)
+    rooms = sum(len(data.cells(scene)) - 1 for scene in data.scene_ids)
+    least, rare = _rarest_category(checkpoint, data, train)
+    faults = [*_per_scene_shapes(checkpoint, data, train), *_copied_rows(checkpoint, data)]
+    return Disclosure(
+        tensors=len(checkpoint.tensors),
+        numbers=sum(tensor.numel() for tensor in checkpoint.tensors.values()),
+        categories=len(checkpoint.header.vocabulary),
+        least_scenes=least,
+        scenes=len(data.scene_ids),
+        rooms=rooms,
+        faults=(*faults, *rare, *_named_scenes(checkpoint, data)),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Membership:
+    """How well a training building can be told from one that was held out.
+
+    Attributes:
+        inside: mean −log P of the hidden counts of a room, over training buildings, nats.
+        outside: the same over held-out buildings.
+        auc: of the attack that calls the less surprising building a training building: 0.5 is
+            guessing.
+        error: standard error of `auc` if it were 0.5.
+        buildings: of training, and held out.
+    """
+
+    inside: float
+    outside: float
+    auc: float
+    error: float
+    buildings: tuple[int, int]
+
+    def __str__(self) -> str:
+        """Say it in words."""
+        return (
+            f"Under the masks that it is validated on, a room of its {self.buildings[0]} training "
+            f"buildings surprises it by {self.inside:.2f} nats, one of {self.buildings[1]} that it "
+            f"was not trained on by {self.outside:.2f}. Who says of the less surprising of two "
+            f"buildings that it was trained on is right in {self.auc:.0%} of the cases (50 % is "
+            f"guessing, give or take {self.error:.0%})."
+        )
+
+
+def measure_membership(
+    model: BeliefModel, inside: MaskedBuildings, outside: MaskedBuildings
+) -> Membership:
+    """Attack a model by how much buildings surprise it.
+
+    The area under the curve is the Mann-Whitney statistic over pairs of buildings, ties by half;
+    its standard error where there is nothing to tell is √((m + n + 1) / 12mn).
+
+    Args:
+        model: that is attacked.
+        inside: training buildings under masks; every building counts once, whatever its draws.
+        outside: other buildings under masks of the same recipe.
+    """
+    ours, theirs = _surprises(model, inside), _surprises(model, outside)
+    m, n = len(ours), len(theirs)
+    ranks = rankdata(np.concatenate([-ours, -theirs]))
+    auc = (ranks[:m].sum() - m * (m + 1) / 2) / (m * n)
+    return Membership(
+        inside=float(ours.mean()),
+        outside=float(theirs.mean()),
+        auc=float(auc),
+        error=float(np.sqrt((m + n + 1) / (12 * m * n))),
+        buildings=(m, n),
+    )
+
+
+def _surprises(model: BeliefModel, masked: MaskedBuildings) -> Floats:
+    """Return the mean −log P of a room of each building, over its rooms and draws, `[B]`."""
+    beliefs = [model.expect(some.seen).hidden_counts for some in masked.batches(_BATCH)]
+    counts = masked.hidden.astype(np.float64)
+    nats = -concatenate(beliefs).log_probability(counts).sum(axis=1)
+    rooms = ~masked.seen.is_building
+    number = {scene: i for i, scene in enumerate(dict.fromkeys(masked.seen.scene_ids))}
+    scenes = np.array([number[scene] for scene in masked.seen.scene_ids])
+    building = scenes[masked.seen.building][rooms]
+    totals = np.bincount(building, weights=nats[rooms], minlength=len(number))
+    sizes = np.bincount(building, minlength=len(number))
+    return np.asarray(totals[sizes > 0] / sizes[sizes > 0])
+
+
+def _per_scene_shapes(checkpoint: Checkpoint, data: Dataset, train: Sequence[str]) -> Iterator[str]:
+    """Yield the tensors with a dimension as long as the buildings or rooms are many.
+
+    A length that the classes, the vocabulary or the settings of the model explain is none.
+    """
+    header = checkpoint.header
+    known = {len(header.class_space.classes), len(header.vocabulary), 1}
+    configs = [header.config, *header.members.values()]
+    known |= {n for config in configs for n in _whole_numbers(config.model.model_dump(mode="json"))}
+    sizes = {}
+    for what, scenes in (("training ", train), ("", data.scene_ids)):
+        nodes = sum(len(data.cells(scene)) for scene in scenes)
+        sizes[len(scenes)] = f"{what}buildings"
+        sizes[nodes - len(scenes)] = f"rooms of {what}buildings"
+        sizes[nodes] = f"nodes of {what}buildings"
+    for name, tensor in checkpoint.tensors.items():
+        for length in tensor.shape:
+            if length in sizes and length not in known:
+                shape = tuple(tensor.shape)
+                yield f"{name} {shape} has a place for each of {length} {sizes[length]}"
+
+
+def _whole_numbers(value: Any) -> Iterator[int]:
+    if isinstance(value, dict):
+        value = list(value.values())
+    if isinstance(value, list):
+        for one in value:
+            yield from _whole_numbers(one)
+    elif isinstance(value, int) and not isinstance(value, bool):
+        yield value
+
+
+def _copied_rows(checkpoint: Checkpoint, data: Dataset) -> Iterator[str]:
+    """Yield the tensors with a row that is proportional to the histogram of one room."""
+    cells = np.concatenate([data.cells(scene) for scene in data.scene_ids]).astype(np.float64)
+    told = cells[(cells > 0).sum(axis=1) >= _FEW_CLASSES]
+    told /= np.linalg.norm(told, axis=1, keepdims=True)
+    for name, tensor in checkpoint.tensors.items():
+        if tensor.ndim < 2 or tensor.shape[-1] != cells.shape[1]:
+            continue
+        rows = tensor.detach().double().reshape(-1, cells.shape[1]).numpy()
+        norms = np.linalg.norm(rows, axis=1, keepdims=True)
+        rows = np.divide(rows, norms, out=np.zeros_like(rows), where=norms > 0)
+        copied = int((rows @ told.T > _SAME).any(axis=1).sum()) if len(told) else 0
+        if copied:
+            yield f"{name} has {copied} rows that are the histogram of a room"
+
+
+def _rarest_category(
+    checkpoint: Checkpoint, data: Dataset, train: Sequence[str]
+) -> tuple[int, list[str]]:
+    """Return in how many training buildings the rarest category is, and those that are in few."""
+    header = checkpoint.header
+    configs = [header.config, *header.members.values()]
+    wanted = max(config.data.min_scenes for config in configs)
+    others = [data.others(scene) for scene in train]
+    names = set(header.vocabulary)
+    if not names:
+        return 0, []
+    times = dict.fromkeys(names, 0)
+    for one in others:
+        for name in names & set(one.categories):
+            times[name] += 1
+    rare = sorted(names - set(choose_vocabulary(others, min_scenes=wanted)))
+    listed = ", ".join(map(repr, rare[:5]))
+    faults = [f"{len(rare)} categories are in fewer than {wanted} training buildings: {listed}"]
+    return min(times.values()), faults if rare else []
+
+
+def _named_scenes(checkpoint: Checkpoint, data: Dataset) -> Iterator[str]:
+    """Yield the scenes that a text of the header names."""
+    texts = set(_texts(json.loads(checkpoint.header.model_dump_json())))
+    for scene in data.scene_ids:
+        for name in {scene, scene.partition("-")[2] or scene}:
+            held = any(name in text for text in texts) if len(name) >= _LONG_ID else name in texts
+            if held:
+                yield f"its header names the building {name}"
+
+
+def _texts(value: Any) -> Iterator[str]:
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield str(key)
+            yield from _texts(inner)
+    elif isinstance(value, list):
+        for inner in value:
+            yield from _texts(inner)
+    elif isinstance(value, str):
+        yield value

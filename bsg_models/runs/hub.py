@@ -1,0 +1,76 @@
+"""Models on the Hugging Face hub, with its own mixin; needs the extra `hub`.
+
+A model there is three files: `model.safetensors`, a checkpoint as it is, with its sealed header;
+`config.json`, which says the same for people; and its card, `README.md`.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any, Self
+
+from huggingface_hub import ModelHubMixin
+
+from bsg_data.files import write_bytes
+from bsg_models.runs.checkpoint import read_header
+from bsg_models.runs.found_model import find_model
+from bsg_models.runs.hub_files import HUB_CARD, HUB_CONFIG, HUB_WEIGHTS, download
+from bsg_models.runs.model_card import LIBRARY, PAPER, TAGS, card_text
+from bsg_models.runs.predictor import Predictor
+
+
+class HubModel(
+    ModelHubMixin,
+    library_name=LIBRARY,
+    paper_url=PAPER,
+    tags=list(TAGS),
+):
+    """A trained model that the hub can hold.
+
+    Attributes:
+        predictor: the model, ready to be asked.
+
+    Example:
+        >>> model = HubModel.from_pretrained("folder")  # doctest: +SKIP
+        >>> model.push_to_hub("me/my-rooms")  # doctest: +SKIP
+        >>> model.predictor(graph).presence.shape  # doctest: +SKIP
+        (15, 45)
+    """
+
+    def __init__(self, model: Path | str) -> None:
+        """Load a model: a run, a folder of the hub, a file, or a shipped one.
+
+        Raises:
+            CheckpointError: if there is none, or it is damaged.
+        """
+        self._found = find_model(model)
+        self.predictor = Predictor(self._found.path)
+
+    def _save_pretrained(self, save_directory: Path) -> None:
+        """Write the three files; the checkpoint byte for byte, so that its seal holds."""
+        header = read_header(self._found.path)
+        card = card_text(self._found, header)
+        said = {
+            "checkpoint_version": header.checkpoint_version,
+            "class_space": header.class_space.model_dump(mode="json"),
+            "run": header.config.model_dump(mode="json"),
+        }
+        shutil.copyfile(self._found.path, save_directory / HUB_WEIGHTS)
+        write_bytes(save_directory / HUB_CONFIG, (json.dumps(said, indent=1) + "\n").encode())
+        write_bytes(save_directory / HUB_CARD, card.encode())
+
+    @classmethod
+    def from_pretrained(cls, pretrained_model_name_or_path: str | Path, **options: Any) -> Self:
+        """Load a model of a local folder, or download it from the hub.
+
+        Args:
+            pretrained_model_name_or_path: the folder, or `OWNER/NAME`.
+            options: of `hf_hub_download`, as `revision`, `cache_dir` and `local_files_only`.
+
+        Raises:
+            CheckpointError: if there is none, it cannot be had, or it is damaged.
+        """
+        name = str(pretrained_model_name_or_path)
+        return cls(Path(name) if Path(name).is_dir() else download(name, **options))

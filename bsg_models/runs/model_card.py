@@ -1,0 +1,295 @@
+"""The card of a model: what it learned from, under which terms, how good it is, what it cannot do.
+
+Its front matter is what the Hugging Face hub reads; under `bsg` it holds the facts that commands
+show, so that a card is read back.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import Field, ValidationError
+
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.dataset.shards import read_table
+from bsg_data.errors import RecipeError
+from bsg_data.recipes import Record, name_fault
+from bsg_data.sources.plain_yaml import parse_yaml
+from bsg_data.sources.source import LICENCE_REF
+from bsg_data.tables import format_markdown
+from bsg_models.errors import CheckpointError
+from bsg_models.runs.checkpoint import CheckpointHeader
+from bsg_models.runs.disclosure import Disclosure, Membership
+from bsg_models.runs.found_model import FoundModel
+from bsg_models.runs.hub_files import HUB_CARD
+from bsg_models.runs.shipped import read_shipped_card
+
+LIBRARY = "belief-scene-graphs"
+PAPER = "https://arxiv.org/abs/2402.03840"
+TAGS = ("belief-scene-graphs", "object-search", "robotics", "scene-graph")
+UNKNOWN = "unknown"
+_MOST_BYTES = 1_000_000
+_MEASURED = int | float | str | None
+_CANNOT = (
+    "It counts objects of its classes, and of nothing else; what is outside them it only reads.",
+    "It knows buildings like those that it learned from: homes above all. In a hospital, a factory "
+    "or a ship its numbers mean little, and so they may elsewhere than where these stand.",
+    "It predicts what is in a room, not where in the room, and nothing about people.",
+    "A presence is a probability, not a finding: do not let a robot act on it where a mistake "
+    "could hurt somebody.",
+    "Figures above are of buildings that were not trained on. Buildings of the training data "
+    "themselves, which are public, look better than they should: do not test it on those.",
+)
+
+
+class TrainedOn(Record):
+    """One source of what a model learned from.
+
+    Attributes:
+        source: its kind, e.g. `hm3d`.
+        buildings: that were trained on or validated on.
+        licence: SPDX, or `unknown`.
+        licence_url: where it stands; empty if unknown.
+        sentence: what a user has to know of the terms.
+        citation: of the source.
+    """
+
+    source: str
+    buildings: int = Field(ge=0)
+    licence: str = UNKNOWN
+    licence_url: str = ""
+    sentence: str = ""
+    citation: str = ""
+
+
+class ModelCard(Record):
+    """The facts of a card.
+
+    Attributes:
+        name: of the model.
+        purpose: what it is for, in one line.
+        trained_on: the sources, in the order of the dataset.
+    """
+
+    name: str
+    purpose: str
+    trained_on: tuple[TrainedOn, ...] = ()
+
+    @property
+    def licences(self) -> tuple[tuple[str, str], ...]:
+        """Licence and link of the weights: those of the sources, the more restrictive alone.
+
+        A licence that SPDX does not list, and unknown terms, are taken to restrict more.
+        """
+        every = dict.fromkeys((one.licence, one.licence_url) for one in self.trained_on)
+        strict = [one for one in every if one[0].startswith(LICENCE_REF) or one[0] == UNKNOWN]
+        return tuple(strict or every) or ((UNKNOWN, ""),)
+
+    @property
+    def licence(self) -> str:
+        """The licences of the weights, as a phrase."""
+        return ", ".join(name for name, _ in self.licences)
+
+    @property
+    def data(self) -> str:
+        """What it was trained on, as a phrase: `145 buildings of hm3d and 37 of behavior`."""
+        parts = [f"{one.buildings} of {one.source}" for one in self.trained_on]
+        if not parts:
+            return "buildings that nobody named"
+        parts[0] = parts[0].replace(" of", " buildings of", 1)
+        return " and ".join(filter(None, [", ".join(parts[:-1]), parts[-1]]))
+
+
+def describe_training(data: Dataset) -> tuple[TrainedOn, ...]:
+    """Return the sources of a dataset, with the number of buildings of each."""
+    table = read_table(data.path, "scenes", columns=["source"], manifest=data.manifest)
+    numbers = Counter(table["source"].to_pylist())
+    described = []
+    for entry in {entry.kind: entry for entry in data.manifest.sources}.values():
+        terms = entry.terms
+        said = (
+            {}
+            if terms is None
+            else {
+                "licence": terms.licence,
+                "licence_url": terms.licence_url,
+                "sentence": terms.sentence,
+                "citation": terms.citation,
+            }
+        )
+        buildings = numbers[entry.kind]
+        described.append(TrainedOn(source=entry.kind, buildings=buildings, **said))
+    return tuple(described)
+
+
+def write_card(
+    card: ModelCard,
+    *,
+    header: CheckpointHeader,
+    figures: Sequence[Mapping[str, _MEASURED]] = (),
+    disclosure: Disclosure | None = None,
+    membership: Membership | None = None,
+) -> str:
+    """Return the card of a model: front matter of the hub, then Markdown.
+
+    Args:
+        card: its facts.
+        header: of its checkpoint.
+        figures: rows of a table of what was measured, each with the same keys.
+        disclosure: what was looked for in the weights.
+        membership: how well a training building can be told from another.
+    """
+    space = header.class_space
+    lines = [
+        f"---\n{yaml.safe_dump(_front_matter(card), sort_keys=False, allow_unicode=True)}---",
+        f"# {card.name}",
+        "",
+        f"{card.purpose} Belief Scene Graphs ([paper]({PAPER})): what a robot that has seen part "
+        "of a building has not seen there, as the distribution of hidden objects of "
+        f"{len(space.classes)} classes in every room.",
+        "",
+        "```sh",
+        f"bsg-belief graph.json --model {card.name} --html belief.html",
+        "```",
+        "",
+        "## What it learned from",
+        "",
+        *_describe_sources(card),
+        "## What it is",
+        "",
+        *format_markdown(_list_facts(header), header=("fact", "value")),
+        "",
+    ]
+    if figures:
+        columns = tuple(figures[0])
+        rows = [tuple(_show(row[name]) for name in columns) for row in figures]
+        lines += ["## How good it is", "", *format_markdown(rows, header=columns), ""]
+    if disclosure is not None or membership is not None:
+        lines += ["## What its weights tell of the training data", ""]
+        lines += [f"{sentence}\n" for sentence in (disclosure, membership) if sentence is not None]
+    lines += ["## What it cannot do", "", *(f"- {sentence}" for sentence in _CANNOT), ""]
+    return "\n".join(lines)
+
+
+def read_card(text: str, *, origin: str) -> ModelCard:
+    """Return the facts of a card.
+
+    Args:
+        text: of the card.
+        origin: the file, for errors.
+
+    Raises:
+        CheckpointError: if it is no card of ours.
+    """
+    _, fence, rest = text.partition("---\n")
+    front, end, _ = rest.partition("\n---")
+    try:
+        if not (fence and end) or len(text) > _MOST_BYTES:
+            raise ValueError("expected front matter between two lines of ---")
+        found = parse_yaml(front.encode())
+        if not isinstance(found, dict) or not isinstance(found.get("bsg"), dict):
+            raise ValueError("its front matter has no `bsg`")
+        return ModelCard.model_validate(found["bsg"])
+    except ValidationError as error:
+        raise CheckpointError(f"{origin}: no card of a model: {name_fault(error)}") from error
+    except ValueError as error:
+        raise CheckpointError(f"{origin}: no card of a model: {error}") from error
+
+
+def card_text(found: FoundModel, header: CheckpointHeader) -> str:
+    """Return the card that lies with a model, or one of what its checkpoint says."""
+    beside = found.path.with_name(HUB_CARD)
+    if found.kind == "shipped":
+        return read_shipped_card(found.name)
+    if found.kind in ("hub", "hub folder") and beside.is_file():
+        return beside.read_text("utf-8", errors="replace")
+    purpose = f"A {header.config.name} that somebody trained."
+    return write_card(ModelCard(name=found.name, purpose=purpose), header=header)
+
+
+def read_figures(path: Path) -> dict[str, list[dict[str, _MEASURED]]]:
+    """Read tables of figures: JSON, model → rows of the same keys.
+
+    Raises:
+        RecipeError: if it is none.
+    """
+    try:
+        found = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError) as error:
+        raise RecipeError(f"{path}: no JSON of figures ({error})") from error
+    tables: dict[str, Any] = found if isinstance(found, dict) else {"the file": ""}
+    for name, rows in tables.items():
+        plain = isinstance(rows, list) and all(isinstance(row, dict) for row in rows)
+        if not plain or len({tuple(row) for row in rows}) > 1:
+            raise RecipeError(
+                f"{path}: {name}: expected MODEL → a list of objects of the same keys"
+            )
+    return dict(tables)
+
+
+def _front_matter(card: ModelCard) -> dict[str, Any]:
+    names = [name for name, _ in card.licences]
+    listed = len(names) == 1 and not names[0].startswith(LICENCE_REF) and names[0] != UNKNOWN
+    licence: dict[str, Any] = {"license": names[0].lower() if listed else "other"}
+    if not listed:
+        licence["license_name"] = ", ".join(name.removeprefix(LICENCE_REF) for name in names)
+        links = [link for _, link in card.licences if link]
+        licence |= {"license_link": links[0]} if links else {}
+    return {
+        **licence,
+        "library_name": LIBRARY,
+        "tags": list(TAGS),
+        "bsg": card.model_dump(mode="json"),
+    }
+
+
+def _describe_sources(card: ModelCard) -> list[str]:
+    if not card.trained_on:
+        return ["Nobody said: ask whoever trained it, and under which terms.", ""]
+    rows = [
+        (
+            one.source,
+            one.buildings,
+            f"[{one.licence}]({one.licence_url})" if one.licence_url else one.licence,
+            one.citation,
+        )
+        for one in card.trained_on
+    ]
+    table = format_markdown(rows, header=("source", "buildings", "licence", "cite"))
+    lines = [*table, ""]
+    lines += [f"{one.source}: {one.sentence}\n" for one in card.trained_on if one.sentence]
+    restricted = any(name.startswith(LICENCE_REF) for name, _ in card.licences)
+    lines.append(
+        "**The weights are for non-commercial research**, as the data that they were learned from "
+        "are; the code that asks them is under Apache-2.0.\n"
+        if restricted
+        else f"The weights are under the terms of their sources: {card.licence}.\n"
+    )
+    return lines
+
+
+def _list_facts(header: CheckpointHeader) -> list[tuple[str, str]]:
+    config = header.config
+    facts = [
+        ("model of the zoo", f"`{config.name}`"),
+        ("class space", f"`{header.class_space.name}`, {len(header.class_space.classes)} classes"),
+        ("sha256 of the classes", f"`{header.class_space.sha256}`"),
+        ("other categories that it reads", f"{len(header.vocabulary):,}"),
+        ("masks that it was trained on", str(config.data.fresh_mask)),
+        ("seed", str(config.seed)),
+        ("sha256 of the dataset", f"`{header.dataset_sha256}`"),
+    ]
+    if header.epoch:
+        facts.append(("epochs", str(header.best_epoch)))
+    return facts
+
+
+def _show(value: _MEASURED) -> str:
+    if value is None:
+        return "–"
+    return f"{value:.3g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,101 @@
+"""What a model is, in a few facts: for lists, and for the line that says which one was asked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from bsg_data.files import hash_file
+from bsg_data.recipes import Record
+from bsg_models.runs.checkpoint import read_header
+from bsg_models.runs.found_model import FoundModel, Kind, find_model
+from bsg_models.runs.model_card import card_text, read_card
+from bsg_models.runs.shipped import DEFAULT_MODEL, shipped_names
+
+
+class ModelSummary(Record):
+    """A model in short.
+
+    Attributes:
+        name: to ask for it by.
+        kind: how it was found.
+        zoo_name: of its configuration, as in the zoo.
+        class_space: name of the space that it predicts.
+        class_space_sha256: of the names of its classes.
+        classes: how many those are.
+        dataset_sha256: of the manifest of what it was trained on.
+        config: of the run that trained it.
+        bytes: of its checkpoint.
+        sha256: of its checkpoint.
+        data: what it was trained on, in words.
+        licence: of the weights.
+        purpose: what it is for, in one line.
+        card: all of its card.
+    """
+
+    name: str
+    kind: Kind
+    zoo_name: str
+    class_space: str
+    class_space_sha256: str
+    classes: int
+    dataset_sha256: str
+    config: dict[str, Any]
+    bytes: int
+    sha256: str
+    data: str
+    licence: str
+    purpose: str
+    card: str
+
+
+def summarise_model(model: Path | str | FoundModel = DEFAULT_MODEL) -> ModelSummary:
+    """Return what a model is, without loading its weights.
+
+    Args:
+        model: what `find_model` takes, or found already.
+
+    Raises:
+        CheckpointError: if there is no such model, or its header or card is damaged.
+    """
+    found = model if isinstance(model, FoundModel) else find_model(model)
+    header = read_header(found.path)
+    text = card_text(found, header)
+    card = read_card(text, origin=f"the card of {found.name}")
+    return ModelSummary(
+        name=found.name,
+        kind=found.kind,
+        zoo_name=header.config.name,
+        class_space=header.class_space.name,
+        class_space_sha256=header.class_space.sha256,
+        classes=len(header.class_space.classes),
+        dataset_sha256=header.dataset_sha256,
+        config=header.config.model_dump(mode="json"),
+        bytes=found.path.stat().st_size,
+        sha256=hash_file(found.path),
+        data=card.data,
+        licence=card.licence,
+        purpose=card.purpose,
+        card=text,
+    )
+
+
+def list_shipped() -> list[ModelSummary]:
+    """Return what every shipped model is, in the order in which they are listed.
+
+    Raises:
+        CheckpointError: if one was changed since it was shipped.
+    """
+    return [summarise_model(name) for name in shipped_names()]
+
+
+def describe_model(model: Path | str = DEFAULT_MODEL) -> str:
+    """Return which model is asked: `universal (shipped; trained on 145 buildings of hm3d)`.
+
+    Raises:
+        CheckpointError: if there is no such model.
+    """
+    found = find_model(model)
+    if found.kind == "shipped":
+        return f"{found.name} (shipped; trained on {summarise_model(found).data})"
+    return f"{found.name} ({found.kind}, {found.path})"

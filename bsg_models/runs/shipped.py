@@ -1,0 +1,152 @@
+"""The models that are installed with the program: weights, cards, and the hashes of both.
+
+`weights/SHA256SUMS` lists the files; what it does not list is not shipped. A file that is not what
+the list says is refused, as with class maps.
+"""
+
+from __future__ import annotations
+
+import re
+from importlib.resources import files
+from pathlib import Path
+
+from bsg_data.errors import RecipeError
+from bsg_data.files import hash_file
+from bsg_data.registry import require_known
+from bsg_models.errors import CheckpointError
+
+DEFAULT_MODEL = "universal"
+SUFFIX = ".safetensors"
+SUMS = "SHA256SUMS"
+_LINE = re.compile(r"(?P<sha256>[0-9a-f]{64})  (?P<name>[a-z0-9][a-z0-9-]*\.(safetensors|md))")
+_AGAIN = "install the package again"
+
+
+def weights_folder() -> Path:
+    """Return the folder of the package `bsg_weights`."""
+    return Path(str(files("bsg_weights")))
+
+
+def shipped_names() -> tuple[str, ...]:
+    """Return the names of the shipped models, in the order of `SHA256SUMS`.
+
+    Raises:
+        CheckpointError: if the list is damaged.
+    """
+    listed = read_sums(weights_folder())
+    return tuple(name.removesuffix(SUFFIX) for name in listed if name.endswith(SUFFIX))
+
+
+def find_shipped(name: str) -> Path:
+    """Return the checkpoint of a shipped model, which is what it was when it was shipped.
+
+    Raises:
+        RecipeError: if no model has this name, with the nearest that there is.
+        CheckpointError: if none are shipped, or the file was changed.
+    """
+    require_shipped(name)
+    return _find_file(f"{name}{SUFFIX}")
+
+
+def read_shipped_card(name: str) -> str:
+    """Return the card of a shipped model.
+
+    Raises:
+        RecipeError: if no model has this name, with the nearest that there is.
+        CheckpointError: if none are shipped, or the card was changed.
+    """
+    require_shipped(name)
+    return _find_file(f"{name}.md").read_text("utf-8")
+
+
+def hash_of_shipped(name: str) -> str:
+    """Return the sha256 of the checkpoint of a shipped model, as `SHA256SUMS` has it.
+
+    Raises:
+        RecipeError: if no model has this name, with the nearest that there is.
+        CheckpointError: if none are shipped.
+    """
+    require_shipped(name)
+    return read_sums(weights_folder())[f"{name}{SUFFIX}"]
+
+
+def require_shipped(name: str) -> None:
+    """Refuse a name that no shipped model has.
+
+    Raises:
+        RecipeError: with the nearest that there is.
+        CheckpointError: if none are shipped.
+    """
+    names = shipped_names()
+    if not names:
+        raise CheckpointError(
+            f"no model {name!r}: no models are shipped with this build; name the folder of a run "
+            "of `bsg-train`"
+        )
+    require_known("shipped model", [name], names)
+
+
+def describe_shipped() -> str:
+    """Return which models are shipped, as the end of an error."""
+    names = shipped_names()
+    if not names:
+        return "no models are shipped with this build"
+    return f"shipped models are {', '.join(names)}"
+
+
+def suggest_shipped(name: str) -> str:
+    """Return which models are shipped, with the nearest to a name that is none."""
+    try:
+        require_known("shipped model", [name], shipped_names())
+    except RecipeError as error:
+        near = str(error).partition("did you mean ")[2].partition("?")[0]
+        return f"did you mean {near}? {describe_shipped()}" if near else describe_shipped()
+    return describe_shipped()
+
+
+def read_sums(folder: Path) -> dict[str, str]:
+    """Return file → sha256 of a folder of weights, in their order; nothing without a list.
+
+    Raises:
+        CheckpointError: naming the line that is none.
+    """
+    path = folder / SUMS
+    try:
+        lines = path.read_text("utf-8").splitlines()
+    except FileNotFoundError:
+        return {}
+    except (OSError, UnicodeDecodeError) as error:
+        raise CheckpointError(f"{path}: cannot be read ({error}); {_AGAIN}") from error
+    sums: dict[str, str] = {}
+    for number, line in enumerate(lines, 1):
+        found = _LINE.fullmatch(line)
+        if found is None:
+            raise CheckpointError(
+                f"{path}, line {number}: expected a sha256, two spaces and NAME.safetensors or "
+                f"NAME.md, found {line[:120]!r}; {_AGAIN}"
+            )
+        sums[found["name"]] = found["sha256"]
+    return sums
+
+
+def encode_sums(folder: Path, names: tuple[str, ...]) -> str:
+    """Return the text of `SHA256SUMS` for the models of a folder, each with its card."""
+    files = [f"{name}{end}" for name in names for end in (SUFFIX, ".md")]
+    return "".join(f"{hash_file(folder / file)}  {file}\n" for file in files)
+
+
+def _find_file(name: str) -> Path:
+    path = weights_folder() / name
+    listed = read_sums(weights_folder()).get(name)
+    if listed is None:
+        raise CheckpointError(f"{path}: is not in {SUMS}; {_AGAIN}")
+    try:
+        found = hash_file(path)
+    except OSError as error:
+        raise CheckpointError(f"{path}: cannot be read ({error.strerror}); {_AGAIN}") from error
+    if found != listed:
+        raise CheckpointError(
+            f"{path}: is not what was shipped (expected sha256 {listed[:12]}…, found "
+            f"{found[:12]}…); {_AGAIN}"
+        )
+    return path

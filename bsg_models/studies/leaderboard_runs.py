@@ -1,0 +1,139 @@
+"""The runs of a leaderboard: which configuration is trained on which masks.
+
+A model is trained on each kind of mask that the leaderboard has, to be measured on the same kind. A
+configuration that names a mask of its own, such as `mixed`, is for whatever a robot has seen: it is
+trained once, on that, and measured on every kind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from pydantic import field_validator
+
+from bsg_data.observation.masks import MASKS
+from bsg_data.recipes import MaskRecipe, Record
+from bsg_models.errors import ConfigError
+from bsg_models.training.training import member_config
+from bsg_models.zoo.config import RunConfig
+from bsg_models.zoo.ensemble import EnsembleConfig
+
+
+class LeaderboardRecipe(Record):
+    """All that a leaderboard depends on besides the dataset and the models.
+
+    Attributes:
+        masks: kinds of masks to measure on; what has no mask of its own is trained on each.
+        fraction: share of the objects that they hide.
+        folds: of the buildings; every building is tested on once.
+        draws: masks of every building.
+        seed: of the folds, the masks and the trainings.
+        resamples: of the bootstrap over buildings.
+    """
+
+    masks: tuple[str, ...] = ("uniform", "rooms")
+    fraction: float = 0.5
+    folds: int = 5
+    draws: int = 5
+    seed: int = 0
+    resamples: int = 200
+
+    @field_validator("masks")
+    @classmethod
+    def _masks_exist(cls, masks: tuple[str, ...]) -> tuple[str, ...]:
+        MASKS.require(masks)
+        return masks
+
+
+class Place(NamedTuple):
+    """Where the runs of a model are, one a fold.
+
+    Attributes:
+        mask: kind of mask that it is trained on.
+        name: of the model.
+    """
+
+    mask: str
+    name: str
+
+
+class Runs(NamedTuple):
+    """All runs of a leaderboard, before they are dealt to folds.
+
+    Attributes:
+        single: place → configuration of what is trained, with what ensembles need.
+        ensembles: place → configuration of what is made of trained members.
+    """
+
+    single: dict[Place, RunConfig]
+    ensembles: dict[Place, RunConfig]
+
+    @property
+    def masks(self) -> tuple[str, ...]:
+        """The kinds of masks that are trained on."""
+        return tuple(dict.fromkeys(place.mask for place in (*self.single, *self.ensembles)))
+
+
+def plan_runs(models: Mapping[str, RunConfig], recipe: LeaderboardRecipe) -> Runs:
+    """Return the runs that the models of a leaderboard need; one that two of them need is one.
+
+    Raises:
+        ConfigError: if an ensemble needs a model whose place is taken by another configuration.
+    """
+    runs = Runs({}, {})
+    placed = {
+        Place(trained_on(config, mask), name): config
+        for mask in recipe.masks
+        for name, config in models.items()
+    }
+    for place, config in placed.items():
+        some = runs.ensembles if members_of(config) else runs.single
+        some[place] = config
+    for place, config in runs.ensembles.items():
+        for member in members_of(config):
+            needed, there = member_config(config, member), Place(place.mask, member)
+            planned = runs.single.setdefault(there, needed)
+            if _fit(planned, recipe, mask=place.mask) != _fit(needed, recipe, mask=place.mask):
+                raise ConfigError(
+                    f"{place.name} needs the zoo's {member} with its own seed and data, trained on "
+                    f"{place.mask} masks, and another configuration has this name; rename its "
+                    "file, set both alike, or leave one of them out"
+                )
+    return runs
+
+
+def trained_on(config: RunConfig, mask: str) -> str:
+    """Return the kind of mask that a configuration trains on, to be measured on `mask`."""
+    return config.data.own_strategy or mask
+
+
+def members_of(config: RunConfig) -> tuple[str, ...]:
+    """Return the names of an ensemble's members; none of another model."""
+    return config.model.members if isinstance(config.model, EnsembleConfig) else ()
+
+
+def fit_to(config: RunConfig, recipe: LeaderboardRecipe, *, mask: str, fold: int) -> RunConfig:
+    """Return a configuration for one kind of mask and one fold.
+
+    Its seeds are added to the leaderboard's. A mask of its own stays what it is.
+    """
+    fitted = _fit(config, recipe, mask=mask)
+    return fitted.model_copy(update={"data": fitted.data.model_copy(update={"fold": fold})})
+
+
+def run_of(folder: Path, name: str, fold: int) -> Path:
+    """Return the folder of a run below that of a mask."""
+    return folder / f"fold-{fold}" / name
+
+
+def _fit(config: RunConfig, recipe: LeaderboardRecipe, *, mask: str) -> RunConfig:
+    """Return a configuration with the seeds and the mask of a leaderboard."""
+    drawn = MaskRecipe(strategy=mask, fraction=recipe.fraction, seed=recipe.seed)
+    if config.data.own_strategy:
+        own = config.data.mask
+        drawn = own.model_copy(update={"seed": own.seed + recipe.seed})
+    return config.model_copy(
+        update={"data": config.data.under(drawn), "seed": config.seed + recipe.seed}
+    )

@@ -1,0 +1,174 @@
+"""A page of measured results as Markdown.
+
+It has a title, the conclusions, the tables, and at the end how it was made: command, date, versions
+and dataset.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path, PurePath
+
+import numpy as np
+import torch
+
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.errors import DatasetError
+from bsg_data.files import write_bytes
+from bsg_data.tables import format_markdown
+from bsg_models.evaluation.bootstrap import Estimate
+from bsg_models.studies.fold_models import hash_unsplit
+
+PACKAGE = "belief-scene-graphs"
+
+
+@dataclass(frozen=True, slots=True)
+class ResultsTable:
+    """One table of a page.
+
+    Attributes:
+        title: its heading; "" for none.
+        header: names of the columns; the first names the rows.
+        rows: of cells, each as long as the header.
+        reading: how to read it.
+    """
+
+    title: str
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    reading: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Provenance:
+    """How a page was made.
+
+    Attributes:
+        command: that makes it again.
+        date: of the measurement, YYYY-MM-DD.
+        versions: (package, version).
+        class_space: of the dataset.
+        dataset_sha256: of the dataset before it was split; "" where there is none.
+        buildings: of the dataset.
+    """
+
+    command: str
+    date: str
+    versions: tuple[tuple[str, str], ...]
+    class_space: str
+    dataset_sha256: str
+    buildings: int
+
+
+@dataclass(frozen=True, slots=True)
+class ResultsPage:
+    """A page of results.
+
+    Attributes:
+        title: of the page.
+        conclusions: what was found, a sentence or a paragraph each.
+        tables: of the results.
+        provenance: how it was made.
+    """
+
+    title: str
+    conclusions: tuple[str, ...]
+    tables: tuple[ResultsTable, ...]
+    provenance: Provenance
+
+
+def format_page(page: ResultsPage) -> str:
+    """Return a page as Markdown."""
+    lines = [f"# {page.title}", ""]
+    for conclusion in page.conclusions:
+        lines += [conclusion, ""]
+    for table in page.tables:
+        lines += [f"## {table.title}", ""] if table.title else []
+        lines += [table.reading, ""] if table.reading else []
+        lines += [*format_markdown(table.rows, header=table.header), ""]
+    made = page.provenance
+    versions = ", ".join(f"{name} {number}" for name, number in made.versions)
+    lines += ["## How it was made", "", "```sh", made.command, "```", ""]
+    lines += [
+        f"{made.date}, with {versions}. {made.buildings} buildings, class space "
+        f"{made.class_space}, dataset `{made.dataset_sha256[:16]}` (sha256 of its `dataset.json` "
+        "before it was split).",
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def write_page(page: ResultsPage, path: Path) -> None:
+    """Write a page.
+
+    Raises:
+        DatasetError: if it cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_bytes(path, format_page(page).encode())
+    except OSError as error:
+        raise DatasetError(f"{path}: cannot be written ({error.strerror})") from error
+
+
+def describe(data: Dataset, argv: Sequence[str], *, date: str) -> Provenance:
+    """Return how a page was made from a dataset by the command of these words."""
+    return Provenance(
+        command=format_command(argv),
+        date=date,
+        versions=(
+            (PACKAGE, version(PACKAGE)),
+            ("torch", str(torch.__version__)),
+            ("numpy", np.__version__),
+        ),
+        class_space=data.manifest.class_space.name,
+        dataset_sha256=hash_unsplit(data),
+        buildings=data.manifest.totals.scenes,
+    )
+
+
+def format_command(argv: Sequence[str]) -> str:
+    """Return a command as a reader would type it, without the folders of this machine.
+
+    A script is named from the repository on; of another path that begins at the root, or leads
+    upwards, the last name alone is kept.
+
+    >>> format_command(["/home/me/bsg/scripts/measure/masks.py", "--leaderboard", "/tmp/board"])
+    'python scripts/measure/masks.py --leaderboard board'
+    """
+    script = PurePath(argv[0]).parts
+    place = script.index("scripts") if "scripts" in script else len(script) - 1
+    words = ["python", "/".join(script[place:])]
+    for word in argv[1:]:
+        option, equals, value = word.partition("=")
+        if not (equals and option.startswith("--")):
+            option, equals, value = "", "", word
+        path = PurePath(value)
+        if path.is_absolute() or value.startswith((os.pardir, "~")):
+            value = path.name
+        word = option + equals + value
+        words.append(f"'{word}'" if any(c in word for c in ' *;&|<>()$"') else word)
+    return " ".join(words)
+
+
+def format_estimate(estimate: Estimate, *, digits: int = 4, signed: bool = False) -> str:
+    """Return a value with its interval; – where it is not defined.
+
+    >>> format_estimate(Estimate(-0.00123, -0.002, -0.0004, nodes=9), digits=4, signed=True)
+    '-0.0012 (-0.0020 to -0.0004)'
+    """
+    if np.isnan(estimate.value):
+        return "–"
+    sign = "+" if signed else ""
+    value, low, high = (
+        f"{number:{sign}.{digits}f}" for number in (estimate.value, estimate.low, estimate.high)
+    )
+    return value if np.isnan(estimate.low) else f"{value} ({low} to {high})"
+
+
+def is_told_apart(estimate: Estimate) -> bool:
+    """Say whether the interval of a difference does not hold 0."""
+    return bool(estimate.low > 0 or estimate.high < 0)

@@ -1,0 +1,256 @@
+"""A table of common sense: what a language model, a person or a book says is in a room.
+
+The table is a JSON file (docs/prior-table.md) with one of these, or both:
+
+    room_types    P(the room has class c | its type t), and how usual each type is
+    objects       P(the room has class c | it has class j)
+
+    score of c = logit P(c | what is known of the type) − logit P(c | any room)
+                 + mean over visible j of (logit P(c | j) − logit of the mean of P(c | all j))
+
+The type of a room is what the observation says of it, where the table lists that. What is seen
+makes it surer, or is all that tells of it: Bayes' rule over the types, with the table's own
+P(j | t) for each other class, seen or looked for in vain, as far as the room was looked into, and
+tempered, since objects are not independent. Everything is read when the model is fitted, and is in
+the checkpoint from then on.
+"""
+
+from __future__ import annotations
+
+import difflib
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+import numpy as np
+import torch
+from pydantic import Field, ValidationError, model_validator
+from scipy.special import logit, logsumexp
+
+from bsg_data.arrays import Bools, Floats, Ints
+from bsg_data.errors import ClassMapError
+from bsg_data.observation.observation import Observation
+from bsg_data.recipes import Record, name_fault
+from bsg_data.scene.class_space import list_class_spaces, load_class_space, read_published
+from bsg_data.scene.room_label import list_room_labels
+from bsg_models.errors import ConfigError
+from bsg_models.zoo.catalogue import ZooRow
+from bsg_models.zoo.model import ModelInputs, to_array
+from bsg_models.zoo.presence_odds import PresenceOdds, average_others
+from bsg_models.zoo.settings import ModelConfig
+from bsg_models.zoo.training_recipes import VARIED
+
+HAND_TABLE = "hand-prior-v1.json"
+_MOST_BYTES = 2**24  # of a table; one of all labels and 256 classes is below a megabyte
+_LEAST = 0.01  # nobody knows that a thing is never, or always, in a room
+
+Probability = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
+
+
+class RoomTypePrior(Record):
+    """What a type of room has.
+
+    Attributes:
+        weight: how usual the type is; only ratios count.
+        presence: class → P(such a room has one).
+    """
+
+    weight: float = Field(default=1.0, gt=0, le=1e6, allow_inf_nan=False)
+    presence: dict[str, Probability]
+
+
+class PriorTable(Record):
+    """A table of common sense, as its JSON has it.
+
+    Attributes:
+        version: of this format.
+        made_by: by whom or by what, and how.
+        unlisted: the probability of a class that a type, or an object, does not name.
+        room_types: room label → what such a room has.
+        objects: class j → class c → P(a room that has j has c).
+    """
+
+    version: Literal[1]
+    made_by: str = Field(min_length=1, max_length=10_000)
+    unlisted: Probability = 0.02
+    room_types: dict[str, RoomTypePrior] = Field(default_factory=dict)
+    objects: dict[str, dict[str, Probability]] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _says_something(self) -> Self:
+        if not self.room_types and not self.objects:
+            raise ValueError("expected room_types, objects or both, found neither")
+        return self
+
+
+class PriorTableConfig(ModelConfig):
+    """Presence of each class by a table that a language model or a person wrote.
+
+    Attributes:
+        table: path of its JSON; empty for the one that is shipped, which we wrote by hand.
+        temper: exponent on what each object says of the type of its room.
+    """
+
+    family: Literal["prior-table"] = "prior-table"
+    table: str = ""
+    temper: float = Field(default=0.5, gt=0, le=1)
+
+
+class PriorTableModel(PresenceOdds):
+    """A score from a table of what somebody thinks.
+
+    Attributes:
+        of_type: `[L, C]` P(c | type), L the common room labels.
+        weight: `[L]` how usual a type is, 0 for one that is not listed.
+        of_object: `[C, C]` P(column | row).
+        listed: `[C]` whether the table has the row.
+    """
+
+    of_type: torch.Tensor
+    weight: torch.Tensor
+    of_object: torch.Tensor
+    listed: torch.Tensor
+
+    config: PriorTableConfig
+
+    def __init__(self, config: PriorTableConfig, inputs: ModelInputs) -> None:
+        super().__init__(config, inputs)
+        labels, classes = len(list_room_labels()), inputs.classes
+        self.register_buffer("of_type", torch.full((labels, classes), 0.5, dtype=torch.float64))
+        self.register_buffer("weight", torch.zeros(labels, dtype=torch.float64))
+        self.register_buffer("of_object", torch.full((classes, classes), 0.5, dtype=torch.float64))
+        self.register_buffer("listed", torch.zeros(classes, dtype=torch.bool))
+
+    def read_knowledge(self, classes: tuple[str, ...]) -> None:
+        """Read the table of the configuration."""
+        table = read_prior_table(self.config.table, classes)
+        place = {name: i for i, name in enumerate(classes)}
+        labels = list_room_labels()
+        of_type = np.full(self.of_type.shape, table.unlisted)
+        weight, of_object = np.zeros(len(labels)), np.full(self.of_object.shape, table.unlisted)
+        for label, prior in table.room_types.items():
+            weight[labels.index(label)] = prior.weight
+            _fill(of_type[labels.index(label)], prior.presence, place)
+        for name, presence in table.objects.items():
+            if name in place:
+                _fill(of_object[place[name]], presence, place)
+        self.of_type.copy_(torch.from_numpy(np.clip(of_type, _LEAST, 1 - _LEAST)))
+        self.weight.copy_(torch.from_numpy(weight / max(weight.sum(), 1e-300)))
+        self.of_object.copy_(torch.from_numpy(np.clip(of_object, _LEAST, 1 - _LEAST)))
+        self.listed.copy_(torch.tensor([name in table.objects for name in classes]))
+
+    def score(self, seen: Observation) -> Floats:
+        """Return what the types and the objects say, added."""
+        said = np.stack([self._score_types(seen), self._score_objects(seen)])
+        silent = np.isnan(said).all(axis=0)
+        return np.where(silent, np.nan, np.nan_to_num(said, nan=0.0).sum(axis=0))
+
+    def _score_types(self, seen: Observation) -> Floats:
+        """Return log odds given what is known of the type, less those of any room, `[N, C]`."""
+        weight = to_array(self.weight)
+        types = np.flatnonzero(weight)
+        if not len(types):
+            return np.full(seen.inputs.shape, np.nan)
+        table, weight = to_array(self.of_type)[types], weight[types]
+        told, known = self._told_types(seen, types)
+        visible = seen.inputs > 0
+        looked = np.where(visible, 0.0, 1 - seen.cell_share)
+        log_here, log_gone = np.log(table), np.log1p(-table)
+        total = visible @ log_here.T + looked @ log_gone.T
+        scores = np.empty(seen.inputs.shape)
+        for c in range(table.shape[1]):  # what was seen of the class itself does not count
+            own = visible[:, [c]] * log_here[:, c] + looked[:, [c]] * log_gone[:, c]
+            with np.errstate(divide="ignore"):
+                log_type = np.log(told) + self.config.temper * (total - own)
+            log_type -= logsumexp(log_type, axis=1, keepdims=True)
+            scores[:, c] = logit(np.exp(log_type) @ table[:, c]) - logit(weight @ table[:, c])
+        scores[~known & ~seen.looked_into] = np.nan
+        return scores
+
+    def _told_types(self, seen: Observation, types: Ints) -> tuple[Floats, Bools]:
+        """Return how probable the types are before objects, `[N, T]`, and where that was told."""
+        weight = np.broadcast_to(to_array(self.weight)[types], (len(seen.inputs), len(types)))
+        surroundings = getattr(seen, "surroundings", None)
+        if surroundings is None:
+            return weight, np.zeros(len(seen.inputs), dtype=bool)
+        labels = surroundings.labels[:, types].astype(np.float64)
+        total = labels.sum(axis=1, keepdims=True)
+        known = total[:, 0] > 0
+        return np.where(total > 0, labels / np.where(total > 0, total, 1.0), weight), known
+
+    def _score_objects(self, seen: Observation) -> Floats:
+        """Return the mean of what the other visible classes say, `[N, C]`."""
+        listed, log_odds = to_array(self.listed) > 0, logit(to_array(self.of_object))
+        if not listed.any():
+            return np.full(seen.inputs.shape, np.nan)
+        usual = logit(to_array(self.of_object)[listed].mean(axis=0))
+        table = np.where(listed[:, None], log_odds - usual, np.nan)
+        return average_others(seen.inputs > 0, table)
+
+
+def read_prior_table(path: str, classes: tuple[str, ...]) -> PriorTable:
+    """Read a table, and prove that it speaks of known rooms and classes.
+
+    Args:
+        path: of the JSON; empty for the one that is shipped.
+        classes: `[C]` of the dataset. Classes of a published space that it lacks are allowed.
+
+    Raises:
+        ConfigError: naming the file, the entry, what is wrong, and the nearest name.
+    """
+    name, data = path or f"mappings/{HAND_TABLE}", _read_bytes(path)
+    try:
+        table = PriorTable.model_validate_json(data, strict=True)
+    except ValidationError as error:
+        raise ConfigError(
+            f"{name}: {name_fault(error)}; docs/prior-table.md has the format"
+        ) from error
+    spaces = (load_class_space(space).classes for space in list_class_spaces())
+    known = sorted({*classes, *(one for space in spaces for one in space)})
+    named = {f"objects.{one}": one for one in table.objects}
+    for where, presence in _presences(table):
+        named |= {f"{where}.{one}": one for one in presence}
+    for where, one in named.items():
+        _require(one, known, where=f"{name}: {where}", what="class")
+    for label in table.room_types:
+        _require(label, list_room_labels(), where=f"{name}: room_types.{label}", what="room label")
+    return table
+
+
+def _presences(table: PriorTable) -> list[tuple[str, dict[str, float]]]:
+    """Return where each probability of a class stands, and the probabilities."""
+    rooms = [
+        (f"room_types.{label}.presence", one.presence) for label, one in table.room_types.items()
+    ]
+    return rooms + [(f"objects.{one}", presence) for one, presence in table.objects.items()]
+
+
+def _read_bytes(path: str) -> bytes:
+    if not path:
+        try:
+            return read_published(HAND_TABLE)
+        except ClassMapError as error:
+            raise ConfigError(str(error)) from error
+    try:
+        if Path(path).stat().st_size > _MOST_BYTES:
+            raise ConfigError(f"{path}: expected a prior table below {_MOST_BYTES:,} bytes")
+        return Path(path).read_bytes()
+    except OSError as error:
+        raise ConfigError(
+            f"{path}: cannot be read ({error.strerror}); model.table is its path"
+        ) from error
+
+
+def _require(name: str, known: tuple[str, ...] | list[str], *, where: str, what: str) -> None:
+    if name not in known:
+        near = difflib.get_close_matches(name, known, n=3)
+        hint = f"did you mean {', '.join(near)}?" if near else "docs/prior-table.md lists them"
+        raise ConfigError(f"{where}: {name!r} is no {what}; {hint}")
+
+
+def _fill(row: Floats, presence: dict[str, float], place: dict[str, int]) -> None:
+    for name, probability in presence.items():
+        if name in place:
+            row[place[name]] = probability
+
+
+PRIOR_TABLE = ZooRow(PriorTableConfig(), PriorTableModel, data=VARIED)

@@ -1,0 +1,83 @@
+"""`bsg-models`: the models that are shipped, and those of the hub."""
+
+from __future__ import annotations
+
+import click
+
+import bsg_models
+from bsg_cli.options import complete_model, json_option, version_option
+from bsg_cli.terminal import Command, CommandGroup, print_json, print_note
+from bsg_data.tables import format_text
+
+
+@click.group("bsg-models", cls=CommandGroup)
+@version_option()
+def main() -> None:
+    """Say which models are shipped, what each is, and fetch others from the hub.
+
+    \b
+    Example:
+      bsg-models list
+      bsg-models show universal
+    """
+
+
+@main.command("list", cls=Command)
+@json_option
+def list_models(as_json: bool) -> None:
+    """List the shipped models.
+
+    \b
+    Example:
+      bsg-models list
+    """
+    models = bsg_models.list_shipped()
+    if as_json:
+        print_json([model.model_dump(mode="json", exclude={"card", "config"}) for model in models])
+        return
+    if not models:
+        print_note("no models are shipped with this build")
+        return
+    header = ("name", "classes", "MB", "trained on", "licence", "for")
+    rows = [
+        (m.name, m.classes, f"{m.bytes / 1e6:.1f}", m.data, m.licence, m.purpose) for m in models
+    ]
+    click.echo(format_text(rows, header=header))
+
+
+@main.command(cls=Command)
+@click.argument("name", metavar="NAME|FOLDER|HUB-ID", shell_complete=complete_model)
+@json_option
+def show(name: str, as_json: bool) -> None:
+    """Show the card of a model, and what its checkpoint says.
+
+    \b
+    Example:
+      bsg-models show universal
+    """
+    model = bsg_models.summarise_model(name)
+    if as_json:
+        print_json(model.model_dump(mode="json"))
+        return
+    facts = [
+        ("name", f"{model.name} ({model.kind})"),
+        ("model of the zoo", model.zoo_name),
+        ("classes", f"{model.classes} of {model.class_space} ({model.class_space_sha256})"),
+        ("bytes", f"{model.bytes:,}"),
+        ("sha256", model.sha256),
+    ]
+    click.echo(model.card.rstrip() + "\n")
+    click.echo(format_text(facts, header=("checkpoint", "")))
+
+
+@main.command(cls=Command)
+@click.argument("name", metavar="OWNER/NAME")
+def download(name: str) -> None:
+    """Fetch a model from the Hugging Face hub; nothing else here uses a network.
+
+    \b
+    Example:
+      bsg-models download somebody/their-rooms
+    """
+    path = bsg_models.download(name)
+    click.echo(f"{name} is here now: bsg-belief graph.json --model {name} ({path})")

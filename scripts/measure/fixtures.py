@@ -1,0 +1,135 @@
+"""Measure what models say of a second one: P(another | a room shows exactly one) beside the truth.
+
+    python scripts/measure/fixtures.py --leaderboard leaderboard --out docs/results/fixtures.md
+
+A kitchen that shows a refrigerator seldom hides a second one; a bedroom that shows a nightstand
+often does. Under uniform masks, over all rooms that show exactly one of the class.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from datetime import date
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from bsg_data.errors import DatasetError
+from bsg_models.evaluation.bootstrap import Bootstrap, Estimate
+from bsg_models.evaluation.tallies import tally_second
+from bsg_models.studies.fold_models import list_models, measure_masks, open_dataset
+from bsg_models.studies.results_page import (
+    ResultsPage,
+    ResultsTable,
+    describe,
+    format_estimate,
+    write_page,
+)
+
+SINGLE = (
+    "refrigerator",
+    "tv",
+    "bathtub",
+    "toilet",
+    "dishwasher",
+    "microwave",
+    "stove",
+    "washing machine",
+)
+PAIRS = ("nightstand", "pillow")
+MASK = "uniform"
+
+
+def tabulate(found: dict[str, Bootstrap], classes: Sequence[str]) -> ResultsTable:
+    """Return a row a class: the rooms, what is true, and what each model says, in per cent."""
+    first = next(iter(found.values()))
+    rows = []
+    for name in classes:
+        true = format_estimate(scale(first, f"true/{name}"), digits=0)
+        said = [f"{100 * one.point[f'said/{name}']:.0f}" for one in found.values()]
+        rows.append((name, str(first.nodes[f"true/{name}"]), true, *said))
+    header = ("class", "rooms", "true", *(f"`{name}`" for name in found))
+    reading = (
+        "P(at least one more is hidden), in per cent, over all rooms and masks that show exactly "
+        "one; the interval of the truth is over buildings."
+    )
+    return ResultsTable(
+        "Single fixtures, and things that come in pairs", header, tuple(rows), reading
+    )
+
+
+def scale(one: Bootstrap, name: str) -> Estimate:
+    """Return a share in per cent, with its interval."""
+    scaled = Bootstrap(
+        {name: 100 * one.point[name]}, {name: 100 * one.resampled[name]}, {name: one.nodes[name]}
+    )
+    return scaled.estimate(name)
+
+
+def conclude(found: dict[str, Bootstrap], classes: Sequence[str]) -> tuple[str, ...]:
+    """Return how far each model is from the truth, single fixtures apart from pairs."""
+    sentences = []
+    for what, some in (("single fixtures", SINGLE), ("things that come in pairs", PAIRS)):
+        known = [name for name in some if name in classes]
+        if known:
+            far = {
+                model: np.mean(
+                    [abs(one.point[f"said/{c}"] - one.point[f"true/{c}"]) for c in known]
+                )
+                for model, one in found.items()
+            }
+            best = min(far, key=lambda model: far[model])
+            others = ", ".join(f"`{m}` {100 * v:.1f}" for m, v in far.items() if m != best)
+            sentences.append(
+                f"Of {what}, `{best}` is nearest to the truth: {100 * far[best]:.1f} points off in "
+                f"the mean over classes{'; ' + others if others else ''}."
+            )
+    return tuple(sentences)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Measure, and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--leaderboard", type=Path, required=True, help="folder of bsg-leaderboard")
+    parser.add_argument("--out", type=Path, required=True, help="page to write")
+    parser.add_argument("--models", nargs="*", help="NAME@MASK; default: those of all masks")
+    parser.add_argument("--draws", type=int, default=5, help="masks of every building")
+    parser.add_argument("--resamples", type=int, default=1000)
+    options = parser.parse_args(argv)
+    names = options.models or list_models(options.leaderboard)
+    data = open_dataset(options.leaderboard, names[0])
+    space = data.manifest.class_space.classes
+    classes = {name: space.index(name) for name in (*SINGLE, *PAIRS) if name in space}
+    if not classes:
+        raise DatasetError(f"{data.path}: its class space has none of {', '.join(SINGLE)}")
+    found = {
+        name: measure_masks(
+            options.leaderboard,
+            name,
+            partial(tally_second, classes=classes),
+            masks=(MASK,),
+            draws=options.draws,
+            resamples=options.resamples,
+            by_fold=False,
+        )[MASK]
+        for name in names
+    }
+    nodes = next(iter(found.values())).nodes
+    shown = [name for name in classes if nodes[f"true/{name}"]]
+    if not shown:
+        raise DatasetError(f"{data.path}: no room shows exactly one of {', '.join(classes)}")
+    page = ResultsPage(
+        "Is there another one?",
+        conclude(found, shown),
+        (tabulate(found, shown),),
+        describe(data, [__file__, *(argv or sys.argv[1:])], date=date.today().isoformat()),
+    )
+    write_page(page, options.out)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,141 @@
+"""Write the leaderboard of the docs from a finished one.
+
+    bsg-leaderboard --data hm3d --masks uniform,rooms,explore --out board
+    python scripts/measure/leaderboard.py --leaderboard board --out docs/results/leaderboard.md
+
+It reads `leaderboard.json`, and trains and measures nothing.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.errors import DatasetError
+from bsg_models.studies.leaderboard import DATASET
+from bsg_models.studies.leaderboard_report import REPORT
+from bsg_models.studies.results_page import ResultsPage, ResultsTable, describe, write_page
+
+RANKED_BY = "rooms/hidden_nll"
+COLUMNS = {
+    "NLL ↓": RANKED_BY,
+    "AUROC macro ↑": "rooms/presence_auroc_macro/all",
+    "AUROC micro ↑": "rooms/presence_auroc_micro/all",
+    "AUROC unseen ↑": "rooms/presence_auroc_macro/unseen",
+    "calibration error ↓": "rooms/presence_calibration_error/all",
+}
+
+
+def read_board(path: Path) -> dict[str, Any]:
+    """Return a leaderboard's JSON.
+
+    Raises:
+        DatasetError: if it is missing or no leaderboard.
+    """
+    try:
+        board = json.loads(path.read_text("utf-8"))
+        masks = {
+            mask: {name: one["metrics"][RANKED_BY]["value"] for name, one in models.items()}
+            for mask, models in board["masks"].items()
+        }
+        if not masks or not all(masks.values()):
+            raise KeyError("masks")
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise DatasetError(
+            f"{path}: expected a leaderboard's JSON, found none ({error!r}); run `bsg-leaderboard`"
+        ) from error
+    return dict(board)
+
+
+def write_cell(value: dict[str, float | None] | None, *, digits: int = 4) -> str:
+    """Return a value and half of its interval; – where there is none."""
+    if value is None or value["value"] is None:
+        return "–"
+    low, high = value.get("low"), value.get("high")
+    text = f"{value['value']:.{digits}f}"
+    return text if low is None or high is None else f"{text} ± {(high - low) / 2:.1g}"
+
+
+def tabulate(mask: str, models: dict[str, Any]) -> ResultsTable:
+    """Return the models under a mask, the best first."""
+    ranked = sorted(models, key=lambda name: models[name]["metrics"][RANKED_BY]["value"])
+    rows = []
+    for name in ranked:
+        one = models[name]
+        cells = [write_cell(one["metrics"].get(metric)) for metric in COLUMNS.values()]
+        ratio = write_cell(one.get("nll_over_gamma_poisson"), digits=3)
+        gap = one.get("nll_minus_best")
+        behind = "best" if name == ranked[0] else write_difference(gap)
+        rows.append((f"`{name}`", cells[0], behind, ratio, *cells[1:], f"{one['seconds']:.0f}"))
+    first, *others = COLUMNS
+    header = ("model", first, "behind the best", "÷ gamma-poisson", *others, "training, s")
+    return ResultsTable(f"Masks: {mask}", header, tuple(rows))
+
+
+def write_difference(gap: dict[str, float | None] | None) -> str:
+    """Return a paired difference with its interval."""
+    if gap is None or gap["value"] is None:
+        return "–"
+    if gap["low"] is None:
+        return f"{gap['value']:+.4f}"
+    return f"{gap['value']:+.4f} ({gap['low']:+.4f} to {gap['high']:+.4f})"
+
+
+def conclude(board: dict[str, Any]) -> tuple[str, ...]:
+    """Return the best model under each mask, and which are not told from it."""
+    sentences = []
+    for mask, models in board["masks"].items():
+        best = min(models, key=lambda name: models[name]["metrics"][RANKED_BY]["value"])
+        level = [
+            name
+            for name, one in models.items()
+            if name != best
+            and (gap := one.get("nll_minus_best"))
+            and gap["low"] is not None
+            and gap["low"] <= 0
+        ]
+        also = f"; {', '.join(f'`{n}`' for n in level)} cannot be told from it" if level else ""
+        nll = models[best]["metrics"][RANKED_BY]["value"]
+        sentences.append(
+            f"- Under `{mask}` masks `{best}` has the least hidden NLL, {nll:.4f}{also}."
+        )
+    recipe = board["recipe"]
+    how = (
+        f"{recipe['folds']} folds by building, {recipe['draws']} masks of every test building that "
+        f"hide {100 * recipe['fraction']:g} %, seed {recipe['seed']}. Means over the folds; ± is "
+        "half the 95 % interval over buildings, differences are paired. "
+        "[Evaluation](../evaluation.md) says what the metrics are."
+    )
+    return "\n".join(sentences), how
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Read, and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--leaderboard", type=Path, required=True, help="folder of bsg-leaderboard")
+    parser.add_argument("--out", type=Path, required=True, help="page to write")
+    options = parser.parse_args(argv)
+    board = read_board(options.leaderboard / REPORT)
+    mask = next(iter(board["masks"]))
+    page = ResultsPage(
+        "Leaderboard",
+        conclude(board),
+        tuple(tabulate(mask, models) for mask, models in board["masks"].items()),
+        describe(
+            Dataset.open(options.leaderboard / mask / DATASET),
+            [__file__, *(argv or sys.argv[1:])],
+            date=date.today().isoformat(),
+        ),
+    )
+    write_page(page, options.out)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,122 @@
+"""Measure what floor area and room label tell of rooms that nobody entered.
+
+    python scripts/measure/room_size.py --leaderboard board --out docs/results/room_size.md
+
+Every model that reads them is asked about the same unvisited rooms twice: told the area (or the
+label), and not told. Rooms whose area (or label) is not known are left out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from datetime import date
+from pathlib import Path
+
+from bsg_data.errors import DatasetError
+from bsg_models.evaluation.bootstrap import Bootstrap, bootstrap
+from bsg_models.evaluation.tallies import tally_surroundings
+from bsg_models.studies.fold_models import (
+    list_models,
+    mask_of,
+    measure_models,
+    open_dataset,
+    open_folds,
+)
+from bsg_models.studies.results_page import (
+    ResultsPage,
+    ResultsTable,
+    describe,
+    format_estimate,
+    is_told_apart,
+    write_page,
+)
+
+EVIDENCE = {"floor_area": "floor area", "labels": "room label"}
+MASK = "rooms"
+
+
+def tabulate(found: dict[str, dict[str, Bootstrap]], evidence: str) -> ResultsTable:
+    """Return the loss with and without one piece of evidence, a row a model."""
+    rows = []
+    for name, by_told in found.items():
+        given, withheld = by_told["everything"], by_told[evidence]
+        rows.append(
+            (
+                f"`{name}`",
+                f"{given.point[evidence]:.4f}",
+                f"{withheld.point[evidence]:.4f}",
+                format_estimate(given.difference(withheld, evidence), signed=True),
+            )
+        )
+    number = next(iter(found.values()))["everything"].nodes[evidence]
+    what = EVIDENCE[evidence]
+    reading = (
+        f"Log-loss of presence, mean over {number:,} (room, class, mask) cells of unvisited rooms "
+        f"whose {what} is known; the difference is paired, with its 95 % interval over buildings, "
+        "and less than 0 is what it tells."
+    )
+    header = ("model", f"{what} given", "withheld", "difference")
+    return ResultsTable(what.capitalize(), header, tuple(rows), reading)
+
+
+def conclude(found: dict[str, dict[str, Bootstrap]], known: Sequence[str]) -> tuple[str, ...]:
+    """Return which models gain by which evidence."""
+    sentences = []
+    for evidence in known:
+        gains = {}
+        for name, by_told in found.items():
+            gap = by_told["everything"].difference(by_told[evidence], evidence)
+            if is_told_apart(gap) and gap.value < 0:
+                gains[name] = -gap.value
+        by = ", ".join(f"`{name}` by {gain:.4f}" for name, gain in gains.items())
+        sentences.append(
+            f"{EVIDENCE[evidence].capitalize()} improves "
+            + (f"{by} of log-loss in unvisited rooms." if by else "no model by more than chance.")
+        )
+    return tuple(sentences)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Measure, and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--leaderboard", type=Path, required=True, help="folder of bsg-leaderboard")
+    parser.add_argument("--out", type=Path, required=True, help="page to write")
+    parser.add_argument("--models", nargs="*", help="NAME@MASK; default: all")
+    parser.add_argument("--draws", type=int, default=5, help="masks of every building")
+    parser.add_argument("--resamples", type=int, default=1000)
+    options = parser.parse_args(argv)
+    board = options.leaderboard
+    found: dict[str, dict[str, Bootstrap]] = {}
+    for name in options.models or list_models(board):
+        found[name] = {
+            told: bootstrap(
+                measure_models(
+                    open_folds(board, name),
+                    tally_surroundings,
+                    mask=mask_of(board, name, MASK),
+                    draws=options.draws,
+                    without=() if told == "everything" else (told,),
+                ),
+                resamples=options.resamples,
+            )
+            for told in ("everything", *EVIDENCE)
+        }
+    nodes = next(iter(found.values()))["everything"].nodes
+    known = [evidence for evidence in EVIDENCE if nodes[evidence]]
+    if not known:
+        raise DatasetError(f"{board}: no unvisited room has a known floor area or room label")
+    data = open_dataset(board, next(iter(found)))
+    page = ResultsPage(
+        "What a room's size and name tell of what is in it",
+        conclude(found, known),
+        tuple(tabulate(found, evidence) for evidence in known),
+        describe(data, [__file__, *(argv or sys.argv[1:])], date=date.today().isoformat()),
+    )
+    write_page(page, options.out)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,112 @@
+"""Buildings that are put into weights are found there; an attack finds those that are known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from bsg_data.arrays import Floats
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.observation.masked_buildings import MaskedBuildings, sample_masked
+from bsg_data.observation.observation import Observation
+from bsg_data.recipes import MaskRecipe
+from bsg_models.belief.count_distribution import poisson
+from bsg_models.belief.expectation import Expectation, from_hidden_counts
+from bsg_models.runs.checkpoint import load_checkpoint, save_checkpoint
+from bsg_models.runs.disclosure import find_disclosed, measure_membership
+from bsg_models.zoo.model import BeliefModel, ModelInputs
+from bsg_models.zoo.settings import ModelConfig
+
+
+def change(path: Path, *, header: dict[str, Any] | None = None, **tensors: torch.Tensor) -> None:
+    """Write a checkpoint again, with other fields and more tensors."""
+    old = load_checkpoint(path)
+    save_checkpoint(path, old.header.model_copy(update=header or {}), {**old.tensors, **tensors})
+
+
+def test_a_model_that_counts_discloses_nothing(dataset: Path, run: Path) -> None:
+    found = find_disclosed(run / "best.safetensors", Dataset.open(dataset))
+    assert found.faults == ()
+    assert found.scenes == 12
+    assert "none of it was found" in str(found)
+
+
+def test_rows_of_buildings_are_found(dataset: Path, run: Path) -> None:
+    data, path = Dataset.open(dataset), run / "best.safetensors"
+    room = data.cells(data.scene_ids[0])[1]
+    change(
+        path,
+        per_scene=torch.zeros(3, len(data.splits["train"])),
+        copied=torch.stack([torch.ones(45).double(), torch.tensor(room / 4)]),
+    )
+    faults = " ".join(find_disclosed(path, data).faults)
+    assert "per_scene (3, 10) has a place for each of 10 training buildings" in faults
+    assert "copied has 1 rows that are the histogram of a room" in faults
+
+
+def test_words_that_name_a_building_are_found(dataset: Path, run: Path) -> None:
+    data, path = Dataset.open(dataset), run / "best.safetensors"
+    train = data.splits["train"]
+    hash_of_one = train[0].partition("-")[2]
+    change(path, header={"vocabulary": ("wall", "towel rail", hash_of_one)})
+    found = find_disclosed(path, data)
+    assert f"its header names the building {hash_of_one}" in found.faults
+    assert "2 categories are in fewer than 4 training buildings" in " ".join(found.faults)
+    assert found.least_scenes == 0
+    change(path, header={"vocabulary": ("floor", "wall")})
+    found = find_disclosed(path, data)
+    assert found.faults == ()
+    assert found.least_scenes == len(train)  # a wall is in every building
+
+
+class Knowing(BeliefModel):
+    """A model that knows some buildings by heart, and of others expects one of each class."""
+
+    def __init__(self, known: dict[str, Floats]) -> None:
+        super().__init__(ModelConfig(family="knowing"), ModelInputs(classes=45))
+        self._known = known
+
+    def predict(self, seen: Observation) -> Expectation:
+        """Return what is hidden, where it is known."""
+        parts = [
+            self._known.get(scene, np.ones((stop - start, 45)))
+            for scene, start, stop in zip(
+                seen.scene_ids, seen.starts, seen.starts[1:], strict=False
+            )
+        ]
+        return from_hidden_counts(seen.inputs.astype(float), poisson(np.concatenate(parts)))
+
+
+def masked(data: Dataset, scenes: tuple[str, ...]) -> MaskedBuildings:
+    return sample_masked(data, scenes, mask=MaskRecipe(), draw=0)
+
+
+def test_the_attack_tells_what_is_known_by_heart(dataset: Path) -> None:
+    data = Dataset.open(dataset)
+    inside, outside = data.scene_ids[:8], data.scene_ids[8:]
+    ours = masked(data, inside)
+    hidden = np.maximum(ours.hidden, 1e-3).astype(float)
+    known = {
+        scene: hidden[start:stop]
+        for scene, start, stop in zip(inside, ours.seen.starts, ours.seen.starts[1:], strict=False)
+    }
+    found = measure_membership(Knowing(known), ours, masked(data, outside))
+    assert found.auc == 1
+    assert found.inside < found.outside
+    assert found.buildings == (8, 4)
+    assert found.error == pytest.approx(np.sqrt(13 / (12 * 32)))  # by hand
+
+
+def test_the_attack_guesses_where_nothing_is_known(dataset: Path) -> None:
+    data = Dataset.open(dataset)
+    both = masked(data, data.scene_ids)
+    found = measure_membership(Knowing({}), both, both)
+    assert found.auc == 0.5
+    assert found.inside == found.outside
+    again = replace(both, draws=both.draws + 1)  # a building counts once, whatever its draws
+    assert measure_membership(Knowing({}), both, again).buildings == (12, 12)

@@ -1,0 +1,96 @@
+"""What is shipped is what was shipped: names, hashes, cards, and that each of them answers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import REPOSITORY
+
+from bsg_data.errors import RecipeError
+from bsg_data.observation.robot_json import read_robot_graph
+from bsg_data.scene.class_map import map_into
+from bsg_models.errors import CheckpointError
+from bsg_models.runs import shipped as shipped_module
+from bsg_models.runs.model_summary import summarise_model
+from bsg_models.runs.predictor import Predictor
+from bsg_models.runs.shipped import (
+    DEFAULT_MODEL,
+    encode_sums,
+    find_shipped,
+    hash_of_shipped,
+    read_shipped_card,
+    read_sums,
+    shipped_names,
+    weights_folder,
+)
+
+# Weights never change under their name: a new training is a new line here.
+PUBLISHED: dict[str, str] = {}
+
+
+def test_published_weights_never_change() -> None:
+    assert {name: hash_of_shipped(name) for name in shipped_names()} == PUBLISHED
+
+
+def test_the_folder_holds_what_is_listed_and_nothing_else() -> None:
+    held = {
+        path.name for path in weights_folder().iterdir() if path.suffix in (".md", ".safetensors")
+    }
+    assert held == set(read_sums(weights_folder()))
+
+
+@pytest.mark.parametrize("name", sorted(PUBLISHED))
+def test_a_shipped_model_answers_and_has_a_card(name: str) -> None:
+    predictor = Predictor(name)
+    office = REPOSITORY / "docs" / "office.json"
+    graph = read_robot_graph(office, class_map=map_into(predictor.class_space.name))
+    presence = predictor(graph).presence
+    assert presence.shape == (4, len(predictor.classes))
+    assert np.isfinite(presence).all()
+    summary = summarise_model(name)
+    assert summary.name == name
+    assert summary.data.startswith(tuple("123456789"))
+    assert summary.bytes < 30_000_000
+    assert "building" in summary.card
+
+
+def test_a_shipped_model_is_found_by_its_name(shipped: Path) -> None:
+    assert shipped_names() == ("universal", "other")
+    assert DEFAULT_MODEL in shipped_names()
+    assert find_shipped("other") == shipped / "other.safetensors"
+    assert read_shipped_card("other") == (shipped / "other.md").read_text("utf-8")
+    assert encode_sums(shipped, shipped_names()) == (shipped / "SHA256SUMS").read_text()
+    with pytest.raises(RecipeError, match="did you mean universal"):
+        find_shipped("universla")
+
+
+def test_a_changed_file_is_refused(shipped: Path) -> None:
+    (shipped / "other.md").write_text("another card")
+    with pytest.raises(CheckpointError, match=r"other\.md: is not what was shipped"):
+        read_shipped_card("other")
+    whole = (shipped / "other.safetensors").read_bytes()
+    (shipped / "other.safetensors").write_bytes(whole[:-1])
+    with pytest.raises(CheckpointError, match="install the package again"):
+        Predictor("other")
+    (shipped / "other.safetensors").unlink()
+    with pytest.raises(CheckpointError, match="cannot be read"):
+        find_shipped("other")
+    assert Predictor().name == "gamma-poisson"  # the default is another file
+
+
+@pytest.mark.parametrize(
+    "line", ["x  other.md", f"{'0' * 64}  ../other.md", f"{'0' * 64} other.md", "\N{SNOWMAN}"]
+)
+def test_a_damaged_list_names_the_line(shipped: Path, line: str) -> None:
+    (shipped / "SHA256SUMS").write_text(f"{'0' * 64}  a.md\n{line}\n", "utf-8")
+    with pytest.raises(CheckpointError, match="SHA256SUMS, line 2: expected a sha256"):
+        shipped_names()
+
+
+def test_a_build_without_models_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shipped_module, "weights_folder", lambda: tmp_path)
+    assert shipped_names() == ()
+    with pytest.raises(CheckpointError, match="no models are shipped with this build"):
+        Predictor()

@@ -1,0 +1,96 @@
+from __future__ import annotations
+
+import pytest
+
+from bsg_data.recipes import MaskRecipe
+from bsg_models.errors import ConfigError
+from bsg_models.studies.leaderboard_runs import (
+    LeaderboardRecipe,
+    Place,
+    fit_to,
+    plan_runs,
+    trained_on,
+)
+from bsg_models.training.training import member_config
+from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
+from bsg_models.zoo.settings import DataConfig
+
+UNIFORM = LeaderboardRecipe(masks=("uniform",))
+MIXED = ("data.mask.strategy=mixed", "data.mask.withhold=0.05")
+
+
+def configure(name: str, *settings: str) -> RunConfig:
+    tables = override(find_config(name).model_dump(mode="json"), settings)
+    return validate_config(tables, source="test")
+
+
+PAIR = configure("ensemble", 'model.members=["gamma-poisson","train-mean"]')
+
+
+def test_a_name_that_an_ensemble_needs_is_not_taken_by_another_model() -> None:
+    single, ensembles = plan_runs({"pair": PAIR}, UNIFORM)
+    assert {place.name for place in single} == {"gamma-poisson", "train-mean"}
+    assert {place.name for place in ensembles} == {"pair"}
+    seeded = configure("ensemble", 'model.members=["train-mean"]', "seed=3")
+    planned = plan_runs({"seeded": seeded}, UNIFORM).single
+    assert planned[Place("uniform", "train-mean")].seed == 3
+    with pytest.raises(ConfigError, match="with its own seed"):
+        plan_runs({"seeded": seeded, "train-mean": find_config("train-mean")}, UNIFORM)
+    taken = {"pair": PAIR, "train-mean": find_config("input")}
+    with pytest.raises(ConfigError, match="needs the zoo's train-mean"):
+        plan_runs(taken, UNIFORM)
+
+
+def test_every_model_has_a_place_for_each_kind_of_mask_or_one_of_its_own() -> None:
+    models = {
+        "ceci-sage": find_config("ceci-sage"),
+        "any": configure("ceci-sage", *MIXED),
+        "mixture": find_config("mixture"),
+        "ensemble": configure("ensemble", 'model.members=["mixture","ceci-sage"]', *MIXED),
+    }
+    runs = plan_runs(models, LeaderboardRecipe(masks=("uniform", "explore")))
+    assert set(runs.single) == {
+        Place("uniform", "ceci-sage"),
+        Place("explore", "ceci-sage"),
+        Place("uniform", "mixture"),
+        Place("explore", "mixture"),
+        Place("mixed", "any"),
+        Place("mixed", "mixture"),  # of the ensemble
+        Place("mixed", "ceci-sage"),
+    }
+    assert set(runs.ensembles) == {Place("mixed", "ensemble")}
+    assert set(runs.masks) == {"uniform", "explore", "mixed"}
+    assert [trained_on(models["any"], mask) for mask in ("uniform", "mixed")] == ["mixed"] * 2
+
+
+def test_a_run_that_an_ensemble_needs_and_the_leaderboard_has_is_one() -> None:
+    """The member is trained on the mask of the ensemble, as the model of the same name is."""
+    trained = configure("ceci-sage", *MIXED)
+    ensemble = configure("ensemble", 'model.members=["ceci-sage"]', *MIXED)
+    runs = plan_runs({"ceci-sage": trained, "one": ensemble}, UNIFORM)
+    assert runs.single == {Place("mixed", "ceci-sage"): trained}
+    recipe = LeaderboardRecipe(seed=7)
+    fitted = fit_to(ensemble, recipe, mask="mixed", fold=1)
+    assert member_config(fitted, "ceci-sage") == fit_to(trained, recipe, mask="mixed", fold=1)
+
+
+def test_a_leaderboard_of_mixed_masks_refuses_two_kinds_of_them_in_one_place() -> None:
+    mixed = LeaderboardRecipe(masks=("mixed",))
+    ensemble = configure("ensemble", 'model.members=["mixture"]', *MIXED)
+    with pytest.raises(ConfigError, match="trained on mixed masks, and another configuration"):
+        plan_runs({"mixture": find_config("mixture"), "one": ensemble}, mixed)
+    plain = configure("ensemble", 'model.members=["mixture"]', MIXED[0])
+    assert len(plan_runs({"mixture": find_config("mixture"), "one": plain}, mixed).single) == 1
+
+
+def test_the_leaderboard_sets_the_mask_of_those_that_have_none() -> None:
+    recipe = LeaderboardRecipe(fraction=0.3, seed=7)
+    fitted = fit_to(find_config("ceci-sage"), recipe, mask="rooms", fold=2)
+    assert fitted.data.mask == MaskRecipe(strategy="rooms", fraction=0.3, seed=7)
+    assert (fitted.data.fold, fitted.seed) == (2, 7)
+    own = fit_to(configure("ceci-sage", *MIXED, "data.mask.seed=1"), recipe, mask="rooms", fold=2)
+    assert own.data.mask == MaskRecipe(strategy="mixed", withhold=0.05, seed=8)
+    # Its checkpoint is read again: what a search withholds is in the mask then.
+    searching = fit_to(find_config("search-sage"), recipe, mask="rooms", fold=0).data
+    assert searching.mask.withhold == find_config("search-sage").data.withhold
+    assert DataConfig.model_validate(searching.model_dump()) == searching

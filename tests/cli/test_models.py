@@ -1,0 +1,55 @@
+"""`bsg-models`: what is shipped, and what a model is."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from bsg_cli.models import main
+from bsg_models.runs import shipped as shipped_module
+
+
+def call(*words: object) -> Result:
+    return CliRunner().invoke(main, [str(word) for word in words])
+
+
+@pytest.mark.usefixtures("shipped")
+def test_models_are_listed_and_shown() -> None:
+    listed = call("list")
+    assert listed.exit_code == 0, listed.output
+    assert "universal" in listed.stdout
+    assert "12 buildings of synthetic" in listed.stdout
+    rows = json.loads(call("list", "--json").stdout)
+    assert [row["name"] for row in rows] == ["universal", "other"]
+    shown = call("show", "other")
+    assert "## What it cannot do" in shown.stdout
+    assert rows[1]["sha256"] in shown.stdout
+    assert json.loads(call("show", "other", "--json").stdout)["config"]["name"] == "gamma-poisson"
+
+
+def test_a_run_is_shown_too(run: Path) -> None:
+    assert "Nobody said" in call("show", run).stdout
+
+
+@pytest.mark.usefixtures("shipped")
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("show", "othr"), "did you mean other?"),
+        (("download", "rooms"), "is no OWNER/NAME"),
+        (("show", "owner/rooms"), "bsg-models download owner/rooms"),
+    ],
+)
+def test_what_is_not_there_is_said(words: tuple[str, ...], said: str) -> None:
+    done = call(*words)
+    assert done.exit_code == 1
+    assert said in done.stderr
+
+
+def test_a_build_without_models_lists_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shipped_module, "weights_folder", lambda: tmp_path)
+    assert "no models are shipped with this build" in call("list").stderr
+    assert json.loads(call("list", "--json").stdout) == []

@@ -1,0 +1,1 @@
+"""Shipped models: data files only; `bsg_models.runs.shipped` finds them."""
