@@ -16,6 +16,7 @@ import shutil
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
+from datetime import date
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -36,6 +37,7 @@ from bsg_models.evaluation.measurement import (
 from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import BEST, METRICS
+from bsg_models.studies.results_page import ResultsPage, describe, write_page
 from bsg_models.training.learning_curve import read_metrics
 from bsg_models.training.training import train_run
 from bsg_models.zoo.catalogue import BASELINES, ZOO
@@ -165,6 +167,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, required=True, help="dataset of bsg-data build")
     parser.add_argument("--out", type=Path, required=True, help="folder for runs and tables")
+    parser.add_argument("--page", type=Path, help="to write; default: reproduction.md in OUT")
     parser.add_argument("--epochs", type=int, default=600)
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--draws", type=int, default=5, help="stored masks of every building")
@@ -213,12 +216,23 @@ def main() -> int:
     ours, doubled = measured[readings[0]][1], measured["doubled"][1]
     for name in sorted(ours, key=lambda c: -ours[c]):
         lines.append(f"| {name} | {ours[name]:.2f} | {doubled[name]:.2f} |")
-    (options.out / "reproduction.md").write_text("\n".join(lines) + "\n", "utf-8")
+    page = ResultsPage(
+        "Readings of the paper's CECI",
+        (
+            f"Every reading was trained on {options.seeds} splits of the buildings; a figure is the "
+            "mean over the splits, its interval over buildings. "
+            "[Reproduction](../reproduction.md) says what they tell.",
+            "\n".join(lines),
+        ),
+        (),
+        describe(Dataset.open(options.data), sys.argv, date=date.today().isoformat()),
+    )
+    write_page(page, options.page or options.out / "reproduction.md")
     plain = {
         m: {k: [e.value, e.low, e.high, e.nodes] for k, e in v.items()} for m, v in found.items()
     }
     (options.out / "reproduction.json").write_text(json.dumps(plain, indent=1) + "\n", "utf-8")
-    print(options.out / "reproduction.md")
+    print(options.page or options.out / "reproduction.md")
     return 0
 
 

@@ -55,7 +55,7 @@ def tabulate(found: dict[str, dict[str, Bootstrap]], evidence: str) -> ResultsTa
     reading = (
         f"Log-loss of presence, mean over {number:,} (room, class, mask) cells of unvisited rooms "
         f"whose {what} is known; the difference is paired, with its 95 % interval over buildings, "
-        "and less than 0 is what it tells."
+        "and less than 0 is what it tells beside all else that is known of the room."
     )
     header = ("model", f"{what} given", "withheld", "difference")
     return ResultsTable(what.capitalize(), header, tuple(rows), reading)

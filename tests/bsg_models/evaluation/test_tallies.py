@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_data.observation.observation import Observation
 from bsg_data.scene.connections import Connections
+from bsg_data.scene.surroundings import Surroundings
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation, from_hidden_counts
 from bsg_models.evaluation.tallies import (
@@ -15,6 +18,7 @@ from bsg_models.evaluation.tallies import (
     tally_likelihood,
     tally_presence_loss,
     tally_second,
+    tally_surroundings,
     tally_views,
 )
 from bsg_models.evaluation.truth import Truth
@@ -94,6 +98,22 @@ def test_the_loss_of_presence_has_a_bound(
     none = from_hidden_counts(INPUTS.astype(float), poisson(np.zeros((4, 2))))
     added, _ = tally_presence_loss(truth, none, rooms=rooms)
     assert added[3] == pytest.approx(2 * np.log(1e6))
+
+
+def test_evidence_is_measured_in_unvisited_rooms_that_have_it(
+    case: tuple[Truth, MaskedBuildings, Expectation],
+) -> None:
+    """All rooms have an area, and the unvisited one has no label."""
+    truth, masked, found = case
+    known = Surroundings.of_rooms([9.0, 4.0, 12.0], ["kitchen", "bathroom", None])
+    told = replace(masked, seen=replace(masked.seen, surroundings=known))
+    shares = tally_surroundings(truth, told, found)
+    rooms = np.array([False, False, False, True])
+    assert shares["floor_area"][1].tolist() == [0, 0, 0, 2]
+    np.testing.assert_array_equal(
+        shares["floor_area"][0], tally_presence_loss(truth, found, rooms=rooms)[0]
+    )
+    assert not shares["labels"][1].any()
 
 
 def test_several_tallies_are_one(case: tuple[Truth, MaskedBuildings, Expectation]) -> None:
