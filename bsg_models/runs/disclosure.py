@@ -23,6 +23,7 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_models.belief.count_distribution import concatenate
 from bsg_models.runs.checkpoint import Checkpoint, load_checkpoint
+from bsg_models.zoo.construction import make_model
 from bsg_models.zoo.model import BeliefModel
 
 _LONG_ID = 8  # letters of a scene id that no other text holds by chance
@@ -169,9 +170,18 @@ def _surprises(model: BeliefModel, masked: MaskedBuildings) -> Floats:
 def _per_scene_shapes(checkpoint: Checkpoint, data: Dataset, train: Sequence[str]) -> Iterator[str]:
     """Yield the tensors with a dimension as long as the buildings or rooms are many.
 
-    A length that the classes, the vocabulary or the settings of the model explain is none.
+    A tensor that a new model has, too, in the same shape, is none: the shape follows from the
+    configuration, the classes and the vocabulary alone. Of other tensors, no length is that one of
+    these explains.
     """
     header = checkpoint.header
+    new = make_model(
+        header.config,
+        classes=len(header.class_space.classes),
+        vocabulary=header.vocabulary,
+        members=header.members,
+    )
+    shapes = {f"model.{name}": tensor.shape for name, tensor in new.state_dict().items()}
     known = {len(header.class_space.classes), len(header.vocabulary), 1}
     configs = [header.config, *header.members.values()]
     known |= {n for config in configs for n in _whole_numbers(config.model.model_dump(mode="json"))}
@@ -182,7 +192,7 @@ def _per_scene_shapes(checkpoint: Checkpoint, data: Dataset, train: Sequence[str
         sizes[nodes - len(scenes)] = f"rooms of {what}buildings"
         sizes[nodes] = f"nodes of {what}buildings"
     for name, tensor in checkpoint.tensors.items():
-        for length in tensor.shape:
+        for length in () if shapes.get(name) == tensor.shape else tensor.shape:
             if length in sizes and length not in known:
                 shape = tuple(tensor.shape)
                 yield f"{name} {shape} has a place for each of {length} {sizes[length]}"
