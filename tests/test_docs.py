@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
 import shutil
@@ -16,6 +17,9 @@ from conftest import REPOSITORY, load_script
 
 from bsg_cli.registry import COMMANDS
 from bsg_data.dataset.schema import SPLITS, TABLES, pairs_schema
+from bsg_data.dataset.splits import split_dataset
+from bsg_data.observation.pairs import write_pairs
+from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 
 DOCS = REPOSITORY / "docs"
 
@@ -149,3 +153,24 @@ def test_loading_examples_run(dataset: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert len(blocks) >= 5
     for number, block in enumerate(blocks, 1):
         exec(compile(block, f"docs/loading.md, block {number}", "exec"), {"__name__": "loading"})
+
+
+def test_the_entry_of_the_benchmark_is_measured(
+    dataset: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The very lines of docs/benchmark.md, and the command that measures what they write."""
+    split_dataset(dataset, SplitRecipe(method="folds", ratios=None, folds=5), force=True)
+    write_pairs(dataset, PairsRecipe(mask=MaskRecipe(strategy="explore"), draws=1))
+    monkeypatch.setattr("bsg_models.studies.evaluation_report.plot_evaluation", lambda *_, **__: {})
+    monkeypatch.chdir(dataset.parent)
+    text = (DOCS / "benchmark.md").read_text("utf-8")
+    (block,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    exec(compile(block, "docs/benchmark.md", "exec"), {"__name__": "entering"})
+    words = ["--predictions", "mine.parquet", "--data", "dataset", "--resamples", "0", "--json"]
+    result = CliRunner().invoke(COMMANDS["bsg-evaluate"], [*words, "--html", "page.html"])
+    assert result.exit_code == 0, result.output
+    report = json.loads((dataset.parent / "mine-evaluation" / "evaluation.json").read_text("utf-8"))
+    assert report == json.loads(result.stdout)
+    assert report["evaluator_version"] == 1
+    assert report["metrics"]["rooms/presence_brier/all"]["mine"]["nodes"] == 12 * 2 + 66
+    assert "Look into a building" not in (dataset.parent / "page.html").read_text("utf-8")

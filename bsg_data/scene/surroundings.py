@@ -28,7 +28,8 @@ EVIDENCE = ("floor_area", "labels", "building_kinds", "sources")
 
 MAX_FLOOR_AREA = 1e5  # square metres, of a room: the largest halls that are built
 RoomType = str | Mapping[str, float]  # a label, or labels with their probabilities
-Said, Read = TypeVar("Said"), TypeVar("Read")
+Said = TypeVar("Said")
+Read = TypeVar("Read")
 _NOTHING = frozenset({"", "other", "unknown"})  # words that name no kind
 _ROUNDING = 1e-6  # by which probabilities may add up to more than 1
 _MOST_LABELS = 1000  # of one room

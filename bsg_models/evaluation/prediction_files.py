@@ -31,7 +31,7 @@ from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import PredictionError
 from bsg_models.evaluation.predictions import EXPECTED, PRESENCE, TOTAL, Predictions
 
-WRITTEN = 8  # of p0, p1, … that are written
+WRITTEN = 16  # of p0, p1, … that are written
 _NAMES, _NUMBERS, _VALUES = ("scene_id", "class"), ("draw", "node_index"), (PRESENCE, EXPECTED)
 _EXACTLY = re.compile(r"p(?:0|[1-9][0-9]*)")
 _MOST_EXACTLY = 256
@@ -73,7 +73,7 @@ def write_predictions(
     *,
     masks_sha256: str,
 ) -> None:
-    """Write what is expected of masked buildings, with p0 to p7; `read_predictions` is the inverse.
+    """Write what is expected of masked buildings, with p0 to p15; see `read_predictions`.
 
     Raises:
         DatasetError: if it cannot be written.
@@ -96,7 +96,8 @@ def write_predictions(
         columns["total"] = expectation.totals.ravel()
     for count in range(WRITTEN):
         wanted = np.full(seen.inputs.shape, float(count))
-        columns[f"p{count}"] = np.exp(expectation.log_probability(wanted)).ravel()
+        chance = np.exp(expectation.log_probability(wanted))
+        columns[f"p{count}"] = chance.astype(np.float32).ravel()
     table = pa.table(columns).replace_schema_metadata({_MASKS: masks_sha256})
     with open_beside(path) as partial:
         pq.write_table(table, partial, compression="zstd")

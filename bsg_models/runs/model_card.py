@@ -42,8 +42,8 @@ _CANNOT = (
     "It predicts what is in a room, not where in the room, and nothing about people.",
     "A presence is a probability, not a finding: do not let a robot act on it where a mistake "
     "could hurt somebody.",
-    "Figures above are of buildings that were not trained on. Buildings of the training data "
-    "themselves, which are public, look better than they should: do not test it on those.",
+    "On the buildings that it was trained on, which are public, it looks better than it is: do not "
+    "test it on those.",
 )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from bsg_data.tables import format_markdown
 from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.evaluation.catalogue import find_value, head_value, label_value
+from bsg_models.evaluation.measurement import EVALUATOR_VERSION
 from bsg_models.evaluation.metrics import Moments
 from bsg_models.evaluation.verdict import HEADLINES, judge
 from bsg_models.studies.leaderboard import Leaderboard, ModelResult
@@ -38,6 +39,7 @@ def write_json(board: Leaderboard) -> dict[str, Any]:
             for name, result in results.items()
         }
     return {
+        "evaluator_version": EVALUATOR_VERSION,
         "recipe": board.recipe.model_dump(mode="json"),
         "dataset": {
             "sources": [one.model_dump(mode="json") for one in board.manifest.sources],

@@ -97,8 +97,7 @@ def validation_buildings(
                 scenes,
                 mask=choice.fresh_mask,
                 draw=draw,
-                # Runs of `withhold` are calibrated at one fraction, as measured ones were.
-                fractions=None if choice.withhold else choice.fractions,
+                fractions=choice.fractions,
                 vocabulary=vocabulary,
             )
             for draw in range(_VAL_DRAWS)

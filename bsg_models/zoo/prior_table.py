@@ -88,11 +88,13 @@ class PriorTableConfig(ModelConfig):
     Attributes:
         table: path of its JSON; empty for the one that is shipped, which we wrote by hand.
         temper: exponent on what each object says of the type of its room.
+        trust: how far a label of a room is believed; the rest is as if there were none.
     """
 
     family: Literal["prior-table"] = "prior-table"
     table: str = ""
     temper: float = Field(default=0.5, gt=0, le=1)
+    trust: float = Field(default=0.9, ge=0, le=1)
 
 
 class PriorTableModel(PresenceOdds):
@@ -169,13 +171,11 @@ class PriorTableModel(PresenceOdds):
     def _told_types(self, seen: Observation, types: Ints) -> tuple[Floats, Bools]:
         """Return how probable the types are before objects, `[N, T]`, and where that was told."""
         weight = np.broadcast_to(to_array(self.weight)[types], (len(seen.inputs), len(types)))
-        surroundings = getattr(seen, "surroundings", None)
-        if surroundings is None:
-            return weight, np.zeros(len(seen.inputs), dtype=bool)
-        labels = surroundings.labels[:, types].astype(np.float64)
+        labels = seen.surroundings.labels[:, types].astype(np.float64)
         total = labels.sum(axis=1, keepdims=True)
-        known = total[:, 0] > 0
-        return np.where(total > 0, labels / np.where(total > 0, total, 1.0), weight), known
+        trust = np.where(total > 0, self.config.trust, 0.0)
+        told = trust * labels / np.where(total > 0, total, 1.0) + (1 - trust) * weight
+        return told, trust[:, 0] > 0
 
     def _score_objects(self, seen: Observation) -> Floats:
         """Return the mean of what the other visible classes say, `[N, C]`."""

@@ -55,6 +55,23 @@ def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("bsg_models.studies.evaluation_report.plot_evaluation", lambda *_, **__: {})
 
 
+@pytest.mark.usefixtures("no_figures", "shipped")
+def test_a_shipped_model_is_measured_by_its_name(
+    dataset: Path, trained: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    out = ("--data", dataset, "--resamples", "0")
+    named = run("other", "run", *out)  # a name, and a folder that is there
+    report = json.loads(Path("evaluation/evaluation.json").read_text("utf-8"))
+    assert list(report["runs"]) == ["other", "run"]
+    assert "other" in named.stdout
+    shutil.copytree(trained, "other")
+    run("other", *out)  # a folder that is there comes first
+    report = json.loads(Path("other/evaluation/evaluation.json").read_text("utf-8"))
+    assert report["runs"]["other"]["config"]["name"] == "ceci-gcn"
+    assert "did you mean other?" in run("othr", *out, "--out", "x", code=1).stderr
+
+
 @pytest.mark.usefixtures("no_figures")
 def test_enough_buildings_have_verdicts(
     dataset: Path, trained: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -109,3 +126,25 @@ def test_a_run_named_like_a_baseline_keeps_its_column(dataset: Path, trained: Pa
 def test_the_leaderboard_went_to_a_command_of_its_own(dataset: Path) -> None:
     words = ("--leaderboard", "--data", dataset, "--models", "doubled", "--folds", "3")
     assert "bsg-leaderboard" in run(*words, code=2).stderr
+
+
+@pytest.mark.usefixtures("no_figures")
+def test_what_runs_predict_is_written_and_measured(
+    dataset: Path, trained: Path, tmp_path: Path
+) -> None:
+    words = ["--data", dataset, "--resamples", "0", "--json"]
+    first = json.loads(run(trained, *words, "--write-predictions", tmp_path / "p").stdout)
+    file = tmp_path / "p" / "run.parquet"
+    again = run(trained, *words, "--force", "--write-predictions", tmp_path / "p")
+    assert json.loads(again.stdout)["metrics"] == first["metrics"]
+    second = json.loads(run("--predictions", file, *words).stdout)
+    assert (file.parent / "run-evaluation" / "evaluation.json").is_file()
+    assert second["runs"] == {}
+    assert second["masks_sha256"] == first["masks_sha256"]
+    for name in ("rooms/presence_ap_micro/all", "all/total_variation/mean"):
+        written, read = (one["metrics"][name]["run"]["value"] for one in (first, second))
+        assert read == pytest.approx(written)
+    refused = run(
+        "--predictions", dataset / "dataset.json", *words, "--out", tmp_path / "o", code=1
+    )
+    assert "dataset.json: not readable as parquet" in refused.stderr

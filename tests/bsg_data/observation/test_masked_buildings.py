@@ -90,6 +90,9 @@ def test_stored_pairs_are_what_is_sampled_of_the_same_recipe(
         np.testing.assert_array_equal(fresh.draws, same.draws)
         for name in ("starts", "inputs", "hidden_share", "visited", "withheld", "others"):
             np.testing.assert_array_equal(getattr(fresh.seen, name), getattr(same.seen, name), name)
+        ours, theirs = fresh.seen.surroundings, same.seen.surroundings
+        assert ours.sources == theirs.sources == ("hm3d",) * len(scenes)
+        np.testing.assert_array_equal(ours.labels, theirs.labels)
 
 
 def test_targets_are_the_histograms_and_nothing_is_seen_twice(dataset: Path) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import REPOSITORY
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bsg_data.observation.robot_json import (
@@ -67,8 +67,6 @@ def test_any_graph_is_read_back(
                 "visited": data.draw(st.booleans()),
                 "hidden_share": data.draw(st.none() | st.floats(0, 1)),
                 "footprint": data.draw(st.none() | st.just([[0, 0], [1, 0], [1, 1.5]])),
-                "floor_area": data.draw(st.none() | st.floats(0.01, 1e5)),
-                "room_type": data.draw(room_types),
             }
             for name in rooms
         ],
@@ -80,12 +78,30 @@ def test_any_graph_is_read_back(
             }
             for number, c in enumerate(categories)
         ],
-        "building_kind": data.draw(st.none() | st.sampled_from([*BUILDING_KINDS, "other"])),
-        "source": data.draw(st.none() | texts),
     }
     graph = parse_robot_graph(said, path=Path("x"))
     written = json.loads(json.dumps(encode_robot_graph(graph)))
     assert parse_robot_graph(written, path=Path("x")) == graph
+
+
+@settings(max_examples=50)
+@given(
+    area=st.none() | st.floats(0.01, 1e5),
+    room_type=room_types,
+    building_kind=st.sampled_from([None, "other", *BUILDING_KINDS]),
+    source=st.sampled_from([None, "hm3d", "x<y"]),
+)
+def test_any_surroundings_are_read_back(
+    area: float | None, room_type: Any, building_kind: str | None, source: str | None
+) -> None:
+    kitchen = {"id": "kitchen", "floor_area": area, "room_type": room_type}
+    said = {**SAID, "rooms": [kitchen], "objects": [], "adjacency": []}
+    said |= {"building_kind": building_kind, "source": source}
+    graph = parse_robot_graph(said, path=Path("x"))
+    written = json.loads(json.dumps(encode_robot_graph(graph)))
+    assert parse_robot_graph(written, path=Path("x")) == graph
+    row = graph.observation().surroundings.labels[1]
+    assert row.sum() == pytest.approx(0 if graph.rooms[0].room_type is None else 1, abs=1e-6)
 
 
 def changed(**values: Any) -> str:

@@ -14,6 +14,7 @@ from bsg_data.observation.search_moment import MaskedCells, observe_search
 from bsg_data.observation.view import View
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.connections import Connections
+from bsg_data.scene.surroundings import Surroundings
 
 
 def half_seen(nodes: int, classes: int, share: float) -> View:
@@ -43,6 +44,28 @@ def test_a_moment_by_hand() -> None:
     assert seen.vocabulary == ("tap",)
     assert seen.visited.all()
     assert seen.connections.pairs.tolist() == [[1, 3]]
+
+
+def test_a_search_hides_no_surroundings() -> None:
+    nothing = np.zeros((3, 0), dtype=np.int64)
+    home = Surroundings.of_rooms([12, None], ["kitchen", None], building_kind="home")
+    searched = np.array([[False, False, False], [False, True, False]])
+    seen = observe_search(
+        "home",
+        MaskedCells(np.array([[0], [2], [3]]), np.zeros((2, 3, 1), dtype=np.int64)),
+        MaskedCells(nothing, np.stack([nothing, nothing])),
+        searched=searched,
+        withheld=np.array([[True], [True]]),
+        views=[half_seen(3, 1, 0.5)] * 2,
+        vocabulary=(),
+        connections=Connections.of_pairs(()),
+        surroundings=home,
+    )
+    assert seen.surroundings.building_kinds == ("home", "home")
+    for number in range(2):
+        one = seen.take([number]).surroundings
+        np.testing.assert_array_equal(one.floor_area, home.floor_area)
+        np.testing.assert_array_equal(one.labels, home.labels)
 
 
 def test_nothing_is_withheld_once_all_is_searched() -> None:

@@ -46,6 +46,7 @@ def test_a_graph_of_hydra_is_read_through_its_labels(tmp_path: Path) -> None:
     graph = dsg.DynamicSceneGraph()
     room = dsg.RoomNodeAttributes()
     room.name, room.position = "kitchen", np.array([1.0, 2.0, 0.0])
+    room.metadata.set({"bsg": {"floor_area": 9.5, "room_type": "Open kitchen"}})
     graph.add_node("ROOMS", dsg.NodeSymbol("R", 0), room)
     other = dsg.RoomNodeAttributes()
     other.position = np.array([5.0, 2.0, 0.0])
@@ -63,6 +64,7 @@ def test_a_graph_of_hydra_is_read_through_its_labels(tmp_path: Path) -> None:
         if parent:
             symbol = dsg.NodeSymbol(parent, 0)
             graph.insert_edge(symbol.value, dsg.NodeSymbol("O", number).value)
+    graph.metadata.set({"bsg": {"partial": {"building_kind": "office", "source": "mp3d"}}})
     graph.set_labelspace(dsg.Labelspace({7: "sofa", 10: "tv_monitor"}), 2, 0)
     path = tmp_path / "office.json"
     graph.save(str(path))
@@ -73,6 +75,15 @@ def test_a_graph_of_hydra_is_read_through_its_labels(tmp_path: Path) -> None:
     classes = {name: number for number, name in enumerate(CLASS_SPACE.classes)}
     assert names == [(1, "couch", classes["couch"]), (1, "tv", classes["tv"]), (0, "zzqx", None)]
     assert found.objects[0].position == (1.5, 2.5, 0.5)
+    assert (found.building_kind, found.source) == ("office", "mp3d")
+    assert [(one.floor_area, one.room_type) for one in found.rooms] == [
+        (9.5, "kitchen"),
+        (None, None),
+    ]
+    graph.metadata.set({"bsg": {"partial": {"building_kind": "castle"}}})
+    graph.save(str(path))
+    with pytest.raises(HydraError, match=r"metadata: building_kind: .*known are home"):
+        read_hydra(path)
     with pytest.raises(BSGError, match="ade20k, mpcat40"):
         read_hydra(path, labels="nyu40")
 

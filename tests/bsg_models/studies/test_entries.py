@@ -36,12 +36,12 @@ def test_what_a_run_writes_is_measured_as_the_run(dataset: Path, run: Path, tmp_
     both = compare_runs([run], dataset, split="test", predictions=[path, path], resamples=2)
     assert both.runs == ("run", "mine", "mine-2")
     assert list(both.estimates) == ["run", "mine", "mine-2", *BASELINES]
-    assert both.facts["predictions"]["mine"]["exactly"] == 8
+    assert both.facts["predictions"]["mine"]["exactly"] == 16
     assert both.facts["masks_sha256"] == hash_splits(data)["test"]
     ours, theirs = both.estimates["run"], both.estimates["mine"]
     for name, estimate in ours.items():
         exact = "hidden_nll" not in name
-        close = pytest.approx(estimate.value, rel=1e-9 if exact else 1e-3, nan_ok=True)
+        close = pytest.approx(estimate.value, rel=1e-9 if exact else 1e-4, nan_ok=True)
         assert theirs[name].value == close, name
 
 

@@ -19,6 +19,7 @@ from bsg_models.studies.leaderboard_runs import LeaderboardRecipe, run_of
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
 
 RECIPE = LeaderboardRecipe(folds=3, draws=2, resamples=3)
+UNIFORM = ("data.mask.strategy=uniform", "data.mask.withhold=0.0")  # whose mask is to be set
 SMALL = ("training.epochs=2", "model.width=8", "model.embedding=4")
 
 
@@ -37,7 +38,7 @@ MODELS: Mapping[str, RunConfig] = {
     "train-mean": find_config("train-mean"),
     "gamma-poisson": find_config("gamma-poisson"),
     "ceci-sage": configure("ceci-sage", *SMALL),
-    "pair": configure("ensemble", 'model.members=["gamma-poisson","train-mean"]'),
+    "pair": configure("ensemble", 'model.members=["gamma-poisson","train-mean"]', *UNIFORM),
 }
 
 

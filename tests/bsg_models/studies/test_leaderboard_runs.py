@@ -24,14 +24,15 @@ def configure(name: str, *settings: str) -> RunConfig:
     return validate_config(tables, source="test")
 
 
-PAIR = configure("ensemble", 'model.members=["gamma-poisson","train-mean"]')
+PLAIN = ("data.mask.strategy=uniform", "data.mask.withhold=0.0")  # whose mask is to be set
+PAIR = configure("ensemble", 'model.members=["gamma-poisson","train-mean"]', *PLAIN)
 
 
 def test_a_name_that_an_ensemble_needs_is_not_taken_by_another_model() -> None:
     single, ensembles = plan_runs({"pair": PAIR}, UNIFORM)
     assert {place.name for place in single} == {"gamma-poisson", "train-mean"}
     assert {place.name for place in ensembles} == {"pair"}
-    seeded = configure("ensemble", 'model.members=["train-mean"]', "seed=3")
+    seeded = configure("ensemble", 'model.members=["train-mean"]', *PLAIN, "seed=3")
     planned = plan_runs({"seeded": seeded}, UNIFORM).single
     assert planned[Place("uniform", "train-mean")].seed == 3
     with pytest.raises(ConfigError, match="with its own seed"):
@@ -79,8 +80,20 @@ def test_a_leaderboard_of_mixed_masks_refuses_two_kinds_of_them_in_one_place() -
     ensemble = configure("ensemble", 'model.members=["mixture"]', *MIXED)
     with pytest.raises(ConfigError, match="trained on mixed masks, and another configuration"):
         plan_runs({"mixture": find_config("mixture"), "one": ensemble}, mixed)
-    plain = configure("ensemble", 'model.members=["mixture"]', MIXED[0])
+    plain = configure("ensemble", 'model.members=["mixture"]', MIXED[0], PLAIN[1])
     assert len(plan_runs({"mixture": find_config("mixture"), "one": plain}, mixed).single) == 1
+
+
+def test_the_zoo_for_whatever_a_robot_has_seen_is_trained_once() -> None:
+    """Its ensemble is made of the runs that are there, and of a mixture on the same masks."""
+    names = ("mixture", "universal", "universal-transformer", "ensemble")
+    runs = plan_runs({name: find_config(name) for name in names}, LeaderboardRecipe())
+    assert set(runs.single) == {
+        Place("uniform", "mixture"),
+        Place("rooms", "mixture"),
+        *(Place("mixed", name) for name in names[:3]),
+    }
+    assert set(runs.ensembles) == {Place("mixed", "ensemble")}
 
 
 def test_the_leaderboard_sets_the_mask_of_those_that_have_none() -> None:
@@ -91,6 +104,7 @@ def test_the_leaderboard_sets_the_mask_of_those_that_have_none() -> None:
     own = fit_to(configure("ceci-sage", *MIXED, "data.mask.seed=1"), recipe, mask="rooms", fold=2)
     assert own.data.mask == MaskRecipe(strategy="mixed", withhold=0.05, seed=8)
     # Its checkpoint is read again: what a search withholds is in the mask then.
-    searching = fit_to(find_config("search-sage"), recipe, mask="rooms", fold=0).data
-    assert searching.mask.withhold == find_config("search-sage").data.withhold
-    assert DataConfig.model_validate(searching.model_dump()) == searching
+    searching = configure("ceci-sage", "data.withhold=0.08")
+    fitted = fit_to(searching, recipe, mask="rooms", fold=0)
+    assert fitted.data.mask.withhold == 0.08
+    assert DataConfig.model_validate(fitted.data.model_dump()) == fitted.data

@@ -251,7 +251,7 @@ def test_models_that_count_are_saved_and_loaded_alike(
     checkpoint = load_checkpoint(tmp_path / "run" / BEST)
     model = restore_model(tmp_path / "run" / BEST, checkpoint)
     assert same(dict(model.state_dict()), checkpoint.state_of("model"))
-    assert checkpoint.header.config.model.family == name
+    assert checkpoint.header.config == configure(name=name)
 
 
 def saved(dataset: Path, tmp_path: Path) -> Path:

@@ -20,6 +20,10 @@ COUNTING = {
     "gamma-poisson",
     "tilted-gamma-poisson",
     "naive-bayes",
+    "glove",
+    "cooccurrence",
+    "cooccurrence-naive-bayes",
+    "prior-table",
     "mixture",
     "poisson-boosting",
 }

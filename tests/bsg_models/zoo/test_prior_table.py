@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from one_building import observe_building
 from scipy.special import logit
 
 from bsg_data.scene.class_space import load_class_space
-from bsg_data.scene.room_label import list_room_labels
+from bsg_data.scene.surroundings import Surroundings
 from bsg_models.errors import ConfigError
 from bsg_models.zoo.model import ModelInputs
 from bsg_models.zoo.prior_table import PriorTableConfig, PriorTableModel, read_prior_table
@@ -33,8 +34,8 @@ def write(folder: Path, **entries: Any) -> str:
     return str(path)
 
 
-def make(path: str, *, temper: float = 1.0) -> PriorTableModel:
-    config = PriorTableConfig(table=path, temper=temper)
+def make(path: str, *, temper: float = 1.0, trust: float = 0.9) -> PriorTableModel:
+    config = PriorTableConfig(table=path, temper=temper, trust=trust)
     model = PriorTableModel(config, ModelInputs(classes=3))
     model.read_knowledge(NAMES)
     return model
@@ -59,21 +60,17 @@ def test_the_type_of_a_room_is_bayes_rule_over_the_other_objects(
     assert np.isnan(found[3]).all()
 
 
-def test_a_label_decides_where_nobody_looked(tmp_path: Path) -> None:
-    model = make(write(tmp_path, room_types=ROOMS, unlisted=0.1))
-    seen = observe_building([[0, 0, 0]] * 4, hidden_share=1.0)
-    labels = np.zeros((4, len(list_room_labels())), dtype=np.float32)
-    labels[1, list_room_labels().index("kitchen")] = 1.0
-    labels[2, list_room_labels().index("garage")] = 1.0  # which the table does not list
-    object.__setattr__(seen, "surroundings", _Surroundings(labels))
-    found = model.score(seen)
-    assert found[1, 1] == pytest.approx(logit(0.95) - logit(0.75 * 0.1 + 0.25 * 0.95))
+@pytest.mark.parametrize("trust", [1.0, 0.5])
+def test_a_label_is_believed_where_nobody_looked(tmp_path: Path, trust: float) -> None:
+    model = make(write(tmp_path, room_types=ROOMS, unlisted=0.1), trust=trust)
+    labels = ["kitchen", "garage", None]  # the table does not list garages
+    known = Surroundings.of_rooms([None] * 3, labels)
+    found = model.score(
+        replace(observe_building([[0, 0, 0]] * 4, hidden_share=1.0), surroundings=known)
+    )
+    stove = trust * 0.95 + (1 - trust) * (0.75 * 0.1 + 0.25 * 0.95)
+    assert found[1, 1] == pytest.approx(logit(stove) - logit(0.75 * 0.1 + 0.25 * 0.95))
     assert np.isnan(found[2:]).all()
-
-
-class _Surroundings:
-    def __init__(self, labels: np.ndarray[Any, np.dtype[np.float32]]) -> None:
-        self.labels = labels
 
 
 def test_objects_speak_in_the_mean_over_what_is_seen(tmp_path: Path) -> None:

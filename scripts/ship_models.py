@@ -1,0 +1,276 @@
+"""Make the shipped models: train each on all buildings of its dataset, check it, write its card.
+
+WORK/NAME/dataset    a copy of the dataset: nine tenths train, one tenth calibrates, none is tested
+WORK/NAME/run        the run
+OUT/NAME.safetensors the model alone, in single precision, without the optimiser
+OUT/NAME.md          its card
+OUT/SHA256SUMS       of both, of every model
+
+A command that was stopped goes on where it was. The same datasets give the same bytes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.dataset.manifest import hash_manifest, read_manifest
+from bsg_data.dataset.splits import split_dataset
+from bsg_data.errors import BSGError, DatasetError
+from bsg_data.files import write_bytes
+from bsg_data.observation.masked_buildings import MaskedBuildings, sample_masked, stack_masked
+from bsg_data.observation.pairs import write_pairs
+from bsg_data.recipes import PairsRecipe, SplitRecipe
+from bsg_data.registry import require_known
+from bsg_models.errors import CheckpointError
+from bsg_models.evaluation.measurement import predict_all
+from bsg_models.inputs.folds import scenes_of
+from bsg_models.inputs.graphs import read_split
+from bsg_models.runs.checkpoint import load_checkpoint, restore_model, save_checkpoint
+from bsg_models.runs.disclosure import find_disclosed, measure_membership
+from bsg_models.runs.model_card import ModelCard, describe_training, read_figures, write_card
+from bsg_models.runs.run_folder import BEST, LAST, is_finished, name_tensors
+from bsg_models.runs.shipped import SUFFIX, SUMS, encode_sums
+from bsg_models.training.training import train_run
+from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
+
+SPLIT = SplitRecipe(ratios=(0.9, 0.1, 0.0))
+DRAWS = 10  # masks of every building that calibrates
+ATTACKED = 3  # masks of every building that the membership attack sees
+_CLOSE = 1e-3  # of a presence: what single precision may change
+
+
+class Shipped(NamedTuple):
+    """A model that is shipped.
+
+    Attributes:
+        data: the option that names its dataset.
+        config: name in the zoo.
+        purpose: what it is for, in one line.
+        settings: of the configuration, as `bsg-train --set` takes them.
+    """
+
+    data: str
+    config: str
+    purpose: str
+    settings: tuple[str, ...] = ()
+
+
+# What counts is calibrated on every mask, as networks are.
+_MIXED = ("data.mask.strategy=mixed", "data.mask.withhold=0.05", "data.fractions=[0.1, 0.9]")
+
+MODELS: Mapping[str, Shipped] = {
+    "universal": Shipped("pooled", "universal", "The default: 45 classes, whatever was seen."),
+    "universal-wide": Shipped("wide", "universal", "170 classes: shoes, clocks, laptops."),
+    "mixture": Shipped("pooled", "mixture", "Sixteen latent room types: fast and plain.", _MIXED),
+    "ensemble": Shipped(
+        "pooled",
+        "ensemble",
+        "Room types and attention as one: the likeliest, and slow.",
+        ('model.members=["mixture","universal-transformer"]',),
+    ),
+    "behavior": Shipped("behavior", "universal", "45 classes, with weights for everybody."),
+}
+
+
+def configure(
+    name: str, *, config_of: Mapping[str, str], settings: Mapping[str, Sequence[str]]
+) -> RunConfig:
+    """Return the configuration of a shipped model, with what the command line changes of it."""
+    chosen = config_of.get(name, MODELS[name].config)
+    fixed = MODELS[name].settings if name not in config_of else ()
+    tables = override(
+        find_config(chosen).model_dump(mode="json"), [*fixed, *settings.get(name, ())]
+    )
+    return validate_config(tables, source=name)
+
+
+def prepare_dataset(source: Path, folder: Path, config: RunConfig, *, force: bool) -> Path:
+    """Copy a dataset, split it and draw the pairs that calibrate; keep what is there already.
+
+    Raises:
+        DatasetError: if the copy is of another dataset, or of another mask.
+    """
+    stamp, copy = folder / "source.sha256", folder / "dataset"
+    told = f"{hash_manifest(source)}\n{config.data.fresh_mask.model_dump_json()}\n"
+    if copy.exists() and (force or not stamp.is_file()):
+        shutil.rmtree(copy)
+        stamp.unlink(missing_ok=True)
+    if not copy.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        shutil.copytree(source, copy)
+        split_dataset(copy, SPLIT, force=read_manifest(copy).split is not None)
+        write_pairs(copy, PairsRecipe(mask=config.data.fresh_mask, draws=DRAWS))
+        write_bytes(stamp, told.encode())
+    elif stamp.read_text("utf-8") != told:
+        raise DatasetError(
+            f"{copy}: is a copy of another dataset than {source} is now, or of another mask; "
+            "--force makes it anew"
+        )
+    return copy
+
+
+def train(config: RunConfig, dataset: Path, run: Path, *, force: bool) -> None:
+    """Train a run, or go on with it; one that is finished stays."""
+    if not force and is_finished(run, config, Dataset.open(dataset)):
+        return
+    resume = not force and (run / LAST).is_file()
+    for report in train_run(config, dataset, run, resume=resume, force=True):
+        print(f"  epoch {report.epoch}", end="\r", file=sys.stderr)
+
+
+def strip(run: Path, path: Path, masked: MaskedBuildings) -> None:
+    """Write a run's best model alone, in single precision, and prove that it answers the same.
+
+    Raises:
+        CheckpointError: if single precision changes a presence.
+    """
+    best = load_checkpoint(run / BEST)
+    tensors = {
+        name: tensor.float() if tensor.is_floating_point() else tensor
+        for name, tensor in best.state_of("model").items()
+    }
+    save_checkpoint(path, best.header, name_tensors("model", tensors))
+    before = predict_all(restore_model(run / BEST, best), masked)
+    after = predict_all(restore_model(path, load_checkpoint(path)), masked)
+    change = float(np.abs(before.presence - after.presence).max())
+    if change > _CLOSE:
+        raise CheckpointError(f"{path}: single precision changes a presence by {change:.2g}")
+
+
+def ship(
+    name: str,
+    source: Path,
+    *,
+    config: RunConfig,
+    work: Path,
+    out: Path,
+    figures: Sequence[Mapping[str, Any]] = (),
+    force: bool = False,
+) -> None:
+    """Make one model and its card.
+
+    Raises:
+        BSGError: if it cannot be trained, or its weights tell what they should not.
+    """
+    dataset = prepare_dataset(source, work / name, config, force=force)
+    train(config, dataset, work / name / "run", force=force)
+    data, made = Dataset.open(dataset), work / name / f"{name}{SUFFIX}"
+    vocabulary = load_checkpoint(work / name / "run" / BEST).header.vocabulary
+    held_out = read_split(data, "val", vocabulary=vocabulary)
+    strip(work / name / "run", made, held_out)
+    disclosure = find_disclosed(made, data)
+    if disclosure.faults:
+        raise CheckpointError(f"{made}: is not shipped: {'; '.join(disclosure.faults)}")
+    checkpoint = load_checkpoint(made)
+    model = restore_model(made, checkpoint)
+    inside, outside = (
+        _stack_draws(data, part, config, vocabulary=model.vocabulary) for part in ("train", "val")
+    )
+    card = ModelCard(name=name, purpose=MODELS[name].purpose, trained_on=describe_training(data))
+    text = write_card(
+        card,
+        header=checkpoint.header,
+        figures=figures,
+        disclosure=disclosure,
+        membership=measure_membership(model, inside, outside),
+    )
+    write_bytes(out / f"{name}{SUFFIX}", made.read_bytes())
+    write_bytes(out / f"{name}.md", text.encode())
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Make the models that are asked for, then the list of their hashes."""
+    options = _parse(arguments)
+    only = options.only or [name for name in MODELS if getattr(options, MODELS[name].data)]
+    try:
+        for kind, names in (("shipped model", only), ("shipped model", options.config_of)):
+            require_known(kind, names, MODELS)
+        figures = read_figures(options.figures) if options.figures else {}
+        for name in only:
+            source = getattr(options, MODELS[name].data)
+            if source is None:
+                raise DatasetError(f"{name} needs --{MODELS[name].data}")
+            print(f"{name}: {source}", file=sys.stderr)
+            ship(
+                name,
+                source,
+                config=configure(name, config_of=options.config_of, settings=options.settings),
+                work=options.work,
+                out=options.out,
+                figures=figures.get(name, ()),
+                force=options.force,
+            )
+    except BSGError as error:
+        print(f"Error: {error}", file=sys.stderr)
+        return 1
+    made = tuple(name for name in MODELS if (options.out / f"{name}{SUFFIX}").is_file())
+    sums = encode_sums(options.out, made)
+    write_bytes(options.out / SUMS, sums.encode())
+    print("PUBLISHED of tests/bsg_models/runs/test_shipped.py:")
+    for line in sums.splitlines():
+        sha256, _, file = line.partition("  ")
+        if file.endswith(SUFFIX):
+            print(f'    "{file.removesuffix(SUFFIX)}": "{sha256}",')
+    return 0
+
+
+def _stack_draws(
+    data: Dataset, part: Any, config: RunConfig, *, vocabulary: tuple[str, ...]
+) -> MaskedBuildings:
+    """Return every building of a split under masks that no training drew."""
+    mask = config.data.fresh_mask.model_copy(update={"seed": config.data.fresh_mask.seed + 1})
+    scenes = scenes_of(data, part)
+    draws = [
+        sample_masked(data, scenes, mask=mask, draw=draw, vocabulary=vocabulary)
+        for draw in range(ATTACKED)
+    ]
+    return stack_masked(draws)
+
+
+def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    for name, what in (
+        ("pooled", "HM3D and BEHAVIOR merged, of 45 classes"),
+        ("wide", "HM3D of 170 classes"),
+        ("behavior", "BEHAVIOR alone"),
+    ):
+        parser.add_argument(f"--{name}", type=Path, help=f"dataset: {what}")
+    parser.add_argument("--work", type=Path, required=True, help="folder of copies and runs")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the models: weights")
+    parser.add_argument("--only", action="append", metavar="NAME", help="this one; can be repeated")
+    parser.add_argument("--figures", type=Path, help="JSON: NAME → rows of a table for its card")
+    parser.add_argument("--force", action="store_true", help="train again what is finished")
+    parser.add_argument(
+        "--config-of",
+        action="append",
+        default=[],
+        metavar="NAME=MODEL",
+        help="another model of the zoo",
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME:PATH=VALUE",
+        help="one value of a configuration",
+    )
+    options = parser.parse_args(arguments)
+    pairs = [text.partition("=") for text in options.config_of]
+    options.config_of = {name: model for name, _, model in pairs}
+    options.settings = {}
+    for text in options.set:
+        name, _, setting = text.partition(":")
+        options.settings.setdefault(name, []).append(setting)
+    return options
+
+
+if __name__ == "__main__":
+    sys.exit(main())

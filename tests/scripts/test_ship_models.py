@@ -1,0 +1,103 @@
+"""One command makes the shipped models: twice the same bytes, and each is found and answers."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from conftest import load_script
+
+from bsg_models.runs import shipped as shipped_module
+from bsg_models.runs.checkpoint import load_checkpoint
+from bsg_models.runs.model_card import read_card
+from bsg_models.runs.model_summary import list_shipped
+from bsg_models.runs.predictor import Predictor
+from bsg_models.runs.shipped import read_shipped_card, shipped_names
+
+SHIP = load_script("ship_models")
+TINY = (
+    *("--config-of", "universal=ceci-sage", "--set", "universal:training.epochs=1"),
+    *("--set", "universal:training.validate_every=1", "--set", "universal:model.width=8"),
+    *("--set", "universal:data.min_scenes=4", "--set", "mixture:model.types=2"),
+    *("--set", "mixture:model.iterations=2"),
+)
+
+
+def ship(pooled: Path, folder: Path, *more: str) -> int:
+    folders = ("--work", str(folder / "work"), "--out", str(folder / "weights"))
+    words = ("--pooled", str(pooled), *folders, "--only", "universal", "--only", "mixture")
+    return int(SHIP.main([*words, *TINY, *more]))
+
+
+@pytest.mark.slow
+def test_models_are_made_twice_with_the_same_bytes(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    figures = tmp_path / "figures.json"
+    figures.write_text(json.dumps({"universal": [{"mask": "uniform", "AUROC": 0.9}]}))
+    first, second = tmp_path / "first", tmp_path / "second"
+    assert ship(dataset, first, "--figures", str(figures)) == 0
+    assert ship(dataset, second, "--figures", str(figures)) == 0
+    files = sorted(path.name for path in (first / "weights").iterdir())
+    assert files == [
+        *("SHA256SUMS", "mixture.md", "mixture.safetensors"),
+        *("universal.md", "universal.safetensors"),
+    ]
+    for name in files:
+        assert (first / "weights" / name).read_bytes() == (second / "weights" / name).read_bytes()
+
+    monkeypatch.setattr(shipped_module, "weights_folder", lambda: first / "weights")
+    assert shipped_names() == ("universal", "mixture")
+    assert [one.data for one in list_shipped()] == ["12 buildings of hm3d"] * 2
+    assert Predictor().name == "ceci-sage"
+    card = read_shipped_card("universal")
+    assert read_card(card, origin="card").licence == "LicenseRef-matterport-academic"
+    assert "| uniform | 0.9 |" in card
+    assert "none of it was found" in card
+    assert "surprises it by" in card
+    tensors = load_checkpoint(first / "weights" / "universal.safetensors").tensors
+    assert {str(t.dtype) for t in tensors.values() if t.is_floating_point()} == {"torch.float32"}
+    assert all(name.startswith("model.") for name in tensors)
+
+    # Without its runs a model would be trained again; what is finished is not.
+    monkeypatch.setattr(SHIP, "train_run", None)
+    shutil.rmtree(first / "weights")
+    assert ship(dataset, first, "--figures", str(figures)) == 0
+    for name in files:
+        assert (first / "weights" / name).read_bytes() == (second / "weights" / name).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--only", "univresal"), "did you mean universal?"),
+        (("--only", "behavior"), "behavior needs --behavior"),
+        (("--config-of", "rooms=mixture"), "no shipped model 'rooms'"),
+        (("--set", "mixture:model.typse=2"), "did you mean types?"),
+    ],
+)
+def test_what_cannot_be_made_is_said(
+    dataset: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    words: tuple[str, ...],
+    said: str,
+) -> None:
+    folders = ("--work", str(tmp_path / "work"), "--out", str(tmp_path / "weights"))
+    only = () if "--only" in words else ("--only", "mixture")
+    assert SHIP.main(["--pooled", str(dataset), *folders, *only, *words]) == 1
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "weights").exists()
+
+
+def test_another_dataset_in_the_same_work_folder_is_refused(dataset: Path, tmp_path: Path) -> None:
+    config = SHIP.configure("mixture", config_of={}, settings={})
+    assert config.model.types == 16
+    copy = SHIP.prepare_dataset(dataset, tmp_path / "mixture", config, force=False)
+    assert SHIP.prepare_dataset(dataset, tmp_path / "mixture", config, force=False) == copy
+    with (dataset / "dataset.json").open("a") as file:
+        file.write("\n")
+    with pytest.raises(SHIP.DatasetError, match="copy of another dataset"):
+        SHIP.prepare_dataset(dataset, tmp_path / "mixture", config, force=False)
