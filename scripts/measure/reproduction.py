@@ -219,8 +219,8 @@ def main() -> int:
     page = ResultsPage(
         "Readings of the paper's CECI",
         (
-            f"Every reading was trained on {options.seeds} splits of the buildings; a figure is the "
-            "mean over the splits, its interval over buildings. "
+            f"Every reading was trained on {options.seeds} splits of the buildings; a figure is "
+            "the mean over the splits, its interval over buildings. "
             "[Reproduction](../reproduction.md) says what they tell.",
             "\n".join(lines),
         ),
