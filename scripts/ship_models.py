@@ -198,6 +198,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             source = getattr(options, MODELS[name].data)
             if source is None:
                 raise DatasetError(f"{name} needs --{MODELS[name].data}")
+            read_manifest(source)  # a dataset that is missing fails before anything is made
             print(f"{name}: {source}", file=sys.stderr)
             ship(
                 name,
