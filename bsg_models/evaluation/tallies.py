@@ -16,10 +16,10 @@ from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation.building_means import Shares
 from bsg_models.evaluation.metric_rows import hidden_nll
 from bsg_models.evaluation.metrics import Bools, Floats
+from bsg_models.evaluation.room_views import VIEWS, view_of
 from bsg_models.evaluation.truth import Truth
 
 Tally = Callable[[Truth, MaskedBuildings, Expectation], Shares]
-VIEWS = ("half seen", "glimpsed", "unvisited")
 LEAST = 1e-6  # a presence is at least this far from 0 and 1 where its logarithm is taken
 
 
@@ -39,30 +39,21 @@ def tally_likelihood(truth: Truth, masked: MaskedBuildings, found: Expectation) 
 
 
 def tally_views(truth: Truth, masked: MaskedBuildings, found: Expectation) -> Shares:
-    """Return `nll/VIEW`, and `gap/VIEW`: presence as said minus as true, of the `VIEWS` of rooms.
-
-    A room that was entered and hides a part is half seen, one that shows a part and was not entered
-    is glimpsed, and one that shows nothing is unvisited.
-    """
+    """Return `nll/VIEW`, and `gap/VIEW`: presence said minus true, of the `VIEWS` of rooms."""
     gap = (found.presence - (truth.hidden > 0)).sum(axis=1)
     loss = hidden_nll(truth, found)
     classes = truth.inputs.shape[1]
     shares = {}
-    for view, rooms in view_rooms(truth, masked).items():
+    for view, rooms in view_rooms(masked).items():
         shares[f"nll/{view}"] = (loss * rooms, rooms.astype(float))
         shares[f"gap/{view}"] = (gap * rooms, classes * rooms.astype(float))
     return shares
 
 
-def view_rooms(truth: Truth, masked: MaskedBuildings) -> Mapping[str, Bools]:
+def view_rooms(masked: MaskedBuildings) -> Mapping[str, Bools]:
     """Return which nodes are rooms of each of the `VIEWS`, `[N]`."""
-    share = masked.seen.hidden_share
-    part = (share > 0) & (share < 1) & ~truth.is_building
-    return {
-        "half seen": part & truth.visited,
-        "glimpsed": part & ~truth.visited,
-        "unvisited": (share >= 1) & ~truth.is_building,
-    }
+    view = view_of(masked.seen)
+    return {name: view == number for number, name in enumerate(VIEWS)}
 
 
 def tally_second(
@@ -78,8 +69,8 @@ def tally_second(
         found: what a model expects.
         classes: name → index in the class space.
     """
-    partly = view_rooms(truth, masked)
-    open_ = partly["half seen"] | partly["glimpsed"]
+    partly = view_rooms(masked)
+    open_ = partly["half-seen"] | partly["glimpsed"]
     shares = {}
     for name, c in classes.items():
         one = open_ & (truth.inputs[:, c] == 1) & ~masked.seen.withheld[:, c]
@@ -92,7 +83,7 @@ def tally_second(
 def tally_surroundings(truth: Truth, masked: MaskedBuildings, found: Expectation) -> Shares:
     """Return `floor_area` and `labels`: the presence loss of unvisited rooms that have it."""
     known = masked.seen.surroundings
-    unvisited = view_rooms(truth, masked)["unvisited"]
+    unvisited = view_rooms(masked)["unvisited"]
     has = {"floor_area": np.isfinite(known.floor_area), "labels": known.labels.any(axis=1)}
     return {
         evidence: tally_presence_loss(truth, found, rooms=unvisited & there)

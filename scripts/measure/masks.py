@@ -16,7 +16,8 @@ from datetime import date
 from pathlib import Path
 
 from bsg_models.evaluation.bootstrap import Bootstrap, bootstrap
-from bsg_models.evaluation.tallies import VIEWS, tally_all, tally_likelihood, tally_views
+from bsg_models.evaluation.room_views import VIEWS
+from bsg_models.evaluation.tallies import tally_all, tally_likelihood, tally_views
 from bsg_models.studies.fold_models import (
     list_models,
     measure_masks,

@@ -62,7 +62,7 @@ def test_views_are_told_apart_and_the_building_is_none_of_them(
     case: tuple[Truth, MaskedBuildings, Expectation],
 ) -> None:
     shares = tally_views(*case)
-    for view, row, gap in (("half seen", 1, -0.25), ("glimpsed", 2, 0.75), ("unvisited", 3, -0.75)):
+    for view, row, gap in (("half-seen", 1, -0.25), ("glimpsed", 2, 0.75), ("unvisited", 3, -0.75)):
         added, cells = shares[f"gap/{view}"]
         assert cells.tolist() == [2.0 * (node == row) for node in range(4)]
         assert added[row] == pytest.approx(gap)
