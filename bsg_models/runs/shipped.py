@@ -48,6 +48,12 @@ def find_shipped(name: str) -> Path:
     return _find_file(f"{name}{SUFFIX}")
 
 
+def name_run(run: Path) -> str:
+    """Return how a person names a run: a shipped model by its name, another by its path."""
+    shipped = run.parent == weights_folder() and run.suffix == SUFFIX
+    return run.stem if shipped else str(run)
+
+
 def read_shipped_card(name: str) -> str:
     """Return the card of a shipped model.
 

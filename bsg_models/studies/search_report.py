@@ -30,7 +30,7 @@ from bsg_models.runs.checkpoint import read_header
 from bsg_models.runs.found_model import locate_run
 from bsg_models.runs.model_summary import describe_model
 from bsg_models.runs.run_folder import checkpoint_of
-from bsg_models.runs.shipped import DEFAULT_MODEL, shipped_names
+from bsg_models.runs.shipped import DEFAULT_MODEL, name_run, shipped_names
 from bsg_models.search.catalogue import PLANNERS
 from bsg_models.search.room_graphs import DEFAULT_WORLDS, WorldRecipe, parse_world
 from bsg_models.studies.replay import replay_search
@@ -182,7 +182,7 @@ def report_search(
         written[which] = out / TRACE
     facts = {
         "dataset": str(request.dataset),
-        "runs": [str(run) for run in runs],
+        "runs": [name_run(run) for run in runs],
         "model": model,
         "split": None if request.split == "all" else request.split,
         "resamples": request.resamples,

@@ -21,6 +21,7 @@ from bsg_data.recipes import MaskRecipe
 from bsg_models.inputs.folds import Split, scenes_of
 from bsg_models.runs.checkpoint import load_checkpoint, read_header, restore_model
 from bsg_models.runs.run_folder import checkpoint_of
+from bsg_models.runs.shipped import name_run
 from bsg_models.search.catalogue import PLANNERS, Planner
 from bsg_models.search.knowledge import Task
 from bsg_models.search.room_graphs import (
@@ -212,12 +213,19 @@ def choose_runs(
             )
         models.add(header.config.name)
         fold = header.config.data.fold if "fold-0" in data.splits else None
+        if "fold-0" in data.splits and fold is None:
+            raise DatasetError(
+                f"{name_run(run)}: was trained for no fold, and {dataset} is in folds; name a run "
+                "of each fold, or split the dataset with --ratios"
+            )
         scenes = scenes_of(data, part, fold=fold)
         taken = sorted(set(scenes) & set(chosen))
         if taken:
             raise DatasetError(f"{run}: is of the same buildings as another run, e.g. {taken[0]}")
         if header.dataset_sha256 != data.sha256:
-            notes.append(f"{run}: was trained on another dataset; it may know these buildings")
+            notes.append(
+                f"{name_run(run)}: was trained on another dataset; it may know these buildings"
+            )
         chosen.update(dict.fromkeys(scenes, run))
     if len(models) > 1:
         notes.append(f"the runs are of different models: {', '.join(sorted(models))}")

@@ -20,6 +20,7 @@ from bsg_models.runs.shipped import (
     encode_sums,
     find_shipped,
     hash_of_shipped,
+    name_run,
     read_shipped_card,
     read_sums,
     shipped_names,
@@ -100,3 +101,8 @@ def test_a_build_without_models_says_so(tmp_path: Path, monkeypatch: pytest.Monk
     assert shipped_names() == ()
     with pytest.raises(CheckpointError, match="no models are shipped with this build"):
         Predictor()
+
+
+def test_a_run_is_named_by_its_path_and_a_shipped_model_by_its_name() -> None:
+    assert name_run(weights_folder() / "universal.safetensors") == "universal"
+    assert name_run(Path("universal.safetensors")) == "universal.safetensors"
