@@ -12,9 +12,11 @@ from __future__ import annotations
 import argparse
 import shutil
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from datetime import date
 from pathlib import Path
+
+import numpy as np
 
 from bsg_data.dataset.copied_rooms import deal_groups, group_copies, list_contents
 from bsg_data.dataset.dataset import Dataset
@@ -24,7 +26,11 @@ from bsg_data.merge import merge_datasets
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_models.evaluation.bootstrap import Bootstrap, bootstrap
+from bsg_models.evaluation.measurement import predict_all, prepare_metric, read_truth
+from bsg_models.evaluation.metric_kinds import Prepared
+from bsg_models.evaluation.metrics import Floats, mean_known
 from bsg_models.evaluation.tallies import tally_likelihood
+from bsg_models.evaluation.truth import Prediction
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import BEST, is_finished
 from bsg_models.studies.fold_models import FoldModel, measure_models
@@ -107,16 +113,54 @@ def open_models(
             yield FoldModel(name, fold, both, model, scenes, run)
 
 
+class UnseenRanking:
+    """How well models of several folds rank the classes that a room does not show."""
+
+    def __init__(self, folds: Iterable[FoldModel], mask: MaskRecipe, *, draws: int) -> None:
+        self._prepared: list[tuple[tuple[str, ...], Prepared]] = []
+        for fold in folds:
+            masked = fold.sample(mask, draws=draws)
+            prediction = Prediction(read_truth(masked), predict_all(fold.model, masked))
+            ranking = prepare_metric("presence_auroc_macro", prediction)
+            self._prepared.append((prediction.truth.scene_ids, ranking))
+        self.scene_ids = tuple(sorted(scene for scenes, _ in self._prepared for scene in scenes))
+
+    def evaluate(self, building_weights: Floats | None = None) -> dict[str, float]:
+        """Return the AUROC of unseen classes, mean over classes and then over folds."""
+        weights = np.ones(len(self.scene_ids)) if building_weights is None else building_weights
+        weight = dict(zip(self.scene_ids, weights, strict=True))
+        values = []
+        for scenes, ranking in self._prepared:
+            own = np.array([weight[scene] for scene in scenes])
+            if own.any():
+                values.append(ranking.evaluate(own)["rooms", "unseen"])
+        return {"auroc": mean_known(values)}
+
+    def count_nodes(self, metric: str) -> int:
+        """Return the number of rooms that the ranking is over."""
+        return sum(ranking.nodes["rooms", "unseen"] for _, ranking in self._prepared)
+
+
 def conclude(found: dict[str, dict[str, Bootstrap]]) -> tuple[str, ...]:
-    """Return what training on both changes for each part, beside the better of the two."""
+    """Return what training on both changes for each part, beside HM3D alone."""
     sentences = []
     for part in found[BOTH]:
-        alone = min((HM3D, BEHAVIOR), key=lambda name: found[name][part].point["nll"])
-        gap = found[BOTH][part].difference(found[alone][part], "nll")
-        how = "worse" if gap.value > 0 else "better"
-        said = f"{how} by {abs(gap.value):.4f}" if is_told_apart(gap) else "not distinguishable"
-        sentences.append(f"- {part}: trained on both it is {said} beside {alone} alone.")
-    return ("\n".join(sentences),)
+        both, alone = found[BOTH][part], found[HM3D][part]
+        changes = []
+        for name, what in (("nll", "NLL"), ("auroc", "unseen AUROC")):
+            gap = both.difference(alone, name)
+            told = "" if is_told_apart(gap) else ", which its interval does not tell from 0"
+            changes.append(f"{what} {format_estimate(gap, signed=True)}{told}")
+        sentences.append(f"- {part}: training on both changes {' and '.join(changes)}.")
+    return ("Beside training on HM3D alone:\n\n" + "\n".join(sentences),)
+
+
+def tabulate(found: dict[str, dict[str, Bootstrap]], name: str) -> tuple[tuple[str, ...], ...]:
+    """Return a row for each training, a column for each part."""
+    return tuple(
+        (trained, *(format_estimate(one.estimate(name)) for one in by_part.values()))
+        for trained, by_part in found.items()
+    )
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -151,32 +195,45 @@ def main(argv: Sequence[str] | None = None) -> int:
             train(config, data[name], options.runs / folder, fold=fold)
             for fold in range(options.folds)
         ]
-        found[name] = {
-            part: bootstrap(
-                measure_models(
-                    open_models(name, runs, data[BOTH], scenes),
-                    tally_likelihood,
-                    mask=mask,
-                    draws=options.draws,
-                ),
+        found[name] = {}
+        for part, scenes in parts.items():
+            folds = tuple(open_models(name, runs, data[BOTH], scenes))
+            likelihood = bootstrap(
+                measure_models(iter(folds), tally_likelihood, mask=mask, draws=options.draws),
                 resamples=options.resamples,
             )
-            for part, scenes in parts.items()
-        }
-    rows = tuple(
-        (name, *(format_estimate(one.estimate("nll")) for one in by_part.values()))
-        for name, by_part in found.items()
-    )
+            ranking = bootstrap(
+                UnseenRanking(folds, mask, draws=options.draws), resamples=options.resamples
+            )
+            found[name][part] = Bootstrap(
+                likelihood.point | ranking.point,
+                likelihood.resampled | ranking.resampled,
+                likelihood.nodes | ranking.nodes,
+            )
+            print(f"measured {name} on {part}", flush=True)
     header = ("trained on", *(f"{part} ({len(scenes)})" for part, scenes in parts.items()))
-    reading = (
-        f"Hidden NLL of `{options.model}` over the classes of all rooms, `{options.mask}` masks, "
-        "with 95 % intervals over buildings; less is better. Columns are the buildings that are "
-        "tested on, with their number."
+    tested = (
+        f"`{options.model}`, {options.draws} `{options.mask}` masks of every building, with 95 % "
+        "intervals over buildings. Columns are the buildings that are tested on, with their number."
+    )
+    tables = (
+        ResultsTable(
+            "Hidden NLL, over the classes of all rooms: less is better",
+            header,
+            tabulate(found, "nll"),
+            tested,
+        ),
+        ResultsTable(
+            "AUROC of the classes that a room does not show: more is better",
+            header,
+            tabulate(found, "auroc"),
+            "Mean over the classes, then over the folds.",
+        ),
     )
     page = ResultsPage(
         "From one source to another",
         conclude(found),
-        (ResultsTable("", header, rows, reading),),
+        tables,
         describe(data[BOTH], [__file__, *(argv or sys.argv[1:])], date=date.today().isoformat()),
     )
     write_page(page, options.out)
