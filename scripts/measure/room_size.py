@@ -2,8 +2,8 @@
 
     python scripts/measure/room_size.py --leaderboard board --out docs/results/room_size.md
 
-Every model that reads them is asked about the same unvisited rooms twice: told the area (or the
-label), and not told. Rooms whose area (or label) is not known are left out.
+Every model is asked about the same unvisited rooms three times: told neither, told the one, and
+told both. Rooms whose area (or label) is not known are left out.
 """
 
 from __future__ import annotations
@@ -34,30 +34,40 @@ from bsg_models.studies.results_page import (
 )
 
 EVIDENCE = {"floor_area": "floor area", "labels": "room label"}
+OTHER = {"floor_area": "labels", "labels": "floor_area"}
+WITHOUT = {  # what is told → what is withheld
+    "nothing": ("floor_area", "labels"),
+    "floor_area": ("labels",),
+    "labels": ("floor_area",),
+    "both": (),
+}
 MASK = "rooms"
 
 
 def tabulate(found: dict[str, dict[str, Bootstrap]], evidence: str) -> ResultsTable:
-    """Return the loss with and without one piece of evidence, a row a model."""
+    """Return the loss without and with one piece of evidence, a row a model."""
     rows = []
     for name, by_told in found.items():
-        given, withheld = by_told["everything"], by_told[evidence]
+        nothing, alone, both = (by_told[told] for told in ("nothing", evidence, "both"))
+        gap = alone.difference(nothing, evidence)
         rows.append(
             (
                 f"`{name}`",
-                f"{given.point[evidence]:.4f}",
-                f"{withheld.point[evidence]:.4f}",
-                format_estimate(given.difference(withheld, evidence), signed=True),
+                f"{nothing.point[evidence]:.4f}",
+                f"{alone.point[evidence]:.4f}",
+                format_estimate(gap, signed=True),
+                f"{100 * gap.value / nothing.point[evidence]:+.1f} %",
+                f"{both.point[evidence]:.4f}",
             )
         )
-    number = next(iter(found.values()))["everything"].nodes[evidence]
-    what = EVIDENCE[evidence]
+    number = next(iter(found.values()))["both"].nodes[evidence]
+    what, other = EVIDENCE[evidence], EVIDENCE[OTHER[evidence]]
     reading = (
         f"Log-loss of presence, mean over {number:,} (room, class, mask) cells of unvisited rooms "
         f"whose {what} is known; the difference is paired, with its 95 % interval over buildings, "
-        "and less than 0 is what it tells beside all else that is known of the room."
+        f"and less than 0 is what it tells where the {other} is not told."
     )
-    header = ("model", f"{what} given", "withheld", "difference")
+    header = ("model", "told neither", f"told the {what}", "difference", "of the loss", "told both")
     return ResultsTable(what.capitalize(), header, tuple(rows), reading)
 
 
@@ -67,12 +77,12 @@ def conclude(found: dict[str, dict[str, Bootstrap]], known: Sequence[str]) -> tu
     for evidence in known:
         gains = {}
         for name, by_told in found.items():
-            gap = by_told["everything"].difference(by_told[evidence], evidence)
+            gap = by_told[evidence].difference(by_told["nothing"], evidence)
             if is_told_apart(gap) and gap.value < 0:
-                gains[name] = -gap.value
-        by = ", ".join(f"`{name}` by {gain:.4f}" for name, gain in gains.items())
+                gains[name] = -100 * gap.value / by_told["nothing"].point[evidence]
+        by = ", ".join(f"`{name}` by {gain:.1f} %" for name, gain in gains.items())
         sentences.append(
-            f"{EVIDENCE[evidence].capitalize()} improves "
+            f"{EVIDENCE[evidence].capitalize()} alone improves "
             + (f"{by} of log-loss in unvisited rooms." if by else "no model by more than chance.")
         )
     return tuple(sentences)
@@ -97,13 +107,13 @@ def main(argv: Sequence[str] | None = None) -> int:
                     tally_surroundings,
                     mask=mask_of(board, name, MASK),
                     draws=options.draws,
-                    without=() if told == "everything" else (told,),
+                    without=without,
                 ),
                 resamples=options.resamples,
             )
-            for told in ("everything", *EVIDENCE)
+            for told, without in WITHOUT.items()
         }
-    nodes = next(iter(found.values()))["everything"].nodes
+    nodes = next(iter(found.values()))["both"].nodes
     known = [evidence for evidence in EVIDENCE if nodes[evidence]]
     if not known:
         raise DatasetError(f"{board}: no unvisited room has a known floor area or room label")
