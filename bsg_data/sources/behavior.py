@@ -269,9 +269,8 @@ ROW = SourceRow(
             "Activities and Realistic Simulation, 2024, arXiv:2403.09227"
         ),
         sentence=(
-            "The list of rooms and objects is under the MIT licence of the package bddl; the "
-            "scenes and objects that it lists have terms of their own, BEHAVIOR's, which have to "
-            "be read before anything learned from it is shipped."
+            "The list of rooms and objects is under the MIT licence of the package bddl, and is "
+            "all that is read. The scenes and assets that it lists are under BEHAVIOR's own terms."
         ),
     ),
     class_map="behavior45-v1",

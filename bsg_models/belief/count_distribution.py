@@ -101,7 +101,7 @@ class CountDistribution:
             for count, tilt in enumerate(self.tilts):
                 each += tilt * (counts == count)
         if len(each) == 1:
-            return np.asarray(each[0])
+            return np.asarray(np.minimum(each[0], 0.0))
         with np.errstate(divide="ignore"):
             weighed = each + np.log(self.weights)
         return np.asarray(np.minimum(logsumexp(weighed, axis=0), 0.0))

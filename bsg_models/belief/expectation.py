@@ -42,10 +42,12 @@ class Expectation:
     def is_finite(self) -> bool:
         """Whether all of it are numbers; a dispersion may be infinite, which is a Poisson."""
         distribution = self.hidden_counts
-        parts = (self.inputs, self.totals, distribution.weights, distribution.means, self.hidden)
+        parts = [self.inputs, self.totals, distribution.weights, distribution.means, self.hidden]
+        if distribution.tilts is not None:
+            parts.append(distribution.tilts)
         return all(bool(np.isfinite(part).all()) for part in parts) and not bool(
             np.isnan(distribution.dispersions).any()
-        )  # tilts are in `hidden`
+        )
 
     @cached_property
     def hidden(self) -> Floats:

@@ -24,6 +24,8 @@ from bsg_models.runs.shipped import (
 
 Kind = Literal["run", "file", "hub folder", "shipped", "hub"]
 
+_SHOWN = 80  # characters of a name that is wrong
+
 
 @dataclass(frozen=True, slots=True)
 class FoundModel:
@@ -51,6 +53,16 @@ def find_model(model: Path | str) -> FoundModel:
         CheckpointError: if there is no such model, with what was looked for and the names that
             there are.
     """
+    try:
+        return _find(model)
+    except (OSError, ValueError) as error:  # a name that no file system takes
+        said = getattr(error, "strerror", None) or error
+        raise CheckpointError(
+            f"no model {str(model)[:_SHOWN]!r}: {said}; {describe_shipped()}"
+        ) from error
+
+
+def _find(model: Path | str) -> FoundModel:
     if isinstance(model, Path):
         return _find_path(model)
     path = Path(model)
@@ -63,7 +75,7 @@ def find_model(model: Path | str) -> FoundModel:
     if model and path.is_dir():
         return _find_path(path)
     raise CheckpointError(
-        f"no model {model!r}: it is no folder here, and none of this name is shipped; "
+        f"no model {model[:_SHOWN]!r}: it is no folder here, and none of this name is shipped; "
         f"{suggest_shipped(model)}"
     )
 

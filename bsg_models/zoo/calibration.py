@@ -56,6 +56,7 @@ class CalibratedModel(BeliefModel):
         lines = to_array(self.presence_calibration)
         if lines.any():
             calibrated = recalibrate_presence(calibrated, lines, looked_into=seen.cell_share < 1)
+        calibrated = calibrated.without(seen.cell_share == 0)
         return from_hidden_counts(seen.inputs.astype(np.float64), sum_rooms(calibrated, seen))
 
 

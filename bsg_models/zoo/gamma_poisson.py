@@ -98,7 +98,7 @@ class GammaPoissonModel(BeliefModel):
         hidden = negative_binomial(*hidden_posterior(a, b, inputs, share))
         if self.config.tilted:
             tilts = hidden_tilts(to_array(self.tilts)[:, None], inputs)
-            hidden = replace(hidden, tilts=np.stack(tilts)[:, None])
+            hidden = replace(hidden, tilts=np.stack(tilts)[:, None]).without(share == 0)
         return from_hidden_counts(inputs, sum_rooms(hidden, seen))
 
 

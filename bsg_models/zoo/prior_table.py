@@ -18,8 +18,9 @@ the checkpoint from then on.
 from __future__ import annotations
 
 import difflib
+import json
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 import torch
@@ -199,10 +200,17 @@ def read_prior_table(path: str, classes: tuple[str, ...]) -> PriorTable:
     """
     name, data = path or f"mappings/{HAND_TABLE}", _read_bytes(path)
     try:
+        json.loads(data, object_pairs_hook=_once)
         table = PriorTable.model_validate_json(data, strict=True)
+    except ConfigError as error:
+        raise ConfigError(f"{name}: {error}; docs/prior-table.md has the format") from error
     except ValidationError as error:
         raise ConfigError(
             f"{name}: {name_fault(error)}; docs/prior-table.md has the format"
+        ) from error
+    except (ValueError, RecursionError) as error:
+        raise ConfigError(
+            f"{name}: is not JSON ({error}); docs/prior-table.md has the format"
         ) from error
     spaces = (load_class_space(space).classes for space in list_class_spaces())
     known = sorted({*classes, *(one for space in spaces for one in space)})
@@ -231,13 +239,28 @@ def _read_bytes(path: str) -> bytes:
         except ClassMapError as error:
             raise ConfigError(str(error)) from error
     try:
-        if Path(path).stat().st_size > _MOST_BYTES:
-            raise ConfigError(f"{path}: expected a prior table below {_MOST_BYTES:,} bytes")
-        return Path(path).read_bytes()
-    except OSError as error:
-        raise ConfigError(
-            f"{path}: cannot be read ({error.strerror}); model.table is its path"
-        ) from error
+        with Path(path).open("rb") as file:
+            data = file.read(_MOST_BYTES + 1)
+    except (OSError, ValueError) as error:  # the latter: a path with a null character
+        said = getattr(error, "strerror", None) or error
+        raise ConfigError(f"{path}: cannot be read ({said}); model.table is its path") from error
+    if len(data) > _MOST_BYTES:
+        raise ConfigError(f"{path}: expected a prior table of at most {_MOST_BYTES:,} bytes")
+    return data
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return the entries of a JSON object.
+
+    Raises:
+        ConfigError: if one is there twice.
+    """
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ConfigError(f"{twice!r} is there twice")
+    return found
 
 
 def _require(name: str, known: tuple[str, ...] | list[str], *, where: str, what: str) -> None:

@@ -128,6 +128,7 @@ def test_labels_of_a_dataset_that_nobody_lists_are_unknown() -> None:
             "room 1: 'kitchen': expected a probability, 0 to 1",
         ),
         ({"types": [{"kitchen": float("nan")}]}, "found nan"),
+        ({"types": [{"kitchen": 10**400}]}, "expected a probability, 0 to 1"),
         ({"types": [{"kitchen": 0.7, "bar": 0.4}]}, "add up to 1 or less, found 1.1"),
         ({"types": [{str(n): 0.0 for n in range(1001)}]}, "at most 1000 labels"),
         ({"kind": "castle"}, "found 'castle'; known are home, office"),

@@ -206,3 +206,11 @@ def test_tilted_samples_have_the_frequencies_of_the_distribution() -> None:
     p = probabilities(tilted().take(np.array([0])), 4)[:, 0]
     for count in range(4):
         np.testing.assert_allclose((sampled == count).mean(axis=0), p[count], atol=0.03)
+
+
+def test_a_presence_is_never_below_none() -> None:
+    """Where nothing is hidden, Z and the tilt of none are the same number, up to rounding."""
+    tilts = np.random.default_rng(0).normal(0, 1, (2, 1, 200, 45))
+    nothing = replace(negative_binomial(np.zeros((200, 45)), np.ones((200, 45))), tilts=tilts)
+    assert (nothing.presence >= 0).all()
+    assert nothing.presence.max() < 1e-12

@@ -168,3 +168,12 @@ def test_what_is_glimpsed_is_evidence() -> None:
         observe_building(rooms, hidden_share=0.375, visited=[True, False, True])
     )
     np.testing.assert_array_equal(glimpsed.hidden, entered.hidden)
+
+
+def test_a_searched_room_hides_nothing_for_sure() -> None:
+    """Its tilts are left out, so that the least rate of a likelihood is not multiplied by them."""
+    model = two_types(tilted=2)
+    model.tilts.copy_(torch.tensor([[[-3.0, -3.0]] * 2, [[3.0, 3.0]] * 2]))
+    found = model.predict(observe_building([[3, 1], [2, 1], [1, 0]], hidden_share=[0.25, 0.0, 0.5]))
+    assert not found.presence[1].any()
+    np.testing.assert_allclose(found.log_probability(np.zeros((3, 2)))[1], 0, atol=0.002)
