@@ -19,7 +19,7 @@ def name_fault(error: ValidationError) -> str:
     """Return where the first fault of a record is and what it is: `rooms.0.id: Field required`."""
     first = error.errors()[0]
     where = ".".join(str(part) for part in first["loc"]) or "the whole file"
-    return f"{where}: {first['msg']}"
+    return f"{where}: {first['msg'].removeprefix('Value error, ')}"
 
 
 class SplitRecipe(Record):

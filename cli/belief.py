@@ -80,7 +80,10 @@ def main(dataset: Path | None, as_json: bool, **options: Any) -> None:
         report = bsg_models.report_beliefs(request, progress=progress)
     for path, names in report.unmapped.items():
         times = ", ".join(f"{name!r} ({number})" for name, number in sorted(names.items())[:10])
-        print_note(f"{path}: {len(names)} names are not in the class map: {times}")
+        print_note(
+            f"{path}: {len(names)} {'name is' if len(names) == 1 else 'names are'} not in the "
+            f"class map: {times}"
+        )
     for path, rules in report.resolved.items():
         made = ", ".join(f"{r.name!r} is {r.category!r} ({r.rule})" for r in rules[:10])
         more = f", and {len(rules) - 10} more" if len(rules) > 10 else ""

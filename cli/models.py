@@ -66,7 +66,8 @@ def show(name: str, as_json: bool) -> None:
         ("bytes", f"{model.bytes:,}"),
         ("sha256", model.sha256),
     ]
-    click.echo(model.card.rstrip() + "\n")
+    # The front matter is for the hub; the card says the same in words.
+    click.echo(model.card.partition("\n---\n")[2].strip() + "\n")
     click.echo(format_text(facts, header=("checkpoint", "")))
 
 

@@ -39,6 +39,8 @@ _CANNOT = (
     "It counts objects of its classes, and of nothing else; what is outside them it only reads.",
     "It knows buildings like those that it learned from: homes above all. In a hospital, a factory "
     "or a ship its numbers mean little, and so they may elsewhere than where these stand.",
+    "It learned from whole buildings. Of a graph of two or three rooms it may expect too many "
+    "objects in a room that nobody entered, by a factor of two; its presences are less affected.",
     "It predicts what is in a room, not where in the room, and nothing about people.",
     "A presence is a probability, not a finding: do not let a robot act on it where a mistake "
     "could hurt somebody.",

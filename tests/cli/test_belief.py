@@ -63,7 +63,7 @@ def test_unmapped_names_are_reported(run: Path, tmp_path: Path) -> None:
     (tmp_path / "graph.json").write_text(json.dumps(said))
     done = call(tmp_path / "graph.json", "--run", run)
     assert done.exit_code == 0
-    assert "1 names are not in the class map: 'zzqx thing' (1)" in done.stderr
+    assert "1 name is not in the class map: 'zzqx thing' (1)" in done.stderr
     assert "source 'my robot' counts as unknown; models know hm3d, behavior" in done.stderr
 
 
