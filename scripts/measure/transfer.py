@@ -149,9 +149,9 @@ def conclude(found: dict[str, dict[str, Bootstrap]]) -> tuple[str, ...]:
         changes = []
         for name, what in (("nll", "NLL"), ("auroc", "unseen AUROC")):
             gap = both.difference(alone, name)
-            told = "" if is_told_apart(gap) else ", which its interval does not tell from 0"
+            told = "" if is_told_apart(gap) else ", not distinguishable from 0"
             changes.append(f"{what} {format_estimate(gap, signed=True)}{told}")
-        sentences.append(f"- {part}: training on both changes {' and '.join(changes)}.")
+        sentences.append(f"- {part}: training on both changes {'; '.join(changes)}.")
     return ("Beside training on HM3D alone:\n\n" + "\n".join(sentences),)
 
 
