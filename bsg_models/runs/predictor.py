@@ -19,7 +19,7 @@ class Predictor:
     """A trained model, loaded once: a shipped one, a run, or one of the hub.
 
     Attributes:
-        name: of the model, as in the zoo.
+        name: of a shipped model its own, of another that in the zoo.
         classes: `[C]` that it predicts.
 
     Example:
@@ -37,12 +37,12 @@ class Predictor:
         Raises:
             CheckpointError: if there is none, or it is damaged.
         """
-        path = find_model(model).path
+        found = find_model(model)
+        path = self._path = found.path
         checkpoint = load_checkpoint(path)
-        self._path = path
         self.class_space = checkpoint.header.class_space
         self._model = restore_model(path, checkpoint)
-        self.name = checkpoint.header.config.name
+        self.name = found.name if found.kind == "shipped" else checkpoint.header.config.name
         self.classes = self.class_space.classes
 
     def __call__(

@@ -51,6 +51,7 @@ def test_the_folder_holds_what_is_listed_and_nothing_else() -> None:
 @pytest.mark.parametrize("name", sorted(PUBLISHED))
 def test_a_shipped_model_answers_and_has_a_card(name: str) -> None:
     predictor = Predictor(name)
+    assert predictor.name == name
     office = REPOSITORY / "docs" / "office.json"
     graph = read_robot_graph(office, class_map=map_into(predictor.class_space.name))
     presence = predictor(graph).presence
