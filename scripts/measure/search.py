@@ -50,10 +50,10 @@ def tabulate(found: dict[str, list[WorldResult]], task: str) -> ResultsTable:
             rows.append((who, f"`{planner}`", *cells))
     first = [one for one in next(iter(found.values())) if one.task == task]
     number = ", ".join(f"{one.buildings} of `{one.world}`" for one in first)
-    what = "the first instance" if task == "single" else "all instances"
+    what = "the first instance of a class is" if task == "single" else "all of a class are"
     reading = (
         f"Cost saved beside going to the nearest room, in per cent, with 95 % intervals over "
-        f"buildings, until {what} of a class is found. Buildings: {number}."
+        f"buildings, until {what} found. Buildings: {number}."
     )
     return ResultsTable(f"Task `{task}`", ("belief of", "planner", *worlds), tuple(rows), reading)
 

@@ -85,7 +85,7 @@ def test_a_changed_file_is_refused(shipped: Path) -> None:
     (shipped / "other.safetensors").unlink()
     with pytest.raises(CheckpointError, match="cannot be read"):
         find_shipped("other")
-    assert Predictor().name == "gamma-poisson"  # the default is another file
+    assert Predictor().name == "universal"  # the default is another file
 
 
 @pytest.mark.parametrize(
