@@ -136,7 +136,7 @@ def format_command(argv: Sequence[str]) -> str:
     A script is named from the repository on; of another path that begins at the root, or leads
     upwards, the last name alone is kept.
 
-    >>> format_command(["/home/me/bsg/scripts/measure/masks.py", "--leaderboard", "/tmp/board"])
+    >>> format_command(["/srv/bsg/scripts/measure/masks.py", "--leaderboard", "/srv/board"])
     'python scripts/measure/masks.py --leaderboard board'
     """
     script = PurePath(argv[0]).parts

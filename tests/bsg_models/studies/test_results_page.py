@@ -65,7 +65,7 @@ def test_a_page_that_cannot_be_written_is_an_error(tmp_path: Path) -> None:
     ("argv", "command"),
     [
         (["scripts/measure/a.py"], "python scripts/measure/a.py"),
-        (["/home/me/x.py", "--out=/tmp/b/c.md"], "python x.py --out=c.md"),
+        (["/srv/x.py", "--out=/srv/b/c.md"], "python x.py --out=c.md"),
         (["a.py", "~/data", "../../up", "docs/a.md"], "python a.py data up docs/a.md"),
         (["a.py", "two words"], "python a.py 'two words'"),
     ],
