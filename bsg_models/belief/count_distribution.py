@@ -67,7 +67,9 @@ class CountDistribution:
 
     @cached_property
     def _log_normaliser(self) -> Floats:
-        return _log_normaliser(self._first, np.zeros((0, 1)) if self.tilts is None else self.tilts)
+        if self.tilts is None:
+            return np.zeros(self.means.shape)
+        return _log_normaliser(self._first, self.tilts)
 
     @property
     def presence(self) -> Floats:
@@ -76,7 +78,7 @@ class CountDistribution:
 
     @property
     def log_odds_of_none(self) -> Floats:
-        """Log P(0) − log P(at least one), `[N, C]`, between −20 and 20."""
+        """Log P(0) − log P(at least one), `[N, C]`, cut to ±20.7, a presence of 1e-9."""
         none = np.clip(1 - self.presence, 1e-9, 1 - 1e-9)
         return np.asarray(np.log(none) - np.log1p(-none))
 
