@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from bsg_data.arrays import Floats
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import CountDistribution
+
+_LEAST = 1e-9  # a presence, or a mean, that counts as none
+_STEPS = 40  # of Newton's method; ten are enough but where the mean is that of one object
 
 
 def sum_rooms(distribution: CountDistribution, seen: Observation) -> CountDistribution:
@@ -13,7 +17,9 @@ def sum_rooms(distribution: CountDistribution, seen: Observation) -> CountDistri
 
     Args:
         distribution: of all nodes; the rows of the buildings are replaced by one negative
-            binomial, with the mean and the variance of a sum of independent rooms.
+            binomial, with the mean and the variance of a sum of independent rooms. Where counts are
+            tilted, its P(0) is tilted to the product of the rooms', and its variance is not quite
+            theirs: a house whose kitchen most likely has a stove most likely has one.
         seen: what was seen.
 
     Objects of the null region, which are in no room (HM3D's public scenes have none with a class),
@@ -40,9 +46,44 @@ def sum_rooms(distribution: CountDistribution, seen: Observation) -> CountDistri
     means[:, first], dispersions[:, first] = mean, dispersion
     tilts = None if distribution.tilts is None else distribution.tilts.copy()
     if tilts is not None:
-        tilts[:, :, first] = 0.0
+        log_none = np.zeros(mean.shape)
+        np.add.at(log_none, building[rooms], np.log1p(-of_rooms.presence.clip(max=1 - 1e-12)))
+        log_none[alone] = 0.0
+        means[:, first], tilts[:, :, first] = mean, 0.0
+        some = -np.expm1(log_none) > _LEAST
+        base, tilt = _tilt_none(mean[some], dispersion[some], log_none[some])
+        for place, value in ((means, base), (tilts[0], tilt)):
+            rows = place[:, first]
+            rows[:, some] = value
+            place[:, first] = rows
     weights = distribution.weights
     if weights.shape[2] > 1:  # components of a building are the same, whatever they weigh
         weights = weights.copy()
         weights[:, first] = 1 / len(weights)
     return CountDistribution(means, dispersions, weights, tilts)
+
+
+def _tilt_none(mean: Floats, dispersion: Floats, log_none: Floats) -> tuple[Floats, Floats]:
+    """Return mean before tilt, and tilt of none, of counts with a given mean and P(0), each `[M]`.
+
+    A tilt of none keeps m / (1 − p), the mean given that there is one, p the untilted P(0), so that
+    m solves m / (1 − p(m)) = mean / P(at least one). Newton's steps begin above the root of a
+    convex function, and fall to it.
+    """
+    present = -np.expm1(log_none)
+    given = np.maximum(mean / present, 1 + 1e-9)
+    base = given.copy()
+    for _ in range(_STEPS):
+        slope = 1 - given * np.exp(_log_untilted(base, dispersion, more=1))
+        base -= (base - given * -np.expm1(_log_untilted(base, dispersion))) / slope
+        base = np.maximum(base, _LEAST)
+    untilted = _log_untilted(base, dispersion)
+    tilt = (log_none - np.log(present)) - (untilted - np.log(-np.expm1(untilted)))
+    return base, tilt
+
+
+def _log_untilted(mean: Floats, dispersion: Floats, *, more: int = 0) -> Floats:
+    """Return −(r + more) log(1 + μ / r), with −μ for a Poisson: log P(0), or log of −dP(0)/dμ."""
+    finite = np.isfinite(dispersion)
+    r = np.where(finite, dispersion, 1.0)
+    return np.asarray(np.where(finite, -(r + more) * np.log1p(mean / r), -mean))

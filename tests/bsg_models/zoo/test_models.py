@@ -13,7 +13,7 @@ from torch_geometric.nn import GCNConv
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.observation import stack
-from bsg_models.belief.count_distribution import negative_binomial
+from bsg_models.belief.count_distribution import CountDistribution, negative_binomial
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.training.training import new_model
 from bsg_models.zoo.config import find_config
@@ -175,3 +175,20 @@ def test_the_gcn_has_no_negative_totals() -> None:
     torch.manual_seed(0)
     model = CECIGCN(GCNConfig(), ModelInputs(classes=45))
     assert (model.predict(observe_building([[1] * 45] * 4)).totals >= 0).all()
+
+
+def test_a_building_of_tilted_rooms_has_what_any_of_them_has() -> None:
+    """Its mean is the sum of the rooms', its P(0) their product, Poissons and mixtures too."""
+    rng = np.random.default_rng(0)
+    seen = observe_building([[0] * 6] * 5)
+    means, r = rng.gamma(1.0, 1.0, (2, 5, 6)), rng.gamma(2.0, 1.0, (2, 5, 6)) + 0.05
+    r[1, 2:] = np.inf
+    means[:, :, 5] = 1e-14  # what no room has
+    tilts = rng.normal(0, 1.5, (2, 2, 5, 6))
+    tilts[:, :, :, 0] = [[[-4.0]], [[4.0]]]  # exactly one in every room
+    distribution = CountDistribution(means, r, np.full((2, 5, 1), 0.5), tilts)
+    found = sum_rooms(distribution, seen)
+    np.testing.assert_allclose(found.mean[0], distribution.mean[1:].sum(axis=0), rtol=1e-6)
+    none = (1 - distribution.presence[1:]).prod(axis=0)
+    np.testing.assert_allclose(found.presence[0], 1 - none, atol=1e-9)
+    np.testing.assert_array_equal(found.presence[1:], distribution.presence[1:])
