@@ -120,7 +120,9 @@ def conclude(found: dict[str, dict[str, Bootstrap]]) -> tuple[str, ...]:
     wins = [mask for mask in TESTED if find_best(found, mask) == steady]
     first = (
         f"Whatever a robot has seen, `{steady}` is at most {behind:.4f} of NLL behind the best "
-        "model for it" + (f" (under `{mask}`)." if behind else ".")
+        f"model for it (under `{mask}`)."
+        if behind
+        else f"Whatever a robot has seen, `{steady}` is the best model for it."
     )
     of = ", ".join(f"`{mask}`: `{find_best(found, mask)}`" for mask in TESTED)
     return first, f"It is the best under {len(wins)} of {len(TESTED)} masks. The best are {of}."

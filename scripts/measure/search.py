@@ -59,13 +59,13 @@ def tabulate(found: dict[str, list[WorldResult]], task: str) -> ResultsTable:
 
 
 def conclude(found: dict[str, list[WorldResult]]) -> tuple[str, ...]:
-    """Return which model saves most in each world, by `expected-cost`."""
-    sentences = []
+    """Return what `expected-cost` saves in each world, and with which model if there are more."""
+    sentences, most = [], "most " if len(found) > 1 else ""
     for index, one in enumerate(next(iter(found.values()))):
         saved = {m: results[index].savings["expected-cost"].saved for m, results in found.items()}
         best = max(saved, key=lambda model: saved[model].value)
         sentences.append(
-            f"- `{one.world}`, task `{one.task}`: `{best}` saves most with `expected-cost`, "
+            f"- `{one.world}`, task `{one.task}`: `{best}` saves {most}with `expected-cost` "
             f"{format_percent(saved[best])} %."
         )
     return ("\n".join(sentences),)
