@@ -111,5 +111,7 @@ def _refusal(word: str, class_maps: Sequence[ClassMap], near: Sequence[str]) -> 
         why = "the name is known, and no class has it"
     else:
         why = "no class map knows the name"
-    hint = f"; did you mean {', '.join(near)}?" if near else ""
-    return f"no model can look for {word!r}: {why}{hint} `bsg-data map show` lists what is known"
+    hint = f"; did you mean {', '.join(near)}?" if near else "."
+    return (
+        f"no model can look for {word!r}: {why}{hint} `bsg-data map show NAME` tells what a name is"
+    )
