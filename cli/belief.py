@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,9 +25,11 @@ from bsg_cli.options import (
     version_option,
 )
 from bsg_cli.terminal import Command, print_json, print_note, progress_bar
+from bsg_data.spelling import SHOWN
 from bsg_data.tables import format_text
 
 MOST_ROWS = 60
+MOST_NAMES = 10
 
 
 @click.command("bsg-belief", cls=Command)
@@ -94,8 +97,8 @@ def main(
     for path, names in report.unmapped.items():
         note_unmapped(path, names)
     for path, rules in report.resolved.items():
-        made = ", ".join(f"{r.name!r} is {r.category!r} ({r.rule})" for r in rules[:10])
-        more = f", and {len(rules) - 10} more" if len(rules) > 10 else ""
+        made = ", ".join(f"{r.name!r} is {r.category!r} ({r.rule})" for r in rules[:MOST_NAMES])
+        more = f", and {len(rules) - MOST_NAMES:,} more" if len(rules) > MOST_NAMES else ""
         print_note(f"{path}: names that are not in the class map, by rule: {made}{more}")
     for path, source in report.unknown_sources.items():
         known = ", ".join(bsg_data.KNOWN_SOURCES)
@@ -131,13 +134,12 @@ def open_seen(options: dict[str, Any]) -> bsg_models.SeenBuilding:
     return seen
 
 
-def note_unmapped(path: Path, names: dict[str, int]) -> None:
-    """Tell which names of a graph no class map knows."""
-    times = ", ".join(f"{name!r} ({number})" for name, number in sorted(names.items())[:10])
-    print_note(
-        f"{path}: {len(names)} {'name is' if len(names) == 1 else 'names are'} not in the "
-        f"class map: {times}"
-    )
+def note_unmapped(path: Path, names: Sequence[bsg_data.UnmappedEntry]) -> None:
+    """Tell which names of a graph no class map knows, with those that are near."""
+    what = "1 name is" if len(names) == 1 else f"{len(names):,} names are"
+    shown = ", ".join(map(_describe_unmapped, names[:MOST_NAMES]))
+    more = f", and {len(names) - MOST_NAMES:,} more" if len(names) > MOST_NAMES else ""
+    print_note(f"{path}: {what} not in the class map: {shown}{more}")
 
 
 def read_request(dataset: Path | None, options: dict[str, Any]) -> bsg_models.BeliefRequest:
@@ -158,6 +160,11 @@ def encode_room(room: bsg_models.RoomBelief) -> dict[str, Any]:
         for one in room.unseen
     ]
     return {**room._asdict(), "unseen": unseen}
+
+
+def _describe_unmapped(name: bsg_data.UnmappedEntry) -> str:
+    near = f"; nearest: {', '.join(name.nearest)}" if name.nearest else ""
+    return f"{name.name[:SHOWN]!r} ({name.instances:,}{near})"
 
 
 def _row(room: bsg_models.RoomBelief) -> tuple[object, ...]:
