@@ -350,8 +350,10 @@ def _read_objects(
 
 def _unpack_rooms(nodes: pa.Table) -> tuple[KnownRoom, ...]:
     known = ("id", "hidden_share", "visited")
-    said = ("label", "position", "box", "footprint", "floor_index", "floor_area", "room_type")
-    said += ("hidden_share_sd",)
+    said = (
+        *("label", "position", "box", "footprint", "floor_index", "floor_area", "room_type"),
+        "hidden_share_sd",
+    )
     rows = _rows(nodes, known, said)
     return tuple(
         KnownRoom(
