@@ -18,6 +18,7 @@ import numpy as np
 from bsg_data.arrays import Bools, Floats
 from bsg_data.dataset.manifest import COMPARED, UnmappedEntry, describe_unmapped
 from bsg_data.errors import RecipeError
+from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, reclassify
 from bsg_data.observation.robot_json import list_unmapped, parse_robot_graph
 from bsg_data.observation.sightings import discover, enter, see_object
@@ -148,17 +149,19 @@ class SeenBuilding:
         self._change(see_object(self._graph, seen))
         return name
 
-    def entered(self, room: str, *, hidden_share: float | None = None) -> None:
+    def entered(self, room: str, *, hidden_share: float | ShareBelief | None = None) -> None:
         """Say that the robot is in a room, or has looked at more of it.
 
         Args:
             room: id or label.
-            hidden_share: share of its objects that the robot has not seen by now; None for a half,
-                or for less where less was known to be hidden.
+            hidden_share: of its objects, which share the robot has not seen by now; a `ShareBelief`
+                if it is not sure; None for a half, or for what was known where that is less.
 
         Raises:
             RecipeError: if there is no such room, or the share is none.
         """
+        if hidden_share is not None and not isinstance(hidden_share, ShareBelief):
+            hidden_share = ShareBelief(hidden_share)
         self._change(enter(self._graph, find_room(self._graph, room), hidden_share=hidden_share))
 
     def searched(self, room: str) -> None:
