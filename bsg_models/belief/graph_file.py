@@ -10,14 +10,14 @@ from pathlib import Path
 from bsg_data.errors import BSGError, RecipeError
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.observation.robot_json import read_robot_graph
-from bsg_data.scene.class_map import DEFAULT_CLASS_MAP
+from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap
 from bsg_models.belief.hydra import read_hydra
 
 STANDARD_INPUT = Path("-")
 
 
 def read_graph(
-    path: Path, *, labels: str | None = None, class_map: str = DEFAULT_CLASS_MAP
+    path: Path, *, labels: str | None = None, class_map: str | ClassMap = DEFAULT_CLASS_MAP
 ) -> PartialGraph:
     """Read a robot's graph of either kind.
 

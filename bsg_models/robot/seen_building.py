@@ -22,7 +22,7 @@ from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, reclassify
 from bsg_data.observation.robot_json import list_unmapped, parse_robot_graph
 from bsg_data.observation.sightings import discover, enter, see_object
-from bsg_data.scene.class_map import ClassMap, load_class_map, map_into
+from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.scene.surroundings import RoomType, check_room_type
 from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, Mode, believe
 from bsg_models.belief.expectation import Expectation
@@ -56,7 +56,7 @@ def open_graph(
         CheckpointError: if there is no such model.
     """
     predictor = Predictor(model)
-    class_map = map_into(predictor.class_space.name)
+    class_map = predictor.class_map
     if isinstance(graph, Mapping):
         known = parse_robot_graph(dict(graph), path=Path("graph"), class_map=class_map)
     else:
@@ -83,7 +83,6 @@ class SeenBuilding:
 
         Raises:
             CheckpointError: if there is no such model.
-            ClassMapError: if no published class map leads into its class space.
         """
         self._graph = graph
         self._models = [model if isinstance(model, Predictor) else Predictor(model)]
@@ -369,10 +368,10 @@ class SeenBuilding:
     @cached_property
     def _class_maps(self) -> tuple[ClassMap, ...]:
         """The map of the model, and that of the wide one, if it has another class space."""
-        names = [map_into(self._models[0].class_space.name)]
-        if WIDE_MODEL in shipped_names() and WIDE_MAP not in names:
-            names.append(WIDE_MAP)
-        return tuple(load_class_map(name) for name in names)
+        own = self._models[0].class_map
+        wide = load_class_map(WIDE_MAP)
+        has_wide = WIDE_MODEL in shipped_names() and own.space != wide.space
+        return (own, wide) if has_wide else (own,)
 
     def _belief(self, model: int) -> Expectation:
         """Return what a model believes of the graph as it is now."""

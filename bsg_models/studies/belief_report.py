@@ -24,7 +24,7 @@ from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.observation.partial_graph import PartialGraph, list_withheld, mask_dataset
 from bsg_data.observation.robot_json import list_unmapped
 from bsg_data.recipes import MaskRecipe, Record
-from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, load_class_map, map_into
+from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.scene.surroundings import KNOWN_SOURCES
 from bsg_models.belief.belief_graph import BeliefGraph, Mode, believe, rank_unseen
 from bsg_models.belief.formats import choose_format, write_beliefs
@@ -155,7 +155,7 @@ def report_beliefs(
     wanted = _choose(request.scenes) if request.scenes else frozenset()
     _check_paths(request)
     predictor = Predictor(request.run)
-    class_map = map_into(predictor.class_space.name) if request.graphs else DEFAULT_CLASS_MAP
+    class_map = predictor.class_map if request.graphs else load_class_map()
     graphs = {
         path: read_graph(path, labels=request.labels, class_map=class_map)
         for path in request.graphs
@@ -197,14 +197,13 @@ def report_beliefs(
     )
 
 
-def _list_unmapped(graph: PartialGraph, class_map: str) -> tuple[UnmappedEntry, ...]:
-    loaded = load_class_map(class_map)
-    return tuple(describe_unmapped(list_unmapped(graph), loaded, near=COMPARED))
+def _list_unmapped(graph: PartialGraph, class_map: ClassMap) -> tuple[UnmappedEntry, ...]:
+    return tuple(describe_unmapped(list_unmapped(graph), class_map, near=COMPARED))
 
 
-def _list_resolved(graph: PartialGraph, class_map: str) -> tuple[ResolvedEntry, ...]:
+def _list_resolved(graph: PartialGraph, class_map: ClassMap) -> tuple[ResolvedEntry, ...]:
     names = Counter(obj.raw_category for obj in graph.objects)
-    return tuple(list_resolved(names, load_class_map(class_map)))
+    return tuple(list_resolved(names, class_map))
 
 
 def describe_rooms(
