@@ -28,8 +28,9 @@ FRAME_MS, LAST_MS = 1200, 5000  # how long a frame is shown, and the last one
 _WIDTH, _DPI = 12.0, 100  # inches
 _HEAD, _FOOT = 1.15, 0.95  # inches above and below the plans
 _COLOURS = 128
-_INK, _SOFT, _LINE, _PAPER = "#1d2330", "#667085", "#b9a3d3", "#ffffff"
-_LIKELY, _ENTERED, _HOLDS = "#8a3fd1", "#e4e7ec", "#e0162b"
+# as in theme.css, light
+_INK, _SOFT, _WALL, _PAPER = "#1d2330", "#566074", "#cf8dfd", "#ffffff"
+_LIKELY, _ENTERED, _HOLDS = "#a876de", "#eceef3", "#ff0000"
 _LEGEND = (
     "Shade and %: how likely a room holds one. Grey: entered. Red outline: holds one, which no "
     "robot knows. Numbers: the way; dotted: where it goes next."
@@ -149,8 +150,8 @@ def _draw_room(
     """Draw a room with its name, and how likely it holds an artifact."""
     axes.add_patch(Polygon(room.outline, facecolor=_ENTERED if entered else _PAPER))
     if likely and not entered:
-        axes.add_patch(Polygon(room.outline, facecolor=_LIKELY, alpha=0.75 * likely))
-    edge, width = (_HOLDS, 2.6) if holds else (_LINE, 1.2)
+        axes.add_patch(Polygon(room.outline, facecolor=_LIKELY, alpha=likely))
+    edge, width = (_HOLDS, 2.6) if holds else (_WALL, 1.2)
     axes.add_patch(Polygon(room.outline, fill=False, edgecolor=edge, linewidth=width))
     (left, top), (right, bottom) = axes.transData.transform(
         ((room.left, room.top), (room.right, room.bottom))
