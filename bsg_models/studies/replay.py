@@ -22,9 +22,9 @@ from bsg_models.search.room_graphs import MEASURED
 from bsg_models.studies.savings import WorldResult
 from bsg_models.studies.search_cases import BASELINE
 from bsg_models.studies.search_steps import (
-    KEPT,
     LEAST_ENTERED,
     MOST_HOLDING,
+    TYPICAL,
     KeptSearch,
     KeptStep,
     choose_shown,
@@ -219,12 +219,12 @@ def _say_why(kept: KeptSearch, *, named: bool) -> str:
     if not kept.eventful:
         return (
             "It was chosen for being worth watching, but none of the searches is: artifacts are in "
-            "many rooms, or a robot finds one in a few. It is one in which beliefs change, and "
-            "whose saving is near that of all searches."
+            "many rooms, or a robot finds one in a few. Of the searches whose saving is nearest to "
+            "that of all, it is the one in which beliefs change most."
         )
     return (
         f"It was chosen for being worth watching, by a rule: at most {100 * MOST_HOLDING:.0f} % of "
-        f"the rooms hold what is sought, and every robot enters at least {LEAST_ENTERED} rooms. Of "
-        f"the {KEPT} such searches of each building in which beliefs change most, it is the one "
-        "whose saving is nearest to that of all searches."
+        f"the rooms hold what is sought, every robot enters at least {LEAST_ENTERED} rooms, and "
+        f"the saving is within {100 * TYPICAL:.0f} points of that of all searches, or as near as "
+        "there is. Of such searches it is the one in which beliefs change most."
     )
