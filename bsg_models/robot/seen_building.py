@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -28,13 +28,14 @@ from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, Mode, be
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.graph_file import read_graph
 from bsg_models.robot.answers import ExpectedClass, Place
+from bsg_models.robot.destination import choose_destination
 from bsg_models.robot.room_names import find_room
 from bsg_models.robot.ways import Costs, Ways, measure_ways
 from bsg_models.robot.words import Meaning, find_meaning
 from bsg_models.runs.predictor import Predictor
 from bsg_models.runs.shipped import DEFAULT_MODEL, WIDE_MAP, WIDE_MODEL, shipped_names
 from bsg_models.search.catalogue import AnyPlanner
-from bsg_models.search.planners import next_room
+from bsg_models.search.knowledge import Task
 
 
 def open_graph(
@@ -276,12 +277,13 @@ class SeenBuilding:
         here: str | None = None,
         costs: Costs | None = None,
         planner: AnyPlanner = "expected-cost",
-        task: Literal["single", "all"] = "single",
+        task: Task = "single",
     ) -> str | None:
         """Return the room to go to next, to find a thing or several.
 
         A room in which one was seen holds it. The room where the robot is counts as looked through;
-        `where` says how likely that is wrong.
+        `where` says how likely that is wrong. A room that lies on the way to a likelier one is
+        passed by.
 
         Args:
             things: any word, or several.
@@ -306,10 +308,13 @@ class SeenBuilding:
         place = find_room(self._graph, here)
         if seen[place].all():
             return self.rooms[place - 1]
-        explored[place] = True
-        edges = self.ways(costs).edges
-        chosen = next_room(
-            edges, here=place, explored=explored, presence=presence, task=task, planner=planner
+        chosen = choose_destination(
+            self.ways(costs),
+            here=place,
+            explored=explored,
+            presence=presence,
+            planner=planner,
+            task=task,
         )
         return None if chosen is None else self.rooms[chosen - 1]
 
