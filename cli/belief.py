@@ -20,7 +20,6 @@ from bsg_cli.options import (
     read_model,
     seed_option,
     split_option,
-    version_option,
 )
 from bsg_cli.terminal import Command, print_json, print_note, progress_bar
 from bsg_data.spelling import SHOWN
@@ -56,7 +55,6 @@ MOST_NAMES = 10
 @click.option("--html", type=PATH, help="Write the explorer, one page.")
 @force_option
 @json_option
-@version_option()
 def main(dataset: Path | None, as_json: bool, **options: Any) -> None:
     """Say what is expected in every room that was not seen there.
 
