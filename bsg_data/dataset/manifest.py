@@ -87,6 +87,9 @@ class SkipEntry(Record):
     reason: str
 
 
+COMPARED = 10  # unmapped names of one graph that are compared with every known spelling
+
+
 class UnmappedEntry(Record):
     """A name that the class map does not know, how often it occurs, and what it looks like."""
 
