@@ -22,7 +22,6 @@ from bsg_cli.options import (
     read_model,
     seed_option,
     split_option,
-    version_option,
 )
 from bsg_cli.terminal import Command, print_json, print_note, progress_bar
 from bsg_data.spelling import SHOWN
@@ -60,7 +59,6 @@ MOST_NAMES = 10
 @click.option("--html", type=PATH, help="Write the explorer, one page.")
 @force_option
 @json_option
-@version_option()
 def main(
     dataset: Path | None, as_json: bool, find: str | None, here: str | None, **options: Any
 ) -> None:
