@@ -44,13 +44,10 @@ def find_thing(
     click.echo(format_text([row[:columns] for row in rows[:MOST_ROWS]], header=header[:columns]))
     if len(rows) > MOST_ROWS:
         print_note(f"… and {len(rows) - MOST_ROWS:,} less likely rooms; --json prints all")
-    click.echo(
-        f"anywhere in the building: {_percent(seen.anywhere(thing))}, by {seen.asked(thing)}"
-    )
-    if first is None:
-        click.echo("no room is left to search")
-    else:
-        click.echo(f"go first to {_name(first, places)}")
+    somewhere = _percent(seen.anywhere(thing))
+    click.echo(f"somewhere in the building: {somewhere}, by the model {seen.asked(thing)}")
+    goes = "no room is left to search" if first is None else f"go first to {_name(first, places)}"
+    click.echo(goes)
 
 
 def _row(place: bsg_models.Place, unit: str | None) -> tuple[Any, ...]:
