@@ -62,7 +62,7 @@ MOST_NAMES = 10
 def main(
     dataset: Path | None, as_json: bool, find: str | None, here: str | None, **options: Any
 ) -> None:
-    """Say what is expected in every room that was not seen there, or where one thing is.
+    """Say what is expected in rooms and was not seen there, or where one thing is.
 
     A GRAPH is a robot's partial scene graph, our JSON (docs/belief.md) or Spark-DSG's; `-` is
     standard input. A model is a path that is there, a shipped model's name (`bsg-models list`), a
