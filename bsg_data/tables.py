@@ -13,8 +13,8 @@ Rows = Sequence[Sequence[object]]
 def format_text(rows: Rows, *, header: Sequence[str], numeric: Sequence[str] = ()) -> str:
     """Return rows as an aligned table, with numbers to the right and letters to the left.
 
-    A column is of numbers if the first row has one there, or `numeric` names it. A character that a terminal would obey is
-    replaced, so that no name from a file can write to it.
+    A column is of numbers if the first row has one there, or `numeric` names it. A character that
+    a terminal would obey is replaced, so that no name from a file can write to it.
 
     >>> print(format_text([("chair", 1200), ("bed", 3)], header=("class", "objects")))
     class  objects
