@@ -32,7 +32,7 @@ HOUSE = (
     "bsg_models.belief bsg_models.search bsg_models.inputs",
     "bsg_models.zoo",
     "bsg_models.runs bsg_models.evaluation",
-    "bsg_models.training",
+    "bsg_models.training bsg_models.robot",
     "bsg_models.rendering bsg_models.testing",
     "bsg_models.studies",
     "bsg_cli",

@@ -25,7 +25,7 @@ from bsg_data.observation.hidden_others import sample_hidden_others
 from bsg_data.observation.masks import sample_hidden, sample_view, sample_withheld
 from bsg_data.observation.observation import Observation
 from bsg_data.recipes import MaskRecipe
-from bsg_data.scene.class_map import is_nameless
+from bsg_data.scene.class_map import ClassMap, is_nameless
 from bsg_data.scene.connections import Connections
 from bsg_data.scene.parts import find_wholes, load_parts
 from bsg_data.scene.room_label import list_room_labels
@@ -218,14 +218,35 @@ def observe(graph: PartialGraph, room_index: int, objects: Iterable[SeenObject])
         what = min(twice) if twice else "an object"
         raise RecipeError(f"{graph.scene_id}: {what} is there twice")
     rooms = list(graph.rooms)
-    rooms[room_index - 1] = replace(rooms[room_index - 1], visited=True, hidden_share=0.0)
+    rooms[room_index - 1] = replace(rooms[room_index - 1], visited=True)
+    known = replace(graph, rooms=tuple(rooms), objects=elsewhere + inside)
+    return hide_of_room(known, room_index, 0.0)
+
+
+def hide_of_room(graph: PartialGraph, room_index: int, hidden_share: float) -> PartialGraph:
+    """Return the same where a room hides another share of its objects.
+
+    The share that the building hides changes as the sum of its rooms' does; it is their mean where
+    nothing was hidden before.
+    """
+    rooms = list(graph.rooms)
+    rooms[room_index - 1] = replace(rooms[room_index - 1], hidden_share=hidden_share)
     before = sum(room.hidden_share for room in graph.rooms)
     after = sum(room.hidden_share for room in rooms)
+    building = graph.hidden_share * after / before if before else after / len(rooms)
+    return replace(graph, rooms=tuple(rooms), hidden_share=min(building, 1.0))
+
+
+def reclassify(graph: PartialGraph, class_map: ClassMap) -> PartialGraph:
+    """Return the same where another class map says which class each object has."""
+    found = [class_map.classify(obj.raw_category) for obj in graph.objects]
     return replace(
         graph,
-        rooms=tuple(rooms),
-        objects=elsewhere + inside,
-        hidden_share=graph.hidden_share * after / before if before else graph.hidden_share,
+        class_space=ClassSpaceEntry.of(class_map.space),
+        objects=tuple(
+            replace(obj, category=one.category, class_index=one.class_index)
+            for obj, one in zip(graph.objects, found, strict=True)
+        ),
     )
 
 

@@ -33,6 +33,7 @@ from pydantic import AfterValidator, Field, PlainValidator, StrictBool, Validati
 from bsg_data.dataset.manifest import ClassSpaceEntry
 from bsg_data.errors import RecipeError, SourceError
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
+from bsg_data.observation.sightings import SEEN_SHARE
 from bsg_data.recipes import Record, name_fault
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, load_class_map
 from bsg_data.scene.scene_graph import Box
@@ -44,7 +45,6 @@ from bsg_data.scene.surroundings import (
 )
 
 MAX_BYTES = 64 * 2**20
-SEEN_SHARE = 0.5  # of the objects of a room that the robot passed through, if it does not say
 Id = Annotated[str, Field(min_length=1, max_length=500)]
 Text = Annotated[str, Field(max_length=500)]
 Metres = Annotated[float, Field(ge=-1e6, le=1e6)]

@@ -21,13 +21,13 @@ from bsg_data.dataset.manifest import ClassSpaceEntry
 from bsg_data.files import write_bytes
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_data.observation.robot_json import (
-    SEEN_SHARE,
     BuildingKind,
     Id,
     RoomTypes,
     Share,
     SquareMetres,
 )
+from bsg_data.observation.sightings import SEEN_SHARE
 from bsg_data.recipes import Record, name_fault
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
 from bsg_data.scene.scene_graph import Box, Point

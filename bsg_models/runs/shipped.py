@@ -16,6 +16,8 @@ from bsg_data.registry import require_known
 from bsg_models.errors import CheckpointError
 
 DEFAULT_MODEL = "universal"
+WIDE_MODEL = "universal-wide"  # is asked for words that the default has no class for
+WIDE_MAP = "hm3d-wide-v1"
 SUFFIX = ".safetensors"
 SUMS = "SHA256SUMS"
 _LINE = re.compile(r"(?P<sha256>[0-9a-f]{64})  (?P<name>[a-z0-9][a-z0-9-]*\.(safetensors|md))")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
@@ -15,15 +14,16 @@ from pydantic import Field
 from bsg_data.arrays import Counts
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import ResolvedEntry, list_resolved
-from bsg_data.errors import BSGError, DatasetError, RecipeError
+from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.observation.partial_graph import PartialGraph, list_withheld, mask_dataset
-from bsg_data.observation.robot_json import list_unmapped, read_robot_graph
+from bsg_data.observation.robot_json import list_unmapped
 from bsg_data.recipes import MaskRecipe, Record
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, load_class_map, map_into
 from bsg_data.scene.surroundings import KNOWN_SOURCES
 from bsg_models.belief.belief_graph import BeliefGraph, Mode, believe, rank_unseen
 from bsg_models.belief.formats import choose_format, write_beliefs
-from bsg_models.belief.hydra import read_hydra, write_hydra
+from bsg_models.belief.graph_file import read_graph
+from bsg_models.belief.hydra import write_hydra
 from bsg_models.belief.tables import write_tables
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.rendering.explorer import View, write_explorer
@@ -193,33 +193,6 @@ def report_beliefs(
 def _list_resolved(graph: PartialGraph, class_map: str) -> tuple[ResolvedEntry, ...]:
     names = Counter(obj.raw_category for obj in graph.objects)
     return tuple(list_resolved(names, load_class_map(class_map)))
-
-
-def read_graph(
-    path: Path, *, labels: str | None = None, class_map: str = DEFAULT_CLASS_MAP
-) -> PartialGraph:
-    """Read a robot's graph of either kind: our JSON, or Spark-DSG's.
-
-    Args:
-        path: of the file.
-        labels: label space of a Hydra graph: `ade20k` or `mpcat40`.
-        class_map: that its names are read with.
-
-    Raises:
-        BSGError: if it cannot be read, or is no graph.
-        RecipeError: if labels are given for a graph that is not Hydra's.
-    """
-    try:
-        document = {} if path.suffix == ".sparkdsg" else json.loads(path.read_bytes())
-    except OSError as error:
-        raise BSGError(f"{path}: cannot be read ({error.strerror})") from error
-    except (ValueError, RecursionError) as error:
-        raise BSGError(f"{path}: no JSON ({error})") from error
-    if path.suffix == ".sparkdsg" or "SPARK_DSG_header" in document:
-        return read_hydra(path, labels=labels, class_map=class_map)
-    if labels is not None:
-        raise RecipeError(f"labels are for Hydra's graphs, and {path} is none")
-    return read_robot_graph(path, class_map=class_map)
 
 
 def describe_rooms(

@@ -48,8 +48,9 @@ from bsg_models.studies.leaderboard_runs import (
     run_of,
     trained_on,
 )
-from bsg_models.training.training import combine_runs, member_config, one_thread, train_run
+from bsg_models.training.training import combine_runs, member_config, train_run
 from bsg_models.zoo.config import RunConfig
+from bsg_models.zoo.threads import one_thread
 
 SECONDS = "seconds.json"
 DATASET = "dataset"

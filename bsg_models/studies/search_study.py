@@ -44,8 +44,8 @@ from bsg_models.studies.search_cases import (
     sample_presence,
 )
 from bsg_models.studies.search_steps import KeepRequest, KeptSearch, StepKeeper
-from bsg_models.training.training import one_thread
 from bsg_models.zoo.model import BeliefModel
+from bsg_models.zoo.threads import one_thread
 
 SWEEP = -1.0  # P(anything left) is never so low: such a search enters every room
 
