@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +39,16 @@ MOST_ROWS = 60
 @click.option("--scene", help="With --data: this building alone.")
 @mask_options("With --data: how objects are hidden.", "With --data: share of the objects to hide.")
 @seed_option("With --data: of masks.")
-@click.option("--labels", help="Label space of a Hydra graph: ade20k or mpcat40.")
+@click.option(
+    "--labels", metavar="SPACE", help="What Hydra's labels stand for: mpcat40, ade20k, or a file."
+)
+@click.option(
+    "--hidden-share",
+    "shares",
+    multiple=True,
+    metavar="[ROOM=]SHARE",
+    help="Share of a room's objects that was not seen: 0 searched, 1 not entered.",
+)
 @click.option(
     "--mode",
     type=click.Choice(["complete", "unseen"]),
@@ -49,7 +60,7 @@ MOST_ROWS = 60
     "--top", type=click.IntRange(min=1), default=3, show_default=True, help="Unseen classes a room."
 )
 @out_option("Write belief graphs; the suffix names the format: .json, .tables, .dsg.json, .html.")
-@click.option("--hydra", type=PATH, help="Write one as Spark-DSG JSON.")
+@click.option("--hydra", type=PATH, help="Write one as Spark-DSG JSON; Hydra's own, annotated.")
 @click.option("--tables", type=PATH, help="Write all as parquet, a folder.")
 @click.option("--html", type=PATH, help="Write the explorer, one page.")
 @force_option
@@ -91,6 +102,9 @@ def main(dataset: Path | None, as_json: bool, **options: Any) -> None:
     for path, source in report.unknown_sources.items():
         known = ", ".join(bsg_data.KNOWN_SOURCES)
         print_note(f"{path}: source {source!r} counts as unknown; models know {known}")
+    for path, notes in report.notes.items():
+        for note in notes:
+            print_note(f"{path}: {note}")
     if as_json:
         print_json([encode_room(room) for room in report.rooms])
         return
@@ -112,10 +126,35 @@ def read_request(dataset: Path | None, options: dict[str, Any]) -> bsg_models.Be
     mask = {"strategy": options.pop("mask")}
     mask |= {name: options.pop(name) for name in ("fraction", "seed", "withhold", "parts")}
     scenes = {name: options.pop(name) for name in ("split", "fold", "scene")}
+    shares = options.pop("shares")
+    if shares and dataset is not None:
+        raise click.UsageError("--hidden-share is for GRAPHs; --mask says what --data hides")
+    options |= read_shares(shares)
     if dataset is None:
         return bsg_models.BeliefRequest(**options)
     scenes |= {"dataset": dataset, "mask": mask}
     return bsg_models.BeliefRequest.model_validate({**options, "scenes": scenes})
+
+
+def read_shares(said: Sequence[str]) -> dict[str, Any]:
+    """Return the shares of all rooms and of single ones: `0.4`, `kitchen=0.2`."""
+    every, rooms = None, {}
+    for word in said:
+        room, _, number = word.rpartition("=")
+        try:
+            share = float(number)
+        except ValueError:
+            share = math.nan
+        if not 0 <= share <= 1:
+            raise click.UsageError(
+                f"--hidden-share {word}: expected [ROOM=]SHARE with a share of 0 to 1, such as 0.4 "
+                "or kitchen=0.2"
+            )
+        if room:
+            rooms[room] = share
+        else:
+            every = share
+    return {"hidden_share": every, "hidden_shares": rooms}
 
 
 def encode_room(room: bsg_models.RoomBelief) -> dict[str, Any]:
