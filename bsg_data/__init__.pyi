@@ -7,7 +7,14 @@ from .dataset.coverage import Coverage, count_classes, measure_coverage
 from .dataset.dataset import Dataset, read_adjacency, read_cells
 from .dataset.frequencies import count_frequencies, plot_frequencies
 from .dataset.histograms import to_histograms
-from .dataset.manifest import ClassMapEntry, ClassSpaceEntry, FileEntry, Manifest, read_manifest
+from .dataset.manifest import (
+    ClassMapEntry,
+    ClassSpaceEntry,
+    FileEntry,
+    Manifest,
+    UnmappedEntry,
+    read_manifest,
+)
 from .dataset.shards import read_scene_graphs, read_table, write_shards
 from .dataset.splits import assign_splits, read_splits, split_dataset
 from .errors import (
@@ -23,6 +30,7 @@ from .errors import (
 from .exports.catalogue import EXPORTS, ExportRow
 from .exports.export import Exported, export_dataset
 from .merge import merge_datasets, upgrade_dataset
+from .observation.hidden_share import ShareBelief
 from .observation.mask_hash import hash_masks, hash_splits
 from .observation.masked_buildings import MaskedBuildings
 from .observation.masks import MASKS, Mask, sample_hidden, sample_view, sample_withheld
@@ -120,6 +128,7 @@ __all__ = [
     "SceneObject",
     "SceneRef",
     "SeenObject",
+    "ShareBelief",
     "SkippedScene",
     "Source",
     "SourceError",
@@ -127,6 +136,7 @@ __all__ = [
     "SplitRecipe",
     "Surroundings",
     "Terms",
+    "UnmappedEntry",
     "UnmappedNameError",
     "View",
     "WithLayouts",

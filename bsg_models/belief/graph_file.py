@@ -11,7 +11,7 @@ from pathlib import Path
 from bsg_data.errors import BSGError, RecipeError
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.observation.robot_json import read_robot_graph
-from bsg_data.scene.class_map import DEFAULT_CLASS_MAP
+from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap
 from bsg_data.sources.annotation_files import read_bytes
 from bsg_data.sources.dsg_file import is_dsg
 from bsg_data.sources.label_space import load_label_space
@@ -36,9 +36,16 @@ class GraphFile:
     hydra: HydraFile | None = None
     notes: tuple[str, ...] = ()
 
+    def list_notes(self, *, told: bool) -> tuple[str, ...]:
+        """Return the notes, with one about the shares of rooms if nobody `told` them."""
+        if self.hydra is None or self.hydra.says_shares or told:
+            return self.notes
+        share = f"{self.graph.hidden_share:g} of its objects"
+        return (*self.notes, f"of every room {share} count as not seen; --hidden-share says better")
+
 
 def open_graph_file(
-    path: Path, *, labels: str | None = None, class_map: str = DEFAULT_CLASS_MAP
+    path: Path, *, labels: str | None = None, class_map: str | ClassMap = DEFAULT_CLASS_MAP
 ) -> GraphFile:
     """Read a robot's graph of either kind, and keep what it was read from.
 
@@ -70,7 +77,7 @@ def open_graph_file(
 
 
 def read_graph(
-    path: Path, *, labels: str | None = None, class_map: str = DEFAULT_CLASS_MAP
+    path: Path, *, labels: str | None = None, class_map: str | ClassMap = DEFAULT_CLASS_MAP
 ) -> PartialGraph:
     """Read a robot's graph of either kind; see `open_graph_file`."""
     return open_graph_file(path, labels=labels, class_map=class_map).graph

@@ -13,7 +13,7 @@ from typing import Any
 
 from bsg_data.files import write_bytes
 from bsg_data.observation.partial_graph import PartialGraph
-from bsg_data.scene.class_map import DEFAULT_CLASS_MAP
+from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap
 from bsg_data.sources.dsg_file import parse_dsg
 from bsg_data.sources.label_space import load_label_space
 from bsg_models.belief.annotation import strip_annotation
@@ -29,7 +29,7 @@ _BELOW = 2**56 - 1  # the number of a symbol
 
 
 def read_hydra(
-    path: Path, *, labels: str | None = None, class_map: str = DEFAULT_CLASS_MAP
+    path: Path, *, labels: str | None = None, class_map: str | ClassMap = DEFAULT_CLASS_MAP
 ) -> PartialGraph:
     """Read a partial graph from a Spark-DSG file.
 

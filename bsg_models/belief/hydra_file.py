@@ -23,7 +23,7 @@ from bsg_data.observation.robot_json import (
     RobotGraphError,
     parse_robot_graph,
 )
-from bsg_data.scene.class_map import DEFAULT_CLASS_MAP
+from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap
 from bsg_data.scene.room_label import label_of
 from bsg_data.sources.annotation_files import decode, read_bytes
 from bsg_data.sources.dsg_file import DSGFile, DSGNode, parse_dsg
@@ -53,7 +53,7 @@ class HydraFile:
     graph: DSGFile
 
     def partial(
-        self, *, labels: LabelSpace | None = None, class_map: str = DEFAULT_CLASS_MAP
+        self, *, labels: LabelSpace | None = None, class_map: str | ClassMap = DEFAULT_CLASS_MAP
     ) -> PartialGraph:
         """Return what the robot has seen; see `read_hydra`."""
         rooms = [_describe_room(room) for room in self.graph.rooms]

@@ -7,6 +7,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from bsg_data.errors import RecipeError
+from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.partial_graph import PartialGraph, hide_of_room
 from bsg_models.robot.room_names import find_room
 
@@ -46,4 +47,4 @@ def _hide(graph: PartialGraph, index: int, share: float) -> PartialGraph:
     rooms = list(graph.rooms)
     visited = share < 1 and (share == 0 or rooms[index - 1].visited)
     rooms[index - 1] = replace(rooms[index - 1], visited=visited)
-    return hide_of_room(replace(graph, rooms=tuple(rooms)), index, share)
+    return hide_of_room(replace(graph, rooms=tuple(rooms)), index, ShareBelief(share))

@@ -13,16 +13,22 @@ from pydantic import Field
 
 from bsg_data.arrays import Counts
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.manifest import ResolvedEntry, list_resolved
+from bsg_data.dataset.manifest import (
+    COMPARED,
+    ResolvedEntry,
+    UnmappedEntry,
+    describe_unmapped,
+    list_resolved,
+)
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.observation.partial_graph import PartialGraph, list_withheld, mask_dataset
 from bsg_data.observation.robot_json import Share, list_unmapped
 from bsg_data.recipes import MaskRecipe, Record
-from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, load_class_map, map_into
+from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.scene.surroundings import KNOWN_SOURCES
 from bsg_models.belief.belief_graph import BeliefGraph, Mode, believe, rank_unseen
 from bsg_models.belief.formats import choose_format, write_beliefs
-from bsg_models.belief.graph_file import GraphFile, open_graph_file
+from bsg_models.belief.graph_file import open_graph_file
 from bsg_models.belief.hydra import SPARK_DSG, annotate_hydra, write_hydra
 from bsg_models.belief.hydra_file import HydraFile
 from bsg_models.belief.tables import write_tables
@@ -124,7 +130,8 @@ class BeliefReport(NamedTuple):
         model: its name.
         graphs: one a partial graph.
         rooms: of all graphs.
-        unmapped: file → name that the class map does not know → times.
+        unmapped: file → names that the class map does not know, most frequent first; what the first
+            `COMPARED` of them look like.
         resolved: file → names that a rule explained.
         unknown_sources: file → its source, where that is none of `KNOWN_SOURCES`.
         notes: file → what else to know of how it was read, a sentence each.
@@ -133,7 +140,7 @@ class BeliefReport(NamedTuple):
     model: str
     graphs: tuple[BeliefGraph, ...]
     rooms: tuple[RoomBelief, ...]
-    unmapped: dict[Path, dict[str, int]]
+    unmapped: dict[Path, tuple[UnmappedEntry, ...]]
     resolved: dict[Path, tuple[ResolvedEntry, ...]]
     unknown_sources: dict[Path, str]
     notes: dict[Path, tuple[str, ...]]
@@ -157,7 +164,7 @@ def report_beliefs(
     wanted = _choose(request.scenes) if request.scenes else frozenset()
     _check_paths(request)
     predictor = Predictor(request.run)
-    class_map = map_into(predictor.class_space.name) if request.graphs else DEFAULT_CLASS_MAP
+    class_map = predictor.class_map if request.graphs else load_class_map()
     files = {
         path: open_graph_file(path, labels=request.labels, class_map=class_map)
         for path in request.graphs
@@ -183,21 +190,22 @@ def report_beliefs(
         if progress:
             progress(done, total)
     _write(request, views, [file.hydra for file in files.values()])
-    unmapped = {path: names for path, graph in graphs.items() if (names := list_unmapped(graph))}
+    unmapped = {path: _list_unmapped(graph, class_map) for path, graph in graphs.items()}
     resolved = {path: _list_resolved(graph, class_map) for path, graph in graphs.items()}
     strange = {
         path: graph.source
         for path, graph in graphs.items()
         if graph.source is not None and graph.source not in KNOWN_SOURCES
     }
+    told = request.hidden_share is not None or bool(request.hidden_shares)
     return BeliefReport(
         model=predictor.name,
         graphs=tuple(view.belief for view in views),
         rooms=tuple(rooms),
-        unmapped=unmapped,
+        unmapped={path: names for path, names in unmapped.items() if names},
         resolved={path: names for path, names in resolved.items() if names},
         unknown_sources=strange,
-        notes={path: notes for path, file in files.items() if (notes := _note(file, request))},
+        notes={path: file.list_notes(told=told) for path, file in files.items()},
     )
 
 
@@ -205,18 +213,13 @@ def _tell(graph: PartialGraph, request: BeliefRequest) -> PartialGraph:
     return tell_shares(graph, every=request.hidden_share, rooms=request.hidden_shares)
 
 
-def _note(file: GraphFile, request: BeliefRequest) -> tuple[str, ...]:
-    """Return what to know of a file; of Hydra's, which says no shares, that they can be told."""
-    told = request.hidden_share is not None or request.hidden_shares
-    if file.hydra is None or file.hydra.says_shares or told:
-        return file.notes
-    share = f"{file.graph.hidden_share:g} of its objects"
-    return (*file.notes, f"of every room {share} count as not seen; --hidden-share tells how many")
+def _list_unmapped(graph: PartialGraph, class_map: ClassMap) -> tuple[UnmappedEntry, ...]:
+    return tuple(describe_unmapped(list_unmapped(graph), class_map, near=COMPARED))
 
 
-def _list_resolved(graph: PartialGraph, class_map: str) -> tuple[ResolvedEntry, ...]:
+def _list_resolved(graph: PartialGraph, class_map: ClassMap) -> tuple[ResolvedEntry, ...]:
     names = Counter(obj.raw_category for obj in graph.objects)
-    return tuple(list_resolved(names, load_class_map(class_map)))
+    return tuple(list_resolved(names, class_map))
 
 
 def describe_rooms(

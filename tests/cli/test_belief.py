@@ -57,7 +57,7 @@ def test_a_graph_of_hydra_comes_back_with_beliefs(run: Path, tmp_path: Path) -> 
     for told in (
         "1 of 4 objects are under no room",
         "1 objects have labels without a name (99); --labels names them: mpcat40, ade20k, or",
-        "of every room 0.5 of its objects count as not seen; --hidden-share tells how many",
+        "of every room 0.5 of its objects count as not seen; --hidden-share says better",
     ):
         assert f"{packed}: {told}" in done.stderr
     assert call(out, *words[:4], "--hydra", other, "--force").exit_code == 0
@@ -73,6 +73,11 @@ def test_shares_are_told(dataset: Path, run: Path, tmp_path: Path) -> None:
     assert "count as not seen" not in done.stderr
     rooms = read_document(out).partial.rooms
     assert [(room.hidden_share, room.visited) for room in rooms] == [(0, True), (1, False)]
+    asked = call(path, "--run", run, *shares, "--find", "bed", "--json")
+    assert asked.exit_code == 0, asked.output
+    answer = {place["room"]: place for place in json.loads(asked.stdout)["places"]}
+    assert answer["R(0)"]["probability"] == 0 < answer["R(3)"]["probability"]
+    assert "1 objects have labels without a name (99)" in asked.stderr
     for wrong in ("", "x", "kitchen=", "1.5", "kitchen=nan"):
         refused = call(path, "--run", run, "--hidden-share", wrong)
         assert refused.exit_code == 2
@@ -103,11 +108,13 @@ def test_masked_buildings_give_a_belief_graph_each(
 def test_unmapped_names_are_reported(run: Path, tmp_path: Path) -> None:
     said = json.loads(OFFICE.read_text("utf-8"))
     said["objects"][0]["category"] = "zzqx thing"
+    said["objects"][1]["category"] = said["objects"][2]["category"] = "refrigeratorr"
     said["source"] = "my robot"
     (tmp_path / "graph.json").write_text(json.dumps(said))
     done = call(tmp_path / "graph.json", "--run", run)
     assert done.exit_code == 0
-    assert "1 name is not in the class map: 'zzqx thing' (1)" in done.stderr
+    assert "2 names are not in the class map: 'refrigeratorr' (2; nearest: refri" in done.stderr
+    assert ", 'zzqx thing' (1)\n" in done.stderr
     assert "source 'my robot' counts as unknown; models know hm3d, behavior" in done.stderr
 
 
