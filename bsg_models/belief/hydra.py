@@ -20,15 +20,11 @@ from pydantic import ValidationError
 from bsg_data.dataset.manifest import ClassSpaceEntry
 from bsg_data.errors import RecipeError
 from bsg_data.files import write_bytes
+from bsg_data.geometry.floor_area import find_floor_area
+from bsg_data.observation.hidden_share import VAGUE
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
-from bsg_data.observation.robot_json import (
-    SEEN_SHARE,
-    BuildingKind,
-    Id,
-    RoomTypes,
-    SaidShare,
-    SquareMetres,
-)
+from bsg_data.observation.robot_json import BuildingKind, Id, RoomTypes, SquareMetres
+from bsg_data.observation.said_share import SaidShare
 from bsg_data.recipes import Record, name_fault
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
 from bsg_data.scene.scene_graph import Box, Point
@@ -81,8 +77,9 @@ def read_hydra(
     """Read a partial graph from Spark-DSG JSON.
 
     Rooms are those of the layer `ROOMS`, objects those of `OBJECTS` under a room, directly or over
-    places; what is under none belongs to the building. A room has been passed through, and half of
-    its objects were not seen, unless its metadata says `{"bsg": {"hidden_share": ...}}`.
+    places; what is under none belongs to the building. A room has been passed through, and may hide
+    anything, unless its metadata says `{"bsg": {"hidden_share": ...}}`, or how the robot looked at
+    it (`floor_in_view`, `walls_in_view`, `seconds_inside`).
 
     Args:
         path: of the file.
@@ -110,7 +107,7 @@ def read_hydra(
     return PartialGraph(
         scene_id=_scene_of(graph) or path.name.partition(".")[0],
         class_space=ClassSpaceEntry.of(loaded.space),
-        hidden_share=float(np.mean([room.hidden_share for room in known])) if known else SEEN_SHARE,
+        hidden_share=float(np.mean([room.hidden_share for room in known])) if known else VAGUE.mean,
         rooms=known,
         objects=tuple(objects),
         adjacency=tuple(sorted(pairs)),
@@ -168,10 +165,11 @@ def _read_metadata(kind: type[Metadata], entries: Attributes, where: str) -> Met
 
 def _known_room(node: Any, path: Path) -> KnownRoom:
     entries = _ours(node.attributes.metadata.get())
-    where = f"{path}: metadata of room {node.id}"
+    where, box = f"{path}: metadata of room {node.id}", _box(node.attributes.bounding_box)
     metadata = _read_metadata(_RoomMetadata, entries, where)
     try:
-        share = metadata.believe()
+        area = find_floor_area(metadata.floor_area, footprint=None, box=box)
+        share = metadata.believe(floor_area=area)
     except RecipeError as error:
         raise HydraError(f"{where}: {error}") from error
     return KnownRoom(
@@ -180,7 +178,7 @@ def _known_room(node: Any, path: Path) -> KnownRoom:
         visited=metadata.visited,
         label=node.attributes.name or None,
         position=_point(node.attributes.position),
-        box=_box(node.attributes.bounding_box),
+        box=box,
         floor_area=metadata.floor_area,
         room_type=metadata.room_type,
         hidden_share_sd=share.sd,
