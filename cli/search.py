@@ -10,6 +10,7 @@ import click
 
 import bsg_models
 from bsg_cli.choices import DEFAULT_WORLDS, PLANNERS, WORLDS, require_known
+from bsg_cli.completion import classes_of_dataset, complete_list
 from bsg_cli.options import (
     PATH,
     data_option,
@@ -22,7 +23,6 @@ from bsg_cli.options import (
     seed_option,
     split_names,
     split_option,
-    version_option,
     workers_option,
 )
 from bsg_cli.terminal import Command, print_json, print_note, progress_bar, worker_pool
@@ -56,10 +56,12 @@ class SearchNumber(click.ParamType[int | str]):
 )
 @click.option(
     "--planners",
+    shell_complete=complete_list(lambda ctx: PLANNERS),
     help=f"Some of {', '.join(PLANNERS)}.  [default: all; without a model those without a belief]",
 )
 @click.option(
     "--worlds",
+    shell_complete=complete_list(lambda ctx: WORLDS),
     help=f"Kinds of room graphs, KIND or KIND:LOW-HIGH: {', '.join(WORLDS[:5])} with random costs, "
     f"{' or '.join(WORLDS[5:])} with distances.  [default: {','.join(DEFAULT_WORLDS)}, and "
     f"{' or '.join(WORLDS[5:])} where known]",
@@ -73,6 +75,7 @@ class SearchNumber(click.ParamType[int | str]):
 )
 @click.option(
     "--artifacts",
+    shell_complete=complete_list(lambda ctx: ("every", "room-specific", *classes_of_dataset(ctx))),
     default="every",
     show_default=True,
     help="Classes to search for, one a search: `every`, `room-specific`, or names with commas.",
@@ -137,7 +140,6 @@ class SearchNumber(click.ParamType[int | str]):
 @seed_option()
 @force_option
 @json_option
-@version_option()
 def main(
     model: tuple[str, ...],
     run: tuple[Path, ...],

@@ -37,7 +37,7 @@ from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_data.observation.sightings import SEEN_SHARE
 from bsg_data.recipes import Record, name_fault
-from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, load_class_map
+from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
 from bsg_data.scene.scene_graph import Box
 from bsg_data.scene.surroundings import (
     MAX_FLOOR_AREA,
@@ -135,11 +135,21 @@ class _Graph(Record):
     adjacency: tuple[tuple[Id, Id], ...] = ()
 
 
-def read_robot_graph(path: Path, *, class_map: str = DEFAULT_CLASS_MAP) -> PartialGraph:
+# What a robot may say of its rooms, its objects and the whole, in whatever file it says it.
+ROOM_WORDS = tuple(_Room.model_fields)
+OBJECT_WORDS = ("id", "category", "position")
+GRAPH_WORDS = tuple(
+    word
+    for word in _Graph.model_fields
+    if word not in ("format", "version", "rooms", "objects", "adjacency")
+)
+
+
+def read_robot_graph(path: Path, *, class_map: str | ClassMap = DEFAULT_CLASS_MAP) -> PartialGraph:
     """Read a partial graph from JSON.
 
-    The class map says which class a category is of. Objects whose category it does not know stay,
-    without a class: `list_unmapped` names them.
+    The class map, named or loaded, says which class a category is of. Objects whose category it
+    does not know stay, without a class: `list_unmapped` names them.
 
     Raises:
         RobotGraphError: naming the file, the entry, and what was expected there.
@@ -163,7 +173,9 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return table
 
 
-def parse_robot_graph(said: Any, *, path: Path, class_map: str = DEFAULT_CLASS_MAP) -> PartialGraph:
+def parse_robot_graph(
+    said: Any, *, path: Path, class_map: str | ClassMap = DEFAULT_CLASS_MAP
+) -> PartialGraph:
     """Return the partial graph that a JSON document of a robot says.
 
     Raises:
