@@ -18,17 +18,17 @@ def make_replay(*, name: str = "kitchen", artifact: str = "sink") -> Replay:
         KnownOutline(3, "bedroom", squares[0], 0),
         KnownOutline(4, "bedroom", squares[0], 1),
     ]
-    begin = {"room": 1, "way": (), "cost": 0.0, "seen": (("lamp", 2),), "found": ()}
+    lamps, sink, found = (("lamp", 2),), ((artifact, 1), ("stove", 1)), (artifact,)
     ours = (
-        Stop(**begin, presence=(0, 0.6, 0.2, 0.004), target=3, leg=3.0),  # type: ignore[arg-type]
+        Stop(1, (), 0.0, lamps, (), (0, 0.6, 0.2, 0.004), 3, 3.0),
         Stop(3, (3,), 3.0, (), (), (0, 0.9, 0, 0.1), 2, 6.0),
-        Stop(2, (1, 2), 9.0, ((artifact, 1), ("stove", 1)), (artifact,), (0, 0, 0, 0.1), None, None),
+        Stop(2, (1, 2), 9.0, sink, found, (0, 0, 0, 0.1), None, None),
     )
     base = (
-        Stop(**begin, presence=None, target=3, leg=3.0),  # type: ignore[arg-type]
+        Stop(1, (), 0.0, lamps, (), None, 3, 3.0),
         Stop(3, (3,), 3.0, (), (), None, 4, 3.5),
         Stop(4, (4,), 6.5, (("bed", 1),), (), None, 2, 9.5),
-        Stop(2, (3, 1, 2), 16.0, ((artifact, 1), ("stove", 1)), (artifact,), None, None, None),
+        Stop(2, (3, 1, 2), 16.0, sink, found, None, None, None),
     )
     return Replay(
         scene_id="house",

@@ -54,7 +54,9 @@ def test_rooms_of_no_place_are_squares_apart() -> None:
 
 
 @given(ROOMS)
-def test_every_room_is_drawn_once_inside_the_page_in_its_own_size(rooms: list[KnownOutline]) -> None:
+def test_every_room_is_drawn_once_inside_the_page_in_its_own_size(
+    rooms: list[KnownOutline],
+) -> None:
     plan = draw_plan(rooms)
     assert sorted(room.number for room in plan.rooms) == [room.number for room in rooms]
     assert len({room.name for room in plan.rooms}) == len(rooms)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from headless_browser import measure_contrasts, open_page, start_browser
 from random_beliefs import HOSTILE
 from replays import make_replay
 
@@ -29,18 +30,18 @@ def test_the_page_says_how_the_search_was_chosen_and_what_all_came_to() -> None:
     assert "cannot be reached" not in drawn
 
 
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with start_browser() as started:
+        yield started
+
+
 @pytest.fixture
 def page(browser: Any, tmp_path: Path) -> Iterator[Any]:
     """A page of a search with hostile names."""
     write_replay(make_replay(name=HOSTILE, artifact=HOSTILE), tmp_path / "page.html")
-    opened = browser.new_page(viewport={"width": 1300, "height": 900})
-    opened.faults = []
-    opened.on("pageerror", lambda error: opened.faults.append(str(error)))
-    opened.on("dialog", lambda dialog: (opened.faults.append(dialog.message), dialog.dismiss()))
-    opened.goto(f"file://{tmp_path}/page.html")
-    yield opened
-    assert opened.faults == []
-    opened.close()
+    with open_page(browser, tmp_path / "page.html") as opened:
+        yield opened
 
 
 def told(page: Any) -> list[str]:
@@ -80,3 +81,13 @@ def test_it_plays_to_the_end_and_stops_by_hand(page: Any) -> None:
     page.keyboard.press("ArrowLeft")
     assert page.locator("#play").inner_text() == "play"
     assert page.locator("#where").inner_text() == "room 0 of 3"
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_texts_stand_out_from_what_is_behind_them(browser: Any, tmp_path: Path, theme: str) -> None:
+    write_replay(make_replay(), tmp_path / "page.html")
+    with open_page(browser, tmp_path / "page.html", fragment="#2", color_scheme=theme) as page:
+        assert page.locator(".walk.done").count() == 1
+        found = measure_contrasts(page)
+    assert len(found) > 50
+    assert {(text, round(ratio, 2)) for text, ratio in found if ratio < 4.5} == set()
