@@ -129,7 +129,8 @@ def _show(summary: bsg_models.RunSummary, *, as_json: bool) -> None:
         print_note(f"{summary.run}: kept no log; it was trained by an earlier version")
         return
     click.echo(
-        f"seed {summary.config.seed}; the same again: bsg-train --config {summary.written_config} --data DATASET\n"
+        f"seed {summary.config.seed}; the same again: "
+        f"bsg-train --config {summary.written_config} --data DATASET\n"
     )
     rows = [_training_row(begun, ended) for begun, ended in summary.trainings]
     header = ("begun", "ended", "how", "epochs", "seconds", "dataset", "version", "torch")

@@ -11,7 +11,7 @@ from bsg_data.observation.observation import Observation
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_models.belief.expectation import Expectation
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
-from bsg_models.runs.found_model import find_model
+from bsg_models.runs.found_model import find_model, name_model
 from bsg_models.runs.shipped import DEFAULT_MODEL
 
 
@@ -42,7 +42,7 @@ class Predictor:
         checkpoint = load_checkpoint(path)
         self.class_space = checkpoint.header.class_space
         self._model = restore_model(path, checkpoint)
-        self.name = found.name if found.kind == "shipped" else checkpoint.header.config.name
+        self.name = name_model(found, checkpoint.header)
         self.classes = self.class_space.classes
 
     def __call__(
