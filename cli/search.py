@@ -12,6 +12,7 @@ import bsg_models
 from bsg_cli.choices import DEFAULT_WORLDS, PLANNERS, WORLDS, require_known
 from bsg_cli.completion import classes_of_dataset, complete_list
 from bsg_cli.options import (
+    PATH,
     data_option,
     force_option,
     json_option,
@@ -26,6 +27,20 @@ from bsg_cli.options import (
 )
 from bsg_cli.terminal import Command, print_json, print_note, progress_bar, worker_pool
 from bsg_data.tables import format_text
+
+
+class SearchNumber(click.ParamType[int | str]):
+    """The number of a search, from 0, or `auto` for one that is worth watching."""
+
+    name = "N|auto"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> int | str:
+        """Return the number or `auto`, or refuse it."""
+        if value == "auto":
+            return "auto"
+        return int(click.IntRange(min=0).convert(value, param, ctx))
 
 
 @click.command("bsg-search", cls=Command)
@@ -107,9 +122,17 @@ from bsg_data.tables import format_text
 @resamples_option(1000)
 @click.option(
     "--trace",
-    type=click.IntRange(min=0),
-    metavar="N",
-    help="Replay search N of the first building, in the first world, room by room, as a page.",
+    type=SearchNumber(),
+    is_flag=False,
+    flag_value="auto",
+    help="Replay one search, room by room, beside the same by `nearest`, as a page: search N of "
+    "the first building, or, without a number, one that is worth watching.",
+)
+@click.option(
+    "--animation",
+    type=PATH,
+    metavar="FILE.gif|FILE.png",
+    help="Draw the replay as a moving picture, too, a GIF or an animated PNG.",
 )
 @click.option("--scene", help="Search this building alone.")
 @out_option("Folder of the results.  [default: search in the first run, or search]")
@@ -137,7 +160,7 @@ def main(
     \b
     Example:
       bsg-search --data dataset
-      bsg-search --model run --data dataset --worlds star:1-10 --artifacts stove,bed --trace 0
+      bsg-search --model run --data dataset --worlds star:1-10 --artifacts stove,bed --trace
     """
     lists = {
         "planners": split_names(planners, option="--planners"),

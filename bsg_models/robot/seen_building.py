@@ -11,29 +11,33 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
 from bsg_data.arrays import Bools, Floats
 from bsg_data.dataset.manifest import COMPARED, UnmappedEntry, describe_unmapped
 from bsg_data.errors import RecipeError
+from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, reclassify
 from bsg_data.observation.robot_json import list_unmapped, parse_robot_graph
 from bsg_data.observation.sightings import discover, enter, see_object
-from bsg_data.scene.class_map import ClassMap, load_class_map, map_into
+from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.scene.surroundings import RoomType, check_room_type
 from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, Mode, believe
 from bsg_models.belief.expectation import Expectation
-from bsg_models.belief.graph_file import read_graph
+from bsg_models.belief.graph_file import GraphFile, open_graph_file
 from bsg_models.robot.answers import ExpectedClass, Place
+from bsg_models.robot.destination import choose_destination
 from bsg_models.robot.room_names import find_room
+from bsg_models.robot.told_shares import tell_shares
 from bsg_models.robot.ways import Costs, Ways, measure_ways
 from bsg_models.robot.words import Meaning, find_meaning
 from bsg_models.runs.predictor import Predictor
 from bsg_models.runs.shipped import DEFAULT_MODEL, WIDE_MAP, WIDE_MODEL, shipped_names
 from bsg_models.search.catalogue import AnyPlanner
-from bsg_models.search.planners import next_room
+from bsg_models.search.knowledge import Task
 
 
 def open_graph(
@@ -41,6 +45,8 @@ def open_graph(
     *,
     model: Path | str = DEFAULT_MODEL,
     labels: str | None = None,
+    hidden_share: float | None = None,
+    hidden_shares: Mapping[str, float] = MappingProxyType({}),
 ) -> SeenBuilding:
     """Open what a robot has seen, to ask about it.
 
@@ -48,19 +54,24 @@ def open_graph(
         graph: file of a robot's graph, our JSON or Spark-DSG's; `-` for standard input; or the
             document itself, as `json.loads` gives it.
         model: what `find_model` takes: the path of a run, or a name.
-        labels: label space of a Hydra graph: `ade20k` or `mpcat40`.
+        labels: label space of a Hydra graph, as `load_label_space` takes it.
+        hidden_share: share of the objects of every room that was not seen; None, what it says.
+        hidden_shares: the same of single rooms, by their ids or labels; see `tell_shares`.
 
     Raises:
         BSGError: if the graph cannot be read.
         CheckpointError: if there is no such model.
+        RecipeError: if a share cannot be, or is of no room.
     """
     predictor = Predictor(model)
-    class_map = map_into(predictor.class_space.name)
+    class_map = predictor.class_map
     if isinstance(graph, Mapping):
-        known = parse_robot_graph(dict(graph), path=Path("graph"), class_map=class_map)
+        file = GraphFile(parse_robot_graph(dict(graph), path=Path("graph"), class_map=class_map))
     else:
-        known = read_graph(Path(graph), labels=labels, class_map=class_map)
-    return SeenBuilding(known, predictor)
+        file = open_graph_file(Path(graph), labels=labels, class_map=class_map)
+    known = tell_shares(file.graph, every=hidden_share, rooms=hidden_shares)
+    told = hidden_share is not None or bool(hidden_shares)
+    return SeenBuilding(known, predictor, notes=file.list_notes(told=told))
 
 
 class SeenBuilding:
@@ -73,17 +84,24 @@ class SeenBuilding:
     A thing is any word. A room is its id, or its label if no other room has it.
     """
 
-    def __init__(self, graph: PartialGraph, model: Predictor | Path | str = DEFAULT_MODEL) -> None:
+    def __init__(
+        self,
+        graph: PartialGraph,
+        model: Predictor | Path | str = DEFAULT_MODEL,
+        *,
+        notes: tuple[str, ...] = (),
+    ) -> None:
         """Begin with a graph.
 
         Args:
             graph: in the class space of the model.
             model: a `Predictor`, or what it takes.
+            notes: what a person should know of how it was read, a sentence each.
 
         Raises:
             CheckpointError: if there is no such model.
-            ClassMapError: if no published class map leads into its class space.
         """
+        self.notes = notes
         self._graph = graph
         self._models = [model if isinstance(model, Predictor) else Predictor(model)]
         self._beliefs: dict[int, Expectation] = {}
@@ -112,7 +130,7 @@ class SeenBuilding:
 
     def copy(self) -> SeenBuilding:
         """Return the same, to tell it what this one shall not know."""
-        other = SeenBuilding(self._graph, self._models[0])
+        other = SeenBuilding(self._graph, self._models[0], notes=self.notes)
         other._models, other._beliefs = self._models, dict(self._beliefs)
         return other
 
@@ -148,17 +166,19 @@ class SeenBuilding:
         self._change(see_object(self._graph, seen))
         return name
 
-    def entered(self, room: str, *, hidden_share: float | None = None) -> None:
+    def entered(self, room: str, *, hidden_share: float | ShareBelief | None = None) -> None:
         """Say that the robot is in a room, or has looked at more of it.
 
         Args:
             room: id or label.
-            hidden_share: share of its objects that the robot has not seen by now; None for a half,
-                or for less where less was known to be hidden.
+            hidden_share: of its objects, which share the robot has not seen by now; a `ShareBelief`
+                if it is not sure; None for a half, or for what was known where that is less.
 
         Raises:
             RecipeError: if there is no such room, or the share is none.
         """
+        if hidden_share is not None and not isinstance(hidden_share, ShareBelief):
+            hidden_share = ShareBelief(hidden_share)
         self._change(enter(self._graph, find_room(self._graph, room), hidden_share=hidden_share))
 
     def searched(self, room: str) -> None:
@@ -274,12 +294,13 @@ class SeenBuilding:
         here: str | None = None,
         costs: Costs | None = None,
         planner: AnyPlanner = "expected-cost",
-        task: Literal["single", "all"] = "single",
+        task: Task = "single",
     ) -> str | None:
         """Return the room to go to next, to find a thing or several.
 
         A room in which one was seen holds it. The room where the robot is counts as looked through;
-        `where` says how likely that is wrong.
+        `where` says how likely that is wrong. A room that lies on the way to a likelier one is
+        passed by.
 
         Args:
             things: any word, or several.
@@ -304,10 +325,13 @@ class SeenBuilding:
         place = find_room(self._graph, here)
         if seen[place].all():
             return self.rooms[place - 1]
-        explored[place] = True
-        edges = self.ways(costs).edges
-        chosen = next_room(
-            edges, here=place, explored=explored, presence=presence, task=task, planner=planner
+        chosen = choose_destination(
+            self.ways(costs),
+            here=place,
+            explored=explored,
+            presence=presence,
+            planner=planner,
+            task=task,
         )
         return None if chosen is None else self.rooms[chosen - 1]
 
@@ -366,10 +390,10 @@ class SeenBuilding:
     @cached_property
     def _class_maps(self) -> tuple[ClassMap, ...]:
         """The map of the model, and that of the wide one, if it has another class space."""
-        names = [map_into(self._models[0].class_space.name)]
-        if WIDE_MODEL in shipped_names() and WIDE_MAP not in names:
-            names.append(WIDE_MAP)
-        return tuple(load_class_map(name) for name in names)
+        own = self._models[0].class_map
+        wide = load_class_map(WIDE_MAP)
+        has_wide = WIDE_MODEL in shipped_names() and own.space != wide.space
+        return (own, wide) if has_wide else (own,)
 
     def _belief(self, model: int) -> Expectation:
         """Return what a model believes of the graph as it is now."""

@@ -5,12 +5,17 @@ from __future__ import annotations
 from collections.abc import Collection
 from pathlib import Path
 
-from bsg_data.arrays import Bools
+import numpy as np
+
+from bsg_data.arrays import Bools, Floats
 from bsg_data.errors import MismatchError
 from bsg_data.observation.observation import Observation
 from bsg_data.observation.partial_graph import PartialGraph
-from bsg_models.belief.expectation import Expectation
+from bsg_data.scene.class_map import ClassMap
+from bsg_models.belief.expectation import Expectation, mix
+from bsg_models.inputs.share_levels import spread_shares
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
+from bsg_models.runs.class_maps import choose_class_map
 from bsg_models.runs.found_model import find_model, name_model
 from bsg_models.runs.shipped import DEFAULT_MODEL
 
@@ -21,6 +26,7 @@ class Predictor:
     Attributes:
         name: of a shipped model its own, of another that in the zoo.
         classes: `[C]` that it predicts.
+        class_space: of these classes.
 
     Example:
         >>> predictor = Predictor()  # doctest: +SKIP
@@ -40,15 +46,31 @@ class Predictor:
         found = find_model(model)
         path = self._path = found.path
         checkpoint = load_checkpoint(path)
-        self.class_space = checkpoint.header.class_space
+        self._header = checkpoint.header
+        self.class_space = self._header.class_space
         self._model = restore_model(path, checkpoint)
-        self.name = name_model(found, checkpoint.header)
+        self.name = name_model(found, self._header)
         self.classes = self.class_space.classes
+
+    @property
+    def class_map(self) -> ClassMap:
+        """The class map that a robot's words are read with, into the classes of the model.
+
+        A model of one's own class map brings it along; words of the others are HM3D's, which
+        people speak.
+
+        Raises:
+            CheckpointError: if the checkpoint does not hold its class map, or another one.
+        """
+        return choose_class_map(self._path, self._header)
 
     def __call__(
         self, graph: PartialGraph, *, withheld: Collection[int] | Bools = ()
     ) -> Expectation:
         """Return what the model believes about a partial graph.
+
+        Where the hidden share of a room is uncertain, it is the mixture of what the model believes
+        at several shares, asked in one pass.
 
         Args:
             graph: what was seen.
@@ -64,10 +86,21 @@ class Predictor:
             raise MismatchError(
                 f"{self._path} predicts classes of {self.class_space}, the graph "
                 f"{graph.scene_id} has those of {graph.class_space}; read the graph with a "
-                f"class map into {self.class_space.name}: read_robot_graph(path, class_map=NAME)"
+                f"class map into {self.class_space.name}: "
+                "read_robot_graph(path, class_map=predictor.class_map)"
             )
         seen = graph.observation(vocabulary=self._model.vocabulary, withheld=withheld)
-        return _nothing_where_searched(self._model.expect(seen), seen)
+        levels, weights = spread_shares(graph, seen)
+        expectation = _mix_levels(self._model.expect(levels), weights)
+        return _nothing_where_searched(expectation, seen)
+
+
+def _mix_levels(expectation: Expectation, weights: Floats) -> Expectation:
+    """Return the mixture of K copies of N nodes, which follow each other, by weights `[K]`."""
+    if len(weights) == 1:
+        return expectation
+    copies = np.split(np.arange(len(expectation.inputs)), len(weights))
+    return mix([expectation.take(rows) for rows in copies], weights.tolist())
 
 
 def _nothing_where_searched(expectation: Expectation, seen: Observation) -> Expectation:
