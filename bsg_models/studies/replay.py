@@ -170,12 +170,12 @@ class _Ground:
                 room, way, cost = step.entered, step.way, cost + step.cost
 
     def _list_seen(self, room: int) -> tuple[tuple[str, int], ...]:
-        order = np.argsort(-self.cells[room], kind="stable")[:_TOLD]
-        return tuple(
-            (self.classes[c], int(self.cells[room, c]))
-            for c in order.tolist()
-            if self.cells[room, c]
-        )
+        """Return what is in a room, artifacts first, then the classes of most objects."""
+        counts, sought = self.cells[room], np.zeros(len(self.classes), dtype=bool)
+        sought[list(self.kept.artifacts)] = True
+        order = np.lexsort((-counts, ~sought)).tolist()
+        there = [(self.classes[c], int(counts[c])) for c in order if counts[c]]
+        return tuple(there[:_TOLD])
 
     def _believe(self, step: KeptStep, room: int, found: set[int]) -> tuple[float, ...]:
         """Return P(a room holds an artifact that is not found yet), `[R]`."""
