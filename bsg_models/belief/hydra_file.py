@@ -120,8 +120,7 @@ class HydraFile:
         if not rooms:
             yield "it has no rooms (layer ROOMS): beliefs are about the building alone"
         elif astray := sum(obj.room is None for obj in objects):
-            number = f"{astray} of {len(objects)} objects"
-            yield f"{number} are under no room, and count for the building alone"
+            yield f"{astray} of {_count(len(objects))} under no room, known of the building alone"
 
 
 def open_hydra(path: Path) -> HydraFile:
@@ -211,10 +210,14 @@ def _note_labels(objects: Sequence[DSGNode], labels: LabelSpace | None) -> Itera
     if missing:
         numbers = ", ".join(str(label) for label, _ in missing[:_SHOWN])
         yield (
-            f"{sum(named[pair] for pair in missing)} objects have labels without a name "
-            f"({numbers}); --labels names them: mpcat40, ade20k, or the file of the label space "
-            "that Hydra ran with (config/label_spaces/NAME.yaml)"
+            f"{_count(sum(named[pair] for pair in missing))} with labels that nobody names "
+            f"({numbers}); --labels does: mpcat40, ade20k, or the file of the label space that "
+            "Hydra ran with (config/label_spaces/NAME.yaml)"
         )
     silent = len(bare) - sum(named.values())
     if silent:
-        yield f"{silent} objects have neither a label nor a name"
+        yield f"{_count(silent)} with neither a label nor a name"
+
+
+def _count(objects: int) -> str:
+    return "1 object" if objects == 1 else f"{objects:,} objects"
