@@ -77,7 +77,7 @@ def test_shares_are_told(dataset: Path, run: Path, tmp_path: Path) -> None:
     assert asked.exit_code == 0, asked.output
     answer = {place["room"]: place for place in json.loads(asked.stdout)["places"]}
     assert answer["R(0)"]["probability"] == 0 < answer["R(3)"]["probability"]
-    assert "1 objects have labels that nobody names (99)" in asked.stderr
+    assert "1 object with labels that nobody names (99)" in asked.stderr
     for wrong in ("", "x", "kitchen=", "1.5", "kitchen=nan"):
         refused = call(path, "--run", run, "--hidden-share", wrong)
         assert refused.exit_code == 2
