@@ -34,7 +34,7 @@ from bsg_models.belief.belief_graph import BeliefGraph
 from bsg_models.errors import HydraError
 
 BINARY = ".sparkdsg"
-_BOM = "\ufeff"
+BOM = "\ufeff"
 _SHOWN = 10  # labels in a note
 
 
@@ -130,8 +130,8 @@ def open_hydra(path: Path) -> HydraFile:
         HydraError: if it is none, or if it is binary and spark_dsg is not installed.
     """
     try:
-        text = _convert(path) if path.suffix == BINARY else _read_text(path)
-        return HydraFile(path, text, parse_dsg(text.removeprefix(_BOM), path=path))
+        text = read_text(path)
+        return HydraFile(path, text, parse_dsg(text.removeprefix(BOM), path=path))
     except SourceError as error:
         raise HydraError(str(error)) from error
 
@@ -141,9 +141,17 @@ def select_words(said: Any, words: Collection[str]) -> dict[str, Any]:
     return {word: said[word] for word in words if word in said} if isinstance(said, dict) else {}
 
 
-def _read_text(path: Path) -> str:
+def read_text(path: Path) -> str:
+    """Return the JSON of a file, with its byte order mark; of a binary one, what spark_dsg makes.
+
+    Raises:
+        SourceError: if it cannot be read, or is larger than `MAX_BYTES`.
+        HydraError: if spark_dsg is missing, or cannot load it.
+    """
+    if path.suffix == BINARY:
+        return _convert(path)
     data = read_bytes(path, most=MAX_BYTES)
-    return (_BOM if data.startswith(codecs.BOM_UTF8) else "") + decode(data, path=path)
+    return (BOM if data.startswith(codecs.BOM_UTF8) else "") + decode(data, path=path)
 
 
 def _convert(path: Path) -> str:
