@@ -28,7 +28,7 @@ from bsg_data.dataset.manifest import (
     SkipEntry,
     SourceEntry,
     Totals,
-    UnmappedEntry,
+    describe_unmapped,
     list_resolved,
 )
 from bsg_data.dataset.publication import REPORTS
@@ -272,10 +272,7 @@ def _summarise(
             *(_enter_skip(skip, Path()) for skip in listing.unused),
         ),
         meshes={scene: mesh for report in reports for scene, mesh in report.meshes.items()},
-        unmapped=tuple(
-            UnmappedEntry(name=name, instances=count, nearest=class_map.nearest(name))
-            for name, count in sorted(unmapped.items(), key=lambda item: (-item[1], item[0]))
-        ),
+        unmapped=tuple(describe_unmapped(unmapped, class_map)),
         resolved=tuple(list_resolved(resolved, class_map)),
     )
 

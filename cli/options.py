@@ -13,7 +13,7 @@ import click
 import bsg_data
 import bsg_models
 from bsg_cli.choices import MASKS
-from bsg_data.errors import BSGError
+from bsg_data.errors import BSGError, RecipeError
 from bsg_data.registry import Registry
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP
 
@@ -42,8 +42,12 @@ class RegistryChoice(click.Choice[str]):
         self._registry = registry
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """Return the name, or refuse it with those that are known."""
+        """Return the name, or refuse it with the nearest and those that are known."""
         self.choices = self._registry.names()
+        try:
+            self._registry.require([value])
+        except RecipeError as error:
+            self.fail(str(error), param, ctx)
         return super().convert(value, param, ctx)
 
 

@@ -7,7 +7,6 @@ into, and whether names that it does not list are resolved by rule.
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import unicodedata
 from collections.abc import Mapping
@@ -28,6 +27,7 @@ from bsg_data.scene.class_space import (
 )
 from bsg_data.scene.own_map import OwnMap, is_own_map, read_own_map
 from bsg_data.scene.spoken_names import RULES_VERSION, Rule, resolve
+from bsg_data.spelling import SHOWN, ask_if_meant, nearest_names
 
 DEFAULT_CLASS_MAP = "hm3d45-v2"
 UNKNOWN = "unknown"  # the category of a nameless object
@@ -137,7 +137,7 @@ class ClassMap:
 
     def nearest(self, name: str, *, count: int = 3) -> tuple[str, ...]:
         """Return the known spellings most like `name`, best first."""
-        return tuple(difflib.get_close_matches(normalise_name(name), self.normalised, n=count))
+        return nearest_names(normalise_name(name), self.normalised, most=count)
 
 
 _UNMAPPED = Classified(None, None, "unmapped")
@@ -224,10 +224,11 @@ def _load(name: str) -> ClassMap:
     if is_own_map(name):
         return parse_own_map(read_own_map(Path(name)))
     if name not in published_maps():
-        known = ", ".join(list_class_maps())
+        known = list_class_maps()
+        asked = f"{ask_if_meant(name, known)} published are {', '.join(known)}".lstrip()
         raise ClassMapError(
-            f"no class map {name!r}: published are {known}; a map of your own is named by the "
-            "path of its .csv file (NAME.csv, with NAME.classes.csv beside it)"
+            f"no class map {name[:SHOWN]!r}: {asked}; a map of your own is named by the path of "
+            "its .csv file (NAME.csv, with NAME.classes.csv beside it)"
         )
     row = published_maps()[name]
     return _parse_map(

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
-
 from bsg_data.errors import RecipeError
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.scene.class_map import normalise_name
+from bsg_data.spelling import SHOWN, ask_if_meant
 
-_SHOWN = 8  # rooms in an error
+_LISTED = 8  # rooms in an error
 
 
 def find_room(graph: PartialGraph, name: str) -> int:
@@ -31,18 +30,18 @@ def find_room(graph: PartialGraph, name: str) -> int:
     if len(labelled) == 1:
         return labelled[0]
     if labelled:
-        those = ", ".join(ids[number - 1] for number in labelled[:_SHOWN])
+        those = ", ".join(ids[number - 1] for number in labelled[:_LISTED])
         raise RecipeError(
             f"{graph.scene_id}: {len(labelled)} rooms are called {name!r}: name one by its id: "
             f"{those}"
         )
-    raise RecipeError(f"{graph.scene_id}: no room {str(name)[:80]!r}{_suggest(graph, said)}")
+    raise RecipeError(f"{graph.scene_id}: no room {str(name)[:SHOWN]!r}{_suggest(graph, said)}")
 
 
 def _suggest(graph: PartialGraph, said: str) -> str:
     names = [room.name for room in graph.rooms]
     spoken = names + [room.label for room in graph.rooms if room.label]
-    near = difflib.get_close_matches(said[:80], spoken, n=1)
-    hint = f"; did you mean {near[0]}?" if near else "."
-    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
-    return f"{hint} Rooms are {', '.join(names[:_SHOWN]) or 'none'}{more}"
+    meant = ask_if_meant(said, spoken)
+    hint = f"; {meant}" if meant else "."
+    more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
+    return f"{hint} Rooms are {', '.join(names[:_LISTED]) or 'none'}{more}"

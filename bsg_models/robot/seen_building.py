@@ -16,6 +16,7 @@ from typing import Any, Literal
 import numpy as np
 
 from bsg_data.arrays import Bools, Floats
+from bsg_data.dataset.manifest import COMPARED, UnmappedEntry, describe_unmapped
 from bsg_data.errors import RecipeError
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, reclassify
 from bsg_data.observation.robot_json import list_unmapped, parse_robot_graph
@@ -103,9 +104,10 @@ class SeenBuilding:
         return tuple(room.name for room in self._graph.rooms)
 
     @property
-    def unmapped(self) -> dict[str, int]:
-        """What was seen whose name no class map knows, and how often: models do not read it."""
-        return list_unmapped(self._graph)
+    def unmapped(self) -> tuple[UnmappedEntry, ...]:
+        """What was seen whose name no class map knows: models do not read it."""
+        names = list_unmapped(self._graph)
+        return tuple(describe_unmapped(names, self._class_maps[0], near=COMPARED))
 
     def copy(self) -> SeenBuilding:
         """Return the same, to tell it what this one shall not know."""

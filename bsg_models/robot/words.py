@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from difflib import SequenceMatcher
 
 from bsg_data.errors import RecipeError
 from bsg_data.scene.class_map import ClassMap, normalise_name
+from bsg_data.spelling import nearest_names
 
 MOST_CHARACTERS = 100
 LIKE_A_MISSPELLING = 0.85  # of difflib's ratio: microwav, refridgerator; but not boots for books
@@ -97,10 +98,8 @@ def _spelled_alike(word: str, class_maps: Sequence[ClassMap]) -> list[tuple[str,
                 names.setdefault(name, (model, entry.class_index))
         for index, name in enumerate(class_map.classes):
             names.setdefault(normalise_name(name), (model, index))
-    close = difflib.get_close_matches(said, names, n=3)
-    return [
-        (name, *names[name], difflib.SequenceMatcher(None, name, said).ratio()) for name in close
-    ]
+    close = nearest_names(said, names)
+    return [(name, *names[name], SequenceMatcher(None, name, said).ratio()) for name in close]
 
 
 def _refusal(word: str, class_maps: Sequence[ClassMap], near: Sequence[str]) -> str:
@@ -111,5 +110,7 @@ def _refusal(word: str, class_maps: Sequence[ClassMap], near: Sequence[str]) -> 
         why = "the name is known, and no class has it"
     else:
         why = "no class map knows the name"
-    hint = f"; did you mean {', '.join(near)}?" if near else ""
-    return f"no model can look for {word!r}: {why}{hint} `bsg-data map show` lists what is known"
+    hint = f"; did you mean {', '.join(near)}?" if near else "."
+    return (
+        f"no model can look for {word!r}: {why}{hint} `bsg-data map show NAME` tells what a name is"
+    )

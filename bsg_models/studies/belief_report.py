@@ -13,7 +13,13 @@ from pydantic import Field
 
 from bsg_data.arrays import Counts
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.manifest import ResolvedEntry, list_resolved
+from bsg_data.dataset.manifest import (
+    COMPARED,
+    ResolvedEntry,
+    UnmappedEntry,
+    describe_unmapped,
+    list_resolved,
+)
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.observation.partial_graph import PartialGraph, list_withheld, mask_dataset
 from bsg_data.observation.robot_json import list_unmapped
@@ -117,7 +123,8 @@ class BeliefReport(NamedTuple):
         model: its name.
         graphs: one a partial graph.
         rooms: of all graphs.
-        unmapped: file → name that the class map does not know → times.
+        unmapped: file → names that the class map does not know, most frequent first; what the first
+            `COMPARED` of them look like.
         resolved: file → names that a rule explained.
         unknown_sources: file → its source, where that is none of `KNOWN_SOURCES`.
     """
@@ -125,7 +132,7 @@ class BeliefReport(NamedTuple):
     model: str
     graphs: tuple[BeliefGraph, ...]
     rooms: tuple[RoomBelief, ...]
-    unmapped: dict[Path, dict[str, int]]
+    unmapped: dict[Path, tuple[UnmappedEntry, ...]]
     resolved: dict[Path, tuple[ResolvedEntry, ...]]
     unknown_sources: dict[Path, str]
 
@@ -173,7 +180,7 @@ def report_beliefs(
         if progress:
             progress(done, total)
     _write(request, views)
-    unmapped = {path: names for path, graph in graphs.items() if (names := list_unmapped(graph))}
+    unmapped = {path: _list_unmapped(graph, class_map) for path, graph in graphs.items()}
     resolved = {path: _list_resolved(graph, class_map) for path, graph in graphs.items()}
     strange = {
         path: graph.source
@@ -184,10 +191,14 @@ def report_beliefs(
         model=predictor.name,
         graphs=tuple(view.belief for view in views),
         rooms=tuple(rooms),
-        unmapped=unmapped,
+        unmapped={path: names for path, names in unmapped.items() if names},
         resolved={path: names for path, names in resolved.items() if names},
         unknown_sources=strange,
     )
+
+
+def _list_unmapped(graph: PartialGraph, class_map: ClassMap) -> tuple[UnmappedEntry, ...]:
+    return tuple(describe_unmapped(list_unmapped(graph), class_map, near=COMPARED))
 
 
 def _list_resolved(graph: PartialGraph, class_map: ClassMap) -> tuple[ResolvedEntry, ...]:

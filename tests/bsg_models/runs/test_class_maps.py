@@ -69,7 +69,8 @@ def test_a_run_on_ones_own_map_reads_graphs_by_itself(own_run: Path, tmp_path: P
     assert predictor(graph).presence.shape == (2, 1)
     report = report_beliefs(BeliefRequest(run=own_run, graphs=(tmp_path / "g.json",)))
     assert report.rooms[0].seen == 1
-    assert report.unmapped == {tmp_path / "g.json": {"zzqx": 1}}
+    (unmapped,) = report.unmapped[tmp_path / "g.json"]
+    assert (unmapped.name, unmapped.instances) == ("zzqx", 1)
 
 
 def header_of(run: Path, *class_maps: str | OwnMap) -> CheckpointHeader:
