@@ -30,6 +30,7 @@ from .errors import (
 from .exports.catalogue import EXPORTS, ExportRow
 from .exports.export import Exported, export_dataset
 from .merge import merge_datasets, upgrade_dataset
+from .observation.hidden_share import ShareBelief
 from .observation.mask_hash import hash_masks, hash_splits
 from .observation.masked_buildings import MaskedBuildings
 from .observation.masks import MASKS, Mask, sample_hidden, sample_view, sample_withheld
@@ -127,6 +128,7 @@ __all__ = [
     "SceneObject",
     "SceneRef",
     "SeenObject",
+    "ShareBelief",
     "SkippedScene",
     "Source",
     "SourceError",

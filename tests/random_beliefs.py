@@ -30,12 +30,23 @@ def header_of_version_2(header: dict[str, Any]) -> dict[str, Any]:
     return {**header, "version": 2, "partial": {**partial, "version": 1}}
 
 
+def header_of_version_3(header: dict[str, Any]) -> dict[str, Any]:
+    """Return a header, or what begins with one, as version 3 had it."""
+    return {**header, "version": 3, "partial": {**header["partial"], "version": 2}}
+
+
 def forget_surroundings(belief: BeliefGraph) -> BeliefGraph:
-    """Return a belief graph of which nothing is known but its objects and where its rooms are."""
-    partial = belief.partial
+    """Return a belief graph as version 2 had it: where its rooms are, objects, and sure shares."""
+    partial = be_sure(belief).partial
     rooms = tuple(replace(room, floor_area=None, room_type=None) for room in partial.rooms)
     known = replace(partial, rooms=rooms, building_kind=None, source=None)
     return replace(belief, partial=known)
+
+
+def be_sure(belief: BeliefGraph) -> BeliefGraph:
+    """Return a belief graph as version 3 had it: sure of every hidden share."""
+    rooms = tuple(replace(room, hidden_share_sd=0.0) for room in belief.partial.rooms)
+    return replace(belief, partial=replace(belief.partial, rooms=rooms))
 
 
 def header_of_version_1(header: dict[str, Any]) -> dict[str, Any]:
@@ -68,6 +79,9 @@ def make_belief(seed: int, *, mode: Any = "complete", scene_id: str = "s") -> Be
                 ROOM_TYPES[int(around.integers(3))],
             )
         )
+        most = float(np.sqrt(rooms[-1].hidden_share * (1 - rooms[-1].hidden_share)))
+        if around.random() < 0.5:
+            rooms[-1] = replace(rooms[-1], hidden_share_sd=float(around.uniform(0, 0.99)) * most)
     objects = []
     for number in range(int(rng.integers(0, 9))):
         name = str(rng.choice(["bed", "sofa", "tap", "zzqx", HOSTILE]))

@@ -22,6 +22,7 @@ from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import RecipeError
 from bsg_data.geometry.floor_area import find_floor_area
 from bsg_data.observation.hidden_others import sample_hidden_others
+from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.masks import sample_hidden, sample_view, sample_withheld
 from bsg_data.observation.observation import Observation
 from bsg_data.recipes import MaskRecipe
@@ -60,7 +61,8 @@ class KnownRoom:
 
     Attributes:
         name: its id in its source, unique in the graph.
-        hidden_share: share of its objects that the robot has not seen, 0 to 1.
+        hidden_share: share of its objects that the robot has not seen, 0 to 1; where it is not
+            sure, the mean of what it believes.
         visited: whether it was inside.
         label: what its source calls it, for people; models never read it.
         position: metres, Z up; None where unknown.
@@ -70,6 +72,7 @@ class KnownRoom:
         floor_area: square metres; None where unknown, or what footprint and box say.
         room_type: one of `list_room_labels()`, or several with their probabilities, which models
             read; None where unknown.
+        hidden_share_sd: standard deviation of the hidden share; 0 where the robot is sure.
     """
 
     name: str
@@ -82,6 +85,16 @@ class KnownRoom:
     floor_index: int | None = None
     floor_area: float | None = None
     room_type: RoomType | None = None
+    hidden_share_sd: float = 0.0
+
+    @property
+    def share(self) -> ShareBelief:
+        """What the robot believes of the hidden share.
+
+        Raises:
+            RecipeError: if it cannot be.
+        """
+        return ShareBelief(self.hidden_share, self.hidden_share_sd)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +104,8 @@ class PartialGraph:
     Attributes:
         scene_id: names the building.
         class_space: whose classes the objects have.
-        hidden_share: share of the building's objects that the robot has not seen.
+        hidden_share: share of the building's objects that the robot has not seen; with the shares
+            of its rooms it moves, see `share_with`.
         rooms: in the order of their indices, 1..R.
         objects: in any order.
         adjacency: pairs of indices of rooms that connect, ascending.
@@ -109,6 +123,17 @@ class PartialGraph:
     building_kind: str | None = None
     source: str | None = None
 
+    def share_with(self, shares: Sequence[float]) -> float:
+        """Return the share that the building hides where its rooms hide these, `[R]`.
+
+        It rises and falls as the sum of the rooms' shares does, to 1 at most. Where the graph says
+        that no room hides anything, it is the mean of the shares.
+        """
+        before, after = sum(room.hidden_share for room in self.rooms), sum(shares)
+        if not before:
+            return after / len(shares) if after else self.hidden_share
+        return min(1.0, self.hidden_share * after / before)
+
     def histograms(self) -> Counts:
         """Return the histograms of what was seen, E′ × O′, `[1 + R, C]`, the building first."""
         known = [obj for obj in self.objects if obj.class_index is not None]
@@ -120,7 +145,7 @@ class PartialGraph:
     def observation(
         self, *, vocabulary: tuple[str, ...] = (), withheld: Collection[int] | Bools = ()
     ) -> Observation:
-        """Return the same as arrays, which is what models read.
+        """Return the same as arrays, which is what models read: hidden shares by their means.
 
         Args:
             vocabulary: categories outside the classes that are looked for.
@@ -220,21 +245,17 @@ def observe(graph: PartialGraph, room_index: int, objects: Iterable[SeenObject])
     rooms = list(graph.rooms)
     rooms[room_index - 1] = replace(rooms[room_index - 1], visited=True)
     known = replace(graph, rooms=tuple(rooms), objects=elsewhere + inside)
-    return hide_of_room(known, room_index, 0.0)
+    return hide_of_room(known, room_index, ShareBelief(0.0))
 
 
-def hide_of_room(graph: PartialGraph, room_index: int, hidden_share: float) -> PartialGraph:
-    """Return the same where a room hides another share of its objects.
-
-    The share that the building hides changes as the sum of its rooms' does; it is their mean where
-    nothing was hidden before.
-    """
+def hide_of_room(graph: PartialGraph, room_index: int, share: ShareBelief) -> PartialGraph:
+    """Return the same where a room, 1..R, hides another share of its objects."""
     rooms = list(graph.rooms)
-    rooms[room_index - 1] = replace(rooms[room_index - 1], hidden_share=hidden_share)
-    before = sum(room.hidden_share for room in graph.rooms)
-    after = sum(room.hidden_share for room in rooms)
-    building = graph.hidden_share * after / before if before else after / len(rooms)
-    return replace(graph, rooms=tuple(rooms), hidden_share=min(building, 1.0))
+    rooms[room_index - 1] = replace(
+        rooms[room_index - 1], hidden_share=share.mean, hidden_share_sd=share.sd
+    )
+    building = graph.share_with([room.hidden_share for room in rooms])
+    return replace(graph, rooms=tuple(rooms), hidden_share=building)
 
 
 def reclassify(graph: PartialGraph, class_map: ClassMap) -> PartialGraph:

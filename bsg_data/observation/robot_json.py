@@ -1,11 +1,11 @@
 """A robot's partial graph as plain JSON, in and out.
 
     {
-      "format": "bsg-partial-graph", "version": 2,
+      "format": "bsg-partial-graph", "version": 3,
       "scene_id": "office", "building_kind": "office", "source": null,
       "rooms": [
-        {"id": "kitchen", "visited": true, "hidden_share": 0.5, "label": null,
-         "position": [2.0, 1.5, 0.0], "floor_area": 9.5,
+        {"id": "kitchen", "visited": true, "hidden_share": 0.5, "hidden_share_sd": 0.2,
+         "label": null, "position": [2.0, 1.5, 0.0], "floor_area": 9.5,
          "room_type": {"kitchen": 0.7, "dining room": 0.3}},
         {"id": "hall", "visited": false, "room_type": "corridor"}
       ],
@@ -15,7 +15,8 @@
 
 `id`s are text, unique among rooms and among objects; a category is any public spelling; a room
 that was not visited hides everything, one that was hides half unless it says otherwise. Metres and
-square metres, Z up. Version 1 had no `floor_area`, `room_type`, `building_kind` and `source`.
+square metres, Z up. Version 1 had no `floor_area`, `room_type`, `building_kind` and `source`,
+version 2 no `hidden_share_sd`.
 docs/belief.md says more.
 """
 
@@ -32,6 +33,7 @@ from pydantic import AfterValidator, Field, PlainValidator, StrictBool, Validati
 
 from bsg_data.dataset.manifest import ClassSpaceEntry
 from bsg_data.errors import RecipeError, SourceError
+from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_data.observation.sightings import SEEN_SHARE
 from bsg_data.recipes import Record, name_fault
@@ -76,10 +78,33 @@ class RobotGraphError(SourceError):
     """Report a robot's graph that cannot be read."""
 
 
-class _Room(Record):
-    id: Id
+class SaidShare(Record):
+    """What a robot may say of the share of a room's objects that it has not seen.
+
+    Attributes:
+        visited: whether it was inside.
+        hidden_share: the share, or its mean; None for half of a room that was visited, and all of
+            one that was not.
+        hidden_share_sd: standard deviation of it.
+    """
+
     visited: StrictBool = True
     hidden_share: Share | None = None
+    hidden_share_sd: Share = 0.0
+
+    def believe(self) -> ShareBelief:
+        """Return what the robot believes of the share.
+
+        Raises:
+            RecipeError: if it cannot be.
+        """
+        usual = SEEN_SHARE if self.visited else 1.0
+        mean = usual if self.hidden_share is None else self.hidden_share
+        return ShareBelief(mean, self.hidden_share_sd)
+
+
+class _Room(SaidShare):
+    id: Id
     label: Text | None = None
     position: Triple | None = None
     box: tuple[Triple, Triple] | None = None
@@ -100,7 +125,7 @@ class _Object(Record):
 
 class _Graph(Record):
     format: Literal["bsg-partial-graph"] = "bsg-partial-graph"
-    version: Literal[1, 2] = 2
+    version: Literal[1, 2, 3] = 3
     scene_id: Id
     hidden_share: Share | None = None
     building_kind: BuildingKind = None
@@ -189,7 +214,7 @@ def _assemble(
         raise RobotGraphError(f"{path}: {name_fault(error)}") from error
     index = _number([room.id for room in document.rooms], "room", path)
     _number([obj.id for obj in document.objects], "object", path)
-    rooms = tuple(_know(room) for room in document.rooms)
+    rooms = tuple(_know(room, path) for room in document.rooms)
     objects = []
     for obj in document.objects:
         room = _find(obj.room, index, f"objects: {obj.id}", path) if obj.room is not None else 0
@@ -230,11 +255,14 @@ def _find(name: str, index: Mapping[str, int], where: str, path: Path) -> int:
     return index[name]
 
 
-def _know(room: _Room) -> KnownRoom:
-    usual = SEEN_SHARE if room.visited else 1.0
+def _know(room: _Room, path: Path) -> KnownRoom:
+    try:
+        share = room.believe()
+    except RecipeError as error:
+        raise RobotGraphError(f"{path}: room {room.id!r}: {error}") from error
     return KnownRoom(
         name=room.id,
-        hidden_share=usual if room.hidden_share is None else room.hidden_share,
+        hidden_share=share.mean,
         visited=room.visited,
         label=room.label,
         position=room.position,
@@ -243,6 +271,7 @@ def _know(room: _Room) -> KnownRoom:
         floor_index=room.floor_index,
         floor_area=room.floor_area,
         room_type=room.room_type,
+        hidden_share_sd=share.sd,
     )
 
 
@@ -254,7 +283,7 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
     names = [room.name for room in graph.rooms]
     return {
         "format": "bsg-partial-graph",
-        "version": 2,
+        "version": 3,
         "scene_id": graph.scene_id,
         "hidden_share": graph.hidden_share,
         "building_kind": graph.building_kind,
@@ -264,6 +293,7 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
                 "id": room.name,
                 "visited": room.visited,
                 "hidden_share": room.hidden_share,
+                "hidden_share_sd": room.hidden_share_sd,
                 "label": room.label,
                 "position": room.position,
                 "box": None if room.box is None else [room.box.minimum, room.box.maximum],

@@ -10,6 +10,7 @@ from collections.abc import Collection
 from dataclasses import replace
 
 from bsg_data.errors import RecipeError
+from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, hide_of_room
 
 SEEN_SHARE = 0.5  # of the objects of a room that the robot passed through, if it does not say
@@ -32,29 +33,28 @@ def see_object(graph: PartialGraph, seen: SeenObject) -> PartialGraph:
     graph = replace(graph, objects=(*others, seen))
     if not seen.room_index or graph.rooms[seen.room_index - 1].hidden_share < 1:
         return graph
-    return hide_of_room(graph, seen.room_index, GLIMPSED_SHARE)
+    return hide_of_room(graph, seen.room_index, ShareBelief(GLIMPSED_SHARE))
 
 
 def enter(
-    graph: PartialGraph, room_index: int, *, hidden_share: float | None = None
+    graph: PartialGraph, room_index: int, *, hidden_share: ShareBelief | None = None
 ) -> PartialGraph:
     """Return what a robot knows once it is in a room, or has seen more of it.
 
     Args:
         graph: what it knew.
         room_index: the room, 1..R.
-        hidden_share: share of its objects that it has not seen by now, 0 once the room is searched;
-            None for a half, or for less where less was known to be hidden.
+        hidden_share: of its objects, how many it has not seen by now, 0 once the room is searched;
+            None for a half, or for what was known where that is less.
 
     Raises:
-        RecipeError: if there is no such room, or the share is none.
+        RecipeError: if there is no such room.
     """
     if not 1 <= room_index <= len(graph.rooms):
         raise RecipeError(f"{graph.scene_id}: room {room_index} of 1..{len(graph.rooms)}")
     known = graph.rooms[room_index - 1]
-    share = min(known.hidden_share, SEEN_SHARE) if hidden_share is None else hidden_share
-    if not 0 <= share <= 1:
-        raise RecipeError(f"room {known.name}: hidden_share {share}: expected 0 to 1")
+    usual = known.share if known.hidden_share <= SEEN_SHARE else ShareBelief(SEEN_SHARE)
+    share = usual if hidden_share is None else hidden_share
     rooms = list(graph.rooms)
     rooms[room_index - 1] = replace(known, visited=True)
     return hide_of_room(replace(graph, rooms=tuple(rooms)), room_index, share)

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from bsg_data.errors import RecipeError
+from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph
 from bsg_data.scene.surroundings import is_floor_area
 from bsg_models.belief.belief_graph import BeliefGraph
@@ -65,8 +67,10 @@ def _faults_of_partial(partial: PartialGraph) -> Iterator[str]:
     yield from _faults_of_ids("object", [obj.name for obj in partial.objects])
     rooms = len(partial.rooms)
     for room in partial.rooms:
-        if not 0 <= room.hidden_share <= 1:
-            yield f"room {room.name!r}: a hidden share is between 0 and 1"
+        try:
+            ShareBelief(room.hidden_share, room.hidden_share_sd)
+        except RecipeError as error:
+            yield f"room {room.name!r}: {error}"
         if not all(abs(value) <= FARTHEST for value in _coordinates(room)):
             yield f"room {room.name!r}: lies more than {FARTHEST:.0e} metres away"
         if room.floor_area is not None and not is_floor_area(room.floor_area):

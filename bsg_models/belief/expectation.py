@@ -18,6 +18,7 @@ from bsg_data.arrays import Floats
 from bsg_models.belief.count_distribution import (
     MIN_RATE,
     CountDistribution,
+    blend,
     concatenate,
     poisson,
 )
@@ -83,6 +84,10 @@ class Expectation:
         """Return the q-quantile of the count of everything in the node, `[N, C]`."""
         return self.inputs + self.hidden_counts.quantile(q)
 
+    def take(self, rows: npt.NDArray[np.integer]) -> Expectation:
+        """Return the expectation of some nodes, `rows` `[M]`."""
+        return Expectation(self.inputs[rows], self.hidden_counts.take(rows), self.totals[rows])
+
 
 def from_totals(inputs: Floats, totals: Floats) -> Expectation:
     """Return the expectation of a model that predicts whole histograms `[N, C]`."""
@@ -92,6 +97,15 @@ def from_totals(inputs: Floats, totals: Floats) -> Expectation:
 def from_hidden_counts(inputs: Floats, distribution: CountDistribution) -> Expectation:
     """Return the expectation of a model that predicts the hidden counts."""
     return Expectation(inputs, distribution, inputs + distribution.mean)
+
+
+def mix(parts: Sequence[Expectation], weights: Sequence[float]) -> Expectation:
+    """Return the mixture of several expectations of the same nodes; weights add up to 1."""
+    return Expectation(
+        parts[0].inputs,
+        blend([part.hidden_counts for part in parts], weights),
+        np.asarray(sum(part.totals * weight for part, weight in zip(parts, weights, strict=True))),
+    )
 
 
 def join(parts: Sequence[Expectation]) -> Expectation:

@@ -28,18 +28,18 @@ from bsg_data.scene.class_space import list_class_spaces, load_class_space
 from bsg_models.belief.belief_graph import BeliefGraph, Mode
 from bsg_models.errors import BeliefFileError
 
-FORMAT, VERSION = "bsg-belief-graph", 3
+FORMAT, VERSION = "bsg-belief-graph", 4
 # Version 1 named a class map, by which the categories of its objects are read again; version 2 had
-# no surroundings.
+# no surroundings, version 3 was sure of every hidden share.
 _MAPPED = 1
-_READ = (_MAPPED, 2, VERSION)
+_READ = (_MAPPED, 2, 3, VERSION)
 
 
 class PartialHeader(Record):
     """What is stated once of the partial graph."""
 
     format: Literal["bsg-partial-graph"] = "bsg-partial-graph"
-    version: Literal[1, 2] = 2
+    version: Literal[1, 2, 3] = 3
     scene_id: Id
     hidden_share: Share
     building_kind: BuildingKind = None

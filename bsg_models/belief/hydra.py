@@ -15,16 +15,17 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-from pydantic import StrictBool, ValidationError
+from pydantic import ValidationError
 
 from bsg_data.dataset.manifest import ClassSpaceEntry
+from bsg_data.errors import RecipeError
 from bsg_data.files import write_bytes
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_data.observation.robot_json import (
     BuildingKind,
     Id,
     RoomTypes,
-    Share,
+    SaidShare,
     SquareMetres,
 )
 from bsg_data.observation.sightings import SEEN_SHARE
@@ -50,11 +51,9 @@ _SYMBOLS = {"building": "B", "room": "R", "object": "O", "blind": "b"}
 _LAYERS = {"building": "BUILDINGS", "room": "ROOMS", "object": "OBJECTS"}
 
 
-class _RoomMetadata(Record):
+class _RoomMetadata(SaidShare):
     """What the metadata of a room may hold of it, under `bsg`."""
 
-    visited: StrictBool = True
-    hidden_share: Share | None = None
     floor_area: SquareMetres | None = None
     room_type: RoomTypes = None
 
@@ -169,17 +168,22 @@ def _read_metadata(kind: type[Metadata], entries: Attributes, where: str) -> Met
 
 def _known_room(node: Any, path: Path) -> KnownRoom:
     entries = _ours(node.attributes.metadata.get())
-    metadata = _read_metadata(_RoomMetadata, entries, f"{path}: metadata of room {node.id}")
-    usual = SEEN_SHARE if metadata.visited else 1.0
+    where = f"{path}: metadata of room {node.id}"
+    metadata = _read_metadata(_RoomMetadata, entries, where)
+    try:
+        share = metadata.believe()
+    except RecipeError as error:
+        raise HydraError(f"{where}: {error}") from error
     return KnownRoom(
         name=str(node.id),
-        hidden_share=usual if metadata.hidden_share is None else metadata.hidden_share,
+        hidden_share=share.mean,
         visited=metadata.visited,
         label=node.attributes.name or None,
         position=_point(node.attributes.position),
         box=_box(node.attributes.bounding_box),
         floor_area=metadata.floor_area,
         room_type=metadata.room_type,
+        hidden_share_sd=share.sd,
     )
 
 

@@ -51,6 +51,7 @@ SCHEMAS = {
             ("presence", pa.float64()),
             ("visited", pa.bool_()),
             ("hidden_share", pa.float64()),
+            ("hidden_share_sd", pa.float64()),
             ("label", pa.string()),
             ("position", _METRES),
             ("box", _METRES),
@@ -78,8 +79,8 @@ SCHEMAS = {
         ]
     ),
 }
-# Columns of nodes that version 1 has not, nor version 2 but for `corrected`.
-_NEW = frozenset({"corrected", "floor_area", "room_type"})
+# Columns of nodes that came later: `corrected` in version 2, the next two in 3, the last in 4.
+_NEW = frozenset({"corrected", "floor_area", "room_type", "hidden_share_sd"})
 _SORTED_BY = {"nodes": ("node",), "edges": ("source", "target"), "histograms": ("node",)}
 
 
@@ -152,6 +153,7 @@ def _pack_nodes(belief: BeliefGraph) -> Columns:
         "presence": column(of_blind=(node.presence for node in blind)),
         "visited": column(room.visited for room in rooms),
         "hidden_share": column(room.hidden_share for room in rooms),
+        "hidden_share_sd": column(room.hidden_share_sd for room in rooms),
         "label": column(room.label for room in rooms),
         "position": column((room.position for room in rooms), (obj.position for obj in objects)),
         "box": column(
@@ -348,7 +350,10 @@ def _read_objects(
 
 def _unpack_rooms(nodes: pa.Table) -> tuple[KnownRoom, ...]:
     known = ("id", "hidden_share", "visited")
-    said = ("label", "position", "box", "footprint", "floor_index", "floor_area", "room_type")
+    said = (
+        *("label", "position", "box", "footprint", "floor_index", "floor_area", "room_type"),
+        "hidden_share_sd",
+    )
     rows = _rows(nodes, known, said)
     return tuple(
         KnownRoom(
@@ -358,8 +363,9 @@ def _unpack_rooms(nodes: pa.Table) -> tuple[KnownRoom, ...]:
             floor_index=floor,
             floor_area=area,
             room_type=None if kind is None else check_room_type(dict(kind)),
+            hidden_share_sd=sd or 0.0,
         )
-        for name, share, visited, label, position, box, outline, floor, area, kind in rows
+        for name, share, visited, label, position, box, outline, floor, area, kind, sd in rows
     )
 
 

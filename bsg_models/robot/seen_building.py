@@ -18,6 +18,7 @@ import numpy as np
 from bsg_data.arrays import Bools, Floats
 from bsg_data.dataset.manifest import COMPARED, UnmappedEntry, describe_unmapped
 from bsg_data.errors import RecipeError
+from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, reclassify
 from bsg_data.observation.robot_json import list_unmapped, parse_robot_graph
 from bsg_data.observation.sightings import discover, enter, see_object
@@ -147,17 +148,19 @@ class SeenBuilding:
         self._change(see_object(self._graph, seen))
         return name
 
-    def entered(self, room: str, *, hidden_share: float | None = None) -> None:
+    def entered(self, room: str, *, hidden_share: float | ShareBelief | None = None) -> None:
         """Say that the robot is in a room, or has looked at more of it.
 
         Args:
             room: id or label.
-            hidden_share: share of its objects that the robot has not seen by now; None for a half,
-                or for less where less was known to be hidden.
+            hidden_share: of its objects, which share the robot has not seen by now; a `ShareBelief`
+                if it is not sure; None for a half, or for what was known where that is less.
 
         Raises:
             RecipeError: if there is no such room, or the share is none.
         """
+        if hidden_share is not None and not isinstance(hidden_share, ShareBelief):
+            hidden_share = ShareBelief(hidden_share)
         self._change(enter(self._graph, find_room(self._graph, room), hidden_share=hidden_share))
 
     def searched(self, room: str) -> None:
@@ -366,9 +369,9 @@ class SeenBuilding:
     def _class_maps(self) -> tuple[ClassMap, ...]:
         """The map of the model, and that of the wide one, if it has another class space."""
         own = self._models[0].class_map
-        if WIDE_MODEL in shipped_names() and own.version != WIDE_MAP:
-            return own, load_class_map(WIDE_MAP)
-        return (own,)
+        wide = load_class_map(WIDE_MAP)
+        has_wide = WIDE_MODEL in shipped_names() and own.space != wide.space
+        return (own, wide) if has_wide else (own,)
 
     def _belief(self, model: int) -> Expectation:
         """Return what a model believes of the graph as it is now."""

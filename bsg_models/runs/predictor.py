@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Collection
 from pathlib import Path
 
-from bsg_data.arrays import Bools
+import numpy as np
+
+from bsg_data.arrays import Bools, Floats
 from bsg_data.errors import MismatchError
 from bsg_data.observation.observation import Observation
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.scene.class_map import ClassMap
-from bsg_models.belief.expectation import Expectation
+from bsg_models.belief.expectation import Expectation, mix
+from bsg_models.inputs.share_levels import spread_shares
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.class_maps import choose_class_map
 from bsg_models.runs.found_model import find_model
@@ -66,6 +69,9 @@ class Predictor:
     ) -> Expectation:
         """Return what the model believes about a partial graph.
 
+        Where the hidden share of a room is uncertain, it is the mixture of what the model believes
+        at several shares, asked in one pass.
+
         Args:
             graph: what was seen.
             withheld: classes that the graph leaves out of rooms which were not searched, so that
@@ -84,7 +90,17 @@ class Predictor:
                 "read_robot_graph(path, class_map=predictor.class_map)"
             )
         seen = graph.observation(vocabulary=self._model.vocabulary, withheld=withheld)
-        return _nothing_where_searched(self._model.expect(seen), seen)
+        levels, weights = spread_shares(graph, seen)
+        expectation = _mix_levels(self._model.expect(levels), weights)
+        return _nothing_where_searched(expectation, seen)
+
+
+def _mix_levels(expectation: Expectation, weights: Floats) -> Expectation:
+    """Return the mixture of K copies of N nodes, which follow each other, by weights `[K]`."""
+    if len(weights) == 1:
+        return expectation
+    copies = np.split(np.arange(len(expectation.inputs)), len(weights))
+    return mix([expectation.take(rows) for rows in copies], weights.tolist())
 
 
 def _nothing_where_searched(expectation: Expectation, seen: Observation) -> Expectation:

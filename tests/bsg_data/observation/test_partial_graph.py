@@ -13,6 +13,7 @@ from bsg_data.dataset.histograms import to_histograms
 from bsg_data.dataset.manifest import ClassSpaceEntry, read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import RecipeError
+from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.masks import sample_hidden, sample_view
 from bsg_data.observation.partial_graph import (
     KnownRoom,
@@ -118,6 +119,23 @@ def test_a_searched_room_hides_nothing() -> None:
     assert after.histograms()[1].tolist() == GRAPH.histograms()[1].tolist()
     again = observe(after, 2, [seen("5", 2, "sink")])
     assert again.histograms()[2].sum() == 1  # what is seen now replaces what was
+
+
+def test_a_searched_room_is_known_for_sure() -> None:
+    half = replace(GRAPH.rooms[0], hidden_share_sd=0.2)
+    unsure = replace(GRAPH, rooms=(half, GRAPH.rooms[1]))
+    assert unsure.rooms[0].share == ShareBelief(0.5, 0.2)
+    assert observe(unsure, 1, []).rooms[0].share == ShareBelief(0.0)
+
+
+def test_the_share_of_a_building_moves_with_its_rooms() -> None:
+    assert GRAPH.share_with([0.5, 1.0]) == 0.5
+    assert GRAPH.share_with([0.2, 1.0]) == pytest.approx(0.5 * 1.2 / 1.5)
+    full = replace(GRAPH, hidden_share=0.9)
+    assert full.share_with([1.0, 1.0]) == 1.0  # not 1.2
+    known = replace(GRAPH, hidden_share=0.0, rooms=(KnownRoom("a", 0.0), KnownRoom("b", 0.0)))
+    assert known.share_with([0.0, 0.0]) == 0
+    assert known.share_with([1.0, 0.0]) == 0.5
 
 
 def test_what_cannot_be_observed_is_refused() -> None:

@@ -126,7 +126,12 @@ def room(**values: Any) -> str:
         (changed(objects=[{"id": "1", "room": "kitchen"}]), "objects.0.category"),
         (changed(adjacency=[["hall", "hall"]]), "'hall' with itself"),
         (changed(adjacency=[["hall", "attic"]]), "no room 'attic'"),
-        (changed(version=3), "version"),
+        (changed(version=4), "version"),
+        (room(hidden_share=0.5, hidden_share_sd=0.5), "'kitchen': .*less than 0.5, found 0.5"),
+        (room(hidden_share=0, hidden_share_sd=0.1), "'kitchen': .*of a hidden share of 0"),
+        (room(visited=False, hidden_share_sd=0.1), "'kitchen': .*of a hidden share of 1"),
+        (room(hidden_share_sd=-0.1), "rooms.0.hidden_share_sd"),
+        (room(hidden_share_sd="0.1"), "rooms.0.hidden_share_sd"),
         (room(floor_area=0), "rooms.0.floor_area: .* greater than 0"),
         (room(floor_area=1e6), "rooms.0.floor_area: .* less than or equal to 100000"),
         (room(floor_area=True), "rooms.0.floor_area"),
@@ -180,6 +185,21 @@ def test_surroundings_by_hand() -> None:
     assert (around.building_kinds, around.sources) == (("home",), ("my robot",))
     written = json.loads(json.dumps(encode_robot_graph(graph)))
     assert parse_robot_graph(written, path=Path("x")) == graph
+
+
+@given(mean=st.floats(0.01, 0.99), part=st.floats(0, 0.99))
+def test_any_uncertain_share_is_read_back(mean: float, part: float) -> None:
+    sd = part * (mean * (1 - mean)) ** 0.5
+    kitchen = {"id": "kitchen", "hidden_share": mean, "hidden_share_sd": sd}
+    graph = parse_robot_graph({"scene_id": "home", "rooms": [kitchen]}, path=Path("x"))
+    assert (graph.rooms[0].share.mean, graph.rooms[0].share.sd) == (mean, sd)
+    written = json.loads(json.dumps(encode_robot_graph(graph)))
+    assert parse_robot_graph(written, path=Path("x")) == graph
+
+
+def test_version_2_is_sure_of_every_share() -> None:
+    graph = parse_robot_graph({**SAID, "version": 2}, path=Path("x"))
+    assert [room.hidden_share_sd for room in graph.rooms] == [0, 0]
 
 
 def test_version_1_knows_no_surroundings() -> None:

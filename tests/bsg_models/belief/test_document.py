@@ -10,9 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_beliefs import (
+    be_sure,
     forget_surroundings,
     header_of_version_1,
     header_of_version_2,
+    header_of_version_3,
     make_belief,
 )
 
@@ -53,8 +55,16 @@ def test_version_1_names_a_class_map_and_is_read() -> None:
 def test_version_2_has_no_surroundings_and_is_read() -> None:
     document = header_of_version_2(encode_belief(make_belief(1)))
     for room in document["partial"]["rooms"]:
-        del room["floor_area"], room["room_type"]
+        del room["floor_area"], room["room_type"], room["hidden_share_sd"]
     assert decode_belief(document, path=Path("x")) == forget_surroundings(make_belief(1))
+
+
+def test_version_3_is_sure_of_every_share_and_is_read() -> None:
+    document = header_of_version_3(encode_belief(make_belief(1)))
+    for room in document["partial"]["rooms"]:
+        del room["hidden_share_sd"]
+    assert be_sure(make_belief(1)) != make_belief(1)
+    assert decode_belief(document, path=Path("x")) == be_sure(make_belief(1))
 
 
 @pytest.mark.parametrize(

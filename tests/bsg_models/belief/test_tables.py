@@ -18,9 +18,11 @@ from conftest import REPOSITORY
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from random_beliefs import (
+    be_sure,
     forget_surroundings,
     header_of_version_1,
     header_of_version_2,
+    header_of_version_3,
     make_belief,
 )
 
@@ -59,9 +61,21 @@ def test_version_2_is_read(tmp_path: Path) -> None:
     table = pq.read_table(path)
     said = json.loads(table.schema.metadata[b"bsg.beliefs"])
     old = {scene: header_of_version_2(header) for scene, header in said.items()}
-    table = table.drop_columns(["floor_area", "room_type"])
+    table = table.drop_columns(["floor_area", "room_type", "hidden_share_sd"])
     pq.write_table(table.replace_schema_metadata({"bsg.beliefs": json.dumps(old)}), path)
     assert list(read_tables(tmp_path)) == [forget_surroundings(make_belief(1))]
+
+
+def test_version_3_is_read(tmp_path: Path) -> None:
+    """It was sure of every hidden share."""
+    write_tables([make_belief(1)], tmp_path)
+    path = tmp_path / "nodes.parquet"
+    table = pq.read_table(path)
+    said = json.loads(table.schema.metadata[b"bsg.beliefs"])
+    old = {scene: header_of_version_3(header) for scene, header in said.items()}
+    table = table.drop_columns(["hidden_share_sd"])
+    pq.write_table(table.replace_schema_metadata({"bsg.beliefs": json.dumps(old)}), path)
+    assert list(read_tables(tmp_path)) == [be_sure(make_belief(1))]
 
 
 def test_rows_may_be_in_any_order(tmp_path: Path) -> None:
@@ -142,8 +156,10 @@ def _edit_header(table: pa.Table, **changes: object) -> pa.Table:
         ("nodes", lambda t: _edit_header(t, mode="x"), "mode"),
         ("nodes", lambda t: _set(t, "scene_id", 0, "u"), "metadata does not have"),
         ("nodes", lambda t: _set(t, "id", 1, None), "id: 1 nulls"),
-        ("nodes", lambda t: _set(t, "hidden_share", 1, 1.5), "between 0 and 1"),
-        ("nodes", lambda t: _set(t, "hidden_share", 1, float("nan")), "between 0 and 1"),
+        ("nodes", lambda t: _set(t, "hidden_share", 1, 1.5), "expected 0 to 1, found 1.5"),
+        ("nodes", lambda t: _set(t, "hidden_share", 1, float("nan")), "expected 0 to 1, found nan"),
+        ("nodes", lambda t: _set(t, "hidden_share_sd", 1, 0.5), "room 'r0': standard deviation"),
+        ("nodes", lambda t: _set(t, "hidden_share_sd", 1, float("nan")), "found nan"),
         ("nodes", lambda t: _set(t, "position", 1, [1.0, 2.0]), "damaged"),
         ("nodes", lambda t: _set(t, "position", 1, [1.0, 2.0, float("inf")]), "metres away"),
         ("nodes", lambda t: _set(t, "footprint", 1, [1.0] * 4), "3 corners"),
