@@ -3,7 +3,13 @@ from .belief.count_distribution import CountDistribution
 from .belief.expectation import Expectation
 from .belief.formats import FORMATS, FormatRow, read_belief, write_belief
 from .belief.graph_file import read_graph
-from .belief.hydra import read_hydra, read_hydra_belief, write_hydra
+from .belief.hydra import (
+    annotate_hydra,
+    read_hydra,
+    read_hydra_belief,
+    strip_hydra,
+    write_hydra,
+)
 from .belief.network import from_networkx, to_networkx
 from .belief.tables import read_tables, write_tables
 from .errors import (
@@ -22,6 +28,7 @@ from .rendering.explorer import View, write_explorer
 from .robot.answers import ExpectedClass, Place
 from .robot.find_probability import FindProbability
 from .robot.seen_building import SeenBuilding, open_graph
+from .robot.told_shares import tell_shares
 from .robot.ways import Ways
 from .robot.words import Meaning
 from .runs.checkpoint import Checkpoint, load_checkpoint, restore_model
@@ -144,6 +151,7 @@ __all__ = [
     "Ways",
     "WorldRecipe",
     "WorldResult",
+    "annotate_hydra",
     "believe",
     "choose_default_run",
     "compare_runs",
@@ -179,10 +187,12 @@ __all__ = [
     "restore_model",
     "scenes_of",
     "shipped_names",
+    "strip_hydra",
     "study_search",
     "summarise_model",
     "summarise_run",
     "summary_rows",
+    "tell_shares",
     "to_graph",
     "to_networkx",
     "train_run",

@@ -41,16 +41,14 @@ def find_thing(
     header = ("room", f"P({meaning.class_name})", "expected more", "seen", "cost")
     rows = [_row(place, unit) for place in places]
     columns = len(header) if unit else len(header) - 1
-    click.echo(format_text([row[:columns] for row in rows[:MOST_ROWS]], header=header[:columns]))
+    shown = [row[:columns] for row in rows[:MOST_ROWS]]
+    click.echo(format_text(shown, header=header[:columns], numeric=(*header[1:3], "cost")))
     if len(rows) > MOST_ROWS:
         print_note(f"… and {len(rows) - MOST_ROWS:,} less likely rooms; --json prints all")
-    click.echo(
-        f"anywhere in the building: {_percent(seen.anywhere(thing))}, by {seen.asked(thing)}"
-    )
-    if first is None:
-        click.echo("no room is left to search")
-    else:
-        click.echo(f"go first to {_name(first, places)}")
+    somewhere = _percent(seen.anywhere(thing))
+    click.echo(f"somewhere in the building: {somewhere}, by the model {seen.asked(thing)}")
+    goes = "no room is left to search" if first is None else f"go first to {_name(first, places)}"
+    click.echo(goes)
 
 
 def _row(place: bsg_models.Place, unit: str | None) -> tuple[Any, ...]:

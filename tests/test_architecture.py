@@ -53,6 +53,7 @@ THIRD_PARTY = {
         "yaml",
     },
     "bsg_models": {
+        "PIL",
         "huggingface_hub",
         "jinja2",
         "lightgbm",

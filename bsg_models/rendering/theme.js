@@ -15,8 +15,9 @@ const Theme = (() => {
     show();
   }
   function show() {
-    const pages = [document, ...[...frames].map((frame) => frame.contentDocument).filter(Boolean)];
+    const pages = [document, ...[...frames].map((frame) => frame.contentDocument)];
     for (const page of pages) {
+      if (!page || !page.documentElement) continue;  // of another origin, or not there yet
       if (chosen) page.documentElement.dataset.theme = chosen;
       else delete page.documentElement.dataset.theme;
     }

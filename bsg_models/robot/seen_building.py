@@ -11,7 +11,8 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -26,15 +27,17 @@ from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.scene.surroundings import RoomType, check_room_type
 from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, Mode, believe
 from bsg_models.belief.expectation import Expectation
-from bsg_models.belief.graph_file import read_graph
+from bsg_models.belief.graph_file import GraphFile, open_graph_file
 from bsg_models.robot.answers import ExpectedClass, Place
+from bsg_models.robot.destination import choose_destination
 from bsg_models.robot.room_names import find_room
+from bsg_models.robot.told_shares import tell_shares
 from bsg_models.robot.ways import Costs, Ways, measure_ways
 from bsg_models.robot.words import Meaning, find_meaning
 from bsg_models.runs.predictor import Predictor
 from bsg_models.runs.shipped import DEFAULT_MODEL, WIDE_MAP, WIDE_MODEL, shipped_names
 from bsg_models.search.catalogue import AnyPlanner
-from bsg_models.search.planners import next_room
+from bsg_models.search.knowledge import Task
 
 
 def open_graph(
@@ -42,6 +45,8 @@ def open_graph(
     *,
     model: Path | str = DEFAULT_MODEL,
     labels: str | None = None,
+    hidden_share: float | None = None,
+    hidden_shares: Mapping[str, float] = MappingProxyType({}),
 ) -> SeenBuilding:
     """Open what a robot has seen, to ask about it.
 
@@ -49,19 +54,24 @@ def open_graph(
         graph: file of a robot's graph, our JSON or Spark-DSG's; `-` for standard input; or the
             document itself, as `json.loads` gives it.
         model: what `find_model` takes: the path of a run, or a name.
-        labels: label space of a Hydra graph: `ade20k` or `mpcat40`.
+        labels: label space of a Hydra graph, as `load_label_space` takes it.
+        hidden_share: share of the objects of every room that was not seen; None, what it says.
+        hidden_shares: the same of single rooms, by their ids or labels; see `tell_shares`.
 
     Raises:
         BSGError: if the graph cannot be read.
         CheckpointError: if there is no such model.
+        RecipeError: if a share cannot be, or is of no room.
     """
     predictor = Predictor(model)
     class_map = predictor.class_map
     if isinstance(graph, Mapping):
-        known = parse_robot_graph(dict(graph), path=Path("graph"), class_map=class_map)
+        file = GraphFile(parse_robot_graph(dict(graph), path=Path("graph"), class_map=class_map))
     else:
-        known = read_graph(Path(graph), labels=labels, class_map=class_map)
-    return SeenBuilding(known, predictor)
+        file = open_graph_file(Path(graph), labels=labels, class_map=class_map)
+    known = tell_shares(file.graph, every=hidden_share, rooms=hidden_shares)
+    told = hidden_share is not None or bool(hidden_shares)
+    return SeenBuilding(known, predictor, notes=file.list_notes(told=told))
 
 
 class SeenBuilding:
@@ -74,16 +84,24 @@ class SeenBuilding:
     A thing is any word. A room is its id, or its label if no other room has it.
     """
 
-    def __init__(self, graph: PartialGraph, model: Predictor | Path | str = DEFAULT_MODEL) -> None:
+    def __init__(
+        self,
+        graph: PartialGraph,
+        model: Predictor | Path | str = DEFAULT_MODEL,
+        *,
+        notes: tuple[str, ...] = (),
+    ) -> None:
         """Begin with a graph.
 
         Args:
             graph: in the class space of the model.
             model: a `Predictor`, or what it takes.
+            notes: what a person should know of how it was read, a sentence each.
 
         Raises:
             CheckpointError: if there is no such model.
         """
+        self.notes = notes
         self._graph = graph
         self._models = [model if isinstance(model, Predictor) else Predictor(model)]
         self._beliefs: dict[int, Expectation] = {}
@@ -112,7 +130,7 @@ class SeenBuilding:
 
     def copy(self) -> SeenBuilding:
         """Return the same, to tell it what this one shall not know."""
-        other = SeenBuilding(self._graph, self._models[0])
+        other = SeenBuilding(self._graph, self._models[0], notes=self.notes)
         other._models, other._beliefs = self._models, dict(self._beliefs)
         return other
 
@@ -277,12 +295,13 @@ class SeenBuilding:
         here: str | None = None,
         costs: Costs | None = None,
         planner: AnyPlanner = "expected-cost",
-        task: Literal["single", "all"] = "single",
+        task: Task = "single",
     ) -> str | None:
         """Return the room to go to next, to find a thing or several.
 
         A room in which one was seen holds it. The room where the robot is counts as looked through;
-        `where` says how likely that is wrong.
+        `where` says how likely that is wrong. A room that lies on the way to a likelier one is
+        passed by.
 
         Args:
             things: any word, or several.
@@ -307,10 +326,13 @@ class SeenBuilding:
         place = find_room(self._graph, here)
         if seen[place].all():
             return self.rooms[place - 1]
-        explored[place] = True
-        edges = self.ways(costs).edges
-        chosen = next_room(
-            edges, here=place, explored=explored, presence=presence, task=task, planner=planner
+        chosen = choose_destination(
+            self.ways(costs),
+            here=place,
+            explored=explored,
+            presence=presence,
+            planner=planner,
+            task=task,
         )
         return None if chosen is None else self.rooms[chosen - 1]
 
