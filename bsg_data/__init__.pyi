@@ -7,7 +7,14 @@ from .dataset.coverage import Coverage, count_classes, measure_coverage
 from .dataset.dataset import Dataset, read_adjacency, read_cells
 from .dataset.frequencies import count_frequencies, plot_frequencies
 from .dataset.histograms import to_histograms
-from .dataset.manifest import ClassMapEntry, ClassSpaceEntry, FileEntry, Manifest, read_manifest
+from .dataset.manifest import (
+    ClassMapEntry,
+    ClassSpaceEntry,
+    FileEntry,
+    Manifest,
+    UnmappedEntry,
+    read_manifest,
+)
 from .dataset.shards import read_scene_graphs, read_table, write_shards
 from .dataset.splits import assign_splits, read_splits, split_dataset
 from .errors import (
@@ -130,6 +137,7 @@ __all__ = [
     "SplitRecipe",
     "Surroundings",
     "Terms",
+    "UnmappedEntry",
     "UnmappedNameError",
     "View",
     "WithLayouts",

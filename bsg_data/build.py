@@ -18,6 +18,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from bsg_data.dataset.growth import finish, make_parent, open_partial, refuse_overwriting
+from bsg_data.dataset.kept_maps import keep_class_map
 from bsg_data.dataset.manifest import (
     ClassMapEntry,
     ClassSpaceEntry,
@@ -27,7 +28,7 @@ from bsg_data.dataset.manifest import (
     SkipEntry,
     SourceEntry,
     Totals,
-    UnmappedEntry,
+    describe_unmapped,
     list_resolved,
 )
 from bsg_data.dataset.publication import REPORTS
@@ -38,8 +39,9 @@ from bsg_data.executors import run_all
 from bsg_data.files import write_bytes
 from bsg_data.lock import hold
 from bsg_data.recipes import Record
-from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
+from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map, parse_own_map
 from bsg_data.scene.mesh_coverage import MeshCoverage
+from bsg_data.scene.own_map import is_own_map, read_own_map
 from bsg_data.scene.scene_graph import SceneGraph, is_scene_id
 from bsg_data.sources.catalogue import SOURCES, find_terms
 from bsg_data.sources.source import FoundScenes, SceneRef, SkippedScene, Source, SourceWithTerms
@@ -100,7 +102,8 @@ def build_dataset(
     """
     out = out.resolve()  # a linked --out stays a link; what it leads to is replaced
     chosen = class_map or name_class_map(source)
-    loaded = load_class_map(chosen)
+    own = read_own_map(Path(chosen)) if is_own_map(chosen) else None
+    loaded = load_class_map(chosen) if own is None else parse_own_map(own)
     refuse_overwriting(out, force=force)
     listing = source.find()
     if strict and listing.unreadable:
@@ -111,6 +114,8 @@ def build_dataset(
     make_parent(out)
     with hold(out):  # against another build, and against split and pairs of what is replaced
         growing = open_partial(out, recipe)
+        if own is not None:
+            chosen = str(keep_class_map(own, recipe.source.class_map, growing))
         tasks = [
             (source, listing.scenes[a : a + scenes_per_shard], growing, part, chosen, strict)
             for part, a in enumerate(starts)
@@ -267,10 +272,7 @@ def _summarise(
             *(_enter_skip(skip, Path()) for skip in listing.unused),
         ),
         meshes={scene: mesh for report in reports for scene, mesh in report.meshes.items()},
-        unmapped=tuple(
-            UnmappedEntry(name=name, instances=count, nearest=class_map.nearest(name))
-            for name, count in sorted(unmapped.items(), key=lambda item: (-item[1], item[0]))
-        ),
+        unmapped=tuple(describe_unmapped(unmapped, class_map)),
         resolved=tuple(list_resolved(resolved, class_map)),
     )
 

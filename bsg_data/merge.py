@@ -15,6 +15,7 @@ from pathlib import Path
 
 from bsg_data.build import SCENES_PER_SHARD
 from bsg_data.dataset.growth import finish, make_parent, open_partial, refuse_overwriting
+from bsg_data.dataset.kept_maps import copy_class_maps
 from bsg_data.dataset.manifest import (
     FileEntry,
     Manifest,
@@ -188,6 +189,8 @@ def _rewrite(
     )
     with hold(out):
         growing = open_partial(out, recipe)
+        for dataset in datasets:
+            copy_class_maps(dataset, read_manifest(dataset), growing)
         files = _write_scenes(datasets, growing, manifest, progress=progress)
         if manifest.split is not None:
             files += write_splits(datasets[0], growing, manifest)

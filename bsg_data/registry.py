@@ -7,13 +7,13 @@ in the entry points of the packages that are installed. Nothing else can be load
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Generic, TypeVar
 
 from bsg_data.errors import RecipeError
+from bsg_data.spelling import SHOWN, ask_if_meant
 
 Row = TypeVar("Row")
 
@@ -110,9 +110,9 @@ def require_known(kind: str, names: Iterable[str], known: Iterable[str]) -> None
     listed = tuple(known)
     for name in names:
         if name not in listed:
-            near = difflib.get_close_matches(name, listed, n=1)
-            hint = f"; did you mean {near[0]}?" if near else "."
-            raise RecipeError(f"no {kind} {name!r}{hint} Known are {', '.join(listed)}")
+            asked = ask_if_meant(name, listed)
+            hint = f"; {asked}" if asked else "."
+            raise RecipeError(f"no {kind} {name[:SHOWN]!r}{hint} Known are {', '.join(listed)}")
 
 
 @cache

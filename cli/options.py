@@ -10,10 +10,10 @@ from typing import Any, TypeVar
 
 import click
 
-import bsg_data
-import bsg_models
 from bsg_cli.choices import MASKS
-from bsg_data.errors import BSGError
+from bsg_cli.completion import complete_class_map, complete_model
+from bsg_cli.dataset_paths import DatasetPath
+from bsg_data.errors import RecipeError
 from bsg_data.registry import Registry
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP
 
@@ -42,8 +42,12 @@ class RegistryChoice(click.Choice[str]):
         self._registry = registry
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """Return the name, or refuse it with those that are known."""
+        """Return the name, or refuse it with the nearest and those that are known."""
         self.choices = self._registry.names()
+        try:
+            self._registry.require([value])
+        except RecipeError as error:
+            self.fail(str(error), param, ctx)
         return super().convert(value, param, ctx)
 
 
@@ -59,38 +63,24 @@ workers_option = click.option(
 )
 
 
-def _require_dataset(ctx: click.Context, param: click.Parameter, path: Path | None) -> Path | None:
-    """Complain of a missing dataset before anything else is looked at, or slowly imported."""
-    if path is not None and not ctx.resilient_parsing:
-        bsg_data.read_manifest(path)
-    return path
-
-
-dataset_argument = click.argument(
-    "dataset", type=PATH, metavar="DATASET", callback=_require_dataset
-)
+dataset_argument = click.argument("dataset", type=DatasetPath(), metavar="DATASET")
 class_map_option = click.option(
     "--class-map",
     default=DEFAULT_CLASS_MAP,
     show_default=True,
     help="A published version, or the path of your own NAME.csv.",
+    shell_complete=complete_class_map,
 )
 source_map_option = click.option(
     "--class-map",
     help="A published version, or the path of your own NAME.csv.  [default: the source's]",
+    shell_complete=complete_class_map,
 )
-
-
-def version_option() -> Decorator[Any]:
-    """Return `--version`; each command has its own, for click keeps the name of the first."""
-    return click.version_option(package_name="belief-scene-graphs")
 
 
 def data_option(text: str, *, required: bool = True) -> Decorator[Any]:
     """Return `--data`, the dataset of a command that works with models."""
-    return click.option(
-        "--data", "dataset", type=PATH, required=required, callback=_require_dataset, help=text
-    )
+    return click.option("--data", "dataset", type=DatasetPath(), required=required, help=text)
 
 
 def model_option(text: str, *, multiple: bool = False) -> Decorator[Any]:
@@ -110,15 +100,6 @@ def model_option(text: str, *, multiple: bool = False) -> Decorator[Any]:
         return model(run(function))
 
     return decorate
-
-
-def complete_model(ctx: click.Context, param: click.Parameter, text: str) -> list[str]:
-    """Return the names of shipped models that begin so; of none, if their list is damaged."""
-    try:
-        names = bsg_models.shipped_names()
-    except BSGError:
-        names = ()
-    return [name for name in names if name.startswith(text)]
 
 
 def read_model(model: str | None, run: Path | None) -> Path | str | None:

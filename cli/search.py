@@ -10,7 +10,9 @@ import click
 
 import bsg_models
 from bsg_cli.choices import DEFAULT_WORLDS, PLANNERS, WORLDS, require_known
+from bsg_cli.completion import classes_of_dataset, complete_list
 from bsg_cli.options import (
+    PATH,
     data_option,
     force_option,
     json_option,
@@ -21,11 +23,24 @@ from bsg_cli.options import (
     seed_option,
     split_names,
     split_option,
-    version_option,
     workers_option,
 )
 from bsg_cli.terminal import Command, print_json, print_note, progress_bar, worker_pool
 from bsg_data.tables import format_text
+
+
+class SearchNumber(click.ParamType[int | str]):
+    """The number of a search, from 0, or `auto` for one that is worth watching."""
+
+    name = "N|auto"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> int | str:
+        """Return the number or `auto`, or refuse it."""
+        if value == "auto":
+            return "auto"
+        return int(click.IntRange(min=0).convert(value, param, ctx))
 
 
 @click.command("bsg-search", cls=Command)
@@ -41,10 +56,12 @@ from bsg_data.tables import format_text
 )
 @click.option(
     "--planners",
+    shell_complete=complete_list(lambda ctx: PLANNERS),
     help=f"Some of {', '.join(PLANNERS)}.  [default: all; without a model those without a belief]",
 )
 @click.option(
     "--worlds",
+    shell_complete=complete_list(lambda ctx: WORLDS),
     help=f"Kinds of room graphs, KIND or KIND:LOW-HIGH: {', '.join(WORLDS[:5])} with random costs, "
     f"{' or '.join(WORLDS[5:])} with distances.  [default: {','.join(DEFAULT_WORLDS)}, and "
     f"{' or '.join(WORLDS[5:])} where known]",
@@ -58,6 +75,7 @@ from bsg_data.tables import format_text
 )
 @click.option(
     "--artifacts",
+    shell_complete=complete_list(lambda ctx: ("every", "room-specific", *classes_of_dataset(ctx))),
     default="every",
     show_default=True,
     help="Classes to search for, one a search: `every`, `room-specific`, or names with commas.",
@@ -104,9 +122,17 @@ from bsg_data.tables import format_text
 @resamples_option(1000)
 @click.option(
     "--trace",
-    type=click.IntRange(min=0),
-    metavar="N",
-    help="Replay search N of the first building, in the first world, room by room, as a page.",
+    type=SearchNumber(),
+    is_flag=False,
+    flag_value="auto",
+    help="Replay one search, room by room, beside the same by `nearest`, as a page: search N of "
+    "the first building, or, without a number, one that is worth watching.",
+)
+@click.option(
+    "--animation",
+    type=PATH,
+    metavar="FILE.gif|FILE.png",
+    help="Draw the replay as a moving picture, too, a GIF or an animated PNG.",
 )
 @click.option("--scene", help="Search this building alone.")
 @out_option("Folder of the results.  [default: search in the first run, or search]")
@@ -114,7 +140,6 @@ from bsg_data.tables import format_text
 @seed_option()
 @force_option
 @json_option
-@version_option()
 def main(
     model: tuple[str, ...],
     run: tuple[Path, ...],
@@ -135,7 +160,7 @@ def main(
     \b
     Example:
       bsg-search --data dataset
-      bsg-search --model run --data dataset --worlds star:1-10 --artifacts stove,bed --trace 0
+      bsg-search --model run --data dataset --worlds star:1-10 --artifacts stove,bed --trace
     """
     lists = {
         "planners": split_names(planners, option="--planners"),

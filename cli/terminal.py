@@ -22,27 +22,40 @@ import click
 from pydantic import ValidationError
 from tqdm import tqdm  # noqa: TID251 -- the command line is where bars belong
 
+from bsg_cli.dataset_paths import require_datasets
 from bsg_data.errors import BSGError, RecipeError
 from bsg_data.recipes import name_fault
 
 FAILED, WRONG_USAGE, INTERRUPTED = 1, 2, 130
 
 
-class ExitCodes:
-    """Mix in for a click command: turn what the libraries raise into messages and exit codes."""
+class Command(click.Command):
+    """A command with the manners of the house: its helps, its version, its exit codes."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        click.version_option(package_name="belief-scene-graphs")(self)
 
     def get_help_option_names(self, ctx: click.Context) -> list[str]:
         """Return the two spellings of help, whatever context asks."""
         return ["-h", "--help"]
 
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse a command line; a missing dataset is refused before its words are judged."""
+        require_datasets(self, ctx, args)
+        return super().parse_args(ctx, args)
+
     def main(self, *args: Any, **kwargs: Any) -> NoReturn:
-        """Run the command and leave the process with one of the four exit codes."""
+        """Run the command and leave the process with one of the four exit codes.
+
+        What the libraries raise becomes a message.
+        """
         for stream in (sys.stdout, sys.stderr):
             if isinstance(stream, TextIOWrapper):  # a terminal may lack a letter of some name
                 stream.reconfigure(errors="replace")
         try:
             kwargs["standalone_mode"] = False
-            code = super().main(*args, **kwargs)  # type: ignore[misc]
+            code = super().main(*args, **kwargs)
         except click.ClickException as error:
             error.show()
             sys.exit(error.exit_code)
@@ -62,12 +75,8 @@ class ExitCodes:
         sys.exit(code if isinstance(code, int) else 0)
 
 
-class Command(ExitCodes, click.Command):
-    """A single command with the house's exit codes and helps."""
-
-
-class CommandGroup(ExitCodes, click.Group):
-    """A group of commands with the house's exit codes and helps."""
+class CommandGroup(Command, click.Group):
+    """A group of such commands."""
 
     command_class = Command
 

@@ -12,8 +12,9 @@ from tqdm import tqdm  # noqa: TID251 -- the command line is where bars belong
 import bsg_data
 import bsg_models
 from bsg_cli.choices import MODELS
+from bsg_cli.completion import complete_names_or_files
 from bsg_cli.configurations import load_config
-from bsg_cli.options import data_option, force_option, json_option, out_option, version_option
+from bsg_cli.options import data_option, force_option, json_option, out_option
 from bsg_cli.terminal import Command, print_json, print_note
 
 
@@ -24,7 +25,7 @@ from bsg_cli.terminal import Command, print_json, print_note
     required=True,
     help=f"A TOML file, or one of {', '.join(MODELS)}.",
     metavar="NAME|FILE",
-    shell_complete=lambda ctx, param, text: [name for name in MODELS if name.startswith(text)],
+    shell_complete=complete_names_or_files(lambda: MODELS),
 )
 @data_option("Dataset, split and with pairs.", required=False)
 @out_option("Folder of the run.")
@@ -35,7 +36,6 @@ from bsg_cli.terminal import Command, print_json, print_note
 @click.option("--tensorboard", is_flag=True, help="Log for TensorBoard into the run, too.")
 @force_option
 @json_option
-@version_option()
 def main(
     config_name: str,
     dataset: Path | None,

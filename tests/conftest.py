@@ -8,10 +8,13 @@ import shutil
 from pathlib import Path
 from types import ModuleType
 
+import hypothesis
 import pytest
 
 from bsg_data import HM3DFolder, PairsRecipe, SplitRecipe, build_dataset, split_dataset, write_pairs
 
+hypothesis.settings.register_profile("untimed", deadline=None)  # a busy machine proves nothing
+hypothesis.settings.load_profile("untimed")
 REPOSITORY = Path(__file__).resolve().parent.parent
 SHARED = REPOSITORY.parent / "shared" / "hm3d"
 

@@ -18,7 +18,7 @@ FOLDERS = {"bsg_data": "bsg_data", "bsg_models": "bsg_models", "bsg_cli": "cli"}
 # The house, from the ground up. A room is a folder, or a file that lies beside the folders. Every
 # room imports rooms of the lines above its own, and none of its own line.
 HOUSE = (
-    "bsg_data.arrays bsg_data.errors bsg_data.tables",
+    "bsg_data.arrays bsg_data.errors bsg_data.spelling bsg_data.tables",
     "bsg_data.executors bsg_data.files bsg_data.lock bsg_data.recipes bsg_data.registry",
     "bsg_data.scene",
     "bsg_data.geometry",
@@ -32,7 +32,7 @@ HOUSE = (
     "bsg_models.belief bsg_models.search bsg_models.inputs",
     "bsg_models.zoo",
     "bsg_models.runs bsg_models.evaluation",
-    "bsg_models.training",
+    "bsg_models.training bsg_models.robot",
     "bsg_models.rendering bsg_models.testing",
     "bsg_models.studies",
     "bsg_cli",
@@ -53,6 +53,7 @@ THIRD_PARTY = {
         "yaml",
     },
     "bsg_models": {
+        "PIL",
         "huggingface_hub",
         "jinja2",
         "lightgbm",

@@ -21,6 +21,7 @@ from bsg_data.checks.tables import (
     check_rooms,
     check_scenes,
 )
+from bsg_data.dataset.kept_maps import KEPT, read_class_maps
 from bsg_data.dataset.manifest import (
     MANIFEST,
     ClassSpaceEntry,
@@ -45,7 +46,8 @@ def check_dataset(
         DatasetError: if the manifest cannot be read, so that there is nothing to check against.
     """
     manifest = read_manifest(dataset)
-    faults = [*_check_classes(manifest), *_check_strays(dataset, manifest)]
+    faults = [*_check_classes(manifest), *_check_kept_maps(dataset, manifest)]
+    faults += _check_strays(dataset, manifest)
     faults += _check_recipes(manifest)
     tables: dict[str, list[pa.Table]] = {}
     pairs = manifest.files_of("pairs")
@@ -113,6 +115,14 @@ def _check_classes(manifest: Manifest) -> Iterator[Fault]:
                     )
     except ClassMapError as error:
         yield Fault(MANIFEST, str(error))
+
+
+def _check_kept_maps(dataset: Path, manifest: Manifest) -> Iterator[Fault]:
+    """Compare the class maps that the dataset keeps with their hashes."""
+    try:
+        read_class_maps(dataset, manifest)
+    except ClassMapError as error:
+        yield Fault(KEPT, str(error))
 
 
 def _check_strays(dataset: Path, manifest: Manifest) -> Iterator[Fault]:

@@ -87,12 +87,31 @@ class SkipEntry(Record):
     reason: str
 
 
+COMPARED = 10  # unmapped names of one graph that are compared with every known spelling
+
+
 class UnmappedEntry(Record):
     """A name that the class map does not know, how often it occurs, and what it looks like."""
 
     name: str
     instances: int
     nearest: tuple[str, ...]
+
+
+def describe_unmapped(
+    names: Mapping[str, int], class_map: ClassMap, *, near: int | None = None
+) -> Iterator[UnmappedEntry]:
+    """Yield names that a class map does not know, most frequent first.
+
+    Args:
+        names: name → how often it occurs.
+        class_map: that they were read with.
+        near: how many names are compared with those that are known; None for all of them.
+    """
+    ordered = sorted(names.items(), key=lambda item: (-item[1], item[0]))
+    for place, (name, instances) in enumerate(ordered):
+        nearest = class_map.nearest(name) if near is None or place < near else ()
+        yield UnmappedEntry(name=name, instances=instances, nearest=nearest)
 
 
 class ResolvedEntry(Record):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from bsg_data.dataset.card import write_card, write_croissant
+from bsg_data.dataset.kept_maps import list_kept
 from bsg_data.dataset.manifest import MANIFEST, Manifest, encode_manifest
 from bsg_data.files import write_bytes
 
@@ -24,6 +25,7 @@ def publish(dataset: Path, manifest: Manifest) -> None:
 def list_strays(dataset: Path, manifest: Manifest) -> list[str]:
     """Return the files in a dataset's folder that are not the dataset's, sorted."""
     known = {entry.path for entry in manifest.files} | {MANIFEST, CARD, CROISSANT}
+    known |= set(list_kept(manifest))
     paths = (p.relative_to(dataset) for p in dataset.rglob("*") if not p.is_dir() or p.is_symlink())
     return sorted(
         path.as_posix()

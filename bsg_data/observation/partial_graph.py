@@ -26,7 +26,7 @@ from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.masks import sample_hidden, sample_view, sample_withheld
 from bsg_data.observation.observation import Observation
 from bsg_data.recipes import MaskRecipe
-from bsg_data.scene.class_map import is_nameless
+from bsg_data.scene.class_map import ClassMap, is_nameless
 from bsg_data.scene.connections import Connections
 from bsg_data.scene.parts import find_wholes, load_parts
 from bsg_data.scene.room_label import list_room_labels
@@ -243,14 +243,31 @@ def observe(graph: PartialGraph, room_index: int, objects: Iterable[SeenObject])
         what = min(twice) if twice else "an object"
         raise RecipeError(f"{graph.scene_id}: {what} is there twice")
     rooms = list(graph.rooms)
+    rooms[room_index - 1] = replace(rooms[room_index - 1], visited=True)
+    known = replace(graph, rooms=tuple(rooms), objects=elsewhere + inside)
+    return hide_of_room(known, room_index, ShareBelief(0.0))
+
+
+def hide_of_room(graph: PartialGraph, room_index: int, share: ShareBelief) -> PartialGraph:
+    """Return the same where a room, 1..R, hides another share of its objects."""
+    rooms = list(graph.rooms)
     rooms[room_index - 1] = replace(
-        rooms[room_index - 1], visited=True, hidden_share=0.0, hidden_share_sd=0.0
+        rooms[room_index - 1], hidden_share=share.mean, hidden_share_sd=share.sd
     )
+    building = graph.share_with([room.hidden_share for room in rooms])
+    return replace(graph, rooms=tuple(rooms), hidden_share=building)
+
+
+def reclassify(graph: PartialGraph, class_map: ClassMap) -> PartialGraph:
+    """Return the same where another class map says which class each object has."""
+    found = [class_map.classify(obj.raw_category) for obj in graph.objects]
     return replace(
         graph,
-        rooms=tuple(rooms),
-        objects=elsewhere + inside,
-        hidden_share=graph.share_with([room.hidden_share for room in rooms]),
+        class_space=ClassSpaceEntry.of(class_map.space),
+        objects=tuple(
+            replace(obj, category=one.category, class_index=one.class_index)
+            for obj, one in zip(graph.objects, found, strict=True)
+        ),
     )
 
 

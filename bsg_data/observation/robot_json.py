@@ -39,7 +39,7 @@ from bsg_data.observation.hidden_share import VAGUE
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_data.observation.said_share import SaidShare, Share
 from bsg_data.recipes import Record, name_fault
-from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, load_class_map
+from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
 from bsg_data.scene.scene_graph import Box
 from bsg_data.scene.surroundings import (
     MAX_FLOOR_AREA,
@@ -111,11 +111,11 @@ class _Graph(Record):
     adjacency: tuple[tuple[Id, Id], ...] = ()
 
 
-def read_robot_graph(path: Path, *, class_map: str = DEFAULT_CLASS_MAP) -> PartialGraph:
+def read_robot_graph(path: Path, *, class_map: str | ClassMap = DEFAULT_CLASS_MAP) -> PartialGraph:
     """Read a partial graph from JSON.
 
-    The class map says which class a category is of. Objects whose category it does not know stay,
-    without a class: `list_unmapped` names them.
+    The class map, named or loaded, says which class a category is of. Objects whose category it
+    does not know stay, without a class: `list_unmapped` names them.
 
     Raises:
         RobotGraphError: naming the file, the entry, and what was expected there.
@@ -139,7 +139,9 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return table
 
 
-def parse_robot_graph(said: Any, *, path: Path, class_map: str = DEFAULT_CLASS_MAP) -> PartialGraph:
+def parse_robot_graph(
+    said: Any, *, path: Path, class_map: str | ClassMap = DEFAULT_CLASS_MAP
+) -> PartialGraph:
     """Return the partial graph that a JSON document of a robot says.
 
     Raises:

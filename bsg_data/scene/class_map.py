@@ -7,7 +7,6 @@ into, and whether names that it does not list are resolved by rule.
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import unicodedata
 from collections.abc import Mapping
@@ -26,7 +25,9 @@ from bsg_data.scene.class_space import (
     read_published,
     read_rows,
 )
+from bsg_data.scene.own_map import OwnMap, is_own_map, read_own_map
 from bsg_data.scene.spoken_names import RULES_VERSION, Rule, resolve
+from bsg_data.spelling import SHOWN, ask_if_meant, nearest_names
 
 DEFAULT_CLASS_MAP = "hm3d45-v2"
 UNKNOWN = "unknown"  # the category of a nameless object
@@ -136,7 +137,7 @@ class ClassMap:
 
     def nearest(self, name: str, *, count: int = 3) -> tuple[str, ...]:
         """Return the known spellings most like `name`, best first."""
-        return tuple(difflib.get_close_matches(normalise_name(name), self.normalised, n=count))
+        return nearest_names(normalise_name(name), self.normalised, most=count)
 
 
 _UNMAPPED = Classified(None, None, "unmapped")
@@ -207,20 +208,27 @@ def list_class_maps() -> tuple[str, ...]:
     return tuple(sorted(published_maps()))
 
 
-@cache
-def load_class_map(name: str = DEFAULT_CLASS_MAP) -> ClassMap:
+def load_class_map(name: str | ClassMap = DEFAULT_CLASS_MAP) -> ClassMap:
     """Load a published map by its version, or one of your own by the path of its csv.
+
+    A map that is loaded already is returned as it is.
 
     Raises:
         ClassMapError: if it is missing or malformed, or a published file was changed.
     """
-    if name.casefold().endswith(".csv"):
-        return _read_own_map(Path(name))
+    return name if isinstance(name, ClassMap) else _load(name)
+
+
+@cache
+def _load(name: str) -> ClassMap:
+    if is_own_map(name):
+        return parse_own_map(read_own_map(Path(name)))
     if name not in published_maps():
-        known = ", ".join(list_class_maps())
+        known = list_class_maps()
+        asked = f"{ask_if_meant(name, known)} published are {', '.join(known)}".lstrip()
         raise ClassMapError(
-            f"no class map {name!r}: published are {known}; a map of your own is named by the "
-            "path of its .csv file (NAME.csv, with NAME.classes.csv beside it)"
+            f"no class map {name[:SHOWN]!r}: {asked}; a map of your own is named by the path of "
+            "its .csv file (NAME.csv, with NAME.classes.csv beside it)"
         )
     row = published_maps()[name]
     return _parse_map(
@@ -233,25 +241,53 @@ def load_class_map(name: str = DEFAULT_CLASS_MAP) -> ClassMap:
     )
 
 
-def _read_own_map(path: Path) -> ClassMap:
-    """Read a map of one's own, whose classes are its own or those of the default space."""
-    if path.stem in published_maps():
-        raise ClassMapError(f"{path}: {path.stem} is the name of a published map; choose another")
-    own, structure = path.with_suffix(".classes.csv"), path.with_suffix(".structure.csv")
-    if not path.is_file():
-        raise ClassMapError(
-            f"{path}: no such file; a class map is NAME.csv (raw_category,category,class), with "
-            "NAME.classes.csv (index,class,definition) beside it if it has classes of its own"
-        )
-    classes = own.read_bytes() if own.is_file() else None
+def parse_own_map(own: OwnMap) -> ClassMap:
+    """Parse a map of one's own, whose classes are its own or those of the default space.
+
+    Raises:
+        ClassMapError: if it is malformed, or has the name of a published map.
+    """
+    if own.name in published_maps():
+        raise ClassMapError(f"{own.name} is the name of a published map; choose another")
     default = load_class_space(DEFAULT_CLASS_SPACE)
     return _parse_map(
-        path.stem,
-        default if classes is None else parse_class_space(path.stem, classes),
-        spellings=path.read_bytes(),
-        classes=classes or read_published(f"{default.name}.classes.csv"),
-        structure=structure.read_bytes() if structure.is_file() else b"category\n",
+        own.name,
+        default if own.classes is None else parse_class_space(own.name, own.classes),
+        spellings=own.spellings,
+        classes=own.classes or read_published(f"{default.name}.classes.csv"),
+        structure=b"category\n" if own.structure is None else own.structure,
         synonyms=read_published(SYNONYMS),
+    )
+
+
+def join_maps(first: ClassMap, *others: ClassMap) -> ClassMap:
+    """Return one map with the words of several; of a word that two list, the earlier one decides.
+
+    Raises:
+        ClassMapError: if they lead into different class spaces.
+    """
+    if not others:
+        return first
+    for other in others:
+        if other.space != first.space:
+            raise ClassMapError(
+                f"class maps {first.version} and {other.version} lead into different class spaces"
+            )
+    maps = (first, *others)
+    backwards = maps[::-1]
+    return ClassMap(
+        version=" + ".join(one.version for one in maps),
+        sha256=hashlib.sha256("".join(one.sha256 for one in maps).encode()).hexdigest(),
+        space=first.space,
+        structure=frozenset().union(*(one.structure for one in maps)),
+        entries={raw: entry for one in backwards for raw, entry in one.entries.items()},
+        normalised={raw: entry for one in backwards for raw, entry in one.normalised.items()},
+        synonyms={
+            name: listed
+            for one in backwards
+            for name, listed in (one.synonyms or {}).items()
+            if not any(name in other.normalised for other in maps)
+        },
     )
 
 

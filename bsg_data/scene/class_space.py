@@ -8,7 +8,6 @@ into one (`bsg_data.scene.class_map`).
 from __future__ import annotations
 
 import csv
-import difflib
 import hashlib
 import io
 from collections.abc import Iterable
@@ -17,6 +16,7 @@ from functools import cache
 from importlib.resources import files
 
 from bsg_data.errors import ClassMapError
+from bsg_data.spelling import SHOWN, ask_if_meant
 
 DEFAULT_CLASS_SPACE = "hm3d45-v2"
 MAX_CLASSES = 256  # the objects table has the index in a byte
@@ -50,9 +50,9 @@ class ClassSpace:
         """
         if name in self.classes:
             return self.classes.index(name)
-        near = difflib.get_close_matches(name, self.classes, n=3)
-        hint = f"; did you mean {', '.join(near)}?" if near else ""
-        raise ClassMapError(f"{name!r} is not a class of {self.name}{hint}")
+        asked = ask_if_meant(name, self.classes, most=3)
+        hint = f"; {asked}" if asked else ""
+        raise ClassMapError(f"{name[:SHOWN]!r} is not a class of {self.name}{hint}")
 
 
 def hash_classes(classes: Iterable[str]) -> str:

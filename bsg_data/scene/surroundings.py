@@ -6,7 +6,6 @@ objects are named and counted. All of it may be unknown, and a mask hides none o
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -20,6 +19,7 @@ import numpy.typing as npt
 from bsg_data.arrays import Floats, Ints
 from bsg_data.errors import RecipeError
 from bsg_data.scene.room_label import ANY_SOURCE, label_of, list_room_labels, normalise_room
+from bsg_data.spelling import SHOWN, ask_if_meant
 
 # What models tell apart, each by its place; a kind or a source that is added comes last.
 BUILDING_KINDS = ("home", "office", "school", "shop", "restaurant", "hotel", "hall")
@@ -191,7 +191,7 @@ def check_building_kind(kind: str | None) -> str | None:
         return None
     if spoken not in BUILDING_KINDS:
         raise RecipeError(
-            f"expected a kind of building, found {str(kind)[:80]!r}; known are "
+            f"expected a kind of building, found {str(kind)[:SHOWN]!r}; known are "
             f"{', '.join(BUILDING_KINDS)}; leave it out, or say `other`"
         )
     return spoken
@@ -253,9 +253,9 @@ def _find_label(word: str) -> str | None:
         return None
     label = label_of(ANY_SOURCE, word)
     if label is None:
-        near = difflib.get_close_matches(spoken[:80], list_room_labels(), n=3)
-        hint = f"did you mean {', '.join(near)}?" if near else "leave it out, or say `other`"
-        raise RecipeError(f"expected a room label, found {word[:80]!r}; {hint}")
+        asked = ask_if_meant(spoken, list_room_labels(), most=3)
+        hint = asked or "leave it out, or say `other`"
+        raise RecipeError(f"expected a room label, found {word[:SHOWN]!r}; {hint}")
     return label
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import inspect
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import get_args
 from bsg_data.errors import SourceError
 from bsg_data.registry import Registry
 from bsg_data.sources.source import Source, SourceRow, Terms
+from bsg_data.spelling import ask_if_meant
 
 SOURCES = Registry(
     "source",
@@ -91,8 +91,8 @@ def parse_options(name: str, words: Mapping[str, str]) -> dict[str, object]:
     kinds = _list_options(SOURCES[name])
     for option in words:
         if option not in kinds:
-            near = difflib.get_close_matches(option, kinds, n=1)
-            hint = f"; did you mean {near[0]}?" if near else "."
+            asked = ask_if_meant(option, kinds)
+            hint = f"; {asked}" if asked else "."
             known = ", ".join(kinds) or "none"
             raise SourceError(
                 f"source {name!r} has no option {option!r}{hint} Its options: {known}"

@@ -6,7 +6,6 @@ a room is the building's; a row without a category tells of a room that holds no
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -33,6 +32,7 @@ from bsg_data.sources.source import (
     Terms,
 )
 from bsg_data.sources.table_rows import Cells, read_cells
+from bsg_data.spelling import ask_if_meant, nearest_names
 
 REQUIRED = ("scene", "room", "category")
 CENTROID = ("x", "y", "z")
@@ -222,8 +222,8 @@ def _read_table(path: Path, size: int, changed: int) -> _Table:
 
 def _name_unread(column: str) -> str:
     """Name a column that is not read, and the one that may be meant."""
-    near = difflib.get_close_matches(column.casefold(), OPTIONAL, n=1)
-    return f"{column} (is {near[0]} meant?)" if near else column
+    asked = ask_if_meant(column, OPTIONAL)
+    return f"{column} ({asked})" if asked else column
 
 
 def _require_columns(path: Path, columns: Sequence[str]) -> None:
@@ -234,7 +234,7 @@ def _require_columns(path: Path, columns: Sequence[str]) -> None:
                 f"{path}: its columns are separated by semicolons; save it with commas, "
                 "or with tabs as .tsv"
             )
-        near = difflib.get_close_matches(missing[0], [c.casefold() for c in columns], n=1)
+        near = nearest_names(missing[0], columns, most=1)
         hint = f"; is {near[0]!r} meant?" if near else "."
         raise SourceError(
             f"{path}: no column {missing[0]!r}{hint} Expected {', '.join(REQUIRED)}, in small "

@@ -74,7 +74,8 @@ class CountDistribution:
     @property
     def presence(self) -> Floats:
         """P(at least one hidden object of the class), `[N, C]`."""
-        return -np.expm1(self.log_probability(np.zeros(self.means.shape[1:]), floor=0.0))
+        present = -np.expm1(self.log_probability(np.zeros(self.means.shape[1:]), floor=0.0))
+        return np.where(self.mean > 0, present, 0.0)  # weights add up to 1 but for rounding
 
     @property
     def log_odds_of_none(self) -> Floats:

@@ -72,7 +72,7 @@ def _library() -> Any:
 
 
 def read_hydra(
-    path: Path, *, labels: str | None = None, class_map: str = DEFAULT_CLASS_MAP
+    path: Path, *, labels: str | None = None, class_map: str | ClassMap = DEFAULT_CLASS_MAP
 ) -> PartialGraph:
     """Read a partial graph from Spark-DSG JSON.
 

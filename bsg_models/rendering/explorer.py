@@ -15,13 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from bsg_data.files import write_bytes
-from bsg_data.observation.partial_graph import KnownRoom
 from bsg_models.belief.belief_graph import BeliefGraph
 from bsg_models.belief.formats import FormatRow
 from bsg_models.rendering.pages import render_page
+from bsg_models.rendering.plan import outline_room
 
 _DIGITS = 4
-_HALF = 1.2  # metres: half a side of a room of which only the place is known
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +94,7 @@ def _encode(view: View) -> dict[str, Any]:
                 "visited": room.visited,
                 "share": round(room.hidden_share, _DIGITS),
                 "floor": room.floor_index or 0,
-                "outline": _outline(room),
+                "outline": outline_room(room, room.position),
             }
             for room in partial.rooms
         ],
@@ -120,21 +119,6 @@ def _encode(view: View) -> dict[str, Any]:
         "moment": None if view.moment is None else asdict(view.moment),
         "adjacency": [list(pair) for pair in partial.adjacency],
     }
-
-
-def _outline(room: KnownRoom) -> list[list[float]] | None:
-    """Return a room from above: its footprint, else its box, else a square at its place."""
-    if room.footprint is not None:
-        return [[round(x, 2), round(y, 2)] for x, y in room.footprint]
-    if room.box is not None:
-        (a, b, _), (c, d, _) = room.box.minimum, room.box.maximum
-    elif room.position is not None:
-        x, y, _ = room.position
-        a, b, c, d = x - _HALF, y - _HALF, x + _HALF, y + _HALF
-    else:
-        return None
-    corners = ((a, b), (c, b), (c, d), (a, d))
-    return [[round(x, 2), round(y, 2)] for x, y in corners]
 
 
 def _write_beliefs(beliefs: Iterable[BeliefGraph], path: Path) -> None:

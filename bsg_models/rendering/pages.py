@@ -1,6 +1,7 @@
 """Pages from templates: all text is escaped, and data in a script cannot end the script.
 
-The templates lie beside this file, `*.html.jinja`.
+The templates lie beside this file, `*.html.jinja`, and so do the style sheets and scripts that they
+include; `theme.css` and `theme.js` are of every page.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ def _environment() -> Environment:
         keep_trailing_newline=True,
     )
     environment.filters["script_json"] = encode_for_script
-    environment.globals["include_style"] = _read_style
+    environment.globals["include_file"] = _read_own
     return environment
 
 
@@ -47,7 +48,7 @@ def encode_for_script(value: Any) -> Markup:
     return Markup(text)  # noqa: S704 - the signs that could be markup are gone
 
 
-def _read_style(name: str) -> Markup:
-    """Return a style sheet of ours, which needs no escaping."""
+def _read_own(name: str) -> Markup:
+    """Return a style sheet or a script of ours, which needs no escaping."""
     text = resources.files("bsg_models.rendering").joinpath(name).read_text("utf-8")
     return Markup(text)  # noqa: S704 - it lies beside this file

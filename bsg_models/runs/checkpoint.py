@@ -25,6 +25,7 @@ from bsg_data.dataset.schema import FORMAT_VERSION
 from bsg_data.files import write_bytes
 from bsg_data.recipes import Record, name_fault
 from bsg_data.scene.class_space import hash_classes
+from bsg_data.scene.own_map import OwnMap
 from bsg_models.errors import CheckpointError, ConfigError
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import RunConfig
@@ -47,6 +48,8 @@ class CheckpointHeader(Record):
         format_version: of the dataset format that it was trained on.
         config: of the run.
         class_space: whose histograms it reads and predicts.
+        class_maps: of the sources of its dataset: published ones by name, one's own as they are;
+            empty where it was trained before checkpoints said so.
         members: of an ensemble, by name: the recipes that they were trained by.
         vocabulary: the categories outside the classes that it reads, in the order of its columns.
         dataset_sha256: of the manifest of the dataset that it was trained on.
@@ -62,6 +65,7 @@ class CheckpointHeader(Record):
     format_version: int = FORMAT_VERSION
     config: RunConfig
     class_space: ClassSpaceEntry
+    class_maps: tuple[str | OwnMap, ...] = ()
     members: dict[str, RunConfig] = Field(default_factory=dict)
     vocabulary: tuple[str, ...] = ()
     dataset_sha256: str

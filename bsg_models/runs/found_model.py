@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from bsg_data.spelling import SHOWN
 from bsg_models.errors import CheckpointError
 from bsg_models.runs.hub_files import HUB_ID, HUB_WEIGHTS, find_downloaded
 from bsg_models.runs.run_folder import BEST
@@ -23,8 +24,6 @@ from bsg_models.runs.shipped import (
 )
 
 Kind = Literal["run", "file", "hub folder", "shipped", "hub"]
-
-_SHOWN = 80  # characters of a name that is wrong
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +57,7 @@ def find_model(model: Path | str) -> FoundModel:
     except (OSError, ValueError) as error:  # a name that no file system takes
         said = getattr(error, "strerror", None) or error
         raise CheckpointError(
-            f"no model {str(model)[:_SHOWN]!r}: {said}; {describe_shipped()}"
+            f"no model {str(model)[:SHOWN]!r}: {said}; {describe_shipped()}"
         ) from error
 
 
@@ -75,7 +74,7 @@ def _find(model: Path | str) -> FoundModel:
     if model and path.is_dir():
         return _find_path(path)
     raise CheckpointError(
-        f"no model {model[:_SHOWN]!r}: it is no folder here, and none of this name is shipped; "
+        f"no model {model[:SHOWN]!r}: it is no folder here, and none of this name is shipped; "
         f"{suggest_shipped(model)}"
     )
 

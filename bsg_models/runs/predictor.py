@@ -11,9 +11,11 @@ from bsg_data.arrays import Bools, Floats
 from bsg_data.errors import MismatchError
 from bsg_data.observation.observation import Observation
 from bsg_data.observation.partial_graph import PartialGraph
+from bsg_data.scene.class_map import ClassMap
 from bsg_models.belief.expectation import Expectation, mix
 from bsg_models.inputs.share_levels import spread_shares
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
+from bsg_models.runs.class_maps import choose_class_map
 from bsg_models.runs.found_model import find_model
 from bsg_models.runs.share_posterior import update_shares
 from bsg_models.runs.shipped import DEFAULT_MODEL
@@ -25,6 +27,7 @@ class Predictor:
     Attributes:
         name: of a shipped model its own, of another that in the zoo.
         classes: `[C]` that it predicts.
+        class_space: of these classes.
 
     Example:
         >>> predictor = Predictor()  # doctest: +SKIP
@@ -44,10 +47,23 @@ class Predictor:
         found = find_model(model)
         path = self._path = found.path
         checkpoint = load_checkpoint(path)
-        self.class_space = checkpoint.header.class_space
+        self._header = checkpoint.header
+        self.class_space = self._header.class_space
         self._model = restore_model(path, checkpoint)
-        self.name = found.name if found.kind == "shipped" else checkpoint.header.config.name
+        self.name = found.name if found.kind == "shipped" else self._header.config.name
         self.classes = self.class_space.classes
+
+    @property
+    def class_map(self) -> ClassMap:
+        """The class map that a robot's words are read with, into the classes of the model.
+
+        A model of one's own class map brings it along; words of the others are HM3D's, which
+        people speak.
+
+        Raises:
+            CheckpointError: if the checkpoint does not hold its class map, or another one.
+        """
+        return choose_class_map(self._path, self._header)
 
     def __call__(
         self, graph: PartialGraph, *, withheld: Collection[int] | Bools = ()
@@ -96,7 +112,8 @@ class Predictor:
             raise MismatchError(
                 f"{self._path} predicts classes of {self.class_space}, the graph "
                 f"{graph.scene_id} has those of {graph.class_space}; read the graph with a "
-                f"class map into {self.class_space.name}: read_robot_graph(path, class_map=NAME)"
+                f"class map into {self.class_space.name}: "
+                "read_robot_graph(path, class_map=predictor.class_map)"
             )
         return graph.observation(vocabulary=self._model.vocabulary, withheld=withheld)
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import torch
 
 from bsg_data.dataset.dataset import Dataset
+from bsg_data.dataset.kept_maps import read_class_maps
 from bsg_data.lock import hold
 from bsg_models.errors import CheckpointError, TrainingError
 from bsg_models.runs.checkpoint import CheckpointHeader, read_header, save_checkpoint
@@ -64,6 +65,7 @@ def make_header(
     return CheckpointHeader(
         config=config,
         class_space=data.manifest.class_space,
+        class_maps=read_class_maps(data.path, data.manifest),
         vocabulary=vocabulary,
         dataset_sha256=data.sha256,
         epoch=epoch,

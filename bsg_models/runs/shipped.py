@@ -10,12 +10,14 @@ import re
 from importlib.resources import files
 from pathlib import Path
 
-from bsg_data.errors import RecipeError
 from bsg_data.files import hash_file
 from bsg_data.registry import require_known
+from bsg_data.spelling import ask_if_meant
 from bsg_models.errors import CheckpointError
 
 DEFAULT_MODEL = "universal"
+WIDE_MODEL = "universal-wide"  # is asked for words that the default has no class for
+WIDE_MAP = "hm3d-wide-v1"
 SUFFIX = ".safetensors"
 SUMS = "SHA256SUMS"
 _LINE = re.compile(r"(?P<sha256>[0-9a-f]{64})  (?P<name>[a-z0-9][a-z0-9-]*\.(safetensors|md))")
@@ -102,12 +104,7 @@ def describe_shipped() -> str:
 
 def suggest_shipped(name: str) -> str:
     """Return which models are shipped, with the nearest to a name that is none."""
-    try:
-        require_known("shipped model", [name], shipped_names())
-    except RecipeError as error:
-        near = str(error).partition("did you mean ")[2].partition("?")[0]
-        return f"did you mean {near}? {describe_shipped()}" if near else describe_shipped()
-    return describe_shipped()
+    return f"{ask_if_meant(name, shipped_names())} {describe_shipped()}".lstrip()
 
 
 def read_sums(folder: Path) -> dict[str, str]:

@@ -30,7 +30,9 @@ from scipy.sparse.csgraph import connected_components
 
 from bsg_data.errors import RecipeError
 from bsg_data.recipes import Record
+from bsg_data.registry import require_known
 from bsg_data.scene.connections import Connections
+from bsg_data.spelling import SHOWN
 from bsg_models.search.shortest_paths import Floats, Travel, find_ways, go_straight
 
 WorldKind = Literal["star", "complete", "complete-paths", "tree", "tree-plus", "layout", "geometry"]
@@ -75,14 +77,13 @@ def parse_world(text: str) -> WorldRecipe:
     """Return the recipe that a text like `complete:5-10` or `layout` names.
 
     Raises:
-        RecipeError: if it names none.
+        RecipeError: if it names none, with the nearest.
     """
     match = _SPELLING.fullmatch(text.strip())
     kinds = get_args(WorldKind)
     if match is None or match[1] not in kinds:
-        raise RecipeError(
-            f"no world {text!r}: expected KIND or KIND:LOW-HIGH, of {', '.join(kinds)}"
-        )
+        require_known("world", [text.partition(":")[0].strip()], kinds)
+        raise RecipeError(f"no world {text[:SHOWN]!r}: expected KIND or KIND:LOW-HIGH")
     if match[2] is None:
         defaults = {world.kind: world for world in DEFAULT_WORLDS}
         return defaults.get(match[1], WorldRecipe(kind=match[1]))  # type: ignore[arg-type]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
@@ -14,16 +13,23 @@ from pydantic import Field
 
 from bsg_data.arrays import Counts
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.manifest import ResolvedEntry, list_resolved
-from bsg_data.errors import BSGError, DatasetError, RecipeError
+from bsg_data.dataset.manifest import (
+    COMPARED,
+    ResolvedEntry,
+    UnmappedEntry,
+    describe_unmapped,
+    list_resolved,
+)
+from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.observation.partial_graph import PartialGraph, list_withheld, mask_dataset
-from bsg_data.observation.robot_json import list_unmapped, read_robot_graph
+from bsg_data.observation.robot_json import list_unmapped
 from bsg_data.recipes import MaskRecipe, Record
-from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, load_class_map, map_into
+from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.scene.surroundings import KNOWN_SOURCES
 from bsg_models.belief.belief_graph import BeliefGraph, Mode, believe, rank_unseen
 from bsg_models.belief.formats import choose_format, write_beliefs
-from bsg_models.belief.hydra import read_hydra, write_hydra
+from bsg_models.belief.graph_file import read_graph
+from bsg_models.belief.hydra import write_hydra
 from bsg_models.belief.tables import write_tables
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.rendering.explorer import View, write_explorer
@@ -117,7 +123,8 @@ class BeliefReport(NamedTuple):
         model: its name.
         graphs: one a partial graph.
         rooms: of all graphs.
-        unmapped: file → name that the class map does not know → times.
+        unmapped: file → names that the class map does not know, most frequent first; what the first
+            `COMPARED` of them look like.
         resolved: file → names that a rule explained.
         unknown_sources: file → its source, where that is none of `KNOWN_SOURCES`.
     """
@@ -125,7 +132,7 @@ class BeliefReport(NamedTuple):
     model: str
     graphs: tuple[BeliefGraph, ...]
     rooms: tuple[RoomBelief, ...]
-    unmapped: dict[Path, dict[str, int]]
+    unmapped: dict[Path, tuple[UnmappedEntry, ...]]
     resolved: dict[Path, tuple[ResolvedEntry, ...]]
     unknown_sources: dict[Path, str]
 
@@ -148,7 +155,7 @@ def report_beliefs(
     wanted = _choose(request.scenes) if request.scenes else frozenset()
     _check_paths(request)
     predictor = Predictor(request.run)
-    class_map = map_into(predictor.class_space.name) if request.graphs else DEFAULT_CLASS_MAP
+    class_map = predictor.class_map if request.graphs else load_class_map()
     graphs = {
         path: read_graph(path, labels=request.labels, class_map=class_map)
         for path in request.graphs
@@ -173,7 +180,7 @@ def report_beliefs(
         if progress:
             progress(done, total)
     _write(request, views)
-    unmapped = {path: names for path, graph in graphs.items() if (names := list_unmapped(graph))}
+    unmapped = {path: _list_unmapped(graph, class_map) for path, graph in graphs.items()}
     resolved = {path: _list_resolved(graph, class_map) for path, graph in graphs.items()}
     strange = {
         path: graph.source
@@ -184,42 +191,19 @@ def report_beliefs(
         model=predictor.name,
         graphs=tuple(view.belief for view in views),
         rooms=tuple(rooms),
-        unmapped=unmapped,
+        unmapped={path: names for path, names in unmapped.items() if names},
         resolved={path: names for path, names in resolved.items() if names},
         unknown_sources=strange,
     )
 
 
-def _list_resolved(graph: PartialGraph, class_map: str) -> tuple[ResolvedEntry, ...]:
+def _list_unmapped(graph: PartialGraph, class_map: ClassMap) -> tuple[UnmappedEntry, ...]:
+    return tuple(describe_unmapped(list_unmapped(graph), class_map, near=COMPARED))
+
+
+def _list_resolved(graph: PartialGraph, class_map: ClassMap) -> tuple[ResolvedEntry, ...]:
     names = Counter(obj.raw_category for obj in graph.objects)
-    return tuple(list_resolved(names, load_class_map(class_map)))
-
-
-def read_graph(
-    path: Path, *, labels: str | None = None, class_map: str = DEFAULT_CLASS_MAP
-) -> PartialGraph:
-    """Read a robot's graph of either kind: our JSON, or Spark-DSG's.
-
-    Args:
-        path: of the file.
-        labels: label space of a Hydra graph: `ade20k` or `mpcat40`.
-        class_map: that its names are read with.
-
-    Raises:
-        BSGError: if it cannot be read, or is no graph.
-        RecipeError: if labels are given for a graph that is not Hydra's.
-    """
-    try:
-        document = {} if path.suffix == ".sparkdsg" else json.loads(path.read_bytes())
-    except OSError as error:
-        raise BSGError(f"{path}: cannot be read ({error.strerror})") from error
-    except (ValueError, RecursionError) as error:
-        raise BSGError(f"{path}: no JSON ({error})") from error
-    if path.suffix == ".sparkdsg" or "SPARK_DSG_header" in document:
-        return read_hydra(path, labels=labels, class_map=class_map)
-    if labels is not None:
-        raise RecipeError(f"labels are for Hydra's graphs, and {path} is none")
-    return read_robot_graph(path, class_map=class_map)
+    return tuple(list_resolved(names, class_map))
 
 
 def describe_rooms(

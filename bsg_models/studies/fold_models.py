@@ -29,8 +29,8 @@ from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import BEST
 from bsg_models.studies.leaderboard import DATASET
 from bsg_models.studies.leaderboard_runs import run_of
-from bsg_models.training.training import one_thread
 from bsg_models.zoo.model import BeliefModel
+from bsg_models.zoo.threads import one_thread
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from bsg_data.dataset.dataset import Dataset
+from bsg_data.dataset.kept_maps import copy_class_maps
 from bsg_data.dataset.manifest import MANIFEST, Manifest, read_manifest
 from bsg_data.dataset.publication import publish
 from bsg_data.dataset.splits import split_dataset
@@ -48,8 +49,9 @@ from bsg_models.studies.leaderboard_runs import (
     run_of,
     trained_on,
 )
-from bsg_models.training.training import combine_runs, member_config, one_thread, train_run
+from bsg_models.training.training import combine_runs, member_config, train_run
 from bsg_models.zoo.config import RunConfig
+from bsg_models.zoo.threads import one_thread
 
 SECONDS = "seconds.json"
 DATASET = "dataset"
@@ -159,6 +161,7 @@ def prepare_dataset(source: Path, copy: Path, recipe: LeaderboardRecipe, *, mask
             for entry in manifest.without_split().files:
                 (partial / entry.path).parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy2(source / entry.path, partial / entry.path)
+            copy_class_maps(source, manifest, partial)
             publish(partial, manifest.without_split())
             partial.rename(copy)
         except OSError as error:

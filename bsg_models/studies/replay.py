@@ -1,66 +1,204 @@
-"""One search as it went: what the robot knew and believed in every room that it entered.
+"""One search as it went, by a planner and by `nearest`, for a page or a picture.
 
-The search is not run again: its steps were kept by the study, and are folded into views.
+The search is not run again: its steps were kept by the study, and are folded into stops.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from bsg_data.arrays import Bools
+from bsg_data.arrays import Counts
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.histograms import to_histograms
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import DatasetError, RecipeError
-from bsg_data.observation.masks import sample_withheld
-from bsg_data.observation.partial_graph import PartialGraph, enter_room, mask_scene
-from bsg_data.scene.parts import find_wholes, load_parts
-from bsg_data.scene.scene_graph import SceneGraph
-from bsg_models.belief.belief_graph import believe
-from bsg_models.rendering.explorer import Moment, View
-from bsg_models.runs.predictor import Predictor
-from bsg_models.search.shortest_paths import Floats
-from bsg_models.studies.search_cases import StudyRecipe
-from bsg_models.studies.search_steps import KeptSearch
+from bsg_data.scene.scene_graph import Room, SceneGraph
+from bsg_models.rendering.plan import KnownOutline, Plan, draw_plan, outline_room
+from bsg_models.rendering.replay import Replay, Stop, Walk
+from bsg_models.search.room_graphs import MEASURED
+from bsg_models.studies.savings import WorldResult
+from bsg_models.studies.search_cases import BASELINE
+from bsg_models.studies.search_steps import (
+    KEPT,
+    LEAST_ENTERED,
+    MOST_HOLDING,
+    KeptSearch,
+    KeptStep,
+    choose_shown,
+)
+from bsg_models.studies.search_study import Study
+
+_TOLD = 6  # classes of a room that are named
 
 
-def replay_search(dataset: Path, run: Path, recipe: StudyRecipe, kept: KeptSearch) -> list[View]:
-    """Return what the robot knew at the start and in every room that it entered, in order.
+def choose_replay(study: Study, results: Sequence[WorldResult]) -> KeptSearch:
+    """Return the search to show of those that a study kept: in metres where there is a choice.
+
+    Raises:
+        RecipeError: if the study kept none.
+    """
+    kept = [one for searches in study.searches for one in searches.kept]
+    if not kept:
+        raise RecipeError("the study kept no search; ask for one by a KeepRequest")
+    world = min((one.world for one in kept), key=lambda name: name not in MEASURED)
+    there = [one for one in kept if one.world == world]
+    saving = _result_of(results, there[0]).savings[there[0].planner]
+    return choose_shown(there, BASELINE, saving.saved.value)
+
+
+def replay_search(
+    dataset: Path,
+    study: Study,
+    results: Sequence[WorldResult],
+    kept: KeptSearch,
+    *,
+    model: str | None,
+    named: bool,
+) -> Replay:
+    """Return a search as it went, beside what all searches of the study came to.
 
     Args:
         dataset: that was searched.
-        run: whose beliefs are shown, and which the study asked.
-        recipe: of the study.
-        kept: the search, as the study kept it.
+        study: that kept the search.
+        results: of the study.
+        kept: the search.
+        model: whose beliefs the study asked; None for nobody's.
+        named: whether somebody named the search by its number, and no rule chose it.
 
     Raises:
         DatasetError: if the dataset does not have the building.
         RecipeError: if artifacts were put where the model believes them, and not where they are.
     """
-    if recipe.truth == "posterior":
+    if study.recipe.truth == "posterior":
         raise RecipeError("a replay shows searches for what is really there, not truth posterior")
-    graph = _find_building(dataset, kept.scene_id)
-    truth = to_histograms(Dataset.open(dataset).cells(kept.scene_id))
-    holds = np.flatnonzero(truth[1:, list(kept.artifacts)].any(axis=1)) + 1
-    predictor = Predictor(run)
-    start = _known_at_start(dataset, recipe, kept, graph)
-    withheld = _withheld_at_start(start, recipe, kept)
-    views = []
-    known_and_moments = zip(
-        _explore(start, graph, kept),
-        _moments(kept, holds=tuple(holds.tolist())),
-        strict=True,
+    graph, data = _find_building(dataset, kept.scene_id), Dataset.open(dataset)
+    cells, classes = data.cells(kept.scene_id), data.manifest.class_space.classes
+    ground = _Ground(cells, classes, kept)
+    reachable = set(ground.reachable)
+    result = _result_of(results, kept)
+    walks = []
+    for planner in kept.walks:
+        saving = result.savings[planner]
+        reads = study.planners[planner].reads == "belief"
+        walks.append(
+            Walk(
+                planner=planner,
+                model=model if reads else None,
+                stops=tuple(ground.stops(planner, reads=reads)),
+                mean_cost=saving.cost,
+                mean_entered=saving.entered,
+                mean_saved=saving.saved,
+            )
+        )
+    measured = kept.world in MEASURED
+    return Replay(
+        scene_id=kept.scene_id,
+        episode=kept.episode,
+        artifacts=tuple(classes[c] for c in kept.artifacts),
+        task=kept.task,
+        world=kept.world,
+        unit="m" if measured else "",
+        plan=_draw([room for room in graph.rooms if room.room_index in reachable]),
+        doors=tuple(
+            (edge.source, edge.target)
+            for edge in graph.adjacency
+            if measured and {edge.source, edge.target} <= reachable
+        ),
+        holds=ground.holds,
+        left_out=len(graph.rooms) - len(reachable),
+        walks=tuple(walks),
+        searches=result.searches,
+        buildings=result.buildings,
+        chosen=_say_why(kept, named=named),
     )
-    for known, moment in known_and_moments:
-        withheld[list(moment.route)] = False
-        withheld[0] &= known.hidden_share > 0
-        expectation = predictor(known, withheld=withheld)
-        views.append(View(believe(known, expectation, model=predictor.name), truth, moment=moment))
-    return views
+
+
+@dataclass(frozen=True, eq=False)
+class _Ground:
+    """What is really there in the building of a search.
+
+    Attributes:
+        cells: `[N, C]` objects.
+        classes: `[C]` names.
+        kept: the search.
+    """
+
+    cells: Counts
+    classes: Sequence[str]
+    kept: KeptSearch
+
+    @property
+    def reachable(self) -> tuple[int, ...]:
+        """Rooms of the world."""
+        first = next((walk[0] for walk in self.kept.walks.values() if walk), None)
+        if first is None:
+            return (self.kept.start,)
+        return tuple(
+            room for room in range(1, len(self.cells)) if np.isfinite(first.distance[room])
+        )
+
+    @property
+    def holds(self) -> tuple[int, ...]:
+        """Rooms of the world that hold an artifact."""
+        sought = list(self.kept.artifacts)
+        return tuple(room for room in self.reachable if self.cells[room, sought].any())
+
+    def stops(self, planner: str, *, reads: bool) -> Iterator[Stop]:
+        """Yield where a robot begins, and each room that it enters."""
+        walk = self.kept.walks[planner]
+        room, cost = self.kept.start, 0.0
+        way: tuple[int, ...] = ()
+        found: set[int] = set()
+        for step in (*walk, None):
+            here = [c for c in self.kept.artifacts if self.cells[room, c]]
+            found.update(here if self.kept.task == "single" else ())
+            given = step or (walk[-1] if walk else None)
+            yield Stop(
+                room=room,
+                way=tuple(node for node in way if node),  # the building is no room
+                cost=round(cost, 3),
+                seen=self._list_seen(room),
+                found=tuple(self.classes[c] for c in here),
+                presence=self._believe(given, room, found) if reads and given else None,
+                target=None if step is None else step.target,
+                leg=None if step is None else round(float(step.distance[step.target]), 3),
+            )
+            if step is not None:
+                room, way, cost = step.entered, step.way, cost + step.cost
+
+    def _list_seen(self, room: int) -> tuple[tuple[str, int], ...]:
+        order = np.argsort(-self.cells[room], kind="stable")[:_TOLD]
+        return tuple(
+            (self.classes[c], int(self.cells[room, c]))
+            for c in order.tolist()
+            if self.cells[room, c]
+        )
+
+    def _believe(self, step: KeptStep, room: int, found: set[int]) -> tuple[float, ...]:
+        """Return P(a room holds an artifact that is not found yet), `[R]`."""
+        sought = [a for a, c in enumerate(self.kept.artifacts) if c not in found]
+        presence = 1 - (1 - step.presence[1:, sought or slice(None)]).prod(axis=1)
+        presence[room - 1] = 0.0
+        return tuple(np.round(presence, 4).tolist())
+
+
+def _draw(rooms: Iterable[Room]) -> Plan:
+    """Return the plan of some rooms, with the names that their source has for them."""
+    return draw_plan(
+        [
+            KnownOutline(
+                room.room_index, _name(room), outline_room(room, room.centroid), room.floor_index
+            )
+            for room in rooms
+        ]
+    )
+
+
+def _name(room: Room) -> str:
+    return room.source_label or room.label or f"room {room.region_id}"
 
 
 def _find_building(dataset: Path, scene_id: str) -> SceneGraph:
@@ -70,72 +208,23 @@ def _find_building(dataset: Path, scene_id: str) -> SceneGraph:
     raise DatasetError(f"{dataset}: has no scene {scene_id!r}")
 
 
-def _known_at_start(
-    dataset: Path, recipe: StudyRecipe, kept: KeptSearch, graph: SceneGraph
-) -> PartialGraph:
-    """Return what the mask leaves, without any instance of the artifacts, or part of one."""
-    data = Dataset.open(dataset)
-    class_space, cells = data.manifest.class_space, data.cells(kept.scene_id)
-    partial = mask_scene(graph, recipe.mask, draw=kept.draw, class_space=class_space)
-    categories = tuple(obj.category or "" for obj in partial.objects)
-    parts = load_parts() if recipe.parts else {}
-    wholes = find_wholes(categories, class_space.classes, parts).tolist()
-    visible = tuple(
-        obj
-        for obj, whole in zip(partial.objects, wholes, strict=True)
-        if obj.class_index not in kept.artifacts
-        and not (
-            obj.class_index is None
-            and whole in kept.artifacts
-            and obj.room_index
-            and cells[obj.room_index, whole]
+def _result_of(results: Sequence[WorldResult], kept: KeptSearch) -> WorldResult:
+    return next(one for one in results if (one.world, one.task) == (kept.world, kept.task))
+
+
+def _say_why(kept: KeptSearch, *, named: bool) -> str:
+    """Return how a search came to be shown."""
+    if named:
+        return "It was named by its number: it may be any kind of search."
+    if not kept.eventful:
+        return (
+            "It was chosen for being worth watching, but none of the searches is: artifacts are in "
+            "many rooms, or a robot finds one in a few. It is one in which beliefs change, and "
+            "whose saving is near that of all searches."
         )
+    return (
+        f"It was chosen for being worth watching, by a rule: at most {100 * MOST_HOLDING:.0f} % of "
+        f"the rooms hold what is sought, and every robot enters at least {LEAST_ENTERED} rooms. Of "
+        f"the {KEPT} such searches of each building in which beliefs change most, it is the one "
+        "whose saving is nearest to that of all searches."
     )
-    return replace(partial, objects=visible)
-
-
-def _withheld_at_start(start: PartialGraph, recipe: StudyRecipe, kept: KeptSearch) -> Bools:
-    """Return where nothing of a class is shown, `[1 + R, C]`: artifacts, and what a mask withheld.
-
-    A mask withholds nothing in rooms of which it shows all, but artifacts also there.
-    """
-    classes = sample_withheld(
-        recipe.mask,
-        scene_id=kept.scene_id,
-        draw=kept.draw,
-        classes=len(start.class_space.classes),
-    )
-    share = np.array([start.hidden_share, *(room.hidden_share for room in start.rooms)])
-    withheld: Bools = classes & (share > 0)[:, None]
-    withheld[:, list(kept.artifacts)] = True
-    return withheld
-
-
-def _explore(known: PartialGraph, graph: SceneGraph, kept: KeptSearch) -> Iterator[PartialGraph]:
-    """Yield what the robot knows after it has entered each room."""
-    for room in (kept.start, *(step.entered for step in kept.steps)):
-        known = enter_room(known, graph, room)
-        yield known
-
-
-def _moments(kept: KeptSearch, *, holds: tuple[int, ...]) -> Iterator[Moment]:
-    """Yield where the robot is before each step, and at the end."""
-    route: tuple[int, ...] = (kept.start,)
-    cost = 0.0
-    for step in (*kept.steps, None):
-        yield Moment(
-            artifacts=kept.artifacts,
-            route=route,
-            cost=cost,
-            target=None if step is None else step.target,
-            legs=() if step is None else _legs(step.distance),
-            holds=holds,
-            planner=kept.planner,
-            world=kept.world,
-        )
-        if step is not None:
-            route, cost = (*route, step.entered), cost + float(step.distance[step.entered])
-
-
-def _legs(distance: Floats) -> tuple[float | None, ...]:
-    return tuple(round(float(cost), 3) if np.isfinite(cost) else None for cost in distance)

@@ -3,7 +3,7 @@
 OUT/search.json         every result, written last: it means finished
 OUT/searches.parquet    one row a search
 OUT/savings.png         a box plot over buildings
-OUT/trace.html          one search, room by room
+OUT/trace.html          one search, room by room, beside the same by `nearest`
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import tempfile
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, cast
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field
 
@@ -24,8 +24,9 @@ from bsg_data.recipes import Record, Share
 from bsg_data.registry import require_known
 from bsg_models.evaluation.bootstrap import LEAST_BUILDINGS
 from bsg_models.inputs.folds import scenes_of
-from bsg_models.rendering.explorer import write_explorer
+from bsg_models.rendering.animation import require_suffix, write_animation
 from bsg_models.rendering.figures import plot_savings
+from bsg_models.rendering.replay import write_replay
 from bsg_models.runs.checkpoint import read_header
 from bsg_models.runs.found_model import locate_run
 from bsg_models.runs.model_summary import describe_model
@@ -33,7 +34,7 @@ from bsg_models.runs.run_folder import checkpoint_of
 from bsg_models.runs.shipped import DEFAULT_MODEL, name_run, shipped_names
 from bsg_models.search.catalogue import PLANNERS
 from bsg_models.search.room_graphs import DEFAULT_WORLDS, WorldRecipe, parse_world
-from bsg_models.studies.replay import replay_search
+from bsg_models.studies.replay import choose_replay, replay_search
 from bsg_models.studies.savings import (
     WorldResult,
     saving_of_buildings,
@@ -78,7 +79,9 @@ class SearchRequest(Record):
         at_once, episodes, masks, fraction, withhold, parts, truth, seed: of the recipe; see
             `StudyRecipe`.
         resamples: of the bootstrap over buildings.
-        trace: number of the search of the first building to replay; None for none.
+        trace: number of the search of the first building to replay, `auto` for one that is worth
+            watching by the rule of `search_steps`; None for none.
+        animation: picture of the replay, whose suffix says the format; None for none.
         out: folder of the results; None for `search` in the first run, or `search`.
         force: replace results that are there.
     """
@@ -102,7 +105,8 @@ class SearchRequest(Record):
     truth: Literal["real", "posterior"] = "real"
     seed: int = Field(default=0, ge=0)
     resamples: int = Field(default=1000, ge=0)
-    trace: int | None = Field(default=None, ge=0)
+    trace: Annotated[int, Field(ge=0)] | Literal["auto"] | None = None
+    animation: Path | None = None
     out: Path | None = None
     force: bool = False
 
@@ -177,9 +181,8 @@ def report_search(
     write_searches(study, classes, out / TABLE)
     if _plot(study, out / FIGURE, model):
         written["box plot over buildings"] = out / FIGURE
-    if request.trace is not None:
-        which = _write_trace(request.dataset, chosen, study, out / TRACE)
-        written[which] = out / TRACE
+    if keep is not None:
+        written |= _write_replay(request, study, results, model)
     facts = {
         "dataset": str(request.dataset),
         "runs": [name_run(run) for run in runs],
@@ -254,8 +257,12 @@ def make_recipe(request: SearchRequest, classes: Sequence[str]) -> StudyRecipe:
     trace, posterior = request.trace, request.truth == "posterior"
     if request.stops and request.task == "single":
         raise RecipeError("--stop is of the task all")
-    if trace is not None and trace >= request.episodes:
+    if isinstance(trace, int) and trace >= request.episodes:
         raise RecipeError(f"--trace {trace}: a building has {request.episodes} searches, from 0")
+    if request.animation is not None:
+        require_suffix(request.animation)
+        if trace is None:
+            raise RecipeError("--animation is of a replay: give --trace, too")
     if trace is not None and posterior:
         raise RecipeError("--trace replays searches for what is really there")
     if not request.runs and (trace is not None or request.stops or posterior):
@@ -369,18 +376,28 @@ def _plot(study: Study, path: Path, model: str | None) -> bool:
     return True
 
 
-def _choose_trace(recipe: StudyRecipe, number: int) -> KeepRequest:
-    """Return the request to keep search `number`, by the planner whose beliefs tell most."""
+def _choose_trace(recipe: StudyRecipe, trace: int | Literal["auto"]) -> KeepRequest:
+    """Return the request to keep searches by the planner whose beliefs tell most."""
     names = [name for name in recipe.planners if PLANNERS[name].reads == "belief"]
     planner = "expected-cost" if "expected-cost" in names else (names or recipe.planners)[0]
-    return KeepRequest(number, recipe.tasks[0], planner)
+    episode = None if trace == "auto" else trace
+    return KeepRequest(episode, recipe.tasks[0], planner)
 
 
-def _write_trace(data: Path, chosen: dict[str, Path | None], study: Study, path: Path) -> str:
-    """Replay the kept search of the first building and world of a study; say which that is."""
-    kept = next(one.kept for one in study.searches if one.kept is not None)
-    run = cast(Path, chosen[kept.scene_id])  # a request checks that there is one
-    write_explorer(replay_search(data, run, study.recipe, kept), path)
-    return (
+def _write_replay(
+    request: SearchRequest, study: Study, results: list[WorldResult], model: str | None
+) -> dict[str, Path]:
+    """Replay a kept search as a page and, if asked for, as a picture; return what is where."""
+    kept = choose_replay(study, results)
+    replay = replay_search(
+        request.dataset, study, results, kept, model=model, named=request.trace != "auto"
+    )
+    page = request.folder / TRACE
+    write_replay(replay, page)
+    which = (
         f"search {kept.episode} of {kept.scene_id} in {kept.world}, {kept.task}, by {kept.planner}"
     )
+    if request.animation is None:
+        return {which: page}
+    write_animation(replay, request.animation)
+    return {which: page, "the same as a picture": request.animation}

@@ -1,14 +1,29 @@
-"""The steps of one search of a study, kept as it ran, so that it can be replayed."""
+"""Searches of a study that are kept step by step, so that they can be replayed.
+
+One search may be asked for by its number. Without a number each building keeps the few that are
+most worth watching, and the study shows one of them, by a rule that does not favour a planner:
+
+1. few rooms hold an artifact, and every robot enters many rooms (`MOST_HOLDING`, `LEAST_ENTERED`);
+   where no search is like that, any may be shown;
+2. of these, each building keeps the `KEPT` in which beliefs change most;
+3. of all that are kept, the one is shown whose saving is nearest to that of all searches together.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from bsg_models.search.knowledge import Task
-from bsg_models.search.shortest_paths import Floats
+from bsg_models.search.shortest_paths import Bools, Floats, Ints
 from bsg_models.search.simulator import Step
+
+MOST_HOLDING = 0.25  # share of the rooms, without the one where it starts
+LEAST_ENTERED = 4  # rooms, without the one where it starts
+KEPT = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,21 +31,22 @@ class KeepRequest:
     """Which searches of a study keep their steps.
 
     Attributes:
-        episode: number of the search in its building, from 0.
+        episode: number of the search in its building, from 0; None for those that are most worth
+            watching.
         task: when it ends.
-        planner: that decides, of the study's recipe.
+        planner: that decides, of the study's recipe; the same search by `nearest` is kept, too.
         scene_id: of the building; None for every one.
         world: the name of the world; None for every one.
     """
 
-    episode: int
+    episode: int | None
     task: Task
     planner: str
     scene_id: str | None = None
     world: str | None = None
 
     def fits(self, scene_id: str, world: str) -> bool:
-        """Say whether a search of this building and world is asked for."""
+        """Say whether searches of this building and world are asked for."""
         return self.scene_id in (None, scene_id) and self.world in (None, world)
 
 
@@ -41,30 +57,39 @@ class KeptStep:
     Attributes:
         target: room that it named.
         entered: room that the robot entered on the way there.
+        way: nodes that it came through on the way into that room, which is the last of them.
         distance: `[N]` cost of going to each node, infinite out of reach.
-        presence: `[N, A]` that the planner was given, of rooms that the robot had not entered.
+        presence: `[N, A]` that the planner was given, of rooms that the robot had not entered; 0
+            for a planner that reads no belief.
     """
 
     target: int
     entered: int
+    way: tuple[int, ...]
     distance: Floats
     presence: Floats
+
+    @property
+    def cost(self) -> float:
+        """What it cost to go to the room that was entered."""
+        return float(self.distance[self.entered])
 
 
 @dataclass(frozen=True, eq=False)
 class KeptSearch:
-    """One search as it ran.
+    """One search as it ran, by one planner and by `nearest`: same start, artifacts and costs.
 
     Attributes:
         scene_id: of the building.
         world: the name of the world.
         task: when it ended.
-        planner: that decided.
+        planner: that was asked for.
         episode: number of the search in its building, from 0.
         start: room where it began.
         artifacts: classes that it looked for.
         draw: number of the mask.
-        steps: in order.
+        eventful: whether few rooms hold an artifact, and every robot enters many.
+        walks: planner → its steps, in order; the one that was asked for is the first.
     """
 
     scene_id: str
@@ -75,29 +100,78 @@ class KeptSearch:
     start: int
     artifacts: tuple[int, ...]
     draw: int
-    steps: tuple[KeptStep, ...]
+    eventful: bool
+    walks: Mapping[str, tuple[KeptStep, ...]]
+
+    def saved(self, baseline: str) -> float:
+        """Return 1 − ratio of the costs of the planner and of another whose steps are kept."""
+        ours, base = (
+            sum(step.cost for step in self.walks[name]) for name in (self.planner, baseline)
+        )
+        return 1 - ours / base if base else 0.0
 
 
-class StepKeeper:
-    """Keeps the steps of one of many searches; `keep` is the `watch` of `search`."""
+def walk_of(steps: Sequence[Step], episode: int) -> tuple[KeptStep, ...]:
+    """Return the steps of one search out of those of many that went on in lockstep."""
+    return tuple(
+        KeptStep(
+            target=int(step.target[row]),
+            entered=int(step.entered[row]),
+            way=_way_of(step, row),
+            distance=step.known.distance[row].copy(),
+            presence=step.known.presence[row].copy(),
+        )
+        for step in steps
+        for row in np.flatnonzero(step.rows == episode).tolist()
+    )
 
-    def __init__(self, episode: int) -> None:
-        self._episode = episode
-        self._steps: list[KeptStep] = []
 
-    def keep(self, step: Step) -> None:
-        """Keep a step, if the search takes part in it."""
-        for row in np.flatnonzero(step.rows == self._episode):
-            self._steps.append(
-                KeptStep(
-                    target=int(step.target[row]),
-                    entered=int(step.entered[row]),
-                    distance=step.known.distance[row].copy(),
-                    presence=step.known.presence[row].copy(),
-                )
-            )
+def _way_of(step: Step, row: int) -> tuple[int, ...]:
+    """Return the nodes after the one where a robot is, up to the room that it enters."""
+    towards = step.known.travel.steps[step.known.rows[row], :, step.target[row]]
+    way = [int(towards[step.known.here[row]])]
+    while way[-1] != step.entered[row]:
+        way.append(int(towards[way[-1]]))
+    return tuple(way)
 
-    @property
-    def steps(self) -> tuple[KeptStep, ...]:
-        """What was kept so far."""
-        return tuple(self._steps)
+
+def belief_changes(steps: Sequence[Step], searches: int) -> Floats:
+    """Return by how much beliefs changed in each of E searches in lockstep, `[E]`.
+
+    At each step it is by how much P(a room holds an artifact) moved since the step before, a mean
+    over the rooms that are not entered yet; these are added up.
+    """
+    changes = np.zeros(searches)
+    for before, after in pairwise(steps):
+        same = np.searchsorted(before.rows, after.rows)  # searches end, and none begins
+        moved = np.abs(after.known.any_presence - before.known.any_presence[same])
+        open_ = after.known.unexplored
+        changes[after.rows] += (moved * open_).sum(axis=1) / np.maximum(open_.sum(axis=1), 1)
+    return changes
+
+
+def find_eventful(chance: Floats, entered: Sequence[Ints]) -> Bools:
+    """Return in which searches few rooms hold an artifact and every robot enters many, `[E]`.
+
+    Args:
+        chance: `[E]` share of the rooms that hold one.
+        entered: of each robot `[E]` rooms.
+    """
+    many = np.min(entered, axis=0) >= LEAST_ENTERED
+    return np.asarray((chance <= MOST_HOLDING) & many)
+
+
+def choose_kept(eventful: Bools, changes: Floats) -> Ints:
+    """Return the searches that a building keeps, `[KEPT]` at most, the most eventful one first."""
+    return np.lexsort((-changes, ~eventful))[:KEPT]
+
+
+def choose_shown(kept: Sequence[KeptSearch], baseline: str, saved: float) -> KeptSearch:
+    """Return the search to show: eventful, and of a saving next to that of all searches.
+
+    Args:
+        kept: searches of one world, one at least.
+        baseline: planner that savings are beside.
+        saved: by all searches.
+    """
+    return min(kept, key=lambda one: (not one.eventful, abs(one.saved(baseline) - saved)))

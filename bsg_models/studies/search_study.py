@@ -33,7 +33,7 @@ from bsg_models.search.room_graphs import (
     world_generator,
 )
 from bsg_models.search.shortest_paths import Floats, Ints
-from bsg_models.search.simulator import Beliefs, Outcome, search
+from bsg_models.search.simulator import Beliefs, Outcome, Step, search
 from bsg_models.studies.search_beliefs import FixedBeliefs, ModelBeliefs
 from bsg_models.studies.search_cases import (
     BASELINE,
@@ -43,9 +43,16 @@ from bsg_models.studies.search_cases import (
     sample_case,
     sample_presence,
 )
-from bsg_models.studies.search_steps import KeepRequest, KeptSearch, StepKeeper
-from bsg_models.training.training import one_thread
+from bsg_models.studies.search_steps import (
+    KeepRequest,
+    KeptSearch,
+    belief_changes,
+    choose_kept,
+    find_eventful,
+    walk_of,
+)
 from bsg_models.zoo.model import BeliefModel
+from bsg_models.zoo.threads import one_thread
 
 SWEEP = -1.0  # P(anything left) is never so low: such a search enters every room
 
@@ -66,7 +73,7 @@ class Searches:
         chance: `[E]` share of the rooms that hold one.
         outcomes: (task, planner) → outcome; a robot that stops itself is (`all`, `stop 0.1`), and
             `sweep` enters every room, nearest first.
-        kept: the search whose steps were asked for, if it is one of these.
+        kept: the searches whose steps were asked for, of these.
     """
 
     scene_id: str
@@ -78,7 +85,7 @@ class Searches:
     ranked_first: Floats
     chance: Floats
     outcomes: dict[tuple[Task, str], Outcome]
-    kept: KeptSearch | None = None
+    kept: tuple[KeptSearch, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,7 +191,7 @@ def _check_keep(
 ) -> None:
     if keep is None:
         return
-    if not 0 <= keep.episode < recipe.episodes:
+    if keep.episode is not None and not 0 <= keep.episode < recipe.episodes:
         raise RecipeError(f"no search {keep.episode}: a building has {recipe.episodes}, from 0")
     if keep.task not in recipe.tasks or keep.planner not in planners:
         raise RecipeError(f"the study has no task {keep.task!r} with planner {keep.planner!r}")
@@ -333,11 +340,11 @@ def compare_planners(
     holds = (episodes.instances.sum(axis=2) > 0) & open_
     outcomes: dict[tuple[Task, str], Outcome] = {}
     asked = keep if keep is not None and keep.fits(scene_id, world.name) else None
-    keeper = StepKeeper(asked.episode) if asked is not None else None
+    steps: dict[str, list[Step]] = {} if asked is None else {asked.planner: [], BASELINE: []}
     for task in recipe.tasks:
         for name, planner in planners.items():
-            is_kept = asked is not None and (asked.task, asked.planner) == (task, name)
-            watch = keeper.keep if keeper is not None and is_kept else None
+            watched = asked is not None and asked.task == task and name in steps
+            watch = steps[name].append if watched else None
             outcomes[task, name] = search(
                 episodes, planner, task=task, beliefs=beliefs, watch=watch
             )
@@ -348,7 +355,7 @@ def compare_planners(
                 episodes, planned, task="all", beliefs=beliefs, stop_at=stop
             )
         outcomes["all", "sweep"] = search(episodes, PLANNERS[BASELINE], task="all", stop_at=SWEEP)
-    return Searches(
+    searches = Searches(
         scene_id=scene_id,
         world=world.name,
         starts=episodes.starts,
@@ -358,17 +365,33 @@ def compare_planners(
         ranked_first=ranked_first,
         chance=holds.sum(axis=1) / open_.sum(axis=1),
         outcomes=outcomes,
-        kept=None
-        if asked is None or keeper is None
-        else KeptSearch(
-            scene_id=scene_id,
-            world=world.name,
+    )
+    return searches if asked is None else replace(searches, kept=_keep(searches, asked, steps))
+
+
+def _keep(
+    searches: Searches, asked: KeepRequest, steps: Mapping[str, Sequence[Step]]
+) -> tuple[KeptSearch, ...]:
+    """Return the searches that were asked for, out of the steps of all of them by planner."""
+    entered = [searches.outcomes[asked.task, name].entered for name in steps]
+    eventful = find_eventful(searches.chance, entered)
+    if asked.episode is None:
+        changes = belief_changes(steps[asked.planner], len(searches.starts))
+        chosen = choose_kept(eventful, changes).tolist()
+    else:
+        chosen = [asked.episode]
+    return tuple(
+        KeptSearch(
+            scene_id=searches.scene_id,
+            world=searches.world,
             task=asked.task,
             planner=asked.planner,
-            episode=asked.episode,
-            start=int(episodes.starts[asked.episode]),
-            artifacts=tuple(episodes.artifacts[asked.episode].tolist()),
-            draw=int(case.draws[asked.episode]),
-            steps=keeper.steps,
-        ),
+            episode=episode,
+            start=int(searches.starts[episode]),
+            artifacts=tuple(searches.artifacts[episode].tolist()),
+            draw=int(searches.draws[episode]),
+            eventful=bool(eventful[episode]),
+            walks={name: walk_of(of_all, episode) for name, of_all in steps.items()},
+        )
+        for episode in chosen
     )

@@ -21,7 +21,7 @@ from bsg_data.recipes import MaskRecipe
 from bsg_models.evaluation.building_means import BuildingMeans, join_buildings
 from bsg_models.evaluation.metrics import Floats
 from bsg_models.studies.fold_models import FoldModel
-from bsg_models.training.training import one_thread
+from bsg_models.zoo.threads import one_thread
 
 Start = Literal["nothing", "half"]
 STARTS: dict[Start, MaskRecipe] = {

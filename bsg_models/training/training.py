@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from pathlib import Path
 from typing import cast
 
@@ -43,6 +42,7 @@ from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.construction import find_member, make_model, reads_categories
 from bsg_models.zoo.ensemble import Ensemble, EnsembleConfig
 from bsg_models.zoo.model import BeliefModel, Network
+from bsg_models.zoo.threads import one_thread
 
 _BATCH = 256  # buildings
 
@@ -193,17 +193,3 @@ def combine_runs(config: RunConfig, data: Dataset, members: Mapping[str, Path], 
         calibrated = calibrate_if_wanted(model, config, data)
         recipes = {name: member_config(config, name) for name in members}
         save_fitted(model, config, data, run, calibrated=calibrated, members=recipes)
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Let torch compute on one thread: sums then do not depend on the number of cores.
-
-    These networks are so small that more threads are not faster.
-    """
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)

@@ -6,7 +6,6 @@ unknown key, a wrong type or an impossible value is named with its path and the 
 
 from __future__ import annotations
 
-import difflib
 import json
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
@@ -24,6 +23,7 @@ from pydantic import (
 
 from bsg_data.errors import RecipeError
 from bsg_data.recipes import Exploration, MaskRecipe, Record
+from bsg_data.spelling import ask_if_meant
 from bsg_models.errors import ConfigError
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.settings import DataConfig, ModelConfig, TrainingConfig
@@ -158,8 +158,7 @@ def _explain(
     if fault["type"] == "extra_forbidden":
         tables = {**_TABLES, "model": family}
         known = tuple(tables.get(str(path[-2]) if path[1:] else "", RunConfig).model_fields)
-        near = difflib.get_close_matches(str(path[-1]), known, n=1)
-        hint = f"did you mean {near[0]}?" if near else f"valid are {', '.join(known)}"
+        hint = ask_if_meant(str(path[-1]), known) or f"valid are {', '.join(known)}"
         yield f"{where} is not a key; {hint}"
     elif fault["type"] == "value_error":  # of our own: it says what was found
         words = str(cause)

@@ -20,6 +20,7 @@ from bsg_models.errors import PredictionError
 from bsg_models.inputs.edges import EdgeSet
 from bsg_models.inputs.graphs import to_graph
 from bsg_models.zoo.settings import DataConfig, ModelConfig
+from bsg_models.zoo.threads import one_thread
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +77,7 @@ class BeliefModel(torch.nn.Module, ABC):
         Raises:
             PredictionError: naming the checkpoint, if anything is not finite.
         """
-        with torch.no_grad():
+        with torch.no_grad(), one_thread():
             expectation = self.predict(seen)
         if not expectation.is_finite:
             raise PredictionError(

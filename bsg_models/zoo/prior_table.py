@@ -17,7 +17,6 @@ the checkpoint from then on.
 
 from __future__ import annotations
 
-import difflib
 import json
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -33,6 +32,7 @@ from bsg_data.observation.observation import Observation
 from bsg_data.recipes import Record, name_fault
 from bsg_data.scene.class_space import list_class_spaces, load_class_space, read_published
 from bsg_data.scene.room_label import list_room_labels
+from bsg_data.spelling import SHOWN, ask_if_meant
 from bsg_models.errors import ConfigError
 from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.model import ModelInputs, to_array
@@ -265,9 +265,8 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 def _require(name: str, known: tuple[str, ...] | list[str], *, where: str, what: str) -> None:
     if name not in known:
-        near = difflib.get_close_matches(name, known, n=3)
-        hint = f"did you mean {', '.join(near)}?" if near else "docs/prior-table.md lists them"
-        raise ConfigError(f"{where}: {name!r} is no {what}; {hint}")
+        hint = ask_if_meant(name, known, most=3) or "docs/prior-table.md lists them"
+        raise ConfigError(f"{where}: {name[:SHOWN]!r} is no {what}; {hint}")
 
 
 def _fill(row: Floats, presence: dict[str, float], place: dict[str, int]) -> None:

@@ -75,8 +75,10 @@ def _tilt_none(mean: Floats, dispersion: Floats, log_none: Floats) -> tuple[Floa
     base = given.copy()
     for _ in range(_STEPS):
         slope = 1 - given * np.exp(_log_untilted(base, dispersion, more=1))
-        base -= (base - given * -np.expm1(_log_untilted(base, dispersion))) / slope
-        base = np.maximum(base, _LEAST)
+        step = (base - given * -np.expm1(_log_untilted(base, dispersion))) / slope
+        before, base = base, np.maximum(base - step, _LEAST)
+        if np.array_equal(base, before):  # no later step would change a bit
+            break
     untilted = _log_untilted(base, dispersion)
     tilt = (log_none - np.log(present)) - (untilted - np.log(-np.expm1(untilted)))
     return base, tilt

@@ -16,12 +16,10 @@ from bsg_cli.data import (
     synth,
     upgrade,
 )
-from bsg_cli.options import version_option
 from bsg_cli.terminal import CommandGroup
 
 
 @click.group("bsg-data", cls=CommandGroup)
-@version_option()
 def main() -> None:
     """Turn HM3D's annotations into datasets of 3D scene graphs.
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 import bsg_data
+from bsg_cli.completion import complete_names_or_files
 from bsg_cli.data.totals import format_losses, format_totals
 from bsg_cli.options import (
     PATH,
@@ -29,6 +30,7 @@ from bsg_data.sources.catalogue import SOURCES, parse_options
     "named",
     type=(str, PATH),
     metavar="NAME PATH",
+    shell_complete=complete_names_or_files(lambda: SOURCES),
     help=f"Any source by its name: {', '.join(SOURCES)}.",
 )
 @click.option(

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 import bsg_data
+from bsg_cli.completion import complete_class_map
 from bsg_cli.options import class_map_option, dataset_argument, json_option
 from bsg_cli.terminal import CommandGroup, print_json, print_note
 from bsg_data.tables import format_text
@@ -104,7 +105,9 @@ def map_show(category: str, class_map: str, as_json: bool) -> None:
 @command.command("coverage")
 @dataset_argument
 @click.option(
-    "--class-map", help="Another map than the dataset's own: a version, or your NAME.csv."
+    "--class-map",
+    shell_complete=complete_class_map,
+    help="Another map than the dataset's own: a version, or your NAME.csv.",
 )
 @json_option
 def map_coverage(dataset: Path, class_map: str | None, as_json: bool) -> None:
@@ -136,6 +139,7 @@ def map_coverage(dataset: Path, class_map: str | None, as_json: bool) -> None:
     "class_maps",
     multiple=True,
     required=True,
+    shell_complete=complete_class_map,
     help="A published version, or your NAME.csv; give it for each map.",
 )
 @json_option

@@ -8,12 +8,15 @@ import click
 
 import bsg_data
 from bsg_cli.data.totals import format_sources, format_totals
-from bsg_cli.options import PATH, force_option, json_option, out_option
+from bsg_cli.dataset_paths import DatasetPath
+from bsg_cli.options import force_option, json_option, out_option
 from bsg_cli.terminal import Command, print_json, print_note, progress_bar
 
 
 @click.command("merge", cls=Command)
-@click.argument("datasets", type=PATH, nargs=-1, required=True, metavar="DATASET DATASET ...")
+@click.argument(
+    "datasets", type=DatasetPath(), nargs=-1, required=True, metavar="DATASET DATASET ..."
+)
 @out_option("Dataset to write.", required=True)
 @force_option
 @json_option

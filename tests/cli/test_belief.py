@@ -59,11 +59,13 @@ def test_masked_buildings_give_a_belief_graph_each(
 def test_unmapped_names_are_reported(run: Path, tmp_path: Path) -> None:
     said = json.loads(OFFICE.read_text("utf-8"))
     said["objects"][0]["category"] = "zzqx thing"
+    said["objects"][1]["category"] = said["objects"][2]["category"] = "refrigeratorr"
     said["source"] = "my robot"
     (tmp_path / "graph.json").write_text(json.dumps(said))
     done = call(tmp_path / "graph.json", "--run", run)
     assert done.exit_code == 0
-    assert "1 name is not in the class map: 'zzqx thing' (1)" in done.stderr
+    assert "2 names are not in the class map: 'refrigeratorr' (2; nearest: refri" in done.stderr
+    assert ", 'zzqx thing' (1)\n" in done.stderr
     assert "source 'my robot' counts as unknown; models know hm3d, behavior" in done.stderr
 
 

@@ -167,7 +167,7 @@ def test_a_malformed_row_is_named_by_line_and_column(
     ("header", "expected"),
     [
         ("scene;room;category", "separated by semicolons"),
-        ("scene,room,Category", "no column 'category'; is 'category' meant"),
+        ("scene,room,Category", "no column 'category'; is 'Category' meant"),
         (
             "scene,room",
             "no column 'category'. Expected scene, room, category, in small letters, and any of",

@@ -8,31 +8,18 @@ from conftest import REPOSITORY, write_twelve
 
 from bsg_data.build import build_dataset
 from bsg_data.dataset.splits import split_dataset
-from bsg_data.errors import BSGError, DatasetError, MismatchError, RecipeError
-from bsg_data.observation.robot_json import read_robot_graph
+from bsg_data.errors import DatasetError, MismatchError, RecipeError
 from bsg_data.recipes import SplitRecipe
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_models.studies.belief_report import (
     BeliefRequest,
     MaskedScenes,
-    read_graph,
     report_beliefs,
 )
 from bsg_models.training.training import train_run
 from bsg_models.zoo.config import find_config
 
 OFFICE = REPOSITORY / "docs" / "office.json"
-
-
-def test_our_own_graph_is_known_by_its_content(tmp_path: Path) -> None:
-    assert read_graph(OFFICE) == read_robot_graph(OFFICE)
-    with pytest.raises(RecipeError, match="labels are for Hydra's graphs"):
-        read_graph(OFFICE, labels="ade20k")
-    with pytest.raises(BSGError, match="cannot be read"):
-        read_graph(tmp_path / "none.json")
-    (tmp_path / "broken.json").write_text("{")
-    with pytest.raises(BSGError, match="no JSON"):
-        read_graph(tmp_path / "broken.json")
 
 
 def test_files_are_refused_before_the_run_is_loaded(tmp_path: Path) -> None:
@@ -62,7 +49,8 @@ def test_a_graph_is_read_into_the_class_space_of_the_run(old_run: Path, tmp_path
     rooms, objects = [{"id": "lounge"}], [{"id": "1", "room": "lounge", "category": "TV-stands"}]
     path.write_text(json.dumps({"scene_id": "flat", "rooms": rooms, "objects": objects}))
     old = report_beliefs(BeliefRequest(run=old_run, graphs=(path,)))
-    assert old.unmapped == {path: {"TV-stands": 1}}  # the first map has no rules
+    ((unmapped,),) = old.unmapped.values()
+    assert (unmapped.name, unmapped.instances) == ("TV-stands", 1)  # the first map has no rules
     assert old.resolved == {}
 
 

@@ -1,0 +1,85 @@
+"""The files of a class map of one's own, kept as they are: in a dataset, and in a checkpoint.
+
+A published map is known by its name. One's own lies on somebody's disk, so whatever was made with
+it carries the bytes of its files along.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from bsg_data.errors import ClassMapError
+from bsg_data.files import write_bytes
+from bsg_data.recipes import Record
+
+SUFFIX, CLASSES, STRUCTURE = ".csv", ".classes.csv", ".structure.csv"
+MAX_BYTES = 16 * 2**20  # of each file; HM3D's map has 0.1 MB
+
+
+class OwnMap(Record):
+    """The bytes of a class map of one's own.
+
+    Attributes:
+        name: of the map: that of its file, without `.csv`.
+        spellings: `NAME.csv`.
+        classes: `NAME.classes.csv`; None for a map into the default class space.
+        structure: `NAME.structure.csv`; None for a map without.
+    """
+
+    name: str
+    spellings: bytes
+    classes: bytes | None = None
+    structure: bytes | None = None
+
+
+def is_own_map(name: str) -> bool:
+    """Say whether a class map is named by the path of its `NAME.csv`.
+
+    >>> is_own_map("maps/mine.csv"), is_own_map("hm3d45-v2")
+    (True, False)
+    """
+    return name.casefold().endswith(SUFFIX)
+
+
+def read_own_map(path: Path) -> OwnMap:
+    """Read the files of a class map, by the path of its `NAME.csv`.
+
+    Raises:
+        ClassMapError: if it is missing, cannot be read, or is too large for a class map.
+    """
+    if not path.is_file():
+        raise ClassMapError(
+            f"{path}: no such file; a class map is NAME.csv (raw_category,category,class), with "
+            "NAME.classes.csv (index,class,definition) beside it if it has classes of its own"
+        )
+    return OwnMap(
+        name=path.stem,
+        spellings=_read(path),
+        classes=_read_beside(path, CLASSES),
+        structure=_read_beside(path, STRUCTURE),
+    )
+
+
+def write_own_map(own: OwnMap, folder: Path) -> Path:
+    """Write the files of a class map into a folder, and return the path of its `NAME.csv`."""
+    beside = {CLASSES: own.classes, STRUCTURE: own.structure}
+    for suffix, data in {SUFFIX: own.spellings, **beside}.items():
+        if data is not None:
+            write_bytes(folder / f"{own.name}{suffix}", data)
+    return folder / f"{own.name}{SUFFIX}"
+
+
+def _read_beside(path: Path, suffix: str) -> bytes | None:
+    beside = path.with_suffix(suffix)
+    return _read(beside) if beside.is_file() else None
+
+
+def _read(path: Path) -> bytes:
+    try:
+        with path.open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise ClassMapError(f"{path}: cannot be read ({error.strerror})") from error
+    if len(data) > MAX_BYTES:
+        raise ClassMapError(f"{path}: more than {MAX_BYTES:,} bytes, so it is no class map")
+    return data

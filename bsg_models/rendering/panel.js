@@ -1,0 +1,164 @@
+/* What stands beside the picture: rooms ranked, what is likely in a room, every class; and the legend under it. */
+const Panel = (() => {
+  "use strict";
+  const { make } = Elements;
+  const { ALL, amount, nodeName, percent, soughtName } = Beliefs;
+  const FIRST = 10;  // rows of a ranking before it is folded
+
+  /* Show a node; `go` is called with the `{ node }` or `{ sought }` that somebody chose. */
+  function show(side, view, look, go) {
+    side.replaceChildren();
+    const { node, sought } = look;
+    if (node) button(side, "back", "← the building", () => go({ node: 0 }));
+    else if (view.moment) tell(side, view);
+    make("h2", {}, side, nodeName(view, node));
+    if (node && sought !== ALL) placeOf(side, view, look);
+    summarize(side, view, node);
+    if (!node && !view.moment) rankRooms(side, view, sought, go);
+    rankClasses(side, view, look, go);
+    listClasses(side, view, look);
+  }
+
+  function button(parent, name, text, pressed) {
+    const made = make("button", { class: name, type: "button" }, parent, text);
+    made.addEventListener("click", pressed);
+    return made;
+  }
+  /* A paragraph of words, of which those in arrays are bold. */
+  function paragraph(side, ...words) {
+    const line = make("p", {}, side);
+    for (const word of words) Array.isArray(word) ? make("b", {}, line, word[0]) : line.append(word);
+  }
+
+  function summarize(side, view, node) {
+    const of = Beliefs.numbers(view, node, ALL), room = node ? view.rooms[node - 1] : null;
+    paragraph(side, [amount(of.seen)], " seen, ", [amount(of.more)], " more expected",
+      ...(of.unseen === null ? ["."] : ["; really there: ", [amount(of.unseen)], " more."]));
+    const bare = view.objects.filter((obj) => obj.class === null && (!node || obj.room === node)).length;
+    if (bare) paragraph(side, [amount(bare)], " seen besides, of no class.");
+    const share = room ? room.share : view.hidden_share;
+    paragraph(side, room && !room.visited ? "Not visited yet: what is expected follows from the rest of the building, never from a room's name."
+      : share === 0 ? "All of it was searched." : "About " + percent(share) + " of its objects are taken to be unseen.");
+    paragraph(side, "Expected by " + (view.model || "an unnamed model") + ".");
+  }
+
+  function placeOf(side, view, { node, sought }) {
+    const place = Beliefs.rankRooms(view, sought).findIndex((of) => of.node === node) + 1;
+    make("p", { class: "answer" }, side, `${Beliefs.sayLong(view, node, sought)}. Rank ${place} of ${view.rooms.length} rooms.`);
+  }
+
+  function rankRooms(side, view, sought, go) {
+    make("h3", {}, side, sought === ALL ? "Rooms by how much more is expected" : "Rooms by the chance of at least one unseen " + soughtName(view, sought));
+    if (sought !== ALL) make("p", { class: "answer" }, side, "In the whole building: " + Beliefs.sayLong(view, 0, sought) + ".");
+    const most = sought === ALL ? Beliefs.mostWorth(view, ALL) : 1;
+    rank(side, "rooms", Beliefs.rankRooms(view, sought).map((of) => ({
+      name: nodeName(view, of.node), words: Beliefs.sayShort(of, sought) + mark(of, sought),
+      share: Beliefs.worth(of, sought) / most, key: of.node, chosen: () => go({ node: of.node }),
+    })));
+    if (view.truth && sought !== ALL) make("p", {}, side, "✓ one is there unseen, – none is.");
+  }
+  const mark = (of, sought) => of.unseen === null || sought === ALL ? "" : of.unseen > 0 ? " ✓" : " –";
+
+  function rankClasses(side, view, { node, sought }, go) {
+    make("h3", {}, side, "Most likely, not seen " + (node ? "here" : "anywhere"));
+    const ranked = Beliefs.rankClasses(view, node, 6);
+    if (!ranked.length) make("p", {}, side, "Nothing is likely.");
+    rank(side, "classes", ranked.map((of) => ({
+      name: view.classes[of.class], words: Beliefs.sayShort(of, of.class) + mark(of, of.class), share: of.chance,
+      key: of.class, picked: of.class === sought, chosen: () => go({ sought: of.class }),
+    })));
+    if (ranked.length && view.truth) make("p", {}, side, "✓ one is there unseen, – none is.");
+  }
+
+  /* A list of buttons, each with its words and a bar; what comes after the first is folded. */
+  function rank(side, kind, rows) {
+    const list = (parent, some, start) => {
+      const made = make("ol", { class: "rank " + kind, start }, parent);
+      for (const { name, words, share, key, picked, chosen } of some) {
+        const pressed = button(make("li", {}, made), picked ? "picked" : "", "", chosen);
+        pressed.dataset.key = key;
+        make("span", { class: "what" }, pressed, name);
+        pressed.append(" ");
+        make("span", { class: "much" }, pressed, words);
+        make("span", { class: "more", style: `width:${(100 * share).toFixed(1)}%` }, make("span", { class: "bar" }, pressed));
+      }
+    };
+    list(side, rows.slice(0, FIRST), 1);
+    if (rows.length <= FIRST) return;
+    const folded = make("details", {}, side);
+    make("summary", {}, folded, `${rows.length - FIRST} more`);
+    list(folded, rows.slice(FIRST), FIRST + 1);
+  }
+
+  function listClasses(side, view, { node, sought }) {
+    const truth = view.truth && view.truth[node], expected = view.expected[node], seen = view.input[node];
+    const rows = expected.map((x, c) => ({ class: c, most: Math.max(x, truth ? truth[c] : 0) }))
+      .filter((row) => row.most > 0.05).sort((a, b) => b.most - a.most || a.class - b.class);
+    make("h3", {}, side, "Every class");
+    const key = make("div", { class: "key" }, side);
+    for (const [name, text] of [["seen", "seen"], ["more", "more expected"], ...(truth ? [["true", "really there"]] : [])]) {
+      const item = make("span", {}, key);
+      make("i", { class: name }, item);
+      item.append(text);
+    }
+    const table = make("table", { class: "histogram" }, side);
+    const head = make("tr", {}, make("thead", {}, table)), body = make("tbody", {}, table);
+    for (const text of ["class", "", "seen", "more expected", "at least one unseen", ...(truth ? ["really unseen"] : [])])
+      make(text ? "th" : "td", text ? { scope: "col" } : {}, head, text);
+    const most = Math.max(1, ...expected, ...(truth || []));
+    for (const { class: c } of rows) {
+      const of = Beliefs.numbers(view, node, c);
+      const row = make("tr", c === sought ? { class: "picked" } : {}, body);
+      make("th", { scope: "row" }, row, view.classes[c]);
+      const bar = make("div", { class: "bar" }, make("td", { class: "bars" }, row));
+      make("div", { class: "seen", style: `width:${100 * of.seen / most}%` }, bar);
+      make("div", { class: "more", style: `width:${100 * of.more / most}%` }, bar);
+      if (truth) make("div", { class: "true", style: `left:calc(${100 * truth[c] / most}% - 1px)` }, bar);
+      for (const text of [amount(of.seen), amount(of.more), percent(of.chance), ...(truth ? [amount(of.unseen)] : [])])
+        make("td", {}, row, text);
+    }
+  }
+
+  /* Tell where the robot of a search is, and rank the rooms that it has not entered. */
+  function tell(side, view) {
+    const moment = view.moment, here = moment.route[moment.route.length - 1], entered = moment.route.length - 1;
+    make("h2", {}, side, "Looking for " + moment.artifacts.map((c) => view.classes[c]).join(", "));
+    paragraph(side, "The robot is in ", [nodeName(view, here)], ", has entered ", [String(entered)],
+      (entered === 1 ? " room" : " rooms") + " and travelled ", [moment.cost.toFixed(1)], ` (${moment.world}). `,
+      ...(moment.target === null ? ["The search is over."]
+        : ["Next it goes to ", [nodeName(view, moment.target)], `, says ${moment.planner}.`]));
+    if (!Picture.measured(moment)) make("p", {}, side, "Its costs are drawn: the plan shows where rooms are, not what it costs to go there.");
+    make("h3", {}, side, "Where it may be" + (moment.target === null ? "" : ", and the cost of going there"));
+    const open = Beliefs.rankRooms(view, Beliefs.ANY).filter((of) => !moment.route.includes(of.node));
+    const table = make("table", { class: "rooms" }, side);
+    open.filter((of, i) => i < 12 || of.node === moment.target).forEach((of) => {
+      const row = make("tr", of.node === moment.target ? { class: "picked" } : {}, table), leg = moment.legs[of.node];
+      make("td", { class: "what" }, row, nodeName(view, of.node));
+      make("div", { class: "more", style: `width:${100 * of.chance}%` }, make("div", { class: "bar" }, make("td", { class: "bars" }, row)));
+      make("td", {}, row, percent(of.chance) + (moment.holds.includes(of.node) ? " ✓" : " –")
+        + (moment.target === null ? "" : leg === null ? " ∞" : " " + leg.toFixed(1)));
+    });
+    make("p", {}, side, open.length ? "✓ one is there, – none is." + (moment.legs.slice(1).includes(null) ? " ∞: out of reach." : "") : "Every room was entered.");
+  }
+
+  /* Say what colours and shades mean. */
+  function explain(box, view, look) {
+    box.replaceChildren();
+    const most = Beliefs.mostWorth(view, look.sought);
+    const one = look.sought !== ALL, name = soughtName(view, look.sought);
+    const entry = (kind, text) => { const item = make("span", {}, box); make("i", { class: kind }, item); item.append(text); };
+    if (!look.plan) { entry("building", "building"); entry("room", "room"); }
+    entry(one ? "sought" : "object", one ? "seen " + name : "seen object");
+    if (!one && view.objects.some((obj) => obj.class === null)) entry("classless", "seen, of no class");
+    entry("blind", "blind node: expected, not seen (faint: unsure)");
+    const scale = make("span", {}, box, one ? `at least one unseen ${name}: 0 %` : "more expected: 0");
+    make("span", { class: "scale" }, scale);
+    scale.append(!one ? amount(most) : most === 1 ? "100 %" : percent(most));
+    if (view.moment) {
+      make("span", {}, box, "red outline: an artifact is there, which the robot does not know");
+      make("span", {}, box, "numbers: the robot's way; dotted: where it goes next");
+    }
+    if (view.rooms.some((room) => !room.visited)) make("span", {}, box, "dashed: not visited");
+  }
+  return { show, explain };
+})();

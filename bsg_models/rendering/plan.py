@@ -1,0 +1,237 @@
+"""A building from above, for a page: where each room is drawn, one storey beside another."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from typing import Protocol
+
+from bsg_data.scene.scene_graph import Box, Point
+
+Spot = tuple[float, float]
+Outline = tuple[Spot, ...]
+HALF = 1.2  # metres: half a side of a room of which only the place is known
+_GAP = 0.6  # metres between storeys
+_CAPTION = 0.9  # metres above a storey, where there are several
+_DIGITS = 2
+
+
+class PlacedRoom(Protocol):
+    """What is read of a room; `Room` and `KnownRoom` have it."""
+
+    @property
+    def footprint(self) -> Outline | None:
+        """Corners (x, y) from above, metres; None where unknown."""
+
+    @property
+    def box(self) -> Box | None:
+        """Around it, metres; None where unknown."""
+
+    @property
+    def floor_index(self) -> int | None:
+        """Its storey, from 0 at the bottom; None where unknown."""
+
+
+@dataclass(frozen=True, slots=True)
+class KnownOutline:
+    """A room as it is known, from above.
+
+    Attributes:
+        number: of the room, 1..R.
+        name: of the room.
+        outline: corners in metres, y up; None where unknown.
+        floor_index: storey, 0 at the bottom; None where unknown, which is drawn as the lowest.
+    """
+
+    number: int
+    name: str
+    outline: Outline | None
+    floor_index: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedRoom:
+    """A room on a plan.
+
+    Attributes:
+        number: of the room, 1..R.
+        name: that no other room of the plan has.
+        outline: corners, metres.
+        part: number of the storey that it is drawn on, from 0.
+    """
+
+    number: int
+    name: str
+    outline: Outline
+    part: int
+
+    @property
+    def left(self) -> float:
+        """Its least x."""
+        return min(x for x, _ in self.outline)
+
+    @property
+    def right(self) -> float:
+        """Its greatest x."""
+        return max(x for x, _ in self.outline)
+
+    @property
+    def top(self) -> float:
+        """Its least y."""
+        return min(y for _, y in self.outline)
+
+    @property
+    def bottom(self) -> float:
+        """Its greatest y."""
+        return max(y for _, y in self.outline)
+
+    @property
+    def centre(self) -> Spot:
+        """The middle of the box around it."""
+        return (self.left + self.right) / 2, (self.top + self.bottom) / 2
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """Where rooms are drawn, in metres: x to the right, y down, from 0.
+
+    Attributes:
+        rooms: large ones first, so that small ones are drawn over them.
+        captions: texts and where they begin; of storeys, where there are several.
+        width: of all.
+        height: of all.
+    """
+
+    rooms: tuple[PlannedRoom, ...]
+    captions: tuple[tuple[str, Spot], ...]
+    width: float
+    height: float
+
+    def find(self, number: int) -> PlannedRoom:
+        """Return the room of a number."""
+        return next(room for room in self.rooms if room.number == number)
+
+
+def outline_room(room: PlacedRoom, position: Point | None) -> Outline | None:
+    """Return a room from above: its footprint, else its box, else a square at its place."""
+    if room.footprint is not None:
+        return tuple(_round(x, y) for x, y in room.footprint)
+    if room.box is not None:
+        (a, b, _), (c, d, _) = room.box.minimum, room.box.maximum
+    elif position is not None:
+        x, y, _ = position
+        a, b, c, d = x - HALF, y - HALF, x + HALF, y + HALF
+    else:
+        return None
+    return tuple(_round(x, y) for x, y in _square(a, b, c, d))
+
+
+def draw_plan(rooms: Sequence[KnownOutline], *, aspect: float = 1.3) -> Plan:
+    """Place rooms on a page of about the given shape, the highest storey first.
+
+    Rooms without an outline are drawn as squares of one size, apart from the others. Rooms of one
+    name are numbered.
+
+    Args:
+        rooms: of a building.
+        aspect: width of the page by its height.
+    """
+    storeys: dict[int, list[KnownOutline]] = {}
+    for room in sorted(rooms, key=lambda room: -(room.floor_index or 0)):
+        if room.outline is not None:
+            storeys.setdefault(room.floor_index or 0, []).append(room)
+    blocks = [_turn(f"storey {floor}", of_storey) for floor, of_storey in storeys.items()]
+    loose = [room.number for room in rooms if room.outline is None]
+    if loose:
+        blocks.append(_line_up("somewhere", loose, aspect))
+    alike = number_alike([room.name for room in rooms])
+    names = {room.number: name for room, name in zip(rooms, alike, strict=True)}
+    return _pack(blocks, names, aspect)
+
+
+def number_alike(names: Sequence[str]) -> tuple[str, ...]:
+    """Return names each of which is another: those that are alike are numbered.
+
+    >>> number_alike(["bedroom", "hall", "bedroom"])
+    ('bedroom 1', 'hall', 'bedroom 2')
+    """
+    often, seen = Counter(names), Counter[str]()
+    numbered = []
+    for name in names:
+        seen[name] += 1
+        numbered.append(name if often[name] == 1 else f"{name} {seen[name]}")
+    return tuple(numbered)
+
+
+@dataclass(frozen=True, slots=True)
+class _Block:
+    """Some rooms that lie together, by number, from (0, 0)."""
+
+    title: str
+    outlines: dict[int, Outline]
+    width: float
+    height: float
+
+
+def _turn(title: str, rooms: Sequence[KnownOutline]) -> _Block:
+    """Return rooms of one storey with y down and the corner of all at (0, 0)."""
+    outlines = {room.number: room.outline or () for room in rooms}
+    xs, ys = zip(*chain.from_iterable(outlines.values()), strict=True)
+    left, top = min(xs), max(ys)
+    turned = {n: tuple((x - left, top - y) for x, y in out) for n, out in outlines.items()}
+    return _Block(title, turned, max(xs) - left, top - min(ys))
+
+
+def _line_up(title: str, numbers: Sequence[int], aspect: float) -> _Block:
+    """Return rooms of which no place is known as squares in rows."""
+    across = max(1, math.ceil(math.sqrt(len(numbers) * aspect)))
+    side, pitch = 2 * HALF, 2 * HALF + _GAP
+    outlines = {}
+    for k, number in enumerate(numbers):
+        x, y = (k % across) * pitch, (k // across) * pitch
+        outlines[number] = _square(x, y, x + side, y + side)
+    rows = -(-len(numbers) // across)
+    return _Block(title, outlines, min(across, len(numbers)) * pitch - _GAP, rows * pitch - _GAP)
+
+
+def _pack(blocks: Sequence[_Block], names: Mapping[int, str], aspect: float) -> Plan:
+    """Return blocks in the number of columns in which they are largest on a page."""
+    head = _CAPTION if len(blocks) > 1 else 0.0
+    sizes = {}
+    for columns in range(1, len(blocks) + 1):
+        widths, heights = _grid(blocks, columns, head)
+        sizes[columns] = max(sum(widths), aspect * sum(heights))
+    columns = min(sizes, key=sizes.__getitem__, default=1)
+    widths, heights = _grid(blocks, columns, head)
+    rooms, captions = [], []
+    for part, block in enumerate(blocks):
+        x, y = sum(widths[: part % columns]), sum(heights[: part // columns])
+        if head:
+            captions.append((block.title, _round(x, y + 0.7 * head)))
+        for number, outline in block.outlines.items():
+            moved = tuple(_round(x + a, y + head + b) for a, b in outline)
+            rooms.append(PlannedRoom(number, names[number], moved, part))
+    rooms.sort(key=lambda room: (room.left - room.right) * (room.bottom - room.top))
+    width, height = _round(max(sum(widths) - _GAP, 0.0), max(sum(heights) - _GAP, 0.0))
+    return Plan(tuple(rooms), tuple(captions), width, height)
+
+
+def _grid(blocks: Sequence[_Block], columns: int, head: float) -> tuple[list[float], list[float]]:
+    """Return the widths of the columns and the heights of the rows, gaps included."""
+    widths = [
+        max((b.width for b in blocks[k::columns]), default=0.0) + _GAP for k in range(columns)
+    ]
+    rows = range(0, len(blocks), columns)
+    heights = [max(b.height for b in blocks[k : k + columns]) + head + _GAP for k in rows]
+    return widths, heights
+
+
+def _round(x: float, y: float) -> Spot:
+    return round(x, _DIGITS), round(y, _DIGITS)
+
+
+def _square(a: float, b: float, c: float, d: float) -> Outline:
+    return (a, b), (c, b), (c, d), (a, d)

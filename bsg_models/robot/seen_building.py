@@ -1,0 +1,411 @@
+"""A robot's building: what it has seen so far, and what follows from that.
+
+    seen = open_graph("graph.json")
+    seen.where("microwave")[0].room
+
+All names are those of the robot: ids or labels of its rooms, and any word for a thing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bsg_data.arrays import Bools, Floats
+from bsg_data.dataset.manifest import COMPARED, UnmappedEntry, describe_unmapped
+from bsg_data.errors import RecipeError
+from bsg_data.observation.hidden_share import ShareBelief
+from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, reclassify
+from bsg_data.observation.robot_json import list_unmapped, parse_robot_graph
+from bsg_data.observation.sightings import discover, enter, see_object
+from bsg_data.scene.class_map import ClassMap, load_class_map
+from bsg_data.scene.surroundings import RoomType, check_room_type
+from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, Mode, believe
+from bsg_models.belief.expectation import Expectation
+from bsg_models.belief.graph_file import read_graph
+from bsg_models.robot.answers import ExpectedClass, Place
+from bsg_models.robot.destination import choose_destination
+from bsg_models.robot.room_names import find_room
+from bsg_models.robot.ways import Costs, Ways, measure_ways
+from bsg_models.robot.words import Meaning, find_meaning
+from bsg_models.runs.predictor import Predictor
+from bsg_models.runs.shipped import DEFAULT_MODEL, WIDE_MAP, WIDE_MODEL, shipped_names
+from bsg_models.search.catalogue import AnyPlanner
+from bsg_models.search.knowledge import Task
+
+
+def open_graph(
+    graph: Path | str | Mapping[str, Any],
+    *,
+    model: Path | str = DEFAULT_MODEL,
+    labels: str | None = None,
+) -> SeenBuilding:
+    """Open what a robot has seen, to ask about it.
+
+    Args:
+        graph: file of a robot's graph, our JSON or Spark-DSG's; `-` for standard input; or the
+            document itself, as `json.loads` gives it.
+        model: what `find_model` takes: the path of a run, or a name.
+        labels: label space of a Hydra graph: `ade20k` or `mpcat40`.
+
+    Raises:
+        BSGError: if the graph cannot be read.
+        CheckpointError: if there is no such model.
+    """
+    predictor = Predictor(model)
+    class_map = predictor.class_map
+    if isinstance(graph, Mapping):
+        known = parse_robot_graph(dict(graph), path=Path("graph"), class_map=class_map)
+    else:
+        known = read_graph(Path(graph), labels=labels, class_map=class_map)
+    return SeenBuilding(known, predictor)
+
+
+class SeenBuilding:
+    """What a robot has seen of one building: it is told, and it is asked.
+
+    What the robot tells changes this object: `saw`, `entered`, `searched` and `discovered`. What it
+    asks does not: `where`, `anywhere`, `expected`, `next_room` and `belief`. Beneath is one
+    `PartialGraph`, which never changes: keep `graph`, or a `copy`, to ask what would be.
+
+    A thing is any word. A room is its id, or its label if no other room has it.
+    """
+
+    def __init__(self, graph: PartialGraph, model: Predictor | Path | str = DEFAULT_MODEL) -> None:
+        """Begin with a graph.
+
+        Args:
+            graph: in the class space of the model.
+            model: a `Predictor`, or what it takes.
+
+        Raises:
+            CheckpointError: if there is no such model.
+        """
+        self._graph = graph
+        self._models = [model if isinstance(model, Predictor) else Predictor(model)]
+        self._beliefs: dict[int, Expectation] = {}
+        self._meanings: dict[str, Meaning] = {}
+
+    @property
+    def graph(self) -> PartialGraph:
+        """What was seen so far."""
+        return self._graph
+
+    @property
+    def model(self) -> str:
+        """The name of the model that is asked."""
+        return self._models[0].name
+
+    @property
+    def rooms(self) -> tuple[str, ...]:
+        """The ids of the rooms, in their order."""
+        return tuple(room.name for room in self._graph.rooms)
+
+    @property
+    def unmapped(self) -> tuple[UnmappedEntry, ...]:
+        """What was seen whose name no class map knows: models do not read it."""
+        names = list_unmapped(self._graph)
+        return tuple(describe_unmapped(names, self._class_maps[0], near=COMPARED))
+
+    def copy(self) -> SeenBuilding:
+        """Return the same, to tell it what this one shall not know."""
+        other = SeenBuilding(self._graph, self._models[0])
+        other._models, other._beliefs = self._models, dict(self._beliefs)
+        return other
+
+    # What the robot tells
+
+    def saw(
+        self,
+        room: str | None,
+        thing: str,
+        *,
+        object_id: str | None = None,
+        position: tuple[float, float, float] | None = None,
+    ) -> str:
+        """Say that one object was seen in a room, which may hold more.
+
+        Args:
+            room: id or label; None for an object that is in no room.
+            thing: its category.
+            object_id: one that is known is moved, not added. Detections that come again and again
+                need one; without it every call is another object.
+            position: metres, Z up.
+
+        Returns:
+            its id.
+
+        Raises:
+            RecipeError: if there is no such room.
+        """
+        index = 0 if room is None else find_room(self._graph, room)
+        name = self._free_id() if object_id is None else object_id
+        found = self._class_maps[0].classify(thing)
+        seen = SeenObject(name, index, thing, found.category, found.class_index, position)
+        self._change(see_object(self._graph, seen))
+        return name
+
+    def entered(self, room: str, *, hidden_share: float | ShareBelief | None = None) -> None:
+        """Say that the robot is in a room, or has looked at more of it.
+
+        Args:
+            room: id or label.
+            hidden_share: of its objects, which share the robot has not seen by now; a `ShareBelief`
+                if it is not sure, as `estimate_hidden_share` gives one; None for anything, or for
+                what was known where that is less.
+
+        Raises:
+            RecipeError: if there is no such room, or the share is none.
+        """
+        if hidden_share is not None and not isinstance(hidden_share, ShareBelief):
+            hidden_share = ShareBelief(hidden_share)
+        self._change(enter(self._graph, find_room(self._graph, room), hidden_share=hidden_share))
+
+    def searched(self, room: str) -> None:
+        """Say that all that is in a room was seen, and told by `saw`.
+
+        Raises:
+            RecipeError: if there is no such room.
+        """
+        self.entered(room, hidden_share=0.0)
+
+    def discovered(
+        self,
+        room: str,
+        *,
+        beside: Collection[str] = (),
+        room_type: RoomType | None = None,
+        position: tuple[float, float, float] | None = None,
+        floor_area: float | None = None,
+    ) -> None:
+        """Say that there is one more room, which the robot has not entered.
+
+        Args:
+            room: its id.
+            beside: rooms that it connects with.
+            room_type: a room label, or labels with probabilities.
+            position: metres, Z up.
+            floor_area: square metres.
+
+        Raises:
+            RecipeError: if it is known already, or a room beside it is not.
+        """
+        new = KnownRoom(
+            room,
+            hidden_share=1.0,
+            visited=False,
+            position=position,
+            floor_area=floor_area,
+            room_type=check_room_type(room_type),
+        )
+        neighbours = [find_room(self._graph, other) for other in beside]
+        self._change(discover(self._graph, new, beside=neighbours))
+
+    # What the robot asks
+
+    def where(
+        self, thing: str, *, here: str | None = None, costs: Costs | None = None
+    ) -> tuple[Place, ...]:
+        """Return the rooms by how likely a thing is there, the likeliest first.
+
+        Args:
+            thing: any word; `understand` says which class answers it.
+            here: the room of the robot, from which ways are measured.
+            costs: (room, room) → cost; None measures them in the graph.
+
+        Raises:
+            RecipeError: if no class is meant, or there is no such room.
+        """
+        meaning = self.understand(thing)
+        belief, seen = self._belief(meaning.model), self._seen(meaning)
+        costs_from = None if here is None else self.ways(costs).costs[find_room(self._graph, here)]
+        presence, hidden = (x[:, meaning.class_index] for x in (belief.presence, belief.hidden))
+        places = [
+            Place(
+                room=room.name,
+                label=room.label,
+                probability=1.0 if seen[node] else float(presence[node]),
+                expected=float(hidden[node]),
+                seen=seen[node],
+                cost=None if costs_from is None else float(costs_from[node]),
+            )
+            for node, room in enumerate(self._graph.rooms, 1)
+        ]
+        if seen[0]:
+            places.append(Place(None, None, 1.0, 0.0, seen[0], None))
+        return tuple(sorted(places, key=lambda place: (-place.probability, place.cost or 0.0)))
+
+    def anywhere(self, thing: str) -> float:
+        """Return P(at least one is in the building, seen or not).
+
+        Raises:
+            RecipeError: if no class is meant.
+        """
+        meaning = self.understand(thing)
+        if any(self._seen(meaning)):
+            return 1.0
+        return float(self._belief(meaning.model).presence[0, meaning.class_index])
+
+    def expected(self, room: str) -> tuple[ExpectedClass, ...]:
+        """Return what a room may hold that was not seen, the likeliest first.
+
+        Classes of less than half a percent are left out.
+
+        Raises:
+            RecipeError: if there is no such room.
+        """
+        node, belief = find_room(self._graph, room), self._belief(0)
+        presence = belief.presence[node]
+        ranked = [c for c in np.argsort(-presence, kind="stable") if presence[c] >= LEAST_PRESENCE]
+        return tuple(
+            ExpectedClass(
+                name=self._models[0].classes[c],
+                probability=float(presence[c]),
+                expected=float(belief.hidden[node, c]),
+                seen=int(belief.inputs[node, c]),
+            )
+            for c in ranked
+        )
+
+    def next_room(
+        self,
+        things: str | Sequence[str],
+        *,
+        here: str | None = None,
+        costs: Costs | None = None,
+        planner: AnyPlanner = "expected-cost",
+        task: Task = "single",
+    ) -> str | None:
+        """Return the room to go to next, to find a thing or several.
+
+        A room in which one was seen holds it. The room where the robot is counts as looked through;
+        `where` says how likely that is wrong. A room that lies on the way to a likelier one is
+        passed by.
+
+        Args:
+            things: any word, or several.
+            here: the room of the robot; None for the likeliest room, wherever it is.
+            costs: (room, room) → cost; None measures them in the graph.
+            planner: a name of `PLANNERS`, a `Planner`, or a function of `Knowledge`.
+            task: whether one of each is enough, or all are to be found.
+
+        Returns:
+            its id; None if nothing is left to search, or can be reached.
+
+        Raises:
+            RecipeError: if no class is meant, there is no such room, or the planner cannot be used.
+        """
+        presence, seen = self._presence([things] if isinstance(things, str) else things)
+        explored = np.array([True, *(room.hidden_share == 0 for room in self._graph.rooms)])
+        explored &= ~seen.any(axis=1)
+        if here is None:
+            open_ = np.where(explored, -1.0, 1 - (1 - presence).prod(axis=1))
+            node = int(open_.argmax())
+            return None if explored[node] else self.rooms[node - 1]
+        place = find_room(self._graph, here)
+        if seen[place].all():
+            return self.rooms[place - 1]
+        chosen = choose_destination(
+            self.ways(costs),
+            here=place,
+            explored=explored,
+            presence=presence,
+            planner=planner,
+            task=task,
+        )
+        return None if chosen is None else self.rooms[chosen - 1]
+
+    def belief(self, *, mode: Mode = "complete", top: int = 3) -> BeliefGraph:
+        """Return the belief graph, for files and pages: `write_belief(seen.belief(), path)`.
+
+        Args:
+            mode: as many blind nodes as are expected (`complete`), or the top unseen classes.
+            top: classes of a room that get a blind node under `unseen`.
+        """
+        return believe(self._graph, self._belief(0), mode=mode, top=top, model=self.model)
+
+    def asked(self, thing: str) -> str:
+        """Return the name of the model that answers for a word.
+
+        Raises:
+            RecipeError: if no class is meant.
+        """
+        return self._predictor(self.understand(thing).model).name
+
+    def understand(self, thing: str) -> Meaning:
+        """Return which class of which model answers for a word, and why.
+
+        The model of this building is preferred; a word that it has no class for is answered by
+        `universal-wide`, which is shipped and has 170.
+
+        Raises:
+            RecipeError: if no class is meant, with the names that are near.
+        """
+        if thing not in self._meanings:
+            self._meanings[thing] = find_meaning(thing, self._class_maps)
+        return self._meanings[thing]
+
+    def ways(self, costs: Costs | None = None) -> Ways:
+        """Return what it costs to go from room to room.
+
+        Raises:
+            RecipeError: for a room that is not known, or a cost that is none.
+        """
+        return measure_ways(self._graph, costs)
+
+    # How it is found out
+
+    def _change(self, graph: PartialGraph) -> None:
+        self._graph = graph
+        self._beliefs = {}
+
+    def _free_id(self) -> str:
+        """Return an id that no object has."""
+        taken = {obj.name for obj in self._graph.objects}
+        number = len(taken) + 1
+        while f"saw {number}" in taken:
+            number += 1
+        return f"saw {number}"
+
+    @cached_property
+    def _class_maps(self) -> tuple[ClassMap, ...]:
+        """The map of the model, and that of the wide one, if it has another class space."""
+        own = self._models[0].class_map
+        wide = load_class_map(WIDE_MAP)
+        has_wide = WIDE_MODEL in shipped_names() and own.space != wide.space
+        return (own, wide) if has_wide else (own,)
+
+    def _belief(self, model: int) -> Expectation:
+        """Return what a model believes of the graph as it is now."""
+        if model not in self._beliefs:
+            self._beliefs[model] = self._predictor(model)(self._graph_for(model))
+        return self._beliefs[model]
+
+    def _predictor(self, model: int) -> Predictor:
+        if model == len(self._models):
+            self._models.append(Predictor(WIDE_MODEL))
+        return self._models[model]
+
+    def _graph_for(self, model: int) -> PartialGraph:
+        return reclassify(self._graph, self._class_maps[model]) if model else self._graph
+
+    def _seen(self, meaning: Meaning) -> list[tuple[str, ...]]:
+        """Return the ids of the objects of a class that were seen at every node."""
+        ids: list[list[str]] = [[] for _ in range(len(self._graph.rooms) + 1)]
+        for obj in self._graph_for(meaning.model).objects:
+            if obj.class_index == meaning.class_index:
+                ids[obj.room_index].append(obj.name)
+        return [tuple(names) for names in ids]
+
+    def _presence(self, things: Sequence[str]) -> tuple[Floats, Bools]:
+        """Return P(at least one is there, seen or not), and whether one was seen, `[1 + R, A]`."""
+        meanings = [self.understand(thing) for thing in things]
+        if not meanings:
+            raise RecipeError("things: expected one word or more, found none")
+        seen = np.array([[bool(ids) for ids in self._seen(one)] for one in meanings]).T
+        hidden = [self._belief(one.model).presence[:, one.class_index] for one in meanings]
+        return np.where(seen, 1.0, np.stack(hidden, axis=1)), seen

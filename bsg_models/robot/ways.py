@@ -1,0 +1,111 @@
+"""What it costs to go from room to room, as far as a robot's graph says."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.sparse.csgraph import connected_components
+
+from bsg_data.arrays import Floats
+from bsg_data.errors import RecipeError
+from bsg_data.observation.partial_graph import KnownRoom, PartialGraph
+from bsg_models.robot.room_names import find_room
+from bsg_models.search.shortest_paths import find_ways
+
+Unit = Literal["m", "rooms", "given"]
+Costs = Mapping[tuple[str, str], float]
+
+
+@dataclass(frozen=True, eq=False)
+class Ways:
+    """The edges between rooms, and the cheapest ways over them.
+
+    Attributes:
+        edges: `[1 + R, 1 + R]` costs ≥ 0, ∞ where there is no edge; the building is node 0.
+        costs: `[1 + R, 1 + R]` of the cheapest way; ∞ where there is none.
+        unit: metres, the number of rooms, or whatever the costs were given in.
+    """
+
+    edges: Floats
+    costs: Floats
+    unit: Unit
+
+
+def measure_ways(graph: PartialGraph, costs: Costs | None = None) -> Ways:
+    """Return what it costs to go from room to room.
+
+    An edge joins rooms that the graph says are adjacent; without any, all rooms. It is as long as
+    the straight line between their positions, metres; where one is unknown, as the mean of the
+    known ones; if none is known, 1. Parts of the graph that no edge joins are joined between their
+    nearest rooms, because a building is one.
+
+    Args:
+        graph: with R rooms.
+        costs: (room, room) → cost, in both directions; these are then all the edges that there are.
+
+    Raises:
+        RecipeError: for a room that is not known, or a cost that is none.
+    """
+    if costs is not None:
+        edges = _as_given(graph, costs)
+        return Ways(edges, find_ways(edges[None]).costs[0], "given")
+    lines = _straight_lines(graph)
+    every = list(itertools.combinations(range(1, len(graph.rooms) + 1), 2))
+    pairs = list(graph.adjacency) or every
+    known = [lines[pair] for pair in pairs if np.isfinite(lines[pair])]
+    usual = float(np.mean(known)) if known else 1.0
+    edges = np.full(lines.shape, np.inf)
+    for a, b in pairs:
+        length = lines[a, b] if np.isfinite(lines[a, b]) else usual
+        edges[a, b] = edges[b, a] = length
+    _join_parts(edges, lines, usual)
+    return Ways(edges, find_ways(edges[None]).costs[0], "m" if known else "rooms")
+
+
+def _as_given(graph: PartialGraph, costs: Costs) -> Floats:
+    size = len(graph.rooms) + 1
+    edges = np.full((size, size), np.inf)
+    for (one, other), cost in costs.items():
+        if not cost >= 0:
+            raise RecipeError(f"costs: {one!r} to {other!r}: expected 0 or more, found {cost}")
+        a, b = find_room(graph, one), find_room(graph, other)
+        edges[a, b] = edges[b, a] = cost
+    return edges
+
+
+def _straight_lines(graph: PartialGraph) -> Floats:
+    """Return the metres between the places of rooms, `[1 + R, 1 + R]`; ∞ where one is unknown."""
+    places = np.full((len(graph.rooms) + 1, 3), np.nan)
+    for number, room in enumerate(graph.rooms, 1):
+        places[number] = _place_of(room)
+    lines = np.sqrt(((places[:, None] - places[None]) ** 2).sum(axis=2))
+    return np.where(np.isnan(lines), np.inf, lines)
+
+
+def _place_of(room: KnownRoom) -> tuple[float, ...]:
+    """Return where a room is: its position, or the middle of its box; NaN where unknown."""
+    if room.position is not None:
+        return room.position
+    if room.box is None:
+        return (np.nan, np.nan, np.nan)
+    return tuple((np.add(room.box.minimum, room.box.maximum) / 2).tolist())
+
+
+def _join_parts(edges: Floats, lines: Floats, usual: float) -> None:
+    """Join the parts of a graph between their nearest rooms, one part after another."""
+    while len(edges) > 1:
+        parts, part = connected_components(np.isfinite(edges[1:, 1:]), directed=False)
+        if parts == 1:
+            return
+        inside = np.concatenate([[False], part == part[0]])
+        outside = np.concatenate([[False], part != part[0]])
+        between = np.where(inside[:, None] & outside[None], lines, np.inf)
+        a, b = np.unravel_index(between.argmin(), between.shape)
+        length = float(between[a, b])
+        if not np.isfinite(length):
+            a, b, length = inside.argmax(), outside.argmax(), 2 * usual
+        edges[a, b] = edges[b, a] = length

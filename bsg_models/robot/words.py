@@ -1,0 +1,116 @@
+"""What a person asks for, in any word, and the class that answers it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from difflib import SequenceMatcher
+
+from bsg_data.errors import RecipeError
+from bsg_data.scene.class_map import ClassMap, normalise_name
+from bsg_data.spelling import nearest_names
+
+MOST_CHARACTERS = 100
+LIKE_A_MISSPELLING = 0.85  # of difflib's ratio: microwav, refridgerator; but not boots for books
+
+
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """The class that a word is taken for.
+
+    Attributes:
+        word: as it was asked.
+        class_name: of the class.
+        class_index: in its class space.
+        model: place of the model that has this class, among those that were offered.
+        how: why this class, in words; empty where it is called so.
+        is_exact: whether the class is of such things alone; a teapot is one of the tableware.
+    """
+
+    word: str
+    class_name: str
+    class_index: int
+    model: int
+    how: str
+    is_exact: bool
+
+
+def find_meaning(word: str, class_maps: Sequence[ClassMap]) -> Meaning:
+    """Return the class that a word means.
+
+    The first map that has a class for it is taken, but one with a class of such things alone comes
+    before one whose class is wider: a laptop is a computer only where laptops have no class. A name
+    that no map knows is taken for one that is spelled almost so; one that is known and has no class
+    is no misspelling.
+
+    Args:
+        word: any name of a thing.
+        class_maps: one for each model that can be asked, the preferred one first.
+
+    Raises:
+        RecipeError: if no class is meant, with the names that are near.
+    """
+    if not word.strip() or len(word) > MOST_CHARACTERS:
+        raise RecipeError(
+            f"expected the name of a thing, of 1 to {MOST_CHARACTERS} characters, found "
+            f"{word[:MOST_CHARACTERS]!r}"
+        )
+    found = [one for model in range(len(class_maps)) if (one := _look_up(word, class_maps, model))]
+    if found:
+        return max(found, key=lambda one: one.is_exact)
+    near = _spelled_alike(word, class_maps)
+    if near and not any(class_map.classify(word).category for class_map in class_maps):
+        name, model, index, ratio = near[0]
+        if ratio >= LIKE_A_MISSPELLING:
+            how = f"no model knows {word!r}; {name!r} is spelled most like it"
+            name = class_maps[model].classes[index]
+            return Meaning(word, name, index, model, how, is_exact=False)
+    raise RecipeError(_refusal(word, class_maps, [name for name, *_ in near]))
+
+
+def _look_up(word: str, class_maps: Sequence[ClassMap], model: int) -> Meaning | None:
+    """Return the class of a word by the map of a model; None if it has none."""
+    class_map, said = class_maps[model], normalise_name(word)
+    named = [normalise_name(name) for name in class_map.classes]
+    if said in named:
+        index = named.index(said)
+        return Meaning(word, class_map.classes[index], index, model, "", is_exact=True)
+    found = class_map.classify(word)
+    if found.class_index is None:
+        return None
+    name = class_map.classes[found.class_index]
+    steps = (
+        [] if found.rule is None else [f"{word!r} is {found.category!r} by the rule {found.rule!r}"]
+    )
+    is_exact = found.category == name
+    if not is_exact:
+        steps.append(f"{found.category!r} is one of the class {name!r}")
+    return Meaning(word, name, found.class_index, model, ", ".join(steps), is_exact=is_exact)
+
+
+def _spelled_alike(word: str, class_maps: Sequence[ClassMap]) -> list[tuple[str, int, int, float]]:
+    """Return (name, model, class, likeness) of names with a class that are spelled almost so."""
+    said = normalise_name(word)
+    names: dict[str, tuple[int, int]] = {}
+    for model, class_map in enumerate(class_maps):
+        for name, entry in class_map.normalised.items():
+            if entry.class_index is not None:
+                names.setdefault(name, (model, entry.class_index))
+        for index, name in enumerate(class_map.classes):
+            names.setdefault(normalise_name(name), (model, index))
+    close = nearest_names(said, names)
+    return [(name, *names[name], SequenceMatcher(None, name, said).ratio()) for name in close]
+
+
+def _refusal(word: str, class_maps: Sequence[ClassMap], near: Sequence[str]) -> str:
+    roles = {class_map.classify(word).role for class_map in class_maps}
+    if "structure" in roles:
+        why = "it is a part of the building, and models count objects"
+    elif "left-out" in roles:
+        why = "the name is known, and no class has it"
+    else:
+        why = "no class map knows the name"
+    hint = f"; did you mean {', '.join(near)}?" if near else "."
+    return (
+        f"no model can look for {word!r}: {why}{hint} `bsg-data map show NAME` tells what a name is"
+    )

@@ -1,0 +1,54 @@
+"""The class map that a robot speaks with a model: published, or one's own in the checkpoint."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from bsg_data.dataset.manifest import ClassSpaceEntry
+from bsg_data.errors import ClassMapError
+from bsg_data.scene.class_map import (
+    ClassMap,
+    join_maps,
+    load_class_map,
+    map_into,
+    parse_own_map,
+    published_maps,
+)
+from bsg_data.scene.own_map import OwnMap
+from bsg_models.errors import CheckpointError
+from bsg_models.runs.checkpoint import CheckpointHeader
+
+
+def choose_class_map(path: Path, header: CheckpointHeader) -> ClassMap:
+    """Return the class map that leads from a robot's words into the classes of a model.
+
+    Maps of one's own come first, in the order of the dataset's sources: of a word that two list,
+    the earlier decides. Where no map is one's own, or some source has a published one, HM3D's
+    words are known, too.
+
+    Args:
+        path: of the checkpoint, for errors.
+        header: of the checkpoint.
+
+    Raises:
+        CheckpointError: if it does not hold its map, or the map does not lead into its classes.
+    """
+    own = [one for one in header.class_maps if isinstance(one, OwnMap)]
+    named = [one for one in header.class_maps if isinstance(one, str)]
+    space = header.class_space
+    try:
+        maps = [parse_own_map(one) for one in own]
+        if not own or any(name in published_maps() for name in named):
+            maps.append(load_class_map(map_into(space.name)))
+        joined = join_maps(*maps)
+    except ClassMapError as error:
+        raise CheckpointError(
+            f"{path}: {error}. A checkpoint holds the class map of a dataset that keeps it, as "
+            "`bsg-data build` makes them now: build and train again"
+        ) from error
+    if ClassSpaceEntry.of(joined.space) != space:
+        raise CheckpointError(
+            f"{path}: predicts classes of {space}, and its class map {joined.version} leads into "
+            f"{ClassSpaceEntry.of(joined.space)}; train again"
+        )
+    return joined

@@ -1,0 +1,68 @@
+"""What a shell offers when the tab key is pressed: names of every kind, without a slow import.
+
+A list with commas is completed after its last comma.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import click
+from click.shell_completion import CompletionItem
+
+import bsg_models
+from bsg_data.errors import BSGError
+from bsg_data.scene.class_map import list_class_maps
+from bsg_data.scene.class_space import DEFAULT_CLASS_SPACE, load_class_space
+
+Complete = Callable[[click.Context, click.Parameter, str], list[CompletionItem]]
+
+
+def complete_list(names: Callable[[click.Context], Iterable[str]]) -> Complete:
+    """Return what completes the last name of a list; the options before it may say which names."""
+
+    def complete(ctx: click.Context, _: click.Parameter, text: str) -> list[CompletionItem]:
+        before, comma, begun = text.rpartition(",")
+        return [CompletionItem(f"{before}{comma}{name}") for name in _fitting(names(ctx), begun)]
+
+    return complete
+
+
+def complete_names_or_files(names: Callable[[], Iterable[str]]) -> Complete:
+    """Return what completes one name, or a path where no name begins so."""
+
+    def complete(ctx: click.Context, _: click.Parameter, text: str) -> list[CompletionItem]:
+        found = [CompletionItem(name) for name in _fitting(names(), text)]
+        return [CompletionItem(text, type="file"), *found]
+
+    return complete
+
+
+def shipped_models() -> tuple[str, ...]:
+    """Return the names of the shipped models; none, if their list is damaged."""
+    try:
+        return bsg_models.shipped_names()
+    except BSGError:
+        return ()
+
+
+complete_model = complete_names_or_files(shipped_models)
+complete_class_map = complete_names_or_files(list_class_maps)
+
+
+def classes_of_dataset(ctx: click.Context) -> tuple[str, ...]:
+    """Return the classes of the dataset that the command line names, or else the default ones.
+
+    The manifest is read as plain JSON: what proves that it is one is slow to import.
+    """
+    try:
+        path = Path(ctx.params["dataset"]) / "dataset.json"
+        return tuple(map(str, json.loads(path.read_bytes())["class_space"]["classes"]))
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return load_class_space(DEFAULT_CLASS_SPACE).classes
+
+
+def _fitting(names: Iterable[str], begun: str) -> list[str]:
+    return [name for name in names if name.startswith(begun)]

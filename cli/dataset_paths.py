@@ -1,0 +1,75 @@
+"""Datasets on a command line: a missing one is the first complaint, whatever else is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+import bsg_data
+from bsg_data.spelling import nearest_names
+
+
+class DatasetPath(click.Path):
+    """The path of a dataset that a command reads."""
+
+    def __init__(self) -> None:
+        super().__init__(file_okay=False, path_type=Path)
+
+
+def require_datasets(command: click.Command, ctx: click.Context, args: Sequence[str]) -> None:
+    """Refuse a dataset that is missing, before anything else is judged or slowly imported.
+
+    Nothing is refused where help or the version is asked for, or a shell completes.
+
+    Raises:
+        DatasetError: for the first dataset that is missing or damaged.
+    """
+    params = command.get_params(ctx)
+    names = [param.name for param in params if isinstance(param.type, DatasetPath)]
+    if not names or ctx.resilient_parsing:
+        return
+    values = _parse_anyhow(command, ctx, args)
+    if any(values.get(param.name) is True for param in params if param.is_eager):
+        return
+    for value in map(values.get, names):
+        for path in (value,) if isinstance(value, str) else value or ():
+            bsg_data.read_manifest(Path(path))
+
+
+def _parse_anyhow(
+    command: click.Command, ctx: click.Context, args: Sequence[str]
+) -> Mapping[str | None, Any]:
+    """Return parameter → what the words of a command line give it, before any value is judged.
+
+    An option that nobody knows is taken for the nearest one; an option that no other is near, or
+    that lacks its value, is passed over.
+    """
+    words = list(args)
+    options = [name for param in command.get_params(ctx) for name in param.opts]
+    for _ in args:
+        try:
+            values, _, _ = command.make_parser(ctx).parse_args([*words])
+        except click.NoSuchOption as error:
+            wrong, meant = error.option_name, nearest_names(error.option_name, options, most=1)
+        except click.BadOptionUsage as error:
+            wrong, meant = error.option_name, ()
+        except click.UsageError:
+            break
+        else:
+            return {name: value for name, value in values.items() if value}
+        place = _place_of(wrong, words)
+        words[place : place + 1] = [words[place].replace(wrong, one, 1) for one in meant]
+    return {}
+
+
+def _place_of(option: str, words: Sequence[str]) -> int:
+    """Return the place of an option: of `--name`, of `--name=value`, or of `-n` among others."""
+    is_long = option.startswith("--")
+    return next(
+        place
+        for place, word in enumerate(words)
+        if word.partition("=")[0] == option or (not is_long and word.startswith(option[:2]))
+    )

@@ -1,0 +1,80 @@
+"""`bsg-belief --find`: in which room a thing is, and where to go first."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+import click
+
+import bsg_models
+from bsg_cli.terminal import print_json, print_note
+from bsg_data.tables import format_text
+
+MOST_ROWS = 20
+
+
+def find_thing(
+    seen: bsg_models.SeenBuilding, thing: str, *, here: str | None, as_json: bool
+) -> None:
+    """Print where a thing is, by what was seen of a building; with `as_json` ids, not labels."""
+    meaning, places = seen.understand(thing), seen.where(thing, here=here)
+    first = seen.next_room(thing, here=here)
+    unit = None if here is None else seen.ways().unit
+    if as_json:
+        print_json(
+            {
+                "thing": thing,
+                "class": meaning.class_name,
+                "how": meaning.how,
+                "model": seen.asked(thing),
+                "go_first": first,
+                "anywhere": seen.anywhere(thing),
+                "cost_unit": unit,
+                "places": [asdict(place) for place in places],
+            }
+        )
+        return
+    if meaning.how:
+        print_note(meaning.how)
+    header = ("room", f"P({meaning.class_name})", "expected more", "seen", "cost")
+    rows = [_row(place, unit) for place in places]
+    columns = len(header) if unit else len(header) - 1
+    click.echo(format_text([row[:columns] for row in rows[:MOST_ROWS]], header=header[:columns]))
+    if len(rows) > MOST_ROWS:
+        print_note(f"… and {len(rows) - MOST_ROWS:,} less likely rooms; --json prints all")
+    somewhere = _percent(seen.anywhere(thing))
+    click.echo(f"somewhere in the building: {somewhere}, by the model {seen.asked(thing)}")
+    goes = "no room is left to search" if first is None else f"go first to {_name(first, places)}"
+    click.echo(goes)
+
+
+def _row(place: bsg_models.Place, unit: str | None) -> tuple[Any, ...]:
+    return (
+        "in no room" if place.room is None else _name(place.room, [place]),
+        _percent(place.probability),
+        f"{place.expected:.2f}",
+        ", ".join(place.seen) or "–",
+        _cost(place.cost, unit),
+    )
+
+
+def _name(room: str, places: Sequence[bsg_models.Place]) -> str:
+    """Return the id of a room, with its label if it has another one."""
+    label = next(place.label for place in places if place.room == room)
+    return room if label in (None, room) else f"{room} ({label})"
+
+
+def _cost(cost: float | None, unit: str | None) -> str:
+    if cost is None:
+        return "–"
+    if cost == 0:
+        return "here"
+    if unit == "rooms":
+        return f"{cost:g} {'room' if cost == 1 else 'rooms'}"
+    return f"{cost:.1f} m"
+
+
+def _percent(probability: float) -> str:
+    return "<1 %" if 0 < probability < 0.005 else f"{probability:.0%}".replace("%", " %")

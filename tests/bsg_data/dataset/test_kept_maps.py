@@ -1,0 +1,111 @@
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from bsg_data.build import build_dataset
+from bsg_data.checks.dataset import check_dataset
+from bsg_data.dataset.kept_maps import KEPT, read_class_maps
+from bsg_data.dataset.manifest import MANIFEST, Manifest, read_manifest
+from bsg_data.dataset.splits import split_dataset
+from bsg_data.errors import ClassMapError
+from bsg_data.merge import merge_datasets
+from bsg_data.recipes import SplitRecipe
+from bsg_data.scene.class_map import load_class_map, parse_own_map
+from bsg_data.scene.own_map import OwnMap
+from bsg_data.sources.hm3d import HM3DFolder
+from bsg_data.synthetic.buildings import write_synthetic
+
+SPELLINGS = b"raw_category,category,class\nbed,bed,rest\nstove,stove,\nwall,wall,\n"
+CLASSES = b"index,class,definition\n0,rest,To lie on.\n"
+
+
+def write_map(folder: Path, *, spellings: bytes = SPELLINGS) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "mine.csv").write_bytes(spellings)
+    (folder / "mine.classes.csv").write_bytes(CLASSES)
+    (folder / "mine.structure.csv").write_bytes(b"category\nwall\n")
+    return folder / "mine.csv"
+
+
+@pytest.fixture
+def own(hm3d_folder: Path, tmp_path: Path) -> Path:
+    """A dataset of a class map of one's own, which is gone since."""
+    path = write_map(tmp_path / "maps")
+    build_dataset(HM3DFolder(hm3d_folder), tmp_path / "own", class_map=str(path))
+    shutil.rmtree(tmp_path / "maps")
+    return tmp_path / "own"
+
+
+def kept_map(dataset: Path) -> Path:
+    (path,) = dataset.joinpath(KEPT).glob("*/mine.csv")
+    return path
+
+
+def test_a_dataset_keeps_a_map_of_ones_own_as_it_was(own: Path) -> None:
+    manifest = read_manifest(own)
+    (kept,) = read_class_maps(own, manifest)
+    assert isinstance(kept, OwnMap)
+    assert (kept.name, kept.spellings, kept.classes) == ("mine", SPELLINGS, CLASSES)
+    assert kept.structure == b"category\nwall\n"
+    assert parse_own_map(kept).sha256 == manifest.sources[0].class_map.sha256
+    assert load_class_map(str(kept_map(own))) == parse_own_map(kept)  # a user can name it, too
+    assert check_dataset(own) == ()
+
+
+def test_a_published_map_is_named_and_not_kept(dataset: Path) -> None:
+    assert read_class_maps(dataset, read_manifest(dataset)) == ("hm3d45-v2",)
+    assert not (dataset / KEPT).exists()
+
+
+def test_what_is_kept_stays_when_the_dataset_is_split_and_replaced(
+    own: Path, hm3d_folder: Path
+) -> None:
+    path = str(kept_map(own))
+    split_dataset(own, SplitRecipe())
+    assert Path(path).is_file()
+    assert check_dataset(own) == ()
+    write_map(own.parent / "again", spellings=SPELLINGS + b"lamp,lamp,\n")
+    again = str(own.parent / "again" / "mine.csv")
+    build_dataset(HM3DFolder(hm3d_folder), own, class_map=again, force=True)
+    assert not Path(path).exists()
+    assert check_dataset(own) == ()
+
+
+def test_a_merged_dataset_keeps_the_maps_of_its_parts(own: Path, tmp_path: Path) -> None:
+    list(write_synthetic(tmp_path / "made", scenes=3, seed=3))
+    other = write_map(tmp_path / "other", spellings=SPELLINGS + b"sofa,sofa,rest\n")  # one name
+    build_dataset(HM3DFolder(tmp_path / "made"), tmp_path / "synthetic", class_map=str(other))
+    merged = merge_datasets([own, tmp_path / "synthetic"], tmp_path / "merged")
+    kept = read_class_maps(tmp_path / "merged", merged)
+    assert {one.spellings for one in kept if isinstance(one, OwnMap)} == {
+        SPELLINGS,
+        SPELLINGS + b"sofa,sofa,rest\n",
+    }
+    assert check_dataset(tmp_path / "merged") == ()
+
+
+def test_a_kept_map_that_was_changed_is_a_fault(own: Path) -> None:
+    path = kept_map(own)
+    path.write_bytes(SPELLINGS + b"lamp,lamp,rest\n")
+    with pytest.raises(ClassMapError, match=r"mine\.csv: is not the class map .* built with"):
+        read_class_maps(own, read_manifest(own))
+    assert "is not the class map" in str(check_dataset(own)[0])
+
+
+def test_a_dataset_from_before_maps_were_kept_names_its_map(own: Path) -> None:
+    shutil.rmtree(own / KEPT)
+    assert read_class_maps(own, read_manifest(own)) == ("mine",)
+    assert check_dataset(own) == ()
+
+
+@pytest.mark.parametrize("version", ["../../outside/mine", "a/b", "..", "nul\0"])
+def test_no_manifest_leads_out_of_its_folder(own: Path, version: str) -> None:
+    said = json.loads((own / MANIFEST).read_bytes())
+    said["sources"][0]["class_map"] = {"version": version, "sha256": "../../.." + "a" * 56}
+    forged = Manifest.model_validate_json(json.dumps(said))
+    write_map(own.parent / "outside")
+    assert read_class_maps(own, forged) == (version,)

@@ -1,0 +1,36 @@
+from __future__ import annotations
+
+import difflib
+import time
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bsg_data.scene.class_map import load_class_map
+from bsg_data.spelling import SHOWN, ask_if_meant, nearest_names
+
+WORDS = st.text(alphabet="abc ", min_size=1, max_size=8)
+
+
+def test_the_nearest_by_hand() -> None:
+    assert nearest_names("stov", ["sofa", "stove"]) == ("stove",)
+    assert nearest_names("STOVE", ["Stove"], most=1) == ("Stove",)
+    assert nearest_names("x", ["stove"]) == ()
+    assert ask_if_meant("chiar", ["chair", "char", "bed"], most=2) == "did you mean char, chair?"
+    assert ask_if_meant("x", ["stove"]) == ""
+
+
+@given(WORDS, st.lists(WORDS, unique=True))
+def test_small_letters_are_compared_as_difflib_does(name: str, known: list[str]) -> None:
+    expected = difflib.get_close_matches(name, known, n=3)
+    assert list(nearest_names(name, known)) == expected
+
+
+def test_a_name_of_any_length_is_answered_at_once() -> None:
+    known = load_class_map().normalised
+    assert len(known) > 2000
+    began = time.perf_counter()
+    nearest_names("chair " * 1_000_000, known)
+    nearest_names("chair", ["chairs" * 1_000_000, "chairs"])
+    assert time.perf_counter() - began < 2
+    assert nearest_names("b" * SHOWN + "tail", ["b" * SHOWN]) == ("b" * SHOWN,)

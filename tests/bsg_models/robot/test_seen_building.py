@@ -1,0 +1,166 @@
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from conftest import REPOSITORY
+
+from bsg_data.errors import RecipeError
+from bsg_data.observation.partial_graph import reclassify
+from bsg_data.observation.robot_json import read_robot_graph
+from bsg_data.scene.class_map import load_class_map
+from bsg_models.belief.belief_graph import believe
+from bsg_models.robot.seen_building import SeenBuilding, open_graph
+from bsg_models.runs.predictor import Predictor
+from bsg_models.search.planners import next_room
+
+OFFICE = REPOSITORY / "docs" / "office.json"
+FAST = Predictor("mixture")  # loaded once: it answers by counting
+
+
+@pytest.fixture
+def seen() -> SeenBuilding:
+    """The office of the docs, as the fast shipped model sees it."""
+    return SeenBuilding(read_robot_graph(OFFICE), FAST)
+
+
+def test_answers_are_those_of_the_arrays(seen: SeenBuilding) -> None:
+    graph = read_robot_graph(OFFICE)
+    belief, sink = FAST(graph), FAST.classes.index("sink")
+    for place in seen.where("sink"):
+        node = 1 + seen.rooms.index(str(place.room))
+        assert place.probability == belief.presence[node, sink]
+        assert place.expected == belief.hidden[node, sink]
+    assert seen.anywhere("sink") == belief.presence[0, sink]
+    hall = {one.name: one for one in seen.expected("kitchen")}
+    assert hall["sink"].probability == belief.presence[2, sink]
+    assert hall["chair"].seen == 2
+    assert seen.belief(mode="unseen") == believe(
+        graph, belief, mode="unseen", top=3, model="mixture"
+    )
+
+
+def test_rooms_come_by_probability_and_equal_ones_by_their_cost(seen: SeenBuilding) -> None:
+    for thing in ("sink", "couch", "plant"):
+        places = seen.where(thing, here="kitchen")
+        assert {place.room for place in places} == set(seen.rooms)
+        keys = [(-place.probability, place.cost) for place in places]
+        assert keys == sorted(keys)
+        assert next(place.cost for place in places if place.room == "kitchen") == 0
+
+
+def test_what_was_seen_is_certain(seen: SeenBuilding) -> None:
+    first = seen.where("sofa")[0]
+    assert (first.room, first.probability, first.seen) == ("waiting-room", 1.0, ("1",))
+    assert seen.anywhere("couch") == 1
+    assert seen.next_room("couch", here="meeting-room") == "waiting-room"
+    assert seen.next_room("couch", here="waiting-room") == "waiting-room"
+    seen.searched("waiting-room")
+    assert seen.next_room("couch", here="kitchen") == "waiting-room"
+
+
+def test_an_object_in_no_room_has_a_place_of_its_own(seen: SeenBuilding) -> None:
+    name = seen.saw(None, "stove")
+    last = next(place for place in seen.where("stove") if place.room is None)
+    assert (last.seen, last.probability) == ((name,), 1.0)
+
+
+def test_a_walk_through_a_building(seen: SeenBuilding) -> None:
+    before = seen.graph
+    assert seen.next_room("sink") == "kitchen"
+    assert seen.saw("B: shared kitchen", "fridge") == "saw 19"
+    assert seen.saw("kitchen", "kettle", object_id="k") == "k"
+    assert "refrigerator" not in {one.name for one in seen.expected("kitchen") if not one.seen}
+    seen.searched("kitchen")
+    assert seen.expected("kitchen") == ()
+    assert seen.where("sink")[-1].probability == 0
+    seen.discovered("pantry", beside=["kitchen"], room_type="pantry", floor_area=4.0)
+    assert seen.rooms[-1] == "pantry"
+    assert next(p for p in seen.where("sink", here="pantry") if p.room == "kitchen").cost == 1
+    seen.entered("pantry", hidden_share=0.25)
+    assert seen.graph.rooms[-1].hidden_share == 0.25
+    assert before == read_robot_graph(OFFICE), "a graph that was kept does not change"
+
+
+def test_detections_that_come_again_are_one_object(seen: SeenBuilding) -> None:
+    for room in ("kitchen", "kitchen", "meeting-room"):
+        seen.saw(room, "plant", object_id="plant 7")
+    assert [place.seen for place in seen.where("plant")] == [("plant 7",), (), ()]
+    assert seen.where("plant")[0].room == "meeting-room"
+
+
+def test_a_copy_goes_its_own_way(seen: SeenBuilding) -> None:
+    other = seen.copy()
+    other.searched("kitchen")
+    assert other.expected("kitchen") == ()
+    assert seen.expected("kitchen") != ()
+
+
+def test_names_that_no_map_knows_are_kept_and_reported(seen: SeenBuilding) -> None:
+    seen.saw("kitchen", "zzqx thing")
+    assert [(one.name, one.instances) for one in seen.unmapped] == [("zzqx thing", 1)]
+
+
+@pytest.mark.parametrize("planner", ["expected-cost", "nearest", "greedy-belief"])
+def test_the_next_room_is_that_of_the_planner(seen: SeenBuilding, planner: str) -> None:
+    """From the room in the middle nothing is on the way."""
+    presence = FAST(seen.graph).presence[:, [FAST.classes.index("sink")]]
+    explored = np.array([True, True, False, False])
+    edges = seen.ways().edges
+    chosen = next_room(edges, here=1, explored=explored, presence=presence, planner=planner)
+    assert chosen is not None
+    named = seen.next_room("sink", here="waiting-room", planner=planner)
+    assert named == seen.rooms[chosen - 1]
+
+
+def test_where_all_is_searched_there_is_no_next_room(seen: SeenBuilding) -> None:
+    for room in seen.rooms:
+        seen.searched(room)
+    assert seen.next_room("sink", here="kitchen") is None
+    assert seen.next_room("sink") is None
+
+
+def test_costs_of_the_robots_own_decide(seen: SeenBuilding) -> None:
+    costs = {("waiting-room", "kitchen"): 1.0, ("waiting-room", "meeting-room"): 50.0}
+    near = seen.next_room("lamp", here="waiting-room", costs=costs, planner="nearest")
+    costs["waiting-room", "kitchen"] = 99.0
+    far = seen.next_room("lamp", here="waiting-room", costs=costs, planner="nearest")
+    assert near == "waiting-room" == far, "a lamp was seen there"
+    assert seen.next_room("sink", here="waiting-room", costs=costs, planner="nearest") == (
+        "meeting-room"
+    )
+
+
+def test_a_word_beyond_the_model_is_asked_of_the_wide_one(seen: SeenBuilding) -> None:
+    wide = Predictor("universal-wide")
+    graph = reclassify(seen.graph, load_class_map("hm3d-wide-v1"))
+    presence = wide(graph).presence[:, wide.classes.index("shoe")]
+    assert seen.asked("shoes") == "universal-wide"
+    for place in seen.where("shoes"):
+        assert place.probability == presence[1 + seen.rooms.index(str(place.room))]
+    assert seen.asked("sink") == "mixture"
+    assert seen.next_room(["sink", "shoes"], here="waiting-room") in seen.rooms
+    with pytest.raises(RecipeError, match="no model can look for 'wall'"):
+        seen.where("wall")
+    with pytest.raises(RecipeError, match="one word or more"):
+        seen.next_room([])
+
+
+def test_a_wide_model_asks_nobody_else() -> None:
+    seen = open_graph(OFFICE, model="universal-wide")
+    assert seen.asked("shoes") == seen.asked("sink") == seen.model == "universal-wide"
+
+
+def test_a_graph_is_a_file_or_a_document() -> None:
+    document = json.loads(OFFICE.read_text("utf-8"))
+    by_file, by_document = (open_graph(graph, model="mixture") for graph in (OFFICE, document))
+    assert by_file.graph == by_document.graph == read_robot_graph(OFFICE)
+    with pytest.raises(Exception, match="graph: rooms"):
+        open_graph({"scene_id": "x"}, model="mixture")
+
+
+def test_a_graph_of_other_classes_is_refused() -> None:
+    graph = read_robot_graph(OFFICE, class_map="hm3d45-v1")
+    with pytest.raises(Exception, match="predicts classes of hm3d45-v2"):
+        SeenBuilding(graph, FAST).where("sink")

@@ -1,0 +1,97 @@
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bsg_data.errors import RecipeError
+from bsg_data.observation.partial_graph import PartialGraph
+from bsg_data.observation.robot_json import parse_robot_graph
+from bsg_models.robot.ways import measure_ways
+
+
+def graph_of(places: list[Any], adjacency: list[tuple[int, int]]) -> PartialGraph:
+    """Return a building of rooms a, b, … at some places, None where unknown."""
+    rooms = [{"id": chr(97 + n), "position": place} for n, place in enumerate(places)]
+    pairs = [[chr(96 + one), chr(96 + other)] for one, other in adjacency]
+    document = {"scene_id": "home", "rooms": rooms, "adjacency": pairs}
+    return parse_robot_graph(document, path=Path("graph"))
+
+
+def test_ways_go_through_rooms_that_connect() -> None:
+    graph = graph_of([[0, 0, 0], [3, 4, 0], [3, 0, 0]], [(1, 2), (2, 3)])
+    ways = measure_ways(graph)
+    assert ways.unit == "m"
+    assert ways.costs[1, 1:].tolist() == [0, 5, 9]
+    assert np.isinf(ways.edges[1, 3])
+
+
+def test_a_room_whose_place_is_unknown_is_as_far_as_others_are() -> None:
+    ways = measure_ways(graph_of([[0, 0, 0], [2, 0, 0], None, [6, 0, 0]], [(1, 2), (2, 3), (2, 4)]))
+    assert ways.edges[2, 3] == 3  # the mean of 2 and 4
+
+
+def test_without_places_rooms_are_counted() -> None:
+    ways = measure_ways(graph_of([None] * 3, [(1, 2), (2, 3)]))
+    assert ways.unit == "rooms"
+    assert ways.costs[1, 1:].tolist() == [0, 1, 2]
+
+
+def test_without_connections_every_room_is_straight_ahead() -> None:
+    ways = measure_ways(graph_of([[0, 0, 0], [3, 4, 0], [3, 0, 0]], []))
+    assert ways.costs[1, 1:].tolist() == [0, 5, 3]
+
+
+def test_the_place_of_a_room_is_the_middle_of_its_box() -> None:
+    rooms = [
+        {"id": "a", "box": [[0, 0, 0], [2, 2, 2]]},
+        {"id": "b", "position": [1, 4, 1]},
+    ]
+    graph = parse_robot_graph({"scene_id": "home", "rooms": rooms}, path=Path("graph"))
+    assert measure_ways(graph).costs[1, 2] == 3
+
+
+def test_parts_that_no_edge_joins_are_joined_where_they_are_nearest() -> None:
+    graph = graph_of([[0, 0, 0], [1, 0, 0], [5, 0, 0], [9, 0, 0]], [(1, 2), (3, 4)])
+    ways = measure_ways(graph)
+    assert ways.edges[2, 3] == 4
+    assert ways.costs[1, 4] == 9
+    far = measure_ways(graph_of([None] * 3, [(1, 2)]))
+    assert far.costs[1, 3] == 2
+
+
+def test_costs_that_are_given_are_all_the_ways_that_there_are() -> None:
+    graph = graph_of([None] * 3, [(1, 2), (2, 3)])
+    ways = measure_ways(graph, {("a", "b"): 2.5})
+    assert ways.unit == "given"
+    assert ways.costs[2, 1] == 2.5
+    assert np.isinf(ways.costs[1, 3])
+    with pytest.raises(RecipeError, match="'a' to 'b': expected 0 or more, found -1"):
+        measure_ways(graph, {("a", "b"): -1})
+    with pytest.raises(RecipeError, match="no room 'cellar'"):
+        measure_ways(graph, {("a", "cellar"): 1})
+
+
+@given(st.data())
+def test_every_room_can_be_reached_by_the_cheapest_way(data: st.DataObject) -> None:
+    number = data.draw(st.integers(1, 6))
+    place = st.none() | st.tuples(*[st.integers(-9, 9)] * 3)
+    places = data.draw(st.lists(place, min_size=number, max_size=number))
+    pair = st.tuples(st.integers(1, number), st.integers(1, number)).filter(
+        lambda ab: ab[0] < ab[1]
+    )
+    pairs = data.draw(st.lists(pair, max_size=6)) if number > 1 else []
+    ways = measure_ways(graph_of(places, pairs))
+    assert np.isfinite(ways.costs[1:, 1:]).all()
+    drawn = nx.Graph()
+    drawn.add_nodes_from(range(1, number + 1))
+    for a, b in zip(*np.nonzero(np.isfinite(ways.edges)), strict=True):
+        drawn.add_edge(int(a), int(b), weight=float(ways.edges[a, b]))
+    for a, lengths in nx.all_pairs_dijkstra_path_length(drawn):
+        for b, length in lengths.items():
+            assert ways.costs[a, b] == pytest.approx(length)

@@ -1,0 +1,57 @@
+from __future__ import annotations
+
+import pytest
+
+from bsg_data.errors import RecipeError
+from bsg_data.scene.class_map import ClassMap, load_class_map
+from bsg_models.robot.words import MOST_CHARACTERS, Meaning, find_meaning
+
+MAPS = [load_class_map("hm3d45-v2"), load_class_map("hm3d-wide-v1")]
+
+
+@pytest.mark.parametrize(
+    ("word", "class_name", "model", "how"),
+    [
+        ("microwave", "microwave", 0, ""),
+        ("  Micro-Wave ", "microwave", 0, "rule"),
+        ("fridge", "refrigerator", 0, ""),
+        ("sofa", "couch", 0, "'sofa' is one of the class 'couch'"),
+        ("shoes", "shoe", 1, "'shoes' is one of the class 'shoe'"),
+        ("microwav", "microwave", 0, "no model knows 'microwav'; 'microwave' is spelled most like"),
+    ],
+)
+def test_a_word_has_a_class_and_a_reason(word: str, class_name: str, model: int, how: str) -> None:
+    meaning = find_meaning(word, MAPS)
+    assert (meaning.class_name, meaning.model) == (class_name, model)
+    assert MAPS[model].classes[meaning.class_index] == class_name
+    assert how in meaning.how
+    assert bool(how) == bool(meaning.how)
+
+
+def test_a_class_of_such_things_alone_comes_before_a_wider_one() -> None:
+    alone = find_meaning("laptop", MAPS[:1])
+    assert (alone.class_name, alone.is_exact) == ("computer", False)
+    both = find_meaning("laptop", MAPS)
+    assert (both.class_name, both.model, both.is_exact) == ("laptop", 1, True)
+
+
+@pytest.mark.parametrize("class_map", MAPS, ids=lambda m: m.version)
+def test_every_class_is_found_by_its_own_name(class_map: ClassMap) -> None:
+    for index, name in enumerate(class_map.classes):
+        assert find_meaning(name, [class_map]) == Meaning(name, name, index, 0, "", is_exact=True)
+
+
+@pytest.mark.parametrize(
+    ("word", "why"),
+    [
+        ("wall", "part of the building"),
+        ("bicycle", "the name is known, and no class has it"),
+        ("qqqxz", r"no class map knows the name\. `bsg-data"),
+        ("refrig", "did you mean refrigerator"),
+        ("", "expected the name of a thing"),
+        ("x" * (MOST_CHARACTERS + 1), "1 to 100 characters"),
+    ],
+)
+def test_a_word_that_means_no_class_is_refused(word: str, why: str) -> None:
+    with pytest.raises(RecipeError, match=why):
+        find_meaning(word, MAPS)

@@ -1,0 +1,130 @@
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from conftest import write_twelve
+
+from bsg_data import HM3DFolder, PairsRecipe, SplitRecipe, build_dataset, split_dataset, write_pairs
+from bsg_data.dataset.kept_maps import KEPT
+from bsg_data.observation.robot_json import read_robot_graph
+from bsg_data.scene.class_map import join_maps, load_class_map
+from bsg_data.scene.own_map import OwnMap
+from bsg_models.errors import CheckpointError
+from bsg_models.runs.checkpoint import CheckpointHeader, read_header
+from bsg_models.runs.class_maps import choose_class_map
+from bsg_models.runs.predictor import Predictor
+from bsg_models.studies.belief_report import BeliefRequest, report_beliefs
+from bsg_models.training.training import train_run
+from bsg_models.zoo.config import find_config
+
+PATH = Path("run/best.safetensors")
+DEFAULT = load_class_map()
+
+
+def own_map(spellings: str, classes: str | None = None) -> OwnMap:
+    return OwnMap(
+        name="mine",
+        spellings=f"raw_category,category,class\n{spellings}".encode(),
+        classes=None if classes is None else f"index,class,definition\n{classes}".encode(),
+    )
+
+
+STUHL = own_map("Stuhl,Stuhl,chair\ntable,table,desk\n")
+
+
+@pytest.fixture
+def own_run(tmp_path: Path) -> Path:
+    """A run on one's own classes, moved, after the dataset and the class map are gone."""
+    (tmp_path / "mine.csv").write_text("raw_category,category,class\nbed,bed,Möbel\nsink,sink,\n")
+    (tmp_path / "mine.classes.csv").write_text("index,class,definition\n0,Möbel,To lie on.\n")
+    out = tmp_path / "dataset"
+    build_dataset(
+        HM3DFolder(write_twelve(tmp_path / "hm3d")), out, class_map=str(tmp_path / "mine.csv")
+    )
+    (tmp_path / "mine.csv").unlink()
+    split_dataset(out, SplitRecipe())
+    write_pairs(out, PairsRecipe(draws=2))
+    list(train_run(find_config("gamma-poisson"), out, tmp_path / "trained"))
+    shutil.rmtree(out)
+    (tmp_path / "moved").mkdir()
+    return Path(shutil.move(tmp_path / "trained", tmp_path / "moved" / "run"))
+
+
+def write_graph(path: Path) -> Path:
+    names = ("bed", "sink", "zzqx")
+    objects = [{"id": str(i), "room": "a", "category": name} for i, name in enumerate(names)]
+    graph = {"scene_id": "home", "rooms": [{"id": "a"}], "objects": objects}
+    path.write_text(json.dumps({"format": "bsg-partial-graph", "version": 2, **graph}))
+    return path
+
+
+def test_a_run_on_ones_own_map_reads_graphs_by_itself(own_run: Path, tmp_path: Path) -> None:
+    predictor = Predictor(own_run)
+    assert predictor.classes == ("Möbel",)
+    graph = read_robot_graph(write_graph(tmp_path / "g.json"), class_map=predictor.class_map)
+    assert [obj.class_index for obj in graph.objects] == [0, None, None]
+    assert predictor(graph).presence.shape == (2, 1)
+    report = report_beliefs(BeliefRequest(run=own_run, graphs=(tmp_path / "g.json",)))
+    assert report.rooms[0].seen == 1
+    (unmapped,) = report.unmapped[tmp_path / "g.json"]
+    assert (unmapped.name, unmapped.instances) == ("zzqx", 1)
+
+
+def header_of(run: Path, *class_maps: str | OwnMap) -> CheckpointHeader:
+    return read_header(run / "best.safetensors").model_copy(update={"class_maps": class_maps})
+
+
+def test_a_model_of_published_maps_reads_what_people_say(run: Path) -> None:
+    header = read_header(run / "best.safetensors")
+    assert header.class_maps == ("hm3d45-v2",)
+    for class_maps in [("hm3d45-v2",), (), ("procthor45-v1", "behavior45-v1")]:
+        assert choose_class_map(PATH, header_of(run, *class_maps)) is DEFAULT
+
+
+def test_ones_own_words_come_first_and_peoples_after_them_where_the_data_had_them(
+    run: Path,
+) -> None:
+    alone = choose_class_map(PATH, header_of(run, STUHL))
+    assert alone.classify("refrigerator").role == "unmapped"
+    joined = choose_class_map(PATH, header_of(run, "procthor45-v1", STUHL))
+    found = [joined.classify(name).class_index for name in ("stuhl", "table", "refrigerator")]
+    assert [None if i is None else DEFAULT.classes[i] for i in found] == [
+        "chair",
+        "desk",
+        "refrigerator",
+    ]
+
+
+def test_joined_maps_classify_as_the_first_that_lists_a_name() -> None:
+    words = ["fridges", "garbage can", "wall", "sofa", "leather sofas", "unknown", "zzqx"]
+    again = join_maps(DEFAULT, DEFAULT)
+    for name in [*words, *list(DEFAULT.entries)[:300]]:
+        assert again.classify(name) == DEFAULT.classify(name)
+
+
+def test_a_run_from_before_datasets_kept_maps_says_what_to_do(own_run: Path) -> None:
+    with pytest.raises(CheckpointError, match=r"no published .* class_map=.*train again"):
+        choose_class_map(PATH, header_of(own_run, "mine"))
+
+
+def test_a_map_into_other_classes_than_the_models_is_refused(run: Path) -> None:
+    other = own_map("bed,bed,rest\n", "0,rest,To lie on.\n")
+    with pytest.raises(CheckpointError, match=r"predicts classes of hm3d45-v2 .* leads into mine"):
+        choose_class_map(PATH, header_of(run, other))
+    with pytest.raises(CheckpointError, match="into different class spaces"):
+        choose_class_map(PATH, header_of(run, other, STUHL))
+
+
+def test_no_training_takes_a_kept_map_that_was_changed(hm3d_folder: Path, tmp_path: Path) -> None:
+    path = tmp_path / "mine.csv"
+    path.write_bytes(STUHL.spellings)
+    build_dataset(HM3DFolder(hm3d_folder), tmp_path / "own", class_map=str(path))
+    split_dataset(tmp_path / "own", SplitRecipe())
+    write_pairs(tmp_path / "own", PairsRecipe(draws=1))
+    (kept,) = (tmp_path / "own" / KEPT).glob("*/mine.csv")
+    kept.write_bytes(STUHL.spellings + b"Tisch,Tisch,table\n")
+    with pytest.raises(Exception, match="is not the class map that the dataset was built with"):
+        list(train_run(find_config("gamma-poisson"), tmp_path / "own", tmp_path / "run"))

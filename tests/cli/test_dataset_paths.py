@@ -1,0 +1,88 @@
+"""A dataset that is missing is the first complaint of every command that reads one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+import pytest
+from click.testing import CliRunner, Result
+
+from bsg_cli.dataset_paths import DatasetPath, require_datasets
+from bsg_cli.registry import COMMANDS
+
+# command with a dataset that is missing → other things that are wrong
+WRONG = {
+    "bsg-data check none": ("--jsn", "more"),
+    "bsg-data export none": ("--to unity", "--oput x"),
+    "bsg-data info none": ("--figur x", "--figure"),
+    "bsg-data map compare none": ("--class-map nothing", "--class-mapp hm3d45-v1"),
+    "bsg-data map coverage none": ("--class-map nothing", "--zzqx"),
+    "bsg-data merge none": ("", "nothing --out", "--ot x"),
+    "bsg-data pairs none": ("--mask expl", "--fraction 3", "--fractoin 0.5", "--draws", "-x"),
+    "bsg-data split none": ("--ratios 1 2", "--folds 1", "--official --folds 3", "--sed 3"),
+    "bsg-data upgrade none": ("--jsn", "more"),
+    "bsg-belief --data none": ("--mode wrong", "--model no", "x.json", "--labels", "--tpo 3"),
+    "bsg-evaluate --data none": ("", "no --split all", "no --resamples -1", "no --resmples 3"),
+    "bsg-leaderboard --data none": ("--models no", "--masks no", "--folds 1", "--model mixture"),
+    "bsg-search --data none": ("--planners no", "--worlds no", "--artifacts no", "--run no", "-q"),
+    "bsg-train --data none": ("", "--config no", "--config mixture", "--set", "--config a --ste b"),
+}
+
+
+def run(line: str) -> Result:
+    name, *words = line.split()
+    return CliRunner().invoke(COMMANDS[name], words)
+
+
+@pytest.mark.parametrize(
+    ("before", "after"), [(line, more) for line, others in WRONG.items() for more in others]
+)
+def test_a_missing_dataset_is_the_first_complaint(
+    before: str, after: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = run(f"{before} {after}")
+    assert result.exit_code == 1
+    assert result.stderr == "Error: none: no such folder\n"
+
+
+def test_every_command_that_reads_a_dataset_is_tried() -> None:
+    def walk(line: str, command: click.Command) -> list[str]:
+        below = getattr(command, "commands", {}).items()
+        found = [one for name, child in below for one in walk(f"{line} {name}", child)]
+        own = any(isinstance(param.type, DatasetPath) for param in command.params)
+        return found + [line] * own
+
+    reading = {line for name, command in COMMANDS.items() for line in walk(name, command)}
+    assert reading == {line.removesuffix(" none").removesuffix(" --data") for line in WRONG}
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "bsg-data pairs --fractoin 0.5 none",
+        "bsg-data pairs --forc none",
+        "bsg-data pairs --mask=wrong none",
+        "bsg-search --dat none",
+        "bsg-search --planners no --dta=none",
+    ],
+)
+def test_it_is_found_behind_an_option_that_is_misspelt(line: str) -> None:
+    assert run(line).stderr == "Error: none: no such folder\n"
+
+
+@pytest.mark.parametrize("word", ["-h", "--help", "--version"])
+def test_help_and_version_need_no_dataset(word: str) -> None:
+    for line in WRONG:
+        assert run(f"{line} {word}").exit_code == 0
+
+
+def test_a_dataset_that_is_there_leaves_the_word_to_the_parser(dataset: Path) -> None:
+    assert "No such option '--forse'" in run(f"bsg-data pairs {dataset} --forse").stderr
+
+
+def test_words_that_end_nowhere_end() -> None:
+    command = COMMANDS["bsg-data"].commands["pairs"]  # type: ignore[attr-defined]
+    words = ["--zzqx=" + "x" * 10_000] * 50 + ["--draws"]
+    require_datasets(command, click.Context(command), words)

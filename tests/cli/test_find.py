@@ -1,0 +1,68 @@
+"""`bsg-belief --find` end to end: text and JSON, from a file and from standard input."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from click.testing import CliRunner, Result
+from conftest import REPOSITORY
+
+from bsg_cli.belief import main
+from bsg_models.robot.seen_building import open_graph
+
+OFFICE = REPOSITORY / "docs" / "office.json"
+
+
+def call(*words: object, stdin: str | None = None) -> Result:
+    return CliRunner().invoke(main, [str(word) for word in words], input=stdin)
+
+
+def test_rooms_are_ranked_and_the_first_is_named() -> None:
+    done = call(OFFICE, "--model", "mixture", "--find", "microwave", "--from", "waiting-room")
+    assert done.exit_code == 0, done.output
+    lines = done.stdout.splitlines()
+    assert lines[0].split() == ["room", "P(microwave)", "expected", "more", "seen", "cost"]
+    assert lines[1].startswith("kitchen (B: shared kitchen)")
+    assert lines[1].endswith("1 room")
+    assert lines[-2].endswith("by the model mixture")
+    assert lines[-1] == "go first to kitchen (B: shared kitchen)"
+
+
+def test_json_tells_ids_and_the_numbers_of_python() -> None:
+    words = ("--model", "mixture", "--find", "sofa", "--json", "--from", "C: meeting room")
+    done = call("-", *words, stdin=OFFICE.read_text("utf-8"))
+    assert done.exit_code == 0, done.output
+    answer, seen = json.loads(done.stdout), open_graph(OFFICE, model="mixture")
+    assert answer["class"] == "couch"
+    assert answer["how"] == "'sofa' is one of the class 'couch'"
+    assert answer["go_first"] == seen.next_room("sofa", here="meeting-room") == "waiting-room"
+    assert answer["anywhere"] == seen.anywhere("sofa")
+    assert answer["cost_unit"] == "rooms"
+    places = [(one["room"], one["probability"], one["cost"]) for one in answer["places"]]
+    found = seen.where("sofa", here="meeting-room")
+    assert places == [(one.room, one.probability, one.cost) for one in found]
+
+
+def test_a_word_for_the_wide_model_says_which_model_answers() -> None:
+    done = call(OFFICE, "--model", "mixture", "--find", "shoes")
+    assert done.exit_code == 0, done.output
+    assert "by the model universal-wide" in done.stdout
+    assert "cost" not in done.stdout
+    assert "'shoes' is one of the class 'shoe'" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        ((OFFICE, "--find", "qqqxz"), "no class map knows the name"),
+        ((OFFICE, "--find", "sink", "--from", "kitchn"), "did you mean kitchen?"),
+        ((OFFICE, "--from", "kitchen"), "--from says where the robot is"),
+        ((OFFICE, OFFICE, "--find", "sink"), "--find takes one GRAPH, not 2"),
+        ((OFFICE, "--find", "sink", "--html", "x.html"), "writes no --html"),
+    ],
+)
+def test_what_cannot_be_asked_is_wrong_usage(words: tuple[object, ...], why: str) -> None:
+    done = call(*words, "--model", "mixture")
+    assert done.exit_code == 2, done.output
+    assert why in done.output
