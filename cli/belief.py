@@ -101,6 +101,8 @@ def main(
     for path, source in report.unknown_sources.items():
         known = ", ".join(bsg_data.KNOWN_SOURCES)
         print_note(f"{path}: source {source!r} counts as unknown; models know {known}")
+    for path, graph in zip(request.graphs, report.graphs, strict=False):
+        note_shares(path, graph.partial)
     if as_json:
         print_json([encode_room(room) for room in report.rooms])
         return
@@ -129,6 +131,7 @@ def open_seen(options: dict[str, Any]) -> bsg_models.SeenBuilding:
     seen = bsg_models.open_graph(graphs[0], model=model, labels=options["labels"])
     if seen.unmapped:
         note_unmapped(graphs[0], seen.unmapped)
+    note_shares(graphs[0], seen.graph)
     return seen
 
 
@@ -138,6 +141,19 @@ def note_unmapped(path: Path, names: Sequence[bsg_data.UnmappedEntry]) -> None:
     shown = ", ".join(map(_describe_unmapped, names[:MOST_NAMES]))
     more = f", and {len(names) - MOST_NAMES:,} more" if len(names) > MOST_NAMES else ""
     print_note(f"{path}: {what} not in the class map: {shown}{more}")
+
+
+def note_shares(path: Path, graph: bsg_data.PartialGraph) -> None:
+    """Tell which shares of a graph are not sure: what was estimated, or not said."""
+    unsure = [room for room in graph.rooms if not room.share.is_certain]
+    if not unsure:
+        return
+    shown = ", ".join(
+        f"{room.label or room.name} {room.hidden_share:.0%} ± {room.hidden_share_sd:.0%}"
+        for room in unsure[:MOST_NAMES]
+    )
+    more = f", and {len(unsure) - MOST_NAMES:,} more" if len(unsure) > MOST_NAMES else ""
+    print_note(f"{path}: hidden shares that are not sure: {shown}{more}")
 
 
 def read_request(dataset: Path | None, options: dict[str, Any]) -> bsg_models.BeliefRequest:
