@@ -32,7 +32,7 @@ from bsg_data.tables import format_text
 class SearchNumber(click.ParamType[int | str]):
     """The number of a search, from 0, or `auto` for one that is worth watching."""
 
-    name = "N|auto"
+    name = "search"
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
@@ -123,10 +123,11 @@ class SearchNumber(click.ParamType[int | str]):
 @click.option(
     "--trace",
     type=SearchNumber(),
+    metavar="[N]",
     is_flag=False,
     flag_value="auto",
     help="Replay one search, room by room, beside the same by `nearest`, as a page: search N of "
-    "the first building, or, without a number, one that is worth watching.",
+    "the first building; without N, one that is worth watching.",
 )
 @click.option(
     "--animation",
