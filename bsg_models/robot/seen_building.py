@@ -245,6 +245,7 @@ class SeenBuilding:
                 room=room.name,
                 label=room.label,
                 probability=1.0 if seen[node] else float(presence[node]),
+                unseen=float(presence[node]),
                 expected=float(hidden[node]),
                 seen=seen[node],
                 cost=None if costs_from is None else float(costs_from[node]),
@@ -252,7 +253,7 @@ class SeenBuilding:
             for node, room in enumerate(self._graph.rooms, 1)
         ]
         if seen[0]:
-            places.append(Place(None, None, 1.0, 0.0, seen[0], None))
+            places.append(Place(None, None, 1.0, 0.0, 0.0, seen[0], None))
         return tuple(sorted(places, key=lambda place: (-place.probability, place.cost or 0.0)))
 
     def anywhere(self, thing: str) -> float:
