@@ -38,8 +38,11 @@ class GraphFile:
         """Return the notes, with one about the shares of rooms if nobody `told` them."""
         if self.hydra is None or self.hydra.says_shares or told:
             return self.notes
-        share = f"{self.graph.hidden_share:g} of its objects"
-        return (*self.notes, f"of every room {share} count as not seen; --hidden-share says better")
+        return (
+            *self.notes,
+            f"no room says what share of it was not seen; {self.graph.hidden_share:.2f} is assumed "
+            "in the mean, and --hidden-share says better",
+        )
 
 
 def open_graph_file(
