@@ -30,7 +30,7 @@ from .errors import (
 from .exports.catalogue import EXPORTS, ExportRow
 from .exports.export import Exported, export_dataset
 from .merge import merge_datasets, upgrade_dataset
-from .observation.hidden_share import ShareBelief
+from .observation.hidden_share import VAGUE, ShareBelief, estimate_hidden_share
 from .observation.mask_hash import hash_masks, hash_splits
 from .observation.masked_buildings import MaskedBuildings
 from .observation.masks import MASKS, Mask, sample_hidden, sample_view, sample_withheld
@@ -85,6 +85,7 @@ __all__ = [
     "KNOWN_SOURCES",
     "MASKS",
     "SOURCES",
+    "VAGUE",
     "AnnotationError",
     "BSGError",
     "Box",
@@ -146,6 +147,7 @@ __all__ = [
     "count_classes",
     "count_frequencies",
     "count_sources",
+    "estimate_hidden_share",
     "export_dataset",
     "hash_masks",
     "hash_splits",

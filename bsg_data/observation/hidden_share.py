@@ -1,4 +1,4 @@
-"""The share of a room's objects that a robot has not seen, where it is not sure of it.
+"""The share of a room's objects that a robot has not seen: how sure it is, and how it estimates it.
 
 A robot seldom knows this share. It can say how sure it is: a mean and a standard deviation, which
 stand for the Beta distribution with these moments. With ν = m (1 − m) / sd² − 1,
@@ -7,13 +7,22 @@ stand for the Beta distribution with these moments. With ν = m (1 − m) / sd²
 
 A Beta lies between 0 and 1, is uniform at m = 1/2 and sd = 1/√12, and is what remains of a vague
 belief after objects were counted as seen and unseen. docs/hidden-share.md says what to say.
+
+What a robot does know is how much of the floor and of the walls its camera had in view, or how long
+it was inside. `CURVES` says what share of the objects a camera has seen by then, measured by
+`scripts/fit/hidden_share.py`.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
+import numpy as np
+
+from bsg_data.arrays import Floats
 from bsg_data.errors import RecipeError
 
 CERTAIN = 1e-6  # a standard deviation below it is none: no share is known that well
@@ -64,3 +73,123 @@ class ShareBelief:
         """
         size = self.mean * (1 - self.mean) / self.sd**2 - 1
         return size * self.mean, size * (1 - self.mean)
+
+
+VAGUE = ShareBelief(0.5, 0.288)  # nearly uniform: any share is as likely as any other
+
+
+class Sight(NamedTuple):
+    """What a robot knows of its look at a room; numbers, or arrays of them.
+
+    Attributes:
+        floor_in_view: share of the floor that its camera had in view, as its map shows it.
+        walls_in_view: share of the walls, seen from above, likewise.
+        seconds_inside: how long it looked.
+        floor_area: of the room, square metres.
+    """
+
+    floor_in_view: float | Floats = 0.0
+    walls_in_view: float | Floats = 0.0
+    seconds_inside: float | Floats = 0.0
+    floor_area: float | Floats = 20.0
+
+
+class Curve(NamedTuple):
+    """What share of the objects is seen, by one kind of evidence.
+
+    Attributes:
+        seen: from constants and a sight the mean share of the objects that were seen.
+        constants: of it.
+        size: ν of the Beta distribution of the share, the same at every mean.
+    """
+
+    seen: Callable[[Sequence[float], Sight], float | Floats]
+    constants: tuple[float, ...]
+    size: float
+
+
+def _by_floor(constants: Sequence[float], sight: Sight) -> float | Floats:
+    most, part, power = constants
+    return most * (part * sight.floor_in_view**power + (1 - part) * sight.floor_in_view)
+
+
+def _by_walls(constants: Sequence[float], sight: Sight) -> float | Floats:
+    most, part, power = constants
+    return most * (part * sight.walls_in_view**power + (1 - part) * sight.walls_in_view)
+
+
+def _by_seconds(constants: Sequence[float], sight: Sight) -> float | Floats:
+    most, first, pace, growth = constants
+    looked = sight.seconds_inside + first  # the first glance counts as so many seconds
+    return most * -np.expm1(-looked / (pace * sight.floor_area**growth))
+
+
+# Made by scripts/fit/hidden_share.py from walks through ProcTHOR's rooms. Walls tell nothing more
+# beside the floor, nor do seconds beside either.
+CURVES: Mapping[str, Curve] = {
+    "floor": Curve(_by_floor, (0.94, 0.21, 8.0), 5.4),
+    "walls": Curve(_by_walls, (0.94, 0.30, 0.25), 4.4),
+    "seconds and area": Curve(_by_seconds, (0.95, 5.6, 2.64, 0.445), 3.8),
+    "seconds": Curve(_by_seconds, (0.95, 5.9, 11.4, 0.0), 3.4),
+}
+
+
+def estimate_hidden_share(
+    *,
+    visited: bool = True,
+    seconds_inside: float | None = None,
+    floor_area: float | None = None,
+    floor_in_view: float | None = None,
+    walls_in_view: float | None = None,
+    recall: float = 1.0,
+) -> ShareBelief:
+    """Return what a robot can believe of a room's hidden share, from how it looked at the room.
+
+    The floor counts before the walls, and the walls before the time. Without any of them a room
+    that was visited hides anything (`VAGUE`), and one that was not hides all.
+
+    Args:
+        visited: whether the robot was inside.
+        seconds_inside: how long it looked about there, walking half a metre a second.
+        floor_area: of the room, square metres; only the time needs it.
+        floor_in_view: share of the floor that its camera had in view.
+        walls_in_view: share of the walls, seen from above, that its camera had in view.
+        recall: share of the objects in view that the robot's detector reports.
+
+    Raises:
+        RecipeError: if one of them cannot be.
+
+    Example:
+        >>> share = estimate_hidden_share(floor_in_view=0.6)
+        >>> round(share.mean, 2), round(share.sd, 2)
+        (0.55, 0.2)
+    """
+    for name, value in (("floor_in_view", floor_in_view), ("walls_in_view", walls_in_view)):
+        _check(name, value, most=1.0)
+    _check("seconds_inside", seconds_inside, most=math.inf)
+    _check("floor_area", floor_area, most=math.inf)
+    _check("recall", recall, most=1.0)
+    if seconds_inside and not visited:
+        raise RecipeError("seconds_inside: a room that was not visited has none")
+    if floor_in_view is not None:
+        kind, sight = "floor", Sight(floor_in_view=floor_in_view)
+    elif walls_in_view is not None:
+        kind, sight = "walls", Sight(walls_in_view=walls_in_view)
+    elif seconds_inside is not None and floor_area:
+        kind, sight = (
+            "seconds and area",
+            Sight(seconds_inside=seconds_inside, floor_area=floor_area),
+        )
+    elif seconds_inside is not None:
+        kind, sight = "seconds", Sight(seconds_inside=seconds_inside)
+    else:
+        return VAGUE if visited else ShareBelief(1.0)
+    curve = CURVES[kind]
+    mean = 1 - recall * float(curve.seen(curve.constants, sight))
+    return ShareBelief(mean, math.sqrt(mean * (1 - mean) / (curve.size + 1)))
+
+
+def _check(name: str, value: float | None, *, most: float) -> None:
+    """Check that a number is known not to be, or 0 to `most`."""
+    if value is not None and not 0 <= value <= most:
+        raise RecipeError(f"{name}: expected 0 to {most:g}, found {value:g}")

@@ -14,9 +14,10 @@
     }
 
 `id`s are text, unique among rooms and among objects; a category is any public spelling; a room
-that was not visited hides everything, one that was hides half unless it says otherwise. Metres and
-square metres, Z up. Version 1 had no `floor_area`, `room_type`, `building_kind` and `source`,
-version 2 no `hidden_share_sd`.
+that was not visited hides everything, one that was hides anything unless it says otherwise. Metres
+and square metres, Z up. Version 1 had no `floor_area`, `room_type`, `building_kind` and `source`,
+version 2 no `hidden_share_sd`, `seconds_inside`, `floor_in_view` and `walls_in_view`: the last
+three stand in the place of a hidden share, which is then estimated.
 docs/belief.md says more.
 """
 
@@ -29,13 +30,14 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AfterValidator, Field, PlainValidator, StrictBool, ValidationError
+from pydantic import AfterValidator, Field, PlainValidator, ValidationError
 
 from bsg_data.dataset.manifest import ClassSpaceEntry
 from bsg_data.errors import RecipeError, SourceError
-from bsg_data.observation.hidden_share import ShareBelief
+from bsg_data.geometry.floor_area import find_floor_area
+from bsg_data.observation.hidden_share import VAGUE
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
-from bsg_data.observation.sightings import SEEN_SHARE
+from bsg_data.observation.said_share import SaidShare, Share
 from bsg_data.recipes import Record, name_fault
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
 from bsg_data.scene.scene_graph import Box
@@ -51,7 +53,6 @@ Id = Annotated[str, Field(min_length=1, max_length=500)]
 Text = Annotated[str, Field(max_length=500)]
 Metres = Annotated[float, Field(ge=-1e6, le=1e6)]
 Triple = tuple[Metres, Metres, Metres]
-Share = Annotated[float, Field(ge=0, le=1, strict=True)]
 SquareMetres = Annotated[float, Field(gt=0, le=MAX_FLOOR_AREA, strict=True)]
 BuildingKind = Annotated[Text | None, AfterValidator(check_building_kind)]
 
@@ -76,31 +77,6 @@ RoomTypes = Annotated[RoomType | None, PlainValidator(_read_room_type)]
 
 class RobotGraphError(SourceError):
     """Report a robot's graph that cannot be read."""
-
-
-class SaidShare(Record):
-    """What a robot may say of the share of a room's objects that it has not seen.
-
-    Attributes:
-        visited: whether it was inside.
-        hidden_share: the share, or its mean; None for half of a room that was visited, and all of
-            one that was not.
-        hidden_share_sd: standard deviation of it.
-    """
-
-    visited: StrictBool = True
-    hidden_share: Share | None = None
-    hidden_share_sd: Share = 0.0
-
-    def believe(self) -> ShareBelief:
-        """Return what the robot believes of the share.
-
-        Raises:
-            RecipeError: if it cannot be.
-        """
-        usual = SEEN_SHARE if self.visited else 1.0
-        mean = usual if self.hidden_share is None else self.hidden_share
-        return ShareBelief(mean, self.hidden_share_sd)
 
 
 class _Room(SaidShare):
@@ -238,7 +214,7 @@ def _assemble(
         adjacency.add((min(a, b), max(a, b)))
     share = document.hidden_share
     if share is None:
-        share = float(np.mean([room.hidden_share for room in rooms])) if rooms else SEEN_SHARE
+        share = float(np.mean([room.hidden_share for room in rooms])) if rooms else VAGUE.mean
     return PartialGraph(
         scene_id=document.scene_id,
         class_space=class_space,
@@ -266,8 +242,10 @@ def _find(name: str, index: Mapping[str, int], where: str, path: Path) -> int:
 
 
 def _know(room: _Room, path: Path) -> KnownRoom:
+    box = None if room.box is None else Box(*room.box)
     try:
-        share = room.believe()
+        area = find_floor_area(room.floor_area, footprint=room.footprint, box=box)
+        share = room.believe(floor_area=area)
     except RecipeError as error:
         raise RobotGraphError(f"{path}: room {room.id!r}: {error}") from error
     return KnownRoom(
@@ -276,7 +254,7 @@ def _know(room: _Room, path: Path) -> KnownRoom:
         visited=room.visited,
         label=room.label,
         position=room.position,
-        box=None if room.box is None else Box(*room.box),
+        box=box,
         footprint=room.footprint,
         floor_index=room.floor_index,
         floor_area=room.floor_area,

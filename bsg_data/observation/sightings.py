@@ -10,10 +10,9 @@ from collections.abc import Collection
 from dataclasses import replace
 
 from bsg_data.errors import RecipeError
-from bsg_data.observation.hidden_share import ShareBelief
+from bsg_data.observation.hidden_share import VAGUE, ShareBelief
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, hide_of_room
 
-SEEN_SHARE = 0.5  # of the objects of a room that the robot passed through, if it does not say
 GLIMPSED_SHARE = 0.84  # of a room into which it looked from outside: the middle of mask `explore`
 
 
@@ -45,7 +44,7 @@ def enter(
         graph: what it knew.
         room_index: the room, 1..R.
         hidden_share: of its objects, how many it has not seen by now, 0 once the room is searched;
-            None for a half, or for what was known where that is less.
+            None for any share (`VAGUE`), or for what was known where that is less.
 
     Raises:
         RecipeError: if there is no such room.
@@ -53,7 +52,7 @@ def enter(
     if not 1 <= room_index <= len(graph.rooms):
         raise RecipeError(f"{graph.scene_id}: room {room_index} of 1..{len(graph.rooms)}")
     known = graph.rooms[room_index - 1]
-    usual = known.share if known.hidden_share <= SEEN_SHARE else ShareBelief(SEEN_SHARE)
+    usual = known.share if known.hidden_share <= VAGUE.mean else VAGUE
     share = usual if hidden_share is None else hidden_share
     rooms = list(graph.rooms)
     rooms[room_index - 1] = replace(known, visited=True)

@@ -18,10 +18,10 @@ from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.observation.robot_json import (
     BuildingKind,
     Id,
-    Share,
     parse_classified_graph,
     parse_robot_graph,
 )
+from bsg_data.observation.said_share import Share
 from bsg_data.recipes import Record, name_fault
 from bsg_data.scene.class_map import list_class_maps, load_class_map
 from bsg_data.scene.class_space import list_class_spaces, load_class_space

@@ -35,8 +35,9 @@ def read_hydra(
 
     Rooms are those of the layer `ROOMS`, objects those of `OBJECTS` under a room, directly or over
     places; what is under none belongs to the building. Their ids are their symbols, `R(3)`. A room
-    is of the kind that its label or its name says. It has been passed through, and half of its
-    objects were not seen, unless its metadata say `{"bsg": {"hidden_share": ...}}`.
+    is of the kind that its label or its name says. It has been passed through, and may hide
+    anything, unless its metadata say `{"bsg": {"hidden_share": ...}}`, or how the robot looked at
+    it (`floor_in_view`, `walls_in_view`, `seconds_inside`).
 
     Args:
         path: of the file: `.json`, `.json.gz`, or with spark_dsg `.sparkdsg`.

@@ -46,13 +46,13 @@ def spread_shares(
         return seen, np.ones(1)
     nodes, weights = roots_legendre(levels)
     copies = []
-    for shares in _quantiles(beliefs, (1 + nodes) / 2):
+    for shares in find_quantiles(beliefs, (1 + nodes) / 2):
         told = np.array([graph.share_with(shares.tolist()), *shares], dtype=np.float32)
         copies.append(replace(seen, hidden_share=told))
     return stack(copies), weights / 2
 
 
-def _quantiles(beliefs: Sequence[ShareBelief], probabilities: Floats) -> Floats:
+def find_quantiles(beliefs: Sequence[ShareBelief], probabilities: Floats) -> Floats:
     """Return the quantiles `[K, R]` of R shares at K probabilities."""
     quantiles = np.tile([belief.mean for belief in beliefs], (len(probabilities), 1))
     for room, belief in enumerate(beliefs):

@@ -16,7 +16,8 @@ from bsg_models.belief.expectation import Expectation, mix
 from bsg_models.inputs.share_levels import spread_shares
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.class_maps import choose_class_map
-from bsg_models.runs.found_model import find_model
+from bsg_models.runs.found_model import find_model, name_model
+from bsg_models.runs.share_posterior import update_shares
 from bsg_models.runs.shipped import DEFAULT_MODEL
 
 
@@ -49,7 +50,7 @@ class Predictor:
         self._header = checkpoint.header
         self.class_space = self._header.class_space
         self._model = restore_model(path, checkpoint)
-        self.name = found.name if found.kind == "shipped" else self._header.config.name
+        self.name = name_model(found, self._header)
         self.classes = self.class_space.classes
 
     @property
@@ -82,6 +83,31 @@ class Predictor:
             MismatchError: if the graph is of another class map.
             PredictionError: if the answer is not finite.
         """
+        seen = self._observe(graph, withheld)
+        levels, weights = spread_shares(graph, seen)
+        expectation = _mix_levels(self._model.expect(levels), weights)
+        return _nothing_where_searched(expectation, seen)
+
+    def update_shares(
+        self, graph: PartialGraph, *, withheld: Collection[int] | Bools = ()
+    ) -> PartialGraph:
+        """Return the graph with uncertain hidden shares as they are after what was seen.
+
+        Where the model expects more than was seen, more is hidden. A share that is certain stays;
+        `VAGUE` says that nothing is known of one.
+
+        Args:
+            graph: what was seen.
+            withheld: as for a call; such classes say nothing of what is hidden.
+
+        Raises:
+            MismatchError: if the graph is of another class map.
+            PredictionError: if the answer is not finite.
+        """
+        seen = self._observe(graph, withheld)
+        return update_shares(graph, seen, expect=self._model.expect)
+
+    def _observe(self, graph: PartialGraph, withheld: Collection[int] | Bools) -> Observation:
         if graph.class_space != self.class_space:
             raise MismatchError(
                 f"{self._path} predicts classes of {self.class_space}, the graph "
@@ -89,10 +115,7 @@ class Predictor:
                 f"class map into {self.class_space.name}: "
                 "read_robot_graph(path, class_map=predictor.class_map)"
             )
-        seen = graph.observation(vocabulary=self._model.vocabulary, withheld=withheld)
-        levels, weights = spread_shares(graph, seen)
-        expectation = _mix_levels(self._model.expect(levels), weights)
-        return _nothing_where_searched(expectation, seen)
+        return graph.observation(vocabulary=self._model.vocabulary, withheld=withheld)
 
 
 def _mix_levels(expectation: Expectation, weights: Floats) -> Expectation:

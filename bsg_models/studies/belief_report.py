@@ -22,7 +22,8 @@ from bsg_data.dataset.manifest import (
 )
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.observation.partial_graph import PartialGraph, list_withheld, mask_dataset
-from bsg_data.observation.robot_json import Share, list_unmapped
+from bsg_data.observation.robot_json import list_unmapped
+from bsg_data.observation.said_share import Share
 from bsg_data.recipes import MaskRecipe, Record
 from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.scene.surroundings import KNOWN_SOURCES

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.stats import beta
 
 from bsg_data.errors import RecipeError
-from bsg_data.observation.hidden_share import ShareBelief
+from bsg_data.observation.hidden_share import VAGUE, ShareBelief, estimate_hidden_share
 
 
 def test_a_vague_share_is_uniform() -> None:
@@ -39,3 +39,57 @@ def test_the_beta_has_the_moments(mean: float, part: float) -> None:
 def test_what_no_beta_has_is_refused(mean: float, sd: float, expected: str) -> None:
     with pytest.raises(RecipeError, match=expected):
         ShareBelief(mean, sd)
+
+
+def test_what_was_not_looked_at_hides_all_and_a_visited_room_anything() -> None:
+    assert estimate_hidden_share(visited=False) == ShareBelief(1.0)
+    assert estimate_hidden_share() == VAGUE
+    assert estimate_hidden_share(floor_in_view=0.0) == ShareBelief(1.0)
+    assert VAGUE.beta == pytest.approx((1, 1), abs=0.01)
+
+
+def test_the_floor_counts_before_the_walls_and_these_before_the_time() -> None:
+    floor = estimate_hidden_share(floor_in_view=0.3)
+    walls = estimate_hidden_share(walls_in_view=0.3)
+    assert estimate_hidden_share(floor_in_view=0.3, walls_in_view=0.9, seconds_inside=60) == floor
+    assert estimate_hidden_share(walls_in_view=0.3, seconds_inside=60, floor_area=3) == walls
+
+
+@given(part=st.floats(0, 1), more=st.floats(0, 1))
+def test_the_more_was_in_view_the_less_is_hidden(part: float, more: float) -> None:
+    low, high = sorted((part, more))
+    for name in ("floor_in_view", "walls_in_view"):
+        assert (
+            estimate_hidden_share(**{name: high}).mean <= estimate_hidden_share(**{name: low}).mean
+        )
+    waited = [estimate_hidden_share(seconds_inside=60 * x, floor_area=20) for x in (low, high)]
+    assert waited[1].mean <= waited[0].mean
+
+
+def test_a_large_room_takes_longer() -> None:
+    shares = [estimate_hidden_share(seconds_inside=5, floor_area=a).mean for a in (4, 20, 100)]
+    assert shares == sorted(shares)
+    assert shares[0] < estimate_hidden_share(seconds_inside=5).mean < shares[2]
+
+
+def test_a_detector_that_misses_things_leaves_them_hidden() -> None:
+    whole = estimate_hidden_share(floor_in_view=0.7)
+    half = estimate_hidden_share(floor_in_view=0.7, recall=0.5)
+    assert 1 - half.mean == pytest.approx(0.5 * (1 - whole.mean))
+    assert estimate_hidden_share(floor_in_view=0.7, recall=0.0) == ShareBelief(1.0)
+
+
+@pytest.mark.parametrize(
+    ("said", "expected"),
+    [
+        ({"floor_in_view": 1.1}, "floor_in_view: expected 0 to 1, found 1.1"),
+        ({"walls_in_view": math.nan}, "walls_in_view: expected 0 to 1, found nan"),
+        ({"seconds_inside": -1.0}, "seconds_inside: expected 0 to inf, found -1"),
+        ({"seconds_inside": 1.0, "floor_area": -2.0}, "floor_area: expected 0 to inf, found -2"),
+        ({"recall": 2.0}, "recall: expected 0 to 1, found 2"),
+        ({"visited": False, "seconds_inside": 1.0}, "seconds_inside: a room that was not visited"),
+    ],
+)
+def test_a_look_that_cannot_be_is_refused(said: dict[str, float], expected: str) -> None:
+    with pytest.raises(RecipeError, match=expected):
+        estimate_hidden_share(**said)  # type: ignore[arg-type]

@@ -12,6 +12,7 @@ from conftest import REPOSITORY
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bsg_data.observation.hidden_share import VAGUE, ShareBelief, estimate_hidden_share
 from bsg_data.observation.robot_json import (
     RobotGraphError,
     encode_robot_graph,
@@ -34,7 +35,7 @@ SAID: dict[str, Any] = {
 
 def test_a_graph_by_hand() -> None:
     graph = parse_robot_graph(SAID, path=Path("x"))
-    assert [room.hidden_share for room in graph.rooms] == [0.5, 1.0]
+    assert [room.share for room in graph.rooms] == [VAGUE, ShareBelief(1.0)]
     assert graph.hidden_share == 0.75
     assert graph.rooms[1].position == (1, 2, 0.5)
     first, second = graph.objects
@@ -129,8 +130,13 @@ def room(**values: Any) -> str:
         (changed(version=4), "version"),
         (room(hidden_share=0.5, hidden_share_sd=0.5), "'kitchen': .*less than 0.5, found 0.5"),
         (room(hidden_share=0, hidden_share_sd=0.1), "'kitchen': .*of a hidden share of 0"),
-        (room(visited=False, hidden_share_sd=0.1), "'kitchen': .*of a hidden share of 1"),
+        (room(hidden_share=1, hidden_share_sd=0.1), "'kitchen': .*of a hidden share of 1"),
         (room(hidden_share_sd=-0.1), "rooms.0.hidden_share_sd"),
+        (room(hidden_share=0.5, floor_in_view=0.5), "says hidden_share and floor_in_view"),
+        (room(hidden_share_sd=0.1, seconds_inside=5), "'kitchen': says hidden_share_sd without"),
+        (room(visited=False, seconds_inside=5), "'kitchen': seconds_inside: a room that was not"),
+        (room(walls_in_view=1.5), "rooms.0.walls_in_view"),
+        (room(seconds_inside=-1), "rooms.0.seconds_inside"),
         (room(hidden_share_sd="0.1"), "rooms.0.hidden_share_sd"),
         (room(floor_area=0), "rooms.0.floor_area: .* greater than 0"),
         (room(floor_area=1e6), "rooms.0.floor_area: .* less than or equal to 100000"),
@@ -197,9 +203,27 @@ def test_any_uncertain_share_is_read_back(mean: float, part: float) -> None:
     assert parse_robot_graph(written, path=Path("x")) == graph
 
 
-def test_version_2_is_sure_of_every_share() -> None:
+def test_a_look_stands_in_the_place_of_a_share() -> None:
+    rooms = [
+        {"id": "hall", "floor_in_view": 0.6},
+        {"id": "bath", "visited": False, "walls_in_view": 0.2},
+        {"id": "kitchen", "seconds_inside": 4, "box": [[0, 0, 0], [3, 2, 2.5]]},
+        {"id": "attic", "visited": False},
+    ]
+    graph = parse_robot_graph({"scene_id": "home", "rooms": rooms}, path=Path("x"))
+    assert [room.share for room in graph.rooms] == [
+        estimate_hidden_share(floor_in_view=0.6),
+        estimate_hidden_share(walls_in_view=0.2),
+        estimate_hidden_share(seconds_inside=4, floor_area=6),
+        estimate_hidden_share(visited=False),
+    ]
+    written = json.loads(json.dumps(encode_robot_graph(graph)))
+    assert parse_robot_graph(written, path=Path("x")) == graph
+
+
+def test_version_2_is_read() -> None:
     graph = parse_robot_graph({**SAID, "version": 2}, path=Path("x"))
-    assert [room.hidden_share_sd for room in graph.rooms] == [0, 0]
+    assert graph == parse_robot_graph(SAID, path=Path("x"))
 
 
 def test_version_1_knows_no_surroundings() -> None:

@@ -8,12 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bsg_data.errors import RecipeError
-from bsg_data.observation.hidden_share import ShareBelief
+from bsg_data.observation.hidden_share import VAGUE, ShareBelief
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, observe
 from bsg_data.observation.robot_json import parse_robot_graph
 from bsg_data.observation.sightings import (
     GLIMPSED_SHARE,
-    SEEN_SHARE,
     discover,
     enter,
     see_object,
@@ -63,7 +62,7 @@ def test_the_share_of_a_glimpse_is_the_middle_of_those_that_models_are_trained_o
 
 @pytest.mark.parametrize(
     ("before", "said", "after"),
-    [(1.0, None, SEEN_SHARE), (0.2, None, 0.2), (0.2, 0.7, 0.7), (0.9, 0.0, 0.0)],
+    [(1.0, None, VAGUE.mean), (0.2, None, 0.2), (0.2, 0.7, 0.7), (0.9, 0.0, 0.0)],
 )
 def test_entering_a_room_tells_what_it_hides(
     before: float, said: float | None, after: float

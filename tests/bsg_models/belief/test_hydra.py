@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from random_beliefs import CLASS_SPACE, make_belief
 
 from bsg_data.errors import BSGError
-from bsg_data.observation.hidden_share import ShareBelief
+from bsg_data.observation.hidden_share import VAGUE, estimate_hidden_share
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_models.belief.annotation import strip_annotation
 from bsg_models.belief.belief_graph import BeliefGraph, believe
@@ -240,7 +240,7 @@ def test_a_graph_of_hydra_is_read_through_its_labels(tmp_path: Path) -> None:
     room = dsg.RoomNodeAttributes()
     room.name, room.position = "kitchen", np.array([1.0, 2.0, 0.0])
     room.metadata.set(
-        {"bsg": {"floor_area": 9.5, "room_type": "Open kitchen", "hidden_share_sd": 0.2}}
+        {"bsg": {"floor_area": 9.5, "room_type": "Open kitchen", "floor_in_view": 0.5}}
     )
     graph.add_node("ROOMS", dsg.NodeSymbol("R", 0), room)
     other = dsg.RoomNodeAttributes()
@@ -271,7 +271,7 @@ def test_a_graph_of_hydra_is_read_through_its_labels(tmp_path: Path) -> None:
     assert names == [(1, "couch", classes["couch"]), (1, "tv", classes["tv"]), (0, "zzqx", None)]
     assert found.objects[0].position == (1.5, 2.5, 0.5)
     assert (found.building_kind, found.source) == ("office", "mp3d")
-    assert [one.share for one in found.rooms] == [ShareBelief(0.5, 0.2), ShareBelief(0.5)]
+    assert [one.share for one in found.rooms] == [estimate_hidden_share(floor_in_view=0.5), VAGUE]
     assert [(one.floor_area, one.room_type) for one in found.rooms] == [
         (9.5, "kitchen"),
         (None, None),

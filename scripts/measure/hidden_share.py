@@ -1,0 +1,205 @@
+"""Measure what it costs not to know the share that is hidden, and what estimates of it are worth.
+
+    python scripts/measure/hidden_share.py --data hm3d --models run --out PAGE
+
+Masks know the true share of every half-seen room. A model is asked about the same rooms with that
+share, with others, and with beliefs about it that it integrates over. What it says of the hidden
+objects is compared. `--look` is how sure an estimate from looking is: ν of its Beta distribution.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from datetime import date
+from pathlib import Path
+
+import numpy as np
+
+from bsg_data.arrays import Counts, Floats
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.observation.hidden_share import CURVES, VAGUE, ShareBelief
+from bsg_data.observation.partial_graph import PartialGraph, mask_dataset
+from bsg_data.recipes import MaskRecipe
+from bsg_models.belief.expectation import Expectation
+from bsg_models.evaluation.bootstrap import Bootstrap, bootstrap
+from bsg_models.evaluation.building_means import BuildingMeans
+from bsg_models.inputs.folds import scenes_of
+from bsg_models.runs.predictor import Predictor
+from bsg_models.studies.results_page import (
+    ResultsPage,
+    ResultsTable,
+    describe,
+    format_estimate,
+    write_page,
+)
+
+MASK = MaskRecipe(strategy="explore")
+LEAST = 1e-6  # a presence is at least this far from 0 and 1 where its logarithm is taken
+TRUE = "the true share"
+WAYS = {  # how the share is told → what is told, and whether what was seen updates it
+    TRUE: ("true", False),
+    "one half": ("half", False),
+    "anything, integrated over": ("vague", False),
+    "anything, updated by what was seen": ("vague", True),
+    "a look's mean": ("mean", False),
+    "a look, integrated over": ("look", False),
+    "a look, updated by what was seen": ("look", True),
+}
+MEANS = ("nll", "log_loss", "brier", "said", "true")
+
+
+def tell(graph: PartialGraph, believe: Callable[[int, float], ShareBelief]) -> PartialGraph:
+    """Return a graph whose half-seen rooms hide what is believed: by number and true share."""
+    rooms = []
+    for number, room in enumerate(graph.rooms):
+        share = room.share
+        if 0 < room.hidden_share < 1:
+            share = believe(number, room.hidden_share)
+        rooms.append(replace(room, hidden_share=share.mean, hidden_share_sd=share.sd))
+    shares = [room.hidden_share for room in rooms]
+    return replace(graph, rooms=tuple(rooms), hidden_share=graph.share_with(shares))
+
+
+def look(rng: np.random.Generator, share: float, size: float) -> ShareBelief:
+    """Return a look's belief: a mean that errs as its own standard deviation says."""
+    mean = float(np.clip(rng.beta(size * share, size * (1 - share)), 0.02, 0.98))
+    return ShareBelief(mean, (mean * (1 - mean) / (size + 1)) ** 0.5)
+
+
+def list_told(graph: PartialGraph, *, draw: int, size: float) -> dict[str, PartialGraph]:
+    """Return a graph as it is told in each way, before what was seen updates it."""
+    rng = np.random.default_rng([draw, *graph.scene_id.encode()])
+    looks = [look(rng, min(max(r.hidden_share, 0.02), 0.98), size) for r in graph.rooms]
+    return {
+        "true": graph,
+        "half": tell(graph, lambda *_: ShareBelief(0.5)),
+        "vague": tell(graph, lambda *_: VAGUE),
+        "mean": tell(graph, lambda number, _: ShareBelief(looks[number].mean)),
+        "look": tell(graph, lambda number, _: looks[number]),
+    }
+
+
+def weigh(found: Expectation, hidden: Counts, rooms: Sequence[int]) -> dict[str, float]:
+    """Return the sums over the classes of some rooms that `MEANS` are of."""
+    said = np.clip(found.presence[rooms], LEAST, 1 - LEAST)
+    there = hidden[rooms] > 0
+    return {
+        "nll": -float(found.log_probability(hidden.astype(float))[rooms].sum()),
+        "log_loss": -float(np.where(there, np.log(said), np.log1p(-said)).sum()),
+        "brier": float(((said - there) ** 2).sum()),
+        "said": float(said.sum()),
+        "true": float(there.sum()),
+    }
+
+
+def measure(
+    predictor: Predictor, cases: Sequence[tuple[int, PartialGraph, Counts]], *, size: float
+) -> tuple[dict[str, Bootstrap], dict[str, Floats]]:
+    """Return the means of each way, and the errors of the shares' means `[rooms]`."""
+    sums: dict[str, dict[str, list[dict[str, float]]]] = {way: {} for way in WAYS}
+    cells: dict[str, float] = {}
+    errors: dict[str, list[float]] = {way: [] for way in WAYS}
+    for draw, graph, truth in cases:
+        rooms = [n for n, room in enumerate(graph.rooms, 1) if 0 < room.hidden_share < 1]
+        if not rooms:
+            continue
+        hidden = truth - graph.histograms()
+        cells[graph.scene_id] = cells.get(graph.scene_id, 0) + len(rooms) * truth.shape[1]
+        told = list_told(graph, draw=draw, size=size)
+        for way, (name, update) in WAYS.items():
+            asked = predictor.update_shares(told[name]) if update else told[name]
+            found = weigh(predictor(asked), hidden, rooms)
+            sums[way].setdefault(graph.scene_id, []).append(found)
+            errors[way] += [
+                asked.rooms[n - 1].hidden_share - graph.rooms[n - 1].hidden_share for n in rooms
+            ]
+    scenes = tuple(cells)
+    number = np.array([cells[scene] for scene in scenes])
+    found_of = {}
+    for way, by_scene in sums.items():
+        totals = {
+            name: np.array([sum(one[name] for one in by_scene[scene]) for scene in scenes])
+            for name in MEANS
+        }
+        means = BuildingMeans(scenes, totals, dict.fromkeys(MEANS, number))
+        found_of[way] = bootstrap(means, resamples=1000)
+    return found_of, {way: np.array(values) for way, values in errors.items()}
+
+
+def tabulate(
+    title: str, found: Mapping[str, Bootstrap], errors: Mapping[str, Floats]
+) -> ResultsTable:
+    """Return the means, a row a way."""
+    rows = []
+    for way, means in found.items():
+        gap = means.difference(found[TRUE], "nll")
+        rows.append(
+            (
+                way,
+                f"{np.sqrt((errors[way] ** 2).mean()):.2f}",
+                f"{means.point['nll']:.4f}",
+                "" if way == TRUE else format_estimate(gap, signed=True),
+                f"{means.point['log_loss']:.4f}",
+                f"{means.point['brier']:.4f}",
+                f"{means.point['said'] / means.point['true']:.2f}",
+            )
+        )
+    header = (
+        *("told", "error of the share", "−log P(hidden counts)", "more than the true share's"),
+        *("log-loss of presence", "Brier", "presence said / true"),
+    )
+    return ResultsTable(title, header, tuple(rows))
+
+
+def conclude(name: str, found: Mapping[str, Bootstrap]) -> str:
+    """Return what is lost without the true share."""
+    lost = {
+        way: 100 * means.difference(found[TRUE], "nll").value / found[TRUE].point["nll"]
+        for way, means in found.items()
+    }
+    said = ", ".join(f"{way} {value:+.1f} %" for way, value in lost.items() if way != TRUE)
+    return f"With `{name}`, −log P of what is hidden in half-seen rooms is worse by: {said}."
+
+
+def read_cases(
+    data: Dataset, path: Path, *, draws: int
+) -> Iterator[tuple[int, PartialGraph, Counts]]:
+    """Yield number of draw, masked graph and true histograms of val and test buildings."""
+    scenes = {scene for split in ("val", "test") for scene in scenes_of(data, split)}
+    for draw in range(draws):
+        for graph, truth in mask_dataset(path, scenes, MASK, draw=draw):
+            yield draw, graph, truth
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Measure, and write the page."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--data", type=Path, required=True, help="dataset with a split")
+    parser.add_argument("--models", nargs="+", required=True, help="runs, or shipped models")
+    parser.add_argument("--out", type=Path, required=True, help="page to write")
+    parser.add_argument("--draws", type=int, default=2, help="masks of every building")
+    parser.add_argument("--look", type=float, default=CURVES["floor"].size)
+    options = parser.parse_args(argv)
+    data = Dataset.open(options.data)
+    cases = list(read_cases(data, options.data, draws=options.draws))
+    tables, conclusions = [], []
+    for name in options.models:
+        predictor = Predictor(name)
+        found, errors = measure(predictor, cases, size=options.look)
+        tables.append(tabulate(predictor.name, found, errors))
+        conclusions.append(conclude(predictor.name, found))
+    page = ResultsPage(
+        "What the hidden share is worth",
+        tuple(conclusions),
+        tuple(tables),
+        describe(data, [__file__, *(argv or sys.argv[1:])], date=date.today().isoformat()),
+    )
+    write_page(page, options.out)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

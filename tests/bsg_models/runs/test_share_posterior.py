@@ -1,0 +1,103 @@
+"""What was seen says how much is hidden: against Bayes' rule by hand, and by what must hold."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import REPOSITORY
+from scipy.integrate import quad
+from scipy.stats import beta, poisson
+
+from bsg_data.observation.hidden_share import VAGUE, ShareBelief
+from bsg_data.observation.observation import Observation
+from bsg_data.observation.partial_graph import PartialGraph
+from bsg_data.observation.robot_json import read_robot_graph
+from bsg_models.belief.count_distribution import poisson as poisson_counts
+from bsg_models.belief.expectation import Expectation, from_hidden_counts
+from bsg_models.runs.predictor import Predictor
+from bsg_models.runs.share_posterior import EVIDENCE, update_shares
+
+OFFICE = read_robot_graph(REPOSITORY / "docs" / "office.json")
+PREDICTOR = Predictor()
+KITCHEN = 2  # its number in the office
+
+
+def believe_kitchen(share: ShareBelief) -> PartialGraph:
+    """Return the office where the kitchen hides this share, and the others what they did."""
+    rooms = list(OFFICE.rooms)
+    rooms[KITCHEN - 1] = replace(
+        rooms[KITCHEN - 1], hidden_share=share.mean, hidden_share_sd=share.sd
+    )
+    return replace(OFFICE, rooms=tuple(rooms))
+
+
+def expect_two_of_each(seen: Observation) -> Expectation:
+    """Return a model that expects two hidden objects of every class where nothing was seen."""
+    assert not seen.inputs[KITCHEN].any()
+    assert seen.hidden_share[KITCHEN] == 1
+    assert not seen.visited[KITCHEN]
+    assert (seen.inputs[0] == seen.inputs[1:].sum(axis=0)).all()
+    means = np.full(seen.inputs.shape, 2.0)
+    return from_hidden_counts(seen.inputs.astype(float), poisson_counts(means))
+
+
+@pytest.mark.parametrize("prior", [VAGUE, ShareBelief(0.8, 0.1)])
+def test_the_posterior_by_hand(prior: ShareBelief) -> None:
+    """The kitchen shows 6 of its objects, and 2 of each of 45 classes were expected."""
+    graph = believe_kitchen(prior)
+    counts = graph.histograms()[KITCHEN]
+
+    def weigh(share: float, power: int) -> float:
+        log_p = poisson.logpmf(counts, 2 * (1 - share)).sum()
+        return float(np.exp(EVIDENCE * log_p + 40) * beta(*prior.beta).pdf(share) * share**power)
+
+    total, first, second = (
+        quad(weigh, 0, 1, args=(power,), points=[0.9, 0.97])[0] for power in range(3)
+    )
+    mean = first / total
+    found = update_shares(graph, graph.observation(), expect=expect_two_of_each).rooms[KITCHEN - 1]
+    assert found.hidden_share == pytest.approx(mean, abs=2e-3)
+    assert found.hidden_share_sd == pytest.approx((second / total - mean**2) ** 0.5, abs=2e-3)
+
+
+def test_a_certain_share_stays() -> None:
+    assert PREDICTOR.update_shares(OFFICE) == OFFICE
+    graph = believe_kitchen(VAGUE)
+    after = PREDICTOR.update_shares(graph)
+    assert [after.rooms[n] for n in (0, 2)] == [graph.rooms[n] for n in (0, 2)]
+    assert after.rooms[1].hidden_share_sd < VAGUE.sd
+    assert after.hidden_share == graph.share_with([r.hidden_share for r in after.rooms])
+    assert after.objects == graph.objects
+
+
+def test_more_that_is_seen_is_less_that_is_hidden() -> None:
+    graph = believe_kitchen(VAGUE)
+    full = replace(
+        graph,
+        objects=graph.objects
+        + tuple(
+            replace(obj, name=f"{obj.name} again")
+            for obj in graph.objects
+            if obj.room_index == KITCHEN
+        ),
+    )
+    empty = replace(graph, objects=tuple(obj for obj in graph.objects if obj.room_index != KITCHEN))
+    shares = [PREDICTOR.update_shares(g).rooms[1].hidden_share for g in (full, graph, empty)]
+    assert shares[0] < shares[1] < shares[2]
+
+
+def test_withheld_classes_are_no_evidence() -> None:
+    graph = believe_kitchen(VAGUE)
+    everything = range(len(PREDICTOR.classes))
+    after = PREDICTOR.update_shares(graph, withheld=everything).rooms[1]
+    assert after.hidden_share == pytest.approx(VAGUE.mean, abs=1e-3)
+    assert after.hidden_share_sd == pytest.approx(VAGUE.sd, abs=1e-3)
+
+
+def test_the_most_extreme_share_is_answered() -> None:
+    """A share that is all but 1 in half of the cases, although objects were seen."""
+    after = PREDICTOR.update_shares(believe_kitchen(ShareBelief(0.5, 0.499)))
+    assert 0 < after.rooms[1].hidden_share < 1
+    assert PREDICTOR(after).is_finite
