@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-import tomllib
+from conftest import tomllib
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_models.runs.run_folder import CONFIG, LOG
