@@ -34,13 +34,6 @@ class GraphFile:
     hydra: HydraFile | None = None
     notes: tuple[str, ...] = ()
 
-    def list_notes(self, *, told: bool) -> tuple[str, ...]:
-        """Return the notes, with one about the shares of rooms if nobody `told` them."""
-        if self.hydra is None or self.hydra.says_shares or told:
-            return self.notes
-        share = f"{self.graph.hidden_share:g} of its objects"
-        return (*self.notes, f"of every room {share} count as not seen; --hidden-share says better")
-
 
 def open_graph_file(
     path: Path, *, labels: str | None = None, class_map: str | ClassMap = DEFAULT_CLASS_MAP

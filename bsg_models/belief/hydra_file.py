@@ -23,7 +23,6 @@ from bsg_data.observation.robot_json import (
     RobotGraphError,
     parse_robot_graph,
 )
-from bsg_data.observation.said_share import SaidShare
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap
 from bsg_data.scene.room_label import label_of
 from bsg_data.sources.annotation_files import decode, read_bytes
@@ -75,12 +74,6 @@ class HydraFile:
     def is_numbered(self) -> bool:
         """Whether `write_hydra` made it before there were annotations, by numbering its nodes."""
         return "format" in self.graph.said
-
-    @property
-    def says_shares(self) -> bool:
-        """Whether any room says what of it was not seen."""
-        words = SaidShare.model_fields.keys()
-        return any(words & room.said.keys() for room in self.graph.rooms)
 
     @property
     def document(self) -> Any:

@@ -70,8 +70,7 @@ def open_graph(
     else:
         file = open_graph_file(Path(graph), labels=labels, class_map=class_map)
     known = tell_shares(file.graph, every=hidden_share, rooms=hidden_shares)
-    told = hidden_share is not None or bool(hidden_shares)
-    return SeenBuilding(known, predictor, notes=file.list_notes(told=told))
+    return SeenBuilding(known, predictor, notes=file.notes)
 
 
 class SeenBuilding:
@@ -172,7 +171,8 @@ class SeenBuilding:
         Args:
             room: id or label.
             hidden_share: of its objects, which share the robot has not seen by now; a `ShareBelief`
-                if it is not sure; None for a half, or for what was known where that is less.
+                if it is not sure, as `estimate_hidden_share` gives one; None for anything, or for
+                what was known where that is less.
 
         Raises:
             RecipeError: if there is no such room, or the share is none.

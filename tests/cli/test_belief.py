@@ -57,7 +57,7 @@ def test_a_graph_of_hydra_comes_back_with_beliefs(run: Path, tmp_path: Path) -> 
     for told in (
         "1 of 4 objects under no room",
         "1 object with labels that nobody names (99); --labels does: mpcat40, ade20k, or",
-        "of every room 0.5 of its objects count as not seen; --hidden-share says better",
+        "50% ± 29% of the objects count as not seen in",
     ):
         assert f"{packed}: {told}" in done.stderr
     assert call(out, *words[:4], "--hydra", other, "--force").exit_code == 0
