@@ -10,24 +10,27 @@ from collections.abc import Sequence
 Rows = Sequence[Sequence[object]]
 
 
-def format_text(rows: Rows, *, header: Sequence[str]) -> str:
+def format_text(rows: Rows, *, header: Sequence[str], numeric: Sequence[str] = ()) -> str:
     """Return rows as an aligned table, with numbers to the right and letters to the left.
 
-    A column is of numbers if the first row has one there. A character that a terminal would obey is
-    replaced, so that no name from a file can write to it.
+    A column is of numbers if the first row has one there, or `numeric` names it. A character that
+    a terminal would obey is replaced, so that no name from a file can write to it.
 
     >>> print(format_text([("chair", 1200), ("bed", 3)], header=("class", "objects")))
     class  objects
     chair    1,200
     bed          3
     """
-    numeric = [bool(rows) and not isinstance(rows[0][i], str) for i in range(len(header))]
+    is_number = [
+        name in numeric or (bool(rows) and not isinstance(rows[0][i], str))
+        for i, name in enumerate(header)
+    ]
     lines = [list(header), *([_printable(cell) for cell in row] for row in rows)]
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     return "\n".join(
         "  ".join(
             cell.rjust(width) if right else cell.ljust(width)
-            for cell, width, right in zip(line, widths, numeric, strict=True)
+            for cell, width, right in zip(line, widths, is_number, strict=True)
         ).rstrip()
         for line in lines
     )

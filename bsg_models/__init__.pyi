@@ -3,7 +3,13 @@ from .belief.count_distribution import CountDistribution
 from .belief.expectation import Expectation
 from .belief.formats import FORMATS, FormatRow, read_belief, write_belief
 from .belief.graph_file import read_graph
-from .belief.hydra import read_hydra, read_hydra_belief, write_hydra
+from .belief.hydra import (
+    annotate_hydra,
+    read_hydra,
+    read_hydra_belief,
+    strip_hydra,
+    write_hydra,
+)
 from .belief.network import from_networkx, to_networkx
 from .belief.tables import read_tables, write_tables
 from .errors import (
@@ -21,6 +27,7 @@ from .inputs.graphs import MaskedGraphs, read_split, to_graph
 from .rendering.explorer import View, write_explorer
 from .robot.answers import ExpectedClass, Place
 from .robot.seen_building import SeenBuilding, open_graph
+from .robot.told_shares import tell_shares
 from .robot.ways import Ways
 from .robot.words import Meaning
 from .runs.checkpoint import Checkpoint, load_checkpoint, restore_model
@@ -29,6 +36,7 @@ from .runs.hub import HubModel
 from .runs.hub_files import download
 from .runs.model_summary import ModelSummary, describe_model, list_shipped, summarise_model
 from .runs.predictor import Predictor
+from .runs.run_log import Begun, Ended, read_log
 from .runs.shipped import DEFAULT_MODEL, shipped_names
 from .search.catalogue import PLANNERS, Planner
 from .search.knowledge import Knowledge
@@ -59,7 +67,7 @@ from .studies.leaderboard_report import (
     summary_rows,
 )
 from .studies.leaderboard_runs import LeaderboardRecipe
-from .studies.run_summary import RunSummary, summarise_run
+from .studies.run_summary import RunSummary, plot_run, summarise_run
 from .studies.savings import Saving, WorldResult
 from .studies.search_cases import StudyRecipe
 from .studies.search_report import (
@@ -84,6 +92,7 @@ __all__ = [
     "FORMATS",
     "PLANNERS",
     "ZOO",
+    "Begun",
     "BeliefFileError",
     "BeliefGraph",
     "BeliefModel",
@@ -97,6 +106,7 @@ __all__ = [
     "ConfigError",
     "CountDistribution",
     "DataConfig",
+    "Ended",
     "EpochReport",
     "Estimate",
     "EvaluationReport",
@@ -142,6 +152,7 @@ __all__ = [
     "Ways",
     "WorldRecipe",
     "WorldResult",
+    "annotate_hydra",
     "believe",
     "choose_default_run",
     "compare_runs",
@@ -161,12 +172,14 @@ __all__ = [
     "next_room",
     "open_graph",
     "override",
+    "plot_run",
     "rank_unseen",
     "read_belief",
     "read_config",
     "read_graph",
     "read_hydra",
     "read_hydra_belief",
+    "read_log",
     "read_split",
     "read_tables",
     "refuse_finished",
@@ -177,10 +190,12 @@ __all__ = [
     "restore_model",
     "scenes_of",
     "shipped_names",
+    "strip_hydra",
     "study_search",
     "summarise_model",
     "summarise_run",
     "summary_rows",
+    "tell_shares",
     "to_graph",
     "to_networkx",
     "train_run",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -40,7 +41,16 @@ MOST_NAMES = 10
 @click.option("--scene", help="With --data: this building alone.")
 @mask_options("With --data: how objects are hidden.", "With --data: share of the objects to hide.")
 @seed_option("With --data: of masks.")
-@click.option("--labels", help="Label space of a Hydra graph: ade20k or mpcat40.")
+@click.option(
+    "--labels", metavar="SPACE", help="What Hydra's labels stand for: mpcat40, ade20k, or a file."
+)
+@click.option(
+    "--hidden-share",
+    "shares",
+    multiple=True,
+    metavar="[ROOM=]SHARE",
+    help="Share of a room's objects that was not seen: 0 searched, 1 not entered.",
+)
 @click.option("--find", metavar="THING", help="Say where one thing is; any word.")
 @click.option("--from", "here", metavar="ROOM", help="With --find: where the robot is.")
 @click.option(
@@ -54,7 +64,7 @@ MOST_NAMES = 10
     "--top", type=click.IntRange(min=1), default=3, show_default=True, help="Unseen classes a room."
 )
 @out_option("Write belief graphs; the suffix names the format: .json, .tables, .dsg.json, .html.")
-@click.option("--hydra", type=PATH, help="Write one as Spark-DSG JSON.")
+@click.option("--hydra", type=PATH, help="Write one as Spark-DSG JSON; Hydra's own, annotated.")
 @click.option("--tables", type=PATH, help="Write all as parquet, a folder.")
 @click.option("--html", type=PATH, help="Write the explorer, one page.")
 @force_option
@@ -62,7 +72,7 @@ MOST_NAMES = 10
 def main(
     dataset: Path | None, as_json: bool, find: str | None, here: str | None, **options: Any
 ) -> None:
-    """Say what is expected in every room that was not seen there, or where one thing is.
+    """Say what is expected in rooms and was not seen there, or where one thing is.
 
     A GRAPH is a robot's partial scene graph, our JSON (docs/belief.md) or Spark-DSG's; `-` is
     standard input. A model is a path that is there, a shipped model's name (`bsg-models list`), a
@@ -83,6 +93,7 @@ def main(
         print_note(f"model: {bsg_models.describe_model()}")
     else:
         options["run"] = named
+    options |= read_shares(options.pop("shares"), dataset)
     if find is not None:
         seen = open_seen(options)
         find_thing(seen, find, here=here, as_json=as_json)
@@ -101,8 +112,8 @@ def main(
     for path, source in report.unknown_sources.items():
         known = ", ".join(bsg_data.KNOWN_SOURCES)
         print_note(f"{path}: source {source!r} counts as unknown; models know {known}")
-    for path, graph in zip(request.graphs, report.graphs, strict=False):
-        note_shares(path, graph.partial)
+    for path, notes in report.notes.items():
+        note_reading(path, notes)
     if as_json:
         print_json([encode_room(room) for room in report.rooms])
         return
@@ -128,10 +139,11 @@ def open_seen(options: dict[str, Any]) -> bsg_models.SeenBuilding:
     if written:
         raise click.UsageError(f"--find answers a question, and writes no --{written[0]}")
     model = options.get("run", bsg_models.DEFAULT_MODEL)
-    seen = bsg_models.open_graph(graphs[0], model=model, labels=options["labels"])
+    told = {name: options[name] for name in ("labels", "hidden_share", "hidden_shares")}
+    seen = bsg_models.open_graph(graphs[0], model=model, **told)
     if seen.unmapped:
         note_unmapped(graphs[0], seen.unmapped)
-    note_shares(graphs[0], seen.graph)
+    note_reading(graphs[0], seen.notes)
     return seen
 
 
@@ -143,17 +155,10 @@ def note_unmapped(path: Path, names: Sequence[bsg_data.UnmappedEntry]) -> None:
     print_note(f"{path}: {what} not in the class map: {shown}{more}")
 
 
-def note_shares(path: Path, graph: bsg_data.PartialGraph) -> None:
-    """Tell which shares of a graph are not sure: what was estimated, or not said."""
-    unsure = [room for room in graph.rooms if not room.share.is_certain]
-    if not unsure:
-        return
-    shown = ", ".join(
-        f"{room.label or room.name} {room.hidden_share:.0%} ± {room.hidden_share_sd:.0%}"
-        for room in unsure[:MOST_NAMES]
-    )
-    more = f", and {len(unsure) - MOST_NAMES:,} more" if len(unsure) > MOST_NAMES else ""
-    print_note(f"{path}: hidden shares that are not sure: {shown}{more}")
+def note_reading(path: Path, notes: Sequence[str]) -> None:
+    """Tell what to know of how a graph was read."""
+    for note in notes:
+        print_note(f"{path}: {note}")
 
 
 def read_request(dataset: Path | None, options: dict[str, Any]) -> bsg_models.BeliefRequest:
@@ -165,6 +170,29 @@ def read_request(dataset: Path | None, options: dict[str, Any]) -> bsg_models.Be
         return bsg_models.BeliefRequest(**options)
     scenes |= {"dataset": dataset, "mask": mask}
     return bsg_models.BeliefRequest.model_validate({**options, "scenes": scenes})
+
+
+def read_shares(said: Sequence[str], dataset: Path | None) -> dict[str, Any]:
+    """Return the shares of all rooms and of single ones: `0.4`, `kitchen=0.2`."""
+    if said and dataset is not None:
+        raise click.UsageError("--hidden-share is for GRAPHs; --mask says what --data hides")
+    every, rooms = None, {}
+    for word in said:
+        room, _, number = word.rpartition("=")
+        try:
+            share = float(number)
+        except ValueError:
+            share = math.nan
+        if not 0 <= share <= 1:
+            raise click.UsageError(
+                f"--hidden-share {word}: expected [ROOM=]SHARE with a share of 0 to 1, such as 0.4 "
+                "or kitchen=0.2"
+            )
+        if room:
+            rooms[room] = share
+        else:
+            every = share
+    return {"hidden_share": every, "hidden_shares": rooms}
 
 
 def encode_room(room: bsg_models.RoomBelief) -> dict[str, Any]:

@@ -41,7 +41,8 @@ def find_thing(
     header = ("room", f"P({meaning.class_name})", "expected more", "seen", "cost")
     rows = [_row(place, unit) for place in places]
     columns = len(header) if unit else len(header) - 1
-    click.echo(format_text([row[:columns] for row in rows[:MOST_ROWS]], header=header[:columns]))
+    shown = [row[:columns] for row in rows[:MOST_ROWS]]
+    click.echo(format_text(shown, header=header[:columns], numeric=(*header[1:3], "cost")))
     if len(rows) > MOST_ROWS:
         print_note(f"… and {len(rows) - MOST_ROWS:,} less likely rooms; --json prints all")
     somewhere = _percent(seen.anywhere(thing))

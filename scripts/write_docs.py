@@ -1,4 +1,4 @@
-"""Write the generated parts of the docs: column tables, command helps, classes and registries.
+"""Write the generated parts of the docs: tables, helps, files, and what commands print.
 
 A part stands between `<!-- generated: KIND NAME -->` and `<!-- end -->`. `make docs` runs this;
 `tests/test_docs.py` fails when a part is not what this would write.
@@ -7,10 +7,12 @@ A part stands between `<!-- generated: KIND NAME -->` and `<!-- end -->`. `make 
 from __future__ import annotations
 
 import re
+import shlex
 import sys
 from pathlib import Path
 
 import click
+from click.testing import CliRunner
 
 from bsg_cli.registry import COMMANDS
 from bsg_data.dataset.card import column_table
@@ -58,6 +60,11 @@ def _generate(kind: str, name: str) -> str:
     if kind == "metrics":
         header = ("metric", "in tables", "better", "of", "what it is")
         return "\n".join(format_markdown([*map(_describe_metric, METRICS)], header=header))
+    if kind == "file":
+        text = (DOCS / "docs" / name).read_text("utf-8").rstrip()
+        return f"```{Path(name).suffix.removeprefix('.')}\n{text}\n```"
+    if kind == "run":
+        return f"```sh\n{name}\n```\n\n```text\n{_run(name)}\n```"
     raise ValueError(f"no generated part of kind {kind!r}")
 
 
@@ -81,6 +88,16 @@ def _help(words: list[str]) -> str:
         command = command.commands[word]
         context = _context(command, word, parent=context)
     return command.get_help(context).rstrip()
+
+
+def _run(line: str) -> str:
+    """Return what a command prints; its files are those of the folder `docs`."""
+    name, *words = shlex.split(line)
+    there = {path.name: str(path) for path in (DOCS / "docs").iterdir()}
+    done = CliRunner().invoke(COMMANDS[name], [there.get(word, word) for word in words])
+    if done.exit_code:
+        raise ValueError(f"{line}: {done.output}")
+    return done.stdout.rstrip()
 
 
 def _context(

@@ -59,6 +59,15 @@ class ShareBelief:
                 f"{most:.3g}, found {self.sd:g}"
             )
 
+    def __str__(self) -> str:
+        """Say it as a person would.
+
+        >>> str(ShareBelief(0.55, 0.2)), str(ShareBelief(1.0))
+        ('55 % ± 20 %', '100 %')
+        """
+        spread = f" ± {100 * self.sd:.0f} %" if self.sd else ""
+        return f"{100 * self.mean:.0f} %{spread}"
+
     @property
     def is_certain(self) -> bool:
         """Whether it is one number."""

@@ -111,6 +111,16 @@ class _Graph(Record):
     adjacency: tuple[tuple[Id, Id], ...] = ()
 
 
+# What a robot may say of its rooms, its objects and the whole, in whatever file it says it.
+ROOM_WORDS = tuple(_Room.model_fields)
+OBJECT_WORDS = ("id", "category", "position")
+GRAPH_WORDS = tuple(
+    word
+    for word in _Graph.model_fields
+    if word not in ("format", "version", "rooms", "objects", "adjacency")
+)
+
+
 def read_robot_graph(path: Path, *, class_map: str | ClassMap = DEFAULT_CLASS_MAP) -> PartialGraph:
     """Read a partial graph from JSON.
 

@@ -2,8 +2,8 @@
 
 Objects are layer 2, places 3, rooms 4, buildings 5, unless `layer_names` says otherwise; the
 agents, which share layer 2, are another partition of it or of another type. A node's id is a
-symbol: a letter in the highest byte, and a number below it. The mesh and all else of a file are
-left alone. Metres; the axes of the robot's map, z up.
+symbol: a letter in the highest byte, and a number below it. What metadata say under `bsg` is kept
+as it is; the mesh and all else of a file are left alone. Metres; the axes of the robot's map, z up.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import json
 import math
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any
@@ -33,8 +33,8 @@ _NO_LABEL = 2**32 - 1
 _BOX_TYPES = ("INVALID", "AABB", "OBB", "RAABB")  # older files have their numbers
 _INDEX = 2**56 - 1
 
-Number = Annotated[int, Field(ge=0, lt=2**64)]
-Small = Annotated[int, Field(ge=-(2**31), lt=2**32)]
+Number = Annotated[int, Field(ge=0, lt=2**64, strict=True)]
+Small = Annotated[int, Field(ge=-(2**31), lt=2**32, strict=True)]
 Metres = Annotated[float, Field(ge=-MAX_METRES, le=MAX_METRES)]
 Triple = tuple[Metres | None, Metres | None, Metres | None]  # null stands for what is not finite
 
@@ -65,6 +65,7 @@ class _Attributes(_Part):
     position: Triple | None = None
     semantic_label: Small | None = None
     bounding_box: _BoundingBox | None = None
+    metadata: Any = None
 
 
 class _Node(_Part):
@@ -86,12 +87,16 @@ class _LayerKey(_Part):
 
 class _Metadata(_Part):
     labelspaces: dict[str, tuple[tuple[Small, str], ...]] = {}
+    bsg: Any = None
 
 
 class _Graph(_Part):
     nodes: tuple[_Node, ...]
     edges: tuple[_Edge, ...]
     layer_names: dict[str, _LayerKey | Small] = {}
+    layer_ids: tuple[Small, ...] = ()
+    layer_keys: tuple[_LayerKey, ...] = ()
+    mesh_layer_id: Small | None = None
     metadata: _Metadata | None = None
 
 
@@ -100,6 +105,7 @@ class DSGNode:
     """A node of a robot's graph.
 
     Attributes:
+        id: its symbol as a number, unique in the file.
         index: the number of its symbol, 3 of `O(3)`; its place among its kind if numbers repeat.
         name: its own; None if that is its symbol, or empty.
         label: the number of its label; None without one.
@@ -107,8 +113,10 @@ class DSGNode:
         position: metres; None where it is not finite.
         box: axis-aligned, around the node's own; metres; None without one.
         room: place of its room among the rooms; None without one, and for rooms.
+        said: what its metadata say under `bsg`; empty without.
     """
 
+    id: int
     index: int
     name: str | None
     label: int | None
@@ -116,6 +124,12 @@ class DSGNode:
     position: Point | None
     box: Box | None
     room: int | None = None
+    said: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def symbol(self) -> str:
+        """Its symbol as Spark-DSG writes it, `R(3)`."""
+        return name_symbol(self.id)
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,11 +140,28 @@ class DSGFile:
         rooms: in the order of their ids.
         objects: in the order of their ids.
         adjacency: pairs of places of rooms, ascending and once each.
+        said: what its metadata say under `bsg`; empty without.
     """
 
     rooms: tuple[DSGNode, ...]
     objects: tuple[DSGNode, ...]
     adjacency: tuple[tuple[int, int], ...]
+    said: Mapping[str, Any] = field(default_factory=dict)
+
+
+def is_dsg(document: Any) -> bool:
+    """Say whether a JSON document is a Spark-DSG graph, of an old version or a new one."""
+    return isinstance(document, dict) and "nodes" in document and "rooms" not in document
+
+
+def name_symbol(number: int) -> str:
+    """Return a node's id as Spark-DSG writes it: a letter, and a number in brackets.
+
+    >>> name_symbol(ord("R") << 56 | 3), name_symbol(3)
+    ('R(3)', '3')
+    """
+    letter = chr(number >> 56)
+    return f"{letter}({number & _INDEX})" if letter.isascii() and letter.isalpha() else str(number)
 
 
 def parse_dsg(text: str, *, path: Path) -> DSGFile:
@@ -148,7 +179,9 @@ def parse_dsg(text: str, *, path: Path) -> DSGFile:
     except ValidationError as error:
         raise SourceError(f"{path}: expected a Spark-DSG graph; {name_fault(error)}") from error
     except (ValueError, RecursionError) as error:
-        raise SourceError(f"{path}: no JSON ({str(error)[:200]})") from error
+        raise SourceError(
+            f"{path}: expected a Spark-DSG graph, found no JSON ({str(error)[:200]})"
+        ) from error
     if len({node.id for node in graph.nodes}) < len(graph.nodes):
         raise SourceError(f"{path}: expected nodes with an id each, found an id twice")
     rooms, objects = (_nodes_of(graph, name) for name in ("ROOMS", "OBJECTS"))
@@ -165,7 +198,12 @@ def parse_dsg(text: str, *, path: Path) -> DSGFile:
         rooms=_describe(rooms, graph, [None] * len(rooms)),
         objects=_describe(objects, graph, [_find_room(o.id, above, place) for o in objects]),
         adjacency=tuple(sorted(pairs)),
+        said=_what_is_said(graph.metadata.bsg if graph.metadata else None),
     )
+
+
+def _what_is_said(entries: Any) -> dict[str, Any]:
+    return entries if isinstance(entries, dict) else {}
 
 
 def _nodes_of(graph: _Graph, name: str) -> list[_Node]:
@@ -222,7 +260,9 @@ def _describe_node(
     label = None if held.semantic_label == _NO_LABEL else held.semantic_label
     named = dict(spaces.get(f"_l{node.layer}p{node.partition}", ()))
     name = held.name.strip()
+    metadata = _what_is_said(held.metadata)
     return DSGNode(
+        id=node.id,
         index=index,
         name=None if _SYMBOL.fullmatch(name) or not name else name,
         label=label,
@@ -230,6 +270,7 @@ def _describe_node(
         position=_point(held.position),
         box=None if held.bounding_box is None else _surround(held.bounding_box),
         room=room,
+        said=_what_is_said(metadata.get("bsg")),
     )
 
 

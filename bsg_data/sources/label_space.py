@@ -1,9 +1,10 @@
 """Label spaces of robots: what the numbers and the names of their labels stand for.
 
 A published one translates the names of a public data set into categories of HM3D
-(`mappings/labels-<name>.csv`: `label,category`). One of your own says which name a number stands
-for: Hydra's YAML, with a list `label_names` of `{label: 5, name: chair}`, or a CSV with the columns
-`label,name` and, if names are to be translated too, `category`.
+(`mappings/labels-<name>.csv`: `number,label,category`). Its numbers are those of Hydra's label
+space of that data set, and count where a file names no label itself. One of your own says which
+name a number stands for: Hydra's YAML, with a list `label_names` of `{label: 5, name: chair}`, or a
+CSV with the columns `label,name` and, if names are to be translated too, `category`.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import csv
 import hashlib
 import io
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -54,14 +55,16 @@ class LabelSpace:
     Attributes:
         name: of the space, or of its file.
         sha256: of its bytes.
-        names: the names of numbers; empty in a published space, which has no numbers.
+        names: the names of numbers, whatever a file says of them; empty in a published space.
         categories: the categories of names, where they are translated.
+        usual: in a published space the names of numbers, where a file says nothing of them.
     """
 
     name: str
     sha256: str
     names: Mapping[int, str]
     categories: Mapping[str, str]
+    usual: Mapping[int, str] = field(default_factory=dict)
 
     def translate(self, name: str) -> str:
         """Return the category that a name stands for; the name itself where none is given."""
@@ -81,17 +84,21 @@ def list_label_spaces() -> tuple[str, ...]:
 
 
 @cache
-def read_labels(space: str) -> Mapping[str, str]:
-    """Return the categories of the labels of a published label space, `ade20k` or `mpcat40`.
-
-    Raises:
-        ClassMapError: for another space.
-    """
-    if space not in list_label_spaces():
-        raise ClassMapError(f"no label space {space!r}: there are {', '.join(list_label_spaces())}")
-    text = files("bsg_mappings").joinpath(f"{_PREFIX}{space}.csv").read_text("utf-8")
-    rows = csv.DictReader(io.StringIO(text))
-    return MappingProxyType({row["label"]: row["category"] for row in rows})
+def _read_published(name: str) -> LabelSpace:
+    if name not in list_label_spaces():
+        raise ClassMapError(
+            f"no label space {name!r}: there are {', '.join(list_label_spaces())}, and yours as "
+            "the path of a .yaml, .yml or .csv"
+        )
+    data = files("bsg_mappings").joinpath(f"{_PREFIX}{name}.csv").read_bytes()
+    rows = list(csv.DictReader(io.StringIO(data.decode())))
+    return LabelSpace(
+        name=name,
+        sha256=hashlib.sha256(data).hexdigest(),
+        names={},
+        categories=MappingProxyType({row["label"]: row["category"] for row in rows}),
+        usual=MappingProxyType({int(row["number"]): row["label"] for row in rows}),
+    )
 
 
 def load_label_space(name: str) -> LabelSpace:
@@ -106,9 +113,7 @@ def load_label_space(name: str) -> LabelSpace:
     """
     path = Path(name)
     if path.suffix.casefold() not in (".yaml", ".yml", ".csv"):
-        categories = read_labels(name)
-        listed = "\n".join(f"{label},{category}" for label, category in categories.items())
-        return LabelSpace(name, hashlib.sha256(listed.encode()).hexdigest(), {}, categories)
+        return _read_published(name)
     data = read_bytes(path, most=MAX_BYTES)
     labels = _parse_csv(data, path) if path.suffix.casefold() == ".csv" else _parse_yaml(data, path)
     names: dict[int, str] = {}

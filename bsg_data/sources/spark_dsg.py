@@ -165,14 +165,18 @@ def _object(
 def name_object(node: DSGNode, space: LabelSpace | None) -> str:
     """Return the name of an object: of its label by the space, by the file, else its own.
 
-    An own name loses its number, `chair_3` for example. A label that nobody names is `label 5`,
-    so that a build reports it; an object without either has no name.
+    A published space names a label's number where neither the file nor the object has a name. An
+    own name loses its number, `chair_3` for example. A label that nobody names is `label 5`, so
+    that a build reports it; an object without either has no name.
     """
     own = (node.name or "").rstrip("0123456789").rstrip("_ #-")
-    given = None if space is None or node.label is None else space.names.get(node.label)
-    name = given or node.label_name or own
-    if not name:
-        return "" if node.label is None else f"label {node.label}"
+    if node.label is None:
+        name = own
+    elif space is None:
+        name = node.label_name or own or f"label {node.label}"
+    else:
+        given = space.names.get(node.label) or node.label_name or own
+        name = given or space.usual.get(node.label) or f"label {node.label}"
     return name if space is None else space.translate(name)
 
 

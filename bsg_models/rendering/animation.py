@@ -25,7 +25,7 @@ from bsg_models.rendering.replay import Replay, Stop, Walk, describe_share
 
 FORMATS = {".gif": "GIF", ".png": "PNG"}
 FRAME_MS, LAST_MS = 1200, 5000  # how long a frame is shown, and the last one
-_WIDTH, _DPI = 12.0, 100  # inches
+_WIDTH, _DPI = 10.0, 120  # inches
 _HEAD, _FOOT = 1.15, 0.95  # inches above and below the plans
 _COLOURS = 128
 # as in theme.css, light
@@ -106,8 +106,8 @@ def draw_frame(replay: Replay, step: int) -> Image.Image:
             (left + 0.012, _FOOT / height, 1 / len(replay.walks) - 0.024, deep / height)
         )
         _draw_plan(axes, replay, stops)
-    figure.text(0.012, 0.34 / height, _LEGEND, size=10, color=_SOFT)
-    figure.text(0.012, 0.11 / height, _describe_all(replay), size=10, color=_SOFT)
+    figure.text(0.012, 0.34 / height, _LEGEND, size=9, color=_SOFT)
+    figure.text(0.012, 0.11 / height, _describe_all(replay), size=9, color=_SOFT)
     canvas.draw()  # type: ignore[no-untyped-call]
     pixels = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]
     return Image.fromarray(pixels).convert("RGB")
@@ -124,7 +124,7 @@ def _write_head(
     figure.text(x, 1 - 0.95 / height, done, size=12, color=_HOLDS if state else _INK)
     saw = ", ".join(f"{count} {name}" for name, count in here.seen[:4]) or "no object of a class"
     line = f"in {replay.plan.find(here.room).name}: {saw}"
-    figure.text(x, 0.68 / height, _cut(line, 78), size=10, color=_SOFT)
+    figure.text(x, 0.68 / height, _cut(line, 68), size=9.5, color=_SOFT)
 
 
 def _draw_plan(axes: Axes, replay: Replay, stops: Sequence[Stop]) -> None:

@@ -4,7 +4,6 @@
 const Beliefs = (() => {
   "use strict";
   const ALL = -1;  // instead of a class: all classes
-  const ANY = -2;  // any of the classes that a search is for
 
   const percent = (p) =>
     p > 0 && p < 0.005 ? "< 1 %" : p > 0.995 ? "> 99 %" : Math.round(100 * p) + " %";
@@ -12,25 +11,13 @@ const Beliefs = (() => {
     x < 0.005 || Number.isInteger(x) ? String(Math.round(x))
       : x < 0.095 ? x.toFixed(2) : x < 9.95 ? x.toFixed(1) : String(Math.round(x));
   const sum = (numbers) => numbers.reduce((a, b) => a + b, 0);
-  /* A room goes by its label, with its id where another room has the same label. */
-  function nodeName(view, node) {
-    if (!node) return view.title;
-    const { label, name } = view.rooms[node - 1];
-    if (label) return view.rooms.filter((room) => room.label === label).length > 1 ? `${label} #${name}` : label;
-    return /^[0-9]+$/.test(name) ? "room " + name : name;
-  }
-
-  function soughtName(view, sought) {
-    if (sought === ALL) return "object";
-    if (sought === ANY) return view.moment.artifacts.map((c) => view.classes[c]).join(" or ");
-    return view.classes[sought];
-  }
-  const isSought = (view, sought, c) =>
-    sought === ALL || c === sought || (sought === ANY && view.moment.artifacts.includes(c));
+  const nodeName = (view, node) => node ? view.rooms[node - 1].name : view.title;
+  const soughtName = (view, sought) => sought === ALL ? "object" : view.classes[sought];
+  const isSought = (sought, c) => sought === ALL || c === sought;
 
   /* Numbers of a node; `unseen` is how many unseen ones are really there, null where nobody knows. */
   function numbers(view, node, sought) {
-    const classes = view.classes.map((_, c) => c).filter((c) => isSought(view, sought, c));
+    const classes = view.classes.map((_, c) => c).filter((c) => isSought(sought, c));
     const total = (table) => sum(classes.map((c) => table[node][c]));
     const seen = total(view.input);
     return {
@@ -45,9 +32,9 @@ const Beliefs = (() => {
   const worth = (of, sought) => sought === ALL ? of.more : of.chance;
   const sayWorth = (of, sought) => sought === ALL ? amount(of.more) + " more" : percent(of.chance);
 
-  /* What the darkest room is worth: the most of all, and in a search 100 %, so that its steps compare. */
-  const mostWorth = (view, sought) => view.moment && sought !== ALL ? 1
-    : Math.max(1e-9, ...view.rooms.map((_, i) => worth(numbers(view, i + 1, sought), sought)));
+  /* What the darkest room is worth. */
+  const mostWorth = (view, sought) =>
+    Math.max(1e-9, ...view.rooms.map((_, i) => worth(numbers(view, i + 1, sought), sought)));
 
   const rankRooms = (view, sought) =>
     view.rooms.map((_, i) => numbers(view, i + 1, sought))
@@ -62,13 +49,13 @@ const Beliefs = (() => {
   const sayShort = (of, sought) =>
     (sought === ALL ? "" : percent(of.chance) + ", ") + amount(of.more) + " more expected"
       + (of.seen ? ", " + amount(of.seen) + " seen" : "");
-  /* "86 % at least one unseen sink, 0.9 more expected, 2 seen" */
+  /* "86 % for at least one unseen sink, 0.9 more expected, 2 seen" */
   function sayLong(view, node, sought) {
     const of = numbers(view, node, sought);
-    const chance = sought === ALL ? "" : percent(of.chance) + " at least one unseen " + soughtName(view, sought) + ", ";
+    const chance = sought === ALL ? "" : percent(of.chance) + " for at least one unseen " + soughtName(view, sought) + ", ";
     return chance + sayShort(of, ALL);
   }
   const say = (view, node, sought) => nodeName(view, node) + ": " + sayLong(view, node, sought);
-  return { ALL, ANY, percent, amount, sum, nodeName, soughtName, isSought, numbers, worth, mostWorth,
+  return { ALL, percent, amount, sum, nodeName, soughtName, isSought, numbers, worth, mostWorth,
     rankRooms, rankClasses, sayWorth, sayShort, sayLong, say };
 })();

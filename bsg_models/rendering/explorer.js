@@ -2,18 +2,15 @@
 (() => {
   "use strict";
   const { make } = Elements;
-  const { ALL, ANY } = Beliefs;
   const { views } = JSON.parse(document.getElementById("beliefs").textContent);
   const titles = Link.distinct(views.map((view) => view.title));
   const root = document.querySelector(".bsg"), pick = (name) => document.getElementById(name);
   const svg = root.querySelector("svg.graph"), main = root.querySelector("main"), side = root.querySelector("aside");
-  const isReplay = views.length > 0 && views[0].moment !== null;  // the views are the steps of one search
   const isCrowded = views.length > 0 && views[0].rooms.length > 20;
   const look = start();
 
   function start() {
-    const sought = !isReplay ? ALL : views[0].moment.artifacts.length > 1 ? ANY : views[0].moment.artifacts[0];
-    return { view: 0, node: 0, sought, threshold: 0, plan: isReplay || innerWidth < 640 || isCrowded, theme: "" };
+    return { view: 0, node: 0, sought: Beliefs.ALL, threshold: 0, plan: innerWidth < 640 || isCrowded, theme: "" };
   }
 
   function change(some) {
@@ -30,7 +27,6 @@
     pick("shown").textContent = pick("threshold").value + " %";
     pick("plan").setAttribute("aria-pressed", look.plan);
     pick("layers").setAttribute("aria-pressed", !look.plan);
-    if (isReplay) showStep();
     paint();
     Panel.show(side, view, look, turn);
     pick("spoken").textContent = Beliefs.say(view, look.node, look.sought);
@@ -56,11 +52,10 @@
     const view = views[look.view], select = pick("class");
     select.replaceChildren();
     const add = (value, text) => make("option", { value }, select, text);
-    add(ALL, "all classes");
-    if (isReplay && view.moment.artifacts.length > 1) add(ANY, "any that is sought");
+    add(Beliefs.ALL, "all classes");
     view.classes.map((name, c) => [name, c]).sort((a, b) => a[0].localeCompare(b[0]))
       .forEach(([name, c]) => add(c, `${name} (${Beliefs.amount(Beliefs.numbers(view, 0, c).more)} more)`));
-    if (look.sought >= view.classes.length) look.sought = ALL;
+    if (look.sought >= view.classes.length) look.sought = Beliefs.ALL;
   }
 
   /* Tell beside what is pointed at, or focused, what it is. */
@@ -110,23 +105,8 @@
     change({ view: 0, ...said });
   }
 
-  function showStep() {
-    pick("step").value = look.view;
-    pick("where").textContent = `step ${look.view} of ${views.length - 1}`;
-  }
-  function listenToReplay() {
-    const last = views.length - 1;
-    const go = (step) => change({ view: Math.max(0, Math.min(last, step)) });
-    root.querySelector(".replay").hidden = false;
-    pick("step").max = last;
-    pick("back").addEventListener("click", () => go(look.view - 1));
-    pick("on").addEventListener("click", () => go(look.view + 1));
-    pick("step").addEventListener("input", (e) => go(Number(e.target.value)));
-  }
-
   titles.forEach((title, value) => make("option", { value }, pick("view"), title));
-  pick("view").parentElement.hidden = views.length < 2 || isReplay;
-  if (isReplay) listenToReplay();
+  pick("view").parentElement.hidden = views.length < 2;
   listen();
   open();
 })();

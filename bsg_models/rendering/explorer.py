@@ -15,37 +15,14 @@ import numpy as np
 import numpy.typing as npt
 
 from bsg_data.files import write_bytes
+from bsg_data.observation.partial_graph import KnownRoom
 from bsg_models.belief.belief_graph import BeliefGraph
 from bsg_models.belief.formats import FormatRow
 from bsg_models.rendering.pages import render_page
-from bsg_models.rendering.plan import outline_room
+from bsg_models.rendering.plan import KnownOutline, draw_plan, outline_room
 
 _DIGITS = 4
-
-
-@dataclass(frozen=True, slots=True)
-class Moment:
-    """A moment of a search; rooms are numbered as in its belief graph.
-
-    Attributes:
-        artifacts: classes that are searched for.
-        route: rooms in the order in which they were entered; the robot is in the last.
-        cost: travelled so far.
-        target: room where it goes next; None at the end.
-        legs: `[N]` what it would cost to go to each node, None out of reach; nothing at the end.
-        holds: rooms that hold an artifact, which the robot does not know.
-        planner: that decides.
-        world: whose costs it travels at.
-    """
-
-    artifacts: tuple[int, ...]
-    route: tuple[int, ...]
-    cost: float
-    target: int | None
-    legs: tuple[float | None, ...]
-    holds: tuple[int, ...]
-    planner: str
-    world: str
+_ONE_ROW = 1e9  # a page that wide has all storeys in one row
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,13 +33,11 @@ class View:
         belief: what was seen and what is believed.
         truth: `[N, C]` what is there, the building first; None where nobody knows.
         title: of the view; the scene id if empty.
-        moment: of a search; the views of a page are then its steps, in order.
     """
 
     belief: BeliefGraph
     truth: npt.NDArray[np.integer] | None = None
     title: str = ""
-    moment: Moment | None = None
 
 
 def write_explorer(views: Sequence[View], path: Path) -> None:
@@ -77,6 +52,12 @@ def explorer_page(views: Sequence[View]) -> str:
 
 def _encode(view: View) -> dict[str, Any]:
     belief, partial = view.belief, view.belief.partial
+    known = [
+        KnownOutline(number, _name(room), outline_room(room, room.position), room.floor_index)
+        for number, room in enumerate(partial.rooms, start=1)
+    ]
+    plan, row = draw_plan(known), draw_plan(known, aspect=_ONE_ROW)
+    names = {room.number: room.name for room in plan.rooms}
     return {
         "title": view.title or partial.scene_id,
         "model": belief.model,
@@ -89,15 +70,16 @@ def _encode(view: View) -> dict[str, Any]:
         "truth": None if view.truth is None else np.asarray(view.truth).tolist(),
         "rooms": [
             {
-                "name": room.name,
-                "label": room.label,
+                "id": room.name,
+                "name": names[drawn.number],
                 "visited": room.visited,
                 "share": round(room.hidden_share, _DIGITS),
-                "floor": room.floor_index or 0,
-                "outline": outline_room(room, room.position),
+                "corner": drawn.outline and drawn.outline[0],
             }
-            for room in partial.rooms
+            for room, drawn in zip(partial.rooms, known, strict=True)
         ],
+        "plan": asdict(plan),
+        "row": asdict(row),
         "objects": [
             {
                 "room": obj.room_index,
@@ -116,9 +98,13 @@ def _encode(view: View) -> dict[str, Any]:
             }
             for node in belief.blind
         ],
-        "moment": None if view.moment is None else asdict(view.moment),
         "adjacency": [list(pair) for pair in partial.adjacency],
     }
+
+
+def _name(room: KnownRoom) -> str:
+    """Return what a room is called: its label, else its id."""
+    return room.label or (f"room {room.name}" if room.name.isdecimal() else room.name)
 
 
 def _write_beliefs(beliefs: Iterable[BeliefGraph], path: Path) -> None:

@@ -11,7 +11,7 @@ const Link = (() => {
       return times.get(name) > 1 ? `${name} (${times.get(name)})` : name;
     });
   }
-  const roomNames = (view) => distinct(view.rooms.map((room) => room.name));
+  const roomNames = (view) => distinct(view.rooms.map((room) => room.id));
 
   /* Return what the address says of the look of a page with these views. */
   function read(views, titles) {

@@ -30,11 +30,11 @@ const Names = (() => {
     });
   }
 
-  /* "dining room" → "dinin…", and "dining room #12" → "din… #12": what tells two rooms apart stays. */
+  /* "dining room" → "dinin…", and "dining room 12" → "dini… 12": what tells two rooms apart stays. */
   function cut(name, letters) {
     if (name.length <= letters) return name;
-    const tail = (/ #[^ ]{1,5}$/.exec(name) || [""])[0], left = letters - tail.length;
-    return left > 2 ? name.slice(0, left - 1).trimEnd() + "…" + tail : tail ? tail.slice(1) : name.slice(0, letters - 1) + "…";
+    const tail = (/ [0-9]{1,3}$/.exec(name) || [""])[0], left = letters - tail.length;
+    return left > 1 ? name.slice(0, left - 1).trimEnd() + "…" + tail : name.slice(0, letters - 1) + "…";
   }
 
   /* Places in an outline: whole with its number, whole, a little cut; then beside it; then cut short.

@@ -10,11 +10,10 @@ const Panel = (() => {
     side.replaceChildren();
     const { node, sought } = look;
     if (node) button(side, "back", "← the building", () => go({ node: 0 }));
-    else if (view.moment) tell(side, view);
     make("h2", {}, side, nodeName(view, node));
     if (node && sought !== ALL) placeOf(side, view, look);
     summarize(side, view, node);
-    if (!node && !view.moment) rankRooms(side, view, sought, go);
+    if (!node) rankRooms(side, view, sought, go);
     rankClasses(side, view, look, go);
     listClasses(side, view, look);
   }
@@ -113,32 +112,10 @@ const Panel = (() => {
       const bar = make("div", { class: "bar" }, make("td", { class: "bars" }, row));
       make("div", { class: "seen", style: `width:${100 * of.seen / most}%` }, bar);
       make("div", { class: "more", style: `width:${100 * of.more / most}%` }, bar);
-      if (truth) make("div", { class: "true", style: `left:calc(${100 * truth[c] / most}% - 1px)` }, bar);
+      if (truth) make("div", { class: "true", style: `left:calc(${100 * truth[c] / most}% - 2px)` }, bar);
       for (const text of [amount(of.seen), amount(of.more), percent(of.chance), ...(truth ? [amount(of.unseen)] : [])])
         make("td", {}, row, text);
     }
-  }
-
-  /* Tell where the robot of a search is, and rank the rooms that it has not entered. */
-  function tell(side, view) {
-    const moment = view.moment, here = moment.route[moment.route.length - 1], entered = moment.route.length - 1;
-    make("h2", {}, side, "Looking for " + moment.artifacts.map((c) => view.classes[c]).join(", "));
-    paragraph(side, "The robot is in ", [nodeName(view, here)], ", has entered ", [String(entered)],
-      (entered === 1 ? " room" : " rooms") + " and travelled ", [moment.cost.toFixed(1)], ` (${moment.world}). `,
-      ...(moment.target === null ? ["The search is over."]
-        : ["Next it goes to ", [nodeName(view, moment.target)], `, says ${moment.planner}.`]));
-    if (!Picture.measured(moment)) make("p", {}, side, "Its costs are drawn: the plan shows where rooms are, not what it costs to go there.");
-    make("h3", {}, side, "Where it may be" + (moment.target === null ? "" : ", and the cost of going there"));
-    const open = Beliefs.rankRooms(view, Beliefs.ANY).filter((of) => !moment.route.includes(of.node));
-    const table = make("table", { class: "rooms" }, side);
-    open.filter((of, i) => i < 12 || of.node === moment.target).forEach((of) => {
-      const row = make("tr", of.node === moment.target ? { class: "picked" } : {}, table), leg = moment.legs[of.node];
-      make("td", { class: "what" }, row, nodeName(view, of.node));
-      make("div", { class: "more", style: `width:${100 * of.chance}%` }, make("div", { class: "bar" }, make("td", { class: "bars" }, row)));
-      make("td", {}, row, percent(of.chance) + (moment.holds.includes(of.node) ? " ✓" : " –")
-        + (moment.target === null ? "" : leg === null ? " ∞" : " " + leg.toFixed(1)));
-    });
-    make("p", {}, side, open.length ? "✓ one is there, – none is." + (moment.legs.slice(1).includes(null) ? " ∞: out of reach." : "") : "Every room was entered.");
   }
 
   /* Say what colours and shades mean. */
@@ -153,11 +130,7 @@ const Panel = (() => {
     entry("blind", "blind node: expected, not seen (faint: unsure)");
     const scale = make("span", {}, box, one ? `at least one unseen ${name}: 0 %` : "more expected: 0");
     make("span", { class: "scale" }, scale);
-    scale.append(!one ? amount(most) : most === 1 ? "100 %" : percent(most));
-    if (view.moment) {
-      make("span", {}, box, "red outline: an artifact is there, which the robot does not know");
-      make("span", {}, box, "numbers: the robot's way; dotted: where it goes next");
-    }
+    scale.append(one ? percent(most) : amount(most));
     if (view.rooms.some((room) => !room.visited)) make("span", {}, box, "dashed: not visited");
   }
   return { show, explain };

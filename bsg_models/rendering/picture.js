@@ -16,7 +16,8 @@ const Picture = (() => {
     scene.of = view.rooms.map((_, i) => Beliefs.numbers(view, i + 1, look.sought));
     scene.most = Beliefs.mostWorth(view, look.sought);
     const [ties, grounds, doors, things, words] = Array.from({ length: 5 }, () => draw("g", {}, svg));
-    const names = nameRooms(scene, size);
+    scene.bounds = { left: 2, top: 2, right: size.wide - 2, bottom: size.high - 2 };
+    const names = nameRooms(scene);
     drawDoors(scene, look.plan ? doors : ties);
     if (!look.plan) drawTies(scene, ties);
     for (const i of scene.order) {
@@ -25,14 +26,15 @@ const Picture = (() => {
       if (!look.plan) drawKnot(scene, i, things);
     }
     if (!look.plan) drawBuilding(scene, things);
-    if (view.moment) drawRoute(scene, things);
     for (const name of names) drawName(name, words);
   }
 
   /* Fit the rooms into the picture: `at` is where a point of the plan, at a height, is in pixels. */
   function lay(view, look, size) {
     const wide = size.wide - 2 * MARGIN.side, high = size.high - MARGIN.top - MARGIN.bottom;
-    const { outlines, place, names } = Plan.arrange(view, { ratio: wide / high, inOneRow: !look.plan });
+    const { rooms, captions } = look.plan ? view.plan : view.row;
+    const outlines = [];
+    for (const { number, outline } of rooms) outlines[number - 1] = outline;
     const flat = ([x, y], z = 0) => look.plan ? [x, y] : [x + 0.42 * y, 0.52 * y - z];
     const floor = Plan.extent(outlines.flat()), e = Plan.extent(outlines.flat().map((p) => flat(p)));
     const up = look.plan ? 0 : heightOfLayers(floor, e, wide / high);
@@ -42,9 +44,10 @@ const Picture = (() => {
     const at = (p, z) => { const [x, y] = flat(p, z); return [dx + scale * x, dy + scale * y]; };
     const centres = outlines.map(Plan.middle);
     const peak = [0, 1].map((k) => Beliefs.sum(centres.map((p) => p[k])) / centres.length);
-    const order = outlines.map((_, i) => i).sort((a, b) => Plan.area(outlines[b]) - Plan.area(outlines[a]));
-    return { outlines, place, storeys: names, at, scale, centres, order,  // small rooms lie over large ones
-      shapes: outlines.map((outline) => outline.map((p) => at(p))),
+    return { outlines, at, scale, centres, shapes: outlines.map((outline) => outline.map((p) => at(p))),
+      order: rooms.map((room) => room.number - 1),  // small rooms lie over large ones
+      parts: rooms.reduce((parts, { number, part }) => { parts[number - 1] = part; return parts; }, []),
+      storeys: captions.map(([text, spot]) => [text, at(spot)]),
       knots: centres.map((p) => at(p, up)), peak: at(peak, 2 * up),
       radius: Math.max(2.2, Math.min(5.2, scale * 0.075)) };
   }
@@ -56,35 +59,29 @@ const Picture = (() => {
   }
 
   /* Settle the names of storeys, the building and its rooms: the one that is chosen first, then by worth. */
-  function nameRooms({ view, look, of, order, shapes, knots, peak, storeys }, size) {
+  function nameRooms({ view, look, of, order, shapes, knots, peak, storeys, bounds }) {
     const ranked = view.rooms.map((_, i) => i).sort((a, b) =>
       (b + 1 === look.node) - (a + 1 === look.node) || Beliefs.worth(of[b], look.sought) - Beliefs.worth(of[a], look.sought) || a - b);
     const boxes = shapes.map(Plan.extent);
-    const numberOf = (i) => view.moment && view.moment.route.includes(i + 1) ? "searched" : Beliefs.sayWorth(of[i], look.sought);
+    const numberOf = (i) => Beliefs.sayWorth(of[i], look.sought);
     const placesOf = (i) => {
-      const name = Names.cut(Beliefs.nodeName(view, i + 1), 40);
+      const name = Names.cut(view.rooms[i].name, 40);
       if (!look.plan) return Names.atKnot(knots[i], name, numberOf(i));
       const over = order.slice(order.indexOf(i) + 1).map((k) => boxes[k]);
       return Names.inOutline(shapes[i], name, numberOf(i), { over, grounds: boxes });
     };
-    const corners = storeys.map(({ text, rooms }) => {
-      const e = Plan.extent(rooms.flatMap((i) => shapes[i]));
-      return Names.rightOf([e.left, e.bottom + 18], text);
-    });
+    const captions = storeys.map(([text, spot]) => Names.rightOf(spot, text));
     const building = look.plan ? [] : [Names.atKnot([peak[0], peak[1] - 6], Names.cut(view.title, 40), "")];
-    const stops = view.moment ? view.moment.route.map((room) => square(...Plan.middle(shapes[room - 1]), 11)) : [];
-    const taken = look.plan ? stops : [...knots, peak].map(([x, y]) => square(x, y, 7));
-    const bounds = { left: 2, top: 2, right: size.wide - 2, bottom: size.high - 2 };
-    const found = Names.settle([...building, ...ranked.map(placesOf), ...corners], taken, bounds);
-    found.slice(found.length - corners.length).forEach((name) => { if (name) name.kind = "storey"; });
-    return found.filter(Boolean);
+    const taken = look.plan ? [] : [...knots, peak].map(([x, y]) => square(x, y, 7));
+    const found = Names.settle([...captions, ...building, ...ranked.map(placesOf)], taken, bounds);
+    return found.map((name, k) => name && { ...name, kind: k < captions.length ? "storey" : "name" }).filter(Boolean);
   }
   const square = (x, y, half) => ({ left: x - half, right: x + half, top: y - half, bottom: y + half });
 
   function drawName({ name, number, x, y, wide, leader, box, kind }, words) {
     if (leader) draw("line", { class: "leader", x1: leader[0], y1: leader[1],
       x2: Math.max(box.left, Math.min(box.right, leader[0])), y2: Math.max(box.top, Math.min(box.bottom, leader[1])) }, words);
-    const text = draw("text", { class: kind || "name", x, y }, words, name);
+    const text = draw("text", { class: kind, x, y }, words, name);
     if (number) draw("tspan", { class: "number", dx: 5 }, text, number);
   }
 
@@ -96,18 +93,15 @@ const Picture = (() => {
       line("tie foot", knot, Plan.middle(shapes[i]), ties);
     });
   }
-  const measured = (moment) => /^(layout|geometry)$/.test(moment.world);
-  function drawDoors({ view, look, knots, shapes }, parent) {
-    if (view.moment && !measured(view.moment)) return;  // a drawn world has others
+  function drawDoors({ view, look, knots, shapes, parts }, parent) {
     const end = (room) => look.plan ? Plan.middle(shapes[room - 1]) : knots[room - 1];
     for (const [a, b] of view.adjacency) {
-      const stairs = view.rooms[a - 1].floor !== view.rooms[b - 1].floor;
-      line(stairs ? "adjacent stairs" : "adjacent", end(a), end(b), parent);
+      line(parts[a - 1] !== parts[b - 1] ? "adjacent stairs" : "adjacent", end(a), end(b), parent);
     }
   }
 
   const kindOf = ({ view, look }, node) => ["room", view.rooms[node - 1].visited ? "" : "unvisited",
-    look.node === node ? "chosen" : "", view.moment && view.moment.holds.includes(node) ? "holds" : ""].join(" ");
+    look.node === node ? "chosen" : ""].join(" ");
 
   function drawRoom(scene, i, grounds) {
     const { view, look, of, most, shapes } = scene;
@@ -132,23 +126,22 @@ const Picture = (() => {
 
   /* Draw what was seen in a room and its blind nodes: where they are, or else where the room has space. */
   function drawThings(scene, i, things, words, names) {
-    const { view, look, outlines, place, at, centres, scale, radius } = scene;
-    const seen = view.objects.filter((obj) => obj.room === i + 1 && Beliefs.isSought(view, look.sought, obj.class));
+    const { view, look, outlines, at, centres, scale, radius } = scene;
+    const seen = view.objects.filter((obj) => obj.room === i + 1 && Beliefs.isSought(look.sought, obj.class));
     seen.sort((a, b) => (a.class === null) - (b.class === null));
-    const blind = view.blind.filter((node) => node.room === i + 1 && node.presence >= look.threshold && Beliefs.isSought(view, look.sought, node.class));
+    const blind = view.blind.filter((node) => node.room === i + 1 && node.presence >= look.threshold && Beliefs.isSought(look.sought, node.class));
     const count = seen.length + blind.length;
     const spots = Plan.spots(outlines[i], count, freeSpots(scene, i, names));
     const named = look.node === i + 1 && Math.sqrt(Plan.area(outlines[i]) / (1.7 * count + 5)) * scale > 46;
     const labels = [];
     for (const thing of [...seen, ...blind]) {
-      const spot = place(i, thing.at) || spots.splice(Math.floor(spots.length * 0.382), 1)[0] || centres[i];
+      const spot = Plan.place(thing.at, view.rooms[i].corner, outlines[i]) || spots.splice(Math.floor(spots.length * 0.382), 1)[0] || centres[i];
       const [x, y] = at(spot);
       draw("circle", { cx: x, cy: y, r: radius, "data-node": i + 1, ...dot(view, look, thing) }, things);
       const name = thing.class === null ? thing.name : view.classes[thing.class];
       if (named) labels.push(Names.under([x, y + radius + 10], Names.cut(name, 14)));
     }
-    const bounds = Plan.extent(scene.shapes[i].concat(centres.map((p) => at(p))));
-    for (const label of Names.settle(labels, names.map((name) => name.box), bounds))
+    for (const label of Names.settle(labels, names.map((name) => name.box), scene.bounds))
       if (label) drawName({ ...label, kind: "thing" }, words);
   }
   /* Whether a spot is clear of the names, and of smaller rooms that lie over this one. */
@@ -162,24 +155,9 @@ const Picture = (() => {
   }
   function dot(view, look, thing) {
     if (thing.presence !== undefined) return { class: "blind", "fill-opacity": (0.2 + 0.8 * thing.presence).toFixed(2),
-      "data-say": "blind node: " + Beliefs.say(view, thing.room, thing.class) };
+      "data-say": "blind node, " + Beliefs.say(view, thing.room, thing.class) };
     const kind = thing.class === null ? " classless" : look.sought === Beliefs.ALL ? "" : " sought";
     return { class: "object" + kind, "data-say": (thing.name || "an object") + ", seen" + (thing.class === null ? ", of no class" : "") };
   }
-
-  /* Draw the way of a search, numbered, and where it goes next. */
-  function drawRoute({ view: { moment }, shapes }, parent) {
-    const stops = moment.route.map((room) => Plan.middle(shapes[room - 1]));
-    draw("polyline", { class: "route", points: stops.map((p) => p.join(",")).join(" ") }, parent);
-    if (moment.target !== null) {
-      const [x, y] = Plan.middle(shapes[moment.target - 1]);
-      line("next", stops[stops.length - 1], [x, y], parent);
-      draw("circle", { class: "target", cx: x, cy: y, r: 6 }, parent);
-    }
-    stops.forEach(([x, y], k) => {
-      draw("circle", { class: "robot", cx: x, cy: y, r: k === stops.length - 1 ? 11 : 8 }, parent);
-      draw("text", { class: "stop", x, y: y + 4 }, parent, k);
-    });
-  }
-  return { show, measured };
+  return { show };
 })();

@@ -1,86 +1,28 @@
-/* Where rooms lie, in metres: x to the right, y down.
-
-   Rooms lie where their outlines are, each storey for itself; rooms without a place in a grid. */
+/* Outlines of rooms, and where things lie in them. Points are `[x, y]`, y down. */
 const Plan = (() => {
   "use strict";
-  const GAP = 2.2;  // between storeys
-  const SIDE = 2.8, PITCH = 3.3;  // of a square in the grid
-
   const extent = (points) => {
     const xs = points.map((p) => p[0]), ys = points.map((p) => p[1]);
     return { left: Math.min(...xs), right: Math.max(...xs), top: Math.min(...ys), bottom: Math.max(...ys) };
   };
   const area = (points) => { const e = extent(points); return (e.right - e.left) * (e.bottom - e.top); };
   const middle = (points) => { const e = extent(points); return [(e.left + e.right) / 2, (e.top + e.bottom) / 2]; };
-  /* Whether a point is in a convex outline, whichever way round that is. */
-  function inside([x, y], points) {
-    const side = points.map((a, i) => {
-      const b = points[(i + 1) % points.length];
-      return (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]);
-    });
-    return side.every((s) => s >= 0) || side.every((s) => s <= 0);
+  /* Whether a point is in an outline: a line from it to the right crosses the outline an odd number of times. */
+  const inside = ([x, y], points) => points.filter((a, i) => {
+    const b = points[(i + 1) % points.length];
+    return (a[1] > y) !== (b[1] > y) && x < a[0] + (b[0] - a[0]) * (y - a[1]) / (b[1] - a[1]);
+  }).length % 2 === 1;
+
+  /* Where an object is drawn that is at a place in metres, y up; null where nobody knows.
+
+     `corner` is where the first corner of its room is, in the same metres. */
+  function place(at, corner, outline) {
+    if (!at || !corner) return null;
+    const spot = [outline[0][0] + at[0] - corner[0], outline[0][1] - at[1] + corner[1]];
+    return inside(spot, outline) ? spot : null;
   }
 
-  /* Return each room's outline, where an object of a room lies (null where unknown), and the storeys' names. */
-  function arrange(view, { ratio, inOneRow }) {
-    const cells = storeys(view);
-    pack(cells, ratio, inOneRow);
-    const outlines = [], cellOf = [];
-    for (const cell of cells) cell.rooms.forEach((i, k) => {
-      outlines[i] = cell.outlines[k].map(([x, y]) => [x + cell.x, y + cell.y]);
-      cellOf[i] = cell;
-    });
-    const place = (i, at) => {
-      if (!at || !view.rooms[i].outline) return null;
-      const spot = [at[0] + cellOf[i].x, cellOf[i].y - at[1]];
-      return inside(spot, outlines[i]) ? spot : null;
-    };
-    const names = cells.length > 1 ? cells.map((cell) => ({ text: cell.name, rooms: cell.rooms })) : [];
-    return { outlines, place, names };
-  }
-
-  function storeys(view) {
-    const known = [], stray = [];
-    view.rooms.forEach((room, i) => (room.outline ? known : stray).push(i));
-    const floors = [...new Set(known.map((i) => view.rooms[i].floor))].sort((a, b) => a - b);
-    const cells = floors.map((floor, k) => {
-      const rooms = known.filter((i) => view.rooms[i].floor === floor);
-      return { name: "storey " + (k + 1), rooms,
-        outlines: rooms.map((i) => view.rooms[i].outline.map(([x, y]) => [x, -y])) };
-    });
-    if (stray.length) cells.push({ name: "place unknown", rooms: stray, outlines: grid(stray.length) });
-    return cells;
-  }
-
-  function grid(count) {
-    const across = Math.max(1, Math.ceil(Math.sqrt(count * 1.7)));
-    return Array.from({ length: count }, (_, i) => {
-      const x = (i % across) * PITCH, y = Math.floor(i / across) * PITCH;
-      return [[x, y], [x + SIDE, y], [x + SIDE, y + SIDE], [x, y + SIDE]];
-    });
-  }
-
-  /* Lay storeys in rows, as many beside each other as make all of them largest in a picture of this ratio. */
-  function pack(cells, ratio, inOneRow) {
-    const extents = cells.map((cell) => extent(cell.outlines.flat()));
-    const lay = (columns) => {
-      const places = [];
-      let x = 0, y = 0, deep = 0, wide = 0;
-      extents.forEach((e, k) => {
-        if (k && k % columns === 0) { x = 0; y += deep + GAP; deep = 0; }
-        places.push([x - e.left, y - e.top]);
-        x += e.right - e.left + GAP;
-        deep = Math.max(deep, e.bottom - e.top);
-        wide = Math.max(wide, x - GAP);
-      });
-      return { places, size: Math.max(wide / ratio, y + deep) };
-    };
-    const layouts = inOneRow ? [lay(cells.length)] : cells.map((_, k) => lay(k + 1));
-    const best = layouts.reduce((a, b) => b.size < a.size ? b : a);
-    cells.forEach((cell, k) => { [cell.x, cell.y] = best.places[k]; });
-  }
-
-  /* At least `count` points in an outline where `isFree` says so, if there is room; in rows, from the top. */
+  /* At least `count` points in an outline where `isFree` says so, if there is space; in rows, from the top. */
   function spots(outline, count, isFree) {
     const e = extent(outline);
     let found = [];
@@ -92,5 +34,5 @@ const Plan = (() => {
     }
     return found;
   }
-  return { arrange, area, extent, inside, middle, spots };
+  return { area, extent, inside, middle, place, spots };
 })();

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -26,10 +27,11 @@ from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.scene.surroundings import RoomType, check_room_type
 from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, Mode, believe
 from bsg_models.belief.expectation import Expectation
-from bsg_models.belief.graph_file import read_graph
+from bsg_models.belief.graph_file import GraphFile, open_graph_file
 from bsg_models.robot.answers import ExpectedClass, Place
 from bsg_models.robot.destination import choose_destination
 from bsg_models.robot.room_names import find_room
+from bsg_models.robot.told_shares import tell_shares
 from bsg_models.robot.ways import Costs, Ways, measure_ways
 from bsg_models.robot.words import Meaning, find_meaning
 from bsg_models.runs.predictor import Predictor
@@ -43,6 +45,8 @@ def open_graph(
     *,
     model: Path | str = DEFAULT_MODEL,
     labels: str | None = None,
+    hidden_share: float | None = None,
+    hidden_shares: Mapping[str, float] = MappingProxyType({}),
 ) -> SeenBuilding:
     """Open what a robot has seen, to ask about it.
 
@@ -50,19 +54,24 @@ def open_graph(
         graph: file of a robot's graph, our JSON or Spark-DSG's; `-` for standard input; or the
             document itself, as `json.loads` gives it.
         model: what `find_model` takes: the path of a run, or a name.
-        labels: label space of a Hydra graph: `ade20k` or `mpcat40`.
+        labels: label space of a Hydra graph, as `load_label_space` takes it.
+        hidden_share: share of the objects of every room that was not seen; None, what it says.
+        hidden_shares: the same of single rooms, by their ids or labels; see `tell_shares`.
 
     Raises:
         BSGError: if the graph cannot be read.
         CheckpointError: if there is no such model.
+        RecipeError: if a share cannot be, or is of no room.
     """
     predictor = Predictor(model)
     class_map = predictor.class_map
     if isinstance(graph, Mapping):
-        known = parse_robot_graph(dict(graph), path=Path("graph"), class_map=class_map)
+        file = GraphFile(parse_robot_graph(dict(graph), path=Path("graph"), class_map=class_map))
     else:
-        known = read_graph(Path(graph), labels=labels, class_map=class_map)
-    return SeenBuilding(known, predictor)
+        file = open_graph_file(Path(graph), labels=labels, class_map=class_map)
+    known = tell_shares(file.graph, every=hidden_share, rooms=hidden_shares)
+    told = hidden_share is not None or bool(hidden_shares)
+    return SeenBuilding(known, predictor, notes=file.list_notes(told=told))
 
 
 class SeenBuilding:
@@ -75,16 +84,24 @@ class SeenBuilding:
     A thing is any word. A room is its id, or its label if no other room has it.
     """
 
-    def __init__(self, graph: PartialGraph, model: Predictor | Path | str = DEFAULT_MODEL) -> None:
+    def __init__(
+        self,
+        graph: PartialGraph,
+        model: Predictor | Path | str = DEFAULT_MODEL,
+        *,
+        notes: tuple[str, ...] = (),
+    ) -> None:
         """Begin with a graph.
 
         Args:
             graph: in the class space of the model.
             model: a `Predictor`, or what it takes.
+            notes: what a person should know of how it was read, a sentence each.
 
         Raises:
             CheckpointError: if there is no such model.
         """
+        self.notes = notes
         self._graph = graph
         self._models = [model if isinstance(model, Predictor) else Predictor(model)]
         self._beliefs: dict[int, Expectation] = {}
@@ -113,7 +130,7 @@ class SeenBuilding:
 
     def copy(self) -> SeenBuilding:
         """Return the same, to tell it what this one shall not know."""
-        other = SeenBuilding(self._graph, self._models[0])
+        other = SeenBuilding(self._graph, self._models[0], notes=self.notes)
         other._models, other._beliefs = self._models, dict(self._beliefs)
         return other
 

@@ -17,7 +17,7 @@ from bsg_models.belief.expectation import Expectation, mix
 from bsg_models.inputs.share_levels import spread_shares
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.class_maps import choose_class_map
-from bsg_models.runs.found_model import find_model
+from bsg_models.runs.found_model import find_model, name_model
 from bsg_models.runs.share_posterior import update_shares
 from bsg_models.runs.shipped import DEFAULT_MODEL
 
@@ -51,7 +51,7 @@ class Predictor:
         self._header = checkpoint.header
         self.class_space = self._header.class_space
         self._model = restore_model(path, checkpoint)
-        self.name = found.name if found.kind == "shipped" else self._header.config.name
+        self.name = name_model(found, self._header)
         self.classes = self.class_space.classes
 
     @property

@@ -23,16 +23,19 @@ from bsg_data.dataset.manifest import (
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.observation.partial_graph import PartialGraph, list_withheld, mask_dataset
 from bsg_data.observation.robot_json import list_unmapped
+from bsg_data.observation.said_share import Share
 from bsg_data.recipes import MaskRecipe, Record
 from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.scene.surroundings import KNOWN_SOURCES
 from bsg_models.belief.belief_graph import BeliefGraph, Mode, believe, rank_unseen
 from bsg_models.belief.formats import choose_format, write_beliefs
-from bsg_models.belief.graph_file import read_graph
-from bsg_models.belief.hydra import write_hydra
+from bsg_models.belief.graph_file import open_graph_file
+from bsg_models.belief.hydra import SPARK_DSG, annotate_hydra, write_hydra
+from bsg_models.belief.hydra_file import HydraFile
 from bsg_models.belief.tables import write_tables
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.rendering.explorer import View, write_explorer
+from bsg_models.robot.told_shares import tell_shares
 from bsg_models.runs.predictor import Predictor
 from bsg_models.runs.shipped import DEFAULT_MODEL
 
@@ -62,11 +65,14 @@ class BeliefRequest(Record):
         run: a model, as `find_model` takes it: the path of a run, or the name of a shipped one.
         graphs: files with robots' graphs, of ours or Spark-DSG's.
         scenes: masked buildings, in the place of graphs.
-        labels: label space of Hydra's graphs: `ade20k` or `mpcat40`.
+        labels: label space of Hydra's graphs, as `load_label_space` takes it.
+        hidden_share: share of the objects of every room that was not seen; None, what graphs say.
+        hidden_shares: the same of single rooms, by their ids or labels.
         mode: which blind nodes: as many as are expected, or the top unseen classes.
         top: unseen classes a room.
         out: file of belief graphs in the format of its suffix.
-        hydra: file of one belief graph as Spark-DSG JSON.
+        hydra: file of one belief graph as Spark-DSG JSON: a graph of Hydra's as it was, with what
+            is believed in it, or a new one.
         tables: folder of all belief graphs as parquet.
         html: file of the explorer.
         force: replace files that are there.
@@ -76,6 +82,8 @@ class BeliefRequest(Record):
     graphs: tuple[Path, ...] = ()
     scenes: MaskedScenes | None = None
     labels: str | None = None
+    hidden_share: Share | None = None
+    hidden_shares: dict[str, Share] = Field(default_factory=dict)
     mode: Mode = "complete"
     top: int = Field(default=3, ge=1)
     out: Path | None = None
@@ -127,6 +135,7 @@ class BeliefReport(NamedTuple):
             `COMPARED` of them look like.
         resolved: file → names that a rule explained.
         unknown_sources: file → its source, where that is none of `KNOWN_SOURCES`.
+        notes: file → what else to know of how it was read, a sentence each.
     """
 
     model: str
@@ -135,6 +144,7 @@ class BeliefReport(NamedTuple):
     unmapped: dict[Path, tuple[UnmappedEntry, ...]]
     resolved: dict[Path, tuple[ResolvedEntry, ...]]
     unknown_sources: dict[Path, str]
+    notes: dict[Path, tuple[str, ...]]
 
 
 def report_beliefs(
@@ -156,10 +166,11 @@ def report_beliefs(
     _check_paths(request)
     predictor = Predictor(request.run)
     class_map = predictor.class_map if request.graphs else load_class_map()
-    graphs = {
-        path: read_graph(path, labels=request.labels, class_map=class_map)
+    files = {
+        path: open_graph_file(path, labels=request.labels, class_map=class_map)
         for path in request.graphs
     }
+    graphs = {path: _tell(file.graph, request) for path, file in files.items()}
     total = len(graphs) or len(wanted)
     out_holds_one = request.out is not None and not choose_format(request.out).many
     if (out_holds_one or request.hydra) and total != 1:
@@ -179,7 +190,7 @@ def report_beliefs(
         rooms += describe_rooms(belief, rank_unseen(expectation, request.top))
         if progress:
             progress(done, total)
-    _write(request, views)
+    _write(request, views, [file.hydra for file in files.values()])
     unmapped = {path: _list_unmapped(graph, class_map) for path, graph in graphs.items()}
     resolved = {path: _list_resolved(graph, class_map) for path, graph in graphs.items()}
     strange = {
@@ -187,6 +198,7 @@ def report_beliefs(
         for path, graph in graphs.items()
         if graph.source is not None and graph.source not in KNOWN_SOURCES
     }
+    told = request.hidden_share is not None or bool(request.hidden_shares)
     return BeliefReport(
         model=predictor.name,
         graphs=tuple(view.belief for view in views),
@@ -194,7 +206,12 @@ def report_beliefs(
         unmapped={path: names for path, names in unmapped.items() if names},
         resolved={path: names for path, names in resolved.items() if names},
         unknown_sources=strange,
+        notes={path: file.list_notes(told=told) for path, file in files.items()},
     )
+
+
+def _tell(graph: PartialGraph, request: BeliefRequest) -> PartialGraph:
+    return tell_shares(graph, every=request.hidden_share, rooms=request.hidden_shares)
 
 
 def _list_unmapped(graph: PartialGraph, class_map: ClassMap) -> tuple[UnmappedEntry, ...]:
@@ -262,12 +279,21 @@ def _check_paths(request: BeliefRequest) -> None:
             raise DatasetError(f"{path}: is there already; --force replaces it")
 
 
-def _write(request: BeliefRequest, views: list[View]) -> None:
-    if request.out:
-        write_beliefs([view.belief for view in views], request.out)
-    if request.hydra:
-        write_hydra(views[0].belief, request.hydra)
+def _write(
+    request: BeliefRequest, views: list[View], originals: Sequence[HydraFile | None]
+) -> None:
+    """Write what is asked for; into a graph of Hydra's, if what is believed is about one."""
+    beliefs = [view.belief for view in views]
+    original = originals[0] if len(originals) == 1 else None
+    if request.out and original is not None and choose_format(request.out).name == SPARK_DSG.name:
+        annotate_hydra(beliefs[0], original, request.out)
+    elif request.out:
+        write_beliefs(beliefs, request.out)
+    if request.hydra and original is not None:
+        annotate_hydra(beliefs[0], original, request.hydra)
+    elif request.hydra:
+        write_hydra(beliefs[0], request.hydra)
     if request.tables:
-        write_tables((view.belief for view in views), request.tables)
+        write_tables(beliefs, request.tables)
     if request.html:
         write_explorer(views, request.html)

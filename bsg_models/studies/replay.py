@@ -22,9 +22,9 @@ from bsg_models.search.room_graphs import MEASURED
 from bsg_models.studies.savings import WorldResult
 from bsg_models.studies.search_cases import BASELINE
 from bsg_models.studies.search_steps import (
-    KEPT,
     LEAST_ENTERED,
     MOST_HOLDING,
+    TYPICAL,
     KeptSearch,
     KeptStep,
     choose_shown,
@@ -170,12 +170,12 @@ class _Ground:
                 room, way, cost = step.entered, step.way, cost + step.cost
 
     def _list_seen(self, room: int) -> tuple[tuple[str, int], ...]:
-        order = np.argsort(-self.cells[room], kind="stable")[:_TOLD]
-        return tuple(
-            (self.classes[c], int(self.cells[room, c]))
-            for c in order.tolist()
-            if self.cells[room, c]
-        )
+        """Return what is in a room, artifacts first, then the classes of most objects."""
+        counts, sought = self.cells[room], np.zeros(len(self.classes), dtype=bool)
+        sought[list(self.kept.artifacts)] = True
+        order = np.lexsort((-counts, ~sought)).tolist()
+        there = [(self.classes[c], int(counts[c])) for c in order if counts[c]]
+        return tuple(there[:_TOLD])
 
     def _believe(self, step: KeptStep, room: int, found: set[int]) -> tuple[float, ...]:
         """Return P(a room holds an artifact that is not found yet), `[R]`."""
@@ -219,12 +219,12 @@ def _say_why(kept: KeptSearch, *, named: bool) -> str:
     if not kept.eventful:
         return (
             "It was chosen for being worth watching, but none of the searches is: artifacts are in "
-            "many rooms, or a robot finds one in a few. It is one in which beliefs change, and "
-            "whose saving is near that of all searches."
+            "many rooms, or a robot finds one in a few. Of the searches whose saving is nearest to "
+            "that of all, it is the one in which beliefs change most."
         )
     return (
         f"It was chosen for being worth watching, by a rule: at most {100 * MOST_HOLDING:.0f} % of "
-        f"the rooms hold what is sought, and every robot enters at least {LEAST_ENTERED} rooms. Of "
-        f"the {KEPT} such searches of each building in which beliefs change most, it is the one "
-        "whose saving is nearest to that of all searches."
+        f"the rooms hold what is sought, every robot enters at least {LEAST_ENTERED} rooms, and "
+        f"the saving is within {100 * TYPICAL:.0f} points of that of all searches, or as near as "
+        "there is. Of such searches it is the one in which beliefs change most."
     )

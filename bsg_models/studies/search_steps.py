@@ -1,12 +1,16 @@
 """Searches of a study that are kept step by step, so that they can be replayed.
 
-One search may be asked for by its number. Without a number each building keeps the few that are
-most worth watching, and the study shows one of them, by a rule that does not favour a planner:
+One search may be asked for by its number. Without a number the study shows one that is worth
+watching, by a rule that does not favour a planner:
 
-1. few rooms hold an artifact, and every robot enters many rooms (`MOST_HOLDING`, `LEAST_ENTERED`);
-   where no search is like that, any may be shown;
-2. of these, each building keeps the `KEPT` in which beliefs change most;
-3. of all that are kept, the one is shown whose saving is nearest to that of all searches together.
+1. it is eventful: at most `MOST_HOLDING` of the rooms hold an artifact, and every robot enters
+   `LEAST_ENTERED` rooms or more;
+2. it is typical: its saving is within `TYPICAL` of that of all searches together, or as near as
+   there is;
+3. of all such searches it is the one in which beliefs change most.
+
+Where no search is eventful, rules 2 and 3 choose among all. The saving of all searches is known
+only when all are done, so each building keeps `KEPT` searches by rules 1 and 3.
 """
 
 from __future__ import annotations
@@ -23,7 +27,8 @@ from bsg_models.search.simulator import Step
 
 MOST_HOLDING = 0.25  # share of the rooms, without the one where it starts
 LEAST_ENTERED = 4  # rooms, without the one where it starts
-KEPT = 4
+TYPICAL = 0.15
+KEPT = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +94,7 @@ class KeptSearch:
         artifacts: classes that it looked for.
         draw: number of the mask.
         eventful: whether few rooms hold an artifact, and every robot enters many.
+        change: of its beliefs, see `belief_changes`.
         walks: planner → its steps, in order; the one that was asked for is the first.
     """
 
@@ -101,6 +107,7 @@ class KeptSearch:
     artifacts: tuple[int, ...]
     draw: int
     eventful: bool
+    change: float
     walks: Mapping[str, tuple[KeptStep, ...]]
 
     def saved(self, baseline: str) -> float:
@@ -167,11 +174,16 @@ def choose_kept(eventful: Bools, changes: Floats) -> Ints:
 
 
 def choose_shown(kept: Sequence[KeptSearch], baseline: str, saved: float) -> KeptSearch:
-    """Return the search to show: eventful, and of a saving next to that of all searches.
+    """Return the search to show: an eventful one, a typical one, one in which beliefs change.
 
     Args:
         kept: searches of one world, one at least.
         baseline: planner that savings are beside.
         saved: by all searches.
     """
-    return min(kept, key=lambda one: (not one.eventful, abs(one.saved(baseline) - saved)))
+
+    def rank(one: KeptSearch) -> tuple[bool, float, float]:
+        beyond = max(0.0, abs(one.saved(baseline) - saved) - TYPICAL)
+        return not one.eventful, beyond, -one.change
+
+    return min(kept, key=rank)

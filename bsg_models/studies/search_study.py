@@ -375,11 +375,9 @@ def _keep(
     """Return the searches that were asked for, out of the steps of all of them by planner."""
     entered = [searches.outcomes[asked.task, name].entered for name in steps]
     eventful = find_eventful(searches.chance, entered)
-    if asked.episode is None:
-        changes = belief_changes(steps[asked.planner], len(searches.starts))
-        chosen = choose_kept(eventful, changes).tolist()
-    else:
-        chosen = [asked.episode]
+    changes = belief_changes(steps[asked.planner], len(searches.starts))
+    named = [] if asked.episode is None else [asked.episode]
+    chosen = named or choose_kept(eventful, changes).tolist()
     return tuple(
         KeptSearch(
             scene_id=searches.scene_id,
@@ -391,6 +389,7 @@ def _keep(
             artifacts=tuple(searches.artifacts[episode].tolist()),
             draw=int(searches.draws[episode]),
             eventful=bool(eventful[episode]),
+            change=float(changes[episode]),
             walks={name: walk_of(of_all, episode) for name, of_all in steps.items()},
         )
         for episode in chosen

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import shutil
 from pathlib import Path
@@ -9,8 +10,10 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 from conftest import REPOSITORY
+from dsg_files import write_graph
 
 from bsg_cli.belief import main
+from bsg_models.belief.annotation import strip_annotation
 from bsg_models.belief.document import read_document
 from bsg_models.belief.hydra import read_hydra_belief
 from bsg_models.belief.tables import read_tables
@@ -39,6 +42,53 @@ def test_a_robots_graph_gives_every_output(run: Path, tmp_path: Path) -> None:
     assert call(*words, "--force").exit_code == 0
     # What was written for Hydra is a graph to go on from.
     assert call(hydra, "--run", run).exit_code == 0
+
+
+def test_a_graph_of_hydra_comes_back_with_beliefs(run: Path, tmp_path: Path) -> None:
+    path = write_graph(tmp_path / "dsg.json")
+    packed = tmp_path / "dsg.json.gz"
+    packed.write_bytes(gzip.compress(path.read_bytes()))
+    out, other = tmp_path / "out.json", tmp_path / "out.dsg.json"
+    words = ("--run", run, "--labels", "mpcat40", "--hydra", out, "--out", other)
+    done = call(packed, *words)
+    assert done.exit_code == 0, done.output
+    assert out.read_bytes() == other.read_bytes()
+    assert strip_annotation(out.read_text("utf-8")) == path.read_text("utf-8")
+    for told in (
+        "1 of 4 objects are under no room",
+        "1 objects have labels without a name (99); --labels names them: mpcat40, ade20k, or",
+        "any room may hide anything; --hidden-share says better",
+    ):
+        assert f"{packed}: {told}" in done.stderr
+    assert call(out, *words[:4], "--hydra", other, "--force").exit_code == 0
+    assert out.read_bytes() == other.read_bytes(), "the second annotation replaces the first"
+
+
+def test_shares_are_told(dataset: Path, run: Path, tmp_path: Path) -> None:
+    path = write_graph(tmp_path / "dsg.json")
+    shares = ("--hidden-share", "0.25", "--hidden-share", "kitchen=0", "--hidden-share", "R(3)=1")
+    out = tmp_path / "b.json"
+    done = call(path, "--run", run, *shares, "--out", out)
+    assert done.exit_code == 0, done.output
+    assert "hide anything" not in done.stderr
+    assert "not sure" not in done.stderr
+    rooms = read_document(out).partial.rooms
+    assert [(room.hidden_share, room.visited) for room in rooms] == [(0, True), (1, False)]
+    asked = call(path, "--run", run, *shares, "--find", "bed", "--json")
+    assert asked.exit_code == 0, asked.output
+    answer = {place["room"]: place for place in json.loads(asked.stdout)["places"]}
+    assert answer["R(0)"]["probability"] == 0 < answer["R(3)"]["probability"]
+    assert "1 objects have labels without a name (99)" in asked.stderr
+    for wrong in ("", "x", "kitchen=", "1.5", "kitchen=nan"):
+        refused = call(path, "--run", run, "--hidden-share", wrong)
+        assert refused.exit_code == 2
+        assert f"--hidden-share {wrong}: expected [ROOM=]SHARE" in refused.stderr
+    lost = call(path, "--run", run, "--hidden-share", "attic=0.5")
+    assert lost.exit_code == 2
+    assert "no room 'attic'" in lost.stderr
+    masked = call("--data", dataset, "--run", run, "--hidden-share", "0.5")
+    assert masked.exit_code == 2
+    assert "--hidden-share is for GRAPHs" in masked.stderr
 
 
 def test_masked_buildings_give_a_belief_graph_each(
@@ -118,3 +168,12 @@ def test_a_model_that_is_not_named_is_the_shipped_one(run: Path) -> None:
         assert "model:" not in named.stderr
     assert "give one of them" in call(OFFICE, "--run", run, "--model", "other").stderr
     assert "did you mean universal?" in call(OFFICE, "--model", "universl").stderr
+
+
+def test_a_share_that_was_estimated_is_told(run: Path, tmp_path: Path) -> None:
+    rooms = [{"id": "hall"}, {"id": "bath", "floor_in_view": 0.6}, {"id": "x", "hidden_share": 0.1}]
+    path = tmp_path / "graph.json"
+    path.write_text(json.dumps({"scene_id": "home", "rooms": rooms}), "utf-8")
+    done = call(path, "--run", run)
+    assert done.exit_code == 0, done.output
+    assert f"{path}: hidden shares that are not sure: bath 55 % ± 20 %\n" in done.stderr

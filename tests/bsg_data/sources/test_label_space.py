@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from bsg_data.errors import SourceError
-from bsg_data.sources.label_space import list_label_spaces, load_label_space, read_labels
+from bsg_data.sources.label_space import list_label_spaces, load_label_space
 
 
 def test_published_spaces_translate_names() -> None:
@@ -15,7 +15,16 @@ def test_published_spaces_translate_names() -> None:
     space = load_label_space("mpcat40")
     assert (space.name, space.names, space.translate("tv_monitor")) == ("mpcat40", {}, "tv")
     assert space.translate("zzqx") == "zzqx"
-    assert dict(space.categories) == dict(read_labels("mpcat40"))
+    assert (space.usual[0], space.usual[22], space.usual[41]) == ("void", "tv_monitor", "unlabeled")
+    assert (len(space.usual), len(space.categories)) == (42, 42)
+    larger = load_label_space("ade20k").usual
+    assert sorted(larger) == list(range(150)), "as Hydra and networks count them, wall first"
+    assert (larger[0], larger[19], larger[124], larger[149]) == (
+        "wall",
+        "chair",
+        "microwave",
+        "flag",
+    )
     assert space.sha256 != load_label_space("ade20k").sha256
 
 

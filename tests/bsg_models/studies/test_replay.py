@@ -2,32 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from bsg_data.dataset.dataset import read_cells
-from bsg_data.errors import RecipeError
-from bsg_models.rendering.explorer import View, explorer_page
+from bsg_data.dataset.dataset import Dataset, read_cells
+from bsg_data.errors import DatasetError, RecipeError
+from bsg_models.rendering.replay import Replay, Walk
 from bsg_models.search.room_graphs import WorldRecipe
-from bsg_models.studies.replay import replay_search
+from bsg_models.studies.replay import choose_replay, replay_search
+from bsg_models.studies.savings import summarise
 from bsg_models.studies.search_cases import StudyRecipe
 from bsg_models.studies.search_steps import KeepRequest, KeptSearch
 from bsg_models.studies.search_study import Searches, Study, study_search
-from bsg_models.training.training import train_run
-from bsg_models.zoo.config import find_config
 
 WORLDS = (WorldRecipe(kind="star"), WorldRecipe(kind="tree"))
 RECIPE = StudyRecipe(worlds=WORLDS, episodes=5, masks=2, at_once=2, planners=("ratio",))
-EXPLORED = RECIPE.model_copy(update={"strategy": "explore", "withhold": 0.2, "parts": True})
 EPISODE = 3
-
-
-@pytest.fixture(params=["gamma-poisson", "mixture"])
-def run(dataset: Path, tmp_path: Path, request: pytest.FixtureRequest) -> Path:
-    list(train_run(find_config(request.param), dataset, tmp_path / "run"))
-    return tmp_path / "run"
 
 
 @pytest.fixture
@@ -44,30 +37,45 @@ def study(dataset: Path, run: Path, scene: str) -> Study:
 
 @pytest.fixture
 def searches(study: Study) -> Searches:
-    (kept,) = [one for one in study.searches if one.kept is not None]
+    (kept,) = [one for one in study.searches if one.kept]
     return kept
 
 
 @pytest.fixture
 def kept(searches: Searches) -> KeptSearch:
-    assert searches.kept is not None
-    return searches.kept
+    (one,) = searches.kept
+    return one
 
 
 @pytest.fixture
-def views(dataset: Path, run: Path, kept: KeptSearch) -> list[View]:
-    return replay_search(dataset, run, RECIPE, kept)
+def replay(dataset: Path, study: Study, kept: KeptSearch) -> Replay:
+    return replay_search(
+        dataset, study, summarise(study, resamples=0), kept, model="gamma-poisson", named=True
+    )
 
 
-def test_the_search_that_was_asked_for_is_kept(searches: Searches, kept: KeptSearch) -> None:
+@pytest.fixture
+def walk(replay: Replay) -> Walk:
+    return replay.walks[0]
+
+
+def test_both_planners_are_kept_in_the_search_that_was_asked_for(
+    searches: Searches, kept: KeptSearch
+) -> None:
+    """Same start, artifacts, mask and costs: one record has them; the steps are its two walks."""
     assert (kept.world, kept.task, kept.planner) == ("tree:1-10", "all", "ratio")
     assert kept.start == searches.starts[EPISODE]
     assert kept.artifacts == tuple(searches.artifacts[EPISODE])
     assert kept.draw == EPISODE % RECIPE.masks
-    outcome = searches.outcomes["all", "ratio"]
-    assert len(kept.steps) == outcome.entered[EPISODE] > 1
-    cost = sum(step.distance[step.entered] for step in kept.steps)
-    assert cost == pytest.approx(outcome.costs[EPISODE])
+    assert list(kept.walks) == ["ratio", "nearest"]
+    for planner, steps in kept.walks.items():
+        outcome = searches.outcomes["all", planner]
+        assert len(steps) == outcome.entered[EPISODE] > 1
+        assert sum(step.cost for step in steps) == pytest.approx(outcome.costs[EPISODE])
+    ours, base = (walk[0] for walk in kept.walks.values())
+    np.testing.assert_array_equal(ours.distance, base.distance)
+    assert ours.presence.any()
+    assert not base.presence.any()  # `nearest` is given no belief
 
 
 def test_keeping_steps_changes_no_search(
@@ -75,65 +83,100 @@ def test_keeping_steps_changes_no_search(
 ) -> None:
     without = study_search(dataset, {scene: run}, RECIPE)
     for one, other in zip(study.searches, without.searches, strict=True):
-        assert other.kept is None
+        assert other.kept == ()
         for key, outcome in one.outcomes.items():
             np.testing.assert_array_equal(outcome.costs, other.outcomes[key].costs)
 
 
+def test_without_a_number_the_rule_chooses(dataset: Path, run: Path, scene: str) -> None:
+    study = study_search(dataset, {scene: run}, RECIPE, keep=KeepRequest(None, "all", "ratio"))
+    assert [len(one.kept) for one in study.searches] == [RECIPE.episodes] * 2
+    results = summarise(study, resamples=0)
+    shown = choose_replay(study, results)
+    assert shown.world == "star:1-10"  # the first, as none is measured
+    replay = replay_search(dataset, study, results, shown, model=None, named=False)
+    assert replay.chosen.startswith("It was chosen for being worth watching")
+    assert ("but none of the searches is" in replay.chosen) == (not shown.eventful)
+    with pytest.raises(RecipeError, match="kept no search"):
+        choose_replay(replace(study, searches=study.searches[:0]), results)
+
+
 def test_the_presence_shown_is_that_which_the_planner_was_given(
-    kept: KeptSearch, views: list[View]
+    kept: KeptSearch, walk: Walk
 ) -> None:
-    assert len(views) == len(kept.steps) + 1
-    for view, step in zip(views, kept.steps, strict=False):
-        assert view.moment is not None
-        shown = view.belief.presence[:, list(kept.artifacts)]
-        open_ = np.ones(len(shown), dtype=bool)
-        open_[[0, *view.moment.route]] = False
-        np.testing.assert_allclose(shown[open_], step.presence[open_], rtol=1e-6, atol=1e-9)
-        assert (step.presence[~open_] == 0).all()
-        assert step.presence[open_].any()
-
-
-def test_under_any_mask_the_presence_shown_is_that_which_the_planner_was_given(
-    dataset: Path, run: Path, scene: str
-) -> None:
-    """Also in rooms that the robot had searched before, and of classes that the mask withheld."""
-    keep = KeepRequest(EPISODE, "all", "ratio", world="tree:1-10")
-    study = study_search(dataset, {scene: run}, EXPLORED, keep=keep)
-    (kept,) = [one.kept for one in study.searches if one.kept is not None]
-    views = replay_search(dataset, run, EXPLORED, kept)
-    assert len(views) == len(kept.steps) + 1
-    for view, step in zip(views, kept.steps, strict=False):
-        assert step.presence is not None
-        open_ = np.setdiff1d(np.arange(1, len(step.presence)), view.moment.route)
-        shown = view.belief.presence[:, list(kept.artifacts)]
-        np.testing.assert_allclose(shown[open_], step.presence[open_], atol=1e-6)
+    given = [1 - (1 - step.presence[1:]).prod(axis=1) for step in kept.walks["ratio"]]
+    assert len(walk.stops) == len(given) + 1
+    entered: list[int] = []
+    for stop, presence in zip(walk.stops, [*given, given[-1]], strict=True):
+        entered.append(stop.room)
+        assert stop.presence is not None
+        shown = np.array(stop.presence)
+        assert not shown[np.array(entered) - 1].any()
+        open_ = np.setdiff1d(np.arange(len(shown)), np.array(entered) - 1)
+        np.testing.assert_allclose(shown[open_], presence[open_], atol=1e-4)
 
 
 def test_the_route_ends_with_the_last_artifact(
-    searches: Searches, kept: KeptSearch, views: list[View]
+    searches: Searches, replay: Replay, walk: Walk
 ) -> None:
-    moments = [view.moment for view in views]
-    first, last = moments[0], moments[-1]
-    assert first is not None
-    assert last is not None
-    assert last.cost == pytest.approx(searches.outcomes["all", "ratio"].costs[EPISODE])
-    assert last.target is None
-    assert last.route == (kept.start, *(step.entered for step in kept.steps))
-    assert set(last.holds) <= set(last.route)
-    assert last.route[-1] in last.holds
-    assert first.legs[0] is None  # in a tree of rooms the building is out of reach
-    assert '"legs":[null,' in explorer_page(views)
+    first, last = walk.stops[0], walk.stops[-1]
+    assert (first.cost, first.way, first.found) == (0, (), ())
+    assert last.cost == pytest.approx(searches.outcomes["all", "ratio"].costs[EPISODE], abs=1e-3)
+    assert (last.target, last.leg) == (None, None)
+    assert set(replay.holds) == {stop.room for stop in walk.stops if stop.found}
+    assert last.found
+    for before, stop in zip(walk.stops, walk.stops[1:], strict=False):
+        assert stop.way[-1] == stop.room
+        assert set(stop.way[:-1]) <= {one.room for one in walk.stops[: walk.stops.index(stop)]}
+        assert stop.cost >= before.cost
 
 
-def test_a_robot_sees_artifacts_in_the_rooms_that_it_entered_alone(views: list[View]) -> None:
-    for view in views:
-        moment, partial = view.moment, view.belief.partial
-        assert moment is not None
-        seen = {o.room_index for o in partial.objects if o.class_index in moment.artifacts}
-        assert seen == set(moment.holds) & set(moment.route)
-        searched = [i for i, room in enumerate(partial.rooms, 1) if room.hidden_share == 0]
-        assert sorted(moment.route) == searched
+def test_a_stop_tells_what_is_in_the_room_and_the_artifacts_first(
+    dataset: Path, kept: KeptSearch, walk: Walk
+) -> None:
+    data = Dataset.open(dataset)
+    classes, cells = data.manifest.class_space.classes, data.cells(kept.scene_id)
+    for stop in walk.stops:
+        there = {classes[c]: n for c, n in enumerate(cells[stop.room].tolist()) if n}
+        assert set(stop.seen) <= set(there.items())
+        assert [name for name, _ in stop.seen[: len(stop.found)]] == list(stop.found)
+        rest = [count for _, count in stop.seen[len(stop.found) :]]
+        assert rest == sorted(rest, reverse=True)
+
+
+def test_the_means_of_all_searches_stand_beside_the_one(study: Study, replay: Replay) -> None:
+    (result,) = [
+        one
+        for one in summarise(study, resamples=0)
+        if (one.world, one.task) == (replay.world, replay.task)
+    ]
+    assert (replay.searches, replay.buildings) == (5, 1)
+    assert [walk.planner for walk in replay.walks] == ["ratio", "nearest"]
+    assert [walk.model for walk in replay.walks] == ["gamma-poisson", None]
+    for walk in replay.walks:
+        assert walk.mean_cost == result.savings[walk.planner].cost
+        assert walk.mean_saved.value == result.savings[walk.planner].saved.value
+    assert replay.chosen == "It was named by its number: it may be any kind of search."
+    assert replay.unit == ""
+    assert replay.doors == ()  # of a drawn world they would be wrong
+
+
+def test_a_room_that_cannot_be_reached_is_not_drawn(
+    dataset: Path, study: Study, kept: KeptSearch
+) -> None:
+    """The costs of the first step say which rooms belong to the world."""
+    far = kept.walks["ratio"][0].distance.copy()
+    visited = {kept.start, *(step.entered for steps in kept.walks.values() for step in steps)}
+    lost = min(set(range(1, len(far))) - visited)
+    far[lost] = np.inf
+    first, *others = kept.walks["ratio"]
+    walks = {**kept.walks, "ratio": (replace(first, distance=far), *others)}
+    results = summarise(study, resamples=0)
+    replay = replay_search(
+        dataset, study, results, replace(kept, walks=walks), model=None, named=True
+    )
+    assert lost not in {room.number for room in replay.plan.rooms}
+    assert replay.left_out == 1
 
 
 @pytest.mark.parametrize(
@@ -141,7 +184,7 @@ def test_a_robot_sees_artifacts_in_the_rooms_that_it_entered_alone(views: list[V
     [
         (KeepRequest(5, "all", "ratio"), "no search 5: a building has 5, from 0"),
         (KeepRequest(-1, "all", "ratio"), "no search -1"),
-        (KeepRequest(0, "all", "oracle"), "no task 'all' with planner 'oracle'"),
+        (KeepRequest(None, "all", "oracle"), "no task 'all' with planner 'oracle'"),
     ],
 )
 def test_a_search_that_is_not_there_cannot_be_kept(
@@ -151,9 +194,11 @@ def test_a_search_that_is_not_there_cannot_be_kept(
         study_search(dataset, {}, RECIPE, keep=keep)
 
 
-def test_artifacts_that_the_model_placed_are_not_replayed(
-    dataset: Path, run: Path, kept: KeptSearch
-) -> None:
-    posterior = RECIPE.model_copy(update={"truth": "posterior"})
+def test_what_cannot_be_replayed_is_said(dataset: Path, study: Study, kept: KeptSearch) -> None:
+    results = summarise(study, resamples=0)
+    posterior = replace(study, recipe=RECIPE.model_copy(update={"truth": "posterior"}))
     with pytest.raises(RecipeError, match="really there"):
-        replay_search(dataset, run, posterior, kept)
+        replay_search(dataset, posterior, results, kept, model=None, named=True)
+    gone = replace(kept, scene_id="nowhere")
+    with pytest.raises(DatasetError, match="has no scene 'nowhere'"):
+        replay_search(dataset, study, results, gone, model=None, named=True)

@@ -1,0 +1,222 @@
+"""A Spark-DSG file that was read: its text as it is, and what it says of the building.
+
+What a robot knows beyond Spark-DSG, the `hidden_share` of a room for example, it says in metadata
+under `bsg`, in the words of our own JSON; of the graph, in `partial`.
+"""
+
+from __future__ import annotations
+
+import codecs
+import tempfile
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from bsg_data.errors import SourceError
+from bsg_data.observation.partial_graph import PartialGraph
+from bsg_data.observation.robot_json import (
+    GRAPH_WORDS,
+    OBJECT_WORDS,
+    ROOM_WORDS,
+    RobotGraphError,
+    parse_robot_graph,
+)
+from bsg_data.observation.said_share import SaidShare
+from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap
+from bsg_data.scene.room_label import label_of
+from bsg_data.sources.annotation_files import decode, read_bytes
+from bsg_data.sources.dsg_file import DSGFile, DSGNode, parse_dsg
+from bsg_data.sources.label_space import LabelSpace
+from bsg_data.sources.spark_dsg import MAX_BYTES, name_object
+from bsg_models.belief.annotation import annotate, find_document
+from bsg_models.belief.belief_graph import BeliefGraph
+from bsg_models.errors import HydraError
+
+BINARY = ".sparkdsg"
+_BOM = "\ufeff"
+_SHOWN = 10  # labels in a note
+
+
+@dataclass(frozen=True, slots=True)
+class HydraFile:
+    """A Spark-DSG file that was read.
+
+    Attributes:
+        path: of the file.
+        text: its JSON, byte for byte; what spark_dsg makes of a binary file.
+        graph: what it says of the building.
+    """
+
+    path: Path
+    text: str
+    graph: DSGFile
+
+    def partial(
+        self, *, labels: LabelSpace | None = None, class_map: str | ClassMap = DEFAULT_CLASS_MAP
+    ) -> PartialGraph:
+        """Return what the robot has seen; see `read_hydra`."""
+        rooms = [_describe_room(room) for room in self.graph.rooms]
+        names = [room["id"] for room in rooms]
+        document = {
+            "scene_id": self._scene_id(),
+            **select_words(self.graph.said.get("partial"), GRAPH_WORDS),
+            "rooms": rooms,
+            "objects": [_describe_object(obj, names, labels) for obj in self.graph.objects],
+            "adjacency": [[names[a], names[b]] for a, b in self.graph.adjacency],
+        }
+        try:
+            return parse_robot_graph(document, path=self.path, class_map=class_map)
+        except RobotGraphError as error:
+            raise HydraError(f"{error} (in metadata, under `bsg`)") from error
+
+    @property
+    def is_numbered(self) -> bool:
+        """Whether `write_hydra` made it before there were annotations, by numbering its nodes."""
+        return "format" in self.graph.said
+
+    @property
+    def says_shares(self) -> bool:
+        """Whether any room says what of it was not seen."""
+        words = SaidShare.model_fields.keys()
+        return any(words & room.said.keys() for room in self.graph.rooms)
+
+    @property
+    def document(self) -> Any:
+        """The document of the belief graph that was put into it; None without."""
+        return find_document({"metadata": {"bsg": self.graph.said}})
+
+    def notes(self, labels: LabelSpace | None = None) -> tuple[str, ...]:
+        """Return what a person should know of how the file is read, a sentence each."""
+        return (*self._note_rooms(), *_note_labels(self.graph.objects, labels))
+
+    def annotated(self, belief: BeliefGraph) -> str:
+        """Return the text with a belief graph in it; see `annotate_hydra`."""
+        rooms = {_name_node(room): room.id for room in self.graph.rooms}
+        objects = {_name_node(obj): obj.id for obj in self.graph.objects}
+        strange = [room.name for room in belief.partial.rooms if room.name not in rooms]
+        if strange:
+            raise HydraError(
+                f"{self.path}: has no room {strange[0]!r}, of which something is believed; "
+                "`write_hydra` writes a new graph"
+            )
+        try:
+            return annotate(
+                self.text,
+                belief,
+                rooms=[rooms[room.name] for room in belief.partial.rooms],
+                objects=[objects.get(obj.name) for obj in belief.partial.objects],
+            )
+        except HydraError as error:
+            raise HydraError(f"{self.path}: {error}") from error
+
+    def _scene_id(self) -> str:
+        """Return what the building was called when beliefs were put in; else the file's name."""
+        partial = self.document.get("partial") if isinstance(self.document, Mapping) else None
+        name = partial.get("scene_id") if isinstance(partial, Mapping) else None
+        return str(name or self.path.name.partition(".")[0] or self.path.name)
+
+    def _note_rooms(self) -> Iterator[str]:
+        rooms, objects = self.graph.rooms, self.graph.objects
+        if not rooms:
+            yield "it has no rooms (layer ROOMS): beliefs are about the building alone"
+        elif astray := sum(obj.room is None for obj in objects):
+            number = f"{astray} of {len(objects)} objects"
+            yield f"{number} are under no room, and count for the building alone"
+
+
+def open_hydra(path: Path) -> HydraFile:
+    """Read a Spark-DSG file: JSON, packed as `.json.gz` or not, or binary, `.sparkdsg`.
+
+    Raises:
+        HydraError: if it is none, or if it is binary and spark_dsg is not installed.
+    """
+    try:
+        text = _convert(path) if path.suffix == BINARY else _read_text(path)
+        return HydraFile(path, text, parse_dsg(text.removeprefix(_BOM), path=path))
+    except SourceError as error:
+        raise HydraError(str(error)) from error
+
+
+def select_words(said: Any, words: Collection[str]) -> dict[str, Any]:
+    """Return those of the entries of metadata that are words of a robot's JSON."""
+    return {word: said[word] for word in words if word in said} if isinstance(said, dict) else {}
+
+
+def _read_text(path: Path) -> str:
+    data = read_bytes(path, most=MAX_BYTES)
+    return (_BOM if data.startswith(codecs.BOM_UTF8) else "") + decode(data, path=path)
+
+
+def _convert(path: Path) -> str:
+    """Return the JSON of a binary graph, as spark_dsg makes it."""
+    try:
+        import spark_dsg
+    except ImportError as error:
+        raise HydraError(
+            f"{path}: binary graphs need spark-dsg (pip install 'belief-scene-graphs[hydra]'); or "
+            "save the graph as .json"
+        ) from error
+    if not path.is_file():
+        raise HydraError(f"{path}: cannot be read (no such file)")
+    with tempfile.TemporaryDirectory() as folder:  # its writer chooses names, and fails in silence
+        written = Path(folder, "graph.json")
+        try:
+            spark_dsg.DynamicSceneGraph.load(str(path)).save(str(written), include_mesh=True)
+            return written.read_text("utf-8")
+        except Exception as error:  # its reader raises what its parser does
+            raise HydraError(
+                f"{path}: expected a Spark-DSG file, found one that spark_dsg cannot load"
+            ) from error
+
+
+def _name_node(node: DSGNode) -> str:
+    """Return the id of a room or an object: what its metadata say, else its symbol."""
+    return str(node.said.get("id", node.symbol))
+
+
+def _describe_room(node: DSGNode) -> dict[str, Any]:
+    """Return a room in the words of a robot's JSON; what its metadata say comes first."""
+    called = node.label_name or node.name
+    return {
+        "id": node.symbol,
+        "label": called,
+        "room_type": label_of("spark-dsg", called),
+        "position": node.position,
+        "box": None if node.box is None else (node.box.minimum, node.box.maximum),
+        **select_words(node.said, ROOM_WORDS),
+    }
+
+
+def _describe_object(
+    node: DSGNode, rooms: Sequence[str], labels: LabelSpace | None
+) -> dict[str, Any]:
+    return {
+        "id": node.symbol,
+        "room": None if node.room is None else rooms[node.room],
+        "category": name_object(node, labels),
+        "position": node.position,
+        **select_words(node.said, OBJECT_WORDS),
+    }
+
+
+def _note_labels(objects: Sequence[DSGNode], labels: LabelSpace | None) -> Iterator[str]:
+    """Yield whose names were taken for labels that the file does not name, and which have none."""
+    bare = [obj for obj in objects if not (obj.label_name or obj.name or "category" in obj.said)]
+    named = Counter((obj.label, name_object(obj, labels)) for obj in bare if obj.label is not None)
+    found = sorted(pair for pair in named if pair[1] != f"label {pair[0]}")
+    if found and labels is not None:
+        pairs = ", ".join(f"{label} is {name}" for label, name in found[:_SHOWN])
+        yield f"the file does not name its labels; by {labels.name}, {pairs}"
+    missing = sorted(set(named) - set(found))
+    if missing:
+        numbers = ", ".join(str(label) for label, _ in missing[:_SHOWN])
+        yield (
+            f"{sum(named[pair] for pair in missing)} objects have labels without a name "
+            f"({numbers}); --labels names them: mpcat40, ade20k, or the file of the label space "
+            "that Hydra ran with (config/label_spaces/NAME.yaml)"
+        )
+    silent = len(bare) - sum(named.values())
+    if silent:
+        yield f"{silent} objects have neither a label nor a name"

@@ -1,0 +1,135 @@
+"""The text of a JSON document, edited in place: what no edit names stays as it was, byte for byte.
+
+A document that is parsed and written again loses the order of its keys, the spelling of its
+numbers, its line breaks. Here the text itself is edited: parts are found by where they begin and
+end, text is put in or cut out between them, and nothing else is touched.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+_SPACE = re.compile(r"[ \t\n\r]*")
+_DECODER = json.JSONDecoder()
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A member of an object, or an item of a list, in the text of a document.
+
+    Attributes:
+        key: of a member; None for an item.
+        begin: where the part begins: at its key, if it has one.
+        start: where its value begins.
+        end: where its value ends.
+        value: as `json.loads` gives it.
+    """
+
+    key: str | None
+    begin: int
+    start: int
+    end: int
+    value: Any
+
+
+@dataclass(frozen=True, slots=True)
+class Edit:
+    """Another text for what stands from `start` to `end`."""
+
+    start: int
+    end: int
+    text: str
+
+
+def find_start(text: str) -> int:
+    """Return where the value of a document begins: after its space, and its byte order mark."""
+    return _skip_space(text, 1 if text.startswith("\ufeff") else 0)
+
+
+def list_parts(text: str, start: int) -> tuple[Part, ...]:
+    """Return the parts of the object or list that begins at `start`.
+
+    Raises:
+        ValueError: if neither begins there.
+    """
+    opening = text[start : start + 1]
+    if opening not in ("{", "["):
+        raise ValueError(f"expected an object or a list at character {start}")
+    parts: list[Part] = []
+    at = _skip_space(text, start + 1)
+    while text[at] not in "]}":
+        begin, key = at, None
+        if opening == "{":
+            key, at = _DECODER.raw_decode(text, at)
+            at = _skip_space(text, _skip_space(text, at) + 1)  # the colon, and space on both sides
+        value, end = _DECODER.raw_decode(text, at)
+        parts.append(Part(key, begin, at, end, value))
+        at = _skip_space(text, end)
+        if text[at] == ",":
+            at = _skip_space(text, at + 1)
+    return tuple(parts)
+
+
+def find_member(text: str, start: int, key: str) -> Part | None:
+    """Return a member of the object at `start`; of equal keys the last, which readers take."""
+    found = [part for part in list_parts(text, start) if part.key == key]
+    return found[-1] if found else None
+
+
+def append_parts(text: str, start: int, added: Sequence[str]) -> Edit:
+    """Return the edit that puts parts at the end of an object or a list, spaced as its last one.
+
+    Args:
+        text: of the document.
+        start: where the object or list begins.
+        added: the texts of the parts.
+    """
+    parts = list_parts(text, start)
+    if not parts:
+        return Edit(start + 1, start + 1, ",".join(added))
+    last = parts[-1]
+    after = parts[-2].end if len(parts) > 1 else start + 1
+    space = text[after : last.begin].rpartition(",")[2]
+    return Edit(last.end, last.end, "".join(f",{space}{part}" for part in added))
+
+
+def cut_parts(parts: Sequence[Part], chosen: Collection[int]) -> list[Edit]:
+    """Return the edits that cut parts out of an object or a list.
+
+    Each goes with what stands between it and the part before, so that parts which `append_parts`
+    put there leave the text as it was.
+
+    Args:
+        parts: of the object or list.
+        chosen: the places of those to cut, from 0.
+    """
+    left = [number for number in range(len(parts)) if number not in chosen]
+    first = left[0] if left else 0
+    edits = []
+    if first:
+        edits.append(Edit(parts[0].begin, parts[first].begin, ""))
+    elif not left and parts:
+        edits.append(Edit(parts[0].begin, parts[-1].end, ""))
+    return edits + [
+        Edit(parts[number - 1].end, parts[number].end, "")
+        for number in sorted(chosen)
+        if left and number > first
+    ]
+
+
+def apply_edits(text: str, edits: Iterable[Edit]) -> str:
+    """Return the text with some edits, none of which overlap; at one place, in their order."""
+    pieces, at = [], 0
+    for edit in sorted(edits, key=lambda edit: (edit.start, edit.end)):
+        pieces += [text[at : edit.start], edit.text]
+        at = edit.end
+    return "".join((*pieces, text[at:]))
+
+
+def _skip_space(text: str, at: int) -> int:
+    found = _SPACE.match(text, at)
+    return at if found is None else found.end()

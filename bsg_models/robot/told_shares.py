@@ -1,0 +1,50 @@
+"""What a person tells of a robot's graph: which share of its rooms was not seen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
+
+from bsg_data.errors import RecipeError
+from bsg_data.observation.hidden_share import ShareBelief
+from bsg_data.observation.partial_graph import PartialGraph, hide_of_room
+from bsg_models.robot.room_names import find_room
+
+_NONE: Mapping[str, float] = MappingProxyType({})
+
+
+def tell_shares(
+    graph: PartialGraph, *, every: float | None = None, rooms: Mapping[str, float] = _NONE
+) -> PartialGraph:
+    """Return a graph that hides the shares which it is told; the building's follows its rooms'.
+
+    A share of 1 says that the room was not entered, and 0 that it was searched. In between, what
+    the graph says of visits stays.
+
+    Args:
+        graph: with shares of its own.
+        every: share of all rooms that `rooms` does not name; of the building, if it has no rooms.
+        rooms: shares by the id of a room, or by its label.
+
+    Raises:
+        RecipeError: if a share is not 0 to 1, or a name is of no room, or of several.
+    """
+    for name, share in {"every room": every, **rooms}.items():
+        if share is not None and not 0 <= share <= 1:
+            raise RecipeError(f"{graph.scene_id}: hidden share of {name}: {share}: expected 0 to 1")
+    told = dict.fromkeys(range(1, len(graph.rooms) + 1), every)
+    told |= {find_room(graph, name): share for name, share in rooms.items()}
+    if not graph.rooms and every is not None:
+        return replace(graph, hidden_share=every)
+    for index, share in told.items():
+        if share is not None:
+            graph = _hide(graph, index, share)
+    return graph
+
+
+def _hide(graph: PartialGraph, index: int, share: float) -> PartialGraph:
+    rooms = list(graph.rooms)
+    visited = share < 1 and (share == 0 or rooms[index - 1].visited)
+    rooms[index - 1] = replace(rooms[index - 1], visited=visited)
+    return hide_of_room(replace(graph, rooms=tuple(rooms)), index, ShareBelief(share))

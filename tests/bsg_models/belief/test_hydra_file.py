@@ -1,0 +1,135 @@
+"""What is read from a Spark-DSG file, whose names are taken, and what a person is told of it."""
+
+from __future__ import annotations
+
+import builtins
+import gzip
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from dsg_files import Graph, node, robot_graph, write_graph
+
+from bsg_data.sources.label_space import load_label_space
+from bsg_models.belief.hydra_file import open_hydra
+from bsg_models.errors import HydraError
+
+
+def bare_graph() -> Graph:
+    """Return the graph without names for its labels."""
+    graph = robot_graph()
+    del graph["metadata"]
+    return graph
+
+
+def test_a_graph_by_hand(tmp_path: Path) -> None:
+    graph = open_hydra(write_graph(tmp_path / "flat.json")).partial()
+    assert (graph.scene_id, graph.adjacency, graph.hidden_share) == ("flat", ((1, 2),), 0.5)
+    kitchen, other = graph.rooms
+    assert (kitchen.name, kitchen.label, kitchen.room_type) == ("R(0)", "kitchen", "kitchen")
+    assert kitchen.box is not None
+    assert (other.name, other.label, other.room_type, other.box) == ("R(3)", None, None, None)
+    assert [(obj.name, obj.room_index, obj.raw_category) for obj in graph.objects] == [
+        ("O(2)", 1, "sofa"),
+        ("O(5)", 1, "tv_monitor"),
+        ("O(6)", 0, "chair"),
+        ("O(9)", 2, "label 99"),
+    ]
+
+
+def test_what_a_robot_says_comes_first(tmp_path: Path) -> None:
+    graph = robot_graph()
+    graph["metadata"]["bsg"] = {
+        "partial": {"scene_id": "home", "building_kind": "home", "hidden_share": 0.75},
+        "else": 1,
+    }
+    said = {"id": "galley", "hidden_share": 0.25, "room_type": None, "floor_area": 8.5, "my": {}}
+    graph["nodes"][1]["attributes"]["metadata"] = {"bsg": said}
+    graph["nodes"][2]["attributes"]["metadata"] = {"bsg": {"visited": False}}
+    graph["nodes"][5]["attributes"]["metadata"] = {"bsg": {"id": "7", "category": "armchair"}}
+    path = write_graph(tmp_path / "x.json", graph)
+    file = open_hydra(path)
+    found = file.partial()
+    assert (found.scene_id, found.building_kind, found.hidden_share) == ("home", "home", 0.75)
+    room, other = found.rooms
+    assert (room.name, room.hidden_share, room.room_type, room.floor_area) == (
+        *("galley", 0.25),
+        *(None, 8.5),
+    )
+    assert (other.visited, other.hidden_share) == (False, 1)
+    assert (found.objects[0].name, found.objects[0].category) == ("7", "armchair")
+    assert found.objects[0].room_index == 1
+    assert file.says_shares
+    said["hidden_share"] = 7
+    with pytest.raises(HydraError, match=r"x\.json: rooms\.0\.hidden_share: .* \(in metadata"):
+        open_hydra(write_graph(path, graph)).partial()
+
+
+@pytest.mark.parametrize(
+    ("labels", "expected", "told"),
+    [
+        (None, ["label 7", "label 10"], "3 objects have labels without a name (7, 10, 99); --lab"),
+        ("mpcat40", ["cabinet", "couch"], "by mpcat40, 7 is cabinet, 10 is couch"),
+        ("ade20k", ["bed", "cabinet"], "by ade20k, 7 is bed, 10 is cabinet, 99 is buffet"),
+        ("own.csv", ["oven", "label 10"], "by own, 7 is oven"),
+    ],
+)
+def test_labels_without_names(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    labels: str | None,
+    expected: list[str],
+    told: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("own.csv").write_text("label,name\n7,oven\n")
+    space = None if labels is None else load_label_space(labels)
+    file = open_hydra(write_graph(tmp_path / "flat.json", bare_graph()))
+    found = [obj.raw_category for obj in file.partial(labels=space).objects]
+    assert found[:3] == [*expected, "chair"], "a name of one's own comes before a number's"
+    assert any(told in note for note in file.notes(space))
+
+
+def test_notes_tell_what_is_odd(tmp_path: Path) -> None:
+    named = open_hydra(write_graph(tmp_path / "a.json"))
+    assert named.notes()[0] == "1 of 4 objects are under no room, and count for the building alone"
+    assert "labels without a name (99)" in named.notes()[1]
+    assert len(named.notes()) == 2
+    graph = bare_graph()
+    graph["nodes"] = [node("O", 1, 2)]
+    graph["edges"] = []
+    notes = open_hydra(write_graph(tmp_path / "b.json", graph)).notes()
+    assert notes == (
+        "it has no rooms (layer ROOMS): beliefs are about the building alone",
+        "1 objects have neither a label nor a name",
+    )
+
+
+def test_packed_files_and_a_byte_order_mark_are_read(tmp_path: Path) -> None:
+    text = json.dumps(robot_graph())
+    packed, marked = tmp_path / "flat.json.gz", tmp_path / "flat.json"
+    packed.write_bytes(gzip.compress(text.encode()))
+    marked.write_bytes(b"\xef\xbb\xbf" + text.encode())
+    assert open_hydra(packed).text == text
+    assert open_hydra(marked).text == "\ufeff" + text
+    assert open_hydra(packed).partial() == open_hydra(marked).partial()
+    packed.write_bytes(gzip.compress(text.encode())[:-9])
+    with pytest.raises(HydraError, match=r"flat\.json\.gz: not a readable gzip file"):
+        open_hydra(packed)
+
+
+def test_a_binary_file_without_its_library_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usual = builtins.__import__
+
+    def without(name: str, *args: Any, **kwargs: Any) -> Any:
+        if name == "spark_dsg":
+            raise ImportError(name)
+        return usual(name, *args, **kwargs)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(HydraError, match=r"pip install 'belief-scene-graphs\[hydra\]'.*as \.json"):
+        open_hydra(tmp_path / "dsg.sparkdsg")
+    assert open_hydra(write_graph(tmp_path / "dsg.json")).partial().rooms, "JSON needs none"

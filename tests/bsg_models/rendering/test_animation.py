@@ -1,0 +1,58 @@
+"""A picture that moves: one frame a room, the same bytes each time, and no other format."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from replays import make_replay
+
+from bsg_data.errors import RecipeError
+from bsg_models.rendering.animation import FRAME_MS, LAST_MS, draw_frame, write_animation
+
+
+@pytest.mark.parametrize("suffix", ["gif", "png"])
+def test_frames_are_steps_and_bytes_are_the_same(suffix: str, tmp_path: Path) -> None:
+    replay = make_replay()
+    first, second = tmp_path / f"new/search.{suffix}", tmp_path / f"search.{suffix.upper()}"
+    for path in (first, second):
+        write_animation(replay, path)
+    assert first.read_bytes() == second.read_bytes()
+    with Image.open(first) as picture:
+        assert picture.n_frames == replay.steps + 1 == 4  # type: ignore[attr-defined]
+        assert picture.info["loop"] == 0
+        times, frames = [], []
+        for k in range(replay.steps + 1):
+            picture.seek(k)
+            times.append(picture.info["duration"])
+            frames.append(np.asarray(picture.convert("RGB")))
+    assert times == [FRAME_MS] * 3 + [LAST_MS]
+    for k, frame in enumerate(frames):  # a palette changes a colour by a little
+        assert frame.shape[1] == 1200
+        assert np.abs(frame - np.asarray(draw_frame(replay, k)).astype(float)).mean() < 3
+    left, right = np.split(frames[2] - frames[3].astype(float), 2, axis=1)
+    assert np.abs(right).sum() > 20 * np.abs(left[200:]).sum()  # the left robot is done by then
+    assert first.stat().st_size < 150_000
+
+
+def test_rooms_are_shaded_where_a_belief_was_asked() -> None:
+    """The likeliest room of the first robot is the darkest; the second has no belief."""
+    frame = np.asarray(draw_frame(make_replay(), 0)).astype(int)
+    purple = (frame[:, :, 2] - frame[:, :, 1] > 40) & (frame[:, :, 0] > frame[:, :, 1])
+    assert purple[:, :600].sum() > 5000
+    assert purple[:, 600:].sum() < 0.5 * purple[:, :600].sum()  # walls alone
+
+
+def test_one_robot_alone_has_the_page_to_itself() -> None:
+    replay = make_replay()
+    alone = draw_frame(replace(replay, walks=replay.walks[1:]), 3)
+    assert alone.size[0] == 1200
+
+
+def test_another_format_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RecipeError, match=r"search\.mp4: expected a name that ends in \.gif or"):
+        write_animation(make_replay(), tmp_path / "search.mp4")
+    assert list(tmp_path.iterdir()) == []
