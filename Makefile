@@ -39,11 +39,12 @@ demo: $(INSTALLED) ## Run the main job end to end on synthetic buildings; result
 	$(BIN)/bsg-train --config ceci-gcn --data $(DEMO)/dataset --out $(DEMO)/ceci-gcn --set training.epochs=100
 	$(BIN)/bsg-train --config ceci-sage --data $(DEMO)/dataset --out $(DEMO)/ceci-sage --set training.epochs=100
 	$(BIN)/bsg-evaluate $(DEMO)/ceci-gcn $(DEMO)/ceci-sage --data $(DEMO)/dataset --resamples 50 --out $(DEMO)/evaluation --html $(DEMO)/report.html
-	$(BIN)/bsg-search --run $(DEMO)/ceci-sage --data $(DEMO)/dataset --worlds geometry,star --episodes 10 --trace 0 --out $(DEMO)/search
+	$(BIN)/bsg-search --data $(DEMO)/dataset --worlds geometry --artifacts room-specific --mask explore --fraction 0.9 --episodes 30 --trace --animation $(DEMO)/search/search.png --out $(DEMO)/search
 	@echo
 	@echo "These buildings are synthetic and few: the figures show that it works, not how well."
 	@echo "Open $(DEMO)/report.html in a browser: what was seen, what is believed, and how good that is."
-	@echo "Open $(DEMO)/search/trace.html for a search, room by room; above is what each planner saves (docs/search.md)."
+	@echo "Open $(DEMO)/search/trace.html and press play: a robot with the shipped model and one without look for the same"
+	@echo "thing; above is what each planner saves in all searches (docs/search.md). $(DEMO)/search/search.png is the same as a picture."
 	@echo "More figures are in $(DEMO)/evaluation and $(DEMO)/classes.png. The dataset is $(DEMO)/dataset;"
 	@echo "docs/loading.md opens it elsewhere, docs/evaluation.md says what the metrics are."
 
@@ -60,6 +61,7 @@ lint: $(INSTALLED) ## Check format, style and types.
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
+	$(BIN)/mypy docs/examples
 
 format: $(INSTALLED) ## Format the code and mend what ruff can mend.
 	$(BIN)/ruff format .

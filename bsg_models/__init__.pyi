@@ -26,6 +26,7 @@ from .inputs.folds import scenes_of
 from .inputs.graphs import MaskedGraphs, read_split, to_graph
 from .rendering.explorer import View, write_explorer
 from .robot.answers import ExpectedClass, Place
+from .robot.find_probability import FindProbability
 from .robot.seen_building import SeenBuilding, open_graph
 from .robot.told_shares import tell_shares
 from .robot.ways import Ways
@@ -113,6 +114,7 @@ __all__ = [
     "EvaluationRequest",
     "Expectation",
     "ExpectedClass",
+    "FindProbability",
     "FormatRow",
     "FoundModel",
     "HubModel",

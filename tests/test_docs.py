@@ -134,6 +134,26 @@ def test_the_ten_lines_run_and_print_what_they_say(
     assert capsys.readouterr().out.splitlines() == re.findall(r"# → (.*)", block)
 
 
+def test_the_examples_of_a_graph_of_hydra_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The commands and the lines of docs/belief.md, beside docs/dsg.json."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(DOCS / "dsg.json", tmp_path)
+    text = (DOCS / "belief.md").read_text("utf-8")
+    part = text.split("## A graph of Hydra")[1].split("\n## ")[0]
+    (block,) = re.findall(r"```python\n(.*?)```", part, re.DOTALL)
+    exec(compile(block, "docs/belief.md", "exec"), {"__name__": "annotating"})
+    first = Path("annotated.json").read_bytes()
+    lines = re.findall(r"^(bsg-belief .*--hydra .*)$", part, re.MULTILINE)
+    for line in (f"{line} --force" for line in lines):
+        name, *words = shlex.split(line)
+        result = CliRunner().invoke(COMMANDS[name], words)
+        assert result.exit_code == 0, f"{line}: {result.output}"
+    assert len(lines) == 1
+    assert Path("annotated.json").read_bytes() != first, "one of them says more of R(2)"
+
+
 @pytest.mark.usefixtures("run")
 def test_the_example_of_a_robot_that_searches_runs(
     tmp_path: Path,
@@ -229,6 +249,6 @@ def test_the_example_of_the_hidden_share_runs(
     (block,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     exec(compile(block, "docs/hidden-share.md", "exec"), {"__name__": "estimating"})
     belief, *presences = capsys.readouterr().out.splitlines()
-    assert belief == "58 % ± 19 %"
+    assert belief == "58% ± 19%"
     weighed, told = map(float, presences)
     assert 0 < told < weighed < 1

@@ -63,10 +63,9 @@ class ShareBelief:
         """Say it as a person would.
 
         >>> str(ShareBelief(0.55, 0.2)), str(ShareBelief(1.0))
-        ('55 % ± 20 %', '100 %')
+        ('55% ± 20%', '100%')
         """
-        spread = f" ± {100 * self.sd:.0f} %" if self.sd else ""
-        return f"{100 * self.mean:.0f} %{spread}"
+        return f"{self.mean:.0%} ± {self.sd:.0%}" if self.sd else f"{self.mean:.0%}"
 
     @property
     def is_certain(self) -> bool:

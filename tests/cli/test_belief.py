@@ -55,9 +55,9 @@ def test_a_graph_of_hydra_comes_back_with_beliefs(run: Path, tmp_path: Path) -> 
     assert out.read_bytes() == other.read_bytes()
     assert strip_annotation(out.read_text("utf-8")) == path.read_text("utf-8")
     for told in (
-        "1 of 4 objects are under no room",
-        "1 objects have labels without a name (99); --labels names them: mpcat40, ade20k, or",
-        "any room may hide anything; --hidden-share says better",
+        "1 of 4 objects under no room",
+        "1 object with labels that nobody names (99); --labels does: mpcat40, ade20k, or",
+        "50% ± 29% of the objects count as not seen in",
     ):
         assert f"{packed}: {told}" in done.stderr
     assert call(out, *words[:4], "--hydra", other, "--force").exit_code == 0
@@ -70,15 +70,14 @@ def test_shares_are_told(dataset: Path, run: Path, tmp_path: Path) -> None:
     out = tmp_path / "b.json"
     done = call(path, "--run", run, *shares, "--out", out)
     assert done.exit_code == 0, done.output
-    assert "hide anything" not in done.stderr
-    assert "not sure" not in done.stderr
+    assert "count as not seen" not in done.stderr
     rooms = read_document(out).partial.rooms
     assert [(room.hidden_share, room.visited) for room in rooms] == [(0, True), (1, False)]
     asked = call(path, "--run", run, *shares, "--find", "bed", "--json")
     assert asked.exit_code == 0, asked.output
     answer = {place["room"]: place for place in json.loads(asked.stdout)["places"]}
     assert answer["R(0)"]["probability"] == 0 < answer["R(3)"]["probability"]
-    assert "1 objects have labels without a name (99)" in asked.stderr
+    assert "1 object with labels that nobody names (99)" in asked.stderr
     for wrong in ("", "x", "kitchen=", "1.5", "kitchen=nan"):
         refused = call(path, "--run", run, "--hidden-share", wrong)
         assert refused.exit_code == 2
@@ -176,4 +175,6 @@ def test_a_share_that_was_estimated_is_told(run: Path, tmp_path: Path) -> None:
     path.write_text(json.dumps({"scene_id": "home", "rooms": rooms}), "utf-8")
     done = call(path, "--run", run)
     assert done.exit_code == 0, done.output
-    assert f"{path}: hidden shares that are not sure: bath 55 % ± 20 %\n" in done.stderr
+    assert f"{path}: 55% ± 20% of the objects count as not seen in bath;" in done.stderr
+    assert f"{path}: 50% ± 29% of the objects count as not seen in hall;" in done.stderr
+    assert "x;" not in done.stderr

@@ -22,8 +22,9 @@ def test_a_study_with_everything(dataset: Path, run: Path) -> None:
     result = run_command("--run", run, "--data", dataset, *few, "--stop", "0.1", "--trace", 1)
     assert result.exit_code == 0, result.stderr
     assert "need 5 of them" in result.stderr  # intervals, of one building
-    for word in ("star:1-10, single", "tree:2-3, all", "expected-cost", "beyond routing", "at 0.1"):
+    for word in ("star:1-10: 6 searches", "all: expected-cost stops by itself", "all: saved, %"):
         assert word in result.stdout
+    assert "beyond routing" not in result.stdout
     out = run / "search"
     report = json.loads((out / "search.json").read_text("utf-8"))
     assert len(report["standings"]) == 4
@@ -43,7 +44,7 @@ def test_without_a_model_planners_have_no_belief(dataset: Path, tmp_path: Path) 
     report = json.loads(result.stdout)
     assert list(report["standings"][0]["savings"]) == ["nearest", "random", "routing", "oracle"]
     assert "layout: 12 of 12 buildings left out" in result.stderr
-    for refused in (("--planners", "ratio"), ("--stop", "0.1"), ("--trace", 0)):
+    for refused in (("--planners", "ratio"), ("--stop", "0.1"), ("--trace", 0), ("--trace",)):
         result = run_command("--data", dataset, *few, *refused, "--force")
         assert result.exit_code == 2
         assert "--model" in result.stderr
@@ -62,6 +63,18 @@ def test_a_search_that_names_no_model_takes_the_shipped_one(dataset: Path, tmp_p
     assert "--no-model leaves no use for a --model" in both.stderr
 
 
+def test_a_search_is_chosen_to_be_watched(dataset: Path, run: Path, tmp_path: Path) -> None:
+    few = ("--episodes", 4, "--workers", 1, "--resamples", 0, "--worlds", "star")
+    few += ("--planners", "ratio", "--out", tmp_path / "out")
+    picture = tmp_path / "search.gif"
+    result = run_command("--run", run, "--data", dataset, *few, "--trace", "--animation", picture)
+    assert result.exit_code == 0, result.stderr
+    assert f"the same as a picture: {picture}" in result.stdout
+    page = (tmp_path / "out" / "trace.html").read_text("utf-8")
+    assert "It was chosen for being worth watching" in page
+    assert picture.read_bytes().startswith(b"GIF89a")
+
+
 @pytest.mark.parametrize(
     ("options", "code", "words"),
     [
@@ -71,6 +84,9 @@ def test_a_search_that_names_no_model_takes_the_shipped_one(dataset: Path, tmp_p
         (("--artifacts", "stove,spaceship"), 2, "no class 'spaceship'"),
         (("--truth", "posterior", "--trace", "0"), 2, "really there"),
         (("--fraction", "0"), 2, "--fraction"),
+        (("--trace", "some"), 2, "'some' is not a valid integer"),
+        (("--animation", "a.gif"), 2, "give --trace, too"),
+        (("--trace", "--animation", "a.mp4"), 2, "ends in .gif or .png"),
         (("--stop", "2"), 2, "between 0 and 1"),
         (("--stop", "x"), 2, "expected numbers"),
         (("--stop", "0.1", "--task", "single"), 2, "task all"),

@@ -11,6 +11,7 @@ import pytest
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
+from bsg_data.observation.masks import sample_withheld
 from bsg_data.observation.partial_graph import enter_room, mask_scene
 from bsg_data.recipes import MaskRecipe
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
@@ -62,6 +63,36 @@ def test_beliefs_are_those_of_the_partial_graph(name: str, dataset: Path, tmp_pa
         )
     again, _ = beliefs(np.array([1]), explored[[1]])
     np.testing.assert_array_equal(again[0], presence[1])
+
+
+def test_under_any_mask_beliefs_are_those_of_what_the_robot_holds(dataset: Path, run: Path) -> None:
+    """Also in rooms that it had searched before, and of classes that the mask withheld."""
+    data, mirror, draw = Dataset.open(dataset), 21, 1
+    mask = MaskRecipe(strategy="explore", withhold=0.2, parts=True)
+    graph = max(read_scene_graphs(dataset), key=lambda one: len(one.rooms))
+    class_space = read_manifest(dataset).class_space
+    known = mask_scene(graph, mask, draw=draw, class_space=class_space)
+    kept = tuple(obj for obj in known.objects if obj.class_index != mirror)
+    known = replace(known, objects=kept)
+    share = np.array([known.hidden_share, *(room.hidden_share for room in known.rooms)])
+    classes = sample_withheld(mask, scene_id=graph.scene_id, draw=draw, classes=45)
+    withheld = classes & (share > 0)[:, None]
+    withheld[:, mirror] = True
+    beliefs = ModelBeliefs(
+        restore_model(run / BEST, load_checkpoint(run / BEST)),
+        data=data,
+        scene_id=graph.scene_id,
+        mask=mask,
+        draws=np.array([draw]),
+        artifacts=np.array([[mirror]]),
+    )
+    explored = np.zeros((1, 1 + len(graph.rooms)), dtype=bool)
+    for room in (3, 1, 5):
+        explored[0, room] = True
+        known, withheld[room] = enter_room(known, graph, room), False
+        found = Predictor(run)(known, withheld=withheld).presence[:, mirror]
+        presence, _ = beliefs(np.array([0]), explored)
+        np.testing.assert_allclose(presence[0, ~explored[0], 0], found[~explored[0]], rtol=1e-4)
 
 
 def test_fixed_beliefs_do_not_change() -> None:

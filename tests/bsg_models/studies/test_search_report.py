@@ -76,6 +76,10 @@ def test_the_default_model_is_taken_where_it_fits(
         ({"stops": (0.1,), "task": "single"}, "of the task all"),
         ({"trace": 5, "episodes": 5}, "has 5 searches, from 0"),
         ({"trace": 0, "truth": "posterior"}, "really there"),
+        ({"trace": "auto", "truth": "posterior"}, "really there"),
+        ({"trace": "auto"}, "need a --model"),
+        ({"animation": Path("a.gif")}, "give --trace, too"),
+        ({"trace": 0, "animation": Path("a.jpg")}, "ends in .gif or .png"),
     ],
 )
 def test_what_cannot_be_searched_is_said(fields: dict[str, Any], message: str) -> None:
