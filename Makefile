@@ -61,6 +61,7 @@ lint: $(INSTALLED) ## Check format, style and types.
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
+	$(BIN)/mypy docs/examples
 
 format: $(INSTALLED) ## Format the code and mend what ruff can mend.
 	$(BIN)/ruff format .

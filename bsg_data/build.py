@@ -34,7 +34,7 @@ from bsg_data.dataset.manifest import (
 from bsg_data.dataset.publication import REPORTS
 from bsg_data.dataset.schema import FORMAT_VERSION
 from bsg_data.dataset.shards import describe_file, write_shards
-from bsg_data.errors import SourceError, UnmappedNameError
+from bsg_data.errors import BSGError, SourceError, UnmappedNameError
 from bsg_data.executors import run_all
 from bsg_data.files import write_bytes
 from bsg_data.lock import hold
@@ -44,7 +44,14 @@ from bsg_data.scene.mesh_coverage import MeshCoverage
 from bsg_data.scene.own_map import is_own_map, read_own_map
 from bsg_data.scene.scene_graph import SceneGraph, is_scene_id
 from bsg_data.sources.catalogue import SOURCES, find_terms
-from bsg_data.sources.source import FoundScenes, SceneRef, SkippedScene, Source, SourceWithTerms
+from bsg_data.sources.source import (
+    FoundScenes,
+    Reading,
+    SceneRef,
+    SkippedScene,
+    Source,
+    SourceWithTerms,
+)
 
 SCENES_PER_SHARD = 16
 
@@ -160,7 +167,7 @@ def _make_shard(
         try:
             if not is_scene_id(ref.scene_id):
                 raise SourceError(f"{ref.scene_id!r}: a scene id must do as the name of a file")
-            reading = source.read(ref, loaded)
+            reading = _read(source, ref, loaded)
         except SourceError as error:
             if strict:
                 raise
@@ -189,6 +196,24 @@ def _make_shard(
     )
     write_bytes(path, report.model_dump_json().encode())
     return report
+
+
+def _read(source: Source, ref: SceneRef, class_map: ClassMap) -> Reading:
+    """Read one scene; an error that the source does not raise on purpose names the scene.
+
+    Raises:
+        SourceError: if the scene cannot be read.
+        RuntimeError: for a bug in the code of the source.
+    """
+    try:
+        return source.read(ref, class_map)
+    except (BSGError, OSError):
+        raise
+    except Exception as error:
+        raise RuntimeError(
+            f"the source {source.kind!r} has a bug, which scene {ref.scene_id!r} "
+            f"({ref.location}) shows: {error!r}"
+        ) from error
 
 
 def _enter_skip(skip: SkippedScene, root: Path) -> SkipEntry:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -43,6 +44,15 @@ def write_bytes(path: Path, data: bytes) -> None:
     """
     with open_beside(path) as partial, partial.open("xb") as file:
         file.write(data)
+
+
+def stem_of(name: str) -> str:
+    """Return a name as the stem of a file: other characters than letters, digits and -_. are -.
+
+    >>> stem_of("ceci-gcn (second)"), stem_of("../owner/name")
+    ('ceci-gcn-second', 'owner-name')
+    """
+    return re.sub(r"[^\w.-]+", "-", name).strip("-.") or "-"
 
 
 def hash_file(path: Path) -> str:

@@ -26,6 +26,7 @@ from .inputs.folds import scenes_of
 from .inputs.graphs import MaskedGraphs, read_split, to_graph
 from .rendering.explorer import View, write_explorer
 from .robot.answers import ExpectedClass, Place
+from .robot.find_probability import FindProbability
 from .robot.seen_building import SeenBuilding, open_graph
 from .robot.told_shares import tell_shares
 from .robot.ways import Ways
@@ -36,6 +37,7 @@ from .runs.hub import HubModel
 from .runs.hub_files import download
 from .runs.model_summary import ModelSummary, describe_model, list_shipped, summarise_model
 from .runs.predictor import Predictor
+from .runs.run_log import Begun, Ended, read_log
 from .runs.shipped import DEFAULT_MODEL, shipped_names
 from .search.catalogue import PLANNERS, Planner
 from .search.knowledge import Knowledge
@@ -66,7 +68,7 @@ from .studies.leaderboard_report import (
     summary_rows,
 )
 from .studies.leaderboard_runs import LeaderboardRecipe
-from .studies.run_summary import RunSummary, summarise_run
+from .studies.run_summary import RunSummary, plot_run, summarise_run
 from .studies.savings import Saving, WorldResult
 from .studies.search_cases import StudyRecipe
 from .studies.search_report import (
@@ -91,6 +93,7 @@ __all__ = [
     "FORMATS",
     "PLANNERS",
     "ZOO",
+    "Begun",
     "BeliefFileError",
     "BeliefGraph",
     "BeliefModel",
@@ -104,12 +107,14 @@ __all__ = [
     "ConfigError",
     "CountDistribution",
     "DataConfig",
+    "Ended",
     "EpochReport",
     "Estimate",
     "EvaluationReport",
     "EvaluationRequest",
     "Expectation",
     "ExpectedClass",
+    "FindProbability",
     "FormatRow",
     "FoundModel",
     "HubModel",
@@ -169,12 +174,14 @@ __all__ = [
     "next_room",
     "open_graph",
     "override",
+    "plot_run",
     "rank_unseen",
     "read_belief",
     "read_config",
     "read_graph",
     "read_hydra",
     "read_hydra_belief",
+    "read_log",
     "read_split",
     "read_tables",
     "refuse_finished",

@@ -114,6 +114,8 @@ def main(
         print_note(f"{path}: source {source!r} counts as unknown; models know {known}")
     for path, notes in report.notes.items():
         note_reading(path, notes)
+    for path, graph in zip(request.graphs, report.graphs, strict=False):
+        note_shares(path, graph.partial)
     if as_json:
         print_json([encode_room(room) for room in report.rooms])
         return
@@ -144,6 +146,7 @@ def open_seen(options: dict[str, Any]) -> bsg_models.SeenBuilding:
     if seen.unmapped:
         note_unmapped(graphs[0], seen.unmapped)
     note_reading(graphs[0], seen.notes)
+    note_shares(graphs[0], seen.graph)
     return seen
 
 
@@ -159,6 +162,21 @@ def note_reading(path: Path, notes: Sequence[str]) -> None:
     """Tell what to know of how a graph was read."""
     for note in notes:
         print_note(f"{path}: {note}")
+
+
+def note_shares(path: Path, graph: bsg_data.PartialGraph) -> None:
+    """Tell which hidden shares of a graph are not sure: what was estimated, or not said."""
+    unsure: dict[str, list[str]] = {}
+    for room in graph.rooms:
+        if not room.share.is_certain:
+            share = f"{room.hidden_share:.0%} ± {room.hidden_share_sd:.0%}"
+            unsure.setdefault(share, []).append(room.label or room.name)
+    for share, rooms in unsure.items():
+        more = f" and {len(rooms) - MOST_NAMES:,} more" if len(rooms) > MOST_NAMES else ""
+        print_note(
+            f"{path}: {share} of the objects count as not seen in {', '.join(rooms[:MOST_NAMES])}"
+            f"{more}; --hidden-share says better"
+        )
 
 
 def read_request(dataset: Path | None, options: dict[str, Any]) -> bsg_models.BeliefRequest:

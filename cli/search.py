@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +24,8 @@ from bsg_cli.options import (
     split_option,
     workers_option,
 )
+from bsg_cli.search_tables import format_results
 from bsg_cli.terminal import Command, print_json, print_note, progress_bar, worker_pool
-from bsg_data.tables import format_text
 
 
 class SearchNumber(click.ParamType[int | str]):
@@ -137,6 +136,7 @@ class SearchNumber(click.ParamType[int | str]):
 )
 @click.option("--scene", help="Search this building alone.")
 @out_option("Folder of the results.  [default: search in the first run, or search]")
+@click.option("--all-columns", is_flag=True, help="Print a longer table for each task.")
 @workers_option
 @seed_option()
 @force_option
@@ -150,6 +150,7 @@ def main(
     artifacts: str,
     stops: str | None,
     workers: int,
+    all_columns: bool,
     as_json: bool,
     **options: Any,
 ) -> None:
@@ -200,8 +201,8 @@ def main(
             "artifacts were put where the model believes them: its belief is right, and only the "
             "oracle knows better"
         )
-    for one in report.results:
-        click.echo("\n" + format_result(one))
+    for table in format_results(report.results, all_columns=all_columns):
+        click.echo("\n" + table)
     written = "; ".join(f"{what}: {path}" for what, path in report.written.items())
     click.echo(f"\nall of it: {report.report}; {written}")
 
@@ -217,68 +218,3 @@ def read_stops(text: str | None) -> tuple[float, ...]:
     if not all(0 < stop < 1 for stop in stops):
         raise click.UsageError(f"--stop: probabilities between 0 and 1, found {text}")
     return stops
-
-
-def format_result(one: bsg_models.WorldResult) -> str:
-    """Return the results of a world and task as text."""
-    line = f"{one.world}, {one.task}: {one.searches:,} searches of {one.buildings} buildings"
-    if not math.isnan(one.ranked_first):
-        line += (
-            f"; the likeliest room holds one in {one.ranked_first:.0%}, a random one in "
-            f"{one.chance:.0%}"
-        )
-    header = (
-        "planner",
-        "saved, %",
-        "beyond routing",
-        "of the oracle's",
-        "mean",
-        "median",
-        "wins",
-        "ties",
-        "losses",
-        "cost",
-        "rooms",
-    )
-    rows = [_row(name, saving) for name, saving in one.savings.items()]
-    lines = [line, format_text(rows, header=header)]
-    if one.stops:
-        lines.append("expected-cost stops by itself, beside entering every room, nearest first:")
-        stop_rows = [
-            (
-                f"at {name}",
-                _percent(stop.saved),
-                _percent(stop.missed),
-                _percent(stop.incomplete),
-                f"{stop.entered:.1f}",
-            )
-            for name, stop in one.stops.items()
-        ]
-        names = ("anything left", "saved, %", "instances missed", "searches that miss any", "rooms")
-        lines.append(format_text(stop_rows, header=names))
-    return "\n".join(lines)
-
-
-def _row(name: str, saving: bsg_models.Saving) -> tuple[object, ...]:
-    return (
-        name,
-        _percent(saving.saved),
-        _percent(saving.beyond_routing, interval=False),
-        _percent(saving.of_oracle, interval=False),
-        f"{100 * saving.mean:.1f}",
-        f"{100 * saving.median:.1f}",
-        saving.wins,
-        saving.ties,
-        saving.losses,
-        f"{saving.cost:.2f}",
-        f"{saving.entered:.1f}",
-    )
-
-
-def _percent(value: bsg_models.Estimate, *, interval: bool = True) -> str:
-    if math.isnan(value.value):
-        return "-"
-    text = f"{100 * value.value:.1f}"
-    if not interval or math.isnan(value.low):
-        return text
-    return f"{text} ({100 * value.low:.1f} to {100 * value.high:.1f})"

@@ -10,13 +10,14 @@ import json
 import os
 import signal
 import sys
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from io import TextIOWrapper
 from multiprocessing import get_context, parent_process
 from threading import Thread
-from typing import Any, NoReturn
+from typing import Any, NoReturn, Protocol
 
 import click
 from pydantic import ValidationError
@@ -27,6 +28,7 @@ from bsg_data.errors import BSGError, RecipeError
 from bsg_data.recipes import name_fault
 
 FAILED, WRONG_USAGE, INTERRUPTED = 1, 2, 130
+SECONDS_BETWEEN_LINES = 30.0  # of progress, where stderr is no terminal
 
 
 class Command(click.Command):
@@ -81,16 +83,53 @@ class CommandGroup(Command, click.Group):
     command_class = Command
 
 
-@contextmanager
-def progress_bar(what: str, *, unit: str) -> Iterator[Callable[[int, int], None]]:
-    """Yield a callback (done, total) that draws a bar on stderr, if that is a terminal."""
-    with tqdm(desc=what, unit=unit, disable=None, file=sys.stderr, leave=False) as bar:
+class Progress(Protocol):
+    """What is told how far some work is: units done, units in all, and a word about it."""
 
-        def report(done: int, total: int) -> None:
+    def __call__(self, done: int, total: int, said: str = "") -> None:
+        """Take it in."""
+
+
+@contextmanager
+def progress_bar(what: str, *, unit: str) -> Iterator[Progress]:
+    """Yield what draws a bar on stderr; where that is no terminal, it says a line now and then."""
+    if not sys.stderr.isatty():
+        yield tell_now_and_then(what, unit=unit)
+        return
+    with tqdm(desc=what, unit=unit, file=sys.stderr, leave=False) as bar:
+
+        def report(done: int, total: int, said: str = "") -> None:
             bar.total = total
+            bar.set_postfix_str(said, refresh=False)
             bar.update(done - bar.n)
 
         yield report
+
+
+def tell_now_and_then(
+    what: str, *, unit: str, clock: Callable[[], float] = time.monotonic
+) -> Progress:
+    """Return what says on stderr how far some work is, once in `SECONDS_BETWEEN_LINES`.
+
+    Work that takes less says nothing.
+    """
+    told = clock()
+    first: tuple[int, float] | None = None
+
+    def report(done: int, total: int, said: str = "") -> None:
+        nonlocal told, first
+        now = clock()
+        first = first or (done, now)
+        if now - told < SECONDS_BETWEEN_LINES or done >= total:
+            return
+        told = now
+        words = [f"{what}: {done:,} of {total:,} {unit}s"] + [said] * bool(said)
+        if done > first[0]:
+            left = (now - first[1]) / (done - first[0]) * (total - done)
+            words.append(f"about {tqdm.format_interval(left)} left")
+        print_note(", ".join(words))
+
+    return report
 
 
 @contextmanager

@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import click
-from tqdm import tqdm  # noqa: TID251 -- the command line is where bars belong
 
 import bsg_data
 import bsg_models
 from bsg_cli.choices import MODELS
 from bsg_cli.completion import complete_names_or_files
 from bsg_cli.configurations import load_config
-from bsg_cli.options import data_option, force_option, json_option, out_option
-from bsg_cli.terminal import Command, print_json, print_note
+from bsg_cli.options import PATH, data_option, force_option, json_option, out_option
+from bsg_cli.terminal import Command, print_json, print_note, progress_bar
+from bsg_data.errors import BSGError
+from bsg_data.tables import format_text
 
 
 @click.command("bsg-train", cls=Command)
 @click.option(
     "--config",
     "config_name",
-    required=True,
     help=f"A TOML file, or one of {', '.join(MODELS)}.",
     metavar="NAME|FILE",
     shell_complete=complete_names_or_files(lambda: MODELS),
@@ -32,17 +32,19 @@ from bsg_cli.terminal import Command, print_json, print_note
 @click.option("--set", "settings", multiple=True, metavar="PATH=VALUE", help="Override one value.")
 @click.option("--seed", type=click.IntRange(min=0), help="Short for --set seed=N.")
 @click.option("--print-config", is_flag=True, help="Print what would run, and stop.")
+@click.option("--show", type=PATH, metavar="RUN", help="Tell how a run was trained, and stop.")
 @click.option("--resume", is_flag=True, help="Go on with a run that was stopped.")
 @click.option("--tensorboard", is_flag=True, help="Log for TensorBoard into the run, too.")
 @force_option
 @json_option
 def main(
-    config_name: str,
+    config_name: str | None,
     dataset: Path | None,
     out: Path | None,
     settings: tuple[str, ...],
     seed: int | None,
     print_config: bool,
+    show: Path | None,
     resume: bool,
     tensorboard: bool,
     force: bool,
@@ -55,7 +57,13 @@ def main(
     \b
     Example:
       bsg-train --config ceci-gcn --data dataset --out run --set training.epochs=50
+      bsg-train --show run
     """
+    if show is not None:
+        _show(bsg_models.summarise_run(show), as_json=as_json)
+        return
+    if config_name is None:
+        raise click.UsageError("give --config NAME|FILE, or --show RUN")
     if seed is not None:
         settings = (*settings, f"seed={seed}")
     config = load_config(config_name, settings)
@@ -73,12 +81,12 @@ def main(
                 log(report)
                 trained += 1
     except KeyboardInterrupt:
-        summary = bsg_models.summarise_run(config, out)
-        print_note(f"{out}: {summary.saved}; the same command {summary.again}")
+        _note_stopped(out)
         raise
     if resume and not trained:
         print_note(f"{out}: is finished already; nothing was trained")
-    summary = bsg_models.summarise_run(config, out)
+    bsg_models.plot_run(out)
+    summary = bsg_models.summarise_run(out)
     if as_json:
         print_json(summary.encode())
     else:
@@ -103,6 +111,49 @@ def _note_other_mask(config: bsg_models.RunConfig, dataset: Path) -> None:
         )
 
 
+def _note_stopped(run: Path) -> None:
+    """Say what a training that was stopped has saved, if it began."""
+    with suppress(BSGError):
+        bsg_models.plot_run(run)
+        summary = bsg_models.summarise_run(run)
+        print_note(f"{run}: {summary.saved}; the same command {summary.again}")
+
+
+def _show(summary: bsg_models.RunSummary, *, as_json: bool) -> None:
+    """Tell what a run is and how each of its trainings went."""
+    if as_json:
+        print_json(summary.encode())
+        return
+    _print_summary(summary)
+    if not summary.trainings:
+        print_note(f"{summary.run}: kept no log; it was trained by an earlier version")
+        return
+    click.echo(
+        f"seed {summary.config.seed}; the same again: "
+        f"bsg-train --config {summary.written_config} --data DATASET\n"
+    )
+    rows = [_training_row(begun, ended) for begun, ended in summary.trainings]
+    header = ("begun", "ended", "how", "epochs", "seconds", "dataset", "version", "torch")
+    click.echo(format_text(rows, header=header))
+    for _, ended in summary.trainings:
+        if ended is not None and ended.error:
+            click.echo(f"failed: {ended.error}")
+
+
+def _training_row(begun: bsg_models.Begun, ended: bsg_models.Ended | None) -> tuple[object, ...]:
+    epoch = "?" if ended is None else ended.epoch
+    return (
+        begun.time,
+        ended.time if ended else "-",
+        ended.how if ended else "killed, or still running",
+        f"{begun.from_epoch} to {epoch}" if begun.from_epoch or epoch else "-",
+        f"{ended.seconds:.1f}" if ended else "-",
+        begun.dataset_sha256[:12],
+        begun.versions.get("belief-scene-graphs", "?"),
+        begun.versions.get("torch", "?"),
+    )
+
+
 def _print_summary(summary: bsg_models.RunSummary) -> None:
     best = summary.best
     if summary.members:
@@ -120,20 +171,16 @@ def _print_summary(summary: bsg_models.RunSummary) -> None:
 
 @contextmanager
 def _bar(config: bsg_models.RunConfig) -> Iterator[Callable[[bsg_models.EpochReport], None]]:
-    """Yield what draws a bar with the losses and the time left on stderr, if that is a terminal."""
-    with tqdm(desc=config.name, unit="epoch", disable=None, leave=False) as bar:
+    """Yield what shows the epochs with their losses."""
+    with progress_bar(config.name, unit="epoch") as progress:
         val = "-"
 
         def draw(report: bsg_models.EpochReport) -> None:
             nonlocal val
             if report.val_loss is not None:
                 val = f"{report.val_loss:.3f}"
-            bar.total = report.epochs
-            bar.set_postfix_str(
-                f"train {report.train_loss:.3f}, val {val}, best @{report.best_epoch}",
-                refresh=False,
-            )
-            bar.update(report.epoch - bar.n)
+            losses = f"train {report.train_loss:.3f}, val {val}, best @{report.best_epoch}"
+            progress(report.epoch, report.epochs, losses)
 
         yield draw
 

@@ -63,8 +63,9 @@ def _generate(kind: str, name: str) -> str:
     if kind == "file":
         text = (DOCS / "docs" / name).read_text("utf-8").rstrip()
         return f"```{Path(name).suffix.removeprefix('.')}\n{text}\n```"
-    if kind == "run":
-        return f"```sh\n{name}\n```\n\n```text\n{_run(name)}\n```"
+    if kind in ("run", "run-with-notes"):
+        printed = _run(name, notes=kind == "run-with-notes")
+        return f"```sh\n{name}\n```\n\n```text\n{printed}\n```"
     raise ValueError(f"no generated part of kind {kind!r}")
 
 
@@ -90,14 +91,15 @@ def _help(words: list[str]) -> str:
     return command.get_help(context).rstrip()
 
 
-def _run(line: str) -> str:
-    """Return what a command prints; its files are those of the folder `docs`."""
+def _run(line: str, *, notes: bool) -> str:
+    """Return what a command prints, with its notes or without; its files are those of `docs`."""
     name, *words = shlex.split(line)
     there = {path.name: str(path) for path in (DOCS / "docs").iterdir()}
     done = CliRunner().invoke(COMMANDS[name], [there.get(word, word) for word in words])
     if done.exit_code:
         raise ValueError(f"{line}: {done.output}")
-    return done.stdout.rstrip()
+    printed = done.output if notes else done.stdout
+    return printed.replace(f"{DOCS / 'docs'}/", "").rstrip()
 
 
 def _context(

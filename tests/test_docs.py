@@ -18,8 +18,12 @@ from conftest import REPOSITORY, load_script
 from bsg_cli.registry import COMMANDS
 from bsg_data.dataset.schema import SPLITS, TABLES, pairs_schema
 from bsg_data.dataset.splits import split_dataset
+from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.pairs import write_pairs
+from bsg_data.observation.partial_graph import hide_of_room
+from bsg_data.observation.robot_json import parse_robot_graph, read_robot_graph
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
+from bsg_models.runs.predictor import Predictor
 
 DOCS = REPOSITORY / "docs"
 
@@ -130,6 +134,26 @@ def test_the_ten_lines_run_and_print_what_they_say(
     assert capsys.readouterr().out.splitlines() == re.findall(r"# → (.*)", block)
 
 
+def test_the_examples_of_a_graph_of_hydra_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The commands and the lines of docs/belief.md, beside docs/dsg.json."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(DOCS / "dsg.json", tmp_path)
+    text = (DOCS / "belief.md").read_text("utf-8")
+    part = text.split("## A graph of Hydra")[1].split("\n## ")[0]
+    (block,) = re.findall(r"```python\n(.*?)```", part, re.DOTALL)
+    exec(compile(block, "docs/belief.md", "exec"), {"__name__": "annotating"})
+    first = Path("annotated.json").read_bytes()
+    lines = re.findall(r"^(bsg-belief .*--hydra .*)$", part, re.MULTILINE)
+    for line in (f"{line} --force" for line in lines):
+        name, *words = shlex.split(line)
+        result = CliRunner().invoke(COMMANDS[name], words)
+        assert result.exit_code == 0, f"{line}: {result.output}"
+    assert len(lines) == 1
+    assert Path("annotated.json").read_bytes() != first, "one of them says more of R(2)"
+
+
 @pytest.mark.usefixtures("run")
 def test_the_example_of_a_robot_that_searches_runs(
     tmp_path: Path,
@@ -187,3 +211,44 @@ def test_the_entry_of_the_benchmark_is_measured(
     assert report["evaluator_version"] == 1
     assert report["metrics"]["rooms/presence_brier/all"]["mine"]["nodes"] == 12 * 2 + 66
     assert "Look into a building" not in (dataset.parent / "page.html").read_text("utf-8")
+
+
+def rows_of(page: str, table: str) -> list[list[str]]:
+    """Return the cells of the table that a comment names on a page of the docs."""
+    text = (DOCS / page).read_text("utf-8").split(f"<!-- {table} -->\n")[1].split("\n\n")[0]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in text.split("\n")[2:]]
+
+
+def test_the_page_of_the_hidden_share_says_what_is_estimated() -> None:
+    rows = rows_of("hidden-share.md", "situations")
+    assert len(rows) >= 10
+    for _, said, mean, sd in rows:
+        room = {"id": "room", **json.loads("{" + said.strip("`") + "}")}
+        graph = parse_robot_graph({"scene_id": "home", "rooms": [room]}, path=Path("page"))
+        assert graph.rooms[0].share.mean == pytest.approx(float(mean), abs=0.005), said
+        assert graph.rooms[0].share.sd == pytest.approx(float(sd), abs=0.005), said
+
+
+def test_the_page_of_the_hidden_share_says_what_a_model_believes() -> None:
+    office, predictor = read_robot_graph(DOCS / "office.json"), Predictor()
+    columns = [predictor.classes.index(name) for name in ("sink", "stove", "microwave")]
+    for said, *shown in rows_of("hidden-share.md", "kitchen"):
+        mean, _, sd = said.removeprefix("anything: ").partition(" ± ")
+        share = ShareBelief(float(mean), float(sd or 0))
+        presence = predictor(hide_of_room(office, 2, share)).presence[2, columns]
+        assert [f"{100 * p:.0f}" for p in presence] == shown, said
+
+
+def test_the_example_of_the_hidden_share_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The very lines of docs/hidden-share.md, beside docs/office.json."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(DOCS / "office.json", tmp_path)
+    text = (DOCS / "hidden-share.md").read_text("utf-8")
+    (block,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    exec(compile(block, "docs/hidden-share.md", "exec"), {"__name__": "estimating"})
+    belief, *presences = capsys.readouterr().out.splitlines()
+    assert re.fullmatch(r"ShareBelief\(mean=0\.57\d*, sd=0\.18\d*\)", belief)
+    weighed, told = map(float, presences)
+    assert 0 < told < weighed < 1

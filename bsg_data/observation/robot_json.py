@@ -37,8 +37,9 @@ from bsg_data.errors import RecipeError, SourceError
 from bsg_data.geometry.floor_area import find_floor_area
 from bsg_data.observation.hidden_share import VAGUE
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
+from bsg_data.observation.robot_faults import explain_fault
 from bsg_data.observation.said_share import SaidShare, Share
-from bsg_data.recipes import Record, name_fault
+from bsg_data.recipes import Record
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
 from bsg_data.scene.scene_graph import Box
 from bsg_data.scene.surroundings import (
@@ -110,6 +111,12 @@ class _Graph(Record):
     objects: tuple[_Object, ...] = ()
     adjacency: tuple[tuple[Id, Id], ...] = ()
 
+
+_KEYS = {
+    "": tuple(_Graph.model_fields),
+    "rooms": tuple(_Room.model_fields),
+    "objects": tuple(field.alias or name for name, field in _Object.model_fields.items()),
+}
 
 # What a robot may say of its rooms, its objects and the whole, in whatever file it says it.
 ROOM_WORDS = tuple(_Room.model_fields)
@@ -197,7 +204,7 @@ def _assemble(
     try:
         document = _Graph.model_validate(said)
     except ValidationError as error:
-        raise RobotGraphError(f"{path}: {name_fault(error)}") from error
+        raise RobotGraphError(f"{path}: {explain_fault(error, said, keys=_KEYS)}") from error
     index = _number([room.id for room in document.rooms], "room", path)
     _number([obj.id for obj in document.objects], "object", path)
     rooms = tuple(_know(room, path) for room in document.rooms)

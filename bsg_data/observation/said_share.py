@@ -43,20 +43,20 @@ class SaidShare(Record):
         Raises:
             RecipeError: if it cannot be, or is said and left to be estimated, too.
         """
-        if self.hidden_share is not None:
-            for name in ("seconds_inside", "floor_in_view", "walls_in_view"):
-                if getattr(self, name) is not None:
-                    raise RecipeError(
-                        f"says hidden_share and {name}, from which it would be estimated; leave "
-                        "out one of them"
-                    )
-            return ShareBelief(self.hidden_share, self.hidden_share_sd)
-        if self.hidden_share_sd:
-            raise RecipeError("says hidden_share_sd without hidden_share; say both, or neither")
-        return estimate_hidden_share(
-            visited=self.visited,
-            seconds_inside=self.seconds_inside,
-            floor_area=floor_area,
-            floor_in_view=self.floor_in_view,
-            walls_in_view=self.walls_in_view,
-        )
+        if self.hidden_share is None:
+            if self.hidden_share_sd:
+                raise RecipeError("says hidden_share_sd without hidden_share; say both, or neither")
+            return estimate_hidden_share(
+                visited=self.visited,
+                seconds_inside=self.seconds_inside,
+                floor_area=floor_area,
+                floor_in_view=self.floor_in_view,
+                walls_in_view=self.walls_in_view,
+            )
+        for name in ("seconds_inside", "floor_in_view", "walls_in_view"):
+            if getattr(self, name) is not None:
+                raise RecipeError(
+                    f"says hidden_share and {name}, from which it would be estimated; leave out "
+                    "one of them"
+                )
+        return ShareBelief(self.hidden_share, self.hidden_share_sd)

@@ -44,7 +44,7 @@ def enter(
         graph: what it knew.
         room_index: the room, 1..R.
         hidden_share: of its objects, how many it has not seen by now, 0 once the room is searched;
-            None for any share (`VAGUE`), or for what was known where that is less.
+            None for anything (`VAGUE`), or for what was known where that is less.
 
     Raises:
         RecipeError: if there is no such room.

@@ -212,6 +212,8 @@ def check_room_type(said: RoomType | None) -> RoomType | None:
     """
     if said is None or isinstance(said, str):
         return None if said is None else _find_label(said)
+    if not said:
+        raise RecipeError("expected a label at least, found none; leave it out, or say null")
     if len(said) > _MOST_LABELS:
         raise RecipeError(f"expected at most {_MOST_LABELS} labels, found {len(said)}")
     found: dict[str, float] = {}

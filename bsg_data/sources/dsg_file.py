@@ -175,13 +175,24 @@ def parse_dsg(text: str, *, path: Path) -> DSGFile:
         SourceError: if it is none, naming the entry at fault.
     """
     try:
-        graph = _Graph.model_validate(json.loads(text))
-    except ValidationError as error:
-        raise SourceError(f"{path}: expected a Spark-DSG graph; {name_fault(error)}") from error
+        document = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise SourceError(
             f"{path}: expected a Spark-DSG graph, found no JSON ({str(error)[:200]})"
         ) from error
+    return parse_document(document, path=path)
+
+
+def parse_document(document: Any, *, path: Path) -> DSGFile:
+    """Parse the JSON document of a Spark-DSG file.
+
+    Raises:
+        SourceError: if it is none, naming the entry at fault.
+    """
+    try:
+        graph = _Graph.model_validate(document)
+    except ValidationError as error:
+        raise SourceError(f"{path}: expected a Spark-DSG graph; {name_fault(error)}") from error
     if len({node.id for node in graph.nodes}) < len(graph.nodes):
         raise SourceError(f"{path}: expected nodes with an id each, found an id twice")
     rooms, objects = (_nodes_of(graph, name) for name in ("ROOMS", "OBJECTS"))

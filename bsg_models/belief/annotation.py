@@ -53,26 +53,27 @@ _NO_BOX = {
 
 @dataclass(frozen=True, slots=True)
 class _Text:
-    """The text of a graph with its members; of equal keys the last, which readers take."""
+    """The text of a graph, where it begins, and its members."""
 
     text: str
     start: int
-    members: Mapping[str, Part]
+    parts: tuple[Part, ...]
 
     @classmethod
     def of(cls, text: str) -> _Text:
         start = find_start(text)
-        return cls(text, start, {str(part.key): part for part in list_parts(text, start)})
+        return cls(text, start, list_parts(text, start))
 
     def items(self, key: str) -> tuple[Part, ...]:
         """Return the items of a list, or the members of an object; nothing if it is not there."""
-        member = self.members.get(key)
+        member = find_member(self.parts, key)
         return () if member is None else list_parts(self.text, member.start)
 
     def append(self, key: str, added: Sequence[str]) -> Iterator[Edit]:
         """Yield the edit that puts items into a list that is there."""
-        if key in self.members and added:
-            yield append_parts(self.text, self.members[key].start, added)
+        member = find_member(self.parts, key)
+        if member is not None and added:
+            yield append_parts(self.text, member.start, self.items(key), added)
 
     def attributes(self, node: Part) -> int:
         """Return where the attributes of a node begin."""
@@ -94,16 +95,17 @@ def annotate(
     Raises:
         HydraError: if there is something else where a belief should stand.
     """
-    graph = _Text.of(strip_annotation(text))
+    graph = _strip(_Text.of(text))
     nodes = {node.value["id"]: node for node in graph.items("nodes")}
     layer, name = _choose_layer(graph, nodes[rooms[0]].value["layer"] if rooms else 1)
     prefix = _choose_symbol(nodes)
     blind = [prefix << 56 | number for number in range(len(belief.blind))]
     record = {"layer": {"id": layer, "name": name}, "document": encode_belief(belief)}
-    edits = [_say(graph.text, graph.start, record, "the graph")]
+    edits = [_say(graph.text, graph.start, graph.parts, record, "the graph")]
     for node, said in _describe(belief, rooms, objects):
         start = graph.attributes(nodes[node])
-        edits.append(_say(graph.text, start, said, f"node {name_symbol(node)}"))
+        parts = list_parts(graph.text, start)
+        edits.append(_say(graph.text, start, parts, said, f"node {name_symbol(node)}"))
     if blind:
         added = _encode_blind(belief, [nodes[room].value for room in rooms], blind, layer)
         edits += graph.append("nodes", added)
@@ -116,7 +118,10 @@ def annotate(
 
 def strip_annotation(text: str) -> str:
     """Return the text of a graph as it was before `annotate`; of another graph, the text itself."""
-    graph = _Text.of(text)
+    return _strip(_Text.of(text)).text
+
+
+def _strip(graph: _Text) -> _Text:
     nodes, edges = graph.items("nodes"), graph.items("edges")
     marks = [_find_belief(node.value.get("attributes")) for node in nodes]
     blind = {place for place, mark in enumerate(marks) if mark and mark.get("kind") == "blind"}
@@ -128,13 +133,14 @@ def strip_annotation(text: str) -> str:
     )
     for place, mark in enumerate(marks):
         if mark is not None and place not in blind:
-            edits += _unsay(text, graph.attributes(nodes[place]))
-    record = _find_belief({key: part.value for key, part in graph.members.items()})
+            start = graph.attributes(nodes[place])
+            edits += _unsay(graph.text, list_parts(graph.text, start))
+    record = _find_belief({part.key: part.value for part in graph.parts})
     if record is not None:
-        edits += _unsay(text, graph.start)
+        edits += _unsay(graph.text, graph.parts)
         if blind:
             edits += _cut_layer(graph, record.get("layer"))
-    return apply_edits(text, edits)
+    return _Text.of(apply_edits(graph.text, edits)) if edits else graph
 
 
 def find_document(graph: Any) -> Any:
@@ -150,36 +156,36 @@ def _find_belief(held: Any) -> Mapping[str, Any] | None:
     return held if isinstance(held, dict) else None
 
 
-def _say(text: str, start: int, belief: Mapping[str, Any], where: str) -> Edit:
+def _say(
+    text: str, start: int, parts: Sequence[Part], belief: Mapping[str, Any], where: str
+) -> Edit:
     """Return the edit that puts a belief into the object at `start`, with what leads there."""
     for depth, key in enumerate(_WAY):
-        last = find_member(text, start, key)
-        if last is None:
+        found = find_member(parts, key)
+        if found is None:
             break
-        start = last.start
-        if not isinstance(last.value, dict):
-            path = ".".join(_WAY[: depth + 1])
-            found = text[start : last.end][:40]
-            raise HydraError(f"{where}: {path}: expected an object, found {found}")
+        if not isinstance(found.value, dict):
+            path, there = ".".join(_WAY[: depth + 1]), text[found.start : found.end][:40]
+            raise HydraError(f"{where}: {path}: expected an object, found {there}")
+        start, parts = found.start, list_parts(text, found.start)
     said: Any = {"added": key, **belief}
     for inner in reversed(_WAY[depth + 1 :]):
         said = {inner: said}
-    return append_parts(text, start, [f"{_dump(key)}:{_dump(said)}"])
+    return append_parts(text, start, parts, [f"{_dump(key)}:{_dump(said)}"])
 
 
-def _unsay(text: str, start: int) -> list[Edit]:
-    """Return the edits that take a belief out of the object at `start`.
+def _unsay(text: str, parts: Sequence[Part]) -> list[Edit]:
+    """Return the edits that take a belief out of the object with these parts.
 
     What was put in to hold it goes, too, unless it holds something else by now.
     """
-    ways: list[tuple[tuple[Part, ...], int]] = []
+    ways: list[tuple[Sequence[Part], int]] = []
     for key in _WAY:
-        parts = list_parts(text, start)
         place = max(number for number, part in enumerate(parts) if part.key == key)
         ways.append((parts, place))
-        start = parts[place].start
-    added = ways[-1][0][ways[-1][1]].value.get("added")
-    depth = len(_WAY) - 1
+        held = parts[place]
+        parts = list_parts(text, held.start)
+    added, depth = held.value.get("added"), len(_WAY) - 1
     while added in _WAY[:depth] and len(ways[depth][0]) == 1:
         depth -= 1
     parts, place = ways[depth]
@@ -273,7 +279,7 @@ def _choose_layer(graph: _Text, rooms: int) -> tuple[int, str]:
     taken = {node.value["layer"] for node in graph.items("nodes")}
     taken |= {item.value for item in graph.items("layer_ids")}
     taken |= {item.value.get("layer") for item in graph.items("layer_keys")}
-    mesh = graph.members.get("mesh_layer_id")
+    mesh = find_member(graph.parts, "mesh_layer_id")
     taken |= {mesh.value} if mesh else set()
     names = set()
     for part in graph.items("layer_names"):

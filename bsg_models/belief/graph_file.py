@@ -12,11 +12,9 @@ from bsg_data.errors import BSGError, RecipeError
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.observation.robot_json import read_robot_graph
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap
-from bsg_data.sources.annotation_files import read_bytes
-from bsg_data.sources.dsg_file import is_dsg
+from bsg_data.sources.dsg_file import is_dsg, parse_document
 from bsg_data.sources.label_space import load_label_space
-from bsg_data.sources.spark_dsg import MAX_BYTES
-from bsg_models.belief.hydra_file import BINARY, HydraFile, open_hydra
+from bsg_models.belief.hydra_file import BOM, HydraFile, read_text
 
 STANDARD_INPUT = Path("-")
 
@@ -35,13 +33,6 @@ class GraphFile:
     graph: PartialGraph
     hydra: HydraFile | None = None
     notes: tuple[str, ...] = ()
-
-    def list_notes(self, *, told: bool) -> tuple[str, ...]:
-        """Return the notes, with one about the shares of rooms if nobody `told` them."""
-        if self.hydra is None or self.hydra.says_shares or told:
-            return self.notes
-        share = f"{self.graph.hidden_share:g} of its objects"
-        return (*self.notes, f"of every room {share} count as not seen; --hidden-share says better")
 
 
 def open_graph_file(
@@ -63,8 +54,13 @@ def open_graph_file(
             copy = Path(folder, "standard input")
             copy.write_bytes(sys.stdin.buffer.read())
             return open_graph_file(copy, labels=labels, class_map=class_map)
-    if _is_hydra(path):
-        file = open_hydra(path)
+    text = read_text(path)
+    try:
+        document = json.loads(text.removeprefix(BOM))
+    except (ValueError, RecursionError) as error:
+        raise BSGError(f"{path}: no JSON ({str(error)[:200]})") from error
+    if is_dsg(document):
+        file = HydraFile(path, text, parse_document(document, path=path))
         space = None if labels is None else load_label_space(labels)
         return GraphFile(
             file.partial(labels=space, class_map=class_map),
@@ -81,12 +77,3 @@ def read_graph(
 ) -> PartialGraph:
     """Read a robot's graph of either kind; see `open_graph_file`."""
     return open_graph_file(path, labels=labels, class_map=class_map).graph
-
-
-def _is_hydra(path: Path) -> bool:
-    if path.suffix == BINARY:
-        return True
-    try:
-        return is_dsg(json.loads(read_bytes(path, most=MAX_BYTES)))
-    except (ValueError, RecursionError) as error:
-        raise BSGError(f"{path}: no JSON ({str(error)[:200]})") from error

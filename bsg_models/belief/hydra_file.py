@@ -23,7 +23,6 @@ from bsg_data.observation.robot_json import (
     RobotGraphError,
     parse_robot_graph,
 )
-from bsg_data.observation.said_share import SaidShare
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap
 from bsg_data.scene.room_label import label_of
 from bsg_data.sources.annotation_files import decode, read_bytes
@@ -35,7 +34,7 @@ from bsg_models.belief.belief_graph import BeliefGraph
 from bsg_models.errors import HydraError
 
 BINARY = ".sparkdsg"
-_BOM = "\ufeff"
+BOM = "\ufeff"
 _SHOWN = 10  # labels in a note
 
 
@@ -77,12 +76,6 @@ class HydraFile:
         return "format" in self.graph.said
 
     @property
-    def says_shares(self) -> bool:
-        """Whether any room says what of it was not seen."""
-        words = SaidShare.model_fields.keys()
-        return any(words & room.said.keys() for room in self.graph.rooms)
-
-    @property
     def document(self) -> Any:
         """The document of the belief graph that was put into it; None without."""
         return find_document({"metadata": {"bsg": self.graph.said}})
@@ -122,8 +115,7 @@ class HydraFile:
         if not rooms:
             yield "it has no rooms (layer ROOMS): beliefs are about the building alone"
         elif astray := sum(obj.room is None for obj in objects):
-            number = f"{astray} of {len(objects)} objects"
-            yield f"{number} are under no room, and count for the building alone"
+            yield f"{astray} of {_count(len(objects))} under no room, known of the building alone"
 
 
 def open_hydra(path: Path) -> HydraFile:
@@ -133,8 +125,8 @@ def open_hydra(path: Path) -> HydraFile:
         HydraError: if it is none, or if it is binary and spark_dsg is not installed.
     """
     try:
-        text = _convert(path) if path.suffix == BINARY else _read_text(path)
-        return HydraFile(path, text, parse_dsg(text.removeprefix(_BOM), path=path))
+        text = read_text(path)
+        return HydraFile(path, text, parse_dsg(text.removeprefix(BOM), path=path))
     except SourceError as error:
         raise HydraError(str(error)) from error
 
@@ -144,9 +136,17 @@ def select_words(said: Any, words: Collection[str]) -> dict[str, Any]:
     return {word: said[word] for word in words if word in said} if isinstance(said, dict) else {}
 
 
-def _read_text(path: Path) -> str:
+def read_text(path: Path) -> str:
+    """Return the JSON of a file, with its byte order mark; of a binary one, what spark_dsg makes.
+
+    Raises:
+        SourceError: if it cannot be read, or is larger than `MAX_BYTES`.
+        HydraError: if spark_dsg is missing, or cannot load it.
+    """
+    if path.suffix == BINARY:
+        return _convert(path)
     data = read_bytes(path, most=MAX_BYTES)
-    return (_BOM if data.startswith(codecs.BOM_UTF8) else "") + decode(data, path=path)
+    return (BOM if data.startswith(codecs.BOM_UTF8) else "") + decode(data, path=path)
 
 
 def _convert(path: Path) -> str:
@@ -213,10 +213,14 @@ def _note_labels(objects: Sequence[DSGNode], labels: LabelSpace | None) -> Itera
     if missing:
         numbers = ", ".join(str(label) for label, _ in missing[:_SHOWN])
         yield (
-            f"{sum(named[pair] for pair in missing)} objects have labels without a name "
-            f"({numbers}); --labels names them: mpcat40, ade20k, or the file of the label space "
-            "that Hydra ran with (config/label_spaces/NAME.yaml)"
+            f"{_count(sum(named[pair] for pair in missing))} with labels that nobody names "
+            f"({numbers}); --labels does: mpcat40, ade20k, or the file of the label space that "
+            "Hydra ran with (config/label_spaces/NAME.yaml)"
         )
     silent = len(bare) - sum(named.values())
     if silent:
-        yield f"{silent} objects have neither a label nor a name"
+        yield f"{_count(silent)} with neither a label nor a name"
+
+
+def _count(objects: int) -> str:
+    return "1 object" if objects == 1 else f"{objects:,} objects"

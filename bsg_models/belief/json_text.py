@@ -74,21 +74,21 @@ def list_parts(text: str, start: int) -> tuple[Part, ...]:
     return tuple(parts)
 
 
-def find_member(text: str, start: int, key: str) -> Part | None:
-    """Return a member of the object at `start`; of equal keys the last, which readers take."""
-    found = [part for part in list_parts(text, start) if part.key == key]
+def find_member(parts: Sequence[Part], key: str) -> Part | None:
+    """Return a member of an object by its parts; of equal keys the last, which readers take."""
+    found = [part for part in parts if part.key == key]
     return found[-1] if found else None
 
 
-def append_parts(text: str, start: int, added: Sequence[str]) -> Edit:
+def append_parts(text: str, start: int, parts: Sequence[Part], added: Sequence[str]) -> Edit:
     """Return the edit that puts parts at the end of an object or a list, spaced as its last one.
 
     Args:
         text: of the document.
         start: where the object or list begins.
-        added: the texts of the parts.
+        parts: what is in it.
+        added: the texts of the new parts.
     """
-    parts = list_parts(text, start)
     if not parts:
         return Edit(start + 1, start + 1, ",".join(added))
     last = parts[-1]

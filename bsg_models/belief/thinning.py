@@ -32,11 +32,11 @@ def log_seen(true: CountDistribution, seen: Counts, shares: Floats) -> Floats:
     Args:
         true: the distribution of the true counts.
         seen: `[N, C]` counts that were seen.
-        shares: `[S]` that are hidden, 0 to below 1.
+        shares: `[S, N]` that are hidden, 0 to below 1.
     """
     means = np.maximum(true.means, MIN_RATE)
     dispersions = np.minimum(np.broadcast_to(true.dispersions, means.shape), _POISSON)
-    share = shares[:, None, None, None]
+    share = shares[:, None, :, None]
     each = log_negative_binomial(seen, (1 - share) * means, dispersions)  # [S, K, N, C]
     if true.tilts is not None:
         hidden = hidden_posterior(dispersions, dispersions / means, seen, share)

@@ -8,7 +8,7 @@ const Beliefs = (() => {
   const percent = (p) =>
     p > 0 && p < 0.005 ? "< 1 %" : p > 0.995 ? "> 99 %" : Math.round(100 * p) + " %";
   const amount = (x) =>
-    x < 0.005 || Number.isInteger(x) ? String(Math.round(x))
+    Number.isInteger(x) ? String(x) : x < 0.005 ? "< 0.01"
       : x < 0.095 ? x.toFixed(2) : x < 9.95 ? x.toFixed(1) : String(Math.round(x));
   const sum = (numbers) => numbers.reduce((a, b) => a + b, 0);
   const nodeName = (view, node) => node ? view.rooms[node - 1].name : view.title;

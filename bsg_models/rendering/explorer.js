@@ -20,17 +20,19 @@
     show();
   }
   function show() {
-    const view = views[look.view];
+    showControls();
+    paint();
+    Panel.show(side, views[look.view], look, turn);
+    pick("spoken").textContent = Beliefs.say(views[look.view], look.node, look.sought);
+    Link.write(views, titles, look);
+  }
+  function showControls() {
     pick("view").value = look.view;
     pick("class").value = look.sought;
     pick("threshold").value = Math.round(100 * look.threshold);
     pick("shown").textContent = pick("threshold").value + " %";
     pick("plan").setAttribute("aria-pressed", look.plan);
     pick("layers").setAttribute("aria-pressed", !look.plan);
-    paint();
-    Panel.show(side, view, look, turn);
-    pick("spoken").textContent = Beliefs.say(view, look.node, look.sought);
-    Link.write(views, titles, look);
   }
   function paint() {
     pick("caption").hidden = true;
@@ -46,6 +48,14 @@
     const found = side.querySelector(again);
     if (found && found.closest("details")) found.closest("details").open = true;
     if (found) found.focus();
+  }
+
+  /* Hide blind nodes that are less likely; what is said in words stays. */
+  function hide(threshold) {
+    look.threshold = threshold;
+    showControls();
+    paint();
+    Link.write(views, titles, look);
   }
 
   function fillClasses() {
@@ -85,7 +95,7 @@
   function listen() {
     pick("view").addEventListener("change", (e) => change({ view: Number(e.target.value), node: 0 }));
     pick("class").addEventListener("change", (e) => change({ sought: Number(e.target.value) }));
-    pick("threshold").addEventListener("input", (e) => change({ threshold: e.target.value / 100 }));
+    pick("threshold").addEventListener("input", (e) => hide(e.target.value / 100));
     pick("plan").addEventListener("click", () => change({ plan: true }));
     pick("layers").addEventListener("click", () => change({ plan: false }));
     svg.addEventListener("click", choose);

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from bsg_data.errors import BSGError
+from bsg_data.files import stem_of
 from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.evaluation.metrics import Bools, Floats, correlation_matrix, normalise
@@ -173,10 +174,11 @@ def plot_evaluation(
     """Plot the three figures of one model into a folder; return what each shows by its path."""
     rooms = ~is_building
     errors = expectation.totals - target
+    stem = stem_of(name)
     paths = {
-        "error in number per class, rooms": folder / f"{name}-class-errors.png",
-        "correlations of the classes, rooms": folder / f"{name}-correlations.png",
-        f"histogram and distribution of {building}": folder / f"{name}-building.png",
+        "error in number per class, rooms": folder / f"{stem}-class-errors.png",
+        "correlations of the classes, rooms": folder / f"{stem}-correlations.png",
+        f"histogram and distribution of {building}": folder / f"{stem}-building.png",
     }
     first, second, third = paths.values()
     plot_class_errors(errors[rooms], classes, first, title=f"{name}: error in number, rooms")

@@ -13,6 +13,7 @@ class Place:
         room: its id; None for what was seen in no room.
         label: what people call it; None if nobody does.
         probability: P(at least one is there); 1 where one was seen.
+        unseen: P(at least one is there that was not seen).
         expected: expected number of those that are there and were not seen.
         seen: ids of those that were seen there.
         cost: of the way to the room; None if the robot did not say where it is.
@@ -21,6 +22,7 @@ class Place:
     room: str | None
     label: str | None
     probability: float
+    unseen: float
     expected: float
     seen: tuple[str, ...]
     cost: float | None

@@ -70,8 +70,7 @@ def open_graph(
     else:
         file = open_graph_file(Path(graph), labels=labels, class_map=class_map)
     known = tell_shares(file.graph, every=hidden_share, rooms=hidden_shares)
-    told = hidden_share is not None or bool(hidden_shares)
-    return SeenBuilding(known, predictor, notes=file.list_notes(told=told))
+    return SeenBuilding(known, predictor, notes=file.notes)
 
 
 class SeenBuilding:
@@ -172,7 +171,8 @@ class SeenBuilding:
         Args:
             room: id or label.
             hidden_share: of its objects, which share the robot has not seen by now; a `ShareBelief`
-                if it is not sure; None for a half, or for what was known where that is less.
+                if it is not sure, as `estimate_hidden_share` gives one; None for anything, or for
+                what was known where that is less.
 
         Raises:
             RecipeError: if there is no such room, or the share is none.
@@ -245,6 +245,7 @@ class SeenBuilding:
                 room=room.name,
                 label=room.label,
                 probability=1.0 if seen[node] else float(presence[node]),
+                unseen=float(presence[node]),
                 expected=float(hidden[node]),
                 seen=seen[node],
                 cost=None if costs_from is None else float(costs_from[node]),
@@ -252,7 +253,7 @@ class SeenBuilding:
             for node, room in enumerate(self._graph.rooms, 1)
         ]
         if seen[0]:
-            places.append(Place(None, None, 1.0, 0.0, seen[0], None))
+            places.append(Place(None, None, 1.0, 0.0, 0.0, seen[0], None))
         return tuple(sorted(places, key=lambda place: (-place.probability, place.cost or 0.0)))
 
     def anywhere(self, thing: str) -> float:

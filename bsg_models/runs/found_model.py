@@ -13,6 +13,7 @@ from typing import Literal
 
 from bsg_data.spelling import SHOWN
 from bsg_models.errors import CheckpointError
+from bsg_models.runs.checkpoint import CheckpointHeader
 from bsg_models.runs.hub_files import HUB_ID, HUB_WEIGHTS, find_downloaded
 from bsg_models.runs.run_folder import BEST
 from bsg_models.runs.shipped import (
@@ -87,6 +88,11 @@ def locate_run(model: Path | str) -> Path:
     """
     found = find_model(model)
     return found.path.parent if found.kind == "run" else found.path
+
+
+def name_model(found: FoundModel, header: CheckpointHeader) -> str:
+    """Return how people name a model: a shipped one by its own name, another by that in the zoo."""
+    return found.name if found.kind == "shipped" else header.config.name
 
 
 def _looks_like_path(text: str) -> bool:

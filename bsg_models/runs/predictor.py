@@ -9,6 +9,7 @@ import numpy as np
 
 from bsg_data.arrays import Bools, Floats
 from bsg_data.errors import MismatchError
+from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.observation import Observation
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.scene.class_map import ClassMap
@@ -16,7 +17,7 @@ from bsg_models.belief.expectation import Expectation, mix
 from bsg_models.inputs.share_levels import spread_shares
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.class_maps import choose_class_map
-from bsg_models.runs.found_model import find_model
+from bsg_models.runs.found_model import find_model, name_model
 from bsg_models.runs.share_posterior import update_shares
 from bsg_models.runs.shipped import DEFAULT_MODEL
 
@@ -50,7 +51,7 @@ class Predictor:
         self._header = checkpoint.header
         self.class_space = self._header.class_space
         self._model = restore_model(path, checkpoint)
-        self.name = found.name if found.kind == "shipped" else self._header.config.name
+        self.name = name_model(found, self._header)
         self.classes = self.class_space.classes
 
     @property
@@ -66,38 +67,47 @@ class Predictor:
         return choose_class_map(self._path, self._header)
 
     def __call__(
-        self, graph: PartialGraph, *, withheld: Collection[int] | Bools = ()
+        self,
+        graph: PartialGraph,
+        *,
+        withheld: Collection[int] | Bools = (),
+        weigh_seen: bool = True,
     ) -> Expectation:
         """Return what the model believes about a partial graph.
 
-        Where the hidden share of a room is uncertain, it is the mixture of what the model believes
-        at several shares, asked in one pass.
+        Where the hidden share of a room is uncertain, what was seen there tells more of it
+        (`believe_shares`), and the answer is the mixture of what the model believes at several
+        shares. That takes two passes, and one where all shares are certain.
 
         Args:
             graph: what was seen.
             withheld: classes that the graph leaves out of rooms which were not searched, so that
                 none being there says nothing; a search is told nothing of its artifact. Or, by
                 node and class, `[1 + R, C]` where nothing of a class is shown.
+            weigh_seen: whether what was seen tells more of uncertain shares; False where the robot
+                has counted it already.
 
         Raises:
             MismatchError: if the graph is of another class map.
             PredictionError: if the answer is not finite.
         """
         seen = self._observe(graph, withheld)
+        if weigh_seen:
+            graph = update_shares(graph, seen, expect=self._model.expect)
         levels, weights = spread_shares(graph, seen)
         expectation = _mix_levels(self._model.expect(levels), weights)
         return _nothing_where_searched(expectation, seen)
 
-    def update_shares(
+    def believe_shares(
         self, graph: PartialGraph, *, withheld: Collection[int] | Bools = ()
-    ) -> PartialGraph:
-        """Return the graph with uncertain hidden shares as they are after what was seen.
+    ) -> tuple[ShareBelief, ...]:
+        """Return what is believed of the hidden share of every room `[R]`, after what was seen.
 
-        Where the model expects more than was seen, more is hidden. A share that is certain stays;
-        `VAGUE` says that nothing is known of one.
+        A call averages over these. Where the model expects more than was seen, more is hidden.
 
         Args:
-            graph: what was seen.
+            graph: what was seen; a share that is certain stays, and one of which nothing is known
+                is `VAGUE`.
             withheld: as for a call; such classes say nothing of what is hidden.
 
         Raises:
@@ -105,7 +115,8 @@ class Predictor:
             PredictionError: if the answer is not finite.
         """
         seen = self._observe(graph, withheld)
-        return update_shares(graph, seen, expect=self._model.expect)
+        after = update_shares(graph, seen, expect=self._model.expect)
+        return tuple(room.share for room in after.rooms)
 
     def _observe(self, graph: PartialGraph, withheld: Collection[int] | Bools) -> Observation:
         if graph.class_space != self.class_space:

@@ -18,6 +18,7 @@ from bsg_models.zoo.model import BeliefModel
 
 BEST, LAST = "best.safetensors", "last.safetensors"
 METRICS, CURVE = "metrics.csv", "curve.png"
+CONFIG, LOG = "config.toml", "log.jsonl"
 MEMBERS = "members"  # the runs of an ensemble's members
 
 
@@ -47,7 +48,7 @@ def refuse_overwriting(run: Path, *, resume: bool, force: bool) -> None:
 
 def clear_run(run: Path) -> None:
     """Remove the files of a run."""
-    for name in (BEST, LAST, METRICS, CURVE):
+    for name in (BEST, LAST, METRICS, CURVE, CONFIG, LOG):
         (run / name).unlink(missing_ok=True)
 
 

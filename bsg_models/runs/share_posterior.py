@@ -50,13 +50,13 @@ def update_shares(
     nodes = np.arange(len(unsure)) * len(seen.inputs) + unsure
     true = expect(stack(copies)).hidden_counts.take(nodes)
     levels, weights = roots_legendre(_LEVELS)
+    before = find_quantiles([graph.rooms[number - 1].share for number in unsure], (1 + levels) / 2)
+    shares = np.minimum(before, _MOST)
+    told = log_seen(true, seen.inputs[unsure], shares) * ~seen.withheld[unsure]
+    posterior = softmax(EVIDENCE * told.sum(axis=2) + np.log(weights)[:, None], axis=0)
     rooms = list(graph.rooms)
     for place, number in enumerate(unsure):
-        shares = find_quantiles([graph.rooms[number - 1].share], (1 + levels) / 2)[:, 0]
-        shares = np.minimum(shares, _MOST)
-        told = log_seen(true.take(np.array([place])), seen.inputs[[number]], shares)[:, 0]
-        evidence = EVIDENCE * (told * ~seen.withheld[number]).sum(axis=1)
-        after = _moments(shares, softmax(evidence + np.log(weights)))
+        after = _moments(shares[:, place], posterior[:, place])
         rooms[number - 1] = replace(
             graph.rooms[number - 1], hidden_share=after.mean, hidden_share_sd=after.sd
         )

@@ -198,7 +198,6 @@ def report_beliefs(
         for path, graph in graphs.items()
         if graph.source is not None and graph.source not in KNOWN_SOURCES
     }
-    told = request.hidden_share is not None or bool(request.hidden_shares)
     return BeliefReport(
         model=predictor.name,
         graphs=tuple(view.belief for view in views),
@@ -206,7 +205,7 @@ def report_beliefs(
         unmapped={path: names for path, names in unmapped.items() if names},
         resolved={path: names for path, names in resolved.items() if names},
         unknown_sources=strange,
-        notes={path: file.list_notes(told=told) for path, file in files.items()},
+        notes={path: file.notes for path, file in files.items()},
     )
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import pandas as pd
@@ -31,6 +31,7 @@ from bsg_models.inputs.folds import Split
 from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import (
     Checkpoint,
+    CheckpointHeader,
     load_checkpoint,
     read_header,
     require_dataset,
@@ -38,6 +39,7 @@ from bsg_models.runs.checkpoint import (
 )
 from bsg_models.runs.found_model import FoundModel, find_model
 from bsg_models.runs.run_folder import LAST
+from bsg_models.studies.column_names import first_free, name_runs
 from bsg_models.studies.entries import Entry, Folds, folds_of, hash_measured, read_entry
 from bsg_models.zoo.catalogue import BASELINES
 from bsg_models.zoo.config import find_config
@@ -95,6 +97,25 @@ class Comparison:
         return self.truth.scene_ids[int(self.truth.building[self.example_node])]
 
 
+class Loaded(NamedTuple):
+    """A run that is compared.
+
+    Attributes:
+        name: of its column.
+        found: where it is.
+        checkpoint: its weights.
+    """
+
+    name: str
+    found: FoundModel
+    checkpoint: Checkpoint
+
+    @property
+    def header(self) -> CheckpointHeader:
+        """What its checkpoint says of itself."""
+        return self.checkpoint.header
+
+
 def compare_runs(
     runs: Sequence[Path | str],
     dataset: Path,
@@ -108,6 +129,7 @@ def compare_runs(
 ) -> Comparison:
     """Measure runs, predictions of other programs and baselines on the stored pairs of a split.
 
+    A run has the name of its model; several runs of one model have their folders' names, too.
     Without runs a dataset in folds is measured fold by fold, and the values are averaged.
 
     Args:
@@ -127,10 +149,12 @@ def compare_runs(
         PredictionError: if predictions cannot be read, or do not fit the pairs.
     """
     data = Dataset.open(dataset)
-    found = map(find_model, runs)
-    loaded = [(run, load_checkpoint(run.path)) for run in found]
-    for run, checkpoint in loaded:
-        require_dataset(run.path, checkpoint.header, data.manifest)
+    found = [find_model(run) for run in runs]
+    checkpoints = [load_checkpoint(one.path) for one in found]
+    columns = name_runs([(one, c.header) for one, c in zip(found, checkpoints, strict=True)])
+    loaded = [Loaded(*one) for one in zip(columns, found, checkpoints, strict=True)]
+    for run in loaded:
+        require_dataset(run.found.path, run.header, data.manifest)
     fold = _one_fold(loaded, fold) if loaded else fold
     part = cast(Split, split)
     folds: Folds = (fold,) if loaded else folds_of(data, fold)
@@ -171,24 +195,16 @@ def compare_runs(
         facts=_facts(data, truth, fold=fold, resamples=resamples, seed=seed)
         | {
             "masks_sha256": hash_measured(data, part, folds),
-            "runs": _describe(loaded, models[0]),
+            "runs": _describe(loaded),
             "predictions": {name: entry.facts for name, entry in names.items() if entry},
         },
         notes=tuple(_notes(loaded, data, truth, split)),
     )
 
 
-def _models(
-    loaded: Sequence[tuple[FoundModel, Checkpoint]], data: Dataset, *, fold: int | None
-) -> dict[str, BeliefModel]:
-    """Return the models by name: the runs by their folders, then the baselines, fitted on train."""
-    models: dict[str, BeliefModel] = {}
-    for run, checkpoint in loaded:
-        name = run.name
-        taken, number = name, 2
-        while name in models or name in BASELINES:
-            name, number = f"{taken}-{number}", number + 1
-        models[name] = restore_model(run.path, checkpoint)
+def _models(loaded: Sequence[Loaded], data: Dataset, *, fold: int | None) -> dict[str, BeliefModel]:
+    """Return the models by name: the runs, then the baselines, fitted on train."""
+    models = {run.name: restore_model(run.found.path, run.checkpoint) for run in loaded}
     for name in BASELINES:
         model = make_model(find_config(name), classes=len(data.manifest.class_space.classes))
         model.fit(data, DataConfig(fold=fold))
@@ -201,34 +217,29 @@ def _order(models: Iterable[str], entries: Sequence[Entry]) -> dict[str, Entry |
     runs = [name for name in models if name not in BASELINES]
     names: dict[str, Entry | None] = dict.fromkeys(runs)
     for entry in entries:
-        taken, number = entry.name, 2
-        while taken in names or taken in BASELINES:
-            taken, number = f"{entry.name}-{number}", number + 1
-        names[taken] = entry
+        names[first_free(entry.name, {*names, *BASELINES})] = entry
     return names | dict.fromkeys(name for name in models if name in BASELINES)
 
 
-def _describe(
-    loaded: Sequence[tuple[FoundModel, Checkpoint]], models: dict[str, BeliefModel]
-) -> dict[str, Any]:
-    """Return epoch, dataset and configuration of each run by its name."""
+def _describe(loaded: Sequence[Loaded]) -> dict[str, Any]:
+    """Return folder, epoch, dataset and configuration of each run by its name."""
     return {
-        name: {
-            "epoch": checkpoint.header.epoch,
-            "dataset_sha256": checkpoint.header.dataset_sha256,
-            "config": checkpoint.header.config.model_dump(mode="json"),
+        run.name: {
+            "folder": run.found.name,
+            "epoch": run.header.epoch,
+            "dataset_sha256": run.header.dataset_sha256,
+            "config": run.header.config.model_dump(mode="json"),
         }
-        for name, (_, checkpoint) in zip(models, loaded, strict=False)
+        for run in loaded
     }
 
 
-def _one_fold(loaded: Sequence[tuple[FoundModel, Checkpoint]], asked: int | None) -> int | None:
-    folds = {checkpoint.header.config.data.fold for _, checkpoint in loaded}
+def _one_fold(loaded: Sequence[Loaded], asked: int | None) -> int | None:
+    folds = {run.header.config.data.fold for run in loaded}
+    listed = ", ".join(f"{run.found.name}: {run.header.config.data.fold}" for run in loaded)
     if asked is not None and folds != {asked}:
-        listed = ", ".join(f"{run.name}: {c.header.config.data.fold}" for run, c in loaded)
         raise CheckpointError(f"expected runs that test on fold {asked}, found {listed}")
     if len(folds) > 1:
-        listed = ", ".join(f"{run.name}: {c.header.config.data.fold}" for run, c in loaded)
         raise CheckpointError(f"the runs test on different folds ({listed}); compare those of one")
     return folds.pop()
 
@@ -257,19 +268,17 @@ def _facts(
     }
 
 
-def _notes(
-    loaded: Sequence[tuple[FoundModel, Checkpoint]], data: Dataset, truth: Truth, split: str
-) -> list[str]:
+def _notes(loaded: Sequence[Loaded], data: Dataset, truth: Truth, split: str) -> list[str]:
     notes = []
-    for run, checkpoint in loaded:
-        if checkpoint.header.dataset_sha256 != data.sha256:
+    for run in loaded:
+        header = run.header
+        if header.dataset_sha256 != data.sha256:
             notes.append(
                 f"note: {run.name} was trained on another dataset or another version of this one; "
                 f"buildings of this {split} split may have been in its training set"
             )
-        header = checkpoint.header
         epochs = header.config.training.epochs
-        unfinished = run.path.with_name(LAST)
+        unfinished = run.found.path.with_name(LAST)
         last = read_header(unfinished).epoch if unfinished.is_file() else epochs
         if header.calibrated != getattr(header.config.model, "calibrate", False):
             notes.append(f"note: {run.name} stopped before its calibration; --resume finishes it")

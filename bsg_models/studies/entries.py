@@ -13,7 +13,7 @@ from typing import Any
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError
-from bsg_data.files import hash_file
+from bsg_data.files import hash_file, stem_of
 from bsg_data.observation.mask_hash import hash_masks, hash_splits
 from bsg_data.observation.masked_buildings import MaskedBuildings, stack_masked
 from bsg_models.belief.expectation import Expectation
@@ -104,7 +104,8 @@ def write_entry(
     Raises:
         DatasetError: if it is there already and not `force`, or cannot be written.
     """
-    path = folder / f"{name}.parquet" if fold is None else folder / name / f"fold-{fold}.parquet"
+    stem = stem_of(name)
+    path = folder / f"{stem}.parquet" if fold is None else folder / stem / f"fold-{fold}.parquet"
     if path.exists() and not force:
         raise DatasetError(f"{path}: is there already; --force replaces it")
     write_predictions(

@@ -2,7 +2,7 @@
 
 OUT/evaluation.json     every metric, written last: it means finished
 OUT/classes.csv         one row a model, node set and class
-OUT/RUN-*.png           the paper's figures
+OUT/MODEL-*.png         the paper's figures
 """
 
 from __future__ import annotations

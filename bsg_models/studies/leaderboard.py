@@ -44,7 +44,6 @@ from bsg_models.studies.leaderboard_runs import (
     LeaderboardRecipe,
     Place,
     fit_to,
-    members_of,
     plan_runs,
     run_of,
     trained_on,
@@ -119,16 +118,24 @@ def make_leaderboard(
     with hold(out):
         for mask in dict.fromkeys((*recipe.masks, *runs.masks)):
             prepare_dataset(dataset, out / mask / DATASET, recipe, mask=mask)
-        for what, function, some in (
-            ("train", _train, runs.single),
-            ("combine", _combine, runs.ensembles),  # of runs that are there by now
-        ):
-            tasks = [
-                (out / place.mask, place.name, fit_to(config, recipe, mask=place.mask, fold=fold))
-                for fold in range(recipe.folds)
-                for place, config in some.items()
-            ]
-            run_all(function, tasks, executor=executor, progress=_name(report, what))
+        folds = range(recipe.folds)
+        trained = [
+            (out / place.mask, place.name, fit_to(config, recipe, mask=place.mask, fold=fold))
+            for fold in folds
+            for place, config in runs.single.items()
+        ]
+        run_all(_train, trained, executor=executor, progress=_name(report, "train"))
+        combined = [
+            (
+                out / place.mask,
+                place.name,
+                fit_to(config, recipe, mask=place.mask, fold=fold),
+                runs.members[place],
+            )
+            for fold in folds
+            for place, config in runs.ensembles.items()
+        ]
+        run_all(_combine, combined, executor=executor, progress=_name(report, "combine"))
         shown = [
             (out, mask, Place(trained_on(config, mask), name), recipe)
             for mask in recipe.masks
@@ -187,11 +194,11 @@ def _train(folder: Path, name: str, config: RunConfig) -> None:
     _write_seconds(run, time.perf_counter() - began)
 
 
-def _combine(folder: Path, name: str, config: RunConfig) -> None:
-    """Make one ensemble for one fold of the runs of its members there."""
+def _combine(folder: Path, name: str, config: RunConfig, names: Mapping[str, str]) -> None:
+    """Make one ensemble for one fold of the runs there, by member → name."""
     fold = config.data.fold or 0
     data = Dataset.open(folder / DATASET)
-    members = {member: run_of(folder, member, fold) for member in members_of(config)}
+    members = {member: run_of(folder, run, fold) for member, run in names.items()}
     for member, trained in members.items():
         if not is_finished(trained, member_config(config, member), data):
             raise TrainingError(f"{trained}: is not the run that {name} needs; remove it")

@@ -65,10 +65,12 @@ class Runs(NamedTuple):
     Attributes:
         single: place → configuration of what is trained, with what ensembles need.
         ensembles: place → configuration of what is made of trained members.
+        members: place of an ensemble → member → name of its run, trained on the same mask.
     """
 
     single: dict[Place, RunConfig]
     ensembles: dict[Place, RunConfig]
+    members: dict[Place, dict[str, str]]
 
     @property
     def masks(self) -> tuple[str, ...]:
@@ -79,10 +81,13 @@ class Runs(NamedTuple):
 def plan_runs(models: Mapping[str, RunConfig], recipe: LeaderboardRecipe) -> Runs:
     """Return the runs that the models of a leaderboard need; one that two of them need is one.
 
+    An ensemble is made of the runs that are there where these are what it needs. A member that is
+    there in another configuration is trained once more, as `ENSEMBLE+MEMBER`.
+
     Raises:
-        ConfigError: if an ensemble needs a model whose place is taken by another configuration.
+        ConfigError: if another model has that name.
     """
-    runs = Runs({}, {})
+    runs = Runs({}, {}, {})
     placed = {
         Place(trained_on(config, mask), name): config
         for mask in recipe.masks
@@ -92,16 +97,30 @@ def plan_runs(models: Mapping[str, RunConfig], recipe: LeaderboardRecipe) -> Run
         some = runs.ensembles if members_of(config) else runs.single
         some[place] = config
     for place, config in runs.ensembles.items():
-        for member in members_of(config):
-            needed, there = member_config(config, member), Place(place.mask, member)
-            planned = runs.single.setdefault(there, needed)
-            if _fit(planned, recipe, mask=place.mask) != _fit(needed, recipe, mask=place.mask):
-                raise ConfigError(
-                    f"{place.name} needs the zoo's {member} with its own seed and data, trained on "
-                    f"{place.mask} masks, and another configuration has this name; rename its "
-                    "file, set both alike, or leave one of them out"
-                )
+        needed = {member: member_config(config, member) for member in members_of(config)}
+        runs.members[place] = {
+            member: _plan_member(runs.single, place, member, own, recipe)
+            for member, own in needed.items()
+        }
     return runs
+
+
+def _plan_member(
+    single: dict[Place, RunConfig],
+    ensemble: Place,
+    member: str,
+    needed: RunConfig,
+    recipe: LeaderboardRecipe,
+) -> str:
+    """Plan the run of a member of an ensemble, unless it is planned; return its name."""
+    mask, name = ensemble.mask, member
+    for name in (member, f"{ensemble.name}+{member}"):
+        planned = single.setdefault(Place(mask, name), needed)
+        if _fit(planned, recipe, mask=mask) == _fit(needed, recipe, mask=mask):
+            return name
+    raise ConfigError(
+        f"{name!r} is the name of a run that {ensemble.name} needs; rename this model"
+    )
 
 
 def trained_on(config: RunConfig, mask: str) -> str:

@@ -1,15 +1,19 @@
-"""What a training left in its run, in short, with its learning curve drawn."""
+"""What trainings left in a run, in short, with the learning curve drawn."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from bsg_models.errors import CheckpointError
 from bsg_models.rendering.figures import plot_learning_curve
-from bsg_models.runs.run_folder import BEST, CURVE, MEMBERS, METRICS
+from bsg_models.runs.checkpoint import read_header
+from bsg_models.runs.run_folder import BEST, CONFIG, CURVE, MEMBERS, METRICS
+from bsg_models.runs.run_log import Begun, Ended, read_log
 from bsg_models.training.learning_curve import EpochReport, read_metrics
-from bsg_models.zoo.config import RunConfig
+from bsg_models.zoo.config import RunConfig, read_config, validate_config
 from bsg_models.zoo.construction import can_resume
 from bsg_models.zoo.ensemble import EnsembleConfig
 
@@ -25,6 +29,7 @@ class RunSummary:
         last: epoch that was saved last; None without epochs.
         best: the epoch with the lowest validation loss; None without epochs.
         seconds: that the epochs took.
+        log: of every training of the run, oldest first; nothing where none was kept.
     """
 
     run: Path
@@ -33,6 +38,7 @@ class RunSummary:
     last: EpochReport | None
     best: EpochReport | None
     seconds: float
+    log: tuple[Begun | Ended, ...]
 
     @property
     def model(self) -> str:
@@ -60,6 +66,11 @@ class RunSummary:
         return self.run / CURVE
 
     @property
+    def written_config(self) -> Path:
+        """The configuration as TOML, by which `bsg-train --config` trains the same again."""
+        return self.run / CONFIG
+
+    @property
     def saved(self) -> str:
         """What a training that was stopped has saved."""
         if self.members:
@@ -71,6 +82,15 @@ class RunSummary:
         """What the same training does when it runs again."""
         return "with --resume goes on" if can_resume(self.config) else "starts again"
 
+    @property
+    def trainings(self) -> tuple[tuple[Begun, Ended | None], ...]:
+        """When each training began and how it ended; nothing for one that was killed or runs."""
+        return tuple(
+            (begun, ended if isinstance(ended, Ended) else None)
+            for begun, ended in pairwise((*self.log, None))
+            if isinstance(begun, Begun)
+        )
+
     def encode(self) -> dict[str, Any]:
         """Return the summary, ready for JSON."""
         return {
@@ -80,25 +100,41 @@ class RunSummary:
             "best_epoch": self.best.epoch if self.best else None,
             "val_loss": self.best.val_loss if self.best else None,
             "seconds": self.seconds,
+            "config": self.config.model_dump(mode="json"),
+            "log": [line.model_dump(mode="json") for line in self.log],
         }
 
 
-def summarise_run(config: RunConfig, run: Path) -> RunSummary:
-    """Return what a training has saved so far, and draw its learning curve."""
-    reports = _plot_curve(config, run)
+def summarise_run(run: Path) -> RunSummary:
+    """Return what trainings have saved so far in a run; nothing is written.
+
+    Raises:
+        CheckpointError: if there is no run.
+        TrainingError: if its log or its metrics are damaged.
+    """
+    config = _config_of(run)
+    reports = read_metrics(run / METRICS) if (run / METRICS).is_file() else []
     last = reports[-1] if reports else None
     best = next((r for r in reports if last and r.epoch == last.best_epoch), None)
     seconds = round(sum(report.seconds for report in reports), 3)
-    return RunSummary(run, config, len(reports), last, best, seconds)
+    return RunSummary(run, config, len(reports), last, best, seconds, read_log(run))
 
 
-def _plot_curve(config: RunConfig, run: Path) -> list[EpochReport]:
-    """Plot the learning curve, and return it; nothing for a model that counts."""
+def plot_run(run: Path) -> None:
+    """Plot the learning curve of a run into it; nothing for a model that counts."""
     if not (run / METRICS).is_file():
-        return []
-    reports = read_metrics(run / METRICS)
+        return
+    config, reports = _config_of(run), read_metrics(run / METRICS)
     likelihood = getattr(config.model, "likelihood", "mse")
     loss = "mean squared error" if likelihood == "mse" else "-log P(hidden count), mean over cells"
     title = f"{config.name}, seed {config.seed}"
     plot_learning_curve(reports, run / CURVE, title=title, loss=loss)
-    return reports
+
+
+def _config_of(run: Path) -> RunConfig:
+    """Return the configuration of a run; of one that kept none, what its checkpoint says."""
+    if (run / CONFIG).is_file():
+        return validate_config(read_config(run / CONFIG), source=str(run / CONFIG))
+    if not (run / BEST).is_file():
+        raise CheckpointError(f"{run}: no run there: it has no {CONFIG} and no {BEST}")
+    return read_header(run / BEST).config

@@ -24,9 +24,9 @@ from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import (
-    Checkpoint,
     CheckpointHeader,
     load_checkpoint,
+    read_header,
     restore_model,
     save_checkpoint,
 )
@@ -114,21 +114,21 @@ def train_epochs(
         model: new, or of any weights if the run has a last checkpoint.
         config: of the run.
         data: an open dataset.
-        run: folder, which the caller holds.
+        run: folder, which the caller holds; what it has is of `require_same_training`.
         buildings: of every epoch.
 
     Yields:
         one report an epoch.
 
     Raises:
-        TrainingError: if the loss is not finite, or the checkpoint is of another training.
+        TrainingError: if the loss is not finite, or the run lost a part.
     """
     training = config.training
     optimiser = make_optimiser(model, training)
     start, best_epoch, best_loss = 0, 0, float("inf")
     rows: list[EpochReport] = []
     if (run / LAST).exists():
-        header = _restore(model, optimiser, config, data, run)
+        header = _restore(model, optimiser, run)
         start, best_epoch, best_loss = header.epoch, header.best_epoch, header.best_loss or 0.0
         rows = [row for row in read_metrics(run / METRICS) if row.epoch <= start]
     for epoch in range(start + 1, training.epochs + 1):
@@ -174,14 +174,8 @@ def train_epochs(
         yield report
 
 
-def _restore(
-    model: Network,
-    optimiser: torch.optim.Optimizer,
-    config: RunConfig,
-    data: Dataset,
-    run: Path,
-) -> CheckpointHeader:
-    checkpoint = _load_last(run / LAST, config, data)
+def _restore(model: Network, optimiser: torch.optim.Optimizer, run: Path) -> CheckpointHeader:
+    checkpoint = load_checkpoint(run / LAST)
     if not (run / BEST).is_file():
         raise TrainingError(f"{run / BEST}: is gone; --force starts the run again")
     if checkpoint.header.vocabulary != model.vocabulary:
@@ -251,9 +245,17 @@ def _train_epoch(
     return float(np.mean(losses))
 
 
-def _load_last(path: Path, config: RunConfig, data: Dataset) -> Checkpoint:
-    checkpoint = load_checkpoint(path)
-    header = checkpoint.header
+def require_same_training(config: RunConfig, data: Dataset, run: Path) -> None:
+    """Refuse to go on with a run of another dataset or configuration; only its epochs may differ.
+
+    Raises:
+        TrainingError: naming what differs.
+        CheckpointError: if the last checkpoint is damaged.
+    """
+    path = run / LAST
+    if not path.exists():
+        return
+    header = read_header(path)
     if header.dataset_sha256 != data.sha256:
         raise TrainingError(
             f"{path}: was trained on another dataset (manifest {header.dataset_sha256[:12]}…, "
@@ -277,7 +279,6 @@ def _load_last(path: Path, config: RunConfig, data: Dataset) -> Checkpoint:
             f"{path}: was trained with another configuration ({differing}); only training.epochs "
             "may change. Choose another --out, or --force"
         )
-    return checkpoint
 
 
 def _differences(old: dict[str, Any], new: dict[str, Any], path: str = "") -> Iterator[str]:

@@ -26,8 +26,10 @@ from bsg_models.runs.run_folder import (
     refuse_overwriting,
     save_fitted,
 )
+from bsg_models.runs.run_log import keep_log
 from bsg_models.training.epochs import (
     TrainingBuildings,
+    require_same_training,
     train_epochs,
     validation_buildings,
 )
@@ -55,7 +57,8 @@ def train_run(
     Args:
         config: of the run.
         dataset: that is split and has pairs.
-        run: folder for `best.safetensors`, `last.safetensors` and `metrics.csv`.
+        run: folder for `best.safetensors`, `last.safetensors`, `metrics.csv`, `config.toml`, which
+            says what is trained, and `log.jsonl`, which says when and how it ended.
         resume: go on from `last.safetensors`; without it, start.
         force: replace a run that is there.
 
@@ -79,15 +82,18 @@ def train_run(
     # A dataset that cannot be trained on fails here, before anything is replaced.
     masked = TrainingBuildings(config, data, model) if isinstance(model, Network) else None
     with open_run(run), one_thread():
-        if not resume:
+        if resume:
+            require_same_training(config, data, run)
+        else:
             clear_run(run)
-        model.fit(data, config.data)
-        if not isinstance(model, Network) or masked is None:
-            calibrated = calibrate_if_wanted(model, config, data)
-            save_fitted(model, config, data, run, calibrated=calibrated)
-            return
-        yield from train_epochs(model, config, data, run, masked)
-        calibrate_run(config, data, run)
+        with keep_log(run, config, data):
+            model.fit(data, config.data)
+            if not isinstance(model, Network) or masked is None:
+                calibrated = calibrate_if_wanted(model, config, data)
+                save_fitted(model, config, data, run, calibrated=calibrated)
+                return
+            yield from train_epochs(model, config, data, run, masked)
+            calibrate_run(config, data, run)
 
 
 def new_model(config: RunConfig, data: Dataset) -> BeliefModel:
@@ -156,16 +162,17 @@ def _train_ensemble(
     """Train the members into `members/NAME` of the run, one after another, then mix them."""
     members = {name: run / MEMBERS / name for name in ensemble.members}
     new_model(config, data)  # a configuration that cannot be made fails before anything is replaced
-    if not resume:
-        with open_run(run):
+    with open_run(run):
+        if not resume:
             clear_run(run)
-    for name, folder in members.items():
-        member = member_config(config, name)
-        if resume and is_finished(folder, member, data):
-            continue
-        again = resume and (folder / LAST).is_file()
-        yield from train_run(member, data.path, folder, resume=again, force=force or resume)
-    combine_runs(config, data, members, run)
+        with keep_log(run, config, data):
+            for name, folder in members.items():
+                member = member_config(config, name)
+                if resume and is_finished(folder, member, data):
+                    continue
+                again = resume and (folder / LAST).is_file()
+                yield from train_run(member, data.path, folder, resume=again, force=force or resume)
+            _combine(config, data, members, run)
 
 
 def member_config(config: RunConfig, name: str) -> RunConfig:
@@ -185,11 +192,16 @@ def combine_runs(config: RunConfig, data: Dataset, members: Mapping[str, Path], 
         members: name in the zoo → folder of its run.
         run: folder of the ensemble.
     """
+    with open_run(run), keep_log(run, config, data):
+        _combine(config, data, members, run)
+
+
+def _combine(config: RunConfig, data: Dataset, members: Mapping[str, Path], run: Path) -> None:
     model = cast(Ensemble, new_model(config, data))
     for name, folder in members.items():
         trained = restore_model(folder / BEST, load_checkpoint(folder / BEST))
         model.take_member(name, trained)
-    with open_run(run), one_thread():
+    with one_thread():
         calibrated = calibrate_if_wanted(model, config, data)
         recipes = {name: member_config(config, name) for name in members}
         save_fitted(model, config, data, run, calibrated=calibrated, members=recipes)

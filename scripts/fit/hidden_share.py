@@ -19,7 +19,6 @@ import argparse
 import gzip
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -47,8 +46,7 @@ LEAST = 3  # objects in a room that tells anything
 ALL = 0.97  # of floor and walls in view, from which on all counts as in view
 
 
-@dataclass(frozen=True, eq=False)
-class Space:
+class Space(NamedTuple):
     """A room as a camera sees it.
 
     Attributes:

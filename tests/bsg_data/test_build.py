@@ -26,10 +26,10 @@ from bsg_data.errors import (
     UnmappedNameError,
 )
 from bsg_data.recipes import SplitRecipe
-from bsg_data.scene.class_map import load_class_map
+from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.sources.hm3d_stats import HM3DStatistics
-from bsg_data.sources.source import FoundScenes
+from bsg_data.sources.source import FoundScenes, Reading, SceneRef
 from bsg_data.synthetic.buildings import write_synthetic
 from bsg_data.synthetic.geometry import GeometryOptions
 
@@ -390,3 +390,14 @@ def test_another_mesh_of_the_same_size_is_another_build(with_meshes: Path) -> No
     mesh.write_bytes(bytes(data))
     after = source.find().scenes
     assert sum(a != b for a, b in zip(before, after, strict=True)) == 1
+
+
+def test_a_bug_of_a_source_names_the_scene(hm3d_folder: Path, tmp_path: Path) -> None:
+    class Buggy(HM3DFolder):
+        def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
+            if ref.scene_id.endswith("05"):
+                raise KeyError("colour")
+            return super().read(ref, class_map)
+
+    with pytest.raises(RuntimeError, match=r"'hm3d' has a bug, which scene '00005-.* KeyError"):
+        build_dataset(Buggy(hm3d_folder), tmp_path / "out")

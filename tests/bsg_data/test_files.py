@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from bsg_data.errors import DatasetError
-from bsg_data.files import hash_file, open_beside, write_bytes
+from bsg_data.files import hash_file, open_beside, stem_of, write_bytes
 
 
 def test_a_file_is_whole_or_stays_as_it_was(tmp_path: Path) -> None:
@@ -50,3 +50,11 @@ def test_a_write_that_fails_leaves_what_was_there(tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match="cannot be written"):
         write_bytes(path, b"x")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["file"]
+
+
+@pytest.mark.parametrize(
+    ("name", "stem"),
+    [("ceci-gcn", "ceci-gcn"), ("a (b)", "a-b"), ("../../x", "x"), ("..", "-"), ("", "-")],
+)
+def test_a_name_becomes_the_stem_of_a_file(name: str, stem: str) -> None:
+    assert stem_of(name) == stem

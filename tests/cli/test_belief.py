@@ -55,9 +55,9 @@ def test_a_graph_of_hydra_comes_back_with_beliefs(run: Path, tmp_path: Path) -> 
     assert out.read_bytes() == other.read_bytes()
     assert strip_annotation(out.read_text("utf-8")) == path.read_text("utf-8")
     for told in (
-        "1 of 4 objects are under no room",
-        "1 objects have labels without a name (99); --labels names them: mpcat40, ade20k, or",
-        "of every room 0.5 of its objects count as not seen; --hidden-share says better",
+        "1 of 4 objects under no room",
+        "1 object with labels that nobody names (99); --labels does: mpcat40, ade20k, or",
+        "50% ± 29% of the objects count as not seen in",
     ):
         assert f"{packed}: {told}" in done.stderr
     assert call(out, *words[:4], "--hydra", other, "--force").exit_code == 0
@@ -77,7 +77,7 @@ def test_shares_are_told(dataset: Path, run: Path, tmp_path: Path) -> None:
     assert asked.exit_code == 0, asked.output
     answer = {place["room"]: place for place in json.loads(asked.stdout)["places"]}
     assert answer["R(0)"]["probability"] == 0 < answer["R(3)"]["probability"]
-    assert "1 objects have labels without a name (99)" in asked.stderr
+    assert "1 object with labels that nobody names (99)" in asked.stderr
     for wrong in ("", "x", "kitchen=", "1.5", "kitchen=nan"):
         refused = call(path, "--run", run, "--hidden-share", wrong)
         assert refused.exit_code == 2

@@ -34,19 +34,20 @@ def test_a_run_beside_the_baselines(dataset: Path, trained: Path) -> None:
     result = run(trained, "--data", dataset, "--resamples", "3")
     assert "measured on 1 building: intervals" in result.stderr
     assert "worse" not in result.stdout
-    assert f"run {' '.join(BASELINES)}" in " ".join(result.stdout.split())
+    assert f"ceci-gcn {' '.join(BASELINES)}" in " ".join(result.stdout.split())
     for name in (*HEADLINES["what is hidden"], *HEADLINES["whole histograms"]):
         assert head_value(name) in result.stdout
     assert max(map(len, result.stdout.split("\n\n")[0].splitlines())) <= 120
     report = json.loads((trained / "evaluation" / "evaluation.json").read_text("utf-8"))
     nll = report["metrics"]["rooms/hidden_nll"]
-    assert set(nll) == {"run", *BASELINES}
-    assert nll["run"]["low"] <= nll["run"]["value"] <= nll["run"]["high"]
+    assert set(nll) == {"ceci-gcn", *BASELINES}
+    assert nll["ceci-gcn"]["low"] <= nll["ceci-gcn"]["value"] <= nll["ceci-gcn"]["high"]
     assert report["draws"] == 4
-    assert report["runs"]["run"]["config"]["model"]["width"] == 8
+    assert report["runs"]["ceci-gcn"]["config"]["model"]["width"] == 8
+    assert report["runs"]["ceci-gcn"]["folder"] == "run"
     classes = pd.read_csv(trained / "evaluation" / "classes.csv")
     assert len(classes) == 5 * 2 * 45
-    assert len(list((trained / "evaluation").glob("run-*.png"))) == 3
+    assert len(list((trained / "evaluation").glob("ceci-gcn-*.png"))) == 3
 
 
 @pytest.fixture
@@ -63,12 +64,12 @@ def test_a_shipped_model_is_measured_by_its_name(
     out = ("--data", dataset, "--resamples", "0")
     named = run("other", "run", *out)  # a name, and a folder that is there
     report = json.loads(Path("evaluation/evaluation.json").read_text("utf-8"))
-    assert list(report["runs"]) == ["other", "run"]
+    assert list(report["runs"]) == ["other", "ceci-gcn"]
     assert "other" in named.stdout
     shutil.copytree(trained, "other")
     run("other", *out)  # a folder that is there comes first
     report = json.loads(Path("other/evaluation/evaluation.json").read_text("utf-8"))
-    assert report["runs"]["other"]["config"]["name"] == "ceci-gcn"
+    assert report["runs"]["ceci-gcn"]["folder"] == "other"
     assert "did you mean other?" in run("othr", *out, "--out", "x", code=1).stderr
 
 
@@ -78,7 +79,7 @@ def test_enough_buildings_have_verdicts(
 ) -> None:
     monkeypatch.setattr("bsg_models.studies.comparison.LEAST_BUILDINGS", 1)
     result = run(trained, "--data", dataset, "--resamples", "3", "--out", tmp_path / "e")
-    assert result.stdout.startswith("run, beside doubling what was seen")
+    assert result.stdout.startswith("ceci-gcn, beside doubling what was seen")
     assert "measured on" not in result.stderr
 
 
@@ -87,7 +88,7 @@ def test_json_all_metrics_and_force(dataset: Path, trained: Path, tmp_path: Path
     words = [trained, "--data", dataset, "--resamples", "0", "--out", tmp_path / "e"]
     report = json.loads(run(*words, "--split", "val", "--json").stdout)
     assert report["split"] == "val"
-    assert report["metrics"]["rooms/hidden_nll"]["run"]["low"] is None
+    assert report["metrics"]["rooms/hidden_nll"]["ceci-gcn"]["low"] is None
     assert "--force" in run(*words, code=1).stderr
     everything = run(*words, "--force", "--all-metrics").stdout
     assert "rooms/wasserstein_classes/kurtosis" in everything
@@ -113,14 +114,18 @@ def test_what_is_missing_is_said(dataset: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("no_figures")
-def test_a_run_named_like_a_baseline_keeps_its_column(dataset: Path, trained: Path) -> None:
-    twins = [trained.rename(trained.with_name("doubled"))]
-    for parent in ("a", "b"):
-        (dataset.parent / parent).mkdir()
-        twins.append(Path(shutil.copytree(twins[0], dataset.parent / parent / "doubled")))
+def test_runs_of_one_model_in_folders_of_one_name_are_told_apart(
+    dataset: Path, trained: Path
+) -> None:
+    twins = [trained]
+    twins += [Path(shutil.copytree(trained, dataset.parent / up / "run")) for up in ("a", "b")]
     out = dataset.parent / "e"
     words = [*twins, "--data", dataset, "--resamples", "0", "--out", out, "--json"]
-    assert set(json.loads(run(*words).stdout)["runs"]) == {"doubled-2", "doubled-3", "doubled-4"}
+    assert set(json.loads(run(*words).stdout)["runs"]) == {
+        "ceci-gcn (run)",
+        "ceci-gcn (run)-2",
+        "ceci-gcn (run)-3",
+    }
 
 
 def test_the_leaderboard_went_to_a_command_of_its_own(dataset: Path) -> None:
@@ -134,15 +139,15 @@ def test_what_runs_predict_is_written_and_measured(
 ) -> None:
     words = ["--data", dataset, "--resamples", "0", "--json"]
     first = json.loads(run(trained, *words, "--write-predictions", tmp_path / "p").stdout)
-    file = tmp_path / "p" / "run.parquet"
+    file = tmp_path / "p" / "ceci-gcn.parquet"
     again = run(trained, *words, "--force", "--write-predictions", tmp_path / "p")
     assert json.loads(again.stdout)["metrics"] == first["metrics"]
     second = json.loads(run("--predictions", file, *words).stdout)
-    assert (file.parent / "run-evaluation" / "evaluation.json").is_file()
+    assert (file.parent / "ceci-gcn-evaluation" / "evaluation.json").is_file()
     assert second["runs"] == {}
     assert second["masks_sha256"] == first["masks_sha256"]
     for name in ("rooms/presence_ap_micro/all", "all/total_variation/mean"):
-        written, read = (one["metrics"][name]["run"]["value"] for one in (first, second))
+        written, read = (one["metrics"][name]["ceci-gcn"]["value"] for one in (first, second))
         assert read == pytest.approx(written)
     refused = run(
         "--predictions", dataset / "dataset.json", *words, "--out", tmp_path / "o", code=1

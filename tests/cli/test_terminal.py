@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import io
 import os
 import signal
 import subprocess
@@ -8,6 +9,8 @@ import time
 from pathlib import Path
 
 import pytest
+
+from bsg_cli.terminal import progress_bar, tell_now_and_then
 
 SCRIPT = """
 import os, time
@@ -46,3 +49,47 @@ def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
             break
         time.sleep(0.05)
     assert not any(map(is_running, workers))
+
+
+def test_long_work_says_a_line_now_and_then_off_a_terminal(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    seconds = iter([0.0, 5.0, 31.0, 40.0, 61.5, 70.0])
+    report = tell_now_and_then("train", unit="epoch", clock=lambda: next(seconds))
+    for epoch in (20, 46, 55, 70):
+        report(epoch, 1160, f"val {epoch}")
+    report(1160, 1160)
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.splitlines() == [
+        "train: 46 of 1,160 epochs, val 46, about 18:34 left",
+        "train: 70 of 1,160 epochs, val 70, about 20:31 left",
+    ]
+
+
+def test_work_that_goes_on_guesses_no_time_from_what_was_done_before(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    seconds = iter([0.0, 40.0])
+    tell_now_and_then("train", unit="epoch", clock=lambda: next(seconds))(100, 160)
+    assert capsys.readouterr().err == "train: 100 of 160 epochs\n"
+
+
+def test_quick_work_says_nothing_off_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    with progress_bar("build", unit="shard") as report:
+        for done in range(1, 101):
+            report(done, 100)
+    assert capsys.readouterr() == ("", "")
+
+
+def test_a_terminal_gets_a_bar(monkeypatch: pytest.MonkeyPatch) -> None:
+    screen = io.StringIO()
+    monkeypatch.setattr(screen, "isatty", lambda: True)
+    monkeypatch.setattr(sys, "stderr", screen)
+    with progress_bar("train", unit="epoch") as report:
+        report(1, 2, "val 3")
+        time.sleep(0.15)  # a bar is not drawn more often
+        report(2, 2, "val 2")
+    assert "train" in screen.getvalue()
+    assert "2/2" in screen.getvalue()
+    assert "val 2" in screen.getvalue()

@@ -48,6 +48,26 @@ def test_print_config_is_what_runs_and_reads_back(dataset: Path, tmp_path: Path)
     run("--config", file, "--data", dataset, "--out", tmp_path / "run")
 
 
+def test_a_run_tells_how_it_was_trained(dataset: Path, tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    words = ("--config", "ceci-gcn", "--data", dataset, "--seed", "7", *SMALL)
+    run(*words, "--out", out)
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    shown = run("--show", out).stdout
+    assert "seed 7; the same again" in shown
+    assert "finished  0 to 4" in shown
+    told = json.loads(run("--show", out, "--json").stdout)
+    assert told["config"]["seed"] == 7
+    assert [line["event"] for line in told["log"]] == ["begun", "ended"]
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+    again = tmp_path / "again"
+    run("--config", out / "config.toml", "--data", dataset, "--out", again)
+    assert (again / "last.safetensors").read_bytes() == before["last.safetensors"]
+    (out / "log.jsonl").unlink()
+    assert "kept no log" in run("--show", out).stderr
+    assert "no run there" in run("--show", tmp_path, code=1).stderr
+
+
 def test_a_model_that_counts(dataset: Path, tmp_path: Path) -> None:
     found = run("--config", "gamma-poisson", "--data", dataset, "--out", tmp_path / "run")
     assert "fitted by counting" in found.stdout
@@ -70,6 +90,8 @@ def test_tensorboard_logs_beside_the_run(dataset: Path, tmp_path: Path) -> None:
             2,
             "did you mean",
         ),
+        (["--data", "."], 1, "no dataset"),
+        ([], 2, "give --config NAME|FILE, or --show RUN"),
         (["--config", "ceci-gcn"], 2, "--data and --out are needed"),
         (["--config", "ceci-gcn", "--data", "none", "--out", "x"], 1, "no such folder"),
     ],

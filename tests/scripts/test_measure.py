@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from conftest import REPOSITORY, annotation_text, load_script, write_scene
 
@@ -89,3 +90,28 @@ def test_a_page_of_the_docs_names_a_command_that_exists(path: Path) -> None:
     assert commands, f"{path.name}: names no command that makes it"
     for command in commands:
         assert (REPOSITORY / command).is_file(), f"{path.name}: {command} is not there"
+
+
+def test_ways_to_tell_the_hidden_share_are_compared(
+    dataset: Path, run: Path, tmp_path: Path
+) -> None:
+    page = tmp_path / "hidden_share.md"
+    script = load_script("measure/hidden_share")
+    argv = [f"--data={dataset}", f"--out={page}", "--models", str(run), "--draws=3"]
+    assert script.main(argv) == 0
+    text = page.read_text("utf-8")
+    assert "`gamma-poisson` loses " in text
+    assert "of which the model knows val alone" in text
+    rows = dict(re.findall(r"^\| ([^|]+?) \| ([\d.]+) \|", text, re.MULTILINE))
+    assert list(rows) == list(script.WAYS)
+    assert float(rows[script.TRUE]) == 0
+    assert float(rows["anything, integrated over"]) > 0
+    assert "nan" not in text
+    assert str(tmp_path.parent) not in text
+
+
+def test_a_look_errs_as_much_as_it_says() -> None:
+    script, rng = load_script("measure/hidden_share"), np.random.default_rng(0)
+    looks = [script.look(rng, 0.6, 5.4) for _ in range(2000)]
+    assert np.mean([one.mean for one in looks]) == pytest.approx(0.6, abs=0.02)
+    assert np.std([one.mean for one in looks]) == pytest.approx((0.24 / 6.4) ** 0.5, abs=0.02)

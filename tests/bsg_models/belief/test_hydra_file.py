@@ -60,16 +60,19 @@ def test_what_a_robot_says_comes_first(tmp_path: Path) -> None:
     assert (other.visited, other.hidden_share) == (False, 1)
     assert (found.objects[0].name, found.objects[0].category) == ("7", "armchair")
     assert found.objects[0].room_index == 1
-    assert file.says_shares
     said["hidden_share"] = 7
-    with pytest.raises(HydraError, match=r"x\.json: rooms\.0\.hidden_share: .* \(in metadata"):
+    with pytest.raises(HydraError, match=r"x\.json: room 'galley': hidden_share: .* \(in metadata"):
         open_hydra(write_graph(path, graph)).partial()
 
 
 @pytest.mark.parametrize(
     ("labels", "expected", "told"),
     [
-        (None, ["label 7", "label 10"], "3 objects have labels without a name (7, 10, 99); --lab"),
+        (
+            None,
+            ["label 7", "label 10"],
+            "3 objects with labels that nobody names (7, 10, 99); --",
+        ),
         ("mpcat40", ["cabinet", "couch"], "by mpcat40, 7 is cabinet, 10 is couch"),
         ("ade20k", ["bed", "cabinet"], "by ade20k, 7 is bed, 10 is cabinet, 99 is buffet"),
         ("own.csv", ["oven", "label 10"], "by own, 7 is oven"),
@@ -93,8 +96,8 @@ def test_labels_without_names(
 
 def test_notes_tell_what_is_odd(tmp_path: Path) -> None:
     named = open_hydra(write_graph(tmp_path / "a.json"))
-    assert named.notes()[0] == "1 of 4 objects are under no room, and count for the building alone"
-    assert "labels without a name (99)" in named.notes()[1]
+    assert named.notes()[0] == "1 of 4 objects under no room, known of the building alone"
+    assert "labels that nobody names (99)" in named.notes()[1]
     assert len(named.notes()) == 2
     graph = bare_graph()
     graph["nodes"] = [node("O", 1, 2)]
@@ -102,7 +105,7 @@ def test_notes_tell_what_is_odd(tmp_path: Path) -> None:
     notes = open_hydra(write_graph(tmp_path / "b.json", graph)).notes()
     assert notes == (
         "it has no rooms (layer ROOMS): beliefs are about the building alone",
-        "1 objects have neither a label nor a name",
+        "1 object with neither a label nor a name",
     )
 
 

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bsg_models.belief.json_text import (
+    Edit,
     append_parts,
     apply_edits,
     cut_parts,
@@ -38,26 +39,25 @@ def test_parts_by_hand() -> None:
         ("a", "NaN"),
     ]
     assert TEXT[parts[1].begin :].startswith('"b"')
-    found = find_member(TEXT, start, "a")
-    assert found == parts[2], "readers take the last of equal keys"
-    assert find_member(TEXT, start, "c") is None
+    found = find_member(parts, "a")
+    assert found is parts[2], "readers take the last of equal keys"
+    assert find_member(parts, "c") is None
     assert find_start("\ufeff\n [") == 3
     with pytest.raises(ValueError, match="an object or a list at character 3"):
         list_parts('{"a":1}', 3)
 
 
+def append(text: str, start: int, *added: str) -> Edit:
+    return append_parts(text, start, list_parts(text, start), added)
+
+
 def test_what_is_put_in_is_spaced_like_its_neighbour() -> None:
     start = find_start(TEXT)
-    put = apply_edits(TEXT, [append_parts(TEXT, start, ['"c":0'])])
+    put = apply_edits(TEXT, [append(TEXT, start, '"c":0')])
     assert put == TEXT.replace("NaN", 'NaN,"c":0')
-    inside = list_parts(TEXT, start)
-    put = apply_edits(
-        TEXT,
-        [
-            append_parts(TEXT, inside[1].start, ['"x":1']),
-            append_parts(TEXT, inside[0].start, ["2", "3"]),
-        ],
-    )
+    numbers, empty, _ = list_parts(TEXT, start)
+    edits = [append(TEXT, empty.start, '"x":1'), append(TEXT, numbers.start, "2", "3")]
+    put = apply_edits(TEXT, edits)
     assert put == ' {"a" : [1e-05,\n 0.10000000000000001,\n 2,\n 3],\t"b":{"x":1},"a":NaN } \n'
 
 
@@ -69,7 +69,7 @@ def test_what_was_put_in_is_cut_out_again(document: Any, added: list[Any], inden
         f"{json.dumps(f'new {number}')}: {json.dumps(value)}" if keyed else json.dumps(value)
         for number, value in enumerate(added)
     ]
-    longer = apply_edits(text, [append_parts(text, 0, texts)])
+    longer = apply_edits(text, [append(text, 0, *texts)])
     more = {f"new {number}": value for number, value in enumerate(added)} if keyed else added
     assert json.loads(longer) == (document | more if keyed else document + more)
     parts = list_parts(longer, 0)

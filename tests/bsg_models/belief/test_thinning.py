@@ -39,12 +39,14 @@ def test_a_share_of_what_is_there_is_seen(seed: int, tilts: int, parts: int, sha
         tilts=rng.normal(0, 1, (tilts, *shape)) if tilts else None,
     )
     seen = rng.integers(0, 5, (3, 4))
-    found = np.exp(log_seen(true, seen, np.array([share, 0.5])))
+    found = np.exp(log_seen(true, seen, np.array([[share] * 3, [0.5, 0.1, 0.9]])))
     np.testing.assert_allclose(found[0], sum_over_true_counts(true, seen, share), atol=1e-5)
-    np.testing.assert_allclose(found[1], sum_over_true_counts(true, seen, 0.5), atol=1e-5)
+    for room, other in enumerate((0.5, 0.1, 0.9)):
+        expected = sum_over_true_counts(true, seen, other)[room]
+        np.testing.assert_allclose(found[1, room], expected, atol=1e-5)
 
 
 def test_of_a_poisson_a_poisson_is_seen() -> None:
-    found = log_seen(poisson(np.array([[4.0]])), np.array([[3]]), np.array([0.25]))
+    found = log_seen(poisson(np.array([[4.0]])), np.array([[3]]), np.array([[0.25]]))
     assert found.shape == (1, 1, 1)
     assert np.exp(found[0, 0, 0]) == pytest.approx(3**3 * np.exp(-3) / 6, rel=1e-5)

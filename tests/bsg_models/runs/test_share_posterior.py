@@ -12,7 +12,7 @@ from scipy.stats import beta, poisson
 
 from bsg_data.observation.hidden_share import VAGUE, ShareBelief
 from bsg_data.observation.observation import Observation
-from bsg_data.observation.partial_graph import PartialGraph
+from bsg_data.observation.partial_graph import PartialGraph, hide_of_room
 from bsg_data.observation.robot_json import read_robot_graph
 from bsg_models.belief.count_distribution import poisson as poisson_counts
 from bsg_models.belief.expectation import Expectation, from_hidden_counts
@@ -26,11 +26,7 @@ KITCHEN = 2  # its number in the office
 
 def believe_kitchen(share: ShareBelief) -> PartialGraph:
     """Return the office where the kitchen hides this share, and the others what they did."""
-    rooms = list(OFFICE.rooms)
-    rooms[KITCHEN - 1] = replace(
-        rooms[KITCHEN - 1], hidden_share=share.mean, hidden_share_sd=share.sd
-    )
-    return replace(OFFICE, rooms=tuple(rooms))
+    return hide_of_room(OFFICE, KITCHEN, share)
 
 
 def expect_two_of_each(seen: Observation) -> Expectation:
@@ -63,13 +59,24 @@ def test_the_posterior_by_hand(prior: ShareBelief) -> None:
 
 
 def test_a_certain_share_stays() -> None:
-    assert PREDICTOR.update_shares(OFFICE) == OFFICE
+    assert PREDICTOR.believe_shares(OFFICE) == tuple(room.share for room in OFFICE.rooms)
     graph = believe_kitchen(VAGUE)
-    after = PREDICTOR.update_shares(graph)
-    assert [after.rooms[n] for n in (0, 2)] == [graph.rooms[n] for n in (0, 2)]
-    assert after.rooms[1].hidden_share_sd < VAGUE.sd
+    waiting, kitchen, meeting = PREDICTOR.believe_shares(graph)
+    assert (waiting, meeting) == (graph.rooms[0].share, graph.rooms[2].share)
+    assert kitchen.sd < VAGUE.sd
+
+
+def test_a_predictor_averages_over_the_posterior() -> None:
+    graph = believe_kitchen(VAGUE)
+    after = update_shares(graph, graph.observation(), expect=expect_two_of_each)
     assert after.hidden_share == graph.share_with([r.hidden_share for r in after.rooms])
     assert after.objects == graph.objects
+    posterior = hide_of_room(OFFICE, KITCHEN, PREDICTOR.believe_shares(graph)[KITCHEN - 1])
+    np.testing.assert_allclose(
+        PREDICTOR(graph).presence, PREDICTOR(posterior, weigh_seen=False).presence, atol=1e-9
+    )
+    told = PREDICTOR(graph, weigh_seen=False).presence[KITCHEN]
+    assert np.abs(PREDICTOR(graph).presence[KITCHEN] - told).max() > 0.1
 
 
 def test_more_that_is_seen_is_less_that_is_hidden() -> None:
@@ -84,20 +91,20 @@ def test_more_that_is_seen_is_less_that_is_hidden() -> None:
         ),
     )
     empty = replace(graph, objects=tuple(obj for obj in graph.objects if obj.room_index != KITCHEN))
-    shares = [PREDICTOR.update_shares(g).rooms[1].hidden_share for g in (full, graph, empty)]
+    shares = [PREDICTOR.believe_shares(g)[1].mean for g in (full, graph, empty)]
     assert shares[0] < shares[1] < shares[2]
 
 
 def test_withheld_classes_are_no_evidence() -> None:
     graph = believe_kitchen(VAGUE)
     everything = range(len(PREDICTOR.classes))
-    after = PREDICTOR.update_shares(graph, withheld=everything).rooms[1]
-    assert after.hidden_share == pytest.approx(VAGUE.mean, abs=1e-3)
-    assert after.hidden_share_sd == pytest.approx(VAGUE.sd, abs=1e-3)
+    after = PREDICTOR.believe_shares(graph, withheld=everything)[1]
+    assert after.mean == pytest.approx(VAGUE.mean, abs=1e-3)
+    assert after.sd == pytest.approx(VAGUE.sd, abs=1e-3)
 
 
 def test_the_most_extreme_share_is_answered() -> None:
     """A share that is all but 1 in half of the cases, although objects were seen."""
-    after = PREDICTOR.update_shares(believe_kitchen(ShareBelief(0.5, 0.499)))
-    assert 0 < after.rooms[1].hidden_share < 1
-    assert PREDICTOR(after).is_finite
+    graph = believe_kitchen(ShareBelief(0.5, 0.499))
+    assert 0 < PREDICTOR.believe_shares(graph)[1].mean < 1
+    assert PREDICTOR(graph).is_finite

@@ -40,8 +40,9 @@ def test_runs_are_compared_with_the_baselines_on_the_same_masks(
 ) -> None:
     runs = [train(dataset, tmp_path / "a"), train(dataset, tmp_path / "b", "model.dropout=0.0")]
     found = compare_runs(runs, dataset, split="val", resamples=2)
-    assert list(found.estimates) == ["a", "b", *BASELINES]
-    assert found.runs == ("a", "b")
+    names = ("ceci-gcn (a)", "ceci-gcn (b)")  # two runs of one model
+    assert list(found.estimates) == [*names, *BASELINES]
+    assert found.runs == names
     graphs = read_split(Dataset.open(dataset), "val")
     truth = read_truth(graphs)
     doubled = make_model(find_config("doubled"), classes=45)
@@ -57,7 +58,7 @@ def test_what_a_reader_must_know_is_noted(dataset: Path, tmp_path: Path) -> None
     run = train(dataset, tmp_path / "a")
     (dataset / "dataset.json").write_text((dataset / "dataset.json").read_text() + "\n")
     found = compare_runs([run], dataset, split="train", resamples=0)
-    assert "another dataset" in found.notes[0]
+    assert "ceci-gcn was trained on another dataset" in found.notes[0]
     assert "were trained on" in found.notes[1]
 
 
@@ -82,18 +83,18 @@ def test_a_changed_pair_is_not_measured(dataset: Path, tmp_path: Path) -> None:
 
 def test_what_a_comparison_leaves(dataset: Path, tmp_path: Path) -> None:
     compared = compare_runs([train(dataset, tmp_path / "a")], dataset, split="val", resamples=4)
-    models = ["a", *BASELINES]
+    models = ["ceci-gcn", *BASELINES]
     report = json.loads(json.dumps(encode_comparison(compared), allow_nan=False))
     assert report["split"] == "val"
     assert tuple(report["metrics"]) == list_values()
-    nll = compared.estimates["a"]["rooms/hidden_nll"]
-    assert report["metrics"]["rooms/hidden_nll"]["a"] == {
+    nll = compared.estimates["ceci-gcn"]["rooms/hidden_nll"]
+    assert report["metrics"]["rooms/hidden_nll"]["ceci-gcn"] == {
         "value": nll.value,
         "low": nll.low,
         "high": nll.high,
         "nodes": nll.nodes,
     }
-    assert report["metrics"]["rooms/presence_brier/unvisited"]["a"]["value"] is None
+    assert report["metrics"]["rooms/presence_brier/unvisited"]["ceci-gcn"]["value"] is None
     rows = headline_rows(compared)  # uniform masks leave no room unvisited
     names = (*HEADLINES["what is hidden"], *HEADLINES["whole histograms"])
     assert [row[0] for row in rows] == [head_value(name) for name in names]
@@ -107,5 +108,5 @@ def test_what_a_comparison_leaves(dataset: Path, tmp_path: Path) -> None:
 
 def test_a_run_is_not_distinguishable_from_its_twin(dataset: Path, tmp_path: Path) -> None:
     compared = compare_runs([train(dataset, tmp_path / "a")], dataset, split="test", resamples=4)
-    twins = compared.bootstraps | {"doubled": compared.bootstraps["a"]}
-    assert set(judge_all(twins, runs=["a"])["a"]) == {"not distinguishable"}
+    twins = compared.bootstraps | {"doubled": compared.bootstraps["ceci-gcn"]}
+    assert set(judge_all(twins, runs=["ceci-gcn"])["ceci-gcn"]) == {"not distinguishable"}

@@ -28,21 +28,21 @@ from bsg_models.zoo.settings import DataConfig
 
 
 def test_what_a_run_writes_is_measured_as_the_run(dataset: Path, run: Path, tmp_path: Path) -> None:
-    first = compare_runs([run], dataset, split="test", resamples=2)
+    first, name = compare_runs([run], dataset, split="test", resamples=2), "gamma-poisson (run)"
     data = Dataset.open(dataset)
     path = write_entry(
-        tmp_path / "p", "mine", first.expectations["run"], data, split="test", fold=None
+        tmp_path / "p", "mine", first.expectations[name], data, split="test", fold=None
     )
     both = compare_runs([run], dataset, split="test", predictions=[path, path], resamples=2)
-    assert both.runs == ("run", "mine", "mine-2")
-    assert list(both.estimates) == ["run", "mine", "mine-2", *BASELINES]
+    assert both.runs == (name, "mine", "mine-2")
+    assert list(both.estimates) == [name, "mine", "mine-2", *BASELINES]
     assert both.facts["predictions"]["mine"]["exactly"] == 16
     assert both.facts["masks_sha256"] == hash_splits(data)["test"]
-    ours, theirs = both.estimates["run"], both.estimates["mine"]
-    for name, estimate in ours.items():
-        exact = "hidden_nll" not in name
+    ours, theirs = both.estimates[name], both.estimates["mine"]
+    for metric, estimate in ours.items():
+        exact = "hidden_nll" not in metric
         close = pytest.approx(estimate.value, rel=1e-9 if exact else 1e-4, nan_ok=True)
-        assert theirs[name].value == close, name
+        assert theirs[metric].value == close, metric
 
 
 def test_predictions_of_all_folds_are_measured_fold_by_fold(dataset: Path, tmp_path: Path) -> None:

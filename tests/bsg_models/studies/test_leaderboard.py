@@ -158,6 +158,22 @@ def test_a_model_with_a_mask_of_its_own_is_trained_once_and_measured_on_every_ki
     assert (config.data.fold, str(config.data.mask)) == (2, "mixed, fraction 0.5, withhold 0.05")
 
 
+@pytest.mark.slow
+def test_an_ensemble_of_mixed_masks_has_members_of_its_own(unsplit: Path, tmp_path: Path) -> None:
+    mixed = ("data.mask.strategy=mixed", "data.mask.withhold=0.05")
+    models = {
+        "train-mean": find_config("train-mean"),
+        "pair": configure("ensemble", 'model.members=["gamma-poisson","train-mean"]', *mixed),
+    }
+    recipe = RECIPE.model_copy(update={"masks": ("mixed",), "draws": 1})
+    out = tmp_path / "board"
+    assert list(make_leaderboard(unsplit, out, models, recipe).results["mixed"]) == list(models)
+    runs = {path.parent.name for path in out.glob("mixed/fold-0/*/best.*")}
+    assert runs == {"train-mean", "gamma-poisson", "pair+train-mean", "pair"}
+    header = load_checkpoint(run_of(out / "mixed", "pair", 0) / BEST).header
+    assert header.members["train-mean"].data.mask.withhold == 0.05
+
+
 def test_two_leaderboards_never_write_into_one_folder(unsplit: Path, tmp_path: Path) -> None:
     models = {"train-mean": find_config("train-mean")}
     (tmp_path / "board").mkdir()

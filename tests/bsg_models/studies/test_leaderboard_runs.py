@@ -12,6 +12,7 @@ from bsg_models.studies.leaderboard_runs import (
     trained_on,
 )
 from bsg_models.training.training import member_config
+from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
 from bsg_models.zoo.settings import DataConfig
 
@@ -28,18 +29,23 @@ PLAIN = ("data.mask.strategy=uniform", "data.mask.withhold=0.0")  # whose mask i
 PAIR = configure("ensemble", 'model.members=["gamma-poisson","train-mean"]', *PLAIN)
 
 
-def test_a_name_that_an_ensemble_needs_is_not_taken_by_another_model() -> None:
-    single, ensembles = plan_runs({"pair": PAIR}, UNIFORM)
+def test_a_member_that_is_there_in_another_configuration_is_trained_once_more() -> None:
+    single, ensembles, members = plan_runs({"pair": PAIR}, UNIFORM)
     assert {place.name for place in single} == {"gamma-poisson", "train-mean"}
     assert {place.name for place in ensembles} == {"pair"}
     seeded = configure("ensemble", 'model.members=["train-mean"]', *PLAIN, "seed=3")
     planned = plan_runs({"seeded": seeded}, UNIFORM).single
     assert planned[Place("uniform", "train-mean")].seed == 3
-    with pytest.raises(ConfigError, match="with its own seed"):
-        plan_runs({"seeded": seeded, "train-mean": find_config("train-mean")}, UNIFORM)
-    taken = {"pair": PAIR, "train-mean": find_config("input")}
-    with pytest.raises(ConfigError, match="needs the zoo's train-mean"):
-        plan_runs(taken, UNIFORM)
+    assert members == {
+        Place("uniform", "pair"): {"gamma-poisson": "gamma-poisson", "train-mean": "train-mean"}
+    }
+    taken = {"seeded": seeded, "train-mean": find_config("train-mean")}
+    runs = plan_runs(taken, UNIFORM)
+    assert runs.single[Place("uniform", "train-mean")] == taken["train-mean"]
+    assert runs.single[Place("uniform", "seeded+train-mean")].seed == 3
+    assert runs.members == {Place("uniform", "seeded"): {"train-mean": "seeded+train-mean"}}
+    with pytest.raises(ConfigError, match="'seeded\\+train-mean' is the name of a run"):
+        plan_runs(taken | {"seeded+train-mean": find_config("input")}, UNIFORM)
 
 
 def test_every_model_has_a_place_for_each_kind_of_mask_or_one_of_its_own() -> None:
@@ -75,11 +81,14 @@ def test_a_run_that_an_ensemble_needs_and_the_leaderboard_has_is_one() -> None:
     assert member_config(fitted, "ceci-sage") == fit_to(trained, recipe, mask="mixed", fold=1)
 
 
-def test_a_leaderboard_of_mixed_masks_refuses_two_kinds_of_them_in_one_place() -> None:
+def test_a_leaderboard_of_mixed_masks_has_both_kinds_of_them() -> None:
     mixed = LeaderboardRecipe(masks=("mixed",))
     ensemble = configure("ensemble", 'model.members=["mixture"]', *MIXED)
-    with pytest.raises(ConfigError, match="trained on mixed masks, and another configuration"):
-        plan_runs({"mixture": find_config("mixture"), "one": ensemble}, mixed)
+    runs = plan_runs({"mixture": find_config("mixture"), "one": ensemble}, mixed)
+    own, needed = (runs.single[Place("mixed", name)].data for name in ("mixture", "one+mixture"))
+    assert (own.mask.withhold, needed.mask.withhold) == (0.0, 0.05)
+    zoo = plan_runs({name: find_config(name) for name in ZOO}, mixed)
+    assert zoo.members[Place("mixed", "ensemble")]["mixture"] == "ensemble+mixture"
     plain = configure("ensemble", 'model.members=["mixture"]', MIXED[0], PLAIN[1])
     assert len(plan_runs({"mixture": find_config("mixture"), "one": plain}, mixed).single) == 1
 

@@ -2,19 +2,59 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from bsg_models.studies.run_summary import summarise_run
-from bsg_models.zoo.config import find_config
+import pytest
+
+from bsg_models.errors import CheckpointError, TrainingError
+from bsg_models.runs.run_folder import CONFIG, LOG
+from bsg_models.studies.run_summary import plot_run, summarise_run
+from bsg_models.zoo.config import find_config, write_toml
+
+
+def write_config(run: Path, name: str) -> None:
+    (run / CONFIG).write_text(write_toml(find_config(name)), "utf-8")
 
 
 def test_a_model_that_counts_has_no_epochs(tmp_path: Path) -> None:
-    summary = summarise_run(find_config("mixture"), tmp_path)
+    write_config(tmp_path, "mixture")
+    summary = summarise_run(tmp_path)
+    assert summary.config == find_config("mixture")
     assert (summary.epochs, summary.best, summary.saved) == (0, None, "nothing is saved yet")
     assert summary.again == "starts again"
     assert summary.encode()["val_loss"] is None
+    plot_run(tmp_path)
+    assert not summary.curve.exists()
 
 
 def test_members_of_an_ensemble_are_kept(tmp_path: Path) -> None:
-    summary = summarise_run(find_config("ensemble"), tmp_path)
+    write_config(tmp_path, "ensemble")
+    summary = summarise_run(tmp_path)
     assert summary.members == find_config("ensemble").model.members  # type: ignore[union-attr]
     assert summary.saved == "finished members are kept"
     assert summary.again == "with --resume goes on"
+
+
+def test_a_run_of_an_earlier_version_is_told_by_its_checkpoint(run: Path) -> None:
+    before = summarise_run(run)
+    (run / CONFIG).unlink()
+    (run / LOG).unlink()
+    after = summarise_run(run)
+    assert after.config == before.config
+    assert (len(before.trainings), after.trainings) == (1, ())
+
+
+def test_a_training_that_did_not_end_has_no_end(run: Path) -> None:
+    lines = (run / LOG).read_text("utf-8").splitlines(keepends=True)
+    (run / LOG).write_text(lines[0] + "".join(lines), "utf-8")
+    (killed, no_end), (begun, ended) = summarise_run(run).trainings
+    assert killed == begun
+    assert no_end is None
+    assert ended is not None
+    assert ended.how == "finished"
+
+
+def test_what_is_no_run_is_said(tmp_path: Path, run: Path) -> None:
+    with pytest.raises(CheckpointError, match="no run there"):
+        summarise_run(tmp_path)
+    (run / LOG).write_text("{}\n", "utf-8")
+    with pytest.raises(TrainingError, match=r"log\.jsonl, line 1: is none of a log of ours"):
+        summarise_run(run)

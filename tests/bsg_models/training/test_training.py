@@ -24,7 +24,7 @@ from bsg_models.runs.checkpoint import (
     restore_model,
     save_checkpoint,
 )
-from bsg_models.runs.run_folder import BEST, LAST, METRICS
+from bsg_models.runs.run_folder import BEST, LAST, LOG, METRICS
 from bsg_models.training import optimiser as optimiser_module
 from bsg_models.training.epochs import validation_buildings
 from bsg_models.training.learning_curve import read_metrics
@@ -231,11 +231,12 @@ def test_a_diverging_run_says_so_and_keeps_what_it_had(dataset: Path, tmp_path: 
     hot = header.config.training.model_copy(update={"learning_rate": 1e30})
     config = header.config.model_copy(update={"training": hot})
     rewrite(run / LAST, weights(run / LAST), config=config)
-    before = {path.name: path.read_bytes() for path in run.iterdir()}
+    before = {name: (run / name).read_bytes() for name in (BEST, LAST, METRICS)}
     longer = config.model_copy(update={"training": hot.model_copy(update={"epochs": 9})})
     with pytest.raises(TrainingError, match=r"is not finite.*lower training\.learning_rate"):
         list(train_run(longer, dataset, run, resume=True))
-    assert {path.name: path.read_bytes() for path in run.iterdir()} == before
+    assert {name: (run / name).read_bytes() for name in before} == before
+    assert '"how":"failed"' in (run / LOG).read_text("utf-8").splitlines()[-1]
 
 
 COUNTING = [

@@ -1,0 +1,54 @@
+"""What is wrong with a robot's JSON, in words that name the room or the object."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from pydantic import ValidationError
+
+from bsg_data.spelling import SHOWN, ask_if_meant
+
+_ENTRIES = {"rooms": "room", "objects": "object", "adjacency": "pair of adjacency"}
+
+
+def explain_fault(error: ValidationError, said: Any, *, keys: Mapping[str, Sequence[str]]) -> str:
+    """Return where a document is wrong and how: `room 'kitchen': hidden_share: Input should be …`.
+
+    A key that is unknown comes first, for what is missing may stand under it.
+
+    Args:
+        error: of its validation.
+        said: the document.
+        keys: that it may have: of the whole under an empty name, and of the entries of its lists.
+    """
+    faults = error.errors(include_url=False, include_input=False)
+    unknown = (fault for fault in faults if fault["type"] == "extra_forbidden")
+    fault = next(unknown, faults[0])
+    entry, path = _name_entry(fault["loc"], said)
+    if fault["type"] != "extra_forbidden":
+        where = ".".join(map(str, path)) or ("" if entry else "the whole file")
+        return ": ".join(filter(None, (entry, where, fault["msg"].removeprefix("Value error, "))))
+    wrong, known = str(path[-1]), keys[str(fault["loc"][0]) if entry else ""]
+    hint = ask_if_meant(wrong, known) or f"known are {', '.join(known)}"
+    return ": ".join(filter(None, (entry, f"{wrong[:SHOWN]!r} is no key; {hint}")))
+
+
+def _name_entry(loc: tuple[int | str, ...], said: Any) -> tuple[str, tuple[int | str, ...]]:
+    """Return the entry of a list that a place is in, by its id or its number, and the rest of it.
+
+    The first is empty for a place outside the lists.
+    """
+    if len(loc) < 2 or loc[0] not in _ENTRIES or not isinstance(loc[1], int):
+        return "", loc
+    kind, entry = _ENTRIES[str(loc[0])], said[loc[0]][loc[1]]
+    name = entry.get("id") if isinstance(entry, Mapping) else None
+    if isinstance(name, str) and name:
+        return f"{kind} {name[:SHOWN]!r}", loc[2:]
+    return f"the {_ordinal(loc[1] + 1)} {kind}", loc[2:]
+
+
+def _ordinal(number: int) -> str:
+    endings = {1: "st", 2: "nd", 3: "rd"}
+    is_teen = number // 10 % 10 == 1
+    return f"{number}{'th' if is_teen else endings.get(number % 10, 'th')}"

@@ -1,0 +1,198 @@
+"""The prior of a planner that searches: `object_find_prob(robot, location, object)`.
+
+RAIL-group/railroad asks such a function whenever it grounds its actions: before every decision, for
+each robot, location and object, twice. Its locations may be rooms, or furniture inside them.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping
+
+from bsg_data.errors import RecipeError
+from bsg_data.observation.partial_graph import PartialGraph
+from bsg_models.robot.answers import Place
+from bsg_models.robot.room_names import find_room
+from bsg_models.robot.seen_building import SeenBuilding
+
+_NUMBERED = re.compile(r"(.+?)_[0-9]+")  # cup_4: one cup of several, as simulators name them
+_ON_ITS_WAY = "_loc"  # behind a robot's name: where railroad puts it when a move is interrupted
+_SHOWN = 8  # locations in an error
+
+
+class FindProbability:
+    """The probability that a search of a location finds a thing, as a planner asks for it.
+
+    A room is shared out among its locations that were not searched yet, by size. If the room hides
+    a thing with probability p, a location with the share s of the room hides it with
+    1 − (1 − p)^s: the room hides none exactly if no location does. What was seen somewhere in the
+    room is at one of these locations, at each with its share. Where all was seen, it is 1 or 0.
+
+    A thing is any word. A number at its end (`cup_4`) means one of several: those that were seen
+    are others, unless one has this very id.
+
+    Example:
+        >>> probability = FindProbability(seen, {"sofa": "living", "start": None})  # doctest: +SKIP
+        >>> probability("robot1", "sofa", "remote control")  # doctest: +SKIP
+        0.41
+    """
+
+    def __init__(
+        self,
+        seen: SeenBuilding,
+        locations: Mapping[str, str | None] | None = None,
+        *,
+        sizes: Mapping[str, float] | None = None,
+        words: Mapping[str, str] | None = None,
+        otherwise: float | None = None,
+    ) -> None:
+        """Begin with what a robot has seen; what `seen` is told later changes the answers.
+
+        Args:
+            seen: the building.
+            locations: the planner's location → its room, by id or label; None for a place that
+                holds nothing, such as the start. Without it each room is a location.
+            sizes: of locations, compared within a room: surface, or number of things. A location
+                that is not named has 1.
+            words: the planner's name of a thing → a word for it, where the name is none.
+            otherwise: probability of a thing that no model has a class for; None raises.
+
+        Raises:
+            RecipeError: if a room is not known, a size is not above 0, or `otherwise` is no
+                probability.
+        """
+        self.seen = seen
+        self._rooms: dict[str, int | None] = {}
+        self._sizes = dict(sizes or {})
+        self._words = dict(words or {})
+        self._otherwise = otherwise
+        self._searched: set[str] = set()
+        self._found: dict[str, str] = {}  # thing → the location where it was found
+        self._graph: PartialGraph | None = None  # that what follows is of
+        self._places: dict[str, tuple[Place, ...] | None] = {}
+        self._known: dict[tuple[str, str], float] = {}
+        if otherwise is not None and not 0 <= otherwise <= 1:
+            raise RecipeError(f"otherwise: expected 0 to 1, found {otherwise}")
+        for location, room in (locations or {room: room for room in seen.rooms}).items():
+            self.add(location, room)
+        for location, size in self._sizes.items():
+            self._require(location)
+            if not (size > 0 and math.isfinite(size)):
+                raise RecipeError(f"sizes: {location!r}: expected more than 0, found {size}")
+
+    def add(self, location: str, room: str | None) -> None:
+        """Say that there is one more location, in a room; None for one that holds nothing.
+
+        Raises:
+            RecipeError: if there is no such room.
+        """
+        self._rooms[location] = None if room is None else find_room(self.seen.graph, room)
+        self._graph = None
+
+    def __call__(self, robot: str, location: str, thing: str) -> float:
+        """Return P(a search of the location finds the thing).
+
+        Args:
+            robot: its name. All robots know the same; where one is on its way, nothing is found.
+            location: one of the planner's.
+            thing: any word, with a number or without.
+
+        Raises:
+            RecipeError: for a location that is not known, or a thing that no model has a class for.
+        """
+        if self._graph is not self.seen.graph:
+            self._graph, self._places, self._known = self.seen.graph, {}, {}
+        known = self._known.get((location, thing))
+        if known is None:
+            if location == f"{robot}{_ON_ITS_WAY}" and location not in self._rooms:
+                return 0.0
+            known = self._known[location, thing] = self._find(location, thing)
+        return known
+
+    def searched(self, location: str, found: Iterable[str] = ()) -> None:
+        """Say that all that is at a location was seen.
+
+        A room counts as searched when all its locations were. Until then it hides less, by the
+        shares of those that were.
+
+        Args:
+            location: one of the planner's.
+            found: the things that are there, by the planner's names, which become their ids.
+
+        Raises:
+            RecipeError: for a location that is not known, or one that holds nothing.
+        """
+        node = self._require(location)
+        if node is None:
+            raise RecipeError(f"{location!r} holds nothing, so that it cannot be searched")
+        room = self.seen.rooms[node - 1]
+        for name in found:
+            self.seen.saw(room, self._word(name), object_id=name)
+            self._found[name] = location
+        if location not in self._searched:
+            before = self._unsearched(node)
+            self._searched.add(location)
+            hidden = self.seen.graph.rooms[node - 1].hidden_share
+            self.seen.entered(room, hidden_share=hidden * self._unsearched(node) / before)
+        self._graph = None
+
+    def _find(self, location: str, thing: str) -> float:
+        node = self._require(location)
+        if thing in self._found:
+            return float(self._found[thing] == location)
+        if node is None:
+            return 0.0
+        if thing not in self._places:
+            self._places[thing] = self._look(thing)
+        places = self._places[thing]
+        if places is None:
+            return 0.0 if location in self._searched else float(self._otherwise or 0.0)
+        name = self.seen.rooms[node - 1]
+        place = next(place for place in places if place.room == name)
+        numbered = _NUMBERED.fullmatch(thing) is not None
+        seen = [one for one in place.seen if one == thing or not numbered]
+        if any(self._found.get(one) == location for one in seen):
+            return 1.0
+        if location in self._searched:
+            return 0.0
+        share = self._sizes.get(location, 1.0) / self._unsearched(node)
+        if any(one not in self._found for one in seen):
+            return share
+        return float(1 - (1 - place.unseen) ** share)
+
+    def _look(self, thing: str) -> tuple[Place, ...] | None:
+        """Return where a thing may be; None if no model has a class for it, and none is needed."""
+        word = self._word(thing)
+        try:
+            return self.seen.where(word)
+        except RecipeError:
+            if self._otherwise is None:
+                raise
+            return None
+
+    def _word(self, thing: str) -> str:
+        """Return the word for one of the planner's things."""
+        if thing in self._words:
+            return self._words[thing]
+        numbered = _NUMBERED.fullmatch(thing)
+        return thing if numbered is None else numbered[1]
+
+    def _unsearched(self, node: int) -> float:
+        """Return the size of what was not searched in a room."""
+        return sum(
+            self._sizes.get(location, 1.0)
+            for location, room in self._rooms.items()
+            if room == node and location not in self._searched
+        )
+
+    def _require(self, location: str) -> int | None:
+        """Return the room of a location, 1..R; None of one that holds nothing."""
+        if location not in self._rooms:
+            names = list(self._rooms)
+            more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+            raise RecipeError(
+                f"no location {location!r}: known are {', '.join(names[:_SHOWN])}{more}; `add` "
+                "says in which room another one is"
+            )
+        return self._rooms[location]

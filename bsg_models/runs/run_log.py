@@ -1,0 +1,158 @@
+"""The log of a run: when it was trained, from what, by which versions, and how that ended.
+
+Every training of a run, also one that goes on, adds two lines of JSON to `log.jsonl`:
+
+    {"event": "begun", "time": "2026-11-22T15:04:05Z", "seed": 0, "epochs": 160, "from_epoch": 0, …}
+    {"event": "ended", "time": "2026-11-22T15:09:44Z", "how": "finished", "epoch": 160, …}
+
+One that was killed, or is still running, has no second line. Two trainings of the same
+configuration on the same dataset differ in `time` and `seconds` alone.
+"""
+
+from __future__ import annotations
+
+import platform
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, TypeAdapter, ValidationError
+
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.files import write_bytes
+from bsg_data.recipes import Record, name_fault
+from bsg_models.errors import CheckpointError, TrainingError
+from bsg_models.runs.checkpoint import read_header
+from bsg_models.runs.run_folder import CONFIG, LAST, LOG
+from bsg_models.zoo.config import RunConfig, write_toml
+
+_PACKAGES = ("belief-scene-graphs", "numpy", "torch", "torch-geometric")
+
+
+class Begun(Record):
+    """A training that began.
+
+    Attributes:
+        event: `begun`.
+        time: when, in UTC.
+        seed: of everything that is sampled.
+        epochs: that were asked for.
+        from_epoch: that it goes on from; 0 for a start.
+        dataset_sha256: of the manifest of what it is trained on.
+        versions: package → its version; `python`, too.
+    """
+
+    event: Literal["begun"] = "begun"
+    time: str
+    seed: int
+    epochs: int
+    from_epoch: int
+    dataset_sha256: str
+    versions: dict[str, str]
+
+
+class Ended(Record):
+    """A training that ended.
+
+    Attributes:
+        event: `ended`.
+        time: when, in UTC.
+        how: `finished`; `stopped` from outside, as by Ctrl-C; or `failed`.
+        epoch: that was saved last; 0 for a model that is fitted by counting.
+        seconds: since it began.
+        error: why it failed.
+    """
+
+    event: Literal["ended"] = "ended"
+    time: str
+    how: Literal["finished", "stopped", "failed"]
+    epoch: int
+    seconds: float
+    error: str | None = None
+
+
+_LINE: TypeAdapter[Begun | Ended] = TypeAdapter(
+    Annotated[Begun | Ended, Field(discriminator="event")]
+)
+
+
+@contextmanager
+def keep_log(run: Path, config: RunConfig, data: Dataset) -> Iterator[None]:
+    """Write the configuration of a training into its run, and into the log how the block ends.
+
+    Args:
+        run: folder, whose lock the caller holds.
+        config: of the training.
+        data: that it is trained on.
+    """
+    write_bytes(run / CONFIG, write_toml(config).encode())
+    began = time.perf_counter()
+    _add(
+        run,
+        Begun(
+            time=_now(),
+            seed=config.seed,
+            epochs=config.training.epochs,
+            from_epoch=_last_epoch(run),
+            dataset_sha256=data.sha256,
+            versions={name: version(name) for name in _PACKAGES}
+            | {"python": platform.python_version()},
+        ),
+    )
+    how: Literal["finished", "stopped", "failed"] = "finished"
+    said = None
+    try:
+        yield
+    except (KeyboardInterrupt, GeneratorExit):
+        how = "stopped"
+        raise
+    except BaseException as error:
+        how, said = "failed", str(error) or repr(error)
+        raise
+    finally:
+        seconds = round(time.perf_counter() - began, 3)
+        epoch = _last_epoch(run)
+        _add(run, Ended(time=_now(), how=how, epoch=epoch, seconds=seconds, error=said))
+
+
+def read_log(run: Path) -> tuple[Begun | Ended, ...]:
+    """Return what the log of a run says, oldest first; nothing for a run without one.
+
+    Raises:
+        TrainingError: naming the line that is none.
+    """
+    try:
+        lines = (run / LOG).read_text("utf-8").splitlines()
+    except FileNotFoundError:
+        return ()
+    except (OSError, UnicodeDecodeError) as error:
+        raise TrainingError(f"{run / LOG}: cannot be read ({error})") from error
+    return tuple(_parse(line, where=f"{run / LOG}, line {n}") for n, line in enumerate(lines, 1))
+
+
+def _parse(line: str, *, where: str) -> Begun | Ended:
+    try:
+        return _LINE.validate_json(line)
+    except ValidationError as error:
+        raise TrainingError(f"{where}: is none of a log of ours ({name_fault(error)})") from error
+
+
+def _add(run: Path, line: Begun | Ended) -> None:
+    """Add a line; one that a killed process left behind is never half a line."""
+    path = run / LOG
+    before = path.read_bytes() if path.is_file() else b""
+    write_bytes(path, before + line.model_dump_json().encode() + b"\n")
+
+
+def _last_epoch(run: Path) -> int:
+    try:
+        return read_header(run / LAST).epoch
+    except CheckpointError:
+        return 0
+
+
+def _now() -> str:
+    return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())

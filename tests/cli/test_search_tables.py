@@ -1,0 +1,91 @@
+from __future__ import annotations
+
+import dataclasses
+
+from bsg_cli.search_tables import format_results
+from bsg_models.evaluation.bootstrap import Estimate
+from bsg_models.search.catalogue import PLANNERS
+from bsg_models.studies.savings import Saving, Stop, WorldResult
+
+NAN = float("nan")
+
+
+def estimate(value: float, low: float = NAN, high: float = NAN) -> Estimate:
+    return Estimate(value, low, high, nodes=200)
+
+
+def saving(value: float, low: float, high: float) -> Saving:
+    return Saving(
+        saved=estimate(value, low, high),
+        beyond_routing=estimate(NAN),
+        of_oracle=estimate(0.5),
+        mean=-1.5,
+        median=0.25,
+        wins=150,
+        ties=20,
+        losses=30,
+        cost=12.345,
+        entered=3.21,
+    )
+
+
+RESULT = WorldResult(
+    world="tree:1-10",
+    task="single",
+    buildings=10,
+    searches=200,
+    ranked_first=0.34,
+    chance=0.12,
+    savings={"nearest": saving(0, 0, 0), "ratio": saving(0.4321, 0.391, 0.466)},
+    stops={},
+)
+TASKS = [RESULT, dataclasses.replace(RESULT, task="all")]
+
+
+def test_a_world_by_hand() -> None:
+    (table,) = format_results(TASKS)
+    assert table.splitlines() == [
+        "tree:1-10: 200 searches of 10 buildings a task",
+        "the likeliest room holds one in 34%, a random one in 12%",
+        "planner  single: saved, %  wins, %  all: saved, %    wins, %",
+        "nearest  0.0 (0 to 0)           75  0.0 (0 to 0)          75",
+        "ratio    43.2 (39 to 47)        75  43.2 (39 to 47)       75",
+    ]
+
+
+def test_a_table_fits_80_characters_with_every_planner_of_ours() -> None:
+    worst = dict.fromkeys(PLANNERS, saving(-1.2345, -2.001, -1.001))
+    stop = Stop(
+        saved=estimate(-1.2345, -2.001, -1.001),
+        missed=estimate(0.9999, 0.9876, 1),
+        incomplete=estimate(1, 1, 1),
+        entered=123.4,
+    )
+    tasks = [
+        dataclasses.replace(one, world="complete-paths:1.5-10.5", searches=145_000, savings=worst)
+        for one in TASKS
+    ]
+    tasks[1] = dataclasses.replace(tasks[1], stops={"0.001": stop})
+    tables = list(format_results(tasks))
+    assert len(tables) == 2
+    assert max(len(line) for table in tables for line in table.splitlines()) <= 80
+
+
+def test_all_columns_are_a_table_a_task() -> None:
+    one, two = format_results(TASKS, all_columns=True)
+    assert one.startswith("tree:1-10, single: 200 searches of 10 buildings\n")
+    assert two.startswith("tree:1-10, all: ")
+    (row,) = (line for line in one.splitlines() if line.startswith("ratio"))
+    cells = ["ratio", "43.2", "(39", "to", "47)", "-", "50.0", "-150.0", "25.0"]
+    assert row.split() == [*cells, "150", "20", "30", "12.35", "3.2"]
+
+
+def test_what_is_unknown_is_a_dash_or_left_out() -> None:
+    without = dataclasses.replace(
+        RESULT,
+        ranked_first=NAN,
+        savings={"nearest": saving(0, NAN, NAN), "ratio": saving(NAN, NAN, NAN)},
+    )
+    (table,) = format_results([without])
+    assert "likeliest" not in table
+    assert [line.split()[1] for line in table.splitlines()[-2:]] == ["0.0", "-"]
