@@ -20,7 +20,7 @@ from bsg_models.errors import CheckpointError, ConfigError, TrainingError
 from bsg_models.inputs.edges import edges_of
 from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model, save_checkpoint
-from bsg_models.runs.run_folder import BEST, LAST, MEMBERS
+from bsg_models.runs.run_folder import BEST, CONFIG, LAST, LOG, MEMBERS
 from bsg_models.training.training import new_model, train_run
 from bsg_models.zoo.calibration import fit_calibration, recalibrate
 from bsg_models.zoo.catalogue import ZOO
@@ -172,7 +172,7 @@ def test_an_ensemble_replaces_a_run_whole(dataset: Path, tmp_path: Path) -> None
     members = 'model.members=["train-mean","gamma-poisson"]'
     list(train_run(configure("ensemble", members), dataset, tmp_path / "run", force=True))
     left = {path.name for path in (tmp_path / "run").iterdir()}
-    assert left == {BEST, MEMBERS}
+    assert left == {BEST, MEMBERS, CONFIG, LOG}
 
 
 @pytest.mark.parametrize(
