@@ -156,7 +156,7 @@ def _draw_room(
     (left, top), (right, bottom) = axes.transData.transform(
         ((room.left, room.top), (room.right, room.bottom))
     )
-    name = _cut(room.name, int((right - left - 6) / 7.2))
+    name = _cut_name(room.name, int((right - left - 6) / 8))
     lines = [name] if len(name) > 2 or name == room.name else []
     if likely is not None and not entered:
         lines.append(describe_share(likely))
@@ -214,5 +214,13 @@ def _describe_all(replay: Replay) -> str:
     return f"Mean of all {replay.searches:,} searches: {told}{saved}."
 
 
+def _cut_name(name: str, letters: int) -> str:
+    """Cut a name, but for the number at its end: what tells two rooms apart stays."""
+    head, _, number = name.rpartition(" ")
+    if len(name) <= letters or not number.isdecimal():
+        return _cut(name, letters)
+    return f"{_cut(head, letters - len(number) - 1)} {number}"
+
+
 def _cut(text: str, most: int) -> str:
-    return text if len(text) <= most else text[: max(0, most - 1)] + "…"
+    return text if len(text) <= most else text[: max(0, most - 1)].rstrip() + "…"

@@ -34,8 +34,13 @@ from bsg_models.studies.search_study import Study
 _TOLD = 6  # classes of a room that are named
 
 
-def choose_replay(study: Study, results: Sequence[WorldResult]) -> KeptSearch:
+def choose_replay(study: Study, results: Sequence[WorldResult], *, named: bool) -> KeptSearch:
     """Return the search to show of those that a study kept: in metres where there is a choice.
+
+    Args:
+        study: that kept searches.
+        results: of the study.
+        named: whether they were named by their number; then it is that of the first building.
 
     Raises:
         RecipeError: if the study kept none.
@@ -45,6 +50,8 @@ def choose_replay(study: Study, results: Sequence[WorldResult]) -> KeptSearch:
         raise RecipeError("the study kept no search; ask for one by a KeepRequest")
     world = min((one.world for one in kept), key=lambda name: name not in MEASURED)
     there = [one for one in kept if one.world == world]
+    if named:
+        return there[0]
     saving = _result_of(results, there[0]).savings[there[0].planner]
     return choose_shown(there, BASELINE, saving.saved.value)
 

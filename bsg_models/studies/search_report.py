@@ -388,10 +388,9 @@ def _write_replay(
     request: SearchRequest, study: Study, results: list[WorldResult], model: str | None
 ) -> dict[str, Path]:
     """Replay a kept search as a page and, if asked for, as a picture; return what is where."""
-    kept = choose_replay(study, results)
-    replay = replay_search(
-        request.dataset, study, results, kept, model=model, named=request.trace != "auto"
-    )
+    named = request.trace != "auto"
+    kept = choose_replay(study, results, named=named)
+    replay = replay_search(request.dataset, study, results, kept, model=model, named=named)
     page = request.folder / TRACE
     write_replay(replay, page)
     which = (

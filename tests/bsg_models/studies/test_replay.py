@@ -92,13 +92,25 @@ def test_without_a_number_the_rule_chooses(dataset: Path, run: Path, scene: str)
     study = study_search(dataset, {scene: run}, RECIPE, keep=KeepRequest(None, "all", "ratio"))
     assert [len(one.kept) for one in study.searches] == [RECIPE.episodes] * 2
     results = summarise(study, resamples=0)
-    shown = choose_replay(study, results)
+    shown = choose_replay(study, results, named=False)
     assert shown.world == "star:1-10"  # the first, as none is measured
     replay = replay_search(dataset, study, results, shown, model=None, named=False)
     assert replay.chosen.startswith("It was chosen for being worth watching")
     assert ("but none of the searches is" in replay.chosen) == (not shown.eventful)
     with pytest.raises(RecipeError, match="kept no search"):
-        choose_replay(replace(study, searches=study.searches[:0]), results)
+        choose_replay(replace(study, searches=study.searches[:0]), results, named=False)
+
+
+def test_a_number_is_of_the_first_building(dataset: Path, run: Path) -> None:
+    """In the first building that is searched, whatever was saved in the others."""
+    scenes = sorted(read_cells(dataset))[5:8]
+    keep = KeepRequest(EPISODE, "all", "ratio")
+    study = study_search(dataset, dict.fromkeys(scenes, run), RECIPE, keep=keep)
+    shown = choose_replay(study, summarise(study, resamples=0), named=True)
+    assert (shown.scene_id, shown.world, shown.episode) == (scenes[0], "star:1-10", EPISODE)
+    backwards = replace(study, searches=study.searches[::-1])
+    shown = choose_replay(backwards, summarise(study, resamples=0), named=True)
+    assert (shown.scene_id, shown.world) == (scenes[-1], "tree:1-10")
 
 
 def test_the_presence_shown_is_that_which_the_planner_was_given(
