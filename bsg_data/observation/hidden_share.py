@@ -132,8 +132,8 @@ def _by_seconds(constants: Sequence[float], sight: Sight) -> float | Floats:
     return most * -np.expm1(-looked / (pace * sight.floor_area**growth))
 
 
-# Made by scripts/fit/hidden_share.py from walks through ProcTHOR's rooms. Walls tell nothing more
-# beside the floor, nor do seconds beside either.
+# Made by scripts/fit/hidden_share.py from walks through ProcTHOR's rooms. Walls told nothing more
+# beside the floor.
 CURVES: Mapping[str, Curve] = {
     "floor": Curve(_by_floor, (0.94, 0.21, 8.0), 5.4),
     "walls": Curve(_by_walls, (0.94, 0.30, 0.25), 4.4),
