@@ -11,6 +11,8 @@ from pathlib import Path
 
 from bsg_data.errors import DatasetError
 
+_BLOCK = 2**20  # bytes that are hashed at a time
+
 
 @contextmanager
 def open_beside(path: Path) -> Iterator[Path]:
@@ -61,8 +63,11 @@ def hash_file(path: Path) -> str:
     Raises:
         OSError: if it cannot be read.
     """
+    digest = hashlib.sha256()
     with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+        while block := file.read(_BLOCK):
+            digest.update(block)
+    return digest.hexdigest()
 
 
 def _flush(path: Path) -> None:

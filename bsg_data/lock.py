@@ -42,7 +42,7 @@ def hold(folder: Path) -> Iterator[None]:
         yield
     finally:
         # Removed while it is held: a process that waits on the removed file opens a new one, for
-        # filelock compares the two. A file with content is not ours.
+        # filelock compares the two. A file with content is not ours; filelock 4.1 has emptied it.
         with suppress(OSError):
             if path.stat().st_size == 0:
                 path.unlink()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -71,7 +71,7 @@ class Exploration(Record):
     exact: bool = False
 
     @model_validator(mode="after")
-    def _ranges_rise(self) -> Self:
+    def _ranges_rise(self) -> Exploration:
         for name in ("not_entered", "searched", "glimpsed_share"):
             low, high = getattr(self, name)
             if low > high:

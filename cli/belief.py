@@ -83,6 +83,7 @@ def main(
     Example:
       bsg-belief graph.json --find microwave --from hall
       bsg-belief graph.json --html belief.html
+      bsg-belief dsg.json --labels mpcat40 --hydra annotated.json
       bsg-belief graph.json --model run --out belief.json --html belief.html
       bsg-belief --data dataset --split val --model run --tables beliefs
     """
@@ -169,8 +170,7 @@ def note_shares(path: Path, graph: bsg_data.PartialGraph) -> None:
     unsure: dict[str, list[str]] = {}
     for room in graph.rooms:
         if not room.share.is_certain:
-            share = f"{room.hidden_share:.0%} ± {room.hidden_share_sd:.0%}"
-            unsure.setdefault(share, []).append(room.label or room.name)
+            unsure.setdefault(str(room.share), []).append(room.label or room.name)
     for share, rooms in unsure.items():
         more = f" and {len(rooms) - MOST_NAMES:,} more" if len(rooms) > MOST_NAMES else ""
         print_note(

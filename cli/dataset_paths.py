@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,8 @@ import click
 
 import bsg_data
 from bsg_data.spelling import nearest_names
+
+_GIVEN = (str, tuple, bool)  # click marks what is not given by an object of its own
 
 
 class DatasetPath(click.Path):
@@ -59,17 +62,14 @@ def _parse_anyhow(
         except click.UsageError:
             break
         else:
-            return {name: value for name, value in values.items() if value}
+            return {n: value for n, value in values.items() if isinstance(value, _GIVEN)}
         place = _place_of(wrong, words)
         words[place : place + 1] = [words[place].replace(wrong, one, 1) for one in meant]
     return {}
 
 
 def _place_of(option: str, words: Sequence[str]) -> int:
-    """Return the place of an option: of `--name`, of `--name=value`, or of `-n` among others."""
-    is_long = option.startswith("--")
-    return next(
-        place
-        for place, word in enumerate(words)
-        if word.partition("=")[0] == option or (not is_long and word.startswith(option[:2]))
-    )
+    """Return the place of an option: of `--name`, of `--name=value`, or of `-n` as in `-mn`."""
+    if option.startswith("--"):
+        return next(n for n, word in enumerate(words) if word.partition("=")[0] == option)
+    return next(n for n, word in enumerate(words) if re.match(r"-[^-]", word) and option[1] in word)

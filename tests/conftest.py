@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import json
 import shutil
+import sys
 from pathlib import Path
 from types import ModuleType
 
@@ -16,6 +18,8 @@ from bsg_data import HM3DFolder, PairsRecipe, SplitRecipe, build_dataset, split_
 hypothesis.settings.register_profile("untimed", deadline=None)  # a busy machine proves nothing
 hypothesis.settings.load_profile("untimed")
 REPOSITORY = Path(__file__).resolve().parent.parent
+# Python 3.10 has no reader of TOML; tomli is the one that later Pythons took over.
+tomllib = importlib.import_module("tomllib" if sys.version_info >= (3, 11) else "tomli")
 SHARED = REPOSITORY.parent / "shared" / "hm3d"
 
 KITCHEN = ["wall", "floor", "stove", "refrigerator", "sink", "kitchen cabinet", "chair", "chair"]

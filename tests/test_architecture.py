@@ -68,6 +68,7 @@ THIRD_PARTY = {
         "safetensors",
         "spark_dsg",
         "scipy",
+        "tomli",
         "tomli_w",
         "torch",
         "torch_geometric",

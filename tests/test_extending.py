@@ -6,13 +6,12 @@ import json
 import re
 import shlex
 import sys
-import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
-from conftest import REPOSITORY
+from conftest import REPOSITORY, tomllib
 
 from bsg_cli.registry import COMMANDS
 from bsg_data import registry

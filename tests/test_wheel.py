@@ -6,12 +6,11 @@ import os
 import shutil
 import subprocess
 import sys
-import tomllib
 import zipfile
 from pathlib import Path
 
 import pytest
-from conftest import REPOSITORY
+from conftest import REPOSITORY, tomllib
 
 FOLDERS = {
     "bsg_cli": "cli",

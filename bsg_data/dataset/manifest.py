@@ -11,7 +11,7 @@ import json
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Literal, Self
+from typing import Literal
 
 from pydantic import Field, ValidationError, model_validator
 
@@ -52,7 +52,7 @@ class ClassSpaceEntry(Record):
     classes: tuple[str, ...]
 
     @model_validator(mode="after")
-    def _hash_fits(self) -> Self:
+    def _hash_fits(self) -> ClassSpaceEntry:
         if self.sha256 != hash_classes(self.classes):
             raise ValueError(f"the sha256 of class space {self.name} is not that of its classes")
         return self

@@ -8,7 +8,6 @@ measured in the axes of the file; `bsg_data.geometry.placement` turns it upright
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
@@ -19,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
+from bsg_data.files import hash_file
 from bsg_data.geometry.gltf import MeshError, MeshPart, read_parts
 from bsg_data.scene.mesh_coverage import MeshCoverage
 
@@ -93,12 +93,7 @@ def _survey(path: Path, colours: Sequence[str], snap_colours: int | None) -> Mes
                 texels += np.bincount(sheet.ravel(), minlength=len(texels))
             tally.add(part, sheet, palette)
     tally.refuse_strangers()
-    return tally.summarise(_cover(tally, texels, palette, sha256=_hash(path)))
-
-
-def _hash(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    return tally.summarise(_cover(tally, texels, palette, sha256=hash_file(path)))
 
 
 def _cover(tally: _Tally, texels: Ints, palette: _Palette, *, sha256: str) -> MeshCoverage:

@@ -59,6 +59,14 @@ class ShareBelief:
                 f"{most:.3g}, found {self.sd:g}"
             )
 
+    def __str__(self) -> str:
+        """Say it as a person would.
+
+        >>> str(ShareBelief(0.55, 0.2)), str(ShareBelief(1.0))
+        ('55% ± 20%', '100%')
+        """
+        return f"{self.mean:.0%} ± {self.sd:.0%}" if self.sd else f"{self.mean:.0%}"
+
     @property
     def is_certain(self) -> bool:
         """Whether it is one number."""

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import chain
-from typing import ClassVar, Self, TypeVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -59,7 +59,7 @@ class Surroundings:
         return len(self.floor_area)
 
     @classmethod
-    def unknown(cls, *, nodes: int, buildings: int = 1) -> Self:
+    def unknown(cls, *, nodes: int, buildings: int = 1) -> Surroundings:
         """Return the surroundings of which nothing is known."""
         return cls(
             np.full(nodes, np.nan),
@@ -76,7 +76,7 @@ class Surroundings:
         *,
         building_kind: str | None = None,
         source: str | None = None,
-    ) -> Self:
+    ) -> Surroundings:
         """Return the surroundings of one building, whose own node comes before its rooms.
 
         Args:
@@ -111,7 +111,7 @@ class Surroundings:
         """Place of each building's source in `KNOWN_SOURCES`, `[B]`; `UNKNOWN` of any other."""
         return _places(self.sources, KNOWN_SOURCES)
 
-    def take(self, rows: slice, *, buildings: slice) -> Self:
+    def take(self, rows: slice, *, buildings: slice) -> Surroundings:
         """Return what is known of some of the nodes, and of the buildings that they are of."""
         return replace(
             self,
@@ -121,7 +121,7 @@ class Surroundings:
             sources=self.sources[buildings],
         )
 
-    def without(self, *evidence: str) -> Self:
+    def without(self, *evidence: str) -> Surroundings:
         """Return the same where some evidence is unknown.
 
         Args:

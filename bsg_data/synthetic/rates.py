@@ -6,7 +6,7 @@ The file is fitted on HM3D by `scripts/fit/synthetic_rates.py` and holds aggrega
 from __future__ import annotations
 
 from importlib import resources
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator, ConfigDict, Field, ValidationError, model_validator
 
@@ -93,7 +93,7 @@ class SyntheticRates(Record):
     null_region: Share
 
     @model_validator(mode="after")
-    def _check_sizes(self) -> Self:
+    def _check_sizes(self) -> SyntheticRates:
         types, names = len(self.sizes), len(set(self.categories))
         sizes = {"categories": names, "spellings": names, "rates": types}
         wide = dict.fromkeys(("order", "regularity", "structure", "style", "burst"), names + 1)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import shutil
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 from huggingface_hub import ModelHubMixin
 
@@ -62,7 +62,7 @@ class HubModel(
         write_bytes(save_directory / HUB_CARD, card.encode())
 
     @classmethod
-    def from_pretrained(cls, pretrained_model_name_or_path: str | Path, **options: Any) -> Self:
+    def from_pretrained(cls, pretrained_model_name_or_path: str | Path, **options: Any) -> HubModel:
         """Load a model of a local folder, or download it from the hub.
 
         Args:

@@ -20,7 +20,7 @@ from __future__ import annotations
 import hashlib
 import re
 from dataclasses import dataclass
-from typing import Literal, Self, get_args
+from typing import Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -55,7 +55,7 @@ class WorldRecipe(Record):
     high: float = Field(default=10.0, gt=0, allow_inf_nan=False)
 
     @model_validator(mode="after")
-    def _costs_rise(self) -> Self:
+    def _costs_rise(self) -> WorldRecipe:
         if self.low > self.high:
             raise ValueError(f"costs must rise, found {self.low:g} to {self.high:g}")
         return self

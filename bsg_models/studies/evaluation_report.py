@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, Self
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -65,7 +65,7 @@ class EvaluationRequest(Record):
     force: bool = False
 
     @model_validator(mode="after")
-    def _has_something_to_measure(self) -> Self:
+    def _has_something_to_measure(self) -> EvaluationRequest:
         if not self.runs and not self.predictions:
             raise ValueError("name a run or predictions")
         return self

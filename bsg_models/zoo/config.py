@@ -7,10 +7,10 @@ unknown key, a wrong type or an impossible value is named with its path and the 
 from __future__ import annotations
 
 import json
-import tomllib
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import tomli_w
 from pydantic import (
@@ -27,6 +27,11 @@ from bsg_data.spelling import ask_if_meant
 from bsg_models.errors import ConfigError
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.settings import DataConfig, ModelConfig, TrainingConfig
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib  # the same, from before it was in Python
 
 
 class RunConfig(Record):
@@ -62,7 +67,7 @@ class RunConfig(Record):
         return type(ZOO[family].config).model_validate_json(json.dumps(value), strict=True)
 
     @model_validator(mode="after")
-    def _take_name(self) -> Self:
+    def _take_name(self) -> RunConfig:
         """Name a configuration by its family, if it has no name of its own."""
         if not self.name:
             object.__setattr__(self, "name", self.model.family)  # frozen, but not yet given away

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Literal, Self, cast
+from typing import Literal, cast
 
 import torch
 from pydantic import Field, model_validator
@@ -33,7 +33,7 @@ class EnsembleConfig(ModelConfig):
     calibrate: bool = True
 
     @model_validator(mode="after")
-    def _members_differ(self) -> Self:
+    def _members_differ(self) -> EnsembleConfig:
         if len(set(self.members)) < len(self.members):
             raise ValueError(f"members must differ, found {', '.join(self.members)}")
         return self

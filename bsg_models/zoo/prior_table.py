@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import torch
@@ -77,7 +77,7 @@ class PriorTable(Record):
     objects: dict[str, dict[str, Probability]] = Field(default_factory=dict)
 
     @model_validator(mode="after")
-    def _says_something(self) -> Self:
+    def _says_something(self) -> PriorTable:
         if not self.room_types and not self.objects:
             raise ValueError("expected room_types, objects or both, found neither")
         return self

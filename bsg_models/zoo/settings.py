@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
@@ -59,13 +59,13 @@ class DataConfig(Record):
         return mask
 
     @model_validator(mode="after")
-    def _fractions_rise(self) -> Self:
+    def _fractions_rise(self) -> DataConfig:
         if self.fractions and self.fractions[0] > self.fractions[1]:
             raise ValueError(f"fractions must rise, found {list(self.fractions)}")
         return self
 
     @model_validator(mode="after")
-    def _search_masks_are_fresh(self) -> Self:
+    def _search_masks_are_fresh(self) -> DataConfig:
         if self.withhold and (self.masks, self.mask.strategy) != ("fresh", "uniform"):
             raise ValueError(
                 "withhold needs fresh masks of the strategy uniform, which it makes those of "
@@ -78,7 +78,7 @@ class DataConfig(Record):
         """The kind of mask that it asks for by name; None of the default, which studies replace."""
         return None if self.mask.strategy == "uniform" else self.mask.strategy
 
-    def under(self, mask: MaskRecipe) -> Self:
+    def under(self, mask: MaskRecipe) -> DataConfig:
         """Return the choice with another mask, as studies set it.
 
         A mask of another strategy than `uniform` takes the classes that are withheld into itself.

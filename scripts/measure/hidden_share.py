@@ -155,10 +155,11 @@ def tabulate(
             )
         )
     said = found[TRUE].nodes["nll"]
+    known = LEARNED if shipped else CALIBRATED
     reading = (
         f"Means over {said:,} (room, class, mask) cells of half-seen rooms of the val and test "
-        f"buildings, {LEARNED if shipped else CALIBRATED}; masks by {MASK}. A difference is paired, with its 95 % interval over buildings. The error of the "
-        "share is that of its mean, root mean square."
+        f"buildings, {known}; masks by {MASK}. A difference is paired, with its 95 % interval over "
+        "buildings. The error of the share is that of its mean, root mean square."
     )
     header = (
         *("told", "error of the share", "−log P(hidden counts)", "more than the true share's"),

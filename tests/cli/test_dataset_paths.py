@@ -7,6 +7,8 @@ from pathlib import Path
 import click
 import pytest
 from click.testing import CliRunner, Result
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from bsg_cli.dataset_paths import DatasetPath, require_datasets
 from bsg_cli.registry import COMMANDS
@@ -64,6 +66,8 @@ def test_every_command_that_reads_a_dataset_is_tried() -> None:
         "bsg-data pairs --fractoin 0.5 none",
         "bsg-data pairs --forc none",
         "bsg-data pairs --mask=wrong none",
+        "bsg-data pairs -q -xyz none -hq",
+        "bsg-data pairs none --force=yes --no-such --draws",
         "bsg-search --dat none",
         "bsg-search --planners no --dta=none",
     ],
@@ -80,6 +84,17 @@ def test_help_and_version_need_no_dataset(word: str) -> None:
 
 def test_a_dataset_that_is_there_leaves_the_word_to_the_parser(dataset: Path) -> None:
     assert "No such option '--forse'" in run(f"bsg-data pairs {dataset} --forse").stderr
+
+
+WORDS = ("-h", "-q", "-hq", "--force", "--forse", "--mask", "--mask=x", "--=x", "--", "-", "none")
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.lists(st.sampled_from(WORDS), max_size=6))
+def test_whatever_the_words_are_there_is_an_exit_code(words: list[str]) -> None:
+    result = CliRunner().invoke(COMMANDS["bsg-data"], ["pairs", *words])
+    assert isinstance(result.exception, SystemExit | None)
+    assert result.exit_code in (0, 1, 2)
 
 
 def test_words_that_end_nowhere_end() -> None:

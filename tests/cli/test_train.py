@@ -6,11 +6,11 @@ import signal
 import subprocess
 import sys
 import time
-import tomllib
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
+from conftest import tomllib
 from safetensors.torch import load_file
 
 from bsg_cli.train import main

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import REPOSITORY
-from dsg_files import Graph, box, node, robot_graph
+from dsg_files import Graph, box, node, robot_graph, symbol
 
 from bsg_data.errors import SourceError
 from bsg_data.scene.scene_graph import Box
-from bsg_data.sources.dsg_file import DSGFile, parse_dsg
+from bsg_data.sources.dsg_file import DSGFile, name_symbol, parse_dsg
 
 SAMPLE = REPOSITORY.parent / "shared" / "sources" / "hydra_apartment_dsg.json.gz"
 PATH = Path("dsg.json")
@@ -57,6 +57,52 @@ def test_older_boxes_have_corners() -> None:
     boxes = [obj.box for obj in parse(graph).objects[4:]]
     whole = Box((1, 2, 3), (2, 4, 6))
     assert boxes == [whole, whole, Box((4, 3, 2), (6, 7, 8)), None, None]
+
+
+def as_version_1_0(graph: Graph) -> None:
+    """Write as the recorded apartment does: no partitions; an agent has a prefix and a time."""
+    graph["layer_ids"], graph["mesh_layer_id"] = [2, 3, 4, 5], 1
+    for one in graph["nodes"]:
+        if one.pop("partition"):
+            one |= {"prefix": 97, "timestamp": 1}
+
+
+def as_version_1_1_0(graph: Graph) -> None:
+    """Name layers by their numbers alone."""
+    graph["layer_ids"], graph["layer_names"] = [2, 3, 4, 5], {"OBJECTS": 2, "ROOMS": 4}
+
+
+def as_version_1_1_2(graph: Graph) -> None:
+    """Name layers by number and partition."""
+    graph["layer_keys"] = [{"layer": 2, "partition": part} for part in (0, 97)]
+    graph["layer_names"] = {"ROOMS": {"layer": 4, "partition": 0}}
+
+
+def elsewhere(graph: Graph) -> None:
+    """Put objects and rooms into layers and partitions of other numbers, and say so."""
+    for one in graph["nodes"]:
+        if one["layer"] == 2 and not one["partition"]:
+            one["partition"] = 3
+        one["layer"] = {2: 6, 4: 20, 5: 30}.get(one["layer"], 9)
+    graph["layer_names"] = {
+        "OBJECTS": {"layer": 6, "partition": 3},
+        "ROOMS": {"layer": 20, "partition": 0},
+    }
+    graph["metadata"]["labelspaces"] = {"_l6p3": graph["metadata"]["labelspaces"]["_l2p0"]}
+
+
+@pytest.mark.parametrize("form", [as_version_1_0, as_version_1_1_0, as_version_1_1_2, elsewhere])
+def test_every_form_says_the_same(form: Callable[[Graph], None]) -> None:
+    graph = robot_graph()
+    form(graph)
+    assert parse(graph) == parse(robot_graph())
+
+
+def test_a_symbol_is_named_as_spark_dsg_names_it() -> None:
+    dsg = pytest.importorskip("spark_dsg")
+    for letter, number in (("R", 0), ("O", 12), ("x", 2**40)):
+        assert name_symbol(symbol(letter, number)) == str(dsg.NodeSymbol(letter, number))
+    assert name_symbol(7) == "7"
 
 
 def test_numbers_that_repeat_give_way_to_places() -> None:

@@ -300,6 +300,18 @@ def test_texts_stand_out_from_what_is_behind_them(
     assert weak == set()
 
 
+def test_a_building_without_rooms_is_shown(browser: Any, tmp_path: Path) -> None:
+    graph = PartialGraph("empty", CLASS_SPACE, 0.5, (), (), ())
+    inputs = graph.histograms().astype(float)
+    expectation = from_hidden_counts(inputs, poisson(np.full(inputs.shape, 0.1)))
+    write_explorer([View(believe(graph, expectation, model="random"))], tmp_path / "page.html")
+    for drawing in ("plan", "layers"):
+        fragment = f"#drawing={drawing}&class=sink"
+        with open_page(browser, tmp_path / "page.html", fragment=fragment) as page:
+            assert "no rooms are known" in page.locator("svg.graph").text_content()
+            assert "10 % for at least one unseen sink" in page.locator("aside").inner_text()
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_the_theme_is_that_of_the_system_until_one_is_chosen(
     browser: Any, crowd: Path, scheme: str
@@ -337,7 +349,8 @@ def test_the_explorer_in_a_report_has_the_theme_of_the_report(browser: Any, tmp_
         assert frame.locator("button.theme").is_hidden()
         page.locator("button.theme").click()
         assert frame.locator("html").get_attribute("data-theme") == "dark"
-        frame.locator("#plan").click()
+        page.evaluate("() => { const f = document.querySelector('iframe'); f.srcdoc += ' '; }")
+        frame.locator("html[data-theme='dark'] #plan").click()  # also once it is loaded anew
         frame.locator("#class").select_option(str(SINK))
         assert "#" not in page.url
         for _ in ("dark", "light"):

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 
 import pytest
+from conftest import tomllib
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_models.runs.run_folder import CONFIG, LOG

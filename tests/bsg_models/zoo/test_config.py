@@ -1,11 +1,11 @@
 from __future__ import annotations
 
 import doctest
-import tomllib
 from pathlib import Path
 from typing import Any
 
 import pytest
+from conftest import tomllib
 from hypothesis import example, given
 from hypothesis import strategies as st
 
