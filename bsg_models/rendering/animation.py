@@ -154,7 +154,7 @@ def _draw_room(
     edge, width = (_HOLDS, 2.6) if holds else (_WALL, 1.2)
     axes.add_patch(Polygon(room.outline, fill=False, edgecolor=edge, linewidth=width))
     (left, top), (right, bottom) = axes.transData.transform(
-        ((room.left, room.top), (room.right, room.bottom))
+        ((room.name_x, room.top), (room.right, room.bottom))
     )
     name = _cut_name(room.name, int((right - left - 6) / 8))
     lines = [name] if len(name) > 2 or name == room.name else []
@@ -163,7 +163,7 @@ def _draw_room(
     if lines and top - bottom > 15 * len(lines) and right - left > 22:
         text = axes.annotate(
             "\n".join(lines),
-            (room.left, room.top),
+            (room.name_x, room.top),
             (3, -3),
             textcoords="offset points",
             va="top",

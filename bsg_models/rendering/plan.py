@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Protocol
 
@@ -16,6 +16,7 @@ Outline = tuple[Spot, ...]
 HALF = 1.2  # metres: half a side of a room of which only the place is known
 _GAP = 0.6  # metres between storeys
 _CAPTION = 0.9  # metres above a storey, where there are several
+_LETTERS = 0.3  # metres below the top of a room: about where its name stands
 _DIGITS = 2
 
 
@@ -61,12 +62,14 @@ class PlannedRoom:
         name: that no other room of the plan has.
         outline: corners, metres.
         part: number of the storey that it is drawn on, from 0.
+        name_x: where its name may begin: at its left, or beside what lies over that corner.
     """
 
     number: int
     name: str
     outline: Outline
     part: int
+    name_x: float
 
     @property
     def left(self) -> float:
@@ -213,10 +216,20 @@ def _pack(blocks: Sequence[_Block], names: Mapping[int, str], aspect: float) -> 
             captions.append((block.title, _round(x, y + 0.7 * head)))
         for number, outline in block.outlines.items():
             moved = tuple(_round(x + a, y + head + b) for a, b in outline)
-            rooms.append(PlannedRoom(number, names[number], moved, part))
+            rooms.append(PlannedRoom(number, names[number], moved, part, min(moved)[0]))
     rooms.sort(key=lambda room: (room.left - room.right) * (room.bottom - room.top))
+    placed = [replace(room, name_x=_find_name(room, rooms[k:])) for k, room in enumerate(rooms, 1)]
     width, height = _round(max(sum(widths) - _GAP, 0.0), max(sum(heights) - _GAP, 0.0))
-    return Plan(tuple(rooms), tuple(captions), width, height)
+    return Plan(tuple(placed), tuple(captions), width, height)
+
+
+def _find_name(room: PlannedRoom, over: Sequence[PlannedRoom]) -> float:
+    """Return where a name begins at the top of a room, clear of the rooms drawn over it."""
+    x, y = room.left, room.top + _LETTERS
+    for other in sorted(over, key=lambda other: other.left):
+        if other.left <= x < other.right and other.top < y < other.bottom:
+            x = other.right
+    return x if x < room.right else room.left
 
 
 def _grid(blocks: Sequence[_Block], columns: int, head: float) -> tuple[list[float], list[float]]:

@@ -36,10 +36,10 @@
     if (likely !== null) draw("polygon", { class: "likely", points, "fill-opacity": likely }, group);
     draw("polygon", { class: "wall", points }, group);
     draw("title", {}, group, room.name + (likely === null ? "" : ": " + percent(likely)));
-    const name = Names.cut(room.name, Math.floor((e.right - e.left - 6) / LETTER));
+    const left = at([room.name_x, 0])[0], name = Names.cut(room.name, Math.floor((e.right - left - 6) / LETTER));
     const words = [...(name.length > 2 || name === room.name ? [name] : []), ...(likely === null ? [] : [percent(likely)])];
     words.slice(0, Math.floor((e.bottom - e.top - 2) / LINE)).forEach((text, k) =>
-      draw("text", { class: "name", x: e.left + 4, y: e.top + LINE * (k + 1) }, group, text));
+      draw("text", { class: "name", x: left + 4, y: e.top + LINE * (k + 1) }, group, text));
   }
 
   function drawLine({ svg, centre }, kind, from, to) {

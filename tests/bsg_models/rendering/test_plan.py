@@ -44,6 +44,19 @@ def test_storeys_stand_as_the_page_has_room(aspect: float, columns: int) -> None
     assert len({room.left for room in plan.rooms}) == columns
 
 
+def test_a_name_begins_beside_the_rooms_that_lie_over_its_corner() -> None:
+    corner = ((-0.5, 1.0), (0.8, 1.0), (0.8, 2.0), (-0.5, 2.0))
+    beside = ((0.8, 0.0), (1.2, 0.0), (1.2, 2.0), (0.8, 2.0))
+    below = ((0.0, 0.0), (0.5, 0.0), (0.5, 0.5), (0.0, 0.5))
+    outlines = {"hall": SQUARE, "a": corner, "b": beside, "c": below}
+    plan = draw_plan([KnownOutline(i, *room, 0) for i, room in enumerate(outlines.items(), 1)])
+    hall = plan.find(1)
+    assert [hall.left, hall.name_x] == [0.5, 1.7]  # right of a, then of b; c lies below
+    assert all(room.name_x == room.left for room in plan.rooms if room is not hall)
+    covered = draw_plan([KnownOutline(1, "x", SQUARE, 0), KnownOutline(2, "y", SQUARE, 0)])
+    assert {room.name_x for room in covered.rooms} == {0.0}
+
+
 def test_rooms_of_no_place_are_squares_apart() -> None:
     rooms = [KnownOutline(1, "hall", SQUARE, 0), *(KnownOutline(k, "", None, 2) for k in (2, 3))]
     plan = draw_plan(rooms)
