@@ -23,7 +23,7 @@ from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, reclassify
 from bsg_data.observation.robot_json import list_unmapped, parse_robot_graph
 from bsg_data.observation.sightings import discover, enter, see_object
-from bsg_data.scene.class_map import ClassMap, load_class_map
+from bsg_data.scene.class_map import ClassMap, list_class_maps, load_class_map
 from bsg_data.scene.surroundings import RoomType, check_room_type
 from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, Mode, believe
 from bsg_models.belief.expectation import Expectation
@@ -363,7 +363,8 @@ class SeenBuilding:
             RecipeError: if no class is meant, with the names that are near.
         """
         if thing not in self._meanings:
-            self._meanings[thing] = find_meaning(thing, self._class_maps)
+            own = self._class_maps[0].version not in list_class_maps()
+            self._meanings[thing] = find_meaning(thing, self._class_maps, prefer_exact=not own)
         return self._meanings[thing]
 
     def ways(self, costs: Costs | None = None) -> Ways:

@@ -35,7 +35,9 @@ class Meaning:
     is_exact: bool
 
 
-def find_meaning(word: str, class_maps: Sequence[ClassMap]) -> Meaning:
+def find_meaning(
+    word: str, class_maps: Sequence[ClassMap], *, prefer_exact: bool = True
+) -> Meaning:
     """Return the class that a word means.
 
     The first map that has a class for it is taken, but one with a class of such things alone comes
@@ -46,6 +48,8 @@ def find_meaning(word: str, class_maps: Sequence[ClassMap]) -> Meaning:
     Args:
         word: any name of a thing.
         class_maps: one for each model that can be asked, the preferred one first.
+        prefer_exact: False where the first map that has a class for the word is to be taken,
+            however wide the class is: it is one's own.
 
     Raises:
         RecipeError: if no class is meant, with the names that are near.
@@ -57,7 +61,7 @@ def find_meaning(word: str, class_maps: Sequence[ClassMap]) -> Meaning:
         )
     found = [one for model in range(len(class_maps)) if (one := _look_up(word, class_maps, model))]
     if found:
-        return max(found, key=lambda one: one.is_exact)
+        return max(found, key=lambda one: prefer_exact and one.is_exact)
     near = _spelled_alike(word, class_maps)
     if near and not any(class_map.classify(word).category for class_map in class_maps):
         name, model, index, ratio = near[0]

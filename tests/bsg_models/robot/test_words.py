@@ -33,6 +33,8 @@ def test_a_class_of_such_things_alone_comes_before_a_wider_one() -> None:
     assert (alone.class_name, alone.is_exact) == ("computer", False)
     both = find_meaning("laptop", MAPS)
     assert (both.class_name, both.model, both.is_exact) == ("laptop", 1, True)
+    own = find_meaning("laptop", MAPS, prefer_exact=False)
+    assert (own.class_name, own.model) == ("computer", 0)
 
 
 @pytest.mark.parametrize("class_map", MAPS, ids=lambda m: m.version)
