@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 import bsg_data
 import bsg_models
@@ -89,6 +90,9 @@ def main(
     """
     if bool(options["graphs"]) == (dataset is not None):
         raise click.UsageError("give GRAPHs, or --data DATASET")
+    if here is not None and find is None:
+        raise click.UsageError("--from says where the robot is that looks for --find THING")
+    require_files(options["graphs"])
     named = read_model(options.pop("model"), options.pop("run"))
     if named is None:
         print_note(f"model: {bsg_models.describe_model()}")
@@ -99,8 +103,6 @@ def main(
         seen = open_seen(options)
         find_thing(seen, find, here=here, as_json=as_json)
         return
-    if here is not None:
-        raise click.UsageError("--from says where the robot is that looks for --find THING")
     request = read_request(dataset, options)
     with progress_bar("belief", unit="graph") as progress:
         report = bsg_models.report_beliefs(request, progress=progress)
@@ -136,6 +138,10 @@ def main(
 def open_seen(options: dict[str, Any]) -> bsg_models.SeenBuilding:
     """Return the one graph of the options, ready to be asked."""
     graphs: tuple[Path, ...] = options["graphs"]
+    context = click.get_current_context()
+    for name in ("mode", "top", "split", "fold", "scene", "force"):
+        if context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+            raise click.UsageError(f"--find answers a question, and reads no --{name}")
     if len(graphs) != 1:
         raise click.UsageError(f"--find takes one GRAPH, not {len(graphs) or '--data'}")
     written = [name for name in ("out", "hydra", "tables", "html") if options[name]]
@@ -149,6 +155,17 @@ def open_seen(options: dict[str, Any]) -> bsg_models.SeenBuilding:
     note_reading(graphs[0], seen.notes)
     note_shares(graphs[0], seen.graph)
     return seen
+
+
+def require_files(graphs: Sequence[Path]) -> None:
+    """Refuse a graph that is not there, before a model is slowly imported.
+
+    Raises:
+        BSGError: naming the first.
+    """
+    for path in graphs:
+        if str(path) != "-" and not path.exists():
+            raise bsg_data.BSGError(f"{path}: cannot be read (No such file or directory)")
 
 
 def note_unmapped(path: Path, names: Sequence[bsg_data.UnmappedEntry]) -> None:
@@ -174,8 +191,9 @@ def note_shares(path: Path, graph: bsg_data.PartialGraph) -> None:
     for share, rooms in unsure.items():
         more = f" and {len(rooms) - MOST_NAMES:,} more" if len(rooms) > MOST_NAMES else ""
         print_note(
-            f"{path}: {share} of the objects count as not seen in {', '.join(rooms[:MOST_NAMES])}"
-            f"{more}; --hidden-share says better"
+            f"{path}: nobody is sure which share of the objects was not seen in "
+            f"{', '.join(rooms[:MOST_NAMES])}{more}: {share} is assumed; floor_in_view in the "
+            "graph, or --hidden-share, says better"
         )
 
 

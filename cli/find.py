@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -39,7 +39,8 @@ def find_thing(
     if meaning.how:
         print_note(meaning.how)
     header = ("room", f"P({meaning.class_name})", "expected more", "seen", "cost")
-    rows = [_row(place, unit) for place in places]
+    words = {obj.name: obj.raw_category for obj in seen.graph.objects}
+    rows = [_row(place, unit, words) for place in places]
     columns = len(header) if unit else len(header) - 1
     shown = [row[:columns] for row in rows[:MOST_ROWS]]
     click.echo(format_text(shown, header=header[:columns], numeric=(*header[1:3], "cost")))
@@ -51,12 +52,12 @@ def find_thing(
     click.echo(goes)
 
 
-def _row(place: bsg_models.Place, unit: str | None) -> tuple[Any, ...]:
+def _row(place: bsg_models.Place, unit: str | None, words: Mapping[str, str]) -> tuple[Any, ...]:
     return (
         "in no room" if place.room is None else _name(place.room, [place]),
         _percent(place.probability),
         f"{place.expected:.2f}",
-        ", ".join(place.seen) or "–",
+        ", ".join(f"{one} ({words[one]})" for one in place.seen) or "–",
         _cost(place.cost, unit),
     )
 

@@ -189,7 +189,7 @@ class PartialGraph:
         """
         try:
             return Surroundings.of_rooms(
-                [_area_of(room) for room in self.rooms],
+                [area_of(room) for room in self.rooms],
                 [room.room_type for room in self.rooms],
                 building_kind=self.building_kind,
                 source=self.source,
@@ -211,7 +211,7 @@ class PartialGraph:
         return to_histograms(cells)
 
 
-def _area_of(room: KnownRoom) -> float | None:
+def area_of(room: KnownRoom) -> float | None:
     """Return the floor area that a room says, or that its shape has, square metres."""
     if room.floor_area is not None:
         return room.floor_area

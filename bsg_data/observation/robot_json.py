@@ -39,7 +39,7 @@ from bsg_data.observation.hidden_share import VAGUE
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_data.observation.robot_faults import explain_fault
 from bsg_data.observation.said_share import SaidShare, Share
-from bsg_data.recipes import Record
+from bsg_data.recipes import Record, name_fault
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
 from bsg_data.scene.scene_graph import Box
 from bsg_data.scene.surroundings import (
@@ -48,6 +48,7 @@ from bsg_data.scene.surroundings import (
     check_building_kind,
     check_room_type,
 )
+from bsg_data.spelling import SHOWN
 
 MAX_BYTES = 64 * 2**20
 Id = Annotated[str, Field(min_length=1, max_length=500)]
@@ -316,6 +317,33 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
 
 def _name_class(graph: PartialGraph, obj: SeenObject) -> str | None:
     return None if obj.class_index is None else graph.class_space.classes[obj.class_index]
+
+
+def check_object(seen: SeenObject) -> None:
+    """Refuse an object that no file of a robot's graph could hold.
+
+    Raises:
+        RecipeError: naming what is wrong with it.
+    """
+    said = {"id": seen.name, "category": seen.raw_category, "position": seen.position}
+    _check(_Object, said, f"object {str(seen.name)[:SHOWN]!r}")
+
+
+def check_room(room: KnownRoom) -> None:
+    """Refuse a room that no file of a robot's graph could hold.
+
+    Raises:
+        RecipeError: naming what is wrong with it.
+    """
+    said = {"id": room.name, "position": room.position, "floor_area": room.floor_area}
+    _check(_Room, said, f"room {str(room.name)[:SHOWN]!r}")
+
+
+def _check(kind: type[Record], said: dict[str, Any], what: str) -> None:
+    try:
+        kind.model_validate(said)
+    except ValidationError as error:
+        raise RecipeError(f"{what}: {name_fault(error)}") from error
 
 
 def list_unmapped(graph: PartialGraph) -> dict[str, int]:

@@ -44,7 +44,8 @@ def enter(
         graph: what it knew.
         room_index: the room, 1..R.
         hidden_share: of its objects, how many it has not seen by now, 0 once the room is searched;
-            None for anything (`VAGUE`), or for what was known where that is less.
+            None for what was known, or for anything (`VAGUE`) in a room of which less was seen than
+            one sees from inside.
 
     Raises:
         RecipeError: if there is no such room.
@@ -52,7 +53,8 @@ def enter(
     if not 1 <= room_index <= len(graph.rooms):
         raise RecipeError(f"{graph.scene_id}: room {room_index} of 1..{len(graph.rooms)}")
     known = graph.rooms[room_index - 1]
-    usual = known.share if known.hidden_share <= VAGUE.mean else VAGUE
+    was_inside = known.visited and known.hidden_share < 1
+    usual = known.share if was_inside or known.hidden_share <= VAGUE.mean else VAGUE
     share = usual if hidden_share is None else hidden_share
     rooms = list(graph.rooms)
     rooms[room_index - 1] = replace(known, visited=True)

@@ -150,10 +150,15 @@ def find_document(graph: Any) -> Any:
 
 
 def _find_belief(held: Any) -> Mapping[str, Any] | None:
-    """Return what stands under `metadata.bsg.belief` of a graph, or of a node's attributes."""
+    """Return what `annotate` put under `metadata.bsg.belief` of a graph or of a node.
+
+    Blind nodes are ours as a whole, and say so by their kind.
+    """
     for key in _WAY:
         held = held.get(key) if isinstance(held, dict) else None
-    return held if isinstance(held, dict) else None
+    if not isinstance(held, dict):
+        return None
+    return held if held.get("added") in _WAY or held.get("kind") == "blind" else None
 
 
 def _say(
@@ -167,6 +172,11 @@ def _say(
         if not isinstance(found.value, dict):
             path, there = ".".join(_WAY[: depth + 1]), text[found.start : found.end][:40]
             raise HydraError(f"{where}: {path}: expected an object, found {there}")
+        if depth == len(_WAY) - 1:
+            raise HydraError(
+                f"{where}: {'.'.join(_WAY)} is there already, and is not what this program put in; "
+                "give it another name"
+            )
         start, parts = found.start, list_parts(text, found.start)
     said: Any = {"added": key, **belief}
     for inner in reversed(_WAY[depth + 1 :]):

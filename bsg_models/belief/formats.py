@@ -90,7 +90,7 @@ def choose_format(path: Path, format: str | None = None) -> FormatRow:  # noqa: 
 
 def write_belief(
     belief: BeliefGraph,
-    path: Path,
+    path: Path | str,
     format: str | None = None,  # noqa: A002
 ) -> None:
     """Write a belief graph in the format of a path's suffix.
@@ -104,7 +104,7 @@ def write_belief(
         RecipeError: if no format has this suffix or name.
         DatasetError: if it cannot be written.
     """
-    write_beliefs([belief], path, format)
+    write_beliefs([belief], Path(path), format)
 
 
 def write_beliefs(
@@ -131,7 +131,7 @@ def write_beliefs(
     row.write(several[0], path)
 
 
-def read_belief(path: Path, format: str | None = None) -> BeliefGraph:  # noqa: A002
+def read_belief(path: Path | str, format: str | None = None) -> BeliefGraph:  # noqa: A002
     """Read the belief graph of a file, in the format of its suffix.
 
     Args:
@@ -142,7 +142,7 @@ def read_belief(path: Path, format: str | None = None) -> BeliefGraph:  # noqa: 
         RecipeError: if no format has this suffix or name, or the format is not read.
         BeliefFileError: if the file is not of this format, or holds another number of graphs.
     """
-    beliefs = read_beliefs(path, format)
+    beliefs = read_beliefs(Path(path), format)
     if len(beliefs) != 1:
         raise BeliefFileError(
             f"{path}: expected one belief graph, found {len(beliefs)}; `read_beliefs` reads all"

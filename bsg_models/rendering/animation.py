@@ -11,6 +11,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -84,6 +85,7 @@ def share_palette(frames: Sequence[Image.Image]) -> list[Image.Image]:
     return [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
 
 
+@rc_context({"text.parse_math": False})  # a $ in a name is a $
 def draw_frame(replay: Replay, step: int) -> Image.Image:
     """Return the picture of a search after so many rooms; a robot that is done stays."""
     plan = replay.plan

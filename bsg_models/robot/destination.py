@@ -23,8 +23,9 @@ def choose_destination(
     """Return the room to go to.
 
     A planner names the first room that it would look into, however unlikely, if that costs nothing:
-    a hall on the way to the kitchen. A robot is told to go to the kitchen: a room is passed by for
-    the one after it, if that is likelier and lies behind it on the cheapest way.
+    a hall on the way to the kitchen, or the room where the robot is. A robot is told to go to the
+    kitchen: a room is passed by for the one after it, if that is likelier and lies behind it on the
+    cheapest way.
 
     Args:
         ways: between N nodes.
@@ -35,14 +36,13 @@ def choose_destination(
         task: as for `next_room`.
 
     Returns:
-        a room; None if no other can be reached.
+        a room, which may be `here`; None if none can be reached.
 
     Raises:
         RecipeError: as `next_room`.
     """
     likely = 1 - (1 - presence).prod(axis=1)
     known = explored.copy()
-    known[here] = True
     place, chosen = here, None
     while True:
         beyond = next_room(

@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterable, Mapping
 
 from bsg_data.errors import RecipeError
+from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_models.robot.answers import Place
 from bsg_models.robot.room_names import find_room
@@ -67,6 +68,7 @@ class FindProbability:
         self._sizes = dict(sizes or {})
         self._words = dict(words or {})
         self._otherwise = otherwise
+        self._robots: set[str] = set()  # that have asked
         self._searched: set[str] = set()
         self._found: dict[str, str] = {}  # thing → the location where it was found
         self._graph: PartialGraph | None = None  # that what follows is of
@@ -74,7 +76,8 @@ class FindProbability:
         self._known: dict[tuple[str, str], float] = {}
         if otherwise is not None and not 0 <= otherwise <= 1:
             raise RecipeError(f"otherwise: expected 0 to 1, found {otherwise}")
-        for location, room in (locations or {room: room for room in seen.rooms}).items():
+        every = {room: room for room in seen.rooms} if locations is None else locations
+        for location, room in every.items():
             self.add(location, room)
         for location, size in self._sizes.items():
             self._require(location)
@@ -103,9 +106,11 @@ class FindProbability:
         """
         if self._graph is not self.seen.graph:
             self._graph, self._places, self._known = self.seen.graph, {}, {}
+            self._forget_moved()
         known = self._known.get((location, thing))
         if known is None:
-            if location == f"{robot}{_ON_ITS_WAY}" and location not in self._rooms:
+            self._robots.add(robot)
+            if location not in self._rooms and location.removesuffix(_ON_ITS_WAY) in self._robots:
                 return 0.0
             known = self._known[location, thing] = self._find(location, thing)
         return known
@@ -133,9 +138,19 @@ class FindProbability:
         if location not in self._searched:
             before = self._unsearched(node)
             self._searched.add(location)
-            hidden = self.seen.graph.rooms[node - 1].hidden_share
-            self.seen.entered(room, hidden_share=hidden * self._unsearched(node) / before)
+            left = self._unsearched(node) / before
+            share = self.seen.graph.rooms[node - 1].share
+            self.seen.entered(room, hidden_share=ShareBelief(share.mean * left, share.sd * left))
         self._graph = None
+
+    def _forget_moved(self) -> None:
+        """Forget where things were found that were seen in another room since."""
+        rooms = {obj.name: obj.room_index for obj in self.seen.graph.objects}
+        self._found = {
+            thing: location
+            for thing, location in self._found.items()
+            if rooms.get(thing) == self._rooms[location]
+        }
 
     def _find(self, location: str, thing: str) -> float:
         node = self._require(location)

@@ -25,7 +25,7 @@ def find_room(graph: PartialGraph, name: str) -> int:
     labelled = [
         number
         for number, room in enumerate(graph.rooms, 1)
-        if said in (normalise_name(room.label or ""), normalise_name(room.name))
+        if said and said in (normalise_name(room.label or ""), normalise_name(room.name))
     ]
     if len(labelled) == 1:
         return labelled[0]

@@ -8,20 +8,32 @@ All names are those of the robot: ids or labels of its rooms, and any word for a
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from functools import cached_property
+from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import cached_property, wraps
 from pathlib import Path
+from threading import RLock
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 
 from bsg_data.arrays import Bools, Floats
 from bsg_data.dataset.manifest import COMPARED, UnmappedEntry, describe_unmapped
 from bsg_data.errors import RecipeError
-from bsg_data.observation.hidden_share import ShareBelief
-from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, reclassify
-from bsg_data.observation.robot_json import list_unmapped, parse_robot_graph
+from bsg_data.observation.hidden_share import ShareBelief, estimate_hidden_share
+from bsg_data.observation.partial_graph import (
+    KnownRoom,
+    PartialGraph,
+    SeenObject,
+    area_of,
+    reclassify,
+)
+from bsg_data.observation.robot_json import (
+    check_object,
+    check_room,
+    list_unmapped,
+    parse_robot_graph,
+)
 from bsg_data.observation.sightings import discover, enter, see_object
 from bsg_data.scene.class_map import ClassMap, list_class_maps, load_class_map
 from bsg_data.scene.surroundings import RoomType, check_room_type
@@ -73,6 +85,23 @@ def open_graph(
     return SeenBuilding(known, predictor, notes=file.notes)
 
 
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def _alone(
+    method: Callable[Concatenate[SeenBuilding, P], R],
+) -> Callable[Concatenate[SeenBuilding, P], R]:
+    """Let one thread at a time tell or ask: a robot's messages come from several."""
+
+    @wraps(method)
+    def run(self: SeenBuilding, /, *args: P.args, **kwargs: P.kwargs) -> R:
+        with self._lock:
+            return method(self, *args, **kwargs)
+
+    return run
+
+
 class SeenBuilding:
     """What a robot has seen of one building: it is told, and it is asked.
 
@@ -80,7 +109,8 @@ class SeenBuilding:
     asks does not: `where`, `anywhere`, `expected`, `next_room` and `belief`. Beneath is one
     `PartialGraph`, which never changes: keep `graph`, or a `copy`, to ask what would be.
 
-    A thing is any word. A room is its id, or its label if no other room has it.
+    A thing is any word. A room is its id, or its label if no other room has it. Threads may share
+    it.
     """
 
     def __init__(
@@ -101,6 +131,7 @@ class SeenBuilding:
             CheckpointError: if there is no such model.
         """
         self.notes = notes
+        self._lock = RLock()
         self._graph = graph
         self._models = [model if isinstance(model, Predictor) else Predictor(model)]
         self._beliefs: dict[int, Expectation] = {}
@@ -135,6 +166,7 @@ class SeenBuilding:
 
     # What the robot tells
 
+    @_alone
     def saw(
         self,
         room: str | None,
@@ -156,30 +188,56 @@ class SeenBuilding:
             its id.
 
         Raises:
-            RecipeError: if there is no such room.
+            RecipeError: if there is no such room, or the object cannot be.
         """
+        if not isinstance(thing, str) or not thing.strip():
+            raise RecipeError(f"saw: expected the name of a thing, found {thing!r}")
         index = 0 if room is None else find_room(self._graph, room)
         name = self._free_id() if object_id is None else object_id
         found = self._class_maps[0].classify(thing)
         seen = SeenObject(name, index, thing, found.category, found.class_index, position)
+        check_object(seen)
         self._change(see_object(self._graph, seen))
         return name
 
-    def entered(self, room: str, *, hidden_share: float | ShareBelief | None = None) -> None:
+    @_alone
+    def entered(
+        self,
+        room: str,
+        *,
+        hidden_share: float | ShareBelief | None = None,
+        floor_in_view: float | None = None,
+        walls_in_view: float | None = None,
+        seconds_inside: float | None = None,
+    ) -> None:
         """Say that the robot is in a room, or has looked at more of it.
 
         Args:
             room: id or label.
             hidden_share: of its objects, which share the robot has not seen by now; a `ShareBelief`
-                if it is not sure, as `estimate_hidden_share` gives one; None for anything, or for
-                what was known where that is less.
+                if it is not sure; None estimates it by what follows, and without any of it what was
+                known stays, or may be anything in a room that was not entered before.
+            floor_in_view: share of the floor that its camera had in view by now.
+            walls_in_view: share of the walls, likewise.
+            seconds_inside: how long it has looked about there.
 
         Raises:
-            RecipeError: if there is no such room, or the share is none.
+            RecipeError: if there is no such room, a share is none, or is told in two ways.
         """
-        if hidden_share is not None and not isinstance(hidden_share, ShareBelief):
+        index = find_room(self._graph, room)
+        looks = (floor_in_view, walls_in_view, seconds_inside)
+        if hidden_share is not None and any(look is not None for look in looks):
+            raise RecipeError(f"room {room!r}: say hidden_share, or how it was looked at; not both")
+        if any(look is not None for look in looks):
+            hidden_share = estimate_hidden_share(
+                floor_in_view=floor_in_view,
+                walls_in_view=walls_in_view,
+                seconds_inside=seconds_inside,
+                floor_area=area_of(self._graph.rooms[index - 1]),
+            )
+        elif hidden_share is not None and not isinstance(hidden_share, ShareBelief):
             hidden_share = ShareBelief(hidden_share)
-        self._change(enter(self._graph, find_room(self._graph, room), hidden_share=hidden_share))
+        self._change(enter(self._graph, index, hidden_share=hidden_share))
 
     def searched(self, room: str) -> None:
         """Say that all that is in a room was seen, and told by `saw`.
@@ -189,11 +247,12 @@ class SeenBuilding:
         """
         self.entered(room, hidden_share=0.0)
 
+    @_alone
     def discovered(
         self,
         room: str,
         *,
-        beside: Collection[str] = (),
+        beside: Collection[str] | str = (),
         room_type: RoomType | None = None,
         position: tuple[float, float, float] | None = None,
         floor_area: float | None = None,
@@ -202,13 +261,13 @@ class SeenBuilding:
 
         Args:
             room: its id.
-            beside: rooms that it connects with.
+            beside: rooms that it connects with, or one.
             room_type: a room label, or labels with probabilities.
             position: metres, Z up.
             floor_area: square metres.
 
         Raises:
-            RecipeError: if it is known already, or a room beside it is not.
+            RecipeError: if it is known already, a room beside it is not, or it cannot be.
         """
         new = KnownRoom(
             room,
@@ -218,11 +277,14 @@ class SeenBuilding:
             floor_area=floor_area,
             room_type=check_room_type(room_type),
         )
-        neighbours = [find_room(self._graph, other) for other in beside]
+        others = [beside] if isinstance(beside, str) else beside
+        check_room(new)
+        neighbours = [find_room(self._graph, other) for other in others]
         self._change(discover(self._graph, new, beside=neighbours))
 
     # What the robot asks
 
+    @_alone
     def where(
         self, thing: str, *, here: str | None = None, costs: Costs | None = None
     ) -> tuple[Place, ...]:
@@ -231,7 +293,7 @@ class SeenBuilding:
         Args:
             thing: any word; `understand` says which class answers it.
             here: the room of the robot, from which ways are measured.
-            costs: (room, room) → cost; None measures them in the graph.
+            costs: (room, room) → cost, in the place of what the graph measures; ∞ is a closed way.
 
         Raises:
             RecipeError: if no class is meant, or there is no such room.
@@ -256,6 +318,7 @@ class SeenBuilding:
             places.append(Place(None, None, 1.0, 0.0, 0.0, seen[0], None))
         return tuple(sorted(places, key=lambda place: (-place.probability, place.cost or 0.0)))
 
+    @_alone
     def anywhere(self, thing: str) -> float:
         """Return P(at least one is in the building, seen or not).
 
@@ -267,6 +330,7 @@ class SeenBuilding:
             return 1.0
         return float(self._belief(meaning.model).presence[0, meaning.class_index])
 
+    @_alone
     def expected(self, room: str) -> tuple[ExpectedClass, ...]:
         """Return what a room may hold that was not seen, the likeliest first.
 
@@ -288,6 +352,7 @@ class SeenBuilding:
             for c in ranked
         )
 
+    @_alone
     def next_room(
         self,
         things: str | Sequence[str],
@@ -299,14 +364,14 @@ class SeenBuilding:
     ) -> str | None:
         """Return the room to go to next, to find a thing or several.
 
-        A room in which one was seen holds it. The room where the robot is counts as looked through;
-        `where` says how likely that is wrong. A room that lies on the way to a likelier one is
-        passed by.
+        A room in which one was seen holds it. The room where the robot is counts like all others
+        until it is `searched`: it is named while it is likelier than those beyond. A room that lies
+        on the way to a likelier one is passed by.
 
         Args:
             things: any word, or several.
             here: the room of the robot; None for the likeliest room, wherever it is.
-            costs: (room, room) → cost; None measures them in the graph.
+            costs: (room, room) → cost, in the place of what the graph measures; ∞ is a closed way.
             planner: a name of `PLANNERS`, a `Planner`, or a function of `Knowledge`.
             task: whether one of each is enough, or all are to be found.
 
@@ -319,6 +384,7 @@ class SeenBuilding:
         presence, seen = self._presence([things] if isinstance(things, str) else things)
         explored = np.array([True, *(room.hidden_share == 0 for room in self._graph.rooms)])
         explored &= ~seen.any(axis=1)
+        explored[0] = True  # what lies in no room is nowhere to go to
         if here is None:
             open_ = np.where(explored, -1.0, 1 - (1 - presence).prod(axis=1))
             node = int(open_.argmax())
@@ -336,6 +402,7 @@ class SeenBuilding:
         )
         return None if chosen is None else self.rooms[chosen - 1]
 
+    @_alone
     def belief(self, *, mode: Mode = "complete", top: int = 3) -> BeliefGraph:
         """Return the belief graph, for files and pages: `write_belief(seen.belief(), path)`.
 
@@ -345,6 +412,7 @@ class SeenBuilding:
         """
         return believe(self._graph, self._belief(0), mode=mode, top=top, model=self.model)
 
+    @_alone
     def asked(self, thing: str) -> str:
         """Return the name of the model that answers for a word.
 
@@ -353,6 +421,7 @@ class SeenBuilding:
         """
         return self._predictor(self.understand(thing).model).name
 
+    @_alone
     def understand(self, thing: str) -> Meaning:
         """Return which class of which model answers for a word, and why.
 

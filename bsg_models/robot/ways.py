@@ -45,14 +45,12 @@ def measure_ways(graph: PartialGraph, costs: Costs | None = None) -> Ways:
 
     Args:
         graph: with R rooms.
-        costs: (room, room) → cost, in both directions; these are then all the edges that there are.
+        costs: (room, room) → cost of the edge between them, both ways, in the place of what was
+            measured; ∞ for a way that is closed.
 
     Raises:
         RecipeError: for a room that is not known, or a cost that is none.
     """
-    if costs is not None:
-        edges = _as_given(graph, costs)
-        return Ways(edges, find_ways(edges[None]).costs[0], "given")
     lines = _straight_lines(graph)
     every = list(itertools.combinations(range(1, len(graph.rooms) + 1), 2))
     pairs = list(graph.adjacency) or every
@@ -63,18 +61,18 @@ def measure_ways(graph: PartialGraph, costs: Costs | None = None) -> Ways:
         length = lines[a, b] if np.isfinite(lines[a, b]) else usual
         edges[a, b] = edges[b, a] = length
     _join_parts(edges, lines, usual)
-    return Ways(edges, find_ways(edges[None]).costs[0], "m" if known else "rooms")
+    if costs is not None:
+        _lay_over(edges, graph, costs)
+    unit: Unit = "given" if costs else "m" if known else "rooms"
+    return Ways(edges, find_ways(edges[None]).costs[0], unit)
 
 
-def _as_given(graph: PartialGraph, costs: Costs) -> Floats:
-    size = len(graph.rooms) + 1
-    edges = np.full((size, size), np.inf)
+def _lay_over(edges: Floats, graph: PartialGraph, costs: Costs) -> None:
     for (one, other), cost in costs.items():
         if not cost >= 0:
             raise RecipeError(f"costs: {one!r} to {other!r}: expected 0 or more, found {cost}")
         a, b = find_room(graph, one), find_room(graph, other)
         edges[a, b] = edges[b, a] = cost
-    return edges
 
 
 def _straight_lines(graph: PartialGraph) -> Floats:

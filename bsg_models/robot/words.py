@@ -11,6 +11,7 @@ from bsg_data.scene.class_map import ClassMap, normalise_name
 from bsg_data.spelling import nearest_names
 
 MOST_CHARACTERS = 100
+SHORT = 5  # letters: among shorter words nearly all are like another one
 LIKE_A_MISSPELLING = 0.85  # of difflib's ratio: microwav, refridgerator; but not boots for books
 
 
@@ -54,10 +55,10 @@ def find_meaning(
     Raises:
         RecipeError: if no class is meant, with the names that are near.
     """
-    if not word.strip() or len(word) > MOST_CHARACTERS:
+    if not isinstance(word, str) or not word.strip() or len(word) > MOST_CHARACTERS:
         raise RecipeError(
             f"expected the name of a thing, of 1 to {MOST_CHARACTERS} characters, found "
-            f"{word[:MOST_CHARACTERS]!r}"
+            f"{str(word)[:MOST_CHARACTERS]!r}"
         )
     found = [one for model in range(len(class_maps)) if (one := _look_up(word, class_maps, model))]
     if found:
@@ -65,7 +66,7 @@ def find_meaning(
     near = _spelled_alike(word, class_maps)
     if near and not any(class_map.classify(word).category for class_map in class_maps):
         name, model, index, ratio = near[0]
-        if ratio >= LIKE_A_MISSPELLING:
+        if ratio >= LIKE_A_MISSPELLING and _is_misspelling(word, name):
             how = f"no model knows {word!r}; {name!r} is spelled most like it"
             name = class_maps[model].classes[index]
             return Meaning(word, name, index, model, how, is_exact=False)
@@ -83,9 +84,10 @@ def _look_up(word: str, class_maps: Sequence[ClassMap], model: int) -> Meaning |
     if found.class_index is None:
         return None
     name = class_map.classes[found.class_index]
-    steps = (
-        [] if found.rule is None else [f"{word!r} is {found.category!r} by the rule {found.rule!r}"]
-    )
+    steps = []
+    if said != normalise_name(str(found.category)):
+        rule = "" if found.rule is None else f" by the rule {found.rule!r}"
+        steps.append(f"{word!r} is {found.category!r}{rule}")
     is_exact = found.category == name
     if not is_exact:
         steps.append(f"{found.category!r} is one of the class {name!r}")
@@ -97,13 +99,23 @@ def _spelled_alike(word: str, class_maps: Sequence[ClassMap]) -> list[tuple[str,
     said = normalise_name(word)
     names: dict[str, tuple[int, int]] = {}
     for model, class_map in enumerate(class_maps):
-        for name, entry in class_map.normalised.items():
+        for entry in class_map.entries.values():  # corrected: spellings as published are misspelt
             if entry.class_index is not None:
-                names.setdefault(name, (model, entry.class_index))
+                names.setdefault(normalise_name(entry.category), (model, entry.class_index))
         for index, name in enumerate(class_map.classes):
             names.setdefault(normalise_name(name), (model, index))
     close = nearest_names(said, names)
     return [(name, *names[name], SequenceMatcher(None, name, said).ratio()) for name in close]
+
+
+def _is_misspelling(word: str, name: str) -> bool:
+    """Say whether a word can be a name with a slip: short words that differ are other words.
+
+    >>> _is_misspelling("microwav", "microwave"), _is_misspelling("xbox", "box")
+    (True, False)
+    """
+    said = normalise_name(word)
+    return min(len(said), len(name)) > SHORT and said.isprintable() and said[0] == name[0]
 
 
 def _refusal(word: str, class_maps: Sequence[ClassMap], near: Sequence[str]) -> str:
@@ -111,7 +123,7 @@ def _refusal(word: str, class_maps: Sequence[ClassMap], near: Sequence[str]) -> 
     if "structure" in roles:
         why = "it is a part of the building, and models count objects"
     elif "left-out" in roles:
-        why = "the name is known, and no class has it"
+        why = "models count no such things, though the name is known"
     else:
         why = "no class map knows the name"
     hint = f"; did you mean {', '.join(near)}?" if near else "."

@@ -60,6 +60,7 @@ def test_a_word_for_the_wide_model_says_which_model_answers() -> None:
         ((OFFICE, "--from", "kitchen"), "--from says where the robot is"),
         ((OFFICE, OFFICE, "--find", "sink"), "--find takes one GRAPH, not 2"),
         ((OFFICE, "--find", "sink", "--html", "x.html"), "writes no --html"),
+        ((OFFICE, "--find", "sink", "--top", "9"), "reads no --top"),
     ],
 )
 def test_what_cannot_be_asked_is_wrong_usage(words: tuple[object, ...], why: str) -> None:

@@ -1,12 +1,16 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 import pytest
 from conftest import REPOSITORY
 
 from bsg_data.errors import RecipeError
+from bsg_data.observation.hidden_share import estimate_hidden_share
 from bsg_data.observation.partial_graph import reclassify
 from bsg_data.observation.robot_json import read_robot_graph
 from bsg_data.scene.class_map import load_class_map
@@ -66,6 +70,66 @@ def test_an_object_in_no_room_has_a_place_of_its_own(seen: SeenBuilding) -> None
     assert (last.seen, last.probability) == ((name,), 1.0)
 
 
+def test_what_lies_in_no_room_is_nowhere_to_go_to(seen: SeenBuilding) -> None:
+    before = [seen.next_room("sink"), seen.next_room("sink", here="kitchen")]
+    seen.saw(None, "sink")
+    assert [seen.next_room("sink"), seen.next_room("sink", here="kitchen")] == before
+    document = {"scene_id": "x", "rooms": [], "objects": [{"id": "1", "category": "bed"}]}
+    empty = open_graph(document, model="mixture")
+    assert empty.next_room("bed") is None
+    assert empty.anywhere("bed") == 1
+
+
+def test_the_room_where_the_robot_is_counts_until_it_is_searched(seen: SeenBuilding) -> None:
+    assert seen.next_room("sink", here="kitchen") == "kitchen"
+    seen.searched("kitchen")
+    assert seen.next_room("sink", here="kitchen") != "kitchen"
+    seen.searched("waiting-room")
+    assert seen.next_room("sink", here="meeting-room") == "meeting-room"
+
+
+def test_a_room_hides_what_the_look_at_it_leaves(seen: SeenBuilding) -> None:
+    seen.entered("kitchen", floor_in_view=0.75)
+    assert seen.graph.rooms[1].share == estimate_hidden_share(floor_in_view=0.75)
+    seen.entered("kitchen")
+    assert seen.graph.rooms[1].share == estimate_hidden_share(floor_in_view=0.75)
+    with pytest.raises(RecipeError, match="not both"):
+        seen.entered("kitchen", floor_in_view=0.75, hidden_share=0.5)
+
+
+@pytest.mark.parametrize(
+    "tell",
+    [
+        lambda seen: seen.saw("kitchen", ""),
+        lambda seen: seen.saw("kitchen", None),
+        lambda seen: seen.saw("kitchen", "cup", object_id=""),
+        lambda seen: seen.saw("kitchen", "cup", position=(float("nan"), 0, 0)),
+        lambda seen: seen.saw("", "cup"),
+        lambda seen: seen.discovered(""),
+        lambda seen: seen.discovered("attic", floor_area=-5.0),
+        lambda seen: seen.discovered("attic", beside="cellar"),
+    ],
+)
+def test_what_cannot_be_is_refused_and_changes_nothing(
+    seen: SeenBuilding, tell: Callable[[Any], object]
+) -> None:
+    before = seen.graph
+    with pytest.raises(RecipeError):
+        tell(seen)
+    assert seen.graph is before
+
+
+def test_threads_may_tell_and_ask_at_once(seen: SeenBuilding) -> None:
+    def tell(robot: int) -> int:
+        for number in range(40):
+            seen.saw("kitchen", "chair", object_id=f"{robot} {number}")
+        return len(seen.where("chair"))
+
+    with ThreadPoolExecutor(3) as pool:
+        assert list(pool.map(tell, range(3))) == [3, 3, 3]
+    assert len(seen.graph.objects) == 18 + 3 * 40
+
+
 def test_a_walk_through_a_building(seen: SeenBuilding) -> None:
     before = seen.graph
     assert seen.next_room("sink") == "kitchen"
@@ -105,6 +169,7 @@ def test_names_that_no_map_knows_are_kept_and_reported(seen: SeenBuilding) -> No
 @pytest.mark.parametrize("planner", ["expected-cost", "nearest", "greedy-belief"])
 def test_the_next_room_is_that_of_the_planner(seen: SeenBuilding, planner: str) -> None:
     """From the room in the middle nothing is on the way."""
+    seen.searched("waiting-room")
     presence = FAST(seen.graph).presence[:, [FAST.classes.index("sink")]]
     explored = np.array([True, True, False, False])
     edges = seen.ways().edges

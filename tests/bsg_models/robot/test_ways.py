@@ -65,12 +65,14 @@ def test_parts_that_no_edge_joins_are_joined_where_they_are_nearest() -> None:
     assert far.costs[1, 3] == 2
 
 
-def test_costs_that_are_given_are_all_the_ways_that_there_are() -> None:
+def test_costs_that_are_given_take_the_place_of_measured_ones() -> None:
     graph = graph_of([None] * 3, [(1, 2), (2, 3)])
     ways = measure_ways(graph, {("a", "b"): 2.5})
     assert ways.unit == "given"
     assert ways.costs[2, 1] == 2.5
-    assert np.isinf(ways.costs[1, 3])
+    assert ways.costs[1, 3] == 3.5
+    assert measure_ways(graph, {("c", "a"): 0.5}).costs[1, 3] == 0.5
+    assert np.isinf(measure_ways(graph, {("a", "b"): np.inf}).costs[1, 3])
     with pytest.raises(RecipeError, match="'a' to 'b': expected 0 or more, found -1"):
         measure_ways(graph, {("a", "b"): -1})
     with pytest.raises(RecipeError, match="no room 'cellar'"):

@@ -14,7 +14,7 @@ MAPS = [load_class_map("hm3d45-v2"), load_class_map("hm3d-wide-v1")]
     [
         ("microwave", "microwave", 0, ""),
         ("  Micro-Wave ", "microwave", 0, "rule"),
-        ("fridge", "refrigerator", 0, ""),
+        ("fridge", "refrigerator", 0, "'fridge' is 'refrigerator'"),
         ("sofa", "couch", 0, "'sofa' is one of the class 'couch'"),
         ("shoes", "shoe", 1, "'shoes' is one of the class 'shoe'"),
         ("microwav", "microwave", 0, "no model knows 'microwav'; 'microwave' is spelled most like"),
@@ -43,11 +43,17 @@ def test_every_class_is_found_by_its_own_name(class_map: ClassMap) -> None:
         assert find_meaning(name, [class_map]) == Meaning(name, name, index, 0, "", is_exact=True)
 
 
+@pytest.mark.parametrize("word", ["xbox", "bow", "clamp", "tale", "planet bat"])
+def test_a_word_that_is_only_like_another_is_not_taken_for_it(word: str) -> None:
+    with pytest.raises(RecipeError, match=r"no class map knows the name|models count no such"):
+        find_meaning(word, MAPS)
+
+
 @pytest.mark.parametrize(
     ("word", "why"),
     [
         ("wall", "part of the building"),
-        ("bicycle", "the name is known, and no class has it"),
+        ("bicycle", "models count no such things"),
         ("qqqxz", r"no class map knows the name\. `bsg-data"),
         ("refrig", "did you mean refrigerator"),
         ("", "expected the name of a thing"),
