@@ -74,6 +74,7 @@ bench: $(INSTALLED) ## Run the benchmarks, each beside what it is compared with.
 	$(BIN)/python -m pytest --benchmark-only --override-ini addopts="--import-mode=importlib" tests
 	$(BIN)/python scripts/bench/mesh.py
 	$(BIN)/python scripts/bench/search.py
+	$(BIN)/python scripts/bench/robot.py
 
 clean: ## Remove the environment, the demo and all caches.
 	rm -rf $(VENV) $(DEMO) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks

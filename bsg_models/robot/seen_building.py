@@ -85,17 +85,17 @@ def open_graph(
     return SeenBuilding(known, predictor, notes=file.notes)
 
 
-P = ParamSpec("P")
-R = TypeVar("R")
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
 
 
 def _alone(
-    method: Callable[Concatenate[SeenBuilding, P], R],
-) -> Callable[Concatenate[SeenBuilding, P], R]:
+    method: Callable[Concatenate[SeenBuilding, _P], _R],
+) -> Callable[Concatenate[SeenBuilding, _P], _R]:
     """Let one thread at a time tell or ask: a robot's messages come from several."""
 
     @wraps(method)
-    def run(self: SeenBuilding, /, *args: P.args, **kwargs: P.kwargs) -> R:
+    def run(self: SeenBuilding, /, *args: _P.args, **kwargs: _P.kwargs) -> _R:
         with self._lock:
             return method(self, *args, **kwargs)
 
@@ -158,6 +158,7 @@ class SeenBuilding:
         names = list_unmapped(self._graph)
         return tuple(describe_unmapped(names, self._class_maps[0], near=COMPARED))
 
+    @_alone
     def copy(self) -> SeenBuilding:
         """Return the same, to tell it what this one shall not know."""
         other = SeenBuilding(self._graph, self._models[0], notes=self.notes)
