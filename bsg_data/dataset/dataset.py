@@ -6,6 +6,7 @@ of one building are views of it.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -73,6 +74,20 @@ class Dataset:
     def __contains__(self, scene_id: object) -> bool:
         """Say whether the dataset has a scene."""
         return scene_id in self._number
+
+    def in_parts(self, scenes: Iterable[str]) -> Iterator[tuple[str, ...]]:
+        """Yield some scenes, those of one part of the tables together, in the order of the tables.
+
+        Whoever asks for scenes in this order has each part read once, however many there are.
+
+        Raises:
+            DatasetError: if one of them is no scene of the dataset.
+        """
+        numbers = np.sort([self._number_of(scene) for scene in scenes])
+        ends = np.cumsum([entry.rows for entry in self.manifest.files_of("scenes")])
+        for some in np.split(numbers, np.searchsorted(numbers, ends)):
+            if len(some):
+                yield tuple(self.scene_ids[number] for number in some)
 
     def cells(self, scene_id: str) -> Counts:
         """Return the classified objects of a scene, `[1 + R, C]`, row 0 the null region."""

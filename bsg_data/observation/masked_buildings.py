@@ -14,6 +14,7 @@ from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
+import pyarrow as pa
 
 from bsg_data.arrays import Counts, Ints
 from bsg_data.dataset.categories import place_columns
@@ -24,10 +25,12 @@ from bsg_data.observation.hidden_others import sample_hidden_others
 from bsg_data.observation.masks import sample_hidden, sample_view
 from bsg_data.observation.masks_v1 import sample_hidden_of_format_1
 from bsg_data.observation.observation import Observation, observe_view, stack
-from bsg_data.observation.pairs import histogram_column, read_pairs, read_views
+from bsg_data.observation.pairs import histogram_column, read_views, stream_pairs
 from bsg_data.observation.view import View
 from bsg_data.recipes import MaskRecipe, PairsRecipe
 from bsg_data.scene.parts import find_wholes, load_parts
+
+BATCH = 256  # buildings that are held at a time
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +101,16 @@ def sample_masked(
         vocabulary: categories outside the classes that are looked for.
     """
     recipes = _vary(mask, fractions, draw, len(scenes))
+    return _sample(data, scenes, recipes, draw, vocabulary)
+
+
+def _sample(
+    data: Dataset,
+    scenes: Sequence[str],
+    recipes: Sequence[MaskRecipe],
+    draw: int,
+    vocabulary: tuple[str, ...],
+) -> MaskedBuildings:
     return MaskedBuildings(
         stack(
             [
@@ -110,21 +123,68 @@ def sample_masked(
     )
 
 
+def stream_sampled(
+    data: Dataset,
+    scenes: Sequence[str],
+    *,
+    mask: MaskRecipe,
+    draw: int,
+    fractions: tuple[float, float] | None = None,
+    vocabulary: tuple[str, ...] = (),
+    size: int = BATCH,
+) -> Iterator[MaskedBuildings]:
+    """Yield what `sample_masked` returns, some buildings at a time, in their order.
+
+    Args:
+        data: an open dataset.
+        scenes: of it; in the order of its tables, each part of them is read once.
+        mask: how objects are hidden.
+        draw: number of the mask.
+        fractions: from where to where the fraction varies.
+        vocabulary: categories outside the classes that are looked for.
+        size: buildings at a time.
+    """
+    recipes = _vary(mask, fractions, draw, len(scenes))
+    for first in range(0, len(scenes), size):
+        some = np.s_[first : first + size]
+        yield _sample(data, scenes[some], recipes[some], draw, vocabulary)
+
+
+def stream_masked(
+    data: Dataset, split: str, *, vocabulary: tuple[str, ...] = ()
+) -> Iterator[MaskedBuildings]:
+    """Yield the stored pairs of one split or fold, a file at a time.
+
+    Raises:
+        DatasetError: if there are none.
+    """
+    recipe = data.manifest.pairs
+    if recipe is None:
+        raise DatasetError(f"{data.path}: has no pairs; run `bsg-data pairs` first")
+    for table in stream_pairs(data.path, split, manifest=data.manifest):
+        yield _read_table(data, table, recipe, vocabulary)
+
+
 def read_masked(data: Dataset, split: str, *, vocabulary: tuple[str, ...] = ()) -> MaskedBuildings:
     """Read the stored pairs of one split or fold; from memory if they were read before.
 
     Raises:
         DatasetError: if there are none.
     """
-    if data.manifest.pairs is None:
-        raise DatasetError(f"{data.path}: has no pairs; run `bsg-data pairs` first")
     return _read_masked(data, split, vocabulary)
 
 
 @lru_cache(maxsize=32)
 def _read_masked(data: Dataset, split: str, vocabulary: tuple[str, ...]) -> MaskedBuildings:
-    recipe = data.manifest.pairs or PairsRecipe()
-    table = read_pairs(data.path, split, manifest=data.manifest)
+    masked = stack_masked(list(stream_masked(data, split, vocabulary=vocabulary)))
+    for array in (masked.seen.inputs, masked.seen.hidden_share, masked.seen.others, masked.targets):
+        array.setflags(write=False)  # all readers of these pairs share them
+    return masked
+
+
+def _read_table(
+    data: Dataset, table: pa.Table, recipe: PairsRecipe, vocabulary: tuple[str, ...]
+) -> MaskedBuildings:
     inputs = histogram_column(table, "input").astype(np.int64)
     targets = histogram_column(table, "target").astype(np.int64)
     views = read_views(table, recipe)
@@ -148,10 +208,7 @@ def _read_masked(data: Dataset, split: str, vocabulary: tuple[str, ...]) -> Mask
                 surroundings=data.surroundings(scene),
             )
         )
-    masked = MaskedBuildings(stack(parts), targets, draws)
-    for array in (masked.seen.inputs, masked.seen.hidden_share, masked.seen.others, targets):
-        array.setflags(write=False)  # all readers of these pairs share them
-    return masked
+    return MaskedBuildings(stack(parts), targets, draws)
 
 
 def see_others(

@@ -124,13 +124,24 @@ def read_pairs(dataset: Path, split: str, *, manifest: Manifest | None = None) -
     Raises:
         DatasetError: if there are none, naming the splits that have some.
     """
+    return pa.concat_tables(stream_pairs(dataset, split, manifest=manifest))
+
+
+def stream_pairs(
+    dataset: Path, split: str, *, manifest: Manifest | None = None
+) -> Iterator[pa.Table]:
+    """Yield the pairs of one split, a file at a time.
+
+    Raises:
+        DatasetError: if there are none, naming the splits that have some.
+    """
     manifest = manifest or read_manifest(dataset)
     entries = [f for f in manifest.files_of("pairs") if split_of_file(f.path) == split]
     if not entries:
         held = sorted({split_of_file(f.path) for f in manifest.files_of("pairs")})
         hint = f"it has some of {', '.join(held)}" if held else "run `bsg-data pairs` first"
         raise DatasetError(f"{dataset}: has no pairs of split {split!r}; {hint}")
-    return pa.concat_tables(read_file(dataset / f.path, manifest=manifest) for f in entries)
+    return (read_file(dataset / entry.path, manifest=manifest) for entry in entries)
 
 
 def rewrite_pairs(dataset: Path, folder: Path, manifest: Manifest) -> list[FileEntry]:

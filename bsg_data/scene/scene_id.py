@@ -1,10 +1,10 @@
-"""Scene ids: five digits of a number and the building's own hash, or the hash alone."""
+"""Scene ids: five to seven digits of a number and the building's own hash, or the hash alone."""
 
 from __future__ import annotations
 
 import re
 
-_NUMBERED = re.compile(r"([0-9]{5})-(.+)")
+_NUMBERED = re.compile(r"([0-9]{5,7})-(.+)")
 
 
 def split_scene_id(scene_id: str) -> tuple[int | None, str]:

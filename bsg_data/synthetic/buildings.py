@@ -30,11 +30,11 @@ from bsg_data.sources.hm3d import SYNTHETIC_MARK
 from bsg_data.synthetic.geometry import GeometryOptions, shape_building
 from bsg_data.synthetic.rates import SyntheticError, SyntheticRates, load_rates
 
-MAX_SCENES = 900  # HM3D numbers 800 train scenes from 00000 and 100 val scenes from 00800
+HM3D_SCENES = 900  # HM3D numbers 800 train scenes from 00000 and 100 val scenes from 00800
 FIRST_VAL_ID = 800
 VAL_EVERY = 9  # the last of every nine numbers is in val: 100 of 900, 2 of 20
 NULL_REGION = -1
-_LIMIT = f"HM3D has ids for {MAX_SCENES} buildings; for more, write another folder and seed"
+MAX_SCENES = 10_000_000  # the digits of a scene id number no more
 _ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789"
 
 Floats = npt.NDArray[np.float64]
@@ -46,7 +46,7 @@ class SyntheticBuilding:
     """One synthetic building.
 
     Attributes:
-        scene_id: five digits, a dash and the hash, for example `00017-8bHk3aXq1Zc`.
+        scene_id: five digits or more, a dash and the hash, for example `00017-8bHk3aXq1Zc`.
         hash: eleven letters and digits.
         split: `train` or `val`.
         rows: in the order of the file.
@@ -66,24 +66,32 @@ def synthesise(rates: SyntheticRates, *, seed: int, number: int) -> SyntheticBui
     Args:
         rates: what to draw from.
         seed: 0 or more; names a set of buildings.
-        number: 0 to 899; the building's place in the set.
+        number: 0 to 9,999,999; the building's place in the set. The first 900 have the ids of HM3D,
+            whose val buildings follow its train buildings; that of a later one is its number.
 
     Raises:
         SyntheticError: if the seed or the number is out of range.
     """
     _check_seed(seed)
     if not 0 <= number < MAX_SCENES:
-        raise SyntheticError(f"there is no building number {number}, counted from 0: {_LIMIT}")
+        raise SyntheticError(
+            f"there is no building number {number}: expected 0 to {MAX_SCENES - 1}"
+        )
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence((seed, number))))
     types = draw_room_types(rates, rng)
     regions = _draw_regions(rates, len(types), rng)
     rows = _number_rows(rates, _draw_names(rates, types, regions, rng), rng)
     name = _hash(seed, number)
-    nines, place = divmod(number, VAL_EVERY)
-    split = "val" if place == VAL_EVERY - 1 else "train"
-    scene = FIRST_VAL_ID + nines if split == "val" else number - nines
+    split = "val" if number % VAL_EVERY == VAL_EVERY - 1 else "train"
     room_types = tuple(zip(regions, types, strict=True))
-    return SyntheticBuilding(f"{scene:05d}-{name}", name, split, rows, room_types)
+    return SyntheticBuilding(f"{_scene_number(number):05d}-{name}", name, split, rows, room_types)
+
+
+def _scene_number(number: int) -> int:
+    if number >= HM3D_SCENES:
+        return number
+    nines, place = divmod(number, VAL_EVERY)
+    return FIRST_VAL_ID + nines if place == VAL_EVERY - 1 else number - nines
 
 
 def _check_seed(seed: int) -> None:
@@ -221,7 +229,7 @@ def write_synthetic(
 
     Args:
         out: the folder above `train` and `val`.
-        scenes: 1 to 900.
+        scenes: 1 to 10,000,000.
         seed: 0 or more; another seed gives other buildings.
         geometry: how to write `<hash>.semantic.glb` and, as JSON, `<hash>.truth.json` beside each
             annotation; None writes none. The annotation is the same either way.
@@ -234,7 +242,7 @@ def write_synthetic(
     """
     _check_seed(seed)
     if not 0 < scenes <= MAX_SCENES:
-        raise SyntheticError(f"{scenes} scenes asked for, expected 1 to {MAX_SCENES}: {_LIMIT}")
+        raise SyntheticError(f"{scenes} scenes asked for, expected 1 to {MAX_SCENES}")
     rates = load_rates()
     mark = {"what": "synthetic buildings of bsg-data synth", "scenes": scenes, "seed": seed}
     if geometry is not None:
@@ -276,7 +284,7 @@ def _write_each(
     geometry: GeometryOptions | None,
     executor: Executor | None,
 ) -> Iterator[Path]:
-    tasks = [(rates, out, mark["seed"], number, geometry) for number in range(mark["scenes"])]
+    tasks = ((rates, out, mark["seed"], number, geometry) for number in range(mark["scenes"]))
     if executor is None:
         yield from (_write_one(*task) for task in tasks)
     else:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from bsg_data.observation.masked_buildings import (
     read_masked,
     sample_masked,
     stack_masked,
+    stream_masked,
 )
 from bsg_data.observation.observation import Observation
 from bsg_data.recipes import MaskRecipe
@@ -66,16 +67,43 @@ def read_split(
     Raises:
         DatasetError: if there are none.
     """
-    scenes = set(scenes_of(data, split, fold=fold))
-    parts = []
+    return stack_masked(
+        [
+            some
+            for name, chosen in _chosen_of(data, split, fold)
+            if (some := _choose(read_masked(data, name, vocabulary=vocabulary), chosen))
+        ]
+    )
+
+
+def stream_split(
+    data: Dataset, split: Split, *, fold: int | None = None, vocabulary: tuple[str, ...] = ()
+) -> Iterator[MaskedBuildings]:
+    """Yield the stored pairs of train, val or test, a file at a time: what `read_split` returns.
+
+    Raises:
+        DatasetError: if there are none.
+    """
+    for name, chosen in _chosen_of(data, split, fold):
+        for masked in stream_masked(data, name, vocabulary=vocabulary):
+            if some := _choose(masked, chosen):
+                yield some
+
+
+def _chosen_of(
+    data: Dataset, split: Split, fold: int | None
+) -> Iterator[tuple[str, frozenset[str]]]:
+    """Yield the stored splits that train, val or test is taken from, with the scenes taken."""
+    scenes = frozenset(scenes_of(data, split, fold=fold))
     for name in splits_of(data, split, fold=fold):
-        masked = read_masked(data, name, vocabulary=vocabulary)
-        chosen = [number for number, scene in enumerate(masked.seen.scene_ids) if scene in scenes]
-        if len(chosen) == len(masked):
-            parts.append(masked)
-        elif chosen:
-            parts.append(masked.take(chosen))
-    return stack_masked(parts)
+        yield name, scenes
+
+
+def _choose(masked: MaskedBuildings, scenes: frozenset[str]) -> MaskedBuildings | None:
+    chosen = [number for number, scene in enumerate(masked.seen.scene_ids) if scene in scenes]
+    if len(chosen) == len(masked):
+        return masked
+    return masked.take(chosen) if chosen else None
 
 
 class MaskedGraphs(GraphDataset):  # type: ignore[misc]

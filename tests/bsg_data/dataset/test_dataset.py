@@ -243,3 +243,15 @@ def test_what_is_no_dataset_is_refused(dataset: Path, tmp_path: Path) -> None:
     (dataset / MANIFEST).write_text("{")
     with pytest.raises(DatasetError):
         Dataset.open(dataset)
+
+
+def test_scenes_in_parts_come_in_the_order_of_the_tables(dataset: Path) -> None:
+    data = Dataset.open(dataset)
+    parts = [entry.rows for entry in data.manifest.files_of("scenes")]
+    every = list(data.in_parts(reversed(data.scene_ids)))
+    assert [len(part) for part in every] == parts
+    assert tuple(scene for part in every for scene in part) == data.scene_ids
+    some = {data.scene_ids[0], data.scene_ids[-1]}
+    assert [set(part) for part in data.in_parts(some)] == (
+        [some] if len(parts) == 1 else [{data.scene_ids[0]}, {data.scene_ids[-1]}]
+    )

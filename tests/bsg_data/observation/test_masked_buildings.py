@@ -19,6 +19,8 @@ from bsg_data.observation.masked_buildings import (
     sample_masked,
     see_others,
     stack_masked,
+    stream_masked,
+    stream_sampled,
 )
 from bsg_data.observation.masks import sample_view
 from bsg_data.observation.observation import stack
@@ -151,3 +153,26 @@ def test_missing_pairs_are_said(dataset: Path) -> None:
     split_dataset(dataset, SplitRecipe(seed=3), force=True)
     with pytest.raises(DatasetError, match="run `bsg-data pairs` first"):
         read_masked(Dataset.open(dataset), "train")
+
+
+def test_a_stream_of_samples_is_the_sample_in_pieces(dataset: Path) -> None:
+    data = Dataset.open(dataset)
+    chosen = {"mask": MaskRecipe(), "draw": 3, "fractions": (0.2, 0.9), "vocabulary": VOCABULARY}
+    whole = sample_masked(data, data.scene_ids, **chosen)
+    pieces = list(stream_sampled(data, data.scene_ids, **chosen, size=7))
+    assert [len(piece) for piece in pieces[:-1]] == [7] * (len(pieces) - 1)
+    same_buildings(stack_masked(pieces), whole)
+
+
+def test_a_stream_of_pairs_is_the_split_in_pieces(dataset: Path) -> None:
+    data = Dataset.open(dataset)
+    pieces = stream_masked(data, "train", vocabulary=VOCABULARY)
+    same_buildings(stack_masked(list(pieces)), read_masked(data, "train", vocabulary=VOCABULARY))
+
+
+def same_buildings(found: MaskedBuildings, expected: MaskedBuildings) -> None:
+    assert found.seen.scene_ids == expected.seen.scene_ids
+    assert found.draws.tolist() == expected.draws.tolist()
+    assert found.targets.tolist() == expected.targets.tolist()
+    for name in ("inputs", "hidden_share", "visited", "withheld", "others"):
+        assert (getattr(found.seen, name) == getattr(expected.seen, name)).all()
