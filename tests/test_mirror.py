@@ -22,6 +22,7 @@ PROVED_ELSEWHERE = {
     "bsg_data/dataset/growth.py": "bsg_data/test_build.py",
     "bsg_data/dataset/histograms.py": "bsg_data/dataset/test_categories.py",
     "bsg_data/dataset/manifest.py": "bsg_data/dataset/test_shards.py",
+    "bsg_data/dataset/part.py": "bsg_data/dataset/test_dataset.py",
     "bsg_data/dataset/publication.py": "bsg_data/test_build.py",
     "bsg_data/dataset/schema.py": "bsg_data/dataset/test_shards.py",
     "bsg_data/errors.py": "bsg_data/test_build.py",
