@@ -22,7 +22,6 @@ class Census:
     Attributes:
         source: of every scene, by its id, in the order of the tables.
         source_split: the source's own split of every scene, by its id; None where it says none.
-        part: number of the part that every scene is in, by its id.
         totals: sums over the scenes.
     """
 
@@ -30,7 +29,6 @@ class Census:
         """Begin with no scene."""
         self.source: dict[str, str] = {}
         self.source_split: dict[str, str | None] = {}
-        self.part: dict[str, int] = {}
         self.totals = Totals()
         self._buildings: set[str] = set()
         self._placed: set[str] = set()
@@ -46,7 +44,6 @@ class Census:
             yield from self._add_scene(scene)
             self.source[scene] = sources[row] or ""
             self.source_split[scene] = splits[row]
-            self.part[scene] = part.number
             if not no_mesh[row]:
                 self._placed.add(scene)
         for table in _TABLES:

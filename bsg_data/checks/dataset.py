@@ -21,9 +21,15 @@ from bsg_data.checks.part import Part
 from bsg_data.checks.rooms import check_rooms
 from bsg_data.checks.scenes import check_scenes
 from bsg_data.checks.splits import check_splits
-from bsg_data.checks.truth import Truth
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.kept_maps import KEPT, read_class_maps
-from bsg_data.dataset.manifest import MANIFEST, ClassSpaceEntry, Manifest, read_manifest
+from bsg_data.dataset.manifest import (
+    MANIFEST,
+    ClassSpaceEntry,
+    Manifest,
+    hash_manifest,
+    read_manifest,
+)
 from bsg_data.dataset.publication import CARD, CROISSANT, list_strays
 from bsg_data.dataset.schema import TABLES
 from bsg_data.errors import ClassMapError
@@ -58,7 +64,7 @@ def check_dataset(
     if not (faults or files.faults) and manifest.split is not None:
         table = pa.concat_tables(splits)
         faults += check_splits(table, census, manifest.split)
-        faults += _check_pairs(files, manifest, census, table)
+        faults += _check_pairs(files, manifest, table)
     return tuple(dict.fromkeys([*faults, *files.faults]))
 
 
@@ -93,15 +99,13 @@ def _check_part(part: Part, census: Census, objects: ObjectCheck) -> Iterator[Fa
         yield from check_edges(part)
 
 
-def _check_pairs(
-    files: FileReader, manifest: Manifest, census: Census, splits: pa.Table
-) -> Iterator[Fault]:
-    """Check the pairs, a file at a time."""
+def _check_pairs(files: FileReader, manifest: Manifest, splits: pa.Table) -> Iterator[Fault]:
+    """Check the pairs, a file at a time, against the parts of the tables that they are of."""
     if manifest.pairs is None:
         return
-    truth = Truth(files.dataset, manifest, census.part)
+    data = Dataset(files.dataset, manifest, hash_manifest(files.dataset))
     split_of = dict(zip(*(splits[name].to_pylist() for name in ("scene_id", "split")), strict=True))
-    pairs = PairCheck(truth, split_of, manifest.pairs)
+    pairs = PairCheck(data, split_of, manifest.pairs)
     for entry in manifest.files_of("pairs"):
         table = files.read(entry)
         if table is not None:

@@ -55,7 +55,7 @@ class FileReader:
             faults += _compare_bytes(entry, data)
             file = pq.ParquetFile(pa.BufferReader(data))
             check_file_metadata(path, file.schema_arrow, self.manifest)
-            table = file.read()
+            table = file.read(use_threads=False)
         except BSGError as error:
             faults.append(Fault(entry.path, str(error)))
         except (OSError, pa.ArrowInvalid) as error:

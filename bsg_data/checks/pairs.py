@@ -14,7 +14,7 @@ import pyarrow as pa
 from bsg_data.arrays import Counts
 from bsg_data.checks.faults import Fault
 from bsg_data.checks.part import NULL, Words
-from bsg_data.checks.truth import Truth
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import to_histograms
 from bsg_data.dataset.manifest import FileEntry
 from bsg_data.observation.masks_v1 import sample_hidden_of_format_1, sample_visited_of_format_1
@@ -33,9 +33,9 @@ from bsg_data.scene.connections import Connections
 class PairCheck:
     """The pairs of a dataset, checked a file at a time against its tables and its recipes."""
 
-    def __init__(self, truth: Truth, splits: Mapping[str, str], recipe: PairsRecipe) -> None:
-        """Begin with no file; `splits` has the split of every scene."""
-        self._truth, self._splits, self._recipe = truth, splits, recipe
+    def __init__(self, data: Dataset, splits: Mapping[str, str], recipe: PairsRecipe) -> None:
+        """Begin with no file of a dataset whose tables are sound; `splits` is by scene."""
+        self._data, self._splits, self._recipe = data, splits, recipe
         self._files: Counter[str] = Counter()
 
     def add(self, entry: FileEntry, table: pa.Table) -> Iterator[Fault]:
@@ -51,7 +51,7 @@ class PairCheck:
             name, where = names.names[code], f"{entry.path}, {names.names[code]}"
             if self._splits.get(name) != own:
                 yield Fault(where, f"is of split {self._splits.get(name)}, not {own}")
-            elif name not in self._truth:
+            elif name not in self._data:
                 yield Fault(where, "is no scene of the dataset")
             elif runs[code] > 1:
                 yield Fault(where, "its rows do not stand together")
@@ -66,7 +66,7 @@ class PairCheck:
             yield Fault("pairs", f"{scene} is in two files")
 
     def _check_scene(self, where: str, scene: str, pairs: _Pairs) -> Iterator[Fault]:
-        cells, recipe = self._truth.cells(scene), self._recipe
+        cells, recipe = self._data.cells(scene), self._recipe
         shape = (recipe.draws, *cells.shape)
         expected = f"expected draws 0..{shape[0] - 1} of nodes 0..{shape[1] - 1}, in order"
         if len(pairs.draw) != shape[0] * shape[1]:
@@ -85,7 +85,7 @@ class PairCheck:
             faults += _check_view(where, pairs.view, inputs, targets)
         yield from faults
         if not faults:
-            known = self._truth.connections(scene)
+            known = self._data.connections(scene)
             if not _is_drawn(pairs.view, inputs, cells, recipe, scene, known):
                 yield Fault(where, "is not the mask of its recipe (or another NumPy drew it)")
 
