@@ -14,9 +14,17 @@ from conftest import REPOSITORY
 PROVED_ELSEWHERE = {
     # source file: the test file, below tests/, that proves it
     "bsg_data/arrays.py": "test_architecture.py",
+    "bsg_data/checks/census.py": "bsg_data/checks/test_dataset.py",
+    "bsg_data/checks/edges.py": "bsg_data/checks/test_dataset.py",
     "bsg_data/checks/faults.py": "bsg_data/checks/test_dataset.py",
+    "bsg_data/checks/files.py": "bsg_data/checks/test_dataset.py",
+    "bsg_data/checks/objects.py": "bsg_data/checks/test_dataset.py",
     "bsg_data/checks/pairs.py": "bsg_data/checks/test_dataset.py",
-    "bsg_data/checks/tables.py": "bsg_data/checks/test_dataset.py",
+    "bsg_data/checks/part.py": "bsg_data/checks/test_dataset.py",
+    "bsg_data/checks/places.py": "bsg_data/checks/test_dataset.py",
+    "bsg_data/checks/rooms.py": "bsg_data/checks/test_dataset.py",
+    "bsg_data/checks/scenes.py": "bsg_data/checks/test_dataset.py",
+    "bsg_data/checks/splits.py": "bsg_data/checks/test_dataset.py",
     "bsg_data/dataset/composition.py": "bsg_data/test_merge.py",
     "bsg_data/exports/catalogue.py": "bsg_data/exports/test_export.py",
     "bsg_data/dataset/growth.py": "bsg_data/test_build.py",
