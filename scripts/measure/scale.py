@@ -38,19 +38,19 @@ ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_
 TESTED = 0.1  # of the buildings, which `evaluate` reads
 
 COMMANDS = {
-    "synth": "bsg-data synth --out {buildings} --scenes {size} --seed 11",
-    "build": "bsg-data build --hm3d {buildings} --out {dataset} --workers 1",
-    "split": "bsg-data split {dataset} --ratios 0.8 0.1 0.1",
-    "pairs": "bsg-data pairs {dataset} --draws 1 --workers 1",
+    "synth": "bsg-data synth --out {buildings} --scenes {size} --seed 11 --force",
+    "build": "bsg-data build --hm3d {buildings} --out {dataset} --workers 1 --force",
+    "split": "bsg-data split {dataset} --ratios 0.8 0.1 0.1 --force",
+    "pairs": "bsg-data pairs {dataset} --draws 1 --workers 1 --force",
     "check": "bsg-data check {dataset}",
     "info": "bsg-data info {dataset}",
     "coverage": "bsg-data map coverage {dataset}",
     "one epoch of universal": (
         "bsg-train --config universal --data {dataset} --out {runs}/universal "
-        "--set training.epochs=1"
+        "--set training.epochs=1 --force"
     ),
-    "mixture": "bsg-train --config mixture --data {dataset} --out {runs}/mixture",
-    "evaluate": "bsg-evaluate {runs}/mixture --data {dataset} --out {runs}/evaluation",
+    "mixture": "bsg-train --config mixture --data {dataset} --out {runs}/mixture --force",
+    "evaluate": "bsg-evaluate {runs}/mixture --data {dataset} --out {runs}/evaluation --force",
 }
 
 
