@@ -52,6 +52,8 @@ PROVED_ELSEWHERE = {
     "bsg_models/runs/predictor.py": "bsg_models/belief/test_belief_graph.py",
     "bsg_models/runs/run_folder.py": "bsg_models/training/test_training.py",
     "bsg_models/search/catalogue.py": "bsg_models/search/test_planners.py",
+    "bsg_models/search/exact_orders.py": "bsg_models/search/test_orders.py",
+    "bsg_models/search/order_walks.py": "bsg_models/search/test_orders.py",
     "bsg_models/search/knowledge.py": "bsg_models/search/test_planners.py",
     "bsg_models/studies/comparison_table.py": "bsg_models/studies/test_comparison.py",
     "bsg_models/studies/search_cases.py": "bsg_models/studies/test_search_study.py",

@@ -16,7 +16,7 @@ from bsg_models.inputs.folds import scenes_of
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import BEST
 from bsg_models.training.training import train_run
-from bsg_models.zoo import masked_rooms, presence_odds
+from bsg_models.zoo import presence_odds
 from bsg_models.zoo.config import find_config
 from bsg_models.zoo.masked_rooms import (
     choose_buildings,
