@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import cast
 
@@ -30,8 +30,8 @@ from bsg_models.runs.run_log import keep_log
 from bsg_models.training.epochs import (
     TrainingBuildings,
     require_same_training,
+    stream_validation,
     train_epochs,
-    validation_buildings,
 )
 from bsg_models.training.learning_curve import EpochReport
 from bsg_models.zoo.calibration import (
@@ -43,10 +43,12 @@ from bsg_models.zoo.calibration import (
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.construction import find_member, make_model, reads_categories
 from bsg_models.zoo.ensemble import Ensemble, EnsembleConfig
+from bsg_models.zoo.masked_rooms import take_sample
 from bsg_models.zoo.model import BeliefModel, Network
 from bsg_models.zoo.threads import one_thread
 
 _BATCH = 256  # buildings
+_CALIBRATED_ROOMS = 5_000  # under masks; the distributions of so many are a few hundred megabytes
 
 
 def train_run(
@@ -86,14 +88,15 @@ def train_run(
             require_same_training(config, data, run)
         else:
             clear_run(run)
-        with keep_log(run, config, data):
+        with keep_log(run, config, data) as notes:
             model.fit(data, config.data)
             if not isinstance(model, Network) or masked is None:
                 calibrated = calibrate_if_wanted(model, config, data)
                 save_fitted(model, config, data, run, calibrated=calibrated)
+                notes += model.notes
                 return
             yield from train_epochs(model, config, data, run, masked)
-            calibrate_run(config, data, run)
+            notes += calibrate_run(config, data, run)
 
 
 def new_model(config: RunConfig, data: Dataset) -> BeliefModel:
@@ -114,25 +117,41 @@ def new_model(config: RunConfig, data: Dataset) -> BeliefModel:
     )
 
 
-def calibrate_run(config: RunConfig, data: Dataset, run: Path) -> None:
-    """Calibrate a run's best checkpoint, if its configuration says so."""
+def calibrate_run(config: RunConfig, data: Dataset, run: Path) -> tuple[str, ...]:
+    """Calibrate a run's best checkpoint, if its configuration says so; return the model's notes."""
     checkpoint = load_checkpoint(run / BEST)
     model = restore_model(run / BEST, checkpoint)
     if calibrate_if_wanted(model, config, data):
         header = checkpoint.header.model_copy(update={"calibrated": True})
         save_checkpoint(run / BEST, header, name_tensors("model", model.state_dict()))
+    return model.notes
 
 
 def calibrate_if_wanted(model: BeliefModel, config: RunConfig, data: Dataset) -> bool:
     """Calibrate a model on val if its configuration says so; say whether."""
     if not (isinstance(model, CalibratedModel) and getattr(config.model, "calibrate", False)):
         return False
-    calibrate(model, validation_buildings(config, data, vocabulary=model.vocabulary))
+    calibrate(model, stream_validation(config, data, vocabulary=model.vocabulary))
     return True
 
 
-def calibrate(model: CalibratedModel, masked: MaskedBuildings) -> None:
-    """Fit a model's calibration on masked buildings with their targets."""
+def calibrate(model: CalibratedModel, batches: Iterable[MaskedBuildings]) -> None:
+    """Fit a model's calibration on masked buildings with their targets.
+
+    Of many rooms it reads a sample: what is fitted is seven numbers, and the distributions of all
+    rooms are held at once. A note of the model says so.
+
+    Args:
+        model: whose calibration is fitted.
+        batches: one or more; the result does not depend on how buildings are dealt to them.
+    """
+    masked, buildings = take_sample(batches, most=_CALIBRATED_ROOMS)
+    if len(masked) < buildings:
+        note = (
+            f"calibrated on {len(masked):,} of {buildings:,} masked val buildings, drawn at "
+            f"random: {_CALIBRATED_ROOMS:,} rooms at most"
+        )
+        model.notes = (*model.notes, note)
     parts, hiddens, shares = [], [], []
     for some in masked.batches(_BATCH):
         rooms = np.flatnonzero(~some.seen.is_building)
@@ -165,14 +184,14 @@ def _train_ensemble(
     with open_run(run):
         if not resume:
             clear_run(run)
-        with keep_log(run, config, data):
+        with keep_log(run, config, data) as notes:
             for name, folder in members.items():
                 member = member_config(config, name)
                 if resume and is_finished(folder, member, data):
                     continue
                 again = resume and (folder / LAST).is_file()
                 yield from train_run(member, data.path, folder, resume=again, force=force or resume)
-            _combine(config, data, members, run)
+            notes += _combine(config, data, members, run)
 
 
 def member_config(config: RunConfig, name: str) -> RunConfig:
@@ -192,11 +211,14 @@ def combine_runs(config: RunConfig, data: Dataset, members: Mapping[str, Path], 
         members: name in the zoo → folder of its run.
         run: folder of the ensemble.
     """
-    with open_run(run), keep_log(run, config, data):
-        _combine(config, data, members, run)
+    with open_run(run), keep_log(run, config, data) as notes:
+        notes += _combine(config, data, members, run)
 
 
-def _combine(config: RunConfig, data: Dataset, members: Mapping[str, Path], run: Path) -> None:
+def _combine(
+    config: RunConfig, data: Dataset, members: Mapping[str, Path], run: Path
+) -> tuple[str, ...]:
+    """Mix the members, calibrate and save; return the notes of the mixture."""
     model = cast(Ensemble, new_model(config, data))
     for name, folder in members.items():
         trained = restore_model(folder / BEST, load_checkpoint(folder / BEST))
@@ -205,3 +227,4 @@ def _combine(config: RunConfig, data: Dataset, members: Mapping[str, Path], run:
         calibrated = calibrate_if_wanted(model, config, data)
         recipes = {name: member_config(config, name) for name in members}
         save_fitted(model, config, data, run, calibrated=calibrated, members=recipes)
+    return model.notes
