@@ -6,6 +6,7 @@ from the data is put on the page as text, never as markup.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -19,7 +20,13 @@ from bsg_data.observation.partial_graph import KnownRoom
 from bsg_models.belief.belief_graph import BeliefGraph
 from bsg_models.belief.formats import FormatRow
 from bsg_models.rendering.pages import render_page
-from bsg_models.rendering.plan import KnownOutline, draw_plan, outline_room
+from bsg_models.rendering.plan import KnownOutline, draw_plan, number_alike, outline_room
+from bsg_models.rendering.shown_part import (
+    ALL_OF_IT,
+    ShownPart,
+    choose_shown_part,
+    count_buildings,
+)
 
 _DIGITS = 4
 _ONE_ROW = 1e9  # a page that wide has all storeys in one row
@@ -46,59 +53,79 @@ def write_explorer(views: Sequence[View], path: Path) -> None:
 
 
 def explorer_page(views: Sequence[View]) -> str:
-    """Return the page of some views, the first of them open."""
-    return render_page("explorer.html.jinja", data={"views": [_encode(view) for view in views]})
+    """Return the page of some views, the first of them open.
+
+    It says at its top what it leaves out: of large buildings, and of many (`shown_part.py`).
+    """
+    parts = [choose_shown_part(view.belief) for view in views]
+    shown = count_buildings(parts)
+    said = ""
+    if shown < len(views):
+        said = f"This page shows the first {shown:,} of {len(views):,} buildings. {ALL_OF_IT}"
+    encoded = [_encode(view, part) for view, part in zip(views[:shown], parts, strict=False)]
+    return render_page("explorer.html.jinja", data={"views": encoded, "left_out": said})
 
 
-def _encode(view: View) -> dict[str, Any]:
+def _encode(view: View, part: ShownPart) -> dict[str, Any]:
     belief, partial = view.belief, view.belief.partial
+    nodes = [0, *part.rooms]
+    rooms = [partial.rooms[number - 1] for number in part.rooms]
+    place = {number: node for node, number in enumerate(nodes)}
+    names = [_name(room) for room in partial.rooms]
+    if len(rooms) < len(partial.rooms):  # rooms that are left out count in the numbers of names
+        names = list(number_alike(names))
     known = [
-        KnownOutline(number, _name(room), outline_room(room, room.position), room.floor_index)
-        for number, room in enumerate(partial.rooms, start=1)
+        KnownOutline(node, names[number - 1], outline_room(room, room.position), room.floor_index)
+        for node, (number, room) in enumerate(zip(part.rooms, rooms, strict=True), start=1)
     ]
     plan, row = draw_plan(known), draw_plan(known, aspect=_ONE_ROW)
-    names = {room.number: room.name for room in plan.rooms}
+    drawn_names = {room.number: room.name for room in plan.rooms}
+    classless = Counter(obj.room_index for obj in partial.objects if obj.class_index is None)
     return {
         "title": view.title or partial.scene_id,
+        "left_out": part.left_out,
         "model": belief.model,
         "mode": belief.mode,
         "classes": list(partial.class_space.classes),
         "hidden_share": round(partial.hidden_share, _DIGITS),
-        "input": belief.inputs.astype(int).tolist(),
-        "expected": np.round(belief.expected, _DIGITS).tolist(),
-        "presence": np.round(belief.presence, _DIGITS).tolist(),
-        "truth": None if view.truth is None else np.asarray(view.truth).tolist(),
+        "input": belief.inputs[nodes].astype(int).tolist(),
+        "expected": np.round(belief.expected[nodes], _DIGITS).tolist(),
+        "presence": np.round(belief.presence[nodes], _DIGITS).tolist(),
+        "truth": None if view.truth is None else np.asarray(view.truth)[nodes].tolist(),
+        "classless": [classless.total(), *(classless[number] for number in part.rooms)],
         "rooms": [
             {
                 "id": room.name,
-                "name": names[drawn.number],
+                "name": drawn_names[drawn.number],
                 "visited": room.visited,
                 "share": round(room.hidden_share, _DIGITS),
                 "corner": drawn.outline and drawn.outline[0],
             }
-            for room, drawn in zip(partial.rooms, known, strict=True)
+            for room, drawn in zip(rooms, known, strict=True)
         ],
         "plan": asdict(plan),
         "row": asdict(row),
         "objects": [
             {
-                "room": obj.room_index,
+                "room": place[obj.room_index],
                 "name": obj.raw_category,
                 "class": obj.class_index,
                 "at": None if obj.position is None else [round(v, 2) for v in obj.position],
             }
-            for obj in partial.objects
+            for obj in (partial.objects[number] for number in part.objects)
         ],
         "blind": [
             {
-                "room": node.room_index,
+                "room": place[node.room_index],
                 "class": node.class_index,
                 "expected": round(node.expected, _DIGITS),
                 "presence": round(node.presence, _DIGITS),
             }
-            for node in belief.blind
+            for node in (belief.blind[number] for number in part.blind)
         ],
-        "adjacency": [list(pair) for pair in partial.adjacency],
+        "adjacency": [
+            [place[a], place[b]] for a, b in partial.adjacency if a in place and b in place
+        ],
     }
 
 

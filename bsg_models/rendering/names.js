@@ -5,10 +5,13 @@ const Names = (() => {
   const FEWEST = 4;  // letters that are left of a name that is cut
   const brush = document.createElement("canvas").getContext("2d");
 
+  const widths = new Map();  // measuring is slow, and a name is tried in many places
   function width(name, number) {
-    const family = getComputedStyle(document.body).fontFamily;
+    const family = getComputedStyle(document.body).fontFamily, key = [family, name, number].join("\n");
+    if (widths.has(key)) return widths.get(key);
     const measure = (text, weight) => { brush.font = `${weight} ${SIZE}px ${family}`; return brush.measureText(text).width; };
-    return measure(name, 600) + (number ? 5 + measure(number, 400) : 0) + 4;
+    widths.set(key, measure(name, 600) + (number ? 5 + measure(number, 400) : 0) + 4);
+    return widths.get(key);
   }
   const boxOf = ({ x, y, wide }) => ({ left: x - wide / 2, right: x + wide / 2, top: y - ABOVE, bottom: y + BELOW });
   const meet = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
@@ -45,7 +48,10 @@ const Names = (() => {
     for (let letters = name.length - 1; letters >= FEWEST; letters--) cuts.push([cut(name, letters), ""]);
     const little = cuts.filter(([text]) => text.length >= 0.6 * name.length);
     const texts = [[name, number], [name, ""], ...little];
-    for (const place of inRows(points, texts)) if (!over.some((box) => meet(boxOf(place), box))) yield place;
+    for (const place of inRows(points, texts)) {
+      const own = boxOf(place);
+      if (!over.some((box) => meet(own, box))) yield place;
+    }
     yield* inRows(points, texts);
     yield* around(Plan.middle(points), [[name, number], [name, ""]], grounds);
     yield* inRows(points, cuts.slice(little.length));
@@ -89,7 +95,8 @@ const Names = (() => {
         const angle = -Math.PI / 2 + (turn % 2 ? 1 : -1) * Math.ceil(turn / 2) * Math.PI / 8;
         const at = { x: x + 1.4 * far * Math.cos(angle), y: y + 4 + far * Math.sin(angle) };
         const place = { name, number, ...at, wide, leader: [x, y] };
-        if (!grounds.some((ground) => meet(boxOf(place), ground))) yield place;
+        const box = boxOf(place);
+        if (!grounds.some((ground) => meet(box, ground))) yield place;
       }
     }
   }

@@ -33,7 +33,7 @@ const Panel = (() => {
     const of = Beliefs.numbers(view, node, ALL), room = node ? view.rooms[node - 1] : null;
     paragraph(side, [amount(of.seen)], " seen, ", [amount(of.more)], " more expected",
       ...(of.unseen === null ? ["."] : ["; really there: ", [amount(of.unseen)], " more."]));
-    const bare = view.objects.filter((obj) => obj.class === null && (!node || obj.room === node)).length;
+    const bare = view.classless[node];
     if (bare) paragraph(side, [amount(bare)], " seen besides, of no class.");
     const share = room ? room.share : view.hidden_share;
     paragraph(side, room && !room.visited ? "Not visited yet: what is expected follows from the rest of the building, never from a room's name."
@@ -43,7 +43,7 @@ const Panel = (() => {
 
   function placeOf(side, view, { node, sought }) {
     const place = Beliefs.rankRooms(view, sought).findIndex((of) => of.node === node) + 1;
-    make("p", { class: "answer" }, side, `${Beliefs.sayLong(view, node, sought)}. Rank ${place} of ${view.rooms.length} rooms.`);
+    make("p", { class: "answer" }, side, `${Beliefs.sayLong(view, node, sought)}. Rank ${place} of ${view.rooms.length} rooms${view.left_out ? " shown" : ""}.`);
   }
 
   function rankRooms(side, view, sought, go) {
@@ -126,7 +126,7 @@ const Panel = (() => {
     const entry = (kind, text) => { const item = make("span", {}, box); make("i", { class: kind }, item); item.append(text); };
     if (!look.plan) { entry("building", "building"); entry("room", "room"); }
     entry(one ? "sought" : "object", one ? "seen " + name : "seen object");
-    if (!one && view.objects.some((obj) => obj.class === null)) entry("classless", "seen, of no class");
+    if (!one && view.classless[0]) entry("classless", "seen, of no class");
     entry("blind", "blind node: expected, not seen (faint: unsure)");
     const scale = make("span", {}, box, one ? `at least one unseen ${name}: 0 %` : "more expected: 0");
     make("span", { class: "scale" }, scale);

@@ -2,6 +2,7 @@
 const Picture = (() => {
   "use strict";
   const { draw } = Elements;
+  const MOST_NAMES = 80;  // of rooms: more cannot be told apart, and take long to place
   const MARGIN = { side: 30, top: 36, bottom: 30 };
 
   /* Draw a view; `look` is `{ plan, sought, node, threshold }`. */
@@ -73,7 +74,7 @@ const Picture = (() => {
     const captions = storeys.map(([text, spot]) => Names.rightOf(spot, text));
     const building = look.plan ? [] : [Names.atKnot([peak[0], peak[1] - 6], Names.cut(view.title, 40), "")];
     const taken = look.plan ? [] : [...knots, peak].map(([x, y]) => square(x, y, 7));
-    const found = Names.settle([...captions, ...building, ...ranked.map(placesOf)], taken, bounds);
+    const found = Names.settle([...captions, ...building, ...ranked.slice(0, MOST_NAMES).map(placesOf)], taken, bounds);
     return found.map((name, k) => name && { ...name, kind: k < captions.length ? "storey" : "name" }).filter(Boolean);
   }
   const square = (x, y, half) => ({ left: x - half, right: x + half, top: y - half, bottom: y + half });
