@@ -37,7 +37,7 @@ def count_sources(dataset: Path, *, manifest: Manifest | None = None) -> pd.Data
     )
     frame, held = pd.DataFrame(), pd.DataFrame()
     for tables in zip(*streams, strict=True):
-        counts, kinds = _count_part(*(table.to_pandas() for table in tables))
+        counts, kinds = _count_part(*(table.to_pandas(use_threads=False) for table in tables))
         frame = frame.add(counts, fill_value=0)
         held = pd.concat([held, kinds]).drop_duplicates()
     frame = frame.fillna(0).astype("int64")

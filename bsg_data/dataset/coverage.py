@@ -80,7 +80,7 @@ def _count_names(dataset: Path) -> Counter[tuple[str, str | None, str]]:
     columns = ["raw_category", "category", "role"]
     counts: Counter[tuple[str, str | None, str]] = Counter()
     for objects in stream_table(dataset, "objects", columns=columns):
-        kinds = objects.group_by(columns).aggregate([([], "count_all")])
+        kinds = objects.group_by(columns, use_threads=False).aggregate([([], "count_all")])
         rows = zip(*(kinds[name].to_pylist() for name in columns), strict=True)
         counts.update(dict(zip(rows, kinds["count_all"].to_pylist(), strict=True)))
     return counts
@@ -96,7 +96,7 @@ def count_classes(dataset: Path, class_map: ClassMap) -> pd.DataFrame:
     totals = np.zeros((4, len(class_map.classes)), dtype=np.int64)
     index: dict[str, int | None] = {}
     for table in stream_table(dataset, "objects", columns=columns):
-        objects = table.to_pandas()
+        objects = table.to_pandas(use_threads=False)
         for name in objects["raw_category"].unique():
             index.setdefault(name, class_map.classify(name).class_index)
         totals += _count_objects(objects.assign(kind=objects["raw_category"].map(index)), totals)

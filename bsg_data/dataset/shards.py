@@ -80,12 +80,13 @@ def read_file(
         DatasetError: if it is missing, changed or not readable.
         MismatchError: if it is of another class space or format than the manifest.
     """
+    # Without threads: files are small, and Arrow may abort a process that ends while it starts one.
     with open_listed(dataset, entry, manifest=manifest) as file:
         if manifest.format_version == 1:
-            table = to_current(dataset / entry.path, file.read(), manifest)
+            table = to_current(dataset / entry.path, file.read(use_threads=False), manifest)
             table = table if columns is None else table.select(columns)
         else:
-            table = file.read(columns=columns)
+            table = file.read(columns=columns, use_threads=False)
     if entry.path.startswith("scenes/") and "scene_id" in table.column_names:
         _require_scene_ids(dataset / entry.path, table["scene_id"].to_pylist())
     return table

@@ -25,7 +25,7 @@ from bsg_data.dataset.shards import describe_file, open_parquet, read_file
 from bsg_data.dataset.splits import read_splits
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.executors import run_all
-from bsg_data.observation.masks import sample_hidden, sample_view
+from bsg_data.observation.masks import sample_hidden_draws, sample_views
 from bsg_data.observation.masks_v1 import view_of_format_1
 from bsg_data.observation.view import View
 from bsg_data.recipes import PairsRecipe
@@ -54,18 +54,16 @@ def sample_pairs(
     Returns:
         `[D]` views, and input histograms `[D, N, C]`, row 0 the building.
     """
-    views = []
-    inputs = np.empty((recipe.draws, *cells.shape), dtype=np.int64)
-    for draw in range(recipe.draws):
-        views.append(
-            sample_view(
-                cells.shape, recipe.mask, scene_id=scene_id, draw=draw, connections=connections
-            )
-        )
-        inputs[draw] = cells - sample_hidden(
-            cells, views[-1], recipe.mask, scene_id=scene_id, draw=draw
-        )
-    return tuple(views), to_histograms(inputs)
+    sampled = sample_views(
+        cells.shape,
+        recipe.mask,
+        scene_id=scene_id,
+        draws=range(recipe.draws),
+        connections=connections,
+    )
+    views = tuple(sampled)
+    hidden = sample_hidden_draws(cells, views, recipe.mask, scene_id=scene_id)
+    return views, to_histograms(cells - hidden)
 
 
 def write_pairs(

@@ -48,9 +48,11 @@ class BeliefModel(torch.nn.Module, ABC):
         config: its settings.
         inputs: what it is given to read.
         origin: the checkpoint that it was restored from; None for one that was not.
+        notes: what whoever trained it should know of its fit, such as that it read a sample.
     """
 
     origin: str | None = None
+    notes: tuple[str, ...] = ()
 
     def __init__(self, config: ModelConfig, inputs: ModelInputs) -> None:
         super().__init__()
