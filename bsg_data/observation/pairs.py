@@ -112,9 +112,19 @@ def read_pairs(dataset: Path, split: str, *, manifest: Manifest | None = None) -
 
 
 def stream_pairs(
-    dataset: Path, split: str, *, manifest: Manifest | None = None
+    dataset: Path,
+    split: str,
+    *,
+    manifest: Manifest | None = None,
+    shuffle: np.random.Generator | None = None,
 ) -> Iterator[pa.Table]:
     """Yield the pairs of one split, a file at a time.
+
+    Args:
+        dataset: its folder.
+        split: train, val, test or a fold.
+        manifest: of the dataset, if it was read.
+        shuffle: for files in a random order.
 
     Raises:
         DatasetError: if there are none, naming the splits that have some.
@@ -125,7 +135,8 @@ def stream_pairs(
         held = sorted({split_of_file(f.path) for f in manifest.files_of("pairs")})
         hint = f"it has some of {', '.join(held)}" if held else "run `bsg-data pairs` first"
         raise DatasetError(f"{dataset}: has no pairs of split {split!r}; {hint}")
-    return (read_file(dataset, entry, manifest=manifest) for entry in entries)
+    order = range(len(entries)) if shuffle is None else shuffle.permutation(len(entries)).tolist()
+    return (read_file(dataset, entries[number], manifest=manifest) for number in order)
 
 
 def rewrite_pairs(dataset: Path, folder: Path, manifest: Manifest) -> list[FileEntry]:

@@ -49,9 +49,9 @@ def learning_rate(training: TrainingConfig, step: int, *, steps: int) -> float:
 def optimiser_state(
     optimiser: torch.optim.Optimizer, model: BeliefModel
 ) -> dict[str, torch.Tensor]:
-    """Return Adam's state by the names of the parameters."""
+    """Return Adam's state by the names of the parameters, on the CPU."""
     return {
-        f"{name}.{key}": torch.as_tensor(value)
+        f"{name}.{key}": torch.as_tensor(value).cpu()
         for name, parameter in model.named_parameters()
         for key, value in optimiser.state[parameter].items()
     }
@@ -80,4 +80,5 @@ def load_optimiser(
             tensor = state.get(f"{name}.{key}")
             if tensor is None or tensor.shape != shape:
                 raise CheckpointError(f"{path}: adam.{name}.{key} is missing or of another shape")
-            optimiser.state[parameter][key] = tensor.clone()
+            device = "cpu" if key == "step" else parameter.device
+            optimiser.state[parameter][key] = tensor.to(device, copy=True)
