@@ -33,6 +33,7 @@ from bsg_data.dataset.publication import CARD, CROISSANT, list_strays
 from bsg_data.dataset.schema import TABLES
 from bsg_data.dataset.shards import check_file_metadata, describe_file, schema_of, to_current
 from bsg_data.errors import BSGError, ClassMapError
+from bsg_data.observation.pairs import fits_pairs
 from bsg_data.scene.class_map import load_class_map, published_maps
 from bsg_data.scene.class_space import list_class_spaces, load_class_space
 
@@ -72,7 +73,8 @@ def check_dataset(
     splits = pa.concat_tables(tables["splits"]).to_pandas()
     faults += check_splits(splits, frames["scenes"], manifest.split)
     truth = PairTruth(frames, splits, manifest)
-    held: list[str] = []
+    # What the format cannot hold is left out of it, and counts as held.
+    held = [scene for scene, cells in truth.cells.items() if not fits_pairs(cells)]
     for done, entry in enumerate(pairs, start=len(manifest.files) - len(pairs) + 1):
         file_faults, table = _check_file(dataset, entry, manifest)  # one file in memory at a time
         faults += file_faults
