@@ -42,6 +42,7 @@ PROVED_ELSEWHERE = {
     "bsg_data/sources/synthetic.py": "bsg_data/sources/test_catalogue.py",
     "bsg_models/belief/consistency.py": "bsg_models/belief/test_tables.py",
     "bsg_models/belief/header.py": "bsg_models/belief/test_document.py",
+    "bsg_models/belief/table_rows.py": "bsg_models/belief/test_tables.py",
     "bsg_models/belief/nodes.py": "bsg_models/belief/test_network.py",
     "bsg_models/errors.py": "bsg_models/training/test_training.py",
     "bsg_models/evaluation/cell_metrics.py": "bsg_models/evaluation/test_measurement.py",

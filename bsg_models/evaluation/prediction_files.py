@@ -85,7 +85,7 @@ class PredictionFiles:
             file, start = _open(path), 0
             names = [*_NAMES, *_NUMBERS, *self.columns]
             try:
-                for batch in file.iter_batches(batch_size=PIECE, columns=names):
+                for batch in file.iter_batches(batch_size=PIECE, columns=names, use_threads=False):
                     table = pa.Table.from_batches([batch])
                     yield _read(path, table, self.columns, start=start)
                     start += len(table)
@@ -201,7 +201,7 @@ class PredictionWriter:
         names = [n for n in rows.schema_arrow.names if self._own_totals or n != TOTAL]
         schema = pa.schema([rows.schema_arrow.field(name) for name in names], self._metadata)
         with rows, pq.ParquetWriter(self._whole, schema, compression="zstd") as writer:
-            for batch in rows.iter_batches(batch_size=_GROUP, columns=names):
+            for batch in rows.iter_batches(batch_size=_GROUP, columns=names, use_threads=False):
                 writer.write_batch(batch)
 
 

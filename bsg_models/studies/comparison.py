@@ -164,13 +164,14 @@ def compare_runs(
             name,
             entry.open_fold if entry else _opener(own, name, data),
             receive=partial(write, name) if write and own else None,
+            is_drawn=name not in BASELINES,
         )
     chosen = tuple(name for name in names if name not in BASELINES)
     return Comparison(
         runs=chosen,
         split=split,
         bootstraps={name: one.bootstrap for name, one in measured.items()},
-        shown={name: measured[name].shown for name in chosen},
+        shown={name: one.shown for name, one in measured.items() if one.shown is not None},
         survey=survey,
         classes=pd.DataFrame([row for one in measured.values() for row in one.classes]),
         class_names=data.manifest.class_space.classes,

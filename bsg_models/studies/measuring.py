@@ -52,12 +52,12 @@ class MeasuredModel(NamedTuple):
     Attributes:
         bootstrap: every metric, and the same of every resample of the buildings.
         classes: a row a node set and class, as `ClassErrors.rows` gives them.
-        shown: the nodes that its figures are drawn of.
+        shown: the nodes that its figures are drawn of; None if there are none.
     """
 
     bootstrap: Bootstrap
     classes: list[dict[str, Any]]
-    shown: ShownNodes
+    shown: ShownNodes | None
 
 
 def predict_by(model: BeliefModel) -> NodePredictor:
@@ -91,6 +91,7 @@ class Measuring:
         open_fold: Callable[[int | None], NodePredictor],
         *,
         receive: Callable[[int | None], Receiver] | None = None,
+        is_drawn: bool = True,
     ) -> MeasuredModel:
         """Measure a model on every fold, and average over the folds.
 
@@ -98,6 +99,7 @@ class Measuring:
             name: of the model.
             open_fold: returns what predicts a fold; asked when its turn comes.
             receive: returns what takes the predictions of a fold; None if nothing does.
+            is_drawn: whether figures are drawn of it.
         """
         survey = join_surveys(self.surveys)
         shown = ShownCollector(choose_stride(survey), survey.example)
@@ -111,13 +113,17 @@ class Measuring:
                 self.data, self.split, fold=fold, vocabulary=predictor.vocabulary
             ):
                 truth, found = read_truth(masked), predictor.expect(masked)
-                for gathering in (streamed, classes, shown):
-                    gathering.add(truth, found)
+                streamed.add(truth, found)
+                classes.add(truth, found)
+                if is_drawn:
+                    shown.add(truth, found)
                 if receiver is not None:
                     receiver.add(found, masked)
                 self.progress(len(masked))
             measured.append(streamed.finish())
         names = self.data.manifest.class_space.classes
         return MeasuredModel(
-            self.weights.average(measured).bootstrap(), classes.rows(name, names), shown.finish()
+            self.weights.average(measured).bootstrap(),
+            classes.rows(name, names),
+            shown.finish() if is_drawn else None,
         )

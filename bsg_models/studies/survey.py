@@ -14,7 +14,7 @@ from bsg_models.evaluation.measurement import count_empty, read_truth
 from bsg_models.inputs.folds import Split
 from bsg_models.inputs.graphs import stream_split
 
-MOST_SHOWN = 50_000  # nodes that figures are drawn of: more are not seen, and would be held
+MOST_SHOWN = 20_000  # nodes that figures are drawn of: more are not seen, and would be held
 
 
 @dataclass(frozen=True, eq=False)
