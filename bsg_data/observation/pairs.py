@@ -111,7 +111,8 @@ def write_pairs(
             raise DatasetError(f"{dataset}: has pairs already; --force replaces them")
         splits = read_splits(dataset, manifest=manifest)
         files = _plan(dataset, splits, manifest)
-        tasks = [(folder, file, recipe, manifest.class_space) for file in files]
+        place = folder.absolute()  # who writes a file may stand in another folder
+        tasks = [(place, file, recipe, manifest.class_space) for file in files]
         entries = run_all(_write_file, tasks, executor=executor, progress=progress)
         return manifest.with_table("pairs", tuple(entries), pairs=recipe)
 

@@ -284,6 +284,8 @@ def _write_each(
     geometry: GeometryOptions | None,
     executor: Executor | None,
 ) -> Iterator[Path]:
+    if executor is not None:
+        out = out.absolute()  # who makes a building may stand in another folder
     tasks = ((rates, out, mark["seed"], number, geometry) for number in range(mark["scenes"]))
     if executor is None:
         yield from (_write_one(*task) for task in tasks)
