@@ -23,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bsg_data.errors import DatasetError
+from bsg_data.executors import run_in_order
 from bsg_data.files import write_bytes
 from bsg_data.lock import hold
 from bsg_data.sources.annotations import HEADER, Instance
@@ -287,15 +288,7 @@ def _write_each(
     if executor is not None:
         out = out.absolute()  # who makes a building may stand in another folder
     tasks = ((rates, out, mark["seed"], number, geometry) for number in range(mark["scenes"]))
-    if executor is None:
-        yield from (_write_one(*task) for task in tasks)
-    else:
-        futures = [executor.submit(_write_one, *task) for task in tasks]
-        try:
-            yield from (future.result() for future in futures)
-        finally:
-            for future in futures:
-                future.cancel()
+    yield from run_in_order(_write_one, tasks, executor=executor)
 
 
 def _write_one(

@@ -19,10 +19,15 @@ from torch_geometric.data import Data
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.files import write_bytes
-from bsg_data.observation.masked_buildings import MaskedBuildings, sample_masked, stack_masked
+from bsg_data.observation.masked_buildings import (
+    MaskedBuildings,
+    sample_masked,
+    stack_masked,
+    stream_sampled,
+)
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of
-from bsg_models.inputs.graphs import read_split
+from bsg_models.inputs.graphs import read_split, stream_split
 from bsg_models.runs.checkpoint import (
     CheckpointHeader,
     load_checkpoint,
@@ -78,31 +83,46 @@ class TrainingBuildings:
         )
 
 
-def validation_buildings(
+def stream_validation(
     config: RunConfig, data: Dataset, *, vocabulary: tuple[str, ...]
-) -> MaskedBuildings:
-    """Return val under masks of the kind that is trained on: stored pairs, or fresh ones.
+) -> Iterator[MaskedBuildings]:
+    """Yield val under masks of the kind that is trained on: stored pairs, or ten fresh masks.
+
+    Some buildings at a time, so that no more of them are held, however many there are.
+
+    Args:
+        config: of the run.
+        data: an open dataset.
+        vocabulary: categories outside the classes that are looked for.
 
     Raises:
         DatasetError: if stored pairs are needed, and there are none.
     """
     choice, pairs = config.data, data.manifest.pairs
     if not choice.needs_own_masks(pairs.mask if pairs else None):
-        return read_split(data, "val", fold=choice.fold, vocabulary=vocabulary)
+        yield from stream_split(data, "val", fold=choice.fold, vocabulary=vocabulary)
+        return
     scenes = scenes_of(data, "val", fold=choice.fold)
-    return stack_masked(
-        [
-            sample_masked(
-                data,
-                scenes,
-                mask=choice.fresh_mask,
-                draw=draw,
-                fractions=choice.fractions,
-                vocabulary=vocabulary,
-            )
-            for draw in range(_VAL_DRAWS)
-        ]
-    )
+    for draw in range(_VAL_DRAWS):
+        yield from stream_sampled(
+            data,
+            scenes,
+            mask=choice.fresh_mask,
+            draw=draw,
+            fractions=choice.fractions,
+            vocabulary=vocabulary,
+        )
+
+
+def validation_buildings(
+    config: RunConfig, data: Dataset, *, vocabulary: tuple[str, ...]
+) -> MaskedBuildings:
+    """Return all that `stream_validation` yields, as one.
+
+    Raises:
+        DatasetError: if stored pairs are needed, and there are none.
+    """
+    return stack_masked(list(stream_validation(config, data, vocabulary=vocabulary)))
 
 
 def train_epochs(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import cast
 
@@ -43,10 +43,12 @@ from bsg_models.zoo.calibration import (
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.construction import find_member, make_model, reads_categories
 from bsg_models.zoo.ensemble import Ensemble, EnsembleConfig
+from bsg_models.zoo.masked_rooms import take_sample
 from bsg_models.zoo.model import BeliefModel, Network
 from bsg_models.zoo.threads import one_thread
 
 _BATCH = 256  # buildings
+_CALIBRATED_ROOMS = 5_000  # under masks; the distributions of so many are a few hundred megabytes
 
 
 def train_run(
@@ -127,12 +129,27 @@ def calibrate_if_wanted(model: BeliefModel, config: RunConfig, data: Dataset) ->
     """Calibrate a model on val if its configuration says so; say whether."""
     if not (isinstance(model, CalibratedModel) and getattr(config.model, "calibrate", False)):
         return False
-    calibrate(model, validation_buildings(config, data, vocabulary=model.vocabulary))
+    calibrate(model, [validation_buildings(config, data, vocabulary=model.vocabulary)])
     return True
 
 
-def calibrate(model: CalibratedModel, masked: MaskedBuildings) -> None:
-    """Fit a model's calibration on masked buildings with their targets."""
+def calibrate(model: CalibratedModel, batches: Iterable[MaskedBuildings]) -> None:
+    """Fit a model's calibration on masked buildings with their targets.
+
+    Of many rooms it reads a sample: what is fitted is seven numbers, and the distributions of all
+    rooms are held at once. A note of the model says so.
+
+    Args:
+        model: whose calibration is fitted.
+        batches: one or more; the result does not depend on how buildings are dealt to them.
+    """
+    masked, buildings = take_sample(batches, most=_CALIBRATED_ROOMS)
+    if len(masked) < buildings:
+        note = (
+            f"calibrated on {len(masked):,} of {buildings:,} masked val buildings, drawn at "
+            f"random: {_CALIBRATED_ROOMS:,} rooms at most"
+        )
+        model.notes = (*model.notes, note)
     parts, hiddens, shares = [], [], []
     for some in masked.batches(_BATCH):
         rooms = np.flatnonzero(~some.seen.is_building)

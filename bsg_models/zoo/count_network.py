@@ -91,9 +91,10 @@ class CountNetwork(CalibratedModel, Network):
 
     def predict_hidden_counts(self, seen: Observation) -> CountDistribution:
         """Return the distribution that the network gives."""
-        self.eval()
+        if self.training:
+            self.eval()
         with torch.no_grad():
-            posterior: Posterior = self(self.graph_of(seen))
+            posterior: Posterior = self(self.nodes_of(seen))
         if self.likelihood != "negative-binomial":
             return poisson(to_array(posterior.mean))
         counts = negative_binomial(to_array(posterior.mean), to_array(posterior.dispersion))

@@ -18,7 +18,7 @@ from bsg_data.observation.observation import Observation
 from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import PredictionError
 from bsg_models.inputs.edges import EdgeSet
-from bsg_models.inputs.graphs import to_graph
+from bsg_models.inputs.graphs import Nodes, to_graph
 from bsg_models.zoo.settings import DataConfig, ModelConfig
 from bsg_models.zoo.threads import one_thread
 
@@ -48,9 +48,11 @@ class BeliefModel(torch.nn.Module, ABC):
         config: its settings.
         inputs: what it is given to read.
         origin: the checkpoint that it was restored from; None for one that was not.
+        notes: what whoever trained it should know of its fit, such as that it read a sample.
     """
 
     origin: str | None = None
+    notes: tuple[str, ...] = ()
 
     def __init__(self, config: ModelConfig, inputs: ModelInputs) -> None:
         super().__init__()
@@ -96,8 +98,21 @@ class Network(BeliefModel):
 
     def graph_of(self, seen: Observation, targets: Counts | None = None) -> Data:
         """Return an observation as the graph that the network reads, with its own edges."""
-        seen = replace(seen, vocabulary=self.vocabulary, others=others_of(seen, self.vocabulary))
-        return to_graph(seen, edges=self.inputs.edges, targets=targets)
+        return to_graph(self.reading_of(seen), edges=self.inputs.edges, targets=targets)
+
+    def nodes_of(self, seen: Observation) -> Data | Nodes:
+        """Return an observation as the network is asked about it, without targets."""
+        return self.graph_of(seen)
+
+    def reading_of(self, seen: Observation) -> Observation:
+        """Return an observation with the categories that the network reads.
+
+        Raises:
+            MismatchError: if the observation is of other ones.
+        """
+        if seen.vocabulary == self.vocabulary:
+            return seen
+        return replace(seen, vocabulary=self.vocabulary, others=others_of(seen, self.vocabulary))
 
     @abstractmethod
     def loss(self, graphs: Data) -> torch.Tensor:
@@ -135,7 +150,7 @@ def share_of(graphs: Data) -> torch.Tensor:
     That of the node, and 1 where a class is withheld, as `Observation.cell_share`.
     """
     share: torch.Tensor = graphs.hidden_share[:, None].expand_as(graphs.x)
-    withheld: torch.Tensor | None = graphs.get("withheld")
+    withheld: torch.Tensor | None = getattr(graphs, "withheld", None)
     return share if withheld is None else torch.where(withheld, torch.ones_like(share), share)
 
 
