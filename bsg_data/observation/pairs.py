@@ -95,13 +95,8 @@ def write_pairs(
         if manifest.pairs is not None and not force:
             raise DatasetError(f"{dataset}: has pairs already; --force replaces them")
         splits = read_splits(dataset, manifest=manifest)
-<<<<<<< HEAD
-        files = _plan(dataset, splits, manifest)
-        place = folder.absolute()  # who writes a file may stand in another folder
-        tasks = [(place, file, recipe, manifest.class_space) for file in files]
-=======
-        tasks = [(dataset, folder, path, scenes, recipe) for path, scenes in _plan(dataset, splits)]
->>>>>>> main
+        places = dataset.absolute(), folder.absolute()  # who writes may stand in another folder
+        tasks = [(*places, path, scenes, recipe) for path, scenes in _plan(dataset, splits)]
         entries = run_all(_write_file, tasks, executor=executor, progress=progress)
         return manifest.with_table("pairs", tuple(entries), pairs=recipe)
 
