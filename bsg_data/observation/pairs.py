@@ -109,7 +109,8 @@ def write_pairs(
         if manifest.pairs is not None and not force:
             raise DatasetError(f"{dataset}: has pairs already; --force replaces them")
         splits = read_splits(dataset, manifest=manifest)
-        tasks = [(dataset, folder, path, scenes, recipe) for path, scenes in _plan(dataset, splits)]
+        places = dataset.absolute(), folder.absolute()  # who writes may stand in another folder
+        tasks = [(*places, path, scenes, recipe) for path, scenes in _plan(dataset, splits)]
         written = list(run_all(_write_file, tasks, executor=executor, progress=progress))
         for scene in chain.from_iterable(scenes for _, scenes in written):
             if left_out is not None:
