@@ -12,7 +12,7 @@ import torch
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.masked_buildings import MaskedBuildings
-from bsg_models.belief.count_distribution import concatenate
+from bsg_models.belief.count_distribution import CountDistribution, concatenate
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of, vocabulary_of
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model, save_checkpoint
@@ -196,21 +196,27 @@ def calibrate(model: CalibratedModel, batches: Iterable[MaskedBuildings]) -> Non
             f"random: {_CALIBRATED_ROOMS:,} rooms at most"
         )
         model.notes = (*model.notes, note)
-    parts, hiddens, shares = [], [], []
-    for some in masked.batches(_BATCH):
-        rooms = np.flatnonzero(~some.seen.is_building)
-        parts.append(model.predict_hidden_counts(some.seen).take(rooms))
-        hiddens.append(some.hidden[rooms].astype(np.float64))
-        shares.append(some.seen.cell_share[rooms])
-    learned, hidden = concatenate(parts), np.concatenate(hiddens)
-    if not len(hidden):
+    rooms = ~masked.seen.is_building
+    if not rooms.any():
         return
+    hidden = masked.hidden[rooms].astype(np.float64)
+    learned = _predict_rooms(model, masked)
     fitted = fit_calibration(learned, hidden)
     model.calibration.copy_(torch.from_numpy(fitted))
     lines = fit_presence_calibration(
-        recalibrate(learned, fitted), hidden, share=np.concatenate(shares)
+        recalibrate(learned, fitted), hidden, share=masked.seen.cell_share[rooms]
     )
     model.presence_calibration.copy_(torch.from_numpy(lines))
+
+
+def _predict_rooms(model: CalibratedModel, masked: MaskedBuildings) -> CountDistribution:
+    """Return the hidden counts of all rooms as learned, some buildings at a time."""
+    return concatenate(
+        [
+            model.predict_hidden_counts(some.seen).take(np.flatnonzero(~some.seen.is_building))
+            for some in masked.batches(_BATCH)
+        ]
+    )
 
 
 def _train_ensemble(
