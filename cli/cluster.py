@@ -16,7 +16,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bsg_data.dataset.manifest import MANIFEST
 from bsg_data.errors import BSGError
 
 if TYPE_CHECKING:
@@ -93,8 +92,9 @@ def _describe(path: Path) -> str:
         return f"a file of {path.stat().st_size:,} bytes"
     if not path.is_dir():
         return "nothing"
-    if (path / MANIFEST).is_file():
-        return f"the dataset {hashlib.sha256((path / MANIFEST).read_bytes()).hexdigest()[:12]}…"
+    manifest = path / "dataset.json"
+    if manifest.is_file():
+        return f"the dataset {hashlib.sha256(manifest.read_bytes()).hexdigest()[:12]}…"
     return f"a folder of {sum(1 for _ in path.iterdir()):,} things"
 
 
