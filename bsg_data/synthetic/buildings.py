@@ -318,6 +318,8 @@ def _write_each(
     geometry: GeometryOptions | None,
     executor: Executor | None,
 ) -> Iterator[Path]:
+    if executor is not None:
+        out = out.absolute()  # who makes a building may stand in another folder
     numbers = range(mark["scenes"])
     tasks = ((rates, out, mark["seed"], number, size, geometry) for number in numbers)
     yield from run_in_order(_write_one, tasks, executor=executor)

@@ -9,7 +9,7 @@ import click
 import bsg_data
 from bsg_cli.choices import MESH_SIZES, MOST_OBJECTS, MOST_ROOMS, MOST_SCENES
 from bsg_cli.options import force_option, json_option, out_option, seed_option, workers_option
-from bsg_cli.terminal import Command, print_json, progress_bar, worker_pool
+from bsg_cli.terminal import Command, Workers, print_json, progress_bar, worker_pool
 
 
 @click.command("synth", cls=Command)
@@ -65,7 +65,7 @@ def command(
     coloured_by: str | None,
     up_axis: str | None,
     seed: int,
-    workers: int,
+    workers: Workers,
     force: bool,
     as_json: bool,
 ) -> None:
@@ -82,8 +82,9 @@ def command(
     if given and not geometry:
         raise click.UsageError(f"--{next(iter(given)).replace('_', '-')} needs --geometry")
     options = bsg_data.GeometryOptions(**given) if geometry else None  # type: ignore[arg-type]
-    small = not (geometry or rooms or objects)
-    pool = worker_pool(1 if small else workers)  # one process writes small ones more quickly
+    if not (geometry or rooms or objects) and workers.scheduler is None:
+        workers = Workers(1)  # one process writes small ones more quickly
+    pool = worker_pool(workers, writes=[out])
     with pool as executor, progress_bar("synth", unit="scene") as report:
         writing = bsg_data.write_synthetic(
             out,
