@@ -172,6 +172,8 @@ def _print_summary(summary: bsg_models.RunSummary) -> None:
             f"validation loss {best.val_loss:.4f} at epoch {best.epoch}"
         )
         click.echo(f"checkpoint {summary.checkpoint}, learning curve {summary.curve}")
+    for note in summary.notes:
+        print_note(note)
 
 
 @contextmanager

@@ -105,10 +105,11 @@ def _refuse_several(ranks: Ranks, why: str) -> None:
 def _fit_by_counting(model: BeliefModel, config: RunConfig, data: Dataset, run: Path) -> None:
     with open_run(run), one_thread():
         clear_run(run)
-        with keep_log(run, config, data):
+        with keep_log(run, config, data) as notes:
             model.fit(data, config.data)
             calibrated = calibrate_if_wanted(model, config, data)
             save_fitted(model, config, data, run, calibrated=calibrated)
+            notes += model.notes
 
 
 def _train_network(
@@ -125,6 +126,7 @@ def _train_network(
     # A dataset that cannot be trained on fails here, before anything is replaced.
     buildings = TrainingBuildings(config, data, vocabulary=model.vocabulary, ranks=ranks)
     validation = Validation(model, config, data) if ranks.leads else None
+    notes: list[str] = []
     with ExitStack() as held:
         if ranks.leads:
             held.enter_context(open_run(run))
@@ -132,13 +134,13 @@ def _train_network(
                 require_same_training(config, data, run)
             else:
                 clear_run(run)
-            held.enter_context(keep_log(run, config, data))
+            notes = held.enter_context(keep_log(run, config, data))
         ranks.wait()  # until the folder is as the training begins with it
         held.enter_context(one_thread())
         model.fit(data, config.data)
         yield from train_epochs(steps, config, data, run, buildings, validation)
         if ranks.leads:
-            calibrate_run(config, data, run)
+            notes += calibrate_run(config, data, run)
 
 
 def new_model(config: RunConfig, data: Dataset) -> BeliefModel:
@@ -159,13 +161,14 @@ def new_model(config: RunConfig, data: Dataset) -> BeliefModel:
     )
 
 
-def calibrate_run(config: RunConfig, data: Dataset, run: Path) -> None:
-    """Calibrate a run's best checkpoint, if its configuration says so."""
+def calibrate_run(config: RunConfig, data: Dataset, run: Path) -> tuple[str, ...]:
+    """Calibrate a run's best checkpoint, if its configuration says so; return the model's notes."""
     checkpoint = load_checkpoint(run / BEST)
     model = restore_model(run / BEST, checkpoint)
     if calibrate_if_wanted(model, config, data):
         header = checkpoint.header.model_copy(update={"calibrated": True})
         save_checkpoint(run / BEST, header, name_tensors("model", model.state_dict()))
+    return model.notes
 
 
 def calibrate_if_wanted(model: BeliefModel, config: RunConfig, data: Dataset) -> bool:
@@ -225,14 +228,14 @@ def _train_ensemble(
     with open_run(run):
         if not resume:
             clear_run(run)
-        with keep_log(run, config, data):
+        with keep_log(run, config, data) as notes:
             for name, folder in members.items():
                 member = member_config(config, name)
                 if resume and is_finished(folder, member, data):
                     continue
                 again = resume and (folder / LAST).is_file()
                 yield from train_run(member, data.path, folder, resume=again, force=force or resume)
-            _combine(config, data, members, run)
+            notes += _combine(config, data, members, run)
 
 
 def member_config(config: RunConfig, name: str) -> RunConfig:
@@ -252,11 +255,14 @@ def combine_runs(config: RunConfig, data: Dataset, members: Mapping[str, Path], 
         members: name in the zoo → folder of its run.
         run: folder of the ensemble.
     """
-    with open_run(run), keep_log(run, config, data):
-        _combine(config, data, members, run)
+    with open_run(run), keep_log(run, config, data) as notes:
+        notes += _combine(config, data, members, run)
 
 
-def _combine(config: RunConfig, data: Dataset, members: Mapping[str, Path], run: Path) -> None:
+def _combine(
+    config: RunConfig, data: Dataset, members: Mapping[str, Path], run: Path
+) -> tuple[str, ...]:
+    """Mix the members, calibrate and save; return the notes of the mixture."""
     model = cast(Ensemble, new_model(config, data))
     for name, folder in members.items():
         trained = restore_model(folder / BEST, load_checkpoint(folder / BEST))
@@ -265,3 +271,4 @@ def _combine(config: RunConfig, data: Dataset, members: Mapping[str, Path], run:
         calibrated = calibrate_if_wanted(model, config, data)
         recipes = {name: member_config(config, name) for name in members}
         save_fitted(model, config, data, run, calibrated=calibrated, members=recipes)
+    return model.notes

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import doctest
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,9 @@ from bsg_models.runs.checkpoint import (
     save_checkpoint,
 )
 from bsg_models.runs.run_folder import BEST, LAST, LOG, METRICS
+from bsg_models.studies.run_summary import summarise_run
 from bsg_models.training import optimiser as optimiser_module
+from bsg_models.training import training
 from bsg_models.training.buildings import validation_buildings
 from bsg_models.training.learning_curve import read_metrics
 from bsg_models.training.training import train_run
@@ -325,3 +328,17 @@ def test_no_code_can_hide_in_a_checkpoint(dataset: Path, tmp_path: Path) -> None
     header = json.loads(data[8 : 8 + length])
     ends = [entry["data_offsets"][1] for name, entry in header.items() if name != "__metadata__"]
     assert len(data) == 8 + length + max(ends)
+
+
+def test_a_calibration_of_a_sample_says_so(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = find_config("mixture")
+    list(train_run(config, dataset, tmp_path / "all"))
+    assert summarise_run(tmp_path / "all").notes == ()
+    monkeypatch.setattr(training, "_CALIBRATED_ROOMS", 20)
+    list(train_run(config, dataset, tmp_path / "some"))
+    (note,) = summarise_run(tmp_path / "some").notes
+    assert re.fullmatch(
+        r"calibrated on \d of \d masked val buildings, drawn at random: 20 rooms at most", note
+    )
