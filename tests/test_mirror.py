@@ -77,7 +77,6 @@ PROVED_ELSEWHERE = {
     "bsg_models/zoo/gat.py": "bsg_models/zoo/test_count_network.py",
     "bsg_models/zoo/gcn.py": "bsg_models/zoo/test_models.py",
     "bsg_models/zoo/gin.py": "bsg_models/zoo/test_count_network.py",
-    "bsg_models/zoo/masked_rooms.py": "bsg_models/zoo/test_counting_models.py",
     "bsg_models/zoo/message_passing.py": "bsg_models/zoo/test_count_network.py",
     "bsg_models/zoo/model.py": "bsg_models/zoo/test_models.py",
     "bsg_models/zoo/naive_bayes.py": "bsg_models/zoo/test_counting_models.py",

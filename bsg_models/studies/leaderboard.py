@@ -115,6 +115,7 @@ def make_leaderboard(
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise DatasetError(f"{out}: cannot be made ({error.strerror})") from error
+    out = out.absolute()  # who trains may stand in another folder
     runs = plan_runs(models, recipe)
     with hold(out):
         for mask in dict.fromkeys((*recipe.masks, *runs.masks)):

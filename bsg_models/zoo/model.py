@@ -118,6 +118,13 @@ class Network(BeliefModel):
     def loss(self, graphs: Data) -> torch.Tensor:
         """Return what a step of training lowers, for graphs with their targets `y`."""
 
+    def cells_of(self, graphs: Data) -> int:
+        """Return the number of cells (node, class) that `loss` is a mean over.
+
+        Several processes that train together weigh their losses by it.
+        """
+        return int(graphs.y.numel())
+
     @abstractmethod
     def validation_loss(self, graphs: Data) -> tuple[float, int]:
         """Return the sum of the loss over cells (node, class), and their number."""

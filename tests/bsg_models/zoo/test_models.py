@@ -171,6 +171,20 @@ def test_one_layer_of_the_gcn_by_hand() -> None:
     np.testing.assert_allclose(found.detach().numpy(), expected, rtol=1e-5)
 
 
+def test_the_gcn_normalises_once_what_pygs_layers_normalise_each() -> None:
+    torch.manual_seed(0)
+    model = CECIGCN(GCNConfig(depth=3, width=8, dropout=0.0), ModelInputs(classes=2)).eval()
+    graph = model.graph_of(observe_building([[4, 2], [3, 0], [1, 2]]))
+    x = graph.x
+    for layer, convolution in enumerate(model.convolutions):
+        pygs = GCNConv(convolution.in_channels, convolution.out_channels)
+        pygs.load_state_dict(convolution.state_dict())
+        x = pygs(x, graph.edge_index)
+        if layer < len(model.blocks):
+            x = model.blocks[layer](x)
+    assert torch.equal(model(graph), x)
+
+
 def test_the_gcn_has_no_negative_totals() -> None:
     torch.manual_seed(0)
     model = CECIGCN(GCNConfig(), ModelInputs(classes=45))
