@@ -127,10 +127,11 @@ def main(
     click.echo(format_text(rows, header=header))
     if len(report.rooms) > MOST_ROWS:
         print_note(f"… and {len(report.rooms) - MOST_ROWS:,} more rooms; --json prints all")
-    blind = sum(len(graph.blind) for graph in report.graphs)
-    number = len(report.graphs)
+    number, held = report.number, len(report.graphs)
     graphs_are = "1 belief graph" if number == 1 else f"{number:,} belief graphs"
-    click.echo(f"{graphs_are}, {blind:,} blind nodes, by {report.model}")
+    click.echo(f"{graphs_are}, {report.blind:,} blind nodes, by {report.model}")
+    if request.html and held < number:
+        print_note(f"{request.html}: shows the first {held:,} of {number:,}; --tables takes all")
     if written := request.results:
         click.echo(f"written: {', '.join(map(str, written))}")
 

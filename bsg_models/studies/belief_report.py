@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -32,12 +32,14 @@ from bsg_models.belief.formats import choose_format, write_beliefs
 from bsg_models.belief.graph_file import open_graph_file
 from bsg_models.belief.hydra import SPARK_DSG, annotate_hydra, write_hydra
 from bsg_models.belief.hydra_file import HydraFile
-from bsg_models.belief.tables import write_tables
+from bsg_models.belief.tables import read_tables, write_tables
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.rendering.explorer import View, write_explorer
 from bsg_models.robot.told_shares import tell_shares
 from bsg_models.runs.predictor import Predictor
 from bsg_models.runs.shipped import DEFAULT_MODEL
+
+MOST_HELD = 200  # belief graphs that are held, and on a page; tables take any number
 
 
 class MaskedScenes(Record):
@@ -74,7 +76,7 @@ class BeliefRequest(Record):
         hydra: file of one belief graph as Spark-DSG JSON: a graph of Hydra's as it was, with what
             is believed in it, or a new one.
         tables: folder of all belief graphs as parquet.
-        html: file of the explorer.
+        html: file of the explorer, with the first `MOST_HELD`.
         force: replace files that are there.
     """
 
@@ -129,7 +131,9 @@ class BeliefReport(NamedTuple):
 
     Attributes:
         model: its name.
-        graphs: one a partial graph.
+        graphs: one a partial graph, of the first `MOST_HELD`.
+        number: of all graphs.
+        blind: number of blind nodes of all graphs.
         rooms: of all graphs.
         unmapped: file → names that the class map does not know, most frequent first; what the first
             `COMPARED` of them look like.
@@ -140,6 +144,8 @@ class BeliefReport(NamedTuple):
 
     model: str
     graphs: tuple[BeliefGraph, ...]
+    number: int
+    blind: int
     rooms: tuple[RoomBelief, ...]
     unmapped: dict[Path, tuple[UnmappedEntry, ...]]
     resolved: dict[Path, tuple[ResolvedEntry, ...]]
@@ -181,15 +187,24 @@ def report_beliefs(
         partial_graphs = mask_dataset(request.scenes.dataset, wanted, request.scenes.mask)
     views: list[View] = []
     rooms: list[RoomBelief] = []
-    for done, (graph, truth) in enumerate(partial_graphs, 1):
-        expectation = predictor(graph, withheld=_withheld(request.scenes, graph))
-        belief = believe(
-            graph, expectation, mode=request.mode, top=request.top, model=predictor.name
-        )
-        views.append(View(belief, truth))
-        rooms += describe_rooms(belief, rank_unseen(expectation, request.top))
-        if progress:
-            progress(done, total)
+    number = blind = 0
+
+    def believe_all() -> Iterator[BeliefGraph]:
+        nonlocal number, blind
+        for graph, truth in partial_graphs:
+            expectation = predictor(graph, withheld=_withheld(request.scenes, graph))
+            belief = believe(
+                graph, expectation, mode=request.mode, top=request.top, model=predictor.name
+            )
+            if number < MOST_HELD:
+                views.append(View(belief, truth))
+            rooms.extend(describe_rooms(belief, rank_unseen(expectation, request.top)))
+            number, blind = number + 1, blind + len(belief.blind)
+            yield belief
+            if progress:
+                progress(number, total)
+
+    _write_all(request, believe_all())
     _write(request, views, [file.hydra for file in files.values()])
     unmapped = {path: _list_unmapped(graph, class_map) for path, graph in graphs.items()}
     resolved = {path: _list_resolved(graph, class_map) for path, graph in graphs.items()}
@@ -201,6 +216,8 @@ def report_beliefs(
     return BeliefReport(
         model=predictor.name,
         graphs=tuple(view.belief for view in views),
+        number=number,
+        blind=blind,
         rooms=tuple(rooms),
         unmapped={path: names for path, names in unmapped.items() if names},
         resolved={path: names for path, names in resolved.items() if names},
@@ -278,21 +295,33 @@ def _check_paths(request: BeliefRequest) -> None:
             raise DatasetError(f"{path}: is there already; --force replaces it")
 
 
+def _write_all(request: BeliefRequest, beliefs: Iterator[BeliefGraph]) -> None:
+    """Write the files of any number of belief graphs as they come; ask for all in any case."""
+    places = [request.tables] if request.tables else []
+    if request.out and choose_format(request.out).many:
+        places.append(request.out)
+    if request.tables:
+        write_tables(beliefs, request.tables)
+    elif places:
+        write_beliefs(beliefs, places[0])
+    deque(beliefs, maxlen=0)
+    if request.tables and len(places) == 2:
+        write_beliefs(read_tables(request.tables), places[1])
+
+
 def _write(
     request: BeliefRequest, views: list[View], originals: Sequence[HydraFile | None]
 ) -> None:
-    """Write what is asked for; into a graph of Hydra's, if what is believed is about one."""
+    """Write the other files; into a graph of Hydra's, if what is believed is about one."""
     beliefs = [view.belief for view in views]
     original = originals[0] if len(originals) == 1 else None
     if request.out and original is not None and choose_format(request.out).name == SPARK_DSG.name:
         annotate_hydra(beliefs[0], original, request.out)
-    elif request.out:
+    elif request.out and not choose_format(request.out).many:
         write_beliefs(beliefs, request.out)
     if request.hydra and original is not None:
         annotate_hydra(beliefs[0], original, request.hydra)
     elif request.hydra:
         write_hydra(beliefs[0], request.hydra)
-    if request.tables:
-        write_tables(beliefs, request.tables)
     if request.html:
         write_explorer(views, request.html)

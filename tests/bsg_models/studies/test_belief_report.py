@@ -11,6 +11,8 @@ from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError, MismatchError, RecipeError
 from bsg_data.recipes import SplitRecipe
 from bsg_data.sources.hm3d import HM3DFolder
+from bsg_models.belief.tables import read_tables
+from bsg_models.studies import belief_report
 from bsg_models.studies.belief_report import (
     BeliefRequest,
     MaskedScenes,
@@ -68,3 +70,26 @@ def test_what_a_rule_made_of_a_robots_names_is_reported(dataset: Path, tmp_path:
     report = report_beliefs(BeliefRequest(run=tmp_path / "run", graphs=(path,)))
     (made,) = report.resolved[path]
     assert (made.name, made.rule, made.class_name) == ("TV-stands", "number", "cabinet")
+
+
+def test_any_number_of_beliefs_goes_to_tables_and_some_to_a_page(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    list(train_run(find_config("gamma-poisson"), dataset, tmp_path / "run"))
+    scenes = MaskedScenes(dataset=dataset, split="train")
+    request = BeliefRequest(run=tmp_path / "run", scenes=scenes, tables=tmp_path / "all")
+    whole = report_beliefs(request)
+    monkeypatch.setattr(belief_report, "MOST_HELD", 2)
+    places = {"tables": tmp_path / "b", "out": tmp_path / "c.tables", "html": tmp_path / "p.html"}
+    steps: list[tuple[int, int]] = []
+    few = report_beliefs(
+        request.model_copy(update=places), progress=lambda *step: steps.append(step)
+    )
+    assert few.graphs == whole.graphs[:2]
+    assert (few.number, few.blind, few.rooms) == (whole.number, whole.blind, whole.rooms)
+    assert few.number == len(whole.graphs) == len(steps) > 2
+    for folder in (tmp_path / "all", places["tables"], places["out"]):
+        assert list(read_tables(folder)) == list(whole.graphs)
+    page = places["html"].read_text("utf-8")
+    assert few.graphs[1].partial.scene_id in page
+    assert whole.graphs[2].partial.scene_id not in page
