@@ -25,7 +25,7 @@ from bsg_models.runs.found_model import find_model
 from bsg_models.runs.predictor import Predictor
 from bsg_models.runs.shipped import DEFAULT_MODEL
 
-ROOMS, REPEATS, CALLS = (4, 8, 14), 20, 10
+ROOMS, REPEATS, CALLS = (4, 8, 14), 20, 3
 
 
 def measure() -> Iterator[Speed]:
