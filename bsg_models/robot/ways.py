@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components, shortest_path
+from scipy.spatial.distance import cdist
 
 from bsg_data.arrays import Floats
 from bsg_data.errors import RecipeError
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph
 from bsg_models.robot.room_names import find_room
-from bsg_models.search.shortest_paths import find_ways
 
+MOST_ROOMS = 2000  # between which ways are measured: tables hold a number for each pair of them
 Unit = Literal["m", "rooms", "given"]
 Costs = Mapping[tuple[str, str], float]
 
@@ -49,22 +50,36 @@ def measure_ways(graph: PartialGraph, costs: Costs | None = None) -> Ways:
             measured; ∞ for a way that is closed.
 
     Raises:
-        RecipeError: for a room that is not known, or a cost that is none.
+        RecipeError: for a room that is not known, a cost that is none, or more than 2,000 rooms.
     """
+    rooms = len(graph.rooms)
+    if rooms > MOST_ROOMS:
+        raise RecipeError(
+            f"{graph.scene_id}: ways are measured between {MOST_ROOMS:,} rooms at most, found "
+            f"{rooms:,}; ask without saying where the robot is, or about a part of the building"
+        )
     lines = _straight_lines(graph)
-    every = list(itertools.combinations(range(1, len(graph.rooms) + 1), 2))
-    pairs = list(graph.adjacency) or every
-    known = [lines[pair] for pair in pairs if np.isfinite(lines[pair])]
-    usual = float(np.mean(known)) if known else 1.0
+    pairs = np.array(graph.adjacency, dtype=np.int64).reshape(-1, 2)
+    if not len(pairs):
+        pairs = np.argwhere(np.triu(np.ones((rooms, rooms), dtype=bool), k=1)) + 1
+    lengths = lines[pairs[:, 0], pairs[:, 1]]
+    known = lengths[np.isfinite(lengths)]
+    usual = float(np.mean(known)) if len(known) else 1.0
+    lengths = np.where(np.isfinite(lengths), lengths, usual)
     edges = np.full(lines.shape, np.inf)
-    for a, b in pairs:
-        length = lines[a, b] if np.isfinite(lines[a, b]) else usual
-        edges[a, b] = edges[b, a] = length
+    edges[pairs[:, 0], pairs[:, 1]] = edges[pairs[:, 1], pairs[:, 0]] = lengths
     _join_parts(edges, lines, usual)
     if costs is not None:
         _lay_over(edges, graph, costs)
-    unit: Unit = "given" if costs else "m" if known else "rooms"
-    return Ways(edges, find_ways(edges[None]).costs[0], unit)
+    unit: Unit = "given" if costs else "m" if len(known) else "rooms"
+    return Ways(edges, _find_cheapest(edges), unit)
+
+
+def _find_cheapest(edges: Floats) -> Floats:
+    """Return the costs of the cheapest ways over edges `[N, N]`; ∞ where there is none."""
+    source, target = np.nonzero(np.isfinite(edges))  # an edge may cost 0
+    listed = csr_array((edges[source, target], (source, target)), shape=edges.shape)
+    return np.asarray(shortest_path(listed))
 
 
 def _lay_over(edges: Floats, graph: PartialGraph, costs: Costs) -> None:
@@ -80,7 +95,7 @@ def _straight_lines(graph: PartialGraph) -> Floats:
     places = np.full((len(graph.rooms) + 1, 3), np.nan)
     for number, room in enumerate(graph.rooms, 1):
         places[number] = _place_of(room)
-    lines = np.sqrt(((places[:, None] - places[None]) ** 2).sum(axis=2))
+    lines = cdist(places, places)
     return np.where(np.isnan(lines), np.inf, lines)
 
 

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -97,3 +98,25 @@ def test_every_room_can_be_reached_by_the_cheapest_way(data: st.DataObject) -> N
     for a, lengths in nx.all_pairs_dijkstra_path_length(drawn):
         for b, length in lengths.items():
             assert ways.costs[a, b] == pytest.approx(length)
+
+
+@pytest.mark.parametrize("rooms", [4, 200])
+def test_a_way_may_cost_nothing(rooms: int) -> None:
+    """Few rooms and many, between which ways are found by other algorithms."""
+    names = [f"room {number}" for number in range(rooms)]
+    document = {
+        "scene_id": "home",
+        "rooms": [{"id": name} for name in names],
+        "adjacency": [[one, other] for one, other in pairwise(names)],
+    }
+    graph = parse_robot_graph(document, path=Path("graph"))
+    ways = measure_ways(graph, {(names[0], names[1]): 0.0})
+    assert ways.costs[1, 1:5].tolist() == [0, 0, 1, 2]
+    assert ways.costs[rooms, 1] == rooms - 2
+
+
+def test_too_many_rooms_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bsg_models.robot.ways.MOST_ROOMS", 2)
+    with pytest.raises(RecipeError, match="home: ways are measured between 2 rooms at most"):
+        measure_ways(graph_of([None] * 3, []))
+    assert measure_ways(graph_of([None] * 2, [])).costs.shape == (3, 3)
