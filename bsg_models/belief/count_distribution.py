@@ -61,9 +61,14 @@ class CountDistribution:
     @cached_property
     def _first(self) -> list[Floats]:
         """The untilted probabilities of the counts 0..J−1, each `[K, N, C]`."""
-        none = np.exp(_log_nones(self.means, self.dispersions))
+        none = np.exp(self._log_untilted_none)
         number = 0 if self.tilts is None else len(self.tilts)
         return _first_counts(number, none, self.means, self.dispersions)
+
+    @cached_property
+    def _log_untilted_none(self) -> Floats:
+        """Untilted log P(0), `[K, N, C]`."""
+        return _log_nones(self.means, self.dispersions)
 
     @cached_property
     def _log_normaliser(self) -> Floats:
@@ -74,7 +79,10 @@ class CountDistribution:
     @property
     def presence(self) -> Floats:
         """P(at least one hidden object of the class), `[N, C]`."""
-        present = -np.expm1(self.log_probability(np.zeros(self.means.shape[1:]), floor=0.0))
+        each = self._log_untilted_none
+        if self.tilts is not None:
+            each = (each - self._log_normaliser) + self.tilts[0]
+        present = -np.expm1(self._weigh(each))
         return np.where(self.mean > 0, present, 0.0)  # weights add up to 1 but for rounding
 
     @property
@@ -103,6 +111,10 @@ class CountDistribution:
             each -= normaliser
             for count, tilt in enumerate(self.tilts):
                 each += tilt * (counts == count)
+        return self._weigh(each)
+
+    def _weigh(self, each: Floats) -> Floats:
+        """Return the log-probability of the mixture, `[N, C]`, from each `[K, N, C]`."""
         if len(each) == 1:
             return np.asarray(np.minimum(each[0], 0.0))
         with np.errstate(divide="ignore"):
@@ -197,10 +209,10 @@ class CountDistribution:
         Args:
             log_factor: `[N, C]`, added to log P(0) − log P(at least one).
         """
-        before = _log_nones(self.means, self.dispersions)
+        before = self._log_untilted_none
         tilts = np.zeros((1, *self.means.shape)) if self.tilts is None else self.tilts.copy()
         if self.tilts is not None:
-            before += tilts[0] - self._log_normaliser
+            before = before + (tilts[0] - self._log_normaliser)
         tilts[0] += log_factor
         weights = self.weights
         if len(weights) > 1:
