@@ -70,11 +70,8 @@ format: $(INSTALLED) ## Format the code and mend what ruff can mend.
 docs: $(INSTALLED) ## Write the generated parts of the docs anew.
 	$(BIN)/python scripts/write_docs.py
 
-bench: $(INSTALLED) ## Run the benchmarks, each beside what it is compared with.
-	$(BIN)/python -m pytest --benchmark-only --override-ini addopts="--import-mode=importlib" tests
-	$(BIN)/python scripts/bench/mesh.py
-	$(BIN)/python scripts/bench/search.py
-	$(BIN)/python scripts/bench/robot.py
+bench: $(INSTALLED) ## Measure how fast the main jobs are, each beside something else: docs/results/speed.md.
+	$(BIN)/python scripts/bench/speed.py --out docs/results/speed.md
 
 clean: ## Remove the environment, the demo and all caches.
 	rm -rf $(VENV) $(DEMO) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks

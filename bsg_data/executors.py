@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from concurrent.futures import BrokenExecutor, Executor, as_completed
+from collections import deque
+from collections.abc import Callable, Collection, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from contextlib import contextmanager
+from itertools import islice
 from typing import Any, TypeVar
 
 from bsg_data.errors import BSGError
 
 Result = TypeVar("Result")
+WINDOW = 512  # tasks handed out at a time: work for that many workers, whose arguments are held
 
 
 def run_all(
     function: Callable[..., Result],
-    tasks: Sequence[tuple[Any, ...]],
+    tasks: Collection[tuple[Any, ...]],
     *,
     executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Result]:
     """Call `function` on every task and return the results in the order of the tasks.
+
+    Tasks are taken as they are needed: at most `WINDOW` are handed out and not done.
 
     Args:
         function: of the elements of a task; importable by name, if `executor` uses processes.
@@ -30,23 +36,67 @@ def run_all(
         Exception: the first that a task raises; tasks not begun by then are cancelled.
     """
     report = progress or (lambda done, total: None)
+    results: dict[int, Result] = {}
+    for number, result in _run(function, tasks, executor):
+        results[number] = result
+        report(len(results), len(tasks))
+    return [results[number] for number in range(len(results))]
+
+
+def run_in_order(
+    function: Callable[..., Result],
+    tasks: Iterable[tuple[Any, ...]],
+    *,
+    executor: Executor | None = None,
+) -> Iterator[Result]:
+    """Yield the results of any number of tasks in their order, holding `WINDOW` of them at most.
+
+    Raises:
+        Exception: what a task raises, in its turn; tasks not begun by then are cancelled.
+    """
     if executor is None:
-        results = []
-        for done, task in enumerate(tasks, start=1):
-            results.append(function(*task))
-            report(done, len(tasks))
-        return results
-    futures = [executor.submit(function, *task) for task in tasks]
+        yield from (function(*task) for task in tasks)
+        return
+    waiting: deque[Future[Result]] = deque()
+    with _cancelled_when_left(waiting):
+        for task in tasks:
+            if len(waiting) == WINDOW:
+                yield waiting.popleft().result()
+            waiting.append(executor.submit(function, *task))
+        while waiting:
+            yield waiting.popleft().result()
+
+
+def _run(
+    function: Callable[..., Result],
+    tasks: Iterable[tuple[Any, ...]],
+    executor: Executor | None,
+) -> Iterator[tuple[int, Result]]:
+    """Yield the number and the result of every task as it is done."""
+    numbered = enumerate(tasks)
+    if executor is None:
+        yield from ((number, function(*task)) for number, task in numbered)
+        return
+    waiting: dict[Future[Result], int] = {}
+    with _cancelled_when_left(waiting):
+        while True:
+            for number, task in islice(numbered, WINDOW - len(waiting)):
+                waiting[executor.submit(function, *task)] = number
+            if not waiting:
+                return
+            for future in wait(waiting, return_when=FIRST_COMPLETED).done:
+                yield waiting.pop(future), future.result()
+
+
+@contextmanager
+def _cancelled_when_left(waiting: Collection[Future[Any]]) -> Iterator[None]:
+    """Cancel what waits when the block is left, however it is, and say what a dead worker means."""
     try:
-        for done, future in enumerate(as_completed(futures), start=1):
-            future.result()
-            report(done, len(tasks))
+        yield
     except BrokenExecutor as error:
         raise BSGError(
             "a worker process died (killed, or out of memory?); fewer --workers need less memory"
         ) from error
-    except BaseException:
-        for future in futures:
+    finally:
+        for future in waiting:
             future.cancel()
-        raise
-    return [future.result() for future in futures]

@@ -8,8 +8,18 @@ from typing import get_args
 import pandas as pd
 
 from bsg_data.dataset.manifest import Manifest, read_manifest
-from bsg_data.dataset.shards import read_table
+from bsg_data.dataset.shards import stream_table
 from bsg_data.scene.class_map import Role
+
+_COLUMNS = {
+    "scenes": ["scene_id", "source", "num_rooms", "num_objects", "has_geometry"],
+    "objects": ["scene_id", "role", "class_index"],
+    "edges": ["scene_id", "kind"],
+}
+_SHOWN = (
+    *("buildings", "rooms", "objects", *get_args(Role)),
+    *("classes", "placed", "connections", "share"),
+)
 
 
 def count_sources(dataset: Path, *, manifest: Manifest | None = None) -> pd.DataFrame:
@@ -21,35 +31,41 @@ def count_sources(dataset: Path, *, manifest: Manifest | None = None) -> pd.Data
     class; `placed`, the buildings with geometry; `connections`, the pairs of adjacent rooms.
     """
     manifest = manifest or read_manifest(dataset)
-    columns = ["scene_id", "source", "num_rooms", "num_objects", "has_geometry"]
-    scenes = read_table(dataset, "scenes", columns=columns, manifest=manifest).to_pandas()
+    streams = (
+        stream_table(dataset, name, columns=columns, manifest=manifest)
+        for name, columns in _COLUMNS.items()
+    )
+    frame, held = pd.DataFrame(), pd.DataFrame()
+    for tables in zip(*streams, strict=True):
+        counts, kinds = _count_part(*(table.to_pandas(use_threads=False) for table in tables))
+        frame = frame.add(counts, fill_value=0)
+        held = pd.concat([held, kinds]).drop_duplicates()
+    frame = frame.fillna(0).astype("int64")
+    frame["classes"] = held.groupby("source").size().reindex(frame.index, fill_value=0)
+    things = (frame["objects"] - frame["structure"]).clip(lower=1)
+    frame["share"] = frame["classified"] / things
+    frame = frame.rename_axis("source").reset_index()[["source", *_SHOWN]]
+    return frame.sort_values(["buildings", "source"], ascending=[False, True], ignore_index=True)
+
+
+def _count_part(
+    scenes: pd.DataFrame, objects: pd.DataFrame, edges: pd.DataFrame
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return one row a source of a part, and which classes its sources have."""
     source_of = scenes.set_index("scene_id")["source"]
-    objects = read_table(
-        dataset, "objects", columns=["scene_id", "role", "class_index"], manifest=manifest
-    ).to_pandas()
     objects["source"] = objects["scene_id"].map(source_of)
-    edges = read_table(
-        dataset, "edges", columns=["scene_id", "kind"], manifest=manifest
-    ).to_pandas()
     adjacent = edges.loc[edges["kind"] == "adjacent", "scene_id"].map(source_of)
     grouped = scenes.groupby("source")
-    roles = pd.crosstab(objects["source"], objects["role"])
-    frame = pd.DataFrame(
+    roles = pd.crosstab(objects["source"], objects["role"]).reindex(columns=list(get_args(Role)))
+    counts = pd.DataFrame(
         {
             "buildings": grouped.size(),
             "rooms": grouped["num_rooms"].sum(),
             "objects": grouped["num_objects"].sum(),
-            **{
-                role: roles[role] if role in roles else pd.Series(dtype="int64")
-                for role in get_args(Role)
-            },
-            "classes": objects.groupby("source")["class_index"].nunique(),
+            **roles,
             "placed": grouped["has_geometry"].sum(),
             "connections": adjacent.value_counts(),
         }
     )
-    frame = frame.fillna(0).astype("int64")
-    things = (frame["objects"] - frame["structure"]).clip(lower=1)
-    frame["share"] = frame["classified"] / things
-    frame = frame.rename_axis("source").reset_index()
-    return frame.sort_values(["buildings", "source"], ascending=[False, True], ignore_index=True)
+    kinds = objects.loc[objects["class_index"].notna(), ["source", "class_index"]]
+    return counts.fillna(0), kinds.drop_duplicates()

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import get_args
 
+import numpy as np
 import pandas as pd
 
-from bsg_data.dataset.shards import read_table
+from bsg_data.arrays import Counts
+from bsg_data.dataset.shards import stream_table
 from bsg_data.scene.class_map import ClassMap, Role
 
 
@@ -56,20 +59,31 @@ def measure_coverage(
             which is a map for each source.
         most: how many of the names that are left out are listed.
     """
-    columns = ["raw_category", "category", "role"]
-    objects = read_table(dataset, "objects", columns=columns).to_pandas()
-    if class_map is not None:
-        known = {name: class_map.classify(name) for name in objects["raw_category"].unique()}
-        objects["role"] = objects["raw_category"].map({k: v.role for k, v in known.items()})
-        objects["category"] = objects["raw_category"].map({k: v.category for k, v in known.items()})
-    parts = {role: int((objects["role"] == role).sum()) for role in get_args(Role)}
-    left_out = objects.loc[objects["role"] == "left-out", "category"].value_counts()
-    ranked = sorted(left_out.items(), key=lambda item: (-item[1], str(item[0])))
+    roles: Counter[str] = Counter()
+    left_out: Counter[str] = Counter()
+    for (raw, category, role), count in _count_names(dataset).items():
+        known = None if class_map is None else class_map.classify(raw)
+        found, name = (role, category) if known is None else (known.role, known.category)
+        roles[found] += count
+        if found == "left-out":
+            left_out[str(name)] += count
+    ranked = sorted(left_out.items(), key=lambda item: (-item[1], item[0]))
     return Coverage(
-        objects=len(objects),
-        **{role.replace("-", "_"): count for role, count in parts.items()},
-        most_left_out=tuple((str(name), int(count)) for name, count in ranked[:most]),
+        objects=sum(roles.values()),
+        **{role.replace("-", "_"): roles[role] for role in get_args(Role)},
+        most_left_out=tuple(ranked[:most]),
     )
+
+
+def _count_names(dataset: Path) -> Counter[tuple[str, str | None, str]]:
+    """Count the objects of a dataset by raw name, category and role, a file at a time."""
+    columns = ["raw_category", "category", "role"]
+    counts: Counter[tuple[str, str | None, str]] = Counter()
+    for objects in stream_table(dataset, "objects", columns=columns):
+        kinds = objects.group_by(columns, use_threads=False).aggregate([([], "count_all")])
+        rows = zip(*(kinds[name].to_pylist() for name in columns), strict=True)
+        counts.update(dict(zip(rows, kinds["count_all"].to_pylist(), strict=True)))
+    return counts
 
 
 def count_classes(dataset: Path, class_map: ClassMap) -> pd.DataFrame:
@@ -79,22 +93,27 @@ def count_classes(dataset: Path, class_map: ClassMap) -> pd.DataFrame:
     hold two or more. Every object of the dataset is looked up again.
     """
     columns = ["scene_id", "room_index", "raw_category"]
-    objects = read_table(dataset, "objects", columns=columns).to_pandas()
-    index = {
-        name: class_map.classify(name).class_index for name in objects["raw_category"].unique()
-    }
-    objects["class"] = objects["raw_category"].map(index)
-    objects = objects[objects["class"].notna()]
+    totals = np.zeros((4, len(class_map.classes)), dtype=np.int64)
+    index: dict[str, int | None] = {}
+    for table in stream_table(dataset, "objects", columns=columns):
+        objects = table.to_pandas(use_threads=False)
+        for name in objects["raw_category"].unique():
+            index.setdefault(name, class_map.classify(name).class_index)
+        totals += _count_objects(objects.assign(kind=objects["raw_category"].map(index)), totals)
+    counted = dict(zip(("instances", "rooms", "buildings", "doubles"), totals, strict=True))
+    return pd.DataFrame({"class": class_map.classes, **counted})
+
+
+def _count_objects(objects: pd.DataFrame, like: Counts) -> Counts:
+    """Return instances, rooms, buildings and doubles of every class in some buildings, `[4, C]`."""
+    objects = objects[objects["kind"].notna()]
     in_rooms = objects[objects["room_index"] > 0]
-    each = in_rooms.groupby(["class", "scene_id", "room_index"]).size()
-    frame = pd.DataFrame(
-        {
-            "instances": objects.groupby("class").size(),
-            "rooms": each.groupby("class").size(),
-            "buildings": objects.groupby("class")["scene_id"].nunique(),
-            "doubles": (each >= 2).groupby("class").sum(),
-        }
+    each = in_rooms.groupby(["kind", "scene_id", "room_index"]).size()
+    counts = (
+        objects.groupby("kind").size(),
+        each.groupby("kind").size(),
+        objects.groupby("kind")["scene_id"].nunique(),
+        (each >= 2).groupby("kind").sum(),
     )
-    frame = frame.reindex(range(len(class_map.classes))).fillna(0).astype("int64")
-    frame.insert(0, "class", class_map.classes)
-    return frame.reset_index(drop=True)
+    classes = range(like.shape[1])
+    return np.stack([one.reindex(classes).fillna(0).astype(np.int64) for one in counts])

@@ -17,15 +17,18 @@ def count_frequencies(dataset: Path) -> pd.DataFrame:
     Columns: `class`, `instances`, `rooms` and `scenes` that hold one.
     """
     data = Dataset.open(dataset)
-    cells = [data.cells(scene_id) for scene_id in data.scene_ids]
-    every = np.concatenate(cells)
-    rooms = np.concatenate([c[1:] for c in cells])
+    classes = data.manifest.class_space.classes
+    totals = np.zeros((3, len(classes)), dtype=np.int64)
+    for part in data.parts():
+        cells, starts = part.every_cell, part.starts
+        in_room = np.ones(len(cells), dtype=bool)
+        in_room[starts[:-1]] = False
+        there = np.add.reduceat(cells, starts[:-1]) > 0 if len(cells) else cells > 0
+        totals += [cells.sum(axis=0), (cells[in_room] > 0).sum(axis=0), there.sum(axis=0)]
     frame = pd.DataFrame(
         {
-            "class": data.manifest.class_space.classes,
-            "instances": every.sum(axis=0),
-            "rooms": (rooms > 0).sum(axis=0),
-            "scenes": np.stack([(c.sum(axis=0) > 0) for c in cells]).sum(axis=0),
+            "class": classes,
+            **dict(zip(("instances", "rooms", "scenes"), totals, strict=True)),
         }
     )
     return frame.sort_values(["instances", "class"], ascending=[False, True], ignore_index=True)

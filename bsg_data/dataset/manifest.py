@@ -212,12 +212,14 @@ class Manifest(Record):
 
     def files_of(self, table: str) -> tuple[FileEntry, ...]:
         """Return the files of one table (`scenes`, `pairs`, ...) in order."""
-        return tuple(f for f in self.files if f.path.split("/")[0] in (table, f"{table}.parquet"))
+        folder, file = f"{table}/", f"{table}.parquet"
+        return tuple(f for f in self.files if f.path.startswith(folder) or f.path == file)
 
     def with_table(self, table: str, entries: tuple[FileEntry, ...], **update: object) -> Manifest:
         """Return the manifest with the files of `table` replaced by `entries`."""
-        gone = self.files_of(table)
-        files = sorted((*(f for f in self.files if f not in gone), *entries), key=lambda f: f.path)
+        gone = {entry.path for entry in self.files_of(table)}
+        kept = (entry for entry in self.files if entry.path not in gone)
+        files = sorted((*kept, *entries), key=lambda entry: entry.path)
         return self.model_copy(update={"files": tuple(files), **update})
 
     def without_pairs(self) -> Manifest:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -56,34 +57,63 @@ def read_table(
         DatasetError: if a file is missing or not readable.
         MismatchError: if a file is of another class space or format than the manifest.
     """
+    return pa.concat_tables(stream_table(dataset, name, columns=columns, manifest=manifest))
+
+
+def stream_table(
+    dataset: Path, name: str, *, columns: list[str] | None = None, manifest: Manifest | None = None
+) -> Iterator[pa.Table]:
+    """Yield a table of a dataset, a file at a time; see `read_table`."""
     manifest = manifest or read_manifest(dataset)
     entries = manifest.files_of(name)
     if not entries:
         raise DatasetError(f"{dataset}: has no {name}; `bsg-data info` says what it holds")
-    return pa.concat_tables(
-        read_file(dataset / entry.path, manifest=manifest, columns=columns) for entry in entries
-    )
+    return (read_file(dataset, entry, manifest=manifest, columns=columns) for entry in entries)
 
 
-def read_file(path: Path, *, manifest: Manifest, columns: list[str] | None = None) -> pa.Table:
-    """Read one parquet file of a dataset, and see that it belongs there."""
-    try:
-        file = pq.ParquetFile(path)
-        check_file_metadata(path, file.schema_arrow, manifest)
+def read_file(
+    dataset: Path, entry: FileEntry, *, manifest: Manifest, columns: list[str] | None = None
+) -> pa.Table:
+    """Read one parquet file of a dataset, and see that it is what the manifest says.
+
+    Raises:
+        DatasetError: if it is missing, changed or not readable.
+        MismatchError: if it is of another class space or format than the manifest.
+    """
+    # Without threads: files are small, and Arrow may abort a process that ends while it starts one.
+    with open_listed(dataset, entry, manifest=manifest) as file:
         if manifest.format_version == 1:
-            table = to_current(path, file.read(), manifest)
+            table = to_current(dataset / entry.path, file.read(use_threads=False), manifest)
             table = table if columns is None else table.select(columns)
         else:
-            table = file.read(columns=columns)
+            table = file.read(columns=columns, use_threads=False)
+    if entry.path.startswith("scenes/") and "scene_id" in table.column_names:
+        _require_scene_ids(dataset / entry.path, table["scene_id"].to_pylist())
+    return table
+
+
+@contextmanager
+def open_listed(dataset: Path, entry: FileEntry, *, manifest: Manifest) -> Iterator[pq.ParquetFile]:
+    """Open one parquet file of a dataset from its bytes, which are read once and hashed.
+
+    Raises:
+        DatasetError: if it is missing, changed or not readable, also within the block.
+        MismatchError: if it is of another class space or format than the manifest.
+    """
+    path = dataset / entry.path
+    try:
+        data = path.read_bytes()
+        if len(data) != entry.bytes or hashlib.sha256(data).hexdigest() != entry.sha256:
+            raise DatasetError(f"{path}: is not what the manifest says; `bsg-data check` says more")
+        with pq.ParquetFile(pa.BufferReader(data)) as file:
+            check_file_metadata(path, file.schema_arrow, manifest)
+            yield file
     except FileNotFoundError as error:
         raise DatasetError(f"{path}: in the manifest but not there; build again") from error
     except (OSError, pa.ArrowInvalid, KeyError) as error:
         raise DatasetError(
             f"{path}: not readable as this dataset's parquet ({error}); `bsg-data check` says more"
         ) from error
-    if path.parent.name == "scenes" and "scene_id" in table.column_names:
-        _require_scene_ids(path, table["scene_id"].to_pylist())
-    return table
 
 
 def to_current(path: Path, table: pa.Table, manifest: Manifest) -> pa.Table:
@@ -126,7 +156,7 @@ def read_scene_graphs(dataset: Path) -> Iterator[SceneGraph]:
     parts = zip(*(manifest.files_of(name) for name in TABLES), strict=True)
     for files in parts:
         tables = {
-            name: read_file(dataset / file.path, manifest=manifest)
+            name: read_file(dataset, file, manifest=manifest)
             for name, file in zip(TABLES, files, strict=True)
         }
         yield from assemble_graphs(tables)

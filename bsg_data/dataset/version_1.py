@@ -132,7 +132,7 @@ def _find_map(version: str) -> ClassMap | None:
 def _tell_roles(table: pa.Table, class_map: ClassMap | None) -> pa.Array:
     """Return the role of every object; what is structure is known of a published map alone."""
     columns = ["raw_category", "category", "class_index"]
-    kinds = table.select(columns).group_by(columns).aggregate([])
+    kinds = table.select(columns).group_by(columns, use_threads=False).aggregate([])
     roles: dict[tuple[Any, ...], Role] = {}
     for raw, category, class_index in zip(
         *(kinds[name].to_pylist() for name in columns), strict=True

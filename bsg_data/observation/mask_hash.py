@@ -15,14 +15,22 @@ It does not depend on files, compression, the order of rows or the split that a 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+import heapq
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.observation.pairs import histogram_column, read_pairs, read_views, split_of_file
+from bsg_data.errors import DatasetError
+from bsg_data.observation.pairs import (
+    histogram_column,
+    read_views,
+    split_of_file,
+    stream_pairs,
+)
 from bsg_data.recipes import PairsRecipe
 
 ALL = "all"
@@ -32,12 +40,20 @@ _FORM = b"bsg-masks-1\n"
 def hash_splits(data: Dataset) -> dict[str, str]:
     """Return the hash of the masks of every split that has pairs, and of `all` of them together.
 
+    Each file is read once, and one of each split is held at a time.
+
     Raises:
-        DatasetError: if a file of pairs is missing or not readable.
+        DatasetError: if a file of pairs is missing, not readable or not in order.
     """
     names = sorted({split_of_file(entry.path) for entry in data.manifest.files_of("pairs")})
-    hashes = {name: hash_masks(data, [name]) for name in names}
-    return {**hashes, ALL: hash_masks(data, names)} if names else {}
+    if not names:
+        return {}
+    found = {name: _begin(data) for name in (*names, ALL)}
+    for scene, name, packed in _merge(data, names):
+        for digest in (found[name], found[ALL]):
+            digest.update(scene + b"\0")
+            digest.update(packed)
+    return {name: digest.hexdigest() for name, digest in found.items()}
 
 
 def hash_masks(data: Dataset, splits: Sequence[str]) -> str:
@@ -48,20 +64,40 @@ def hash_masks(data: Dataset, splits: Sequence[str]) -> str:
         splits: names of stored splits or folds, one or more.
 
     Raises:
-        DatasetError: if one of them has no pairs, or they are not readable.
+        DatasetError: if one of them has no pairs, or they are not readable or not in order.
     """
-    classes = data.manifest.class_space.classes
-    found = hashlib.sha256(_FORM + "".join(f"{name}\n" for name in classes).encode() + b"\n")
-    rows = [_pack(read_pairs(data.path, name, manifest=data.manifest), data) for name in splits]
-    scenes = np.concatenate([names for names, _ in rows])
-    packed = np.concatenate([own for _, own in rows])
-    order = np.lexsort((packed["node"], packed["draw"], scenes))
-    scenes, packed = scenes[order], packed[order]
-    _, starts = np.unique(scenes, return_index=True)
-    for first, last in zip(starts, [*starts[1:], len(scenes)], strict=True):
-        found.update(bytes(scenes[first]) + b"\0")
-        found.update(packed[first:last].tobytes())
+    found = _begin(data)
+    for scene, _, packed in _merge(data, splits):
+        found.update(scene + b"\0")
+        found.update(packed)
     return found.hexdigest()
+
+
+def _begin(data: Dataset) -> hashlib._Hash:
+    classes = data.manifest.class_space.classes
+    return hashlib.sha256(_FORM + "".join(f"{name}\n" for name in classes).encode() + b"\n")
+
+
+def _merge(data: Dataset, splits: Sequence[str]) -> Iterator[tuple[bytes, str, bytes]]:
+    """Yield the scenes of some splits in their order: name, split and the records of its pairs."""
+    return heapq.merge(*(_pack_scenes(data, name) for name in splits), key=lambda one: one[0])
+
+
+def _pack_scenes(data: Dataset, split: str) -> Iterator[tuple[bytes, str, bytes]]:
+    last = b""
+    for table in stream_pairs(data.path, split, manifest=data.manifest):
+        scenes, packed = _pack(table, data)
+        changes = np.flatnonzero(scenes[1:] != scenes[:-1]) + 1
+        ends = [*changes.tolist(), len(scenes)] if len(scenes) else []
+        for first, end in pairwise((0, *ends)):
+            scene, rows = bytes(scenes[first]), packed[first:end]
+            if scene <= last:
+                raise DatasetError(
+                    f"{data.path}: the pairs of {split} are not in the order of their scenes, at "
+                    f"{scene.decode()}; `bsg-data pairs --force` writes them again"
+                )
+            last = scene
+            yield scene, split, rows[np.lexsort((rows["node"], rows["draw"]))].tobytes()
 
 
 def _pack(table: pa.Table, data: Dataset) -> tuple[npt.NDArray[np.bytes_], npt.NDArray[np.void]]:

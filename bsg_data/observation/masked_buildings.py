@@ -63,12 +63,10 @@ class MaskedBuildings:
 
     def take(self, buildings: Sequence[int] | Ints) -> MaskedBuildings:
         """Return some of the buildings, in the order that is asked for."""
-        starts = self.seen.starts
-        rows = [np.arange(starts[number], starts[number + 1]) for number in buildings]
         chosen = np.asarray(buildings, dtype=np.int64)
-        return MaskedBuildings(
-            self.seen.take(chosen), self.targets[np.concatenate(rows)], self.draws[chosen]
-        )
+        seen = self.seen.take(chosen)
+        rows, _ = self.seen.rows_of(chosen)
+        return MaskedBuildings(seen, self.targets[rows], self.draws[chosen])
 
 
 def stack_masked(parts: Sequence[MaskedBuildings]) -> MaskedBuildings:
@@ -100,17 +98,19 @@ def sample_masked(
             `mask`.
         vocabulary: categories outside the classes that are looked for.
     """
-    recipes = _vary(mask, fractions, draw, len(scenes))
-    return _sample(data, scenes, recipes, draw, vocabulary)
+    recipes = vary_fractions(mask, fractions, draw, len(scenes))
+    return sample_each(data, scenes, recipes, draw=draw, vocabulary=vocabulary)
 
 
-def _sample(
+def sample_each(
     data: Dataset,
     scenes: Sequence[str],
     recipes: Sequence[MaskRecipe],
+    *,
     draw: int,
-    vocabulary: tuple[str, ...],
+    vocabulary: tuple[str, ...] = (),
 ) -> MaskedBuildings:
+    """Sample mask number `draw` of some buildings, each by a recipe of its own."""
     return MaskedBuildings(
         stack(
             [
@@ -144,16 +144,26 @@ def stream_sampled(
         vocabulary: categories outside the classes that are looked for.
         size: buildings at a time.
     """
-    recipes = _vary(mask, fractions, draw, len(scenes))
+    recipes = vary_fractions(mask, fractions, draw, len(scenes))
     for first in range(0, len(scenes), size):
         some = np.s_[first : first + size]
-        yield _sample(data, scenes[some], recipes[some], draw, vocabulary)
+        yield sample_each(data, scenes[some], recipes[some], draw=draw, vocabulary=vocabulary)
 
 
 def stream_masked(
-    data: Dataset, split: str, *, vocabulary: tuple[str, ...] = ()
+    data: Dataset,
+    split: str,
+    *,
+    vocabulary: tuple[str, ...] = (),
+    shuffle: np.random.Generator | None = None,
 ) -> Iterator[MaskedBuildings]:
     """Yield the stored pairs of one split or fold, a file at a time.
+
+    Args:
+        data: an open dataset.
+        split: train, val, test or a fold.
+        vocabulary: categories outside the classes that are looked for.
+        shuffle: for files in a random order.
 
     Raises:
         DatasetError: if there are none.
@@ -161,7 +171,7 @@ def stream_masked(
     recipe = data.manifest.pairs
     if recipe is None:
         raise DatasetError(f"{data.path}: has no pairs; run `bsg-data pairs` first")
-    for table in stream_pairs(data.path, split, manifest=data.manifest):
+    for table in stream_pairs(data.path, split, manifest=data.manifest, shuffle=shuffle):
         yield _read_table(data, table, recipe, vocabulary)
 
 
@@ -236,19 +246,38 @@ def see_others(
     """
     if not vocabulary:
         return np.zeros((len(hidden), 0), dtype=np.int64)
-    others, there = data.others(scene), data.cells(scene)
     sampled = sample_view(
-        there.shape, mask, scene_id=scene, draw=draw, connections=data.connections(scene)
-    )
-    if not sampled.agrees(view):  # another NumPy drew the pairs: what they tell holds
-        sampled = replace(view, exact=sampled.exact)
-    gone = sample_hidden_others(
-        others.cells,
-        sampled,
+        data.cells(scene).shape,
         mask,
         scene_id=scene,
         draw=draw,
-        there=there,
+        connections=data.connections(scene),
+    )
+    if not sampled.agrees(view):  # another NumPy drew the pairs: what they tell holds
+        sampled = replace(view, exact=sampled.exact)
+    return _show_others(data, scene, mask, draw, sampled, hidden, vocabulary)
+
+
+def _show_others(
+    data: Dataset,
+    scene: str,
+    mask: MaskRecipe,
+    draw: int,
+    view: View,
+    hidden: Counts,
+    vocabulary: tuple[str, ...],
+) -> Counts:
+    """Return what a mask leaves of the objects outside the classes, under a view as sampled."""
+    if not vocabulary:
+        return np.zeros((len(hidden), 0), dtype=np.int64)
+    others = data.others(scene)
+    gone = sample_hidden_others(
+        others.cells,
+        view,
+        mask,
+        scene_id=scene,
+        draw=draw,
+        there=data.cells(scene),
         hidden=hidden,
         wholes=wholes_of(others.categories, data) if mask.parts else None,
     )
@@ -304,13 +333,13 @@ def _observe(
         view,
         cells - hidden,
         vocabulary=vocabulary,
-        others=see_others(data, scene, mask, draw, view, hidden, vocabulary=vocabulary),
+        others=_show_others(data, scene, mask, draw, view, hidden, vocabulary),
         connections=connections,
         surroundings=data.surroundings(scene),
     )
 
 
-def _vary(
+def vary_fractions(
     mask: MaskRecipe, fractions: tuple[float, float] | None, draw: int, buildings: int
 ) -> list[MaskRecipe]:
     """Return the mask of every building, in their order; fractions that vary are in hundredths."""
@@ -318,4 +347,7 @@ def _vary(
         return [mask] * buildings
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([mask.seed, draw])))
     drawn = rng.uniform(*fractions, size=buildings).round(2).clip(*fractions).tolist()
-    return [mask.model_copy(update={"fraction": fraction}) for fraction in drawn]
+    recipes = {
+        fraction: mask.model_copy(update={"fraction": fraction}) for fraction in sorted(set(drawn))
+    }
+    return [recipes[fraction] for fraction in drawn]

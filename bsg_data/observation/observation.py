@@ -10,7 +10,6 @@ import operator
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -109,26 +108,44 @@ class Observation:
         Raises:
             IndexError: if there is no such building, or none is asked for.
         """
-        numbers = [operator.index(number) for number in buildings]
-        if not numbers or not all(0 <= number < len(self) for number in numbers):
-            raise IndexError(f"buildings {numbers[:5]}: expected one or more of 0..{len(self) - 1}")
-        return stack([self._one(number) for number in numbers])
-
-    def _one(self, number: int) -> Observation:
-        first, last = (int(end) for end in self.starts[number : number + 2])
-        rows = slice(first, last)
+        numbers = np.array([operator.index(number) for number in buildings], dtype=np.int64)
+        if not len(numbers) or numbers.min() < 0 or numbers.max() >= len(self):
+            raise IndexError(
+                f"buildings {numbers[:5].tolist()}: expected one or more of 0..{len(self) - 1}"
+            )
+        rows, starts = self.rows_of(numbers)
         return Observation(
-            scene_ids=(self.scene_ids[number],),
-            starts=np.array([0, last - first]),
+            scene_ids=tuple(self.scene_ids[number] for number in numbers.tolist()),
+            starts=starts,
             inputs=self.inputs[rows],
             hidden_share=self.hidden_share[rows],
             visited=self.visited[rows],
             withheld=self.withheld[rows],
             vocabulary=self.vocabulary,
             others=self.others[rows],
-            connections=self.connections_of(number),
-            surroundings=self.surroundings.take(rows, buildings=slice(number, number + 1)),
+            connections=self._take_connections(numbers, starts),
+            surroundings=self.surroundings.gather(rows, buildings=numbers),
         )
+
+    def rows_of(self, buildings: Ints) -> tuple[Ints, Ints]:
+        """Return the rows of some buildings one after another, and where each then starts.
+
+        Args:
+            buildings: `[M]` numbers of them, in any order.
+
+        Returns:
+            rows `[K]` and starts `[M + 1]`, of which the last is K.
+        """
+        return _spread_rows(self.starts, buildings)
+
+    def _take_connections(self, buildings: Ints, starts: Ints) -> Connections:
+        """Return the connections of some buildings whose nodes now start elsewhere."""
+        if not len(self.connections):
+            return self.connections
+        rows, ends = _spread_rows(self._connection_starts, buildings)
+        taken = self.connections.take(rows)
+        moved = np.repeat(starts[:-1] - self.starts[buildings], np.diff(ends))
+        return Connections(taken.pairs + moved[:, None], taken.methods, taken.lengths)
 
     def without(self, *evidence: str) -> Observation:
         """Return the same where some of the surroundings are unknown: any of `EVIDENCE`.
@@ -140,15 +157,23 @@ class Observation:
 
     def connections_of(self, number: int) -> Connections:
         """Return the connections of one building, by its own nodes."""
-        own = self.connections.take(self._connection_rows[number])
+        first, last = self._connection_starts[number : number + 2].tolist()
+        own = self.connections.take(np.s_[first:last])
         return Connections(own.pairs - self.starts[number], own.methods, own.lengths)
 
     @cached_property
-    def _connection_rows(self) -> list[slice]:
-        """The connections of each building, which are together."""
+    def _connection_starts(self) -> Ints:
+        """Row of the first connection of each building, which are together, `[B + 1]`."""
         of_building = self.building[self.connections.pairs[:, 0]]
-        ends = np.searchsorted(of_building, np.arange(len(self) + 1))
-        return [slice(int(a), int(b)) for a, b in pairwise(ends)]
+        return np.searchsorted(of_building, np.arange(len(self) + 1))
+
+
+def _spread_rows(starts: Ints, numbers: Ints) -> tuple[Ints, Ints]:
+    """Return the rows of some blocks one after another `[K]`, and where each starts `[M + 1]`."""
+    sizes = starts[numbers + 1] - starts[numbers]
+    ends = np.concatenate([[0], np.cumsum(sizes)])
+    moved = np.repeat(starts[numbers] - ends[:-1], sizes)
+    return np.arange(ends[-1]) + moved, ends
 
 
 def observe_view(

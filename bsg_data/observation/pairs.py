@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +15,8 @@ from bsg_data.arrays import Counts
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import to_histograms
 from bsg_data.dataset.manifest import (
-    ClassSpaceEntry,
     FileEntry,
     Manifest,
-    hash_manifest,
     read_manifest,
     require_current,
 )
@@ -28,7 +26,7 @@ from bsg_data.dataset.shards import describe_file, open_parquet, read_file
 from bsg_data.dataset.splits import read_splits
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.executors import run_all
-from bsg_data.observation.masks import sample_hidden, sample_view
+from bsg_data.observation.masks import sample_hidden_draws, sample_views
 from bsg_data.observation.masks_v1 import view_of_format_1
 from bsg_data.observation.view import View
 from bsg_data.recipes import PairsRecipe
@@ -39,14 +37,13 @@ ROWS_PER_GROUP = 65_536
 _MOST = np.iinfo(np.uint16).max
 
 
-@dataclass(frozen=True, slots=True)
-class _PairFile:
-    """One file of pairs to write: some scenes of one split."""
+def fits_pairs(cells: Counts) -> bool:
+    """Say whether the pairs of a building can be stored: at most 65,535 objects of each class.
 
-    path: str
-    scenes: tuple[str, ...]
-    cells: tuple[Counts, ...]
-    connections: tuple[Connections, ...]
+    Args:
+        cells: `[N, C]` classified objects.
+    """
+    return int(cells.sum(axis=0).max(initial=0)) <= _MOST
 
 
 def sample_pairs(
@@ -67,18 +64,16 @@ def sample_pairs(
     Returns:
         `[D]` views, and input histograms `[D, N, C]`, row 0 the building.
     """
-    views = []
-    inputs = np.empty((recipe.draws, *cells.shape), dtype=np.int64)
-    for draw in range(recipe.draws):
-        views.append(
-            sample_view(
-                cells.shape, recipe.mask, scene_id=scene_id, draw=draw, connections=connections
-            )
-        )
-        inputs[draw] = cells - sample_hidden(
-            cells, views[-1], recipe.mask, scene_id=scene_id, draw=draw
-        )
-    return tuple(views), to_histograms(inputs)
+    sampled = sample_views(
+        cells.shape,
+        recipe.mask,
+        scene_id=scene_id,
+        draws=range(recipe.draws),
+        connections=connections,
+    )
+    views = tuple(sampled)
+    hidden = sample_hidden_draws(cells, views, recipe.mask, scene_id=scene_id)
+    return views, to_histograms(cells - hidden)
 
 
 def write_pairs(
@@ -88,8 +83,11 @@ def write_pairs(
     force: bool = False,
     executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
+    left_out: Callable[[str], None] | None = None,
 ) -> Manifest:
     """Sample the masked pairs of every split and return the dataset's new manifest.
+
+    A building whose counts do not fit the format (`fits_pairs`) gets none.
 
     Args:
         dataset: a dataset that is split.
@@ -97,10 +95,11 @@ def write_pairs(
         force: replace pairs that are there.
         executor: where files are written; None writes them one after another here.
         progress: called with (files done, files in all).
+        left_out: called with the id of every building that gets no pairs, in order.
 
     Raises:
         DatasetError: if it is not split, has pairs and not `force`, or cannot be written.
-        RecipeError: if a count does not fit the format.
+        RecipeError: if the masks are of version 1.
     """
 
     def write(manifest: Manifest, folder: Path) -> Manifest:
@@ -110,10 +109,13 @@ def write_pairs(
         if manifest.pairs is not None and not force:
             raise DatasetError(f"{dataset}: has pairs already; --force replaces them")
         splits = read_splits(dataset, manifest=manifest)
-        files = _plan(dataset, splits, manifest)
-        tasks = [(folder, file, recipe, manifest.class_space) for file in files]
-        entries = run_all(_write_file, tasks, executor=executor, progress=progress)
-        return manifest.with_table("pairs", tuple(entries), pairs=recipe)
+        places = dataset.absolute(), folder.absolute()  # who writes may stand in another folder
+        tasks = [(*places, path, scenes, recipe) for path, scenes in _plan(dataset, splits)]
+        written = list(run_all(_write_file, tasks, executor=executor, progress=progress))
+        for scene in chain.from_iterable(scenes for _, scenes in written):
+            if left_out is not None:
+                left_out(scene)
+        return manifest.with_table("pairs", tuple(entry for entry, _ in written), pairs=recipe)
 
     return revise(dataset, write)
 
@@ -128,9 +130,19 @@ def read_pairs(dataset: Path, split: str, *, manifest: Manifest | None = None) -
 
 
 def stream_pairs(
-    dataset: Path, split: str, *, manifest: Manifest | None = None
+    dataset: Path,
+    split: str,
+    *,
+    manifest: Manifest | None = None,
+    shuffle: np.random.Generator | None = None,
 ) -> Iterator[pa.Table]:
     """Yield the pairs of one split, a file at a time.
+
+    Args:
+        dataset: its folder.
+        split: train, val, test or a fold.
+        manifest: of the dataset, if it was read.
+        shuffle: for files in a random order.
 
     Raises:
         DatasetError: if there are none, naming the splits that have some.
@@ -141,7 +153,8 @@ def stream_pairs(
         held = sorted({split_of_file(f.path) for f in manifest.files_of("pairs")})
         hint = f"it has some of {', '.join(held)}" if held else "run `bsg-data pairs` first"
         raise DatasetError(f"{dataset}: has no pairs of split {split!r}; {hint}")
-    return (read_file(dataset / entry.path, manifest=manifest) for entry in entries)
+    order = range(len(entries)) if shuffle is None else shuffle.permutation(len(entries)).tolist()
+    return (read_file(dataset, entries[number], manifest=manifest) for number in order)
 
 
 def rewrite_pairs(dataset: Path, folder: Path, manifest: Manifest) -> list[FileEntry]:
@@ -154,7 +167,7 @@ def rewrite_pairs(dataset: Path, folder: Path, manifest: Manifest) -> list[FileE
     schema = pairs_schema(len(manifest.class_space.classes))
     entries = []
     for entry in old.files_of("pairs"):
-        table = read_file(dataset / entry.path, manifest=old)
+        table = read_file(dataset, entry, manifest=old)
         if not tells_view(table):
             table = _tell_view(table, read_views(table, recipe), schema)
         with open_parquet(
@@ -215,62 +228,49 @@ def split_of_file(path: str) -> str:
 
 
 def _plan(
-    dataset: Path, splits: dict[str, tuple[str, ...]], manifest: Manifest
-) -> Iterator[_PairFile]:
-    data = Dataset(dataset, manifest, hash_manifest(dataset))
+    dataset: Path, splits: dict[str, tuple[str, ...]]
+) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Yield the path of every file of pairs, and its scenes."""
+    data = Dataset.open(dataset)
     for split, scenes in splits.items():
+        missing = [scene for scene in scenes if scene not in data]
+        if missing:
+            raise DatasetError(f"{dataset}: splits name {missing[0]}, which is no scene of it")
         for number, start in enumerate(range(0, len(scenes), SCENES_PER_FILE)):
-            some = scenes[start : start + SCENES_PER_FILE]
-            missing = [scene for scene in some if scene not in data]
-            if missing:
-                raise DatasetError(f"{dataset}: splits name {missing[0]}, which is no scene of it")
-            for scene in some:
-                if data.cells(scene).sum(axis=0).max(initial=0) > _MOST:
-                    raise RecipeError(f"{scene}: more than {_MOST} objects of one class")
-            yield _PairFile(
-                path=f"pairs/{split}-{number:05d}.parquet",
-                scenes=some,
-                cells=tuple(data.cells(scene) for scene in some),
-                connections=tuple(data.connections(scene) for scene in some),
-            )
+            yield f"pairs/{split}-{number:05d}.parquet", scenes[start : start + SCENES_PER_FILE]
 
 
 def _write_file(
-    folder: Path, file: _PairFile, recipe: PairsRecipe, class_space: ClassSpaceEntry
-) -> FileEntry:
-    """Write one file of pairs at its path below a folder."""
-    schema = pairs_schema(len(class_space.classes))
-    rows = 0
+    dataset: Path, folder: Path, path: str, scenes: tuple[str, ...], recipe: PairsRecipe
+) -> tuple[FileEntry, tuple[str, ...]]:
+    """Write one file of pairs at its path below a folder; return also the scenes left out of it."""
+    data = Dataset.open(dataset)
+    space = data.manifest.class_space
+    schema = pairs_schema(len(space.classes))
+    rows, left_out = 0, []
     with open_parquet(
-        folder / file.path,
-        schema,
-        table="pairs",
-        class_space=class_space,
-        pairs=recipe.model_dump_json(),
+        folder / path, schema, table="pairs", class_space=space, pairs=recipe.model_dump_json()
     ) as writer:
         waiting: list[pa.RecordBatch] = []
-        for scene, cells, connections in zip(
-            file.scenes, file.cells, file.connections, strict=True
-        ):
-            waiting.append(_scene_batch(scene, cells, connections, recipe=recipe, schema=schema))
+        for scene in scenes:
+            if not fits_pairs(data.cells(scene)):
+                left_out.append(scene)
+                continue
+            waiting.append(_scene_batch(data, scene, recipe=recipe, schema=schema))
             rows += waiting[-1].num_rows
             if sum(batch.num_rows for batch in waiting) >= ROWS_PER_GROUP:
                 writer.write_table(pa.Table.from_batches(waiting, writer.schema))
                 waiting.clear()
         if waiting:
             writer.write_table(pa.Table.from_batches(waiting, writer.schema))
-    return describe_file(folder, file.path, rows=rows)
+    return describe_file(folder, path, rows=rows), tuple(left_out)
 
 
 def _scene_batch(
-    scene: str,
-    cells: Counts,
-    connections: Connections,
-    *,
-    recipe: PairsRecipe,
-    schema: pa.Schema,
+    data: Dataset, scene: str, *, recipe: PairsRecipe, schema: pa.Schema
 ) -> pa.RecordBatch:
-    views, inputs = sample_pairs(cells, recipe, scene_id=scene, connections=connections)
+    cells = data.cells(scene)
+    views, inputs = sample_pairs(cells, recipe, scene_id=scene, connections=data.connections(scene))
     draws, nodes, _ = inputs.shape
     targets = np.broadcast_to(to_histograms(cells), inputs.shape)
     return pa.RecordBatch.from_arrays(

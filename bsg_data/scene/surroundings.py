@@ -121,6 +121,17 @@ class Surroundings:
             sources=self.sources[buildings],
         )
 
+    def gather(self, rows: Ints, *, buildings: Ints) -> Surroundings:
+        """Return what is known of nodes by their numbers, and of the buildings that they are of."""
+        numbers = buildings.tolist()
+        return replace(
+            self,
+            floor_area=self.floor_area[rows],
+            labels=self.labels[rows],
+            building_kinds=tuple(self.building_kinds[number] for number in numbers),
+            sources=tuple(self.sources[number] for number in numbers),
+        )
+
     def without(self, *evidence: str) -> Surroundings:
         """Return the same where some evidence is unknown.
 

@@ -28,17 +28,23 @@ def connect(
     >>> connect(3, ["up"]).tolist()
     [[1, 2], [0, 0]]
     """
-    rooms = range(1, nodes)
-    chosen: set[tuple[int, int]] = set()
+    rooms = np.arange(1, nodes)
+    building = np.zeros_like(rooms)
+    parts = [np.zeros((2, 0), dtype=np.int64)]
     if "up" in edges:
-        chosen |= {(room, 0) for room in rooms}
+        parts.append(np.stack([rooms, building]))
     if "down" in edges:
-        chosen |= {(0, room) for room in rooms}
+        parts.append(np.stack([building, rooms]))
     if "adjacent" in edges:
-        chosen |= {pair for a, b in adjacent for pair in ((a, b), (b, a))}
+        pairs = np.array(list(adjacent), dtype=np.int64).reshape(-1, 2).T
+        parts += [pairs, pairs[::-1]]
     if "complete" in edges:
-        chosen |= {(a, b) for a in rooms for b in rooms if a != b}
-    return np.array(sorted(chosen), dtype=np.int64).reshape(-1, 2).T
+        every = np.stack([rooms.repeat(len(rooms)), np.tile(rooms, len(rooms))])
+        parts.append(every[:, every[0] != every[1]])
+    source, target = np.concatenate(parts, axis=1)
+    numbers = np.sort(source * nodes + target, kind="stable")  # which are nearly in order
+    kept = np.diff(numbers, prepend=-1) > 0
+    return np.stack(np.divmod(numbers[kept], nodes))
 
 
 def edges_of(seen: Observation, edges: Sequence[EdgeSet]) -> Ints:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -40,10 +42,44 @@ def to_graph(seen: Observation, *, edges: Sequence[EdgeSet], targets: Counts | N
         edges: among each building and its rooms.
         targets: `[N, C]` histograms of what is there.
     """
+    nodes = to_nodes(seen, edges=torch.from_numpy(edges_of(seen, edges)))
+    graph = Data(**{one.name: getattr(nodes, one.name) for one in fields(nodes)})
+    if targets is not None:
+        graph.y = torch.from_numpy(targets.astype(np.float32))
+    return graph
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Nodes:
+    """An observation as tensors, to ask a network about it; `to_graph` says what they are.
+
+    A record of PyG's takes longer to make and to read than a small network to answer.
+    """
+
+    x: torch.Tensor
+    edge_index: Any
+    is_building: torch.Tensor
+    others: torch.Tensor
+    visited: torch.Tensor
+    hidden_share: torch.Tensor
+    withheld: torch.Tensor
+    floor_area: torch.Tensor
+    labels: torch.Tensor
+    building_kind: torch.Tensor
+    source: torch.Tensor
+
+
+def to_nodes(seen: Observation, *, edges: Any) -> Nodes:
+    """Return an observation as tensors.
+
+    Args:
+        seen: what was seen.
+        edges: directed, `[2, E]`, or whatever the network takes in their place.
+    """
     around, sizes = seen.surroundings, np.diff(seen.starts)
-    graph = Data(
+    return Nodes(
         x=torch.from_numpy(seen.inputs.astype(np.float32)),
-        edge_index=torch.from_numpy(edges_of(seen, edges)),
+        edge_index=edges,
         is_building=torch.from_numpy(seen.is_building),
         others=torch.from_numpy(seen.others.astype(np.float32)),
         visited=torch.from_numpy(seen.visited.copy()),
@@ -54,9 +90,6 @@ def to_graph(seen: Observation, *, edges: Sequence[EdgeSet], targets: Counts | N
         building_kind=torch.from_numpy(np.repeat(around.building_kind_index, sizes)),
         source=torch.from_numpy(np.repeat(around.source_index, sizes)),
     )
-    if targets is not None:
-        graph.y = torch.from_numpy(targets.astype(np.float32))
-    return graph
 
 
 def read_split(
@@ -77,15 +110,27 @@ def read_split(
 
 
 def stream_split(
-    data: Dataset, split: Split, *, fold: int | None = None, vocabulary: tuple[str, ...] = ()
+    data: Dataset,
+    split: Split,
+    *,
+    fold: int | None = None,
+    vocabulary: tuple[str, ...] = (),
+    shuffle: np.random.Generator | None = None,
 ) -> Iterator[MaskedBuildings]:
     """Yield the stored pairs of train, val or test, a file at a time: what `read_split` returns.
+
+    Args:
+        data: an open dataset.
+        split: train, val or test.
+        fold: to test on, in a dataset of folds.
+        vocabulary: categories outside the classes that are looked for.
+        shuffle: for the files of each fold in a random order.
 
     Raises:
         DatasetError: if there are none.
     """
     for name, chosen in _chosen_of(data, split, fold):
-        for masked in stream_masked(data, name, vocabulary=vocabulary):
+        for masked in stream_masked(data, name, vocabulary=vocabulary, shuffle=shuffle):
             if some := _choose(masked, chosen):
                 yield some
 

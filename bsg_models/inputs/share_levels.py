@@ -55,7 +55,8 @@ def spread_shares(
 def find_quantiles(beliefs: Sequence[ShareBelief], probabilities: Floats) -> Floats:
     """Return the quantiles `[K, R]` of R shares at K probabilities."""
     quantiles = np.tile([belief.mean for belief in beliefs], (len(probabilities), 1))
-    for room, belief in enumerate(beliefs):
-        if not belief.is_certain:
-            quantiles[:, room] = betaincinv(*belief.beta, probabilities)
+    unsure = [room for room, belief in enumerate(beliefs) if not belief.is_certain]
+    if unsure:
+        parameters = np.array([beliefs[room].beta for room in unsure])
+        quantiles[:, unsure] = betaincinv(*parameters.T, probabilities[:, None])
     return quantiles

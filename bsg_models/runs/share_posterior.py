@@ -14,16 +14,17 @@ is measured (docs/hidden-share.md).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 from scipy.special import roots_legendre, softmax
 
-from bsg_data.arrays import Floats
+from bsg_data.arrays import Bools, Counts, Floats, Ints
 from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.observation import Observation, stack
 from bsg_data.observation.partial_graph import PartialGraph
+from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.thinning import log_seen
 from bsg_models.inputs.share_levels import find_quantiles
@@ -31,6 +32,10 @@ from bsg_models.inputs.share_levels import find_quantiles
 EVIDENCE = 0.5  # τ
 _LEVELS = 32
 _MOST = 1 - 1e-6  # where all is hidden, nothing could have been seen
+_ALONE = 64  # unsure rooms, each of which is forgotten by itself
+_GROUPS = 16  # in which more of them are forgotten
+_NODES = 1 << 14  # of copies of a building that a model is asked about at once
+_CELLS = 1 << 22  # of a table of likelihoods
 
 
 def update_shares(
@@ -38,46 +43,86 @@ def update_shares(
 ) -> PartialGraph:
     """Return a graph whose uncertain hidden shares are what they are after what was seen.
 
+    What a room would hold is asked of a copy of the building in which the room is forgotten. Of
+    more than 64 unsure rooms sixteen groups are forgotten, one after another: a copy a room would
+    take time and memory that grow with the square of the rooms.
+
     Args:
         graph: what a robot knows of R rooms; those of certain shares stay as they are.
         seen: the same as arrays. Withheld classes are no evidence.
         expect: of a model.
     """
-    unsure = [number for number, room in enumerate(graph.rooms, 1) if not room.share.is_certain]
-    if not unsure:
+    unsure = np.array(
+        [number for number, room in enumerate(graph.rooms, 1) if not room.share.is_certain],
+        dtype=np.int64,
+    )
+    if not len(unsure):
         return graph
-    copies = [_forget(graph, seen, number) for number in unsure]
-    nodes = np.arange(len(unsure)) * len(seen.inputs) + unsure
-    true = expect(stack(copies)).hidden_counts.take(nodes)
-    levels, weights = roots_legendre(_LEVELS)
-    before = find_quantiles([graph.rooms[number - 1].share for number in unsure], (1 + levels) / 2)
-    shares = np.minimum(before, _MOST)
-    told = log_seen(true, seen.inputs[unsure], shares) * ~seen.withheld[unsure]
-    posterior = softmax(EVIDENCE * told.sum(axis=2) + np.log(weights)[:, None], axis=0)
     rooms = list(graph.rooms)
-    for place, number in enumerate(unsure):
-        after = _moments(shares[:, place], posterior[:, place])
-        rooms[number - 1] = replace(
-            graph.rooms[number - 1], hidden_share=after.mean, hidden_share_sd=after.sd
-        )
-    share = graph.share_with([room.hidden_share for room in rooms])
-    return replace(graph, rooms=tuple(rooms), hidden_share=share)
+    for numbers, true in _expect_forgotten(graph, seen, unsure, expect=expect):
+        beliefs = [rooms[number - 1].share for number in numbers]
+        after = _weigh(beliefs, true, seen.inputs[numbers], withheld=seen.withheld[numbers])
+        for number, mean, sd in zip(numbers.tolist(), *after.tolist(), strict=True):
+            share = ShareBelief(mean, sd)
+            rooms[number - 1] = replace(
+                rooms[number - 1], hidden_share=share.mean, hidden_share_sd=share.sd
+            )
+    share_of_all = graph.share_with([room.hidden_share for room in rooms])
+    return replace(graph, rooms=tuple(rooms), hidden_share=share_of_all)
 
 
-def _forget(graph: PartialGraph, seen: Observation, number: int) -> Observation:
-    """Return what was seen without one room, of which nothing was seen and all is hidden."""
+def _expect_forgotten(
+    graph: PartialGraph,
+    seen: Observation,
+    unsure: Ints,
+    *,
+    expect: Callable[[Observation], Expectation],
+) -> Iterator[tuple[Ints, CountDistribution]]:
+    """Yield rooms, with what a model expects in each of them when nothing of it was seen."""
+    number = len(unsure) if len(unsure) <= _ALONE else _GROUPS
+    groups = [unsure[first::number] for first in range(number)]
+    size = max(1, _NODES // len(seen.inputs))
+    for first in range(0, number, size):
+        some = groups[first : first + size]
+        copies = stack([_forget(graph, seen, group) for group in some])
+        nodes = [copy * len(seen.inputs) + group for copy, group in enumerate(some)]
+        true = expect(copies).hidden_counts.take(np.concatenate(nodes))
+        yield np.concatenate(some), true
+
+
+def _weigh(
+    beliefs: Sequence[ShareBelief], true: CountDistribution, seen: Counts, *, withheld: Bools
+) -> Floats:
+    """Return mean and standard deviation `[2, M]` of the shares of M rooms after what was seen.
+
+    Args:
+        beliefs: `[M]` before.
+        true: the distribution of what is there, as a model has it that saw nothing of it.
+        seen: `[M, C]`.
+        withheld: `[M, C]` what is no evidence.
+    """
+    levels, weights = roots_legendre(_LEVELS)
+    shares = np.minimum(find_quantiles(beliefs, (1 + levels) / 2), _MOST)
+    told = np.empty(shares.shape)
+    size = max(1, _CELLS // (_LEVELS * len(true.means) * seen.shape[1]))
+    for first in range(0, len(beliefs), size):
+        rooms = np.arange(first, min(first + size, len(beliefs)))
+        log_p = log_seen(true.take(rooms), seen[rooms], shares[:, rooms])
+        told[:, rooms] = (log_p * ~withheld[rooms]).sum(axis=2)
+    posterior = softmax(EVIDENCE * told + np.log(weights)[:, None], axis=0)
+    mean = (posterior * shares).sum(axis=0)
+    return np.stack([mean, np.sqrt((posterior * (shares - mean) ** 2).sum(axis=0))])
+
+
+def _forget(graph: PartialGraph, seen: Observation, rooms: Ints) -> Observation:
+    """Return what was seen without some rooms, of which nothing was seen and all is hidden."""
     inputs, others, told = seen.inputs.copy(), seen.others.copy(), seen.hidden_share.copy()
     for counts in (inputs, others):
-        counts[0] -= counts[number]
-        counts[number] = 0
-    shares = [room.hidden_share for room in graph.rooms]
-    shares[number - 1] = 1.0
-    told[0], told[number] = graph.share_with(shares), 1.0
-    visited = seen.visited & (np.arange(len(inputs)) != number)
+        counts[0] -= counts[rooms].sum(axis=0)
+        counts[rooms] = 0
+    shares = np.array([room.hidden_share for room in graph.rooms])
+    shares[rooms - 1] = 1.0
+    told[0], told[rooms] = graph.share_with(shares.tolist()), 1.0
+    visited = seen.visited.copy()
+    visited[rooms] = False
     return replace(seen, inputs=inputs, others=others, hidden_share=told, visited=visited)
-
-
-def _moments(shares: Floats, weights: Floats) -> ShareBelief:
-    """Return mean and standard deviation of weighted shares, both `[K]`."""
-    mean = float(weights @ shares)
-    return ShareBelief(mean, float(np.sqrt(weights @ (shares - mean) ** 2)))

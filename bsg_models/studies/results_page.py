@@ -1,14 +1,15 @@
 """A page of measured results as Markdown.
 
-It has a title, the conclusions, the tables, and at the end how it was made: command, date, versions
-and dataset.
+It has a title, the conclusions, the tables, and at the end how it was made: command, date,
+versions, and the dataset or the machine.
 """
 
 from __future__ import annotations
 
 import os
+import platform
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path, PurePath
 
@@ -50,17 +51,19 @@ class Provenance:
         command: that makes it again.
         date: of the measurement, YYYY-MM-DD.
         versions: (package, version).
-        class_space: of the dataset.
+        class_space: of the dataset; "" where there is none.
         dataset_sha256: of the dataset before it was split; "" where there is none.
-        buildings: of the dataset.
+        buildings: of the dataset; 0 where there is none.
+        machine: on which times were measured (`describe_machine`); "" where none were.
     """
 
     command: str
     date: str
     versions: tuple[tuple[str, str], ...]
-    class_space: str
-    dataset_sha256: str
-    buildings: int
+    class_space: str = ""
+    dataset_sha256: str = ""
+    buildings: int = 0
+    machine: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,12 +95,15 @@ def format_page(page: ResultsPage) -> str:
     made = page.provenance
     versions = ", ".join(f"{name} {number}" for name, number in made.versions)
     lines += ["## How it was made", "", "```sh", made.command, "```", ""]
-    lines += [
-        f"{made.date}, with {versions}. {made.buildings} buildings, class space "
-        f"{made.class_space}, dataset `{made.dataset_sha256[:16]}` (sha256 of its `dataset.json` "
-        "before it was split).",
-        "",
-    ]
+    facts = [f"{made.date}, with {versions}."]
+    if made.dataset_sha256:
+        facts.append(
+            f"{made.buildings} buildings, class space {made.class_space}, dataset "
+            f"`{made.dataset_sha256[:16]}` (sha256 of its `dataset.json` before it was split)."
+        )
+    if made.machine:
+        facts.append(f"On {made.machine}.")
+    lines += [" ".join(facts), ""]
     return "\n".join(lines)
 
 
@@ -116,18 +122,29 @@ def write_page(page: ResultsPage, path: Path) -> None:
 
 def describe(data: Dataset, argv: Sequence[str], *, date: str) -> Provenance:
     """Return how a page was made from a dataset by the command of these words."""
-    return Provenance(
-        command=format_command(argv),
-        date=date,
-        versions=(
-            (PACKAGE, version(PACKAGE)),
-            ("torch", str(torch.__version__)),
-            ("numpy", np.__version__),
-        ),
+    return replace(
+        describe_run(argv, date=date),
         class_space=data.manifest.class_space.name,
         dataset_sha256=hash_unsplit(data),
         buildings=data.manifest.totals.scenes,
     )
+
+
+def describe_run(argv: Sequence[str], *, date: str) -> Provenance:
+    """Return how a page was made by the command of these words, without a dataset."""
+    versions = (
+        (PACKAGE, version(PACKAGE)),
+        ("torch", str(torch.__version__)),
+        ("numpy", np.__version__),
+    )
+    return Provenance(format_command(argv), date, versions)
+
+
+def describe_machine() -> str:
+    """Return what times depend on, and not whose machine it is: cores, system, Python."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    python = f"{platform.python_implementation()} {platform.python_version()}"
+    return f"{cores} cores of {platform.machine()}, {platform.system()}, {python}"
 
 
 def format_command(argv: Sequence[str]) -> str:

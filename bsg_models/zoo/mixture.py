@@ -42,7 +42,6 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.negative_binomial import (
-    first_counts,
     hidden_posterior,
     hidden_tilts,
     log_beyond_none,
@@ -54,15 +53,13 @@ from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.zoo.calibration import CalibratedModel
 from bsg_models.zoo.catalogue import ZooRow
+from bsg_models.zoo.complete_rooms import read_rooms
 from bsg_models.zoo.model import ModelInputs, to_array
+from bsg_models.zoo.room_types import MOST, FittedTypes, Rooms, fit_types, tilted_means
 from bsg_models.zoo.settings import DataConfig, ModelConfig
 
-_MOST = 60  # objects of one class in one room that the fit tells apart
 _LEAST = 1e-9  # no type calls a class impossible
-_LOG_SHAPE = 4.0  # |log r| at most; its prior is a standard normal
-_PRIOR_ROOMS = 2.0  # mean rooms that every type's means are shrunk towards
-_TILT_ROOMS = 40.0  # rooms that every type's tilts are shrunk towards none by
-_MOST_TILT = 5.0
+_MOST_BUILDINGS = 20_000  # that habits are fitted to
 _PRIOR_TYPES = 8.0  # η: rooms of an average building that π_b starts from
 
 
@@ -120,9 +117,7 @@ class RoomTypeMixture(CalibratedModel):
 
     def fit(self, data: Dataset, choice: DataConfig) -> None:
         """Fit types, and how much buildings differ, to the rooms of the training buildings."""
-        scenes = scenes_of(data, "train", fold=choice.fold)
-        rooms = [np.minimum(data.cells(scene)[1:], _MOST) for scene in scenes]
-        counts = np.concatenate(rooms)
+        counts, building = read_rooms(data, scenes_of(data, "train", fold=choice.fold), most=MOST)
         if len(counts) < self.config.types:
             raise TrainingError(
                 f"{len(counts)} training rooms are too few for {self.config.types} room types; "
@@ -136,15 +131,16 @@ class RoomTypeMixture(CalibratedModel):
             seed=seed,
             tilted=self.config.tilted,
         )
-        of_building = np.repeat(np.arange(len(rooms)), [len(one) for one in rooms])
-        totals, expected = np.zeros((2, len(rooms), counts.shape[1]))
-        np.add.at(totals, of_building, counts)
-        np.add.at(expected, of_building, fitted.belonging @ fitted.expected)
-        habits = [fit_habit(t, e) for t, e in zip(totals.T, expected.T, strict=True)]
+        habits = fit_habits(counts, building, fitted, seed=seed)
+        if (buildings := len(np.unique(building))) > _MOST_BUILDINGS:
+            self.notes = (
+                f"habits of buildings are of {_MOST_BUILDINGS:,} of {buildings:,} training "
+                "buildings, drawn at random; room types are of all",
+            )
         self.log_types.copy_(torch.from_numpy(fitted.log_types))
         self.means.copy_(torch.from_numpy(fitted.means))
         self.dispersions.copy_(torch.from_numpy(fitted.dispersions))
-        self.habits.copy_(torch.from_numpy(np.array(habits)))
+        self.habits.copy_(torch.from_numpy(habits))
         if self.config.tilted:
             self.tilts.copy_(torch.from_numpy(fitted.tilts))
 
@@ -233,94 +229,29 @@ class _Evidence:
     building: Ints
 
 
-@dataclass(frozen=True, eq=False)
-class FittedTypes:
-    """What expectation maximisation comes to, with K types, C classes and R rooms.
+def fit_habits(counts: Rooms, building: Ints, fitted: FittedTypes, *, seed: int) -> Floats:
+    """Return α of every class `[C]`, how alike buildings are given the types of their rooms.
 
-    Attributes:
-        log_types: log π `[K]`.
-        means: m `[K, C]`, before tilts.
-        dispersions: r `[K, C]`.
-        tilts: `[J, K, C]`.
-        belonging: P(type | room) `[R, K]`.
-    """
-
-    log_types: Floats
-    means: Floats
-    dispersions: Floats
-    tilts: Floats
-    belonging: Floats
-
-    @property
-    def expected(self) -> Floats:
-        """Mean counts with tilts, `[K, C]`."""
-        return tilted_means(self.means, self.dispersions, self.tilts)
-
-
-def fit_types(
-    counts: Ints, *, types: int, iterations: int, seed: int, tilted: int = 0
-) -> FittedTypes:
-    """Fit a mixture of tilted negative binomials to complete rooms by expectation maximisation.
-
-    Each round fits the negative binomials as if there were no tilts, and then the tilts to what
-    they leave. That is not quite the maximum of the likelihood, but both steps are in closed form
-    or nearly so, and neither lets a rare type believe what a few rooms show.
+    Of more buildings than `_MOST_BUILDINGS` it reads so many.
 
     Args:
         counts: `[R, C]`.
-        types: K.
-        iterations: of the algorithm.
-        seed: of its start, rooms grouped around K random ones.
-        tilted: J.
+        building: `[R]` number of the building of each room.
+        fitted: the types.
+        seed: of the sample of buildings.
     """
-    rooms, classes = counts.shape
-    values = np.arange(max(int(counts.max(initial=0)) + 1, tilted))
-    # One row a room, one column a (class, count): all sums over rooms become matrix products.
-    indicator = (counts[:, :, None] == values).astype(np.float32).reshape(rooms, -1)
-    overall = np.maximum(counts.mean(axis=0), 0.5 / rooms)
-    belonging = _group(np.log1p(counts), types, seed=seed)
-    dispersions = np.ones((types, classes))
-    tilts = np.zeros((tilted, types, classes))
-    for _ in range(iterations):
-        size = belonging.sum(axis=0)
-        log_types = np.log((size + 1) / (rooms + types))
-        means = (belonging.T @ counts + _PRIOR_ROOMS * overall) / (size[:, None] + _PRIOR_ROOMS)
-        frequency = (belonging.T.astype(np.float32) @ indicator).reshape(types, classes, -1)
-        dispersions = _improve_dispersions(dispersions, means, frequency.astype(float), values)
-        table = log_negative_binomial(values, means[..., None], dispersions[..., None])
-        tilts = _fit_tilts(table, frequency.astype(float), tilted)
-        table[..., :tilted] += np.moveaxis(tilts, 0, -1)
-        table -= log_normaliser(tilts, means, dispersions)[..., None]
-        log_joint = log_types + indicator @ table.reshape(types, -1).T.astype(np.float32)
-        belonging = np.exp(log_joint - logsumexp(log_joint, axis=1, keepdims=True))
-    return FittedTypes(log_types, means, dispersions, tilts, belonging)
-
-
-def _fit_tilts(table: Floats, frequency: Floats, tilted: int) -> Floats:
-    """Return the tilts `[J, K, C]` that give the first counts their shares of the rooms.
-
-    The shares are shrunk towards those without tilts, by as many rooms as `_TILT_ROOMS`.
-
-    Args:
-        table: `[K, C, values]` log probabilities of the counts without tilts.
-        frequency: `[K, C, values]` weight of the rooms with each count.
-        tilted: J.
-    """
-    first = np.exp(table[..., :tilted])
-    beyond = np.maximum(1 - first.sum(axis=-1), 1e-9)
-    weights = frequency[..., :tilted] + _TILT_ROOMS * first
-    rest = frequency[..., tilted:].sum(axis=-1) + _TILT_ROOMS * beyond
-    gain = np.log(weights / first) - np.log(rest / beyond)[..., None]
-    return np.moveaxis(np.clip(gain, -_MOST_TILT, _MOST_TILT), -1, 0)
-
-
-def tilted_means(means: Floats, dispersions: Floats, tilts: Floats | None) -> Floats:
-    """Return the means of tilted negative binomials; `tilts` has counts as its first axis."""
-    if tilts is None or not len(tilts):
-        return means
-    first = first_counts(len(tilts), np.exp(log_none(means, dispersions)), means, dispersions)
-    gained = sum(t * p * np.expm1(a) for t, (p, a) in enumerate(zip(first, tilts, strict=True)))
-    return np.asarray((means + gained) * np.exp(-log_normaliser(tilts, means, dispersions)))
+    numbers = np.unique(building)
+    if len(numbers) > _MOST_BUILDINGS:
+        rng = np.random.Generator(np.random.PCG64(seed))
+        chosen = np.isin(building, rng.choice(numbers, _MOST_BUILDINGS, replace=False))
+        counts, building = counts[chosen], building[chosen]
+    buildings, of_building = np.unique(building, return_inverse=True)
+    totals = np.zeros((len(buildings), counts.shape[1]))
+    rooms = np.zeros((len(buildings), len(fitted.means)))  # of every type
+    np.add.at(totals, of_building, counts)
+    np.add.at(rooms, of_building, fitted.belonging(counts))
+    expected = rooms @ fitted.expected
+    return np.array([fit_habit(t, e) for t, e in zip(totals.T, expected.T, strict=True)])
 
 
 def fit_habit(totals: Floats, expected: Floats) -> float:
@@ -332,46 +263,6 @@ def fit_habit(totals: Floats, expected: Floats) -> float:
 
     minimum = minimize_scalar(cost, bounds=(-3.0, 8.0), method="bounded")
     return float(np.exp(minimum.x))
-
-
-def _improve_dispersions(r: Floats, mean: Floats, frequency: Floats, values: Ints) -> Floats:
-    """Return dispersions `[K, C]` after Newton steps in log r on the weighted likelihood.
-
-    Args:
-        r: `[K, C]`.
-        mean: `[K, C]`.
-        frequency: `[K, C, values]` weight of the rooms with each count.
-        values: the counts.
-    """
-    for _ in range(3):
-        s, m = r[..., None], mean[..., None]
-        steps = 1 / (s + values[:-1])  # sums of these are the differences of the digamma function
-        first = _sum_before(steps) - np.log1p(m / s) + (m - values) / (m + s)
-        second = m / (s * (m + s)) - _sum_before(steps**2) - (m - values) / (m + s) ** 2
-        slope = (frequency * first).sum(axis=-1) * r
-        bend = (frequency * second).sum(axis=-1) * r**2 + slope
-        log_r = np.log(r)
-        slope, bend = slope - log_r, np.where(bend < 0, bend, -np.abs(bend)) - 1  # the prior
-        r = np.exp(np.clip(log_r - np.clip(slope / bend, -1, 1), -_LOG_SHAPE, _LOG_SHAPE))
-    return r
-
-
-def _sum_before(steps: Floats) -> Floats:
-    """Return 0 and the running sums over the last axis: `[..., n]` to `[..., n + 1]`."""
-    sums = np.cumsum(steps, axis=-1)
-    return np.concatenate([np.zeros_like(sums, shape=(*sums.shape[:-1], 1)), sums], axis=-1)
-
-
-def _group(points: Floats, groups: int, *, seed: int) -> Floats:
-    """Return soft memberships `[R, K]` after ten rounds of k-means from random points."""
-    rng = np.random.Generator(np.random.PCG64(seed))
-    centres = points[rng.choice(len(points), groups, replace=len(points) < groups)]
-    for _ in range(10):
-        distance = ((points**2).sum(1)[:, None] - 2 * points @ centres.T) + (centres**2).sum(1)
-        nearest = distance.argmin(axis=1)
-        for group in np.unique(nearest):
-            centres[group] = points[nearest == group].mean(axis=0)
-    return np.asarray(0.9 * np.eye(groups)[nearest] + 0.1 / groups)
 
 
 def _sum_others(values: Floats, building: Ints) -> Floats:

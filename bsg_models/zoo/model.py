@@ -19,7 +19,7 @@ from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import PredictionError
 from bsg_models.inputs.edges import EdgeSet
-from bsg_models.inputs.graphs import to_graph
+from bsg_models.inputs.graphs import Nodes, to_graph
 from bsg_models.zoo.settings import DataConfig, ModelConfig
 from bsg_models.zoo.threads import one_thread
 
@@ -49,9 +49,11 @@ class BeliefModel(torch.nn.Module, ABC):
         config: its settings.
         inputs: what it is given to read.
         origin: the checkpoint that it was restored from; None for one that was not.
+        notes: what whoever trained it should know of its fit, such as that it read a sample.
     """
 
     origin: str | None = None
+    notes: tuple[str, ...] = ()
 
     def __init__(self, config: ModelConfig, inputs: ModelInputs) -> None:
         super().__init__()
@@ -125,12 +127,32 @@ class Network(BeliefModel):
 
     def graph_of(self, seen: Observation, targets: Counts | None = None) -> Data:
         """Return an observation as the graph that the network reads, with its own edges."""
-        seen = replace(seen, vocabulary=self.vocabulary, others=others_of(seen, self.vocabulary))
-        return to_graph(seen, edges=self.inputs.edges, targets=targets)
+        return to_graph(self.reading_of(seen), edges=self.inputs.edges, targets=targets)
+
+    def nodes_of(self, seen: Observation) -> Data | Nodes:
+        """Return an observation as the network is asked about it, without targets."""
+        return self.graph_of(seen)
+
+    def reading_of(self, seen: Observation) -> Observation:
+        """Return an observation with the categories that the network reads.
+
+        Raises:
+            MismatchError: if the observation is of other ones.
+        """
+        if seen.vocabulary == self.vocabulary:
+            return seen
+        return replace(seen, vocabulary=self.vocabulary, others=others_of(seen, self.vocabulary))
 
     @abstractmethod
     def loss(self, graphs: Data) -> torch.Tensor:
         """Return what a step of training lowers, for graphs with their targets `y`."""
+
+    def cells_of(self, graphs: Data) -> int:
+        """Return the number of cells (node, class) that `loss` is a mean over.
+
+        Several processes that train together weigh their losses by it.
+        """
+        return int(graphs.y.numel())
 
     @abstractmethod
     def validation_loss(self, graphs: Data) -> tuple[float, int]:
@@ -172,7 +194,7 @@ def share_of(graphs: Data) -> torch.Tensor:
     That of the node, and 1 where a class is withheld, as `Observation.cell_share`.
     """
     share: torch.Tensor = graphs.hidden_share[:, None].expand_as(graphs.x)
-    withheld: torch.Tensor | None = graphs.get("withheld")
+    withheld: torch.Tensor | None = getattr(graphs, "withheld", None)
     return share if withheld is None else torch.where(withheld, torch.ones_like(share), share)
 
 

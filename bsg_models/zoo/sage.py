@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from typing import Literal
 
+import torch
+from torch_geometric.data import Data
 from torch_geometric.nn import SAGEConv
 
+from bsg_data.observation.observation import Observation
+from bsg_models.inputs.graphs import Nodes, to_nodes
 from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.message_passing import MessagePassing
 from bsg_models.zoo.model import ModelInputs
+from bsg_models.zoo.neighbours import ListedNeighbours, Neighbours
 from bsg_models.zoo.node_features import NetworkConfig
 from bsg_models.zoo.training_recipes import CONNECTED, COUNTS, EVERYTHING, WHATEVER
 
@@ -19,11 +24,40 @@ class SAGEConfig(NetworkConfig):
     family: Literal["ceci-sage"] = "ceci-sage"
 
 
+class MeanConv(SAGEConv):  # type: ignore[misc]
+    """PyG's convolution, which also takes what gives means in the place of a list of edges."""
+
+    def forward(
+        self, x: torch.Tensor, edges: torch.Tensor | Neighbours | ListedNeighbours
+    ) -> torch.Tensor:
+        """Return W₁ (mean of the neighbours) + W₂ x, `[N, width]`."""
+        if isinstance(edges, Neighbours | ListedNeighbours):
+            convolved: torch.Tensor = self.lin_l(edges.mean(x)) + self.lin_r(x)
+        else:
+            convolved = super().forward(x, edges)
+        return convolved
+
+
 class CECISAGE(MessagePassing):
-    """h ← W₁ h + W₂ mean of the neighbours (Hamilton et al., 2017)."""
+    """h ← W₁ h + W₂ mean of the neighbours (Hamilton et al., 2017).
+
+    It is trained on lists of edges, and asked with `Neighbours`: the same to single precision, and
+    linear in the rooms.
+    """
 
     def __init__(self, config: SAGEConfig, inputs: ModelInputs) -> None:
-        super().__init__(config, inputs, convolution=lambda width: SAGEConv(width, width))
+        super().__init__(config, inputs, convolution=lambda width: MeanConv(width, width))
+
+    def edges_of(self, graphs: Data) -> Neighbours | ListedNeighbours:
+        """Return who is whose neighbour, for all rounds."""
+        edges = graphs.edge_index
+        if isinstance(edges, Neighbours):
+            return edges
+        return ListedNeighbours.of(edges, nodes=len(graphs.x))
+
+    def nodes_of(self, seen: Observation) -> Nodes:
+        """Return an observation as the network is asked about it, with its neighbours."""
+        return to_nodes(self.reading_of(seen), edges=Neighbours.of(seen, self.inputs.edges))
 
 
 CECI_SAGE = ZooRow(SAGEConfig(), CECISAGE, data=CONNECTED, training=COUNTS)

@@ -4,7 +4,7 @@
 
 Writes one full-size synthetic scene to a temporary folder and reads it in processes of their own:
 `trimesh.load` as it is, which leaves the textures packed; the same with its textures unpacked; and
-`survey_mesh`, which does both and measures every instance. `make bench` runs it.
+`survey_mesh`, which does both and measures every instance. `make bench` runs it, too.
 """
 
 from __future__ import annotations
@@ -14,11 +14,12 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import trimesh
+from timing import Speed
 
 from bsg_data.geometry.semantic_mesh import survey_mesh
 from bsg_data.sources.annotations import read_annotation
@@ -52,7 +53,7 @@ WAYS: dict[str, Callable[[Path, list[str]], None]] = {
 }
 
 
-def measure(way: str, annotation: Path) -> tuple[float, float]:
+def measure_way(way: str, annotation: Path) -> tuple[float, float]:
     """Return the least seconds of several calls, and the peak memory of the process, MiB."""
     mesh = annotation.with_suffix(".glb")
     colours = [str(one.colour) for one in read_annotation(annotation).instances]
@@ -79,24 +80,41 @@ def measure_peak() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
 
 
-def main() -> None:
-    """Run every way in a process of its own and print the table."""
-    if len(sys.argv) == 3:
-        print(*measure(sys.argv[1], Path(sys.argv[2])))
-        return
+def measure_all() -> dict[str, tuple[float, float]]:
+    """Return seconds and peak memory, MiB, of every way, each in a process of its own."""
+    found = {}
     with tempfile.TemporaryDirectory() as folder:
         options = GeometryOptions(size="full")
         *_, annotation = write_synthetic(
             Path(folder, "full"), scenes=SCENE + 1, seed=0, geometry=options
         )
-        megabytes = annotation.with_suffix(".glb").stat().st_size / 1e6
-        print(f"a full-size scene of {megabytes:.0f} MB\n")
-        found = {}
         for way in WAYS:
             command = [sys.executable, __file__, way, str(annotation)]
             done = subprocess.run(command, check=True, capture_output=True, text=True)
             seconds, peak = done.stdout.split()
             found[way] = (float(seconds), float(peak))
+    return found
+
+
+def measure() -> Iterator[Speed]:
+    """Yield what a survey takes beside reading the mesh and its pixels."""
+    found = measure_all()
+    unpacked = "trimesh.load, textures unpacked"
+    yield Speed(
+        what="`survey_mesh` of a full-size scene",
+        against=unpacked,
+        ours_s=found["survey_mesh"][0],
+        theirs_s=found[unpacked][0],
+        target=2,
+    )
+
+
+def main() -> None:
+    """Run every way in a process of its own and print the table."""
+    if len(sys.argv) == 3:
+        print(*measure_way(sys.argv[1], Path(sys.argv[2])))
+        return
+    found = measure_all()
     ours = found["survey_mesh"]
     print(f"{'':34s}seconds  peak MiB  survey_mesh is")
     for way, (seconds, peak) in found.items():

@@ -3,7 +3,7 @@
     python scripts/bench/robot.py                       # of buildings of 4, 14 and 50 rooms
 
 Rooms are made up: a third of them was visited, each with two objects. The same questions are asked
-of the same building twice, told the shares of visited rooms and not told. `make bench` runs it.
+of the same building twice, told the shares of visited rooms and not told.
 """
 
 from __future__ import annotations

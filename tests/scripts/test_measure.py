@@ -86,7 +86,7 @@ def test_a_variant_is_compared_with_its_base(board: Path, tmp_path: Path) -> Non
 @pytest.mark.parametrize("path", sorted((REPOSITORY / "docs" / "results").glob("*.md")), ids=str)
 def test_a_page_of_the_docs_names_a_command_that_exists(path: Path) -> None:
     text = path.read_text("utf-8")
-    commands = re.findall(r"^python (scripts/measure/\w+\.py)", text, re.MULTILINE)
+    commands = re.findall(r"^python (scripts/(?:measure|bench)/\w+\.py)", text, re.MULTILINE)
     assert commands, f"{path.name}: names no command that makes it"
     for command in commands:
         assert (REPOSITORY / command).is_file(), f"{path.name}: {command} is not there"

@@ -13,7 +13,7 @@ from bsg_data.build import build_dataset
 from bsg_data.dataset.categories import NO_CATEGORY
 from bsg_data.dataset.dataset import Dataset, read_adjacency, read_cells
 from bsg_data.dataset.manifest import MANIFEST, hash_manifest, read_manifest
-from bsg_data.dataset.shards import read_scene_graphs
+from bsg_data.dataset.shards import read_file, read_scene_graphs
 from bsg_data.dataset.splits import read_splits, split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.observation.partial_graph import mask_scene
@@ -228,10 +228,43 @@ def test_a_damaged_file_is_refused(dataset: Path, table: str, how: str) -> None:
         middle = len(whole) // 2
         flipped = whole[:middle] + bytes([whole[middle] ^ 1]) + whole[middle + 1 :]
         path.write_bytes(whole[:-9] if how == "cut" else flipped)
-    with pytest.raises(DatasetError, match=rf"{path.name}: is not what the manifest says"):
-        Dataset.open(dataset)
+    said = "in the manifest but not there" if how == "gone" else "is not what the manifest says"
+    with pytest.raises(DatasetError, match=rf"{path.name}: {said}"):
+        read_everything(Dataset.open(dataset))
     path.write_bytes(whole)
     assert len(Dataset.open(dataset).scene_ids) == 12
+
+
+def read_everything(data: Dataset) -> None:
+    for part in data.parts():
+        assert len(part.every_cell)
+    assert data.connection_methods is not None
+
+
+def test_a_dataset_of_many_parts_keeps_as_many_as_a_bound_allows(
+    dataset: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two parts are kept; in the order of the tables each is read once all the same."""
+    whole = read_cells(dataset)
+    monkeypatch.setattr("bsg_data.dataset.dataset.HELD_BYTES", 1)
+    read: list[str] = []
+    monkeypatch.setattr(
+        "bsg_data.dataset.part.read_file",
+        lambda folder, entry, **chosen: (
+            read.append(entry.path) or read_file(folder, entry, **chosen)
+        ),
+    )
+    manifest = read_manifest(dataset)
+    small = Dataset(dataset, manifest, hash_manifest(dataset))
+    for scenes in small.in_parts(small.scene_ids):
+        for scene in scenes:
+            np.testing.assert_array_equal(small.cells(scene), whole[scene])
+    assert sorted(read) == sorted(
+        entry.path for name in ("scenes", "objects") for entry in manifest.files_of(name)
+    )
+    assert len(manifest.files_of("scenes")) > 2
+    small.cells(small.scene_ids[0])
+    assert len(read) == 2 * len(manifest.files_of("scenes")) + 2, "the first part was given up"
 
 
 def test_what_is_no_dataset_is_refused(dataset: Path, tmp_path: Path) -> None:

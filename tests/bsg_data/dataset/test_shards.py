@@ -19,7 +19,13 @@ from bsg_data.dataset.manifest import (
     read_manifest,
 )
 from bsg_data.dataset.schema import TABLES
-from bsg_data.dataset.shards import read_scene_graphs, read_table, write_shards
+from bsg_data.dataset.shards import (
+    describe_file,
+    read_file,
+    read_scene_graphs,
+    read_table,
+    write_shards,
+)
 from bsg_data.errors import DatasetError, MismatchError
 from bsg_data.files import write_bytes
 from bsg_data.scene.class_map import Role, load_class_map
@@ -119,15 +125,21 @@ def test_a_missing_cut_or_foreign_file_is_refused(dataset: Path) -> None:
     path = dataset / "rooms" / "part-00001.parquet"
     whole = path.read_bytes()
     path.write_bytes(whole[:-20])
-    with pytest.raises(DatasetError, match=r"part-00001\.parquet: not readable"):
+    with pytest.raises(DatasetError, match=r"part-00001\.parquet: is not what the manifest says"):
         read_table(dataset, "rooms")
     path.unlink()
     with pytest.raises(DatasetError, match="in the manifest but not there"):
         read_table(dataset, "rooms")
     table = pq.read_table(dataset / "rooms" / "part-00000.parquet")
     pq.write_table(table.replace_schema_metadata({"bsg.class_space": "other-v1"}), path)
+    manifest = read_manifest(dataset)
+    entry = describe_file(dataset, "rooms/part-00001.parquet", rows=len(table))
     with pytest.raises(MismatchError, match="found format none, other-v1"):
-        read_table(dataset, "rooms")
+        read_file(dataset, entry, manifest=manifest)
+    path.write_bytes(whole[:-20])
+    entry = describe_file(dataset, "rooms/part-00001.parquet", rows=len(table))
+    with pytest.raises(DatasetError, match=r"part-00001\.parquet: not readable"):
+        read_file(dataset, entry, manifest=manifest)
 
 
 def test_a_folder_without_manifest_is_no_dataset(tmp_path: Path) -> None:

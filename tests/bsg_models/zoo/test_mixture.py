@@ -1,4 +1,4 @@
-"""Room types: the posterior by a naive loop, the fit on planted types, the building's habits."""
+"""Room types: the posterior by a naive loop, the building's habits."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import torch
 from one_building import observe_building
 from scipy import stats
 
-from bsg_models.zoo.mixture import MixtureConfig, RoomTypeMixture, fit_habit, fit_types
+from bsg_models.zoo.mixture import MixtureConfig, RoomTypeMixture, fit_habit
 from bsg_models.zoo.model import ModelInputs
 
 
@@ -93,16 +93,6 @@ def test_the_posterior_of_tilted_types_is_that_of_the_joint_written_out() -> Non
         np.testing.assert_allclose(p, expected[:6])
 
 
-def test_tilts_give_the_first_counts_their_shares() -> None:
-    """Rooms of one toilet each: a negative binomial alone says two in many."""
-    counts = np.ones((400, 1), dtype=np.int64)
-    fitted = fit_types(counts, types=1, iterations=20, seed=0, tilted=2)
-    p = stats.nbinom.pmf([0, 1, 2], r := fitted.dispersions[0, 0], r / (r + fitted.means[0, 0]))
-    p[:2] *= np.exp(fitted.tilts[:, 0, 0])
-    assert p[1] / p.sum() > 0.9
-    assert fitted.expected[0, 0] == pytest.approx(1.0, abs=0.1)
-
-
 def test_an_unvisited_room_is_what_the_others_are() -> None:
     """Three rooms of the second type make it likelier, and their habit raises its count."""
     model = two_types(building=True)
@@ -118,36 +108,6 @@ def test_an_unvisited_room_is_what_the_others_are() -> None:
     assert found.hidden_counts.weights[1, 4, 0] > 0.45
     assert found.hidden[4, 1] > before.hidden[1, 1]
     assert found.hidden[4, 0] < before.hidden[1, 0]
-
-
-@pytest.mark.slow
-def test_planted_types_are_found() -> None:
-    rng = np.random.default_rng(0)
-    means = np.array([[6.0, 0.1, 1.0], [0.1, 4.0, 1.0]])
-    kind = rng.choice(2, 3000, p=[0.6, 0.4])
-    counts = rng.poisson(rng.gamma(2.0, means[kind] / 2.0))
-    fitted = fit_types(counts, types=2, iterations=60, seed=0)
-    log_types, found, shapes = fitted.log_types, fitted.means, fitted.dispersions
-    order = np.argsort(-found[:, 0])
-    np.testing.assert_allclose(found[order], means, rtol=0.15, atol=0.05)
-    np.testing.assert_allclose(np.exp(log_types[order]), [0.6, 0.4], atol=0.03)
-    assert (fitted.belonging.argmax(axis=1) == order[kind]).mean() > 0.93  # types overlap
-    np.testing.assert_allclose(shapes[order[0], 0], 2.0, rtol=0.25)
-
-
-def test_more_iterations_never_lose_likelihood() -> None:
-    rng = np.random.default_rng(1)
-    counts = rng.poisson(rng.gamma(0.7, 2.0, (300, 6)))
-
-    def likelihood(iterations: int) -> float:
-        fitted = fit_types(counts, types=4, iterations=iterations, seed=0)
-        log_types, means, r = fitted.log_types, fitted.means, fitted.dispersions
-        distribution = stats.nbinom.logpmf(counts[:, None], r, r / (r + means)).sum(axis=2)
-        prior = stats.norm.logpdf(np.log(r)).sum()  # what the fit maximises has it
-        return float(np.logaddexp.reduce(log_types + distribution, axis=1).sum() + prior)
-
-    values = [likelihood(iterations) for iterations in (2, 10, 40)]
-    assert values == sorted(values)
 
 
 def test_buildings_that_differ_have_habits_and_those_that_do_not_have_none() -> None:

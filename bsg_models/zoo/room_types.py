@@ -1,0 +1,287 @@
+"""Room types from the counts of rooms, by expectation maximisation.
+
+Each round asks of every room how likely it is of each type, sums over the rooms what a type holds
+(`_Sums`), and fits the types to these sums. Rooms are read `_CHUNK` at a time, and most classes
+are not in most rooms, so that a round costs memory for one chunk and time for what is in the rooms.
+
+Above `SAMPLE` rooms all rounds but the last few are on a sample of so many, which is where most of
+the way is gone; the last `LAST_ROUNDS` are on all rooms. A type is a few hundred numbers, and the
+sample tells them nearly as well as all rooms do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import csr_array
+from scipy.special import logsumexp
+
+from bsg_data.arrays import Floats, Ints
+from bsg_models.belief.negative_binomial import (
+    first_counts,
+    log_negative_binomial,
+    log_none,
+    log_normaliser,
+)
+
+Rooms = npt.NDArray[np.integer]  # counts `[R, C]`, of whatever width
+MOST = 60  # objects of one class in one room that the fit tells apart
+SAMPLE = 20_000  # rooms that all rounds are on
+LAST_ROUNDS = 10  # on all rooms, where there are more
+_CHUNK = 4_096  # rooms that are held as floats at a time
+_LOG_SHAPE = 4.0  # |log r| at most; its prior is a standard normal
+_PRIOR_ROOMS = 2.0  # mean rooms that every type's means are shrunk towards
+_TILT_ROOMS = 40.0  # rooms that every type's tilts are shrunk towards none by
+_MOST_TILT = 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class FittedTypes:
+    """What expectation maximisation comes to, with K types and C classes.
+
+    Attributes:
+        log_types: log π `[K]`.
+        means: m `[K, C]`, before tilts.
+        dispersions: r `[K, C]`.
+        tilts: `[J, K, C]`.
+    """
+
+    log_types: Floats
+    means: Floats
+    dispersions: Floats
+    tilts: Floats
+
+    @property
+    def expected(self) -> Floats:
+        """Mean counts with tilts, `[K, C]`."""
+        return tilted_means(self.means, self.dispersions, self.tilts)
+
+    def belonging(self, counts: Rooms) -> Floats:
+        """Return P(type | room), `[R, K]`, of rooms `[R, C]`, up to `MOST` objects of a class."""
+        return np.concatenate([some for some, _ in self._ask(counts)])
+
+    def log_probability(self, counts: Rooms) -> Floats:
+        """Return log P(room), `[R]`, of rooms `[R, C]`, up to `MOST` objects of a class."""
+        return np.concatenate([some for _, some in self._ask(counts)])
+
+    def _ask(self, counts: Rooms) -> Iterator[tuple[Floats, Floats]]:
+        """Yield P(type | room) `[n, K]` and log P(room) `[n]` of the rooms of every chunk."""
+        width = max(int(counts.max(initial=0)) + 1, len(self.tilts), 2)
+        table = self.tabulate(width)
+        for rooms in _chunks(counts):
+            yield _ask(self.log_types, table, _mark(rooms, width))
+
+    def tabulate(self, width: int) -> Floats:
+        """Return the log probabilities of the counts 0 to `width` − 1, `[K, C, width]`."""
+        values, tilted = np.arange(width), len(self.tilts)
+        table = log_negative_binomial(values, self.means[..., None], self.dispersions[..., None])
+        table[..., :tilted] += np.moveaxis(self.tilts, 0, -1)
+        table -= log_normaliser(self.tilts, self.means, self.dispersions)[..., None]
+        return table
+
+
+@dataclass(frozen=True, eq=False)
+class _Sums:
+    """What expectation maximisation has to know of rooms.
+
+    Attributes:
+        size: `[K]` of all rooms, how many are of each type.
+        frequency: `[K, C, values]` of those, how many have each count.
+    """
+
+    size: Floats
+    frequency: Floats
+
+
+def fit_types(
+    counts: Rooms,
+    *,
+    types: int,
+    iterations: int,
+    seed: int,
+    tilted: int = 0,
+    sample: int = SAMPLE,
+) -> FittedTypes:
+    """Fit a mixture of tilted negative binomials to complete rooms by expectation maximisation.
+
+    Each round fits the negative binomials as if there were no tilts, and then the tilts to what
+    they leave. That is not quite the maximum of the likelihood, but both steps are in closed form
+    or nearly so, and neither lets a rare type believe what a few rooms show.
+
+    Besides the counts it needs memory for the sample, however many rooms there are.
+
+    Args:
+        counts: `[R, C]`, up to `MOST`; a byte each is enough.
+        types: K.
+        iterations: of the algorithm; where there are more rooms than the sample has, all are on
+            the sample, and `LAST_ROUNDS` more on all rooms.
+        seed: of the sample and of the start, rooms grouped around K random ones.
+        tilted: J.
+        sample: rooms.
+    """
+    width = max(int(counts.max(initial=0)) + 1, tilted, 2)
+    some = _take_sample(counts, sample, seed=seed)
+    membership = _group(np.log1p(some.astype(np.float64)), types, seed=seed)
+    shape = (types, counts.shape[1])
+    dispersions, tilts = np.ones(shape), np.zeros((tilted, *shape))
+    fitted = _fit_sums(_sum_rooms(some, membership, width), dispersions, tilts)
+    for number in range(1, iterations + LAST_ROUNDS * (len(some) < len(counts))):
+        rooms = some if number < iterations else counts
+        fitted = _fit_sums(_sum_expected(rooms, fitted, width), fitted.dispersions, fitted.tilts)
+    return fitted
+
+
+def _take_sample(counts: Rooms, number: int, *, seed: int) -> Rooms:
+    """Return so many of the rooms in their order, or all if there are no more."""
+    if len(counts) <= number:
+        return counts
+    rng = np.random.Generator(np.random.PCG64(seed))
+    return np.asarray(counts[np.sort(rng.choice(len(counts), number, replace=False))])
+
+
+def _group(points: Floats, groups: int, *, seed: int) -> Floats:
+    """Return soft memberships `[R, K]` after ten rounds of k-means from random points."""
+    rng = np.random.Generator(np.random.PCG64(seed))
+    centres = points[rng.choice(len(points), groups, replace=len(points) < groups)]
+    for _ in range(10):
+        distance = ((points**2).sum(1)[:, None] - 2 * points @ centres.T) + (centres**2).sum(1)
+        nearest = distance.argmin(axis=1)
+        for group in np.unique(nearest):
+            centres[group] = points[nearest == group].mean(axis=0)
+    return np.asarray(0.9 * np.eye(groups)[nearest] + 0.1 / groups)
+
+
+def _chunks(rooms: npt.NDArray[Any]) -> Iterator[npt.NDArray[Any]]:
+    """Yield some rows at a time of an array with a row a room."""
+    for first in range(0, len(rooms), _CHUNK):
+        yield rooms[first : first + _CHUNK]
+
+
+def _mark(rooms: Rooms, width: int) -> csr_array:
+    """Return which count each class has in each room, `[R, C · (width − 1)]`, counts above 0 only.
+
+    One row a room, one column a (class, count): all sums over rooms become matrix products.
+    """
+    rows, classes = np.nonzero(rooms)
+    columns = classes * (width - 1) + rooms[rows, classes].astype(np.int64) - 1
+    starts = np.searchsorted(rows, np.arange(len(rooms) + 1))
+    shape = (len(rooms), rooms.shape[1] * (width - 1))
+    return csr_array((np.ones(len(rows)), columns, starts), shape=shape)
+
+
+def _sum_rooms(rooms: Rooms, membership: Floats, width: int) -> _Sums:
+    """Return the sums of rooms whose membership in the types `[R, K]` is given."""
+    size, some = (
+        membership.sum(axis=0),
+        np.zeros((rooms.shape[1] * (width - 1), membership.shape[1])),
+    )
+    for chunk, of_chunk in zip(_chunks(rooms), _chunks(membership), strict=True):
+        some += _mark(chunk, width).T @ of_chunk
+    return _complete(size, some, width)
+
+
+def _sum_expected(rooms: Rooms, fitted: FittedTypes, width: int) -> _Sums:
+    """Return the sums of rooms that belong to the types as a fit says, a chunk at a time."""
+    size = np.zeros(len(fitted.means))
+    some = np.zeros((rooms.shape[1] * (width - 1), len(size)))
+    table = fitted.tabulate(width)
+    for chunk in _chunks(rooms):
+        marked = _mark(chunk, width)
+        belonging, _ = _ask(fitted.log_types, table, marked)
+        size += belonging.sum(axis=0)
+        some += marked.T @ belonging
+    return _complete(size, some, width)
+
+
+def _complete(size: Floats, some: Floats, width: int) -> _Sums:
+    """Return sums from those of counts above 0, `[C · (width − 1), K]`: all other counts are 0."""
+    beyond = some.T.reshape(len(size), -1, width - 1)
+    none = np.maximum(size[:, None] - beyond.sum(axis=2), 0.0)
+    return _Sums(size, np.concatenate([none[..., None], beyond], axis=2))
+
+
+def _ask(log_types: Floats, table: Floats, marked: csr_array) -> tuple[Floats, Floats]:
+    """Return P(type | room) `[R, K]` and log P(room) `[R]`.
+
+    Args:
+        log_types: `[K]`.
+        table: `[K, C, values]` log probabilities of the counts.
+        marked: the rooms, of `_mark`.
+    """
+    none = table[..., 0]
+    beyond = (table[..., 1:] - none[..., None]).reshape(len(table), -1)
+    log_joint = log_types + none.sum(axis=1) + marked @ beyond.T
+    log_room = logsumexp(log_joint, axis=1, keepdims=True)
+    return np.exp(log_joint - log_room), log_room[:, 0]
+
+
+def _fit_sums(sums: _Sums, dispersions: Floats, tilts: Floats) -> FittedTypes:
+    """Return the types that fit sums over rooms; dispersions are improved from those before."""
+    rooms, values = sums.size.sum(), np.arange(sums.frequency.shape[2])
+    totals = sums.frequency @ values
+    overall = np.maximum(totals.sum(axis=0) / rooms, 0.5 / rooms)
+    log_types = np.log((sums.size + 1) / (rooms + len(sums.size)))
+    means = (totals + _PRIOR_ROOMS * overall) / (sums.size[:, None] + _PRIOR_ROOMS)
+    dispersions = _improve_dispersions(dispersions, means, sums.frequency, values)
+    table = log_negative_binomial(values, means[..., None], dispersions[..., None])
+    tilts = _fit_tilts(table, sums.frequency, len(tilts))
+    return FittedTypes(log_types, means, dispersions, tilts)
+
+
+def _improve_dispersions(r: Floats, mean: Floats, frequency: Floats, values: Ints) -> Floats:
+    """Return dispersions `[K, C]` after Newton steps in log r on the weighted likelihood.
+
+    Args:
+        r: `[K, C]`.
+        mean: `[K, C]`.
+        frequency: `[K, C, values]` weight of the rooms with each count.
+        values: the counts.
+    """
+    for _ in range(3):
+        s, m = r[..., None], mean[..., None]
+        steps = 1 / (s + values[:-1])  # sums of these are the differences of the digamma function
+        first = _sum_before(steps) - np.log1p(m / s) + (m - values) / (m + s)
+        second = m / (s * (m + s)) - _sum_before(steps**2) - (m - values) / (m + s) ** 2
+        slope = (frequency * first).sum(axis=-1) * r
+        bend = (frequency * second).sum(axis=-1) * r**2 + slope
+        log_r = np.log(r)
+        slope, bend = slope - log_r, np.where(bend < 0, bend, -np.abs(bend)) - 1  # the prior
+        r = np.exp(np.clip(log_r - np.clip(slope / bend, -1, 1), -_LOG_SHAPE, _LOG_SHAPE))
+    return r
+
+
+def _sum_before(steps: Floats) -> Floats:
+    """Return 0 and the running sums over the last axis: `[..., n]` to `[..., n + 1]`."""
+    sums = np.cumsum(steps, axis=-1)
+    return np.concatenate([np.zeros_like(sums, shape=(*sums.shape[:-1], 1)), sums], axis=-1)
+
+
+def _fit_tilts(table: Floats, frequency: Floats, tilted: int) -> Floats:
+    """Return the tilts `[J, K, C]` that give the first counts their shares of the rooms.
+
+    The shares are shrunk towards those without tilts, by as many rooms as `_TILT_ROOMS`.
+
+    Args:
+        table: `[K, C, values]` log probabilities of the counts without tilts.
+        frequency: `[K, C, values]` weight of the rooms with each count.
+        tilted: J.
+    """
+    first = np.exp(table[..., :tilted])
+    beyond = np.maximum(1 - first.sum(axis=-1), 1e-9)
+    weights = frequency[..., :tilted] + _TILT_ROOMS * first
+    rest = frequency[..., tilted:].sum(axis=-1) + _TILT_ROOMS * beyond
+    gain = np.log(weights / first) - np.log(rest / beyond)[..., None]
+    return np.moveaxis(np.clip(gain, -_MOST_TILT, _MOST_TILT), -1, 0)
+
+
+def tilted_means(means: Floats, dispersions: Floats, tilts: Floats | None) -> Floats:
+    """Return the means of tilted negative binomials; `tilts` has counts as its first axis."""
+    if tilts is None or not len(tilts):
+        return means
+    first = first_counts(len(tilts), np.exp(log_none(means, dispersions)), means, dispersions)
+    gained = sum(t * p * np.expm1(a) for t, (p, a) in enumerate(zip(first, tilts, strict=True)))
+    return np.asarray((means + gained) * np.exp(-log_normaliser(tilts, means, dispersions)))
