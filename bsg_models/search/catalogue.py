@@ -30,11 +30,14 @@ class Planner:
         reads: whose presence it is given: nobody's (`none`), the model's (`belief`), or what is
             really there (`truth`). `Knowledge` holds nothing else about where things are.
         so_that: what is gained by it, for the docs.
+        shares: whether it looks at `Knowledge.share`, which costs several times what a presence
+            does; without, it is given none.
     """
 
     choose: Callable[[Knowledge], Ints]
     reads: Reads = "belief"
     so_that: str = "–"
+    shares: bool = True
 
 
 # What may stand where a planner is asked for: a name of the table, a planner, or its function.

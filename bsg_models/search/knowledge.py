@@ -24,8 +24,8 @@ class Knowledge:
         unexplored: `[E, N]` rooms that it can reach and has not entered.
         wanted: `[E, A]` classes still to be found.
         presence: `[E, N, A]` believed P(at least one instance); of unexplored rooms alone.
-        share: `[E, N, A]` believed E″(α), the class's share of the room's objects; None if a robot
-            of its own was not given it.
+        share: `[E, N, A]` believed E″(α), the class's share of the room's objects; None for a
+            planner that does not look at it, and if a robot of its own was not given it.
         lots: `[E, N]` random numbers, for a planner that draws lots.
         tour: `[E, N]` places of the rooms in the oracle's tour; nobody else is given one.
     """

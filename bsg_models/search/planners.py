@@ -90,10 +90,10 @@ NEAREST = Planner(nearest, "none", so_that="the next leg is short")
 RANDOM = Planner(random_order, "none")
 GREEDY_SHARE = Planner(greedy_share, "belief", so_that="the paper's rule is kept to the letter")
 GREEDY_BELIEF = Planner(
-    greedy_belief, "belief", so_that="it is found in few rooms, wherever they are"
+    greedy_belief, "belief", so_that="it is found in few rooms, wherever they are", shares=False
 )
-RATIO = Planner(ratio, "belief", so_that="the next leg pays")
-EXPECTED_COST = Planner(expected_cost, "belief", so_that="the whole search is short")
+RATIO = Planner(ratio, "belief", so_that="the next leg pays", shares=False)
+EXPECTED_COST = Planner(expected_cost, "belief", so_that="the whole search is short", shares=False)
 ROUTING = Planner(routing, "none", so_that="one sees what good routes save without a belief")
 ORACLE = Planner(oracle, "truth", so_that="nobody is better")
 

@@ -6,14 +6,15 @@ and the planner too. The run ends with the first instance of each class that is 
 or when all are found (`all`), which the simulator knows and the robot does not; or, with `stop_at`,
 when the robot believes that nothing is left.
 
-All searches of one building go on in lockstep: one call of the planner moves each of them once.
+All searches of one building go on in lockstep: one call of the planner moves each of them once. So
+do several planners (`search_together`), whose questions are asked at once.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Protocol, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -59,16 +60,20 @@ class Episodes:
 class Beliefs(Protocol):
     """What is believed about the artifacts of E searches."""
 
-    def __call__(self, rows: Ints, explored: Bools) -> tuple[Floats, Floats]:
+    def __call__(self, rows: Ints, explored: Bools, *, shares: bool = True) -> Answer:
         """Return presence and share of the artifacts.
 
         Args:
             rows: `[M]` numbers of the searches.
             explored: `[M, N]` rooms that each has entered.
+            shares: whether the share is asked for.
 
         Returns:
-            both `[M, N, A]`.
+            both `[M, N, A]`, of unexplored rooms; the second may be None without `shares`.
         """
+
+
+Answer: TypeAlias = "tuple[Floats, Floats | None]"
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +90,19 @@ class Outcome:
     costs: Floats
     entered: Ints
     missed: Ints
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """What a planner has to be told before it can go on: the arguments of `Beliefs`."""
+
+    rows: Ints
+    explored: Bools
+    shares: bool
+
+
+Going: TypeAlias = "Generator[Question, Answer, Outcome]"  # searches, up to the next question
+_Key = TypeVar("_Key")
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,8 +147,69 @@ def search(
         RecipeError: if the planner needs a belief and there is none, or names another room than an
             unexplored one.
     """
-    if planner.reads == "belief" and beliefs is None:
-        raise RecipeError("this planner needs a belief: give the run of a model")
+    going = begin_search(episodes, planner, task=task, stop_at=stop_at, watch=watch)
+    return search_together({None: going}, beliefs=beliefs)[None]
+
+
+def search_together(
+    begun: Mapping[_Key, Going], *, beliefs: Beliefs | None = None
+) -> dict[_Key, Outcome]:
+    """Run the searches of several planners to their ends, asking what all of them ask at once.
+
+    Args:
+        begun: key → searches that begin, of `begin_search`.
+        beliefs: about the searches of them all; not read by planners without a belief.
+
+    Raises:
+        RecipeError: as of `search`.
+    """
+    outcomes: dict[_Key, Outcome] = {}
+    answers: dict[_Key, Answer | None] = dict.fromkeys(begun)
+    while answers:
+        questions: dict[_Key, Question] = {}
+        for key, answer in answers.items():
+            try:
+                going = begun[key]
+                questions[key] = next(going) if answer is None else going.send(answer)
+            except StopIteration as end:
+                outcomes[key] = end.value
+        if questions and beliefs is None:
+            raise RecipeError("this planner needs a belief: give the run of a model")
+        answers = {}
+        for shares in (True, False):
+            some = {key: one for key, one in questions.items() if one.shares == shares}
+            if some and beliefs is not None:
+                answers |= _ask_at_once(some, beliefs, shares=shares)
+    return {key: outcomes[key] for key in begun}
+
+
+def _ask_at_once(
+    questions: Mapping[_Key, Question], beliefs: Beliefs, *, shares: bool
+) -> dict[_Key, Answer | None]:
+    """Return the answers to several questions, asked as one."""
+    rows = np.concatenate([one.rows for one in questions.values()])
+    explored = np.concatenate([one.explored for one in questions.values()])
+    presence, share = beliefs(rows, explored, shares=shares)
+    ends = np.cumsum([len(one.rows) for one in questions.values()])
+    answers: dict[_Key, Answer | None] = {}
+    for key, one, end in zip(questions, questions.values(), ends.tolist(), strict=True):
+        part = slice(end - len(one.rows), end)
+        answers[key] = presence[part], None if share is None else share[part]
+    return answers
+
+
+def begin_search(
+    episodes: Episodes,
+    planner: Planner,
+    *,
+    task: Task,
+    stop_at: float | None = None,
+    watch: Callable[[Step], None] | None = None,
+) -> Going:
+    """Yield what has to be asked before each step of searches; return how they end.
+
+    Args and errors are those of `search`.
+    """
     if planner.reads == "truth":
         # Others do not see that a way through a third room may cost less than the edge.
         episodes = replace(episodes, travel=find_ways(episodes.travel.costs))
@@ -151,7 +230,10 @@ def search(
         rows = np.flatnonzero(going)
         if not len(rows):
             return Outcome(costs, entered, unfound.sum(axis=1))
-        known = _look(episodes, rows, here, explored, unfound, planner, task, beliefs)
+        answer: Answer | None = None
+        if planner.reads == "belief":
+            answer = yield Question(rows, explored[rows], planner.shares)
+        known = _look(episodes, rows, here, explored, unfound, planner, task, answer)
         if tour is not None:
             known = replace(known, tour=tour[rows])
         if stop_at is not None and (sure := known.left <= stop_at).any():
@@ -190,16 +272,18 @@ def _look(
     unfound: Ints,
     planner: Planner,
     task: Task,
-    beliefs: Beliefs | None,
+    answer: Answer | None,
 ) -> Knowledge:
     """Return what the robots of some searches know."""
     unexplored = episodes.rooms & ~explored[rows]
-    presence = share = np.zeros((*unexplored.shape, episodes.artifacts.shape[1]))
+    presence = np.zeros((*unexplored.shape, episodes.artifacts.shape[1]))
+    share: Floats | None = presence
     open_ = unexplored[:, :, None]
     if planner.reads == "truth":
         presence = ((episodes.instances[rows] > 0) & open_).astype(float)
-    elif planner.reads == "belief" and beliefs is not None:
-        presence, share = (np.where(open_, p, 0.0) for p in beliefs(rows, explored[rows]))
+    elif answer is not None:
+        presence = np.where(open_, answer[0], 0.0)
+        share = None if answer[1] is None else np.where(open_, answer[1], 0.0)
     # What is wanted in `all` is every class: a robot does not know when it has found all of one.
     wanted = unfound[rows] > 0 if task == "single" else np.ones_like(unfound[rows], dtype=bool)
     return Knowledge(

@@ -18,6 +18,7 @@ from bsg_data.observation.view import View
 from bsg_data.recipes import MaskRecipe
 from bsg_models.errors import PredictionError
 from bsg_models.search.shortest_paths import Bools, Floats, Ints
+from bsg_models.search.simulator import Answer
 from bsg_models.zoo.model import BeliefModel
 
 _NODES = 4096  # of all graphs that a model is asked about at once
@@ -64,34 +65,57 @@ class ModelBeliefs:
                 data, scene_id, mask, draw, view, hidden, vocabulary=model.vocabulary
             )
             self._left[draw] = view, self._cells - hidden, others
-        self._remembered: dict[bytes, tuple[Floats, Floats]] = {}
+        self._remembered: dict[bytes, Answer] = {}
 
-    def __call__(self, rows: Ints, explored: Bools) -> tuple[Floats, Floats]:
+    def __call__(self, rows: Ints, explored: Bools, *, shares: bool = True) -> Answer:
         """Return presence and share of the artifacts; see `bsg_models.search.simulator.Beliefs`."""
         states = np.concatenate(
             [self._draws[rows, None], self._artifacts[rows], explored.astype(np.int64)], axis=1
         )
         distinct, inverse = np.unique(states, axis=0, return_inverse=True)
         keys = [state.tobytes() for state in distinct]
-        new = [i for i, key in enumerate(keys) if key not in self._remembered]
+        new = [i for i, key in enumerate(keys) if self._must_ask(key, shares=shares)]
         size = max(1, _NODES // len(self._cells))
         for start in range(0, len(new), size):
             some = new[start : start + size]
-            beliefs = self._ask(distinct[some])
-            for i, presence, share in zip(some, *beliefs, strict=True):
-                self._remembered[keys[i]] = presence, share
+            presences, found = self._ask(distinct[some], shares=shares)
+            for place, i in enumerate(some):
+                self._remembered[keys[i]] = presences[place], found[place] if shares else None
         answers = [self._remembered[key] for key in keys]
         presence = np.stack([answer[0] for answer in answers])[inverse.ravel()]
-        return presence, np.stack([answer[1] for answer in answers])[inverse.ravel()]
+        if not shares:
+            return presence, None
+        return presence, np.stack([share for _, share in answers if share is not None])[
+            inverse.ravel()
+        ]
 
-    def _ask(self, states: Counts) -> tuple[Floats, Floats]:
-        """Return presence and share of the artifacts in states `[S, 1 + A + N]`, `[S, N, A]`."""
+    def _must_ask(self, key: bytes, *, shares: bool) -> bool:
+        """Say whether a state was not asked yet, or not for its shares."""
+        answer = self._remembered.get(key)
+        return answer is None or (shares and answer[1] is None)
+
+    def _ask(self, states: Counts, *, shares: bool) -> tuple[Floats, Floats]:
+        """Return presence and share of the artifacts in states `[S, 1 + A + N]`, `[S, N, A]`.
+
+        The model is asked about rooms that are not explored alone, and without `shares` about the
+        artifacts alone: all else is 0.
+        """
         width = self._artifacts.shape[1]
-        expectation = self._model.expect(self._observe(states, width))
-        shape = (len(states), len(self._cells), -1)
-        columns = np.repeat(states[:, 1 : 1 + width], len(self._cells), axis=0)
-        presence = expectation.hidden_counts.take_classes(columns).presence
-        share = np.take_along_axis(expectation.distribution, columns, axis=1)
+        seen = self._observe(states, width)
+        shape = (len(states), len(self._cells), width)
+        open_ = states[:, 1 + width :] == 0
+        open_[:, 0] = False  # the building
+        rows = np.flatnonzero(open_)
+        columns = np.repeat(states[:, 1 : 1 + width], len(self._cells), axis=0)[rows]
+        presence, share = np.zeros((2, open_.size, width))
+        hidden = self._model.expect_rooms(seen, rows, None if shares else columns)
+        if shares:
+            expected = seen.inputs[rows] + hidden.mean
+            total = expected.sum(axis=1, keepdims=True)
+            found = np.divide(expected, total, out=np.zeros_like(expected), where=total > 0)
+            share[rows] = np.take_along_axis(found, columns, axis=1)
+            hidden = hidden.take_classes(columns)
+        presence[rows] = hidden.presence
         if not np.isfinite(presence).all():  # of a finite answer: only by overflow
             raise PredictionError(f"{self._scene_id}: a presence is not finite; train it again")
         return presence.reshape(shape), share.reshape(shape)
@@ -122,6 +146,6 @@ class FixedBeliefs:
         self._presence = presence
         self._share = presence if share is None else share
 
-    def __call__(self, rows: Ints, explored: Bools) -> tuple[Floats, Floats]:
+    def __call__(self, rows: Ints, explored: Bools, *, shares: bool = True) -> Answer:
         """Return presence and share of the artifacts; see `bsg_models.search.simulator.Beliefs`."""
         return self._presence[rows], self._share[rows]

@@ -33,7 +33,7 @@ from bsg_models.search.room_graphs import (
     world_generator,
 )
 from bsg_models.search.shortest_paths import Floats, Ints
-from bsg_models.search.simulator import Beliefs, Outcome, Step, search
+from bsg_models.search.simulator import Beliefs, Going, Outcome, Step, begin_search, search_together
 from bsg_models.studies.search_beliefs import FixedBeliefs, ModelBeliefs
 from bsg_models.studies.search_cases import (
     BASELINE,
@@ -342,23 +342,24 @@ def compare_planners(
         likeliest = np.where(open_, 1 - (1 - presence).prod(axis=2), -1.0).argmax(axis=1)
         ranked_first = (episodes.instances[every, likeliest].sum(axis=1) > 0).astype(float)
     holds = (episodes.instances.sum(axis=2) > 0) & open_
-    outcomes: dict[tuple[Task, str], Outcome] = {}
+    begun: dict[tuple[Task, str], Going] = {}
     asked = keep if keep is not None and keep.fits(scene_id, world.name) else None
     steps: dict[str, list[Step]] = {} if asked is None else {asked.planner: [], BASELINE: []}
     for task in recipe.tasks:
         for name, planner in planners.items():
             watched = asked is not None and asked.task == task and name in steps
             watch = steps[name].append if watched else None
-            outcomes[task, name] = search(
-                episodes, planner, task=task, beliefs=beliefs, watch=watch
-            )
+            begun[task, name] = begin_search(episodes, planner, task=task, watch=watch)
     if "all" in recipe.tasks and recipe.stops:
         planned = PLANNERS["expected-cost"]
         for stop in recipe.stops:
-            outcomes["all", f"stop {stop:g}"] = search(
-                episodes, planned, task="all", beliefs=beliefs, stop_at=stop
+            begun["all", f"stop {stop:g}"] = begin_search(
+                episodes, planned, task="all", stop_at=stop
             )
-        outcomes["all", "sweep"] = search(episodes, PLANNERS[BASELINE], task="all", stop_at=SWEEP)
+        begun["all", "sweep"] = begin_search(
+            episodes, PLANNERS[BASELINE], task="all", stop_at=SWEEP
+        )
+    outcomes = search_together(begun, beliefs=beliefs)
     searches = Searches(
         scene_id=scene_id,
         world=world.name,

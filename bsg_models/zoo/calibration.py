@@ -17,11 +17,11 @@ import numpy as np
 import torch
 from scipy.optimize import minimize
 
-from bsg_data.arrays import Bools, Floats
+from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation, from_hidden_counts
-from bsg_models.zoo.model import BeliefModel, ModelInputs, to_array
+from bsg_models.zoo.model import BeliefModel, ModelInputs, take_cells, to_array
 from bsg_models.zoo.room_sums import sum_rooms
 from bsg_models.zoo.settings import ModelConfig
 
@@ -51,13 +51,34 @@ class CalibratedModel(BeliefModel):
 
     def predict(self, seen: Observation) -> Expectation:
         """Return the calibrated expectation; a building hides what its rooms hide."""
-        learned = self.predict_hidden_counts(seen)
+        calibrated = self._calibrate(self.predict_hidden_counts(seen), seen.cell_share)
+        return from_hidden_counts(seen.inputs.astype(np.float64), sum_rooms(calibrated, seen))
+
+    def predict_rooms(
+        self, seen: Observation, rows: Ints, columns: Ints | None
+    ) -> CountDistribution:
+        """Return the hidden counts of some rooms; arguments as of `expect_rooms`.
+
+        All that calibrates works cell by cell, so that the other cells need not be.
+        """
+        share = seen.cell_share[rows]
+        if columns is not None:
+            share = np.take_along_axis(share, columns, axis=1)
+        return self._calibrate(self.learned_rooms(seen, rows, columns), share)
+
+    def learned_rooms(
+        self, seen: Observation, rows: Ints, columns: Ints | None
+    ) -> CountDistribution:
+        """Return the hidden counts of some rooms as learned; arguments as of `expect_rooms`."""
+        return take_cells(self.predict_hidden_counts(seen), rows, columns)
+
+    def _calibrate(self, learned: CountDistribution, share: Floats) -> CountDistribution:
+        """Return what was learned of some cells `[N, A]` as calibrated; share is hidden of each."""
         calibrated = recalibrate(learned, to_array(self.calibration))
         lines = to_array(self.presence_calibration)
         if lines.any():
-            calibrated = recalibrate_presence(calibrated, lines, looked_into=seen.cell_share < 1)
-        calibrated = calibrated.without(seen.cell_share == 0)
-        return from_hidden_counts(seen.inputs.astype(np.float64), sum_rooms(calibrated, seen))
+            calibrated = recalibrate_presence(calibrated, lines, looked_into=share < 1)
+        return calibrated.without(share == 0)
 
 
 def recalibrate(distribution: CountDistribution, calibration: Floats) -> CountDistribution:

@@ -9,6 +9,7 @@ import torch
 from pydantic import Field, model_validator
 from torch import nn
 
+from bsg_data.arrays import Ints
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import CountDistribution, blend
 from bsg_models.zoo.calibration import CalibratedModel
@@ -65,6 +66,13 @@ class Ensemble(CalibratedModel):
     def predict_hidden_counts(self, seen: Observation) -> CountDistribution:
         """Return the mixture of the members' distributions."""
         parts = [member.predict(seen).hidden_counts for _, member in self._each()]
+        return blend(parts, [1 / len(parts)] * len(parts))
+
+    def learned_rooms(
+        self, seen: Observation, rows: Ints, columns: Ints | None
+    ) -> CountDistribution:
+        """Return the mixture of what the members believe; arguments as of `expect_rooms`."""
+        parts = [member.predict_rooms(seen, rows, columns) for _, member in self._each()]
         return blend(parts, [1 / len(parts)] * len(parts))
 
     def _each(self) -> Iterator[tuple[str, BeliefModel]]:

@@ -11,10 +11,11 @@ import numpy as np
 import torch
 from torch_geometric.data import Data
 
-from bsg_data.arrays import Counts
+from bsg_data.arrays import Counts, Ints
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import MismatchError
 from bsg_data.observation.observation import Observation
+from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import PredictionError
 from bsg_models.inputs.edges import EdgeSet
@@ -82,15 +83,43 @@ class BeliefModel(torch.nn.Module, ABC):
         with torch.no_grad(), one_thread():
             expectation = self.predict(seen)
         if not expectation.is_finite:
-            raise PredictionError(
-                f"{self.origin or type(self).__name__}: the model's answer is not finite (NaN or "
-                "infinite); train it again"
-            )
+            raise self._not_finite()
         return expectation
 
     @abstractmethod
     def predict(self, seen: Observation) -> Expectation:
         """Return the expectation of every node of an observation, of one building or of many."""
+
+    def expect_rooms(
+        self, seen: Observation, rows: Ints, columns: Ints | None = None
+    ) -> CountDistribution:
+        """Return what some rooms hide of some classes: as of `expect`, but sooner.
+
+        Args:
+            seen: what was seen.
+            rows: `[M]` nodes that are rooms.
+            columns: `[M, A]` classes; None for all.
+
+        Raises:
+            PredictionError: naming the checkpoint, if anything of it is not finite.
+        """
+        with torch.no_grad(), one_thread():
+            hidden = self.predict_rooms(seen, rows, columns)
+        if not np.isfinite(hidden.means).all() or np.isnan(hidden.dispersions).any():
+            raise self._not_finite()
+        return hidden
+
+    def predict_rooms(
+        self, seen: Observation, rows: Ints, columns: Ints | None
+    ) -> CountDistribution:
+        """Return the hidden counts of some rooms; arguments as of `expect_rooms`."""
+        return take_cells(self.predict(seen).hidden_counts, rows, columns)
+
+    def _not_finite(self) -> PredictionError:
+        return PredictionError(
+            f"{self.origin or type(self).__name__}: the model's answer is not finite (NaN or "
+            "infinite); train it again"
+        )
 
 
 class Network(BeliefModel):
@@ -128,6 +157,14 @@ class Network(BeliefModel):
     @abstractmethod
     def validation_loss(self, graphs: Data) -> tuple[float, int]:
         """Return the sum of the loss over cells (node, class), and their number."""
+
+
+def take_cells(
+    distribution: CountDistribution, rows: Ints, columns: Ints | None
+) -> CountDistribution:
+    """Return the distribution of some nodes `[M]` and classes `[M, A]`, None for all."""
+    taken = distribution.take(rows)
+    return taken if columns is None else taken.take_classes(columns)
 
 
 def others_of(seen: Observation, vocabulary: tuple[str, ...]) -> Counts:

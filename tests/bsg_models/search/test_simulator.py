@@ -14,7 +14,14 @@ from bsg_models.search.catalogue import PLANNERS
 from bsg_models.search.knowledge import Task
 from bsg_models.search.room_graphs import WorldRecipe, sample_travel
 from bsg_models.search.shortest_paths import find_ways
-from bsg_models.search.simulator import Episodes, Step, search, still_to_find
+from bsg_models.search.simulator import (
+    Episodes,
+    Step,
+    begin_search,
+    search,
+    search_together,
+    still_to_find,
+)
 from bsg_models.studies.search_beliefs import FixedBeliefs
 
 Floats = npt.NDArray[np.float64]
@@ -65,6 +72,17 @@ def test_nearest_first_by_hand() -> None:
     everything = search(row, PLANNERS["nearest"], task="all")
     assert everything.costs[0] == 1 + 1 + (1 + 1 + 2) + (2 + 1 + 1 + 5)  # 3, 4, back to 1, then 5
     assert everything.missed[0] == 0
+
+
+def test_planners_that_are_asked_for_together_do_as_each_alone() -> None:
+    episodes = draw_episodes(3, rooms=7, kind="tree", classes=2)
+    presence = np.random.default_rng(0).random(episodes.instances.shape)
+    beliefs = FixedBeliefs(presence)
+    begun = {name: begin_search(episodes, PLANNERS[name], task="all") for name in PLANNERS}
+    for name, together in search_together(begun, beliefs=beliefs).items():
+        alone = search(episodes, PLANNERS[name], task="all", beliefs=beliefs)
+        np.testing.assert_array_equal(together.costs, alone.costs)
+        np.testing.assert_array_equal(together.entered, alone.entered)
 
 
 def test_what_is_passed_through_is_entered() -> None:

@@ -11,6 +11,7 @@ import pytest
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
+from bsg_data.observation.masked_buildings import sample_masked
 from bsg_data.observation.masks import sample_withheld
 from bsg_data.observation.partial_graph import enter_room, mask_scene
 from bsg_data.recipes import MaskRecipe
@@ -46,6 +47,7 @@ def test_beliefs_are_those_of_the_partial_graph(name: str, dataset: Path, tmp_pa
     explored = np.zeros((3, nodes), dtype=bool)
     explored[:, 2] = explored[1, 4] = True
     presence, share = beliefs(np.arange(3), explored)
+    assert share is not None
     predictor, class_space = Predictor(path), read_manifest(dataset).class_space
     for e, (draw, artifact) in enumerate([(0, stove), (1, stove), (0, 3)]):
         known = mask_scene(graph, mask, draw=draw, class_space=class_space)
@@ -55,6 +57,7 @@ def test_beliefs_are_those_of_the_partial_graph(name: str, dataset: Path, tmp_pa
             known = enter_room(known, graph, room)
         found = predictor(known, withheld=[artifact])
         open_ = ~explored[e]
+        open_[0] = False  # the building, where no robot looks
         np.testing.assert_allclose(
             presence[e, open_, 0], found.presence[open_, artifact], rtol=1e-4, atol=1e-6
         )
@@ -63,6 +66,12 @@ def test_beliefs_are_those_of_the_partial_graph(name: str, dataset: Path, tmp_pa
         )
     again, _ = beliefs(np.array([1]), explored[[1]])
     np.testing.assert_array_equal(again[0], presence[1])
+    explored[:, 3] = True  # a state that was not asked for its shares is asked for them later
+    alone, nothing = beliefs(np.arange(3), explored, shares=False)
+    assert nothing is None
+    with_shares, share = beliefs(np.arange(3), explored)
+    assert share is not None
+    np.testing.assert_allclose(alone, with_shares, rtol=1e-6)
 
 
 def test_under_any_mask_beliefs_are_those_of_what_the_robot_holds(dataset: Path, run: Path) -> None:
@@ -92,7 +101,22 @@ def test_under_any_mask_beliefs_are_those_of_what_the_robot_holds(dataset: Path,
         known, withheld[room] = enter_room(known, graph, room), False
         found = Predictor(run)(known, withheld=withheld).presence[:, mirror]
         presence, _ = beliefs(np.array([0]), explored)
-        np.testing.assert_allclose(presence[0, ~explored[0], 0], found[~explored[0]], rtol=1e-4)
+        open_ = ~explored[0] & (np.arange(explored.shape[1]) > 0)
+        np.testing.assert_allclose(presence[0, open_, 0], found[open_], rtol=1e-4)
+
+
+def test_some_rooms_and_classes_are_answered_as_all_are(dataset: Path, run: Path) -> None:
+    data = Dataset.open(dataset)
+    model = restore_model(run / BEST, load_checkpoint(run / BEST))
+    seen = sample_masked(
+        data, data.scene_ids[:3], mask=MaskRecipe(), draw=0, vocabulary=model.vocabulary
+    ).seen
+    rows = np.flatnonzero(~seen.is_building)[::2]
+    columns = np.stack([rows % 45, (rows + 7) % 45], axis=1)
+    every = model.expect(seen).hidden_counts.take(rows)
+    np.testing.assert_allclose(model.expect_rooms(seen, rows).mean, every.mean, rtol=1e-12)
+    some = model.expect_rooms(seen, rows, columns)
+    np.testing.assert_allclose(some.presence, every.take_classes(columns).presence, rtol=1e-12)
 
 
 def test_fixed_beliefs_do_not_change() -> None:
