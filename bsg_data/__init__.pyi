@@ -1,4 +1,5 @@
 from .build import build_dataset
+from .build_parts import BuiltPart, Part, build_part, finalise_dataset
 from .checks.dataset import check_dataset
 from .checks.faults import Fault
 from .dataset.categories import OtherObjects
@@ -89,6 +90,7 @@ __all__ = [
     "AnnotationError",
     "BSGError",
     "Box",
+    "BuiltPart",
     "ClassMap",
     "ClassMapEntry",
     "ClassMapError",
@@ -120,6 +122,7 @@ __all__ = [
     "Observation",
     "OtherObjects",
     "PairsRecipe",
+    "Part",
     "PartialGraph",
     "PublishedMap",
     "Reading",
@@ -143,12 +146,14 @@ __all__ = [
     "WithLayouts",
     "assign_splits",
     "build_dataset",
+    "build_part",
     "check_dataset",
     "count_classes",
     "count_frequencies",
     "count_sources",
     "estimate_hidden_share",
     "export_dataset",
+    "finalise_dataset",
     "hash_masks",
     "hash_splits",
     "list_class_maps",
