@@ -1,4 +1,5 @@
 from .build import build_dataset
+from .build_parts import BuiltPart, Part, build_part, finalise_dataset
 from .checks.dataset import check_dataset
 from .checks.faults import Fault
 from .dataset.categories import OtherObjects
@@ -91,6 +92,7 @@ __all__ = [
     "BSGError",
     "Box",
     "BuildingSize",
+    "BuiltPart",
     "ClassMap",
     "ClassMapEntry",
     "ClassMapError",
@@ -122,6 +124,7 @@ __all__ = [
     "Observation",
     "OtherObjects",
     "PairsRecipe",
+    "Part",
     "PartialGraph",
     "PublishedMap",
     "Reading",
@@ -145,12 +148,14 @@ __all__ = [
     "WithLayouts",
     "assign_splits",
     "build_dataset",
+    "build_part",
     "check_dataset",
     "count_classes",
     "count_frequencies",
     "count_sources",
     "estimate_hidden_share",
     "export_dataset",
+    "finalise_dataset",
     "hash_masks",
     "hash_splits",
     "list_class_maps",

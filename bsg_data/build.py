@@ -1,4 +1,4 @@
-"""Build a dataset: find the scenes of a source, read each, write shards, publish.
+"""Build a dataset: find the scenes of a source, make its shards, publish.
 
 The work grows in `<out>.partial` and becomes `<out>` by one rename. A shard that is done leaves a
 report there, so that a build which was stopped goes on where it was; the bytes are the same with
@@ -10,48 +10,34 @@ from __future__ import annotations
 import hashlib
 import shutil
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
-from pydantic import ValidationError
-
+from bsg_data.build_shards import ShardReport, enter_skip, make_shard
 from bsg_data.dataset.growth import finish, make_parent, open_partial, refuse_overwriting
-from bsg_data.dataset.kept_maps import keep_class_map
+from bsg_data.dataset.kept_maps import keep_class_map, name_kept
 from bsg_data.dataset.manifest import (
     ClassMapEntry,
     ClassSpaceEntry,
-    FileEntry,
     Manifest,
-    ResolvedEntry,
     SkipEntry,
     SourceEntry,
     Totals,
     describe_unmapped,
     list_resolved,
 )
-from bsg_data.dataset.publication import REPORTS
 from bsg_data.dataset.schema import FORMAT_VERSION
-from bsg_data.dataset.shards import describe_file, write_shards
-from bsg_data.errors import BSGError, SourceError, UnmappedNameError
+from bsg_data.errors import SourceError
 from bsg_data.executors import run_all
-from bsg_data.files import write_bytes
 from bsg_data.lock import hold
 from bsg_data.recipes import Record
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map, parse_own_map
-from bsg_data.scene.mesh_coverage import MeshCoverage
-from bsg_data.scene.own_map import is_own_map, read_own_map
-from bsg_data.scene.scene_graph import SceneGraph, is_scene_id
+from bsg_data.scene.own_map import OwnMap, is_own_map, read_own_map
 from bsg_data.sources.catalogue import SOURCES, find_terms
-from bsg_data.sources.source import (
-    FoundScenes,
-    Reading,
-    SceneRef,
-    SkippedScene,
-    Source,
-    SourceWithTerms,
-)
+from bsg_data.sources.source import FoundScenes, SceneRef, Source, SourceWithTerms
 
 SCENES_PER_SHARD = 16
 
@@ -66,16 +52,61 @@ class BuildRecipe(Record):
     scenes_per_shard: int
 
 
-class ShardReport(Record):
-    """What one shard holds and what was left out of it."""
+class BuildPlan(Record):
+    """All that a manifest says of a build besides the reports of its shards.
 
-    files: tuple[FileEntry, ...]
-    totals: Totals
-    skipped: tuple[SkipEntry, ...]
-    left_out: tuple[SkipEntry, ...]
-    meshes: dict[str, MeshCoverage]
-    unmapped: dict[str, int]
-    resolved: tuple[ResolvedEntry, ...]
+    Attributes:
+        recipe: of the build.
+        shards: how many there are.
+        not_read: scenes that the source found and does not read, and why.
+        unused: files that belong to no scene.
+    """
+
+    recipe: BuildRecipe
+    shards: int
+    not_read: tuple[SkipEntry, ...]
+    unused: tuple[SkipEntry, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedBuild:
+    """A build that is about to be done.
+
+    Attributes:
+        source: whose scenes are read.
+        scenes: all of them.
+        plan: what is made of them.
+        own_map: one's own class map; None for a published one.
+        strict: fail on the first loss.
+    """
+
+    source: Source
+    scenes: tuple[SceneRef, ...]
+    plan: BuildPlan
+    own_map: OwnMap | None
+    strict: bool
+
+    def keep_map(self, growing: Path) -> None:
+        """Write one's own class map into the dataset that grows."""
+        if self.own_map is not None:
+            keep_class_map(self.own_map, self.plan.recipe.source.class_map, growing)
+
+    def make(
+        self,
+        shards: Iterable[int],
+        growing: Path,
+        *,
+        executor: Executor | None = None,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> list[ShardReport]:
+        """Make some shards, by their numbers, and return their reports."""
+        size = self.plan.recipe.scenes_per_shard
+        chosen = name_kept(self.plan.recipe.source.class_map, growing)
+        tasks = [
+            (self.source, self.scenes[n * size : (n + 1) * size], growing, n, chosen, self.strict)
+            for n in shards
+        ]
+        return run_all(make_shard, tasks, executor=executor, progress=progress)
 
 
 def build_dataset(
@@ -108,31 +139,80 @@ def build_dataset(
         DatasetError: if `out` is in the way or cannot be written.
     """
     out = out.resolve()  # a linked --out stays a link; what it leads to is replaced
+    refuse_overwriting(out, force=force)
+    planned = plan_build(
+        source, class_map=class_map, strict=strict, scenes_per_shard=scenes_per_shard
+    )
+    make_parent(out)
+    with hold(out):  # against another build, and against split and pairs of what is replaced
+        growing = open_partial(out, planned.plan.recipe)
+        planned.keep_map(growing)
+        every = range(planned.plan.shards)
+        reports = planned.make(every, growing, executor=executor, progress=progress)
+        return finish_build(planned.plan, reports, growing, out, force=force, where=source.path)
+
+
+def plan_build(
+    source: Source,
+    *,
+    class_map: str | None = None,
+    strict: bool = False,
+    scenes_per_shard: int = SCENES_PER_SHARD,
+) -> PlannedBuild:
+    """Find the scenes of a source, and say what will be made of them; nothing is written.
+
+    Raises:
+        SourceError: if no scene is found; under `strict`, if one is unreadable.
+        ClassMapError: if there is no such class map.
+    """
     chosen = class_map or name_class_map(source)
     own = read_own_map(Path(chosen)) if is_own_map(chosen) else None
     loaded = load_class_map(chosen) if own is None else parse_own_map(own)
-    refuse_overwriting(out, force=force)
     listing = source.find()
     if strict and listing.unreadable:
         skip = listing.unreadable[0]
         raise SourceError(f"{source.path / skip.location}: {skip.reason}")
-    recipe = _recipe(source, listing, loaded, scenes_per_shard)
-    starts = range(0, len(listing.scenes), scenes_per_shard)
-    make_parent(out)
-    with hold(out):  # against another build, and against split and pairs of what is replaced
-        growing = open_partial(out, recipe)
-        if own is not None:
-            chosen = str(keep_class_map(own, recipe.source.class_map, growing))
-        tasks = [
-            (source, listing.scenes[a : a + scenes_per_shard], growing, part, chosen, strict)
-            for part, a in enumerate(starts)
-        ]
-        reports = run_all(_make_shard, tasks, executor=executor, progress=progress)
-        manifest = _summarise(recipe, listing, reports, loaded)
-        if not manifest.totals.scenes:
-            shutil.rmtree(growing)
-            raise SourceError(_nothing_readable(source, manifest))
-        finish(growing, out, manifest, force=force)
+    plan = BuildPlan(
+        recipe=_recipe(source, listing, loaded, scenes_per_shard),
+        shards=-(-len(listing.scenes) // scenes_per_shard),
+        not_read=tuple(
+            SkipEntry(scene_id=skip.scene_id, location=skip.location, reason=skip.reason)
+            for skip in (*listing.duplicates, *listing.unreadable)
+        ),
+        unused=tuple(enter_skip(skip, Path()) for skip in listing.unused),
+    )
+    return PlannedBuild(source, listing.scenes, plan, own, strict)
+
+
+def finish_build(
+    plan: BuildPlan,
+    reports: list[ShardReport],
+    growing: Path,
+    out: Path,
+    *,
+    force: bool,
+    where: Path,
+) -> Manifest:
+    """Publish a dataset all of whose shards are made, and return its manifest.
+
+    Args:
+        plan: of the build.
+        reports: of all its shards.
+        growing: folder that it grew in.
+        out: its place.
+        force: replace a finished dataset.
+        where: what an error names, the source if it is known.
+
+    Raises:
+        SourceError: if none of its scenes could be read; what has grown is removed.
+        DatasetError: if it cannot be put in its place.
+    """
+    class_map = name_kept(plan.recipe.source.class_map, growing)
+    manifest = _summarise(plan, reports, load_class_map(class_map))
+    if not manifest.totals.scenes:
+        shutil.rmtree(growing)
+        raise SourceError(_nothing_readable(where, manifest))
+    finish(growing, out, manifest, force=force)
     return manifest
 
 
@@ -141,111 +221,9 @@ def name_class_map(source: Source) -> str:
     return SOURCES[source.kind].class_map if source.kind in SOURCES else DEFAULT_CLASS_MAP
 
 
-def _nothing_readable(source: Source, manifest: Manifest) -> str:
+def _nothing_readable(where: Path, manifest: Manifest) -> str:
     reasons = "\n  ".join(f"{skip.location}: {skip.reason}" for skip in manifest.skipped[:5])
-    return f"{source.path}: scenes were found and none could be read:\n  {reasons}"
-
-
-def _make_shard(
-    source: Source,
-    refs: tuple[SceneRef, ...],
-    folder: Path,
-    part: int,
-    class_map: str,
-    strict: bool,
-) -> ShardReport:
-    """Make one shard, unless an earlier run of the same build did."""
-    path = folder / REPORTS / f"part-{part:05d}.json"
-    done = _read_report(path, folder)
-    if done is not None and not (strict and (done.skipped or done.left_out or done.unmapped)):
-        return done
-    loaded = load_class_map(class_map)
-    graphs, skipped, left_out = [], [], []
-    meshes: dict[str, MeshCoverage] = {}
-    names: Counter[str] = Counter()
-    for ref in refs:
-        try:
-            if not is_scene_id(ref.scene_id):
-                raise SourceError(f"{ref.scene_id!r}: a scene id must do as the name of a file")
-            reading = _read(source, ref, loaded)
-        except SourceError as error:
-            if strict:
-                raise
-            skip = SkippedScene(ref.scene_id, ref.location, str(error))
-            skipped.append(_enter_skip(skip, source.path))
-            continue
-        if reading.left_out and strict:
-            raise SourceError(reading.left_out[0].reason)
-        graph = reading.graph
-        left_out += [_enter_skip(skip, source.path) for skip in reading.left_out]
-        if reading.mesh is not None:
-            meshes[ref.scene_id] = reading.mesh
-        unknown = [obj.raw_category for obj in graph.objects if obj.category is None]
-        if unknown and strict:
-            raise UnmappedNameError(_unmapped_message(ref, unknown[0], loaded))
-        names.update(obj.raw_category for obj in graph.objects)
-        graphs.append(graph)
-    report = ShardReport(
-        files=write_shards(graphs, folder, part=part, class_space=ClassSpaceEntry.of(loaded.space)),
-        totals=_total(graphs),
-        skipped=tuple(skipped),
-        left_out=tuple(left_out),
-        meshes=meshes,
-        unmapped={n: times for n, times in names.items() if not loaded.classify(n).category},
-        resolved=tuple(list_resolved(names, loaded)),
-    )
-    write_bytes(path, report.model_dump_json().encode())
-    return report
-
-
-def _read(source: Source, ref: SceneRef, class_map: ClassMap) -> Reading:
-    """Read one scene; an error that the source does not raise on purpose names the scene.
-
-    Raises:
-        SourceError: if the scene cannot be read.
-        RuntimeError: for a bug in the code of the source.
-    """
-    try:
-        return source.read(ref, class_map)
-    except (BSGError, OSError):
-        raise
-    except Exception as error:
-        raise RuntimeError(
-            f"the source {source.kind!r} has a bug, which scene {ref.scene_id!r} "
-            f"({ref.location}) shows: {error!r}"
-        ) from error
-
-
-def _enter_skip(skip: SkippedScene, root: Path) -> SkipEntry:
-    """Return the manifest's entry: the folder above the source is this machine's business."""
-    reason = skip.reason.replace(f"{root}/{skip.location}", "").lstrip(" ,:")
-    reason = reason.replace(f"{root}/", "")
-    return SkipEntry(scene_id=skip.scene_id, location=skip.location, reason=reason)
-
-
-def _read_report(path: Path, folder: Path) -> ShardReport | None:
-    """Return the report of a finished shard if its files are still what it says."""
-    try:
-        report = ShardReport.model_validate_json(path.read_bytes())
-        for entry in report.files:
-            if describe_file(folder, entry.path, rows=entry.rows) != entry:
-                return None
-    except (OSError, ValidationError):
-        return None
-    return report
-
-
-def _total(graphs: list[SceneGraph]) -> Totals:
-    objects = [obj for graph in graphs for obj in graph.objects]
-    return Totals(
-        scenes=len(graphs),
-        rooms=sum(len(graph.rooms) for graph in graphs),
-        objects=len(objects),
-        classified=sum(obj.class_index is not None for obj in objects),
-        unmapped=sum(obj.category is None for obj in objects),
-        placed=sum(graph.has_geometry for graph in graphs),
-        adjacent=sum(len(graph.adjacency) for graph in graphs),
-    )
+    return f"{where}: scenes were found and none could be read:\n  {reasons}"
 
 
 def _recipe(
@@ -271,40 +249,26 @@ def _recipe(
     )
 
 
-def _summarise(
-    recipe: BuildRecipe, listing: FoundScenes, reports: list[ShardReport], class_map: ClassMap
-) -> Manifest:
+def _summarise(plan: BuildPlan, reports: list[ShardReport], class_map: ClassMap) -> Manifest:
     unmapped: Counter[str] = Counter()
     resolved: Counter[str] = Counter()
     for report in reports:
         unmapped.update(report.unmapped)
         resolved.update({entry.name: entry.instances for entry in report.resolved})
-    elsewhere = [
-        SkipEntry(scene_id=skip.scene_id, location=skip.location, reason=skip.reason)
-        for skip in (*listing.duplicates, *listing.unreadable)
-    ]
     fields = Totals.model_fields
     return Manifest(
-        generator=recipe.generator,
-        class_space=recipe.class_space,
-        sources=(recipe.source,),
-        scenes_per_shard=recipe.scenes_per_shard,
+        generator=plan.recipe.generator,
+        class_space=plan.recipe.class_space,
+        sources=(plan.recipe.source,),
+        scenes_per_shard=plan.recipe.scenes_per_shard,
         totals=Totals(**{f: sum(getattr(r.totals, f) for r in reports) for f in fields}),
         files=tuple(sorted((f for r in reports for f in r.files), key=lambda f: f.path)),
-        skipped=(*(skip for r in reports for skip in r.skipped), *elsewhere),
+        skipped=(*(skip for r in reports for skip in r.skipped), *plan.not_read),
         left_out=(
             *(skip for report in reports for skip in report.left_out),
-            *(_enter_skip(skip, Path()) for skip in listing.unused),
+            *plan.unused,
         ),
         meshes={scene: mesh for report in reports for scene, mesh in report.meshes.items()},
         unmapped=tuple(describe_unmapped(unmapped, class_map)),
         resolved=tuple(list_resolved(resolved, class_map)),
-    )
-
-
-def _unmapped_message(ref: SceneRef, name: str, class_map: ClassMap) -> str:
-    near = ", ".join(repr(n) for n in class_map.nearest(name)) or "none"
-    return (
-        f"{ref.location}: {name!r} is not in class map {class_map.version} (nearest: {near}); "
-        "leave --strict out to keep such objects without a class, or use a map that lists it"
     )

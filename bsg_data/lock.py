@@ -12,23 +12,27 @@ from bsg_data.errors import DatasetError
 
 
 @contextmanager
-def hold(folder: Path) -> Iterator[None]:
+def hold(folder: Path, *, wait: float = 0.0) -> Iterator[None]:
     """Hold the lock of a folder, which need not exist yet; the folder above it must.
 
     The lock is `.NAME.lock` beside the folder, so that nothing strange lies in it and that it can
     be renamed while it is locked. The file is removed at the end. One that a killed process left
     behind is not locked, and harms nobody.
 
+    Args:
+        folder: to be locked.
+        wait: seconds to wait for whoever holds it.
+
     Raises:
-        DatasetError: if anybody holds it, this process too, or if it cannot be made.
+        DatasetError: if anybody holds it still, this process too, or if it cannot be made.
     """
     folder = folder.resolve()  # a link and what it leads to have one lock
     path = folder.with_name(f".{folder.name}.lock")
     if not path.parent.is_dir():  # filelock would make it
         raise DatasetError(f"{path.parent}: no such folder")
-    lock = FileLock(path, blocking=False)
+    lock = FileLock(path)
     try:
-        lock.acquire()
+        lock.acquire(timeout=wait)
     except Timeout as error:
         raise DatasetError(
             f"{folder}: another command is writing there; wait until it is done"

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import shutil
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 from bsg_data.dataset.manifest import MANIFEST, Manifest, read_manifest
-from bsg_data.dataset.publication import REPORTS, REVISION, list_strays, publish
+from bsg_data.dataset.publication import PLAN, REPORTS, REVISION, list_strays, publish
 from bsg_data.errors import DatasetError
 from bsg_data.files import write_bytes
+from bsg_data.lock import hold
 from bsg_data.recipes import Record
+
+SECONDS_TO_JOIN = 60.0  # that a part waits while another one makes the folder
 
 
 def make_parent(out: Path) -> None:
@@ -67,11 +71,52 @@ def open_partial(out: Path, recipe: Record) -> Path:
     if partial.exists():
         if path.is_file() and path.read_bytes() == wanted:
             return partial
+        if (partial / PLAN).exists():
+            raise DatasetError(
+                f"{partial}: holds parts of another build (--parts); remove it, or choose "
+                "another --out"
+            )
         if not path.is_file() and not _is_bare(partial):
             raise DatasetError(f"{partial}: is in the way and no build of ours; move it away")
         shutil.rmtree(partial)  # of a build that was stopped and is not this one
     write_bytes(path, wanted)
     return partial
+
+
+def join_partial(
+    out: Path, recipe: Record, plan: Record, *, prepare: Callable[[Path], None]
+) -> Path:
+    """Return the folder that a dataset grows in by parts, which several processes make at once.
+
+    Whoever comes first makes it; the others wait for that moment, and only for that.
+
+    Args:
+        out: where the dataset will be.
+        recipe: of the build.
+        plan: what is left there for whoever finishes it.
+        prepare: called with the folder by whoever makes it.
+
+    Raises:
+        DatasetError: if something else is in the way, also another build.
+    """
+    partial = out.with_name(f"{out.name}.partial")
+    wanted = plan.model_dump_json().encode()
+    if _read(partial / PLAN) != wanted:
+        with hold(out, wait=SECONDS_TO_JOIN):
+            found = _read(partial / PLAN)
+            if found is None:
+                prepare(open_partial(out, recipe))
+                write_bytes(partial / PLAN, wanted)
+            elif found != wanted:
+                raise DatasetError(
+                    f"{partial}: holds parts of another build: of other options, or of a source "
+                    "that has changed since; remove it, or choose another --out"
+                )
+    return partial
+
+
+def _read(path: Path) -> bytes | None:
+    return path.read_bytes() if path.is_file() else None
 
 
 def _is_bare(partial: Path) -> bool:

@@ -32,6 +32,12 @@ def keep_class_map(own: OwnMap, entry: ClassMapEntry, dataset: Path) -> Path:
     return write_own_map(own, dataset / _path_of(entry).parent)
 
 
+def name_kept(entry: ClassMapEntry, dataset: Path) -> str:
+    """Return how `load_class_map` finds a class map of a dataset: by path if it is kept there."""
+    kept = dataset / _path_of(entry)
+    return str(kept) if kept.is_file() else entry.version
+
+
 def read_class_maps(dataset: Path, manifest: Manifest) -> tuple[str | OwnMap, ...]:
     """Return the class maps of a dataset's sources: the names of some, and those that it keeps.
 

@@ -12,6 +12,7 @@ from bsg_data.files import write_bytes
 CARD = "README.md"
 CROISSANT = "croissant.json"
 REPORTS = ".reports"  # of a build under way; gone when it is done
+PLAN = f"{REPORTS}/plan.json"  # of a build by parts
 REVISION = ".revision"  # what a command is about to change; gone when it is done
 
 

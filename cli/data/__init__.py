@@ -8,6 +8,7 @@ from bsg_cli.data import (
     build,
     check,
     export,
+    finalise,
     info,
     map,  # noqa: A004
     merge,
@@ -33,5 +34,5 @@ def main() -> None:
     """
 
 
-for module in (build, check, export, info, map, merge, pairs, split, synth, upgrade):
+for module in (build, check, export, finalise, info, map, merge, pairs, split, synth, upgrade):
     main.add_command(module.command)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -20,6 +23,21 @@ from bsg_cli.options import (
 from bsg_cli.terminal import Command, Workers, print_json, print_note, progress_bar, worker_pool
 from bsg_data.errors import BSGError
 from bsg_data.sources.catalogue import SOURCES, parse_options
+
+
+class PartNumber(click.ParamType[tuple[int, int]]):
+    """A part of a build, `I/N`."""
+
+    name = "part"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[int, int]:
+        """Return both numbers, or refuse them."""
+        found = re.fullmatch(r"(\d+)/(\d+)", str(value), re.ASCII)
+        if found is None or not 1 <= int(found[1]) <= int(found[2]):
+            self.fail(f"{value!r}: expected I/N with I from 1 to N, as 3/10", param, ctx)
+        return int(found[1]), int(found[2])
 
 
 @click.command("build", cls=Command)
@@ -60,6 +78,14 @@ from bsg_data.sources.catalogue import SOURCES, parse_options
 @source_map_option
 @workers_option
 @click.option(
+    "--parts",
+    "part",
+    type=PartNumber(),
+    metavar="I/N",
+    help="Make part I of N alone, in any order, on any machine that sees --out; then "
+    "`bsg-data finalise`.",
+)
+@click.option(
     "--strict", is_flag=True, help="Fail on a malformed scene, mesh or layout, or an unmapped name."
 )
 @force_option
@@ -75,6 +101,7 @@ def command(
     out: Path,
     class_map: str | None,
     workers: Workers,
+    part: tuple[int, int] | None,
     strict: bool,
     force: bool,
     as_json: bool,
@@ -86,6 +113,7 @@ def command(
     \b
     Example:
       bsg-data build --hm3d buildings --out dataset
+      bsg-data build --hm3d buildings --out dataset --parts 3/10
       bsg-data build --hm3d buildings --no-meshes --room-layouts layouts --out dataset
     """
     name, path = _choose_source(hm3d, hm3d_stats, named)
@@ -108,15 +136,13 @@ def command(
     pool = worker_pool(workers, reads=reads, writes=[out])
     try:
         with pool as executor, progress_bar("build", unit="shard") as report:
-            manifest = bsg_data.build_dataset(
-                source,
-                out,
-                class_map=class_map,
-                strict=strict,
-                force=force,
-                executor=executor,
-                progress=report,
-            )
+            how: dict[str, Any] = {"class_map": class_map, "strict": strict, "force": force}
+            how |= {"executor": executor, "progress": report}
+            if part is not None:
+                built = bsg_data.build_part(source, out, bsg_data.Part(*part), **how)
+                _tell_part(built, part, out, as_json=as_json)
+                return
+            manifest = bsg_data.build_dataset(source, out, **how)
     except (BSGError, KeyboardInterrupt):
         if out.with_name(f"{out.name}.partial").is_dir():
             print_note(f"what is done is in {out}.partial; the same command goes on from there")
@@ -127,6 +153,20 @@ def command(
     click.echo(format_totals(manifest))
     click.echo(format_losses(manifest))
     click.echo(f"dataset in {out}")
+
+
+def _tell_part(
+    built: bsg_data.BuiltPart, part: tuple[int, int], out: Path, *, as_json: bool
+) -> None:
+    """Print what a part made, and how much is missing yet."""
+    number, of = part
+    if as_json:
+        print_json({"part": number, "of": of, **asdict(built)})
+        return
+    click.echo(f"part {number} of {of}: {len(built.shards):,} shards, {built.scenes:,} scenes")
+    left = len(built.missing)
+    then = f"{left:,} shards are missing yet" if left else "all shards are there"
+    click.echo(f"{then}; when no part is left: bsg-data finalise {out}")
 
 
 def _choose_source(

@@ -1,0 +1,166 @@
+"""Build a dataset by parts, in any order on any machines, and finish it when all are there.
+
+    DATASET.partial/.reports/plan.json          what is left for `finalise_dataset`
+    DATASET.partial/.reports/part-00012.json    shard 12 is done
+    DATASET.partial/.reports/parts-of-10        some process was part i of 10
+
+Part i of n makes every n-th shard from the i-th on. Parts meet in the folder that the dataset grows
+in: each shard is renamed there when it is whole, so that they need no lock and one may run again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from bsg_data.build import SCENES_PER_SHARD, BuildPlan, finish_build, plan_build
+from bsg_data.build_shards import is_reported, read_report
+from bsg_data.dataset.growth import join_partial, make_parent, refuse_overwriting
+from bsg_data.dataset.manifest import Manifest
+from bsg_data.dataset.publication import PLAN, REPORTS
+from bsg_data.errors import DatasetError, RecipeError
+from bsg_data.lock import hold
+from bsg_data.sources.source import Source
+
+_MOST_NAMED = 20  # parts
+_PARTS_OF = "parts-of-"
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Part `number` of `of`, from 1; a build by parts needs all of them.
+
+    Raises:
+        RecipeError: if there is no such part.
+    """
+
+    number: int
+    of: int
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.number <= self.of:
+            raise RecipeError(f"part {self.number}/{self.of}: expected I/N with I from 1 to N")
+
+
+@dataclass(frozen=True, slots=True)
+class BuiltPart:
+    """What a part of a build made.
+
+    Attributes:
+        shards: their numbers.
+        scenes: in them.
+        missing: numbers of the shards of the dataset that nobody has made yet.
+    """
+
+    shards: tuple[int, ...]
+    scenes: int
+    missing: tuple[int, ...]
+
+
+def build_part(
+    source: Source,
+    out: Path,
+    part: Part,
+    *,
+    class_map: str | None = None,
+    strict: bool = False,
+    force: bool = False,
+    scenes_per_shard: int = SCENES_PER_SHARD,
+    executor: Executor | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> BuiltPart:
+    """Make some of the shards of a dataset, beside other processes that make the others.
+
+    Args:
+        source: as `build_dataset` takes it, and the same for all parts.
+        out: folder of the dataset, on a file system that all parts see.
+        part: which shards.
+        class_map: as in `build_dataset`.
+        strict: as in `build_dataset`.
+        force: a finished dataset may be there; `finalise_dataset` will replace it.
+        scenes_per_shard: scenes found per part of each table.
+        executor: where shards are made; None makes them one after another here.
+        progress: called with (shards done, shards of this part).
+
+    Raises:
+        SourceError: if no scene is found; under `strict`, for any that cannot be read.
+        UnmappedNameError: under `strict`, for a name that is not in the map.
+        DatasetError: if parts of another build are there, or a file cannot be written.
+    """
+    out = out.resolve()
+    refuse_overwriting(out, force=force)
+    planned = plan_build(
+        source, class_map=class_map, strict=strict, scenes_per_shard=scenes_per_shard
+    )
+    make_parent(out)
+    growing = join_partial(out, planned.plan.recipe, planned.plan, prepare=planned.keep_map)
+    (growing / REPORTS / f"{_PARTS_OF}{part.of}").touch()
+    shards = tuple(range(part.number - 1, planned.plan.shards, part.of))
+    reports = planned.make(shards, growing, executor=executor, progress=progress)
+    every = range(planned.plan.shards)
+    missing = tuple(number for number in every if not is_reported(growing, number))
+    return BuiltPart(shards, sum(report.totals.scenes for report in reports), missing)
+
+
+def finalise_dataset(
+    out: Path, *, force: bool = False, progress: Callable[[int, int], None] | None = None
+) -> Manifest:
+    """Finish a dataset that was built by parts, and return its manifest; the bytes are one build's.
+
+    Args:
+        out: folder of the dataset, as the parts were given it.
+        force: replace a finished dataset.
+        progress: called with (shards verified, shards in all).
+
+    Raises:
+        DatasetError: if there are no parts, a shard is missing or damaged, or `out` is in the way.
+        SourceError: if none of the scenes could be read.
+    """
+    out = out.resolve()
+    refuse_overwriting(out, force=force)
+    make_parent(out)
+    with hold(out):
+        growing = out.with_name(f"{out.name}.partial")
+        plan = _read_plan(growing)
+        reports, missing = [], []
+        for number in range(plan.shards):
+            report = read_report(growing, number)
+            if report is None:
+                missing.append(number)
+            else:
+                reports.append(report)
+            if progress is not None:
+                progress(number + 1, plan.shards)
+        if missing:
+            raise DatasetError(_tell_missing(growing, missing, plan.shards))
+        return finish_build(plan, reports, growing, out, force=force, where=out)
+
+
+def _read_plan(growing: Path) -> BuildPlan:
+    try:
+        return BuildPlan.model_validate_json((growing / PLAN).read_bytes())
+    except FileNotFoundError as error:
+        raise DatasetError(
+            f"{growing}: no parts of a build are there; make them by `bsg-data build --parts I/N`"
+        ) from error
+    except (OSError, ValidationError) as error:
+        raise DatasetError(
+            f"{growing / PLAN}: cannot be read ({error}); remove it and run any part again"
+        ) from error
+
+
+def _tell_missing(growing: Path, missing: list[int], shards: int) -> str:
+    """Say which parts are to be run again, by the finest division that anybody used."""
+    marks = (growing / REPORTS).glob(f"{_PARTS_OF}*")
+    of = max((int(mark.name.removeprefix(_PARTS_OF)) for mark in marks), default=1)
+    parts = sorted({number % of + 1 for number in missing})
+    named = ", ".join(f"{part}/{of}" for part in parts[:_MOST_NAMED])
+    more = f" and {len(parts) - _MOST_NAMED:,} more" if len(parts) > _MOST_NAMED else ""
+    return (
+        f"{growing}: {len(missing):,} of {shards:,} shards are missing or damaged; run these again "
+        f"by --parts: {named}{more}"
+    )

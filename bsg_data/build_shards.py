@@ -1,0 +1,185 @@
+"""Make one shard of a build: read its scenes, write its files, and leave a report of them.
+
+A shard depends on nothing but its arguments, so that any process on any machine may make it, and
+two that make the same one do no harm: each writes in a folder of its own, and renames whole files.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from bsg_data.dataset.manifest import (
+    ClassSpaceEntry,
+    FileEntry,
+    ResolvedEntry,
+    SkipEntry,
+    Totals,
+    list_resolved,
+)
+from bsg_data.dataset.publication import REPORTS
+from bsg_data.dataset.shards import describe_file, write_shards
+from bsg_data.errors import BSGError, DatasetError, SourceError, UnmappedNameError
+from bsg_data.files import write_bytes
+from bsg_data.recipes import Record
+from bsg_data.scene.class_map import ClassMap, load_class_map
+from bsg_data.scene.mesh_coverage import MeshCoverage
+from bsg_data.scene.scene_graph import SceneGraph, is_scene_id
+from bsg_data.sources.source import Reading, SceneRef, SkippedScene, Source
+
+
+class ShardReport(Record):
+    """What one shard holds and what was left out of it."""
+
+    files: tuple[FileEntry, ...]
+    totals: Totals
+    skipped: tuple[SkipEntry, ...]
+    left_out: tuple[SkipEntry, ...]
+    meshes: dict[str, MeshCoverage]
+    unmapped: dict[str, int]
+    resolved: tuple[ResolvedEntry, ...]
+
+
+def make_shard(
+    source: Source,
+    refs: tuple[SceneRef, ...],
+    folder: Path,
+    part: int,
+    class_map: str,
+    strict: bool,
+) -> ShardReport:
+    """Make one shard, unless an earlier run of the same build did."""
+    done = read_report(folder, part)
+    if done is not None and not (strict and (done.skipped or done.left_out or done.unmapped)):
+        return done
+    loaded = load_class_map(class_map)
+    graphs, skipped, left_out = [], [], []
+    meshes: dict[str, MeshCoverage] = {}
+    names: Counter[str] = Counter()
+    for ref in refs:
+        try:
+            if not is_scene_id(ref.scene_id):
+                raise SourceError(f"{ref.scene_id!r}: a scene id must do as the name of a file")
+            reading = _read(source, ref, loaded)
+        except SourceError as error:
+            if strict:
+                raise
+            skip = SkippedScene(ref.scene_id, ref.location, str(error))
+            skipped.append(enter_skip(skip, source.path))
+            continue
+        if reading.left_out and strict:
+            raise SourceError(reading.left_out[0].reason)
+        graph = reading.graph
+        left_out += [enter_skip(skip, source.path) for skip in reading.left_out]
+        if reading.mesh is not None:
+            meshes[ref.scene_id] = reading.mesh
+        unknown = [obj.raw_category for obj in graph.objects if obj.category is None]
+        if unknown and strict:
+            raise UnmappedNameError(_unmapped_message(ref, unknown[0], loaded))
+        names.update(obj.raw_category for obj in graph.objects)
+        graphs.append(graph)
+    with _folder_of_its_own(folder, part) as own:
+        report = ShardReport(
+            files=write_shards(
+                graphs, own, part=part, class_space=ClassSpaceEntry.of(loaded.space)
+            ),
+            totals=_total(graphs),
+            skipped=tuple(skipped),
+            left_out=tuple(left_out),
+            meshes=meshes,
+            unmapped={n: times for n, times in names.items() if not loaded.classify(n).category},
+            resolved=tuple(list_resolved(names, loaded)),
+        )
+        write_bytes(own / _name_report(part), report.model_dump_json().encode())
+        for path in (*(entry.path for entry in report.files), _name_report(part)):
+            (folder / path).parent.mkdir(exist_ok=True)
+            (own / path).replace(folder / path)
+    return report
+
+
+@contextmanager
+def _folder_of_its_own(folder: Path, part: int) -> Iterator[Path]:
+    """Yield a new folder below another one, which is removed at the end.
+
+    Raises:
+        DatasetError: if a file cannot be written or renamed.
+    """
+    try:
+        with tempfile.TemporaryDirectory(prefix=f"part-{part:05d}.", dir=folder / REPORTS) as own:
+            yield Path(own)
+    except OSError as error:
+        raise DatasetError(
+            f"{folder}: part {part} cannot be written ({error.strerror or error})"
+        ) from error
+
+
+def _read(source: Source, ref: SceneRef, class_map: ClassMap) -> Reading:
+    """Read one scene; an error that the source does not raise on purpose names the scene.
+
+    Raises:
+        SourceError: if the scene cannot be read.
+        RuntimeError: for a bug in the code of the source.
+    """
+    try:
+        return source.read(ref, class_map)
+    except (BSGError, OSError):
+        raise
+    except Exception as error:
+        raise RuntimeError(
+            f"the source {source.kind!r} has a bug, which scene {ref.scene_id!r} "
+            f"({ref.location}) shows: {error!r}"
+        ) from error
+
+
+def enter_skip(skip: SkippedScene, root: Path) -> SkipEntry:
+    """Return the manifest's entry: the folder above the source is this machine's business."""
+    reason = skip.reason.replace(f"{root}/{skip.location}", "").lstrip(" ,:")
+    reason = reason.replace(f"{root}/", "")
+    return SkipEntry(scene_id=skip.scene_id, location=skip.location, reason=reason)
+
+
+def read_report(folder: Path, part: int) -> ShardReport | None:
+    """Return the report of a finished shard if its files are still what it says."""
+    try:
+        report = ShardReport.model_validate_json((folder / _name_report(part)).read_bytes())
+        for entry in report.files:
+            if describe_file(folder, entry.path, rows=entry.rows) != entry:
+                return None
+    except (OSError, ValidationError):
+        return None
+    return report
+
+
+def is_reported(folder: Path, part: int) -> bool:
+    """Say whether a shard has left its report; its files are not looked at."""
+    return (folder / _name_report(part)).is_file()
+
+
+def _name_report(part: int) -> str:
+    return f"{REPORTS}/part-{part:05d}.json"
+
+
+def _total(graphs: list[SceneGraph]) -> Totals:
+    objects = [obj for graph in graphs for obj in graph.objects]
+    return Totals(
+        scenes=len(graphs),
+        rooms=sum(len(graph.rooms) for graph in graphs),
+        objects=len(objects),
+        classified=sum(obj.class_index is not None for obj in objects),
+        unmapped=sum(obj.category is None for obj in objects),
+        placed=sum(graph.has_geometry for graph in graphs),
+        adjacent=sum(len(graph.adjacency) for graph in graphs),
+    )
+
+
+def _unmapped_message(ref: SceneRef, name: str, class_map: ClassMap) -> str:
+    near = ", ".join(repr(n) for n in class_map.nearest(name)) or "none"
+    return (
+        f"{ref.location}: {name!r} is not in class map {class_map.version} (nearest: {near}); "
+        "leave --strict out to keep such objects without a class, or use a map that lists it"
+    )

@@ -1,0 +1,36 @@
+"""`bsg-data finalise`: a dataset that was built by parts, whole."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+import bsg_data
+from bsg_cli.data.totals import format_losses, format_totals
+from bsg_cli.options import PATH, force_option, json_option
+from bsg_cli.terminal import Command, print_json, progress_bar
+
+
+@click.command("finalise", cls=Command)
+@click.argument("dataset", type=PATH, metavar="DATASET")
+@force_option
+@json_option
+def command(dataset: Path, force: bool, as_json: bool) -> None:
+    """Finish a dataset that `bsg-data build --parts` made.
+
+    Every file is compared with the report of its part; what is missing or damaged is named by the
+    part that is to be run again. The bytes are those of a build at once.
+
+    \b
+    Example:
+      bsg-data finalise dataset
+    """
+    with progress_bar("finalise", unit="shard") as report:
+        manifest = bsg_data.finalise_dataset(dataset, force=force, progress=report)
+    if as_json:
+        print_json(manifest.model_dump(mode="json", exclude={"files"}))
+        return
+    click.echo(format_totals(manifest))
+    click.echo(format_losses(manifest))
+    click.echo(f"dataset in {dataset}")
