@@ -88,7 +88,8 @@ def _pack_scenes(data: Dataset, split: str) -> Iterator[tuple[bytes, str, bytes]
     for table in stream_pairs(data.path, split, manifest=data.manifest):
         scenes, packed = _pack(table, data)
         changes = np.flatnonzero(scenes[1:] != scenes[:-1]) + 1
-        for first, end in pairwise((0, *changes.tolist(), len(scenes))):
+        ends = [*changes.tolist(), len(scenes)] if len(scenes) else []
+        for first, end in pairwise((0, *ends)):
             scene, rows = bytes(scenes[first]), packed[first:end]
             if scene <= last:
                 raise DatasetError(

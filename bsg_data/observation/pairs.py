@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +35,15 @@ from bsg_data.scene.connections import Connections
 SCENES_PER_FILE = 64
 ROWS_PER_GROUP = 65_536
 _MOST = np.iinfo(np.uint16).max
+
+
+def fits_pairs(cells: Counts) -> bool:
+    """Say whether the pairs of a building can be stored: at most 65,535 objects of each class.
+
+    Args:
+        cells: `[N, C]` classified objects.
+    """
+    return int(cells.sum(axis=0).max(initial=0)) <= _MOST
 
 
 def sample_pairs(
@@ -73,8 +83,11 @@ def write_pairs(
     force: bool = False,
     executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
+    left_out: Callable[[str], None] | None = None,
 ) -> Manifest:
     """Sample the masked pairs of every split and return the dataset's new manifest.
+
+    A building whose counts do not fit the format (`fits_pairs`) gets none.
 
     Args:
         dataset: a dataset that is split.
@@ -82,10 +95,11 @@ def write_pairs(
         force: replace pairs that are there.
         executor: where files are written; None writes them one after another here.
         progress: called with (files done, files in all).
+        left_out: called with the id of every building that gets no pairs, in order.
 
     Raises:
         DatasetError: if it is not split, has pairs and not `force`, or cannot be written.
-        RecipeError: if a count does not fit the format.
+        RecipeError: if the masks are of version 1.
     """
 
     def write(manifest: Manifest, folder: Path) -> Manifest:
@@ -95,9 +109,13 @@ def write_pairs(
         if manifest.pairs is not None and not force:
             raise DatasetError(f"{dataset}: has pairs already; --force replaces them")
         splits = read_splits(dataset, manifest=manifest)
-        tasks = [(dataset, folder, path, scenes, recipe) for path, scenes in _plan(dataset, splits)]
-        entries = run_all(_write_file, tasks, executor=executor, progress=progress)
-        return manifest.with_table("pairs", tuple(entries), pairs=recipe)
+        places = dataset.absolute(), folder.absolute()  # who writes may stand in another folder
+        tasks = [(*places, path, scenes, recipe) for path, scenes in _plan(dataset, splits)]
+        written = list(run_all(_write_file, tasks, executor=executor, progress=progress))
+        for scene in chain.from_iterable(scenes for _, scenes in written):
+            if left_out is not None:
+                left_out(scene)
+        return manifest.with_table("pairs", tuple(entry for entry, _ in written), pairs=recipe)
 
     return revise(dataset, write)
 
@@ -112,9 +130,19 @@ def read_pairs(dataset: Path, split: str, *, manifest: Manifest | None = None) -
 
 
 def stream_pairs(
-    dataset: Path, split: str, *, manifest: Manifest | None = None
+    dataset: Path,
+    split: str,
+    *,
+    manifest: Manifest | None = None,
+    shuffle: np.random.Generator | None = None,
 ) -> Iterator[pa.Table]:
     """Yield the pairs of one split, a file at a time.
+
+    Args:
+        dataset: its folder.
+        split: train, val, test or a fold.
+        manifest: of the dataset, if it was read.
+        shuffle: for files in a random order.
 
     Raises:
         DatasetError: if there are none, naming the splits that have some.
@@ -125,7 +153,8 @@ def stream_pairs(
         held = sorted({split_of_file(f.path) for f in manifest.files_of("pairs")})
         hint = f"it has some of {', '.join(held)}" if held else "run `bsg-data pairs` first"
         raise DatasetError(f"{dataset}: has no pairs of split {split!r}; {hint}")
-    return (read_file(dataset, entry, manifest=manifest) for entry in entries)
+    order = range(len(entries)) if shuffle is None else shuffle.permutation(len(entries)).tolist()
+    return (read_file(dataset, entries[number], manifest=manifest) for number in order)
 
 
 def rewrite_pairs(dataset: Path, folder: Path, manifest: Manifest) -> list[FileEntry]:
@@ -213,17 +242,20 @@ def _plan(
 
 def _write_file(
     dataset: Path, folder: Path, path: str, scenes: tuple[str, ...], recipe: PairsRecipe
-) -> FileEntry:
-    """Write one file of pairs at its path below a folder."""
+) -> tuple[FileEntry, tuple[str, ...]]:
+    """Write one file of pairs at its path below a folder; return also the scenes left out of it."""
     data = Dataset.open(dataset)
     space = data.manifest.class_space
     schema = pairs_schema(len(space.classes))
-    rows = 0
+    rows, left_out = 0, []
     with open_parquet(
         folder / path, schema, table="pairs", class_space=space, pairs=recipe.model_dump_json()
     ) as writer:
         waiting: list[pa.RecordBatch] = []
         for scene in scenes:
+            if not fits_pairs(data.cells(scene)):
+                left_out.append(scene)
+                continue
             waiting.append(_scene_batch(data, scene, recipe=recipe, schema=schema))
             rows += waiting[-1].num_rows
             if sum(batch.num_rows for batch in waiting) >= ROWS_PER_GROUP:
@@ -231,15 +263,13 @@ def _write_file(
                 waiting.clear()
         if waiting:
             writer.write_table(pa.Table.from_batches(waiting, writer.schema))
-    return describe_file(folder, path, rows=rows)
+    return describe_file(folder, path, rows=rows), tuple(left_out)
 
 
 def _scene_batch(
     data: Dataset, scene: str, *, recipe: PairsRecipe, schema: pa.Schema
 ) -> pa.RecordBatch:
     cells = data.cells(scene)
-    if cells.sum(axis=0).max(initial=0) > _MOST:
-        raise RecipeError(f"{scene}: more than {_MOST} objects of one class")
     views, inputs = sample_pairs(cells, recipe, scene_id=scene, connections=data.connections(scene))
     draws, nodes, _ = inputs.shape
     targets = np.broadcast_to(to_histograms(cells), inputs.shape)

@@ -54,16 +54,27 @@ class CountDistribution:
         if self.tilts is None:
             return untilted
         moment = untilted.copy()
-        for count, (probability, tilt) in enumerate(zip(self._first, self.tilts, strict=True)):
-            moment += count**power * probability * np.expm1(tilt)
+        for count in range(1, len(self.tilts)):  # a tilt of none adds nothing
+            moment += count**power * self._first[count] * np.expm1(self.tilts[count])
         return np.asarray(np.maximum(moment, 0.0) * np.exp(-self._log_normaliser))
+
+    @cached_property
+    def _untilted_none(self) -> Floats:
+        """Log P(0) of every component without tilts, `[K, N, C]`."""
+        return _log_nones(self.means, self.dispersions)
 
     @cached_property
     def _first(self) -> list[Floats]:
         """The untilted probabilities of the counts 0..J−1, each `[K, N, C]`."""
-        none = np.exp(_log_nones(self.means, self.dispersions))
         number = 0 if self.tilts is None else len(self.tilts)
-        return _first_counts(number, none, self.means, self.dispersions)
+        return _first_counts(number, np.exp(self._untilted_none), self.means, self.dispersions)
+
+    @property
+    def _log_none(self) -> Floats:
+        """Log P(0) of every component, `[K, N, C]`."""
+        if self.tilts is None:
+            return self._untilted_none
+        return np.asarray(self._untilted_none + self.tilts[0] - self._log_normaliser)
 
     @cached_property
     def _log_normaliser(self) -> Floats:
@@ -74,8 +85,11 @@ class CountDistribution:
     @property
     def presence(self) -> Floats:
         """P(at least one hidden object of the class), `[N, C]`."""
-        present = -np.expm1(self.log_probability(np.zeros(self.means.shape[1:]), floor=0.0))
-        return np.where(self.mean > 0, present, 0.0)  # weights add up to 1 but for rounding
+        present = -np.expm1(np.minimum(self._log_none, 0.0))
+        if len(present) > 1:
+            present = self.weights * present
+        # What is never there is 0 to the last bit, whatever its tilts.
+        return np.where((self.means > 0).any(axis=0), present.sum(axis=0), 0.0)
 
     @property
     def log_odds_of_none(self) -> Floats:
@@ -197,14 +211,12 @@ class CountDistribution:
         Args:
             log_factor: `[N, C]`, added to log P(0) − log P(at least one).
         """
-        before = _log_nones(self.means, self.dispersions)
         tilts = np.zeros((1, *self.means.shape)) if self.tilts is None else self.tilts.copy()
-        if self.tilts is not None:
-            before += tilts[0] - self._log_normaliser
         tilts[0] += log_factor
         weights = self.weights
         if len(weights) > 1:
-            weights = weights * np.maximum(1 + np.exp(before) * np.expm1(log_factor), TINY)
+            gain = np.exp(self._log_none) * np.expm1(log_factor)
+            weights = weights * np.maximum(1 + gain, TINY)
             weights = weights / weights.sum(axis=0)
         return replace(self, tilts=tilts, weights=weights)
 

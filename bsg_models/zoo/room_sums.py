@@ -9,6 +9,7 @@ from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import CountDistribution
 
 _LEAST = 1e-9  # a presence, or a mean, that counts as none
+_CLOSE = 1e-13  # a step, as a share of what it changes, that is the last
 _STEPS = 40  # of Newton's method; ten are enough but where the mean is that of one object
 
 
@@ -72,20 +73,22 @@ def _tilt_none(mean: Floats, dispersion: Floats, log_none: Floats) -> tuple[Floa
     """
     present = -np.expm1(log_none)
     given = np.maximum(mean / present, 1 + 1e-9)
-    base = given.copy()
-    for _ in range(_STEPS):
-        slope = 1 - given * np.exp(_log_untilted(base, dispersion, more=1))
-        step = (base - given * -np.expm1(_log_untilted(base, dispersion))) / slope
-        before, base = base, np.maximum(base - step, _LEAST)
-        if np.array_equal(base, before):  # no later step would change a bit
-            break
-    untilted = _log_untilted(base, dispersion)
-    tilt = (log_none - np.log(present)) - (untilted - np.log(-np.expm1(untilted)))
-    return base, tilt
-
-
-def _log_untilted(mean: Floats, dispersion: Floats, *, more: int = 0) -> Floats:
-    """Return −(r + more) log(1 + μ / r), with −μ for a Poisson: log P(0), or log of −dP(0)/dμ."""
     finite = np.isfinite(dispersion)
     r = np.where(finite, dispersion, 1.0)
-    return np.asarray(np.where(finite, -(r + more) * np.log1p(mean / r), -mean))
+
+    def log_untilted(base: Floats) -> tuple[Floats, Floats]:
+        """Return log P(0), and log of −dP(0)/dμ: −(r + more) log(1 + μ / r), −μ for a Poisson."""
+        spread = np.log1p(base / r)
+        none, slope = -r * spread, -(r + 1) * spread
+        return np.where(finite, none, -base), np.where(finite, slope, -base)
+
+    base = given.copy()
+    for _ in range(_STEPS):
+        none, fall = log_untilted(base)
+        step = (base + given * np.expm1(none)) / (1 - given * np.exp(fall))
+        base, before = np.maximum(base - step, _LEAST), base
+        if (np.abs(base - before) <= _CLOSE * base).all():  # what later steps change is rounding
+            break
+    untilted = log_untilted(base)[0]
+    tilt = (log_none - np.log(present)) - (untilted - np.log(-np.expm1(untilted)))
+    return base, tilt

@@ -16,7 +16,7 @@ from bsg_cli.options import (
     seed_option,
     workers_option,
 )
-from bsg_cli.terminal import Command, print_json, print_note, progress_bar, worker_pool
+from bsg_cli.terminal import Command, Workers, print_json, print_note, progress_bar, worker_pool
 
 
 @click.command("pairs", cls=Command)
@@ -41,7 +41,7 @@ def command(
     parts: bool,
     draws: int,
     seed: int,
-    workers: int,
+    workers: Workers,
     force: bool,
     as_json: bool,
 ) -> None:
@@ -60,9 +60,22 @@ def command(
         "parts": parts,
     }
     recipe = bsg_data.PairsRecipe(mask=bsg_data.MaskRecipe.model_validate(chosen), draws=draws)
-    with worker_pool(workers) as executor, progress_bar("pairs", unit="file") as report:
+    left_out: list[str] = []
+    pool = worker_pool(workers, reads=[dataset], writes=[dataset / "pairs"])
+    with pool as executor, progress_bar("pairs", unit="file") as report:
         manifest = bsg_data.write_pairs(
-            dataset, recipe, force=force, executor=executor, progress=report
+            dataset,
+            recipe,
+            force=force,
+            executor=executor,
+            progress=report,
+            left_out=left_out.append,
+        )
+    if left_out:
+        buildings = "1 building gets" if len(left_out) == 1 else f"{len(left_out):,} buildings get"
+        print_note(
+            f"{buildings} no pairs, which hold at most 65,535 objects of one class in a building: "
+            f"the first is {left_out[0]}"
         )
     rows = sum(entry.rows for entry in manifest.files_of("pairs"))
     if bsg_data.MASKS[mask].reads_connections:
@@ -74,7 +87,12 @@ def command(
             )
     hashes = bsg_data.hash_splits(bsg_data.Dataset.open(dataset))
     if as_json:
-        answer = {"recipe": recipe.model_dump(mode="json"), "rows": rows, "masks_sha256": hashes}
+        answer = {
+            "recipe": recipe.model_dump(mode="json"),
+            "rows": rows,
+            "left_out": left_out,
+            "masks_sha256": hashes,
+        }
         print_json(answer)
     else:
         click.echo(f"{rows:,} pairs: {draws} draws of the mask {recipe.mask}")

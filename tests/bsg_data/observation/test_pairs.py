@@ -5,6 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
 import pytest
 from conftest import annotation_text, write_scene
 from version_1_files import write_version_1
@@ -17,6 +19,7 @@ from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.splits import read_splits, split_dataset
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.merge import upgrade_dataset
+from bsg_data.observation.mask_hash import hash_splits
 from bsg_data.observation.masked_buildings import read_masked
 from bsg_data.observation.masks import sample_hidden, sample_view
 from bsg_data.observation.pairs import histogram_column, read_pairs, read_views, write_pairs
@@ -99,13 +102,37 @@ def test_a_stopped_command_leaves_the_old_pairs(
     assert check_dataset(dataset) == ()
 
 
-def test_a_count_beyond_the_format_is_refused(
+def test_a_building_beyond_the_format_is_left_out_alone(
     dataset: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("bsg_data.observation.pairs._MOST", 3)
-    with pytest.raises(RecipeError, match="more than 3 objects of one class"):
-        write_pairs(dataset, PairsRecipe(), force=True)
+    data, before = Dataset.open(dataset), read_pairs(dataset, "train")
     assert np.iinfo(np.uint16).max == 65535
+    most = {
+        scene: int(data.cells(scene).sum(axis=0).max()) for scene in read_splits(dataset)["train"]
+    }
+    largest = max(most, key=lambda scene: most[scene])
+    limit = sorted(most.values())[-2]
+    assert limit < most[largest]
+    monkeypatch.setattr("bsg_data.observation.pairs._MOST", limit)
+    recipe, left = read_manifest(dataset).pairs, []
+    assert recipe is not None
+    write_pairs(dataset, recipe, force=True, left_out=left.append)
+    assert largest in left
+    kept = before.filter(pc.invert(pc.is_in(before["scene_id"], pa.array(left))))
+    assert read_pairs(dataset, "train").equals(kept)
+    assert check_dataset(dataset) == ()
+
+
+def test_a_split_of_nothing_else_is_empty(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bsg_data.observation.pairs._MOST", 0)
+    recipe, left = read_manifest(dataset).pairs, []
+    assert recipe is not None
+    write_pairs(dataset, recipe, force=True, left_out=left.append)
+    splits = read_splits(dataset)
+    assert sorted(left) == sorted(scene for scenes in splits.values() for scene in scenes)
+    assert [len(read_pairs(dataset, split)) for split in splits] == [0] * len(splits)
+    assert set(hash_splits(Dataset.open(dataset))) == {*splits, "all"}
+    assert check_dataset(dataset) == ()
 
 
 def test_adjacency_reaches_the_masks(tmp_path: Path) -> None:
