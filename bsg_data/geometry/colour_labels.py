@@ -1,0 +1,136 @@
+"""Which instance each texel or vertex of a mesh belongs to: the one that has its exact colour."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image
+
+from bsg_data.arrays import Ints
+from bsg_data.geometry.gltf import MeshError
+from bsg_data.geometry.runs import find_runs
+
+Labels = npt.NDArray[np.uint16]
+
+UNLISTED, BLACK, FIRST = 0, 1, 2  # two labels that are no instance; that of the first instance
+MAX_INSTANCES = 60_000
+_ROWS = 512  # of a texture at once: a texture of noise has as many runs as texels
+
+
+class ColourLabels:
+    """The label of every colour, and how many texels had which.
+
+    Attributes:
+        texels: `[2 + I]` of each label.
+        snapped: texels of JPEG textures that were near to a listed colour, and not it.
+    """
+
+    def __init__(self, colours: Sequence[str], snap: int | None) -> None:
+        if len(colours) > MAX_INSTANCES:
+            raise MeshError(f"{len(colours):,} instances; at most {MAX_INSTANCES:,} are told apart")
+        codes = np.array([int(colour, 16) for colour in colours], dtype=np.int64)
+        self._rgb = np.stack([codes >> 16, codes >> 8 & 255, codes & 255], axis=1)
+        self._labels = np.zeros(2**24, dtype=np.uint16)
+        self._labels[0] = BLACK
+        self._labels[_codes(self._rgb)] = np.arange(FIRST, FIRST + len(colours))
+        self._unlisted = np.zeros(2**24, dtype=bool)
+        self._snap = snap
+        self.texels: Ints = np.zeros(FIRST + len(colours), dtype=np.int64)
+        self.snapped = 0
+
+    def label(self, image: Image.Image, path: Path) -> Labels:
+        """Return the label of every texel `[H, W]` by its exact colour.
+
+        Neighbours mostly have the same colour: a run of them is looked up once.
+        """
+        if image.format == "JPEG":
+            return self._snap_jpeg(image, path)
+        pixels, palette = _unpack(image, path)
+        labels = np.empty(pixels.shape, dtype=np.uint16)
+        for row in range(0, len(pixels), _ROWS):
+            some = pixels[row : row + _ROWS]
+            starts, values = find_runs(some.ravel())
+            named = self._look_up(values, palette)
+            lengths = np.diff(starts, append=some.size)
+            self._count(named, lengths)
+            labels[row : row + _ROWS] = np.repeat(named, lengths).reshape(some.shape)
+        return labels
+
+    def label_vertices(self, colours: npt.NDArray[np.uint8]) -> Labels:
+        """Return the label of every vertex `[V]`."""
+        return self._look_up(_codes(colours), None)
+
+    def count_unlisted(self) -> int:
+        """Return how many colours were met that no instance has."""
+        return int(self._unlisted.sum())
+
+    def _look_up(
+        self,
+        values: npt.NDArray[np.unsignedinteger],
+        palette: npt.NDArray[np.uint32] | None,
+    ) -> Labels:
+        """Return the label of values, which are places in a palette, or codes where there is none.
+
+        A place beyond the palette has no colour: it is unlisted, and no colour that was met.
+        """
+        there = np.ones(len(values), dtype=bool) if palette is None else values < len(palette)
+        codes = values[there] & 0xFFFFFF if palette is None else palette[values[there]]
+        labels = np.full(len(values), UNLISTED, dtype=np.uint16)
+        labels[there] = found = self._labels[codes]
+        self._unlisted[codes[found == UNLISTED]] = True
+        return labels
+
+    def _count(self, labels: Labels, texels: Ints) -> None:
+        counted = np.bincount(labels, texels, minlength=len(self.texels))  # exact up to 2⁵³
+        self.texels += counted.astype(np.int64)
+
+    def _snap_jpeg(self, image: Image.Image, path: Path) -> Labels:
+        from scipy.spatial import cKDTree  # slow to import, and JPEG is rare
+
+        if self._snap is None:
+            raise MeshError(
+                f"{path}: a texture is JPEG, which changes colours, so that texels no longer say "
+                "which instance they are; --snap-colours N takes the nearest listed colour within N"
+            )
+        codes, index, counts = np.unique(
+            _unpack(image, path)[0] & 0xFFFFFF, return_inverse=True, return_counts=True
+        )
+        rgb = np.stack([codes & 255, codes >> 8 & 255, codes >> 16], axis=1)
+        _, nearest = cKDTree(self._rgb).query(rgb, p=np.inf, distance_upper_bound=self._snap + 0.5)
+        exact = self._labels[codes]
+        near = nearest < len(self._rgb)
+        labels = np.where(near, nearest + FIRST, exact).astype(np.uint16)
+        self._unlisted[codes[labels == UNLISTED]] = True
+        self.snapped += int(counts[near & (exact < FIRST)].sum())
+        self._count(labels, counts)
+        return labels[index].reshape(image.height, image.width)
+
+
+def _codes(rgb: npt.NDArray[np.generic]) -> npt.NDArray[np.uint32]:
+    """Return colours `[..., 3]` as whole numbers, red lowest: the order of bytes in memory."""
+    red, green, blue = (rgb[..., channel].astype(np.uint32) for channel in range(3))
+    return np.asarray(red | green << 8 | blue << 16, dtype=np.uint32)
+
+
+def _unpack(
+    image: Image.Image, path: Path
+) -> tuple[npt.NDArray[np.unsignedinteger], npt.NDArray[np.uint32] | None]:
+    """Return the pixels `[H, W]` and let go of the image.
+
+    These are places in the palette, returned with the codes of its colours, or codes.
+    """
+    if image.mode not in ("1", "L", "LA", "P", "PA", "RGB", "RGBA"):
+        raise MeshError(f"{path}: a texture has mode {image.mode}; expected 8 bits a channel")
+    try:
+        if image.mode == "P":
+            palette = np.array(image.getpalette("RGB"), dtype=np.uint8)
+            return np.asarray(image), _codes(palette.reshape(-1, 3))
+        four = np.ascontiguousarray(np.asarray(image.convert("RGBA")))
+        return four.view("<u4")[..., 0], None
+    except (OSError, SyntaxError, ValueError) as error:
+        raise MeshError(f"{path}: a texture is damaged ({str(error)[:100]})") from error
+    finally:
+        image.close()

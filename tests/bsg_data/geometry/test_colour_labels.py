@@ -1,0 +1,52 @@
+"""Labels of texels, beside a look at every texel."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from PIL import Image
+
+from bsg_data.geometry.colour_labels import BLACK, FIRST, UNLISTED, ColourLabels
+
+COLOURS = ("FF0000", "00FF00")
+SHADES = [(255, 0, 0), (0, 255, 0), (0, 0, 0), (9, 9, 9)]
+LABELS = [FIRST, FIRST + 1, BLACK, UNLISTED]
+pictures = hnp.arrays(
+    np.int64, st.tuples(st.integers(1, 5), st.integers(1, 5)), elements=st.integers(0, 3)
+)
+
+
+@pytest.mark.parametrize("mode", ["RGB", "RGBA", "P"])
+@settings(max_examples=12)  # each makes tables of all colours
+@given(picture=pictures)
+def test_every_texel_has_the_label_of_its_colour(mode: str, picture: np.ndarray) -> None:
+    image = Image.fromarray(np.array(SHADES, dtype=np.uint8)[picture])
+    image = image.quantize(8) if mode == "P" else image.convert(mode)
+    labels = ColourLabels(COLOURS, None)
+    np.testing.assert_array_equal(labels.label(image, Path("m")), np.array(LABELS)[picture])
+    counts = [(picture == LABELS.index(label)).sum() for label in range(len(LABELS))]
+    assert labels.texels.tolist() == counts
+    assert labels.count_unlisted() == int((picture == 3).any())
+
+
+def test_a_texture_is_labelled_in_bands() -> None:
+    """One run may go on from band to band, and each band is counted."""
+    picture = np.zeros((1100, 2), dtype=np.int64)
+    picture[600:, 1] = 1
+    labels = ColourLabels(COLOURS, None)
+    image = Image.fromarray(np.array(SHADES, dtype=np.uint8)[picture])
+    np.testing.assert_array_equal(labels.label(image, Path("m")), np.array(LABELS)[picture])
+    assert labels.texels.tolist() == [0, 0, 1700, 500]
+
+
+def test_a_place_beyond_the_palette_is_no_colour() -> None:
+    image = Image.fromarray(np.array([[0, 1, 200]], dtype=np.uint8)).convert("P")
+    image.putpalette([255, 0, 0, 9, 9, 9])
+    labels = ColourLabels(COLOURS, None)
+    assert labels.label(image, Path("m")).tolist() == [[FIRST, UNLISTED, UNLISTED]]
+    assert labels.count_unlisted() >= 1
