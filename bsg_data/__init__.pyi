@@ -75,6 +75,7 @@ from .sources.source import (
     SourceRow,
     Terms,
 )
+from .synthetic.building_size import BuildingSize
 from .synthetic.buildings import write_synthetic
 from .synthetic.geometry import GeometryOptions
 
@@ -89,6 +90,7 @@ __all__ = [
     "AnnotationError",
     "BSGError",
     "Box",
+    "BuildingSize",
     "ClassMap",
     "ClassMapEntry",
     "ClassMapError",

@@ -80,6 +80,7 @@ from .studies.search_report import (
 from .studies.search_steps import KeepRequest
 from .studies.search_study import Searches, Study, study_search
 from .training.learning_curve import EpochReport
+from .training.ranks import leads_training
 from .training.training import train_run
 from .zoo.catalogue import BASELINES, ZOO
 from .zoo.config import RunConfig, find_config, override, read_config, validate_config, write_toml
@@ -165,6 +166,7 @@ __all__ = [
     "find_model",
     "from_networkx",
     "headline_rows",
+    "leads_training",
     "list_shipped",
     "load_checkpoint",
     "locate_run",

@@ -31,6 +31,7 @@ from bsg_models.belief.expectation import from_hidden_counts
 from bsg_models.belief.formats import FORMATS, choose_format
 from bsg_models.evaluation.catalogue import METRICS, find_value, head_value, name_value
 from bsg_models.evaluation.measurement import prepare_metric
+from bsg_models.evaluation.streams import Stream
 from bsg_models.evaluation.truth import NODE_SETS, Prediction, Truth
 from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
@@ -319,18 +320,36 @@ class MetricContract:
         for key, value in once.items():
             np.testing.assert_allclose(twice[key], value, rtol=1e-9, atol=1e-12)
 
+    def test_batches_do_not_matter(self) -> None:
+        """Give the same values of a prediction that comes in two batches."""
+        prediction, metric = self.prediction(), METRICS[self.name]
+        weights = np.array([[1, 2], [1, 0], [1, 1]])
+        found = []
+        for pieces in ([np.arange(24)], [np.arange(12, 24), np.arange(12)]):
+            stream = Stream(("a", "b", "c"), weights)
+            gathered = metric.gather(stream)
+            for rows in pieces:
+                gathered.add(stream.batch(_take_nodes(prediction, rows)))
+            found.append(gathered.finish())
+        assert found[0].nodes == found[1].nodes
+        for key, value in found[0].values.items():
+            np.testing.assert_allclose(found[1].values[key], value, rtol=1e-9, atol=1e-12)
+
     def test_a_building_that_counts_twice_is_there_twice(self) -> None:
         """Take weights as repetitions, on which every bootstrap interval rests."""
         prediction = self.prediction()
         weighted = prepare_metric(self.name, prediction).evaluate(np.array([2.0, 0.0, 1.0]))
         rows = np.concatenate([np.flatnonzero(prediction.truth.building == b) for b in (0, 0, 2)])
-        repeated = prepare_metric(self.name, _take_nodes(prediction, rows)).evaluate(np.ones(3))
+        taken = _take_nodes(prediction, rows)
+        again = replace(taken.truth, building=np.repeat([0, 1, 2], 8))
+        whole = Prediction(again, taken.expectation)
+        repeated = prepare_metric(self.name, whole).evaluate(np.ones(3))
         for key, value in weighted.items():
             np.testing.assert_allclose(repeated[key], value, rtol=1e-9, atol=1e-12)
 
 
 def _take_nodes(prediction: Prediction, rows: Ints) -> Prediction:
-    """Return some nodes of a prediction as three buildings of eight nodes."""
+    """Return some nodes of a prediction."""
     truth, beliefs = prediction.truth, prediction.expectation
     taken = replace(
         truth,
@@ -338,6 +357,7 @@ def _take_nodes(prediction: Prediction, rows: Ints) -> Prediction:
         targets=truth.targets[rows],
         is_building=truth.is_building[rows],
         visited=truth.visited[rows],
+        building=truth.building[rows],
         draw=truth.draw[rows],
     )
     return Prediction(taken, from_hidden_counts(taken.inputs, beliefs.hidden_counts.take(rows)))

@@ -23,6 +23,7 @@ WORLDS = ("star", "complete", "complete-paths", "tree", "tree-plus", "layout", "
 DEFAULT_WORLDS = ("star:1-10", "complete:5-10", "tree:1-10")
 MESH_SIZES = ("small", "full")
 MOST_SCENES = 10_000_000  # that one seed makes
+MOST_ROOMS, MOST_OBJECTS = 100_000, 4_000_000  # of a synthetic building
 
 
 def require_known(kind: str, names: Iterable[str], known: Iterable[str]) -> None:

@@ -73,7 +73,7 @@ def main(runs: tuple[str, ...], all_metrics: bool, as_json: bool, **options: Any
         raise click.UsageError("name a RUN, or --predictions FILE")
     models = tuple(Path(run) if Path(run).exists() else run for run in runs)
     request = bsg_models.EvaluationRequest(runs=models, **options)
-    with progress_bar("evaluate", unit="resample") as progress:
+    with progress_bar("evaluate", unit="building") as progress:
         report = bsg_models.report_evaluation(request, progress=progress)
     comparison = report.comparison
     for note in comparison.notes:

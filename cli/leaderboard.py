@@ -25,7 +25,7 @@ from bsg_cli.options import (
     split_names,
     workers_option,
 )
-from bsg_cli.terminal import Command, print_json, print_note, progress_bar, worker_pool
+from bsg_cli.terminal import Command, Workers, print_json, print_note, progress_bar, worker_pool
 from bsg_data.tables import format_text
 
 # Models that need a package of an extra: name → package, extra.
@@ -71,7 +71,7 @@ def main(
     models: str | None,
     masks: str,
     out: Path | None,
-    workers: int,
+    workers: Workers,
     force: bool,
     as_json: bool,
     **options: Any,
@@ -92,7 +92,8 @@ def main(
     bsg_models.refuse_finished(out, force=force)
     recipe = bsg_models.LeaderboardRecipe.model_validate({"masks": names, **options})
     try:
-        with worker_pool(workers) as executor, _bars() as progress:
+        pool = worker_pool(workers, writes=[out])
+        with pool as executor, _bars() as progress:
             board = bsg_models.make_leaderboard(
                 dataset, out, chosen, recipe, executor=executor, progress=progress
             )

@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import click
 
 from bsg_cli.choices import MASKS
 from bsg_cli.completion import complete_class_map, complete_model
 from bsg_cli.dataset_paths import DatasetPath
+from bsg_cli.terminal import Workers
 from bsg_data.errors import RecipeError
 from bsg_data.registry import Registry
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP
@@ -54,13 +56,32 @@ class RegistryChoice(click.Choice[str]):
 PATH = click.Path(path_type=Path)
 json_option = click.option("as_json", "--json", is_flag=True, help="Print JSON on stdout.")
 force_option = click.option("--force", is_flag=True, help="Replace a finished result.")
-workers_option = click.option(
-    "--workers",
-    type=click.IntRange(min=1),
-    default=os.cpu_count() or 1,
-    show_default="all cores",
-    help="Processes to use; the result does not depend on it.",
-)
+
+
+def workers_option(function: Function) -> Function:
+    """Give a command `--workers` and `--scheduler`; it gets both as `workers`, one `Workers`."""
+
+    @click.option(
+        "--workers",
+        type=click.IntRange(min=1),
+        show_default="all cores",
+        help="Processes to use; the result does not depend on it.",
+    )
+    @click.option(
+        "--scheduler",
+        metavar="ADDRESS|FILE",
+        help="Dask scheduler whose workers do the work; they see the same files at the same paths.",
+    )
+    @wraps(function)
+    def command(
+        *args: Any, workers: int | None = None, scheduler: str | None = None, **options: Any
+    ) -> Any:
+        if workers is not None and scheduler is not None:
+            raise click.UsageError("--workers is of this machine: --scheduler excludes it")
+        chosen = Workers(workers or os.cpu_count() or 1, scheduler)
+        return function(*args, workers=chosen, **options)
+
+    return cast(Function, command)
 
 
 dataset_argument = click.argument("dataset", type=DatasetPath(), metavar="DATASET")

@@ -25,7 +25,7 @@ from bsg_cli.options import (
     workers_option,
 )
 from bsg_cli.search_tables import format_results
-from bsg_cli.terminal import Command, print_json, print_note, progress_bar, worker_pool
+from bsg_cli.terminal import Command, Workers, print_json, print_note, progress_bar, worker_pool
 
 
 class SearchNumber(click.ParamType[int | str]):
@@ -149,7 +149,7 @@ def main(
     worlds: str | None,
     artifacts: str,
     stops: str | None,
-    workers: int,
+    workers: Workers,
     all_columns: bool,
     as_json: bool,
     **options: Any,
@@ -184,7 +184,8 @@ def main(
     request = bsg_models.SearchRequest.model_validate(
         {**options, **lists, "runs": runs, "stops": read_stops(stops)}
     )
-    with worker_pool(workers) as executor, progress_bar("search", unit="building") as progress:
+    pool = worker_pool(workers, reads=[request.dataset, *request.runs])
+    with pool as executor, progress_bar("search", unit="building") as progress:
         report = bsg_models.report_search(request, executor=executor, progress=progress)
     for note in report.notes:
         print_note(note)

@@ -11,11 +11,13 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
+from dataclasses import dataclass
 from io import TextIOWrapper
 from multiprocessing import get_context, parent_process
+from pathlib import Path
 from threading import Thread
 from typing import Any, NoReturn, Protocol
 
@@ -23,6 +25,7 @@ import click
 from pydantic import ValidationError
 from tqdm import tqdm  # noqa: TID251 -- the command line is where bars belong
 
+from bsg_cli.cluster import connect
 from bsg_cli.dataset_paths import require_datasets
 from bsg_data.errors import BSGError, RecipeError
 from bsg_data.recipes import name_fault
@@ -132,19 +135,44 @@ def tell_now_and_then(
     return report
 
 
+@dataclass(frozen=True, slots=True)
+class Workers:
+    """Who does the parallel part of a command.
+
+    Attributes:
+        processes: of this machine.
+        scheduler: address of Dask's, whose workers take their place.
+    """
+
+    processes: int
+    scheduler: str | None = None
+
+
 @contextmanager
-def worker_pool(workers: int) -> Iterator[Executor | None]:
-    """Yield a pool of processes, or None for one worker: the work is then done here."""
-    if workers == 1:
+def worker_pool(
+    workers: Workers, *, reads: Sequence[Path] = (), writes: Sequence[Path] = ()
+) -> Iterator[Executor | None]:
+    """Yield what does tasks: a pool of processes, a cluster, or None for one worker: do them here.
+
+    Args:
+        workers: processes, or a scheduler.
+        reads: files and folders that tasks read; the workers of a cluster must see the same.
+        writes: files and folders that tasks write.
+    """
+    if workers.scheduler is not None:
+        with connect(workers.scheduler, reads=reads, writes=writes) as cluster:
+            yield cluster
+        return
+    if workers.processes == 1:
         yield None
         return
     with ProcessPoolExecutor(
-        workers, mp_context=get_context("spawn"), initializer=end_with_parent
+        workers.processes, mp_context=get_context("spawn"), initializer=end_with_parent
     ) as pool:
         # Ctrl-C is for this process alone. What is ignored here stays ignored in a process that
         # starts now, from its first moment on; so start them all now.
         handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
-        for _ in range(workers):
+        for _ in range(workers.processes):
             pool.submit(os.getpid)
         signal.signal(signal.SIGINT, handler)
         yield pool

@@ -58,6 +58,7 @@ def main(
     Example:
       bsg-train --config ceci-gcn --data dataset --out run --set training.epochs=50
       bsg-train --show run
+      torchrun --nproc-per-node 2 -m bsg_cli.train --config universal --data dataset --out run
     """
     if show is not None:
         _show(bsg_models.summarise_run(show), as_json=as_json)
@@ -72,6 +73,10 @@ def main(
         return
     if dataset is None or out is None:
         raise click.UsageError("--data and --out are needed to train (or give --print-config)")
+    if not bsg_models.leads_training():  # one of several that torchrun started: another tells
+        for _ in bsg_models.train_run(config, dataset, out, resume=resume, force=force):
+            pass
+        return
     _note_other_mask(config, dataset)
     try:
         with _board(out if tensorboard else None) as log, _bar(config) as draw:
@@ -167,6 +172,8 @@ def _print_summary(summary: bsg_models.RunSummary) -> None:
             f"validation loss {best.val_loss:.4f} at epoch {best.epoch}"
         )
         click.echo(f"checkpoint {summary.checkpoint}, learning curve {summary.curve}")
+    for note in summary.notes:
+        print_note(note)
 
 
 @contextmanager
@@ -209,3 +216,7 @@ def _board(run: Path | None) -> Iterator[Callable[[bsg_models.EpochReport], None
         yield log
     finally:
         writer.close()
+
+
+if __name__ == "__main__":  # torchrun -m bsg_cli.train
+    main()

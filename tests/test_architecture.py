@@ -74,7 +74,7 @@ THIRD_PARTY = {
         "torch_geometric",
         "yaml",
     },
-    "bsg_cli": {"click", "pydantic", "torch", "tqdm"},
+    "bsg_cli": {"click", "distributed", "pydantic", "torch", "tqdm"},
 }
 
 

@@ -6,34 +6,33 @@ Nothing here trusts the writer: every fact is read again from the files.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from itertools import zip_longest
 from pathlib import Path
 
 import pyarrow as pa
-import pyarrow.parquet as pq
 
+from bsg_data.checks.census import Census
+from bsg_data.checks.edges import check_edges
 from bsg_data.checks.faults import Fault
-from bsg_data.checks.pairs import PairTruth, check_every_scene_has_pairs, check_splits
-from bsg_data.checks.tables import (
-    check_edges,
-    check_meshes,
-    check_objects,
-    check_parts,
-    check_rooms,
-    check_scenes,
-)
+from bsg_data.checks.files import FileReader
+from bsg_data.checks.objects import ObjectCheck
+from bsg_data.checks.pairs import PairCheck
+from bsg_data.checks.part import Part
+from bsg_data.checks.rooms import check_rooms
+from bsg_data.checks.scenes import check_scenes
+from bsg_data.checks.splits import check_splits
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.kept_maps import KEPT, read_class_maps
 from bsg_data.dataset.manifest import (
     MANIFEST,
     ClassSpaceEntry,
-    FileEntry,
     Manifest,
+    hash_manifest,
     read_manifest,
 )
 from bsg_data.dataset.publication import CARD, CROISSANT, list_strays
 from bsg_data.dataset.schema import TABLES
-from bsg_data.dataset.shards import check_file_metadata, describe_file, schema_of, to_current
-from bsg_data.errors import BSGError, ClassMapError
-from bsg_data.observation.pairs import fits_pairs
+from bsg_data.errors import ClassMapError
 from bsg_data.scene.class_map import load_class_map, published_maps
 from bsg_data.scene.class_space import list_class_spaces, load_class_space
 
@@ -43,49 +42,75 @@ def check_dataset(
 ) -> tuple[Fault, ...]:
     """Return every fault of a dataset; none for a sound one.
 
+    One part of the tables, or one file of pairs, is in memory at a time, and a few words a scene.
+
+    Args:
+        dataset: its folder.
+        progress: called with (files done, files in all).
+
     Raises:
         DatasetError: if the manifest cannot be read, so that there is nothing to check against.
     """
     manifest = read_manifest(dataset)
+    files = FileReader(dataset, manifest, progress)
     faults = [*_check_classes(manifest), *_check_kept_maps(dataset, manifest)]
     faults += _check_strays(dataset, manifest)
     faults += _check_recipes(manifest)
-    tables: dict[str, list[pa.Table]] = {}
-    pairs = manifest.files_of("pairs")
-    for done, entry in enumerate((f for f in manifest.files if f not in pairs), start=1):
-        file_faults, table = _check_file(dataset, entry, manifest)
-        faults += file_faults
+    census = Census()
+    faults += _check_tables(files, manifest, census)
+    splits = [files.read(entry) for entry in manifest.files_of("splits")]
+    if not files.faults:
+        faults += census.compare(manifest)
+    if not (faults or files.faults) and manifest.split is not None:
+        table = pa.concat_tables(splits)
+        faults += check_splits(table, census, manifest.split)
+        faults += _check_pairs(files, manifest, table)
+    return tuple(dict.fromkeys([*faults, *files.faults]))
+
+
+def _check_tables(files: FileReader, manifest: Manifest, census: Census) -> Iterator[Fault]:
+    """Check the rows of all parts, one after another.
+
+    Those of a damaged file are left out, which would only raise more of the same.
+    """
+    entries = {name: manifest.files_of(name) for name in TABLES}
+    numbers = {name: len(some) for name, some in entries.items()}
+    if len(set(numbers.values())) > 1:
+        found = ", ".join(f"{number} of {name}" for name, number in numbers.items())
+        yield Fault(MANIFEST, f"expected as many parts of each table, found {found}")
+    objects = ObjectCheck(manifest)
+    for number, row in enumerate(zip_longest(*entries.values())):
+        read = [None if entry is None else files.read(entry) for entry in row]
+        tables = {name: table for name, table in zip(TABLES, read, strict=True) if table}
+        if len(tables) == len(TABLES):
+            yield from _check_part(Part.of(number, tables), census, objects)
+    yield from objects.faults
+
+
+def _check_part(part: Part, census: Census, objects: ObjectCheck) -> Iterator[Fault]:
+    """Check one part; if its rows are not of its scenes, nothing else can be told of them."""
+    faults = list(census.add(part))
+    if len(set(part.scene_ids)) == len(part.scene_ids):
+        faults += check_scenes(part)
+    yield from faults
+    if not faults:
+        yield from objects.add(part)
+        yield from check_rooms(part)
+        yield from check_edges(part)
+
+
+def _check_pairs(files: FileReader, manifest: Manifest, splits: pa.Table) -> Iterator[Fault]:
+    """Check the pairs, a file at a time, against the parts of the tables that they are of."""
+    if manifest.pairs is None:
+        return
+    data = Dataset(files.dataset, manifest, hash_manifest(files.dataset))
+    split_of = dict(zip(*(splits[name].to_pylist() for name in ("scene_id", "split")), strict=True))
+    pairs = PairCheck(data, split_of, manifest.pairs)
+    for entry in manifest.files_of("pairs"):
+        table = files.read(entry)
         if table is not None:
-            tables.setdefault(_table_of(entry), []).append(table)
-        if progress is not None:
-            progress(done, len(manifest.files))
-    if faults:  # the rows of a damaged file would only raise more of the same
-        return tuple(faults)
-    faults += check_parts(tables)
-    frames = {name: pa.concat_tables(tables[name]).to_pandas() for name in TABLES}
-    faults += check_scenes(frames, manifest)
-    if faults:
-        return tuple(faults)
-    faults += [*check_objects(frames, manifest), *check_rooms(frames), *check_edges(frames)]
-    faults += check_meshes(manifest, frames["scenes"])
-    if faults or manifest.split is None:
-        return tuple(faults)
-    splits = pa.concat_tables(tables["splits"]).to_pandas()
-    faults += check_splits(splits, frames["scenes"], manifest.split)
-    truth = PairTruth(frames, splits, manifest)
-    # What the format cannot hold is left out of it, and counts as held.
-    held = [scene for scene, cells in truth.cells.items() if not fits_pairs(cells)]
-    for done, entry in enumerate(pairs, start=len(manifest.files) - len(pairs) + 1):
-        file_faults, table = _check_file(dataset, entry, manifest)  # one file in memory at a time
-        faults += file_faults
-        if table is not None:
-            faults += truth.check(entry, table)
-            held += table["scene_id"].unique().to_pylist()
-        if progress is not None:
-            progress(done, len(manifest.files))
-    if manifest.pairs is not None:
-        faults += check_every_scene_has_pairs(held, splits)
-    return tuple(faults)
+            yield from pairs.add(entry, table)
+    yield from pairs.finish()
 
 
 def _check_recipes(manifest: Manifest) -> Iterator[Fault]:
@@ -133,44 +158,3 @@ def _check_strays(dataset: Path, manifest: Manifest) -> Iterator[Fault]:
     for name in (CARD, CROISSANT):
         if not (dataset / name).is_file():
             yield Fault(name, "is missing; any of build, split or pairs writes it again")
-
-
-def _table_of(entry: FileEntry) -> str:
-    return entry.path.split("/")[0].removesuffix(".parquet")
-
-
-def _check_file(
-    dataset: Path, entry: FileEntry, manifest: Manifest
-) -> tuple[list[Fault], pa.Table | None]:
-    path = dataset / entry.path
-    if not path.is_file():
-        return [Fault(entry.path, "is in the manifest but not there")], None
-    faults = []
-    try:
-        actual = describe_file(dataset, entry.path, rows=entry.rows)
-        if actual != entry:
-            faults.append(
-                Fault(
-                    entry.path,
-                    f"was changed: expected {entry.bytes} bytes, sha256 {entry.sha256[:12]}…, "
-                    f"found {actual.bytes} bytes, sha256 {actual.sha256[:12]}…",
-                )
-            )
-        table = pq.ParquetFile(path).read()
-        check_file_metadata(path, table.schema, manifest)
-    except BSGError as error:
-        return [*faults, Fault(entry.path, str(error))], None
-    except (OSError, pa.ArrowInvalid) as error:
-        return [*faults, Fault(entry.path, f"is not readable parquet: {error}")], None
-    expected = schema_of(_table_of(entry), manifest)
-    if not table.schema.equals(expected, check_metadata=False):
-        faults.append(Fault(entry.path, f"expected the columns\n{expected}\nfound\n{table.schema}"))
-        return faults, None
-    if len(table) != entry.rows:
-        faults.append(Fault(entry.path, f"expected {entry.rows} rows, found {len(table)}"))
-    faults += [
-        Fault(entry.path, f"column {field.name} has nulls and must not")
-        for field in expected
-        if not field.nullable and table[field.name].null_count
-    ]
-    return faults, None if faults else to_current(path, table, manifest)

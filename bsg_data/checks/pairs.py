@@ -1,22 +1,25 @@
-"""Check that splits do not leak and that pairs follow from the objects and their recipe."""
+"""Check that pairs follow from the tables and their recipe."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
-import pandas as pd
+import numpy.typing as npt
 import pyarrow as pa
 
 from bsg_data.arrays import Counts
 from bsg_data.checks.faults import Fault
-from bsg_data.dataset.histograms import count_cells, to_histograms
-from bsg_data.dataset.manifest import FileEntry, Manifest
-from bsg_data.dataset.splits import assign_splits
-from bsg_data.errors import RecipeError
+from bsg_data.checks.part import NULL, Words
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.dataset.histograms import to_histograms
+from bsg_data.dataset.manifest import FileEntry
 from bsg_data.observation.masks_v1 import sample_hidden_of_format_1, sample_visited_of_format_1
 from bsg_data.observation.pairs import (
+    fits_pairs,
     histogram_column,
     read_views,
     sample_pairs,
@@ -24,97 +27,116 @@ from bsg_data.observation.pairs import (
     tells_view,
 )
 from bsg_data.observation.view import View
-from bsg_data.recipes import PairsRecipe, SplitRecipe
+from bsg_data.recipes import PairsRecipe
 from bsg_data.scene.connections import Connections
-from bsg_data.scene.scene_id import building_hash
 
 
-def check_splits(
-    splits: pd.DataFrame, scenes: pd.DataFrame, recipe: SplitRecipe
-) -> Iterator[Fault]:
-    """Check that every building is in exactly one split, the one that the recipe says."""
-    twice = splits["scene_id"][splits["scene_id"].duplicated()]
-    for scene in twice:
-        yield Fault("splits", f"{scene} is in two splits or twice in one")
-    for scene in sorted(set(splits["scene_id"]) ^ set(scenes["scene_id"])):
-        yield Fault("splits", f"{scene} is not in both scenes and splits")
-    spread = splits.groupby(splits["scene_id"].map(building_hash))["split"].nunique()
-    for building in spread.index[spread > 1]:
-        yield Fault("splits", f"building {building} leaks: it is in more than one split")
-    own = scenes["source_split"].where(scenes["source_split"].notna(), None)
-    try:
-        by_recipe = assign_splits(
-            dict(zip(scenes["scene_id"], own, strict=True)),
-            recipe,
-            sources=dict(zip(scenes["scene_id"], scenes["source"], strict=True)),
-        )
-    except RecipeError as error:
-        yield Fault("splits", f"cannot be made by the recipe: {error}")
-        return
-    for scene, split in zip(splits["scene_id"], splits["split"], strict=True):
-        if scene in by_recipe and by_recipe[scene] != split:
-            yield Fault(
-                "splits", f"{scene} is in {split}, by the recipe it is in {by_recipe[scene]}"
-            )
+class PairCheck:
+    """The pairs of a dataset, checked a file at a time against its tables and its recipes."""
 
+    def __init__(self, data: Dataset, splits: Mapping[str, str], recipe: PairsRecipe) -> None:
+        """Begin with no file of a dataset whose tables are sound; `splits` is by scene."""
+        self._data, self._splits, self._recipe = data, splits, recipe
+        self._files: Counter[str] = Counter()
 
-class PairTruth:
-    """What the pairs must be, from the other tables and the recipes alone."""
-
-    def __init__(
-        self, frames: dict[str, pd.DataFrame], splits: pd.DataFrame, manifest: Manifest
-    ) -> None:
-        self.cells = count_frames(frames, width=len(manifest.class_space.classes))
-        self.split = dict(zip(splits["scene_id"], splits["split"], strict=True))
-        self.recipe = manifest.pairs
-        edges = frames["edges"][frames["edges"]["kind"] == "adjacent"]
-        self.adjacency: dict[str, list[tuple[int, int]]] = {}
-        for scene, a, b in zip(
-            edges["scene_id"], edges["source_index"], edges["target_index"], strict=True
-        ):
-            self.adjacency.setdefault(scene, []).append((int(a), int(b)))
-
-    def check(self, entry: FileEntry, table: pa.Table) -> Iterator[Fault]:
+    def add(self, entry: FileEntry, table: pa.Table) -> Iterator[Fault]:
         """Check one file of pairs."""
-        if self.recipe is None:
-            return
         own = split_of_file(entry.path)
-        scenes = table["scene_id"].to_pandas()
-        for scene, rows in scenes.groupby(scenes, sort=False).indices.items():
-            name = str(scene)
-            where = f"{entry.path}, {name}"
-            if self.split.get(name) != own:
-                yield Fault(where, f"is of split {self.split.get(name)}, not {own}")
-            elif (np.diff(rows) != 1).any():
+        names = Words.of(table["scene_id"])
+        first = np.flatnonzero(np.diff(names.codes, prepend=NULL))
+        runs = Counter(names.codes[first].tolist())
+        self._files.update(names.names)
+        pairs = _Pairs.of(table, self._recipe)
+        for start, end in pairwise([*first, len(table)]):
+            code = int(names.codes[start])
+            name, where = names.names[code], f"{entry.path}, {names.names[code]}"
+            if self._splits.get(name) != own:
+                yield Fault(where, f"is of split {self._splits.get(name)}, not {own}")
+            elif name not in self._data:
+                yield Fault(where, "is no scene of the dataset")
+            elif runs[code] > 1:
                 yield Fault(where, "its rows do not stand together")
             else:
-                yield from self._check_scene(where, name, table.slice(rows[0], len(rows)))
+                yield from self._check_scene(where, name, pairs.take(int(start), int(end)))
 
-    def _check_scene(self, where: str, scene: str, table: pa.Table) -> Iterator[Fault]:
-        cells, recipe = self.cells[scene], self.recipe
-        if recipe is None:
-            return
+    def finish(self) -> Iterator[Fault]:
+        """Check that every scene that is split has pairs, in one file.
+
+        What their format cannot hold has none.
+        """
+        for scene in sorted(self._splits.keys() - self._files.keys()):
+            if fits_pairs(self._data.cells(scene)):
+                yield Fault("pairs", f"{scene} has none")
+        for scene in sorted(scene for scene, files in self._files.items() if files > 1):
+            yield Fault("pairs", f"{scene} is in two files")
+
+    def _check_scene(self, where: str, scene: str, pairs: _Pairs) -> Iterator[Fault]:
+        cells, recipe = self._data.cells(scene), self._recipe
         shape = (recipe.draws, *cells.shape)
         expected = f"expected draws 0..{shape[0] - 1} of nodes 0..{shape[1] - 1}, in order"
-        if len(table) != shape[0] * shape[1]:
-            yield Fault(where, f"{expected}: {shape[0] * shape[1]} rows, found {len(table)}")
+        if len(pairs.draw) != shape[0] * shape[1]:
+            found = f"{shape[0] * shape[1]} rows, found {len(pairs.draw)}"
+            yield Fault(where, f"{expected}: {found}")
             return
-        draws, nodes = np.divmod(np.arange(len(table)), shape[1])
-        numbers = (table["draw"].to_numpy(), table["node_index"].to_numpy())
-        if (numbers[0] != draws).any() or (numbers[1] != nodes).any():
+        draws, nodes = np.divmod(np.arange(len(pairs.draw)), shape[1])
+        if (pairs.draw != draws).any() or (pairs.node != nodes).any():
             yield Fault(where, expected)
             return
-        inputs = histogram_column(table, "input").astype(np.int64).reshape(shape)
-        targets = histogram_column(table, "target").reshape(shape)
-        view = read_views(table, recipe)
+        inputs, targets = (
+            counts.astype(np.int64).reshape(shape) for counts in (pairs.inputs, pairs.targets)
+        )
         faults = list(_check_histograms(where, inputs, targets, cells))
-        if tells_view(table):
-            faults += _check_view(where, view, inputs, targets)
+        if pairs.tells_view:
+            faults += _check_view(where, pairs.view, inputs, targets)
         yield from faults
         if not faults:
-            known = Connections.of_pairs(self.adjacency.get(scene, ()))
-            if not _is_drawn(view, inputs, cells, recipe, scene, known):
+            known = self._data.connections(scene)
+            if not _is_drawn(pairs.view, inputs, cells, recipe, scene, known):
                 yield Fault(where, "is not the mask of its recipe (or another NumPy drew it)")
+
+
+@dataclass(frozen=True, eq=False)
+class _Pairs:
+    """Pairs, row by row: P of them.
+
+    Attributes:
+        draw: `[P]` number of the mask.
+        node: `[P]` node of interest.
+        inputs: `[P, C]` histograms of what the mask leaves.
+        targets: `[P, C]` histograms of what is there.
+        view: of all rows.
+        tells_view: whether it was stored.
+    """
+
+    draw: npt.NDArray[np.int32]
+    node: npt.NDArray[np.int32]
+    inputs: npt.NDArray[np.uint16]
+    targets: npt.NDArray[np.uint16]
+    view: View
+    tells_view: bool
+
+    @classmethod
+    def of(cls, table: pa.Table, recipe: PairsRecipe) -> _Pairs:
+        return cls(
+            draw=table["draw"].to_numpy(),
+            node=table["node_index"].to_numpy(),
+            inputs=histogram_column(table, "input"),
+            targets=histogram_column(table, "target"),
+            view=read_views(table, recipe),
+            tells_view=tells_view(table),
+        )
+
+    def take(self, first: int, last: int) -> _Pairs:
+        """Return the rows from `first` to before `last`."""
+        rows = slice(first, last)
+        return replace(
+            self,
+            draw=self.draw[rows],
+            node=self.node[rows],
+            inputs=self.inputs[rows],
+            targets=self.targets[rows],
+            view=self.view.take(first, last),
+        )
 
 
 def _is_drawn(
@@ -171,29 +193,3 @@ def _check_histograms(
     null_region = inputs[:, 0] - inputs[:, 1:].sum(axis=1)
     if (null_region < 0).any() or (null_region > cells[0]).any():
         yield Fault(where, "the building's input is not the sum of its rooms and the null region")
-
-
-def count_frames(frames: dict[str, pd.DataFrame], *, width: int) -> dict[str, Counts]:
-    """Count the cells `[1 + R, C]` of every scene, from the tables alone."""
-    objects, scenes = frames["objects"], frames["scenes"]
-    classified = objects[objects["class_index"].notna()]
-    rows_of = classified.groupby("scene_id").indices
-    rooms = classified["room_index"].to_numpy(np.int64)
-    classes = classified["class_index"].to_numpy(np.int64)
-    nobody = np.zeros(0, dtype=np.int64)
-    return {
-        scene: count_cells(
-            rooms[rows_of.get(scene, nobody)],
-            classes[rows_of.get(scene, nobody)],
-            shape=(size + 1, width),
-        )
-        for scene, size in zip(scenes["scene_id"], scenes["num_rooms"].tolist(), strict=True)
-    }
-
-
-def check_every_scene_has_pairs(held: Sequence[str], splits: pd.DataFrame) -> Iterator[Fault]:
-    """Check that every scene that is split has pairs, in one file."""
-    for scene in sorted(set(splits["scene_id"]) - set(held)):
-        yield Fault("pairs", f"{scene} has none")
-    for scene in sorted(scene for scene, files in Counter(held).items() if files > 1):
-        yield Fault("pairs", f"{scene} is in two files")

@@ -5,6 +5,7 @@ A shower dial says bathroom and a worktop says kitchen, though neither is one of
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -31,9 +32,8 @@ class OtherObjects:
 
 def choose_vocabulary(others: Iterable[OtherObjects], *, min_scenes: int) -> tuple[str, ...]:
     """Return the categories that occur in at least `min_scenes` of some scenes, sorted."""
-    named = [name for one in others for name in one.categories if name != NO_CATEGORY]
-    names, times = np.unique(np.array(named, dtype=str), return_counts=True)
-    return tuple(names[times >= min_scenes].tolist())
+    scenes = Counter(name for one in others for name in one.categories if name != NO_CATEGORY)
+    return tuple(sorted(name for name, number in scenes.items() if number >= min_scenes))
 
 
 def place_columns(categories: Sequence[str], vocabulary: Sequence[str]) -> npt.NDArray[np.int64]:

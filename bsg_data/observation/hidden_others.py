@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from bsg_data.arrays import Bools, Counts, Ints
-from bsg_data.observation.masks import mask_generator, sample_hidden
+from bsg_data.observation.mask_streams import mask_generator
+from bsg_data.observation.masks import sample_hidden
 from bsg_data.observation.view import View
 from bsg_data.recipes import MaskRecipe
 

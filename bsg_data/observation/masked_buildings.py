@@ -151,9 +151,19 @@ def stream_sampled(
 
 
 def stream_masked(
-    data: Dataset, split: str, *, vocabulary: tuple[str, ...] = ()
+    data: Dataset,
+    split: str,
+    *,
+    vocabulary: tuple[str, ...] = (),
+    shuffle: np.random.Generator | None = None,
 ) -> Iterator[MaskedBuildings]:
     """Yield the stored pairs of one split or fold, a file at a time.
+
+    Args:
+        data: an open dataset.
+        split: train, val, test or a fold.
+        vocabulary: categories outside the classes that are looked for.
+        shuffle: for files in a random order.
 
     Raises:
         DatasetError: if there are none.
@@ -161,7 +171,7 @@ def stream_masked(
     recipe = data.manifest.pairs
     if recipe is None:
         raise DatasetError(f"{data.path}: has no pairs; run `bsg-data pairs` first")
-    for table in stream_pairs(data.path, split, manifest=data.manifest):
+    for table in stream_pairs(data.path, split, manifest=data.manifest, shuffle=shuffle):
         yield _read_table(data, table, recipe, vocabulary)
 
 

@@ -26,15 +26,25 @@ or other scenes.
 
 from __future__ import annotations
 
-import hashlib
 import math
 from abc import ABC, abstractmethod
-from decimal import Decimal
-from typing import ClassVar, Literal
+from collections.abc import Iterator, Sequence
+from functools import partial
+from itertools import chain, repeat
+from typing import ClassVar
 
 import numpy as np
 
-from bsg_data.arrays import Bools, Counts, Floats, Ints
+from bsg_data.arrays import Bools, Counts
+from bsg_data.observation.explored_rooms import (
+    divide_share,
+    find_beside,
+    glimpse,
+    spread_shares,
+    walk,
+)
+from bsg_data.observation.hiding import Hiding
+from bsg_data.observation.mask_streams import Stream, mask_generator, mask_generators
 from bsg_data.observation.view import View
 from bsg_data.recipes import Exploration, MaskRecipe
 from bsg_data.registry import Registry
@@ -43,14 +53,6 @@ from bsg_data.scene.connections import Connections
 # A room that is glimpsed shows something; rooms that are half seen hide so much more that the
 # building hides the fraction. They give at most this part of what they show for it.
 GLIMPSES_OF_SHOWN = 0.5
-Stream = Literal["rooms", "classified", "unclassified", "withheld", "parts"]
-_STREAM: dict[Stream, int] = {
-    "rooms": 0,
-    "classified": 1,
-    "unclassified": 2,
-    "withheld": 4,  # 3 was of a version before
-    "parts": 5,
-}
 
 
 class Mask(ABC):
@@ -59,10 +61,12 @@ class Mask(ABC):
     Attributes:
         summary: what it hides, in one line.
         reads_connections: whether it asks which rooms connect.
+        is_fixed: whether it sees a building of some rooms in one way alone, whatever is drawn.
     """
 
     summary: ClassVar[str]
     reads_connections: ClassVar[bool] = False
+    is_fixed: ClassVar[bool] = False
 
     @abstractmethod
     def look(
@@ -117,19 +121,19 @@ class Exploring(Mask):
         lot = rng.random()
         entered = number - math.floor(closed * fraction * number + lot)
         searched = min(entered, math.ceil(bare * (1 - fraction) * number - lot))
-        order = _walk(number, entered, plan, connections, rng)
+        order = walk(number, entered, plan, connections, rng)
         inside, outside = order[:entered], order[entered:]
         half = rng.permutation(inside)[searched:]
-        mean = _odds_share(fraction * (1 - closed), (1 - fraction) * (1 - bare), alone=fraction)
+        mean = divide_share(fraction * (1 - closed), (1 - fraction) * (1 - bare), alone=fraction)
         shares = np.zeros(number)
         shares[outside] = 1.0
         if len(half):
             limit = GLIMPSES_OF_SHOWN * len(half) * (1 - mean)
-            near = _beside(inside, outside, number, connections)
-            glimpsed, hide = _glimpse(near, plan, limit, rng)
+            near = find_beside(inside, outside, number, connections)
+            glimpsed, hide = glimpse(near, plan, limit, rng)
             shares[glimpsed] = hide
             more = float((1 - hide).sum()) / len(half)
-            shares[half] = _spread(mean + more, len(half), plan, rng)
+            shares[half] = spread_shares(mean + more, len(half), plan, rng)
         was_there = np.zeros(number, dtype=bool)
         was_there[inside] = True
         return View.of_rooms(shares, classes=shape[1], entered=was_there, exact=plan.exact)
@@ -156,6 +160,7 @@ class UniformMask(Corner):
 
     summary = "the paper's: single objects, uniformly; every room is visited"
     reads_connections = False
+    is_fixed = True
     exploration = Exploration(
         not_entered=(0, 0), searched=(0, 0), glimpsed=0, spread=0, connected=False, exact=True
     )
@@ -250,15 +255,6 @@ UNIFORM, ROOMS, FRONTIER = UniformMask(), RoomsMask(), FrontierMask()
 EXPLORE, SEARCH, MIXED = ExploreMask(), SearchMask(), MixedMask()
 
 
-def mask_generator(
-    recipe: MaskRecipe, *, scene_id: str, draw: int, stream: Stream
-) -> np.random.Generator:
-    """Return the generator of one part of one draw of one scene."""
-    digest = np.frombuffer(hashlib.sha256(scene_id.encode()).digest()[:16], dtype="<u4")
-    entropy = [recipe.seed, *digest.tolist(), draw, _STREAM[stream]]
-    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(entropy)))
-
-
 def sample_view(
     shape: tuple[int, int],
     recipe: MaskRecipe,
@@ -279,12 +275,36 @@ def sample_view(
     Raises:
         RecipeError: if nobody knows the strategy.
     """
+    (view,) = sample_views(shape, recipe, scene_id=scene_id, draws=(draw,), connections=connections)
+    return view
+
+
+def sample_views(
+    shape: tuple[int, int],
+    recipe: MaskRecipe,
+    *,
+    scene_id: str,
+    draws: Sequence[int],
+    connections: Connections | None = None,
+) -> Iterator[View]:
+    """Yield what `sample_view` returns for each of some draws, in less time.
+
+    A mask that sees every building in one way yields the same object again and again.
+    """
     known = connections if connections is not None else Connections.of_pairs(())
-    rng = mask_generator(recipe, scene_id=scene_id, draw=draw, stream="rooms")
-    view = MASKS[recipe.strategy].look(shape, recipe, connections=known, rng=rng)
+    mask = MASKS[recipe.strategy]
+    generators = partial(mask_generators, recipe, scene_id=scene_id)
+    sampled = draws[:1] if mask.is_fixed else draws
+    looks = (
+        mask.look(shape, recipe, connections=known, rng=rng)
+        for rng in generators(draws=sampled, stream="rooms")
+    )
+    views = chain.from_iterable(repeat(view, len(draws) // len(sampled)) for view in looks)
     if not recipe.withhold:
-        return view
-    return view.withhold(sample_withheld(recipe, scene_id=scene_id, draw=draw, classes=shape[1]))
+        yield from views
+        return
+    for view, rng in zip(views, generators(draws=draws, stream="withheld"), strict=True):
+        yield view.withhold(rng.random(shape[1]) < recipe.withhold)
 
 
 def sample_withheld(recipe: MaskRecipe, *, scene_id: str, draw: int, classes: int) -> Bools:
@@ -316,97 +336,31 @@ def sample_hidden(
         `[1 + R, K]`, nowhere above `cells`.
     """
     rng = mask_generator(recipe, scene_id=scene_id, draw=draw, stream=stream)
-    share = view.hidden_share
-    if view.exact:
-        hidden = np.where((share == 1)[:, None], cells, 0)
-        for one in np.unique(share[(share > 0) & (share < 1)]):
-            hidden += _take_exactly(np.where((share == one)[:, None], cells, 0), float(one), rng)
-    else:
-        hidden = rng.binomial(cells, share[:, None])
+    hidden = Hiding.under(view, cells).draw(rng)
     return np.where(view.withheld, cells, hidden) if stream == "classified" else hidden
 
 
-def _take_exactly(cells: Counts, share: float, rng: np.random.Generator) -> Counts:
-    """Take ⌊share · n⌋ of n objects, exact in decimals: 0.29 of 100 is 29, not 28.
+def sample_hidden_draws(
+    cells: Counts, views: Sequence[View], recipe: MaskRecipe, *, scene_id: str
+) -> Counts:
+    """Sample what `sample_hidden` does of classified objects for draws from 0 on, in less time.
 
-    Single objects taken without replacement, counted per cell, are multivariate hypergeometric.
+    Args:
+        cells: `[1 + R, C]` classified objects, row 0 the null region.
+        views: `[D]` from `sample_views`.
+        recipe: of the mask.
+        scene_id: of the building.
+
+    Returns:
+        `[D, 1 + R, C]`.
     """
-    taken = np.zeros_like(cells)
-    number = math.floor(Decimal(repr(share)) * int(cells.sum()))
-    candidates = np.flatnonzero(cells)
-    if number and len(candidates):
-        taken.ravel()[candidates] = rng.multivariate_hypergeometric(
-            cells.ravel()[candidates], number, method="marginals"
-        )
-    return taken
-
-
-def _odds_share(hidden: float, shown: float, *, alone: float) -> float:
-    """Return hidden / (hidden + shown), or `alone` where there is neither."""
-    return hidden / (hidden + shown) if hidden + shown else alone
-
-
-def _walk(
-    number: int,
-    entered: int,
-    plan: Exploration,
-    connections: Connections,
-    rng: np.random.Generator,
-) -> Ints:
-    """Return the rooms from 0, those that are entered first, in the order of entering them.
-
-    Over connections the robot starts in a random room and goes on in a random one beside those that
-    it was in; where a connected part is exhausted, in any other. Where nothing is known, every room
-    neighbours every other.
-    """
-    if not (plan.connected and len(connections)):
-        return rng.permutation(number)
-    neighbours = _neighbours(number, connections)
-    inside, frontier = np.zeros(number, dtype=bool), np.zeros(number, dtype=bool)
-    order = []
-    for _ in range(entered):
-        reachable = frontier & ~inside
-        room = int(rng.choice(np.flatnonzero(reachable if reachable.any() else ~inside)))
-        inside[room] = True
-        frontier |= neighbours[room]
-        order.append(room)
-    return np.concatenate([np.array(order, dtype=np.int64), np.flatnonzero(~inside)])
-
-
-def _beside(inside: Ints, outside: Ints, number: int, connections: Connections) -> Ints:
-    """Return the rooms outside that a door joins to one inside; all of them if none is known."""
-    if not (len(inside) and len(connections)):
-        return outside if len(inside) else outside[:0]
-    reachable: Bools = np.asarray(_neighbours(number, connections)[inside].any(axis=0))
-    return outside[reachable[outside]]
-
-
-def _glimpse(
-    near: Ints, plan: Exploration, limit: float, rng: np.random.Generator
-) -> tuple[Ints, Floats]:
-    """Sample which rooms are glimpsed and what they hide; they show `limit` in all at most."""
-    chosen = rng.permutation(near)[rng.random(len(near)) < plan.glimpsed]
-    hide = _as_told(rng.uniform(*plan.glimpsed_share, size=len(chosen)))
-    within = np.cumsum(1 - hide) <= limit
-    return chosen[within], hide[within]
-
-
-def _spread(mean: float, number: int, plan: Exploration, rng: np.random.Generator) -> Floats:
-    """Sample shares uniformly around a mean, as far from it as the plan says."""
-    width = plan.spread * max(min(mean, 1 - mean), 0.0)
-    if not width:
-        return np.full(number, min(mean, 1.0))
-    return _as_told(rng.uniform(mean - width, mean + width, size=number))
-
-
-def _as_told(shares: Floats) -> Floats:
-    """Return shares in the precision that they are told in: none that is less is told as 1."""
-    return shares.astype(np.float32).astype(np.float64)
-
-
-def _neighbours(number: int, connections: Connections) -> Bools:
-    """Return which rooms connect, `[R, R]`, from 0."""
-    matrix = np.zeros((number, number), dtype=bool)
-    left, right = connections.pairs.T - 1
-    matrix[left, right] = matrix[right, left] = True
-    return matrix
+    hidden = np.empty((len(views), *cells.shape), dtype=cells.dtype)
+    rngs = mask_generators(recipe, scene_id=scene_id, draws=range(len(views)), stream="classified")
+    hiding, same = None, None
+    for draw, (view, rng) in enumerate(zip(views, rngs, strict=True)):
+        if hiding is None or view is not same:
+            hiding, same = Hiding.under(view, cells), view
+        hidden[draw] = hiding.draw(rng)
+        if recipe.withhold:
+            np.copyto(hidden[draw], cells, where=view.withheld)
+    return hidden

@@ -17,7 +17,7 @@ import numpy as np
 
 from bsg_data.arrays import Bools, Counts
 from bsg_data.errors import RecipeError
-from bsg_data.observation.masks import Stream, mask_generator
+from bsg_data.observation.mask_streams import Stream, mask_generator
 from bsg_data.observation.view import View
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.connections import Connections

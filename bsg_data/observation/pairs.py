@@ -26,7 +26,7 @@ from bsg_data.dataset.shards import describe_file, open_parquet, read_file
 from bsg_data.dataset.splits import read_splits
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.executors import run_all
-from bsg_data.observation.masks import sample_hidden, sample_view
+from bsg_data.observation.masks import sample_hidden_draws, sample_views
 from bsg_data.observation.masks_v1 import view_of_format_1
 from bsg_data.observation.view import View
 from bsg_data.recipes import PairsRecipe
@@ -64,18 +64,16 @@ def sample_pairs(
     Returns:
         `[D]` views, and input histograms `[D, N, C]`, row 0 the building.
     """
-    views = []
-    inputs = np.empty((recipe.draws, *cells.shape), dtype=np.int64)
-    for draw in range(recipe.draws):
-        views.append(
-            sample_view(
-                cells.shape, recipe.mask, scene_id=scene_id, draw=draw, connections=connections
-            )
-        )
-        inputs[draw] = cells - sample_hidden(
-            cells, views[-1], recipe.mask, scene_id=scene_id, draw=draw
-        )
-    return tuple(views), to_histograms(inputs)
+    sampled = sample_views(
+        cells.shape,
+        recipe.mask,
+        scene_id=scene_id,
+        draws=range(recipe.draws),
+        connections=connections,
+    )
+    views = tuple(sampled)
+    hidden = sample_hidden_draws(cells, views, recipe.mask, scene_id=scene_id)
+    return views, to_histograms(cells - hidden)
 
 
 def write_pairs(
@@ -111,7 +109,8 @@ def write_pairs(
         if manifest.pairs is not None and not force:
             raise DatasetError(f"{dataset}: has pairs already; --force replaces them")
         splits = read_splits(dataset, manifest=manifest)
-        tasks = [(dataset, folder, path, scenes, recipe) for path, scenes in _plan(dataset, splits)]
+        places = dataset.absolute(), folder.absolute()  # who writes may stand in another folder
+        tasks = [(*places, path, scenes, recipe) for path, scenes in _plan(dataset, splits)]
         written = list(run_all(_write_file, tasks, executor=executor, progress=progress))
         for scene in chain.from_iterable(scenes for _, scenes in written):
             if left_out is not None:
@@ -131,9 +130,19 @@ def read_pairs(dataset: Path, split: str, *, manifest: Manifest | None = None) -
 
 
 def stream_pairs(
-    dataset: Path, split: str, *, manifest: Manifest | None = None
+    dataset: Path,
+    split: str,
+    *,
+    manifest: Manifest | None = None,
+    shuffle: np.random.Generator | None = None,
 ) -> Iterator[pa.Table]:
     """Yield the pairs of one split, a file at a time.
+
+    Args:
+        dataset: its folder.
+        split: train, val, test or a fold.
+        manifest: of the dataset, if it was read.
+        shuffle: for files in a random order.
 
     Raises:
         DatasetError: if there are none, naming the splits that have some.
@@ -144,7 +153,8 @@ def stream_pairs(
         held = sorted({split_of_file(f.path) for f in manifest.files_of("pairs")})
         hint = f"it has some of {', '.join(held)}" if held else "run `bsg-data pairs` first"
         raise DatasetError(f"{dataset}: has no pairs of split {split!r}; {hint}")
-    return (read_file(dataset, entry, manifest=manifest) for entry in entries)
+    order = range(len(entries)) if shuffle is None else shuffle.permutation(len(entries)).tolist()
+    return (read_file(dataset, entries[number], manifest=manifest) for number in order)
 
 
 def rewrite_pairs(dataset: Path, folder: Path, manifest: Manifest) -> list[FileEntry]:

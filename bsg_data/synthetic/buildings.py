@@ -28,6 +28,7 @@ from bsg_data.files import write_bytes
 from bsg_data.lock import hold
 from bsg_data.sources.annotations import HEADER, Instance
 from bsg_data.sources.hm3d import SYNTHETIC_MARK
+from bsg_data.synthetic.building_size import BuildingSize, draw_many_types, share_objects
 from bsg_data.synthetic.geometry import GeometryOptions, shape_building
 from bsg_data.synthetic.rates import SyntheticError, SyntheticRates, load_rates
 
@@ -36,6 +37,7 @@ FIRST_VAL_ID = 800
 VAL_EVERY = 9  # the last of every nine numbers is in val: 100 of 900, 2 of 20
 NULL_REGION = -1
 MAX_SCENES = 10_000_000  # the digits of a scene id number no more
+USUAL = BuildingSize()  # as the rates say
 _ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789"
 
 Floats = npt.NDArray[np.float64]
@@ -61,28 +63,35 @@ class SyntheticBuilding:
     room_types: tuple[tuple[int, int], ...] = field(repr=False)
 
 
-def synthesise(rates: SyntheticRates, *, seed: int, number: int) -> SyntheticBuilding:
-    """Sample one building; it depends on the rates, the seed and the number only.
+def synthesise(
+    rates: SyntheticRates, *, seed: int, number: int, size: BuildingSize = USUAL
+) -> SyntheticBuilding:
+    """Sample one building; it depends on the rates, the seed, the number and the size only.
 
     Args:
         rates: what to draw from.
         seed: 0 or more; names a set of buildings.
         number: 0 to 9,999,999; the building's place in the set. The first 900 have the ids of HM3D,
             whose val buildings follow its train buildings; that of a later one is its number.
+        size: of the building; another size gives another building.
 
     Raises:
-        SyntheticError: if the seed or the number is out of range.
+        SyntheticError: if the seed, the number or the size is out of range.
     """
     _check_seed(seed)
     if not 0 <= number < MAX_SCENES:
         raise SyntheticError(
             f"there is no building number {number}: expected 0 to {MAX_SCENES - 1}"
         )
+    size.require_possible(rates, meshes=False)
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence((seed, number))))
-    types = draw_room_types(rates, rng)
+    types = draw_room_types(rates, rng, rooms=size.rooms)
     regions = _draw_regions(rates, len(types), rng)
-    rows = _number_rows(rates, _draw_names(rates, types, regions, rng), rng)
-    name = _hash(seed, number)
+    counts = _draw_counts(rates, types, rng)
+    if size.objects is not None:
+        counts = share_objects(counts, size.objects, rng)
+    rows = _number_rows(rates, _draw_names(rates, types, regions, counts, rng), rng)
+    name = _hash(seed, number, size)
     split = "val" if number % VAL_EVERY == VAL_EVERY - 1 else "train"
     room_types = tuple(zip(regions, types, strict=True))
     return SyntheticBuilding(f"{_scene_number(number):05d}-{name}", name, split, rows, room_types)
@@ -100,14 +109,29 @@ def _check_seed(seed: int) -> None:
         raise SyntheticError(f"the seed is {seed}; expected 0 or more")
 
 
-def _hash(seed: int, number: int) -> str:
-    value = int.from_bytes(hashlib.sha256(f"synthetic/{seed}/{number}".encode()).digest(), "big")
+def _hash(seed: int, number: int, size: BuildingSize) -> str:
+    said = f"synthetic/{seed}/{number}" + ("" if size == USUAL else f"/{size.name}")
+    value = int.from_bytes(hashlib.sha256(said.encode()).digest(), "big")
     return "".join(_ALPHABET[value // 62**place % 62] for place in range(11))
 
 
-def draw_room_types(rates: SyntheticRates, rng: np.random.Generator) -> tuple[int, ...]:
-    """Sample the number of rooms, then how many are of each type given their sum; shuffled."""
-    total = _pick(np.array(rates.rooms), rng)
+def draw_room_types(
+    rates: SyntheticRates, rng: np.random.Generator, *, rooms: int | None = None
+) -> tuple[int, ...]:
+    """Sample how many rooms are of each type given their sum, which is sampled if None; shuffled.
+
+    Of more rooms than any fitted building has each is sampled by itself.
+    """
+    total = _pick(np.array(rates.rooms), rng) if rooms is None else rooms
+    if total >= len(rates.rooms):
+        types = draw_many_types(rates, total, rng)
+    else:
+        types = _draw_fitted_types(rates, total, rng)
+    return tuple(int(kind) for kind in rng.permutation(types))
+
+
+def _draw_fitted_types(rates: SyntheticRates, total: int, rng: np.random.Generator) -> list[int]:
+    """Sample the types of a number of rooms that fitted buildings have, in order of types."""
     counts = next(counts for most, counts in rates.bins if total <= most)
     rest = [np.eye(1, total + 1)[0]]  # rest[k][n]: weight of n rooms in the types from k on
     for weights in reversed(counts):
@@ -118,7 +142,7 @@ def draw_room_types(rates: SyntheticRates, rng: np.random.Generator) -> tuple[in
         left = total - len(types)
         some = np.array(weights[: left + 1])
         types += [kind] * _pick(some * rest[kind + 1][left - np.arange(len(some))], rng)
-    return tuple(int(kind) for kind in rng.permutation(types))
+    return types
 
 
 def _pick(weights: Floats, rng: np.random.Generator) -> int:
@@ -165,16 +189,17 @@ def _draw_names(
     rates: SyntheticRates,
     types: tuple[int, ...],
     regions: tuple[int, ...],
+    every: npt.NDArray[np.int64],
     rng: np.random.Generator,
 ) -> list[Placed]:
-    """Sample the name and region of every instance, room by room."""
+    """Sample the name and region of every instance from counts `[R, C + 1]`, room by room."""
     usual = np.array(rates.rates)[:, :-1] + 1e-9
     scarce = usual.mean(axis=0) <= np.median(usual.mean(axis=0))  # stand in for the rare ones
     weights = [np.array([weight for _, weight in known]) for known in rates.spellings]
     stand_ins: list[int] = []
     spelt: list[list[int]] = [[] for _ in rates.categories]
     placed = []
-    for region, kind, counts in zip(regions, types, _draw_counts(rates, types, rng), strict=True):
+    for region, kind, counts in zip(regions, types, every, strict=True):
         present = np.flatnonzero(counts)
         listed = np.argsort(np.array(rates.order)[present] + rng.normal(0, 0.25, len(present)))
         for chosen in np.repeat(present[listed], counts[present[listed]]):
@@ -219,6 +244,7 @@ def write_synthetic(
     *,
     scenes: int,
     seed: int,
+    size: BuildingSize = USUAL,
     geometry: GeometryOptions | None = None,
     force: bool = False,
     executor: Executor | None = None,
@@ -232,6 +258,7 @@ def write_synthetic(
         out: the folder above `train` and `val`.
         scenes: 1 to 10,000,000.
         seed: 0 or more; another seed gives other buildings.
+        size: of every building.
         geometry: how to write `<hash>.semantic.glb` and, as JSON, `<hash>.truth.json` beside each
             annotation; None writes none. The annotation is the same either way.
         force: replace synthetic buildings that are there.
@@ -245,7 +272,11 @@ def write_synthetic(
     if not 0 < scenes <= MAX_SCENES:
         raise SyntheticError(f"{scenes} scenes asked for, expected 1 to {MAX_SCENES}")
     rates = load_rates()
-    mark = {"what": "synthetic buildings of bsg-data synth", "scenes": scenes, "seed": seed}
+    size.require_possible(rates, meshes=geometry is not None)
+    mark: dict[str, Any] = {"what": "synthetic buildings of bsg-data synth", "scenes": scenes}
+    mark["seed"] = seed
+    if size != USUAL:
+        mark["size"] = asdict(size)
     if geometry is not None:
         mark["geometry"] = asdict(geometry)
     with ExitStack() as lock:
@@ -253,7 +284,7 @@ def write_synthetic(
         lock.enter_context(hold(out))
         _clear(out, force=force)
         write_bytes(out / SYNTHETIC_MARK, _encode(mark, finished=False))
-        return _write_all(rates, out, mark, geometry, executor, lock=lock.pop_all())
+        return _write_all(rates, out, mark, size, geometry, executor, lock=lock.pop_all())
 
 
 def _make_parent(out: Path) -> None:
@@ -267,6 +298,7 @@ def _write_all(
     rates: SyntheticRates,
     out: Path,
     mark: dict[str, Any],
+    size: BuildingSize,
     geometry: GeometryOptions | None,
     executor: Executor | None,
     *,
@@ -274,7 +306,7 @@ def _write_all(
 ) -> Iterator[Path]:
     """Write the buildings while the lock is held, and say at the end that all are there."""
     with lock:
-        yield from _write_each(rates, out, mark, geometry, executor)
+        yield from _write_each(rates, out, mark, size, geometry, executor)
         write_bytes(out / SYNTHETIC_MARK, _encode(mark, finished=True))
 
 
@@ -282,17 +314,26 @@ def _write_each(
     rates: SyntheticRates,
     out: Path,
     mark: dict[str, Any],
+    size: BuildingSize,
     geometry: GeometryOptions | None,
     executor: Executor | None,
 ) -> Iterator[Path]:
-    tasks = ((rates, out, mark["seed"], number, geometry) for number in range(mark["scenes"]))
+    if executor is not None:
+        out = out.absolute()  # who makes a building may stand in another folder
+    numbers = range(mark["scenes"])
+    tasks = ((rates, out, mark["seed"], number, size, geometry) for number in numbers)
     yield from run_in_order(_write_one, tasks, executor=executor)
 
 
 def _write_one(
-    rates: SyntheticRates, out: Path, seed: int, number: int, geometry: GeometryOptions | None
+    rates: SyntheticRates,
+    out: Path,
+    seed: int,
+    number: int,
+    size: BuildingSize,
+    geometry: GeometryOptions | None,
 ) -> Path:
-    building = synthesise(rates, seed=seed, number=number)
+    building = synthesise(rates, seed=seed, number=number, size=size)
     path = write_building(building, out)
     if geometry is not None:
         mesh, truth = shape_building(building.rows, geometry, seed=seed, number=number)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import chain, pairwise
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,6 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from bsg_data.arrays import Floats
-from bsg_data.files import write_bytes
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box
@@ -30,74 +29,36 @@ from bsg_models.belief.belief_graph import BeliefGraph, BlindNode
 from bsg_models.belief.consistency import check_beliefs, check_partial
 from bsg_models.belief.formats import FormatRow
 from bsg_models.belief.header import Header, decode_whole_header, encode_whole_header
+from bsg_models.belief.table_rows import SCHEMAS, SceneRows, write_rows
 from bsg_models.errors import BeliefFileError
 
 Columns = Mapping[str, Any]
 KINDS = ("building", "room", "object", "blind")  # in the order of their numbers
 _HEADERS = b"bsg.beliefs"
-_METRES = pa.list_(pa.float64())
-SCHEMAS = {
-    "nodes": pa.schema(
-        [
-            ("scene_id", pa.string()),
-            ("node", pa.int32()),
-            ("kind", pa.string()),
-            ("id", pa.string()),
-            ("room", pa.string()),
-            ("category", pa.string()),
-            ("corrected", pa.string()),
-            ("class", pa.string()),
-            ("expected", pa.float64()),
-            ("presence", pa.float64()),
-            ("visited", pa.bool_()),
-            ("hidden_share", pa.float64()),
-            ("hidden_share_sd", pa.float64()),
-            ("label", pa.string()),
-            ("position", _METRES),
-            ("box", _METRES),
-            ("footprint", _METRES),
-            ("floor_index", pa.int16()),
-            ("floor_area", pa.float64()),
-            ("room_type", pa.map_(pa.string(), pa.float64())),
-        ]
-    ),
-    "edges": pa.schema(
-        [
-            ("scene_id", pa.string()),
-            ("source", pa.int32()),
-            ("target", pa.int32()),
-            ("kind", pa.string()),
-        ]
-    ),
-    "histograms": pa.schema(
-        [
-            ("scene_id", pa.string()),
-            ("node", pa.int32()),
-            ("input", pa.list_(pa.int32())),
-            ("expected", pa.list_(pa.float64())),
-            ("presence", pa.list_(pa.float64())),
-        ]
-    ),
-}
-# Columns of nodes that came later: `corrected` in version 2, the next two in 3, the last in 4.
-_NEW = frozenset({"corrected", "floor_area", "room_type", "hidden_share_sd"})
-_SORTED_BY = {"nodes": ("node",), "edges": ("source", "target"), "histograms": ("node",)}
 
 
 def write_tables(beliefs: Iterable[BeliefGraph], folder: Path) -> None:
-    """Write belief graphs as `nodes`, `edges` and `histograms`.parquet.
+    """Write belief graphs as `nodes`, `edges` and `histograms`.parquet, a row group at a time.
 
     Raises:
         BeliefFileError: if two are of one building.
         DatasetError: if they cannot be written.
     """
-    batches: dict[str, list[pa.RecordBatch]] = {name: [] for name in SCHEMAS}
     headers: dict[str, Any] = {}
+    packed = _pack_all(beliefs, headers, folder)
+    write_rows(packed, folder, metadata=lambda: {"nodes": {_HEADERS: json.dumps(headers)}})
+
+
+def _pack_all(
+    beliefs: Iterable[BeliefGraph], headers: dict[str, Any], folder: Path
+) -> Iterator[Mapping[str, pa.RecordBatch]]:
+    """Yield the rows of each belief graph, table by table; add its header to `headers`."""
     for belief in beliefs:
         scene = belief.partial.scene_id
         if scene in headers:
             raise BeliefFileError(f"{folder}: two belief graphs of {scene}")
         headers[scene] = encode_whole_header(belief)
+        batches = {}
         for name, pack in (
             ("nodes", _pack_nodes),
             ("edges", _pack_edges),
@@ -107,13 +68,8 @@ def write_tables(beliefs: Iterable[BeliefGraph], folder: Path) -> None:
             rows = len(next(iter(columns.values())))
             columns = {"scene_id": pa.repeat(scene, rows), **columns}
             arrays = [pa.array(columns[field.name], field.type) for field in SCHEMAS[name]]
-            batches[name].append(pa.record_batch(arrays, schema=SCHEMAS[name]))
-    for name, schema in SCHEMAS.items():
-        metadata = {_HEADERS: json.dumps(headers)} if name == "nodes" else {}
-        table = pa.Table.from_batches(batches[name], schema).combine_chunks()
-        sink = pa.BufferOutputStream()
-        pq.write_table(table.replace_schema_metadata(metadata), sink, compression="zstd")
-        write_bytes(folder / f"{name}.parquet", sink.getvalue().to_pybytes())
+            batches[name] = pa.record_batch(arrays, schema=SCHEMAS[name])
+        yield batches
 
 
 def _pack_nodes(belief: BeliefGraph) -> Columns:
@@ -217,12 +173,9 @@ def read_tables(folder: Path) -> Iterator[BeliefGraph]:
         BeliefFileError: if a table is missing or not one of ours.
     """
     try:
-        headers, tables = _open_tables(folder)
+        headers = _read_headers(folder)
         scenes = [header.partial.scene_id for header in headers]
-        parts = {
-            name: _split_by_scene(tables[name], scenes, sorted_by=columns)
-            for name, columns in _SORTED_BY.items()
-        }
+        parts = {name: SceneRows(folder / f"{name}.parquet", name, scenes) for name in SCHEMAS}
     except BeliefFileError:
         raise
     except _DAMAGE as error:
@@ -230,7 +183,7 @@ def read_tables(folder: Path) -> Iterator[BeliefGraph]:
     for number, header in enumerate(headers):
         where = _place(folder, header.partial.scene_id)
         try:
-            belief = _unpack(header, *(parts[name][number] for name in SCHEMAS))
+            belief = _unpack(header, *(parts[name].read(number) for name in SCHEMAS))
         except _DAMAGE as error:
             raise BeliefFileError(f"{where}: rows are damaged ({error!r})") from error
         check_partial(belief.partial, path=where)
@@ -254,38 +207,16 @@ def _place(folder: Path, scene: str) -> Path:
     return Path(f"{folder}, building {scene}")
 
 
-def _open_tables(folder: Path) -> tuple[list[Header], dict[str, pa.Table]]:
-    """Return the headers in the order of their scene ids, and the tables in our schemas."""
-    tables = {name: pq.read_table(folder / f"{name}.parquet") for name in SCHEMAS}
-    entries = json.loads((tables["nodes"].schema.metadata or {})[_HEADERS])
+def _read_headers(folder: Path) -> list[Header]:
+    """Return the headers in the order of their scene ids."""
+    metadata = pq.read_schema(folder / "nodes.parquet").metadata or {}
     headers = []
-    for scene, entry in sorted(entries.items()):
+    for scene, entry in sorted(json.loads(metadata[_HEADERS]).items()):
         header = decode_whole_header(entry, path=_place(folder, scene))
         if header.partial.scene_id != scene:
             raise ValueError(f"the metadata has {header.partial.scene_id!r} under {scene!r}")
         headers.append(header)
-    nodes = SCHEMAS["nodes"]
-    for name in _NEW - set(tables["nodes"].column_names):
-        nothing = pa.nulls(len(tables["nodes"]), nodes.field(name).type)
-        tables["nodes"] = tables["nodes"].append_column(name, nothing)
-    return headers, {
-        name: tables[name].select(schema.names).cast(schema) for name, schema in SCHEMAS.items()
-    }
-
-
-def _split_by_scene(
-    table: pa.Table, scenes: Sequence[str], *, sorted_by: Sequence[str]
-) -> list[pa.Table]:
-    """Return the rows of each scene, sorted; one pass, whatever the number of scenes."""
-    numbers = pc.index_in(table["scene_id"], value_set=pa.array(scenes, pa.string()))
-    if numbers.null_count:
-        raise ValueError("there are rows of a building that the metadata does not have")
-    keys = [table[name].to_numpy() for name in reversed(sorted_by)]
-    order = np.lexsort((*keys, numbers.to_numpy()))
-    if not np.array_equal(order, np.arange(len(order))):
-        table, numbers = table.take(order), numbers.take(order)
-    ends = np.searchsorted(numbers.to_numpy(), np.arange(len(scenes) + 1))
-    return [table.slice(a, b - a) for a, b in pairwise(ends)]
+    return headers
 
 
 def _unpack(header: Header, nodes: pa.Table, edges: pa.Table, histograms: pa.Table) -> BeliefGraph:

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from bsg_models.evaluation.metrics import Floats
 
@@ -134,6 +135,22 @@ def resample_buildings(buildings: int, *, resamples: int, seed: int) -> Floats:
     rng = np.random.Generator(np.random.PCG64(seed))
     shares = np.full(buildings, 1 / buildings)
     return rng.multinomial(buildings, shares, size=max(resamples, 0)).astype(float)
+
+
+def weigh_buildings(buildings: int, *, resamples: int, seed: int) -> npt.NDArray[np.uint16]:
+    """Return how often each building counts as it is, and in each resample, `[buildings, 1 + R]`.
+
+    The same as `resample_buildings`, in a quarter of the memory: first comes the data as they are.
+
+    >>> weigh_buildings(3, resamples=2, seed=0).sum(axis=0).tolist()
+    [3, 3, 3]
+    """
+    rng = np.random.Generator(np.random.PCG64(seed))
+    shares = np.full(buildings, 1 / buildings)
+    weights = np.ones((buildings, 1 + max(resamples, 0)), dtype=np.uint16)
+    for column in range(1, weights.shape[1]):
+        weights[:, column] = rng.multinomial(buildings, shares)
+    return weights
 
 
 def estimate_value(

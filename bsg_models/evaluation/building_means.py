@@ -79,6 +79,29 @@ def sum_buildings(
     )
 
 
+def add_buildings(batches: Sequence[BuildingMeans]) -> BuildingMeans:
+    """Return the means over several batches of nodes; a building may be in some of them.
+
+    Args:
+        batches: one or more, of the same names.
+
+    >>> one = sum_buildings(("a",), np.array([0]), {"x": (np.array([3.0]), np.array([1.0]))})
+    >>> two = sum_buildings(("b", "a"), np.array([0, 1]), {"x": (np.ones(2), np.ones(2))})
+    >>> both = add_buildings([one, two])
+    >>> both.scene_ids, both.sums["x"].tolist(), both.cells["x"].tolist()
+    (('a', 'b'), [4.0, 1.0], [2.0, 1.0])
+    """
+    scene_ids = tuple(dict.fromkeys(scene for batch in batches for scene in batch.scene_ids))
+    number = {scene: place for place, scene in enumerate(scene_ids)}
+    places = np.array([number[scene] for batch in batches for scene in batch.scene_ids])
+    names = batches[0].sums
+    return BuildingMeans(
+        scene_ids,
+        {k: _sum(places, np.concatenate([b.sums[k] for b in batches])) for k in names},
+        {k: _sum(places, np.concatenate([b.cells[k] for b in batches])) for k in names},
+    )
+
+
 def join_buildings(parts: Sequence[BuildingMeans], *, by_fold: bool = False) -> BuildingMeans:
     """Return the means over the buildings of several parts, sorted by scene id.
 

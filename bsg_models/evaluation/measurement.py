@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import pandas as pd
 
 from bsg_data.errors import RecipeError
 from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_models.belief.expectation import Expectation, join
 from bsg_models.evaluation import metrics
+from bsg_models.evaluation.bootstrap import Bootstrap, weigh_buildings
 from bsg_models.evaluation.catalogue import METRICS, list_values, name_value
 from bsg_models.evaluation.metric_kinds import Prepared
-from bsg_models.evaluation.metrics import Floats
+from bsg_models.evaluation.metrics import Bools, Floats
+from bsg_models.evaluation.streams import Key, Stream, Weights
 from bsg_models.evaluation.truth import Prediction, Truth
 from bsg_models.zoo.model import BeliefModel
 
@@ -45,15 +47,81 @@ def predict_all(model: BeliefModel, masked: MaskedBuildings, *, batch: int = 256
     return join([model.expect(some.seen) for some in masked.batches(batch)])
 
 
-class Measurement:
-    """All metrics of one model on one truth.
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """Every metric of one model under W weights of the buildings.
 
-    What does not depend on the weights (distances, sorted scores) is computed once.
+    Attributes:
+        values: metric → `[W]`, in the order of all tables; first the data as they are.
+        nodes: metric → number of nodes that it is over.
+    """
+
+    values: Mapping[str, Floats]
+    nodes: Mapping[str, int]
+
+    def bootstrap(self) -> Bootstrap:
+        """Return the values, and those of every resample, as `weigh_buildings` weighs them."""
+        return Bootstrap(
+            point={name: float(value[0]) for name, value in self.values.items()},
+            resampled={name: value[1:] for name, value in self.values.items()},
+            nodes=dict(self.nodes),
+        )
+
+
+class StreamedMeasurement:
+    """All metrics of one model on one split, of whose nodes nothing is kept.
+
+    Args:
+        scene_ids: `[B]` of all buildings that will be added.
+        weights: `[B, W]` how often each building counts, such as `weigh_buildings` returns.
+    """
+
+    def __init__(self, scene_ids: Sequence[str], weights: Weights) -> None:
+        self._stream = Stream(scene_ids, weights)
+        self._gathered = {
+            name: metric.gather(self._stream) for name, metric in METRICS.load_all()[0].items()
+        }
+
+    def add(self, truth: Truth, expectation: Expectation) -> None:
+        """Take in some nodes, in any order."""
+        batch = self._stream.batch(Prediction(truth, expectation))
+        for gathered in self._gathered.values():
+            gathered.add(batch)
+
+    def finish(self) -> Measured:
+        """Return every metric by name, e.g. `rooms/wasserstein_values/mean`.
+
+        Raises:
+            RecipeError: if a metric has other node sets or parts than it says.
+        """
+        values: dict[str, Floats] = {}
+        nodes: dict[str, int] = {}
+        for row, gathered in self._gathered.items():
+            found = gathered.finish()
+            _require_parts(row, found.nodes)
+            values |= {name_value(row, *key): value for key, value in found.values.items()}
+            nodes |= {name_value(row, *key): number for key, number in found.nodes.items()}
+        names = list_values()
+        return Measured({name: values[name] for name in names}, {n: nodes[n] for n in names})
+
+
+class Measurement:
+    """All metrics of one model on one truth that is held whole.
+
+    Args:
+        truth: of N nodes.
+        expectation: of the same nodes.
     """
 
     def __init__(self, truth: Truth, expectation: Expectation) -> None:
         self.prediction = Prediction(truth, expectation)
         self.scene_ids = truth.scene_ids
+
+    def measure(self, weights: Weights) -> Measured:
+        """Return every metric under some weights of the buildings, `[B, W]`."""
+        streamed = StreamedMeasurement(self.scene_ids, weights)
+        streamed.add(self.prediction.truth, self.prediction.expectation)
+        return streamed.finish()
 
     def evaluate(self, building_weights: Floats | None = None) -> dict[str, float]:
         """Return every metric by name, e.g. `rooms/wasserstein_values/mean`.
@@ -62,60 +130,60 @@ class Measurement:
             building_weights: `[B]` how often each building counts; None counts each once.
         """
         weights = np.ones(len(self.scene_ids)) if building_weights is None else building_weights
-        values = {
-            name_value(row, *key): value
-            for row, prepared in self._prepared.items()
-            for key, value in prepared.evaluate(weights).items()
-        }
-        return {name: values[name] for name in self._nodes}
+        return self.measure(weights[:, None]).bootstrap().point
 
     def count_nodes(self, metric: str) -> int:
         """Return the number of nodes that a metric is over."""
-        return self._nodes[metric]
+        return self._plain.nodes[metric]
 
     @cached_property
-    def _prepared(self) -> Mapping[str, Prepared]:
-        return {name: prepare_metric(name, self.prediction) for name in METRICS.load_all()[0]}
-
-    @cached_property
-    def _nodes(self) -> Mapping[str, int]:
-        """Name → number of nodes, in the order of all tables."""
-        nodes = {
-            name_value(row, *key): number
-            for row, prepared in self._prepared.items()
-            for key, number in prepared.nodes.items()
-        }
-        return {name: nodes[name] for name in list_values()}
+    def _plain(self) -> Measured:
+        return self.measure(np.ones((len(self.scene_ids), 1)))
 
 
-class SplitsMeasurement:
-    """One model's metrics over several splits: each measured on its own test set, then averaged.
+class SplitWeights:
+    """The weights of the buildings of several splits: one that is in several has one in all.
 
-    The scores of a model that was trained anew for each split cannot be pooled: a ranking or a
-    correlation over two trainings is of neither. A building that is in several test sets has one
-    weight in all.
+    Args:
+        splits: scene ids of the buildings of each.
+        resamples: fewer than 2 give no intervals.
+        seed: of the resamples.
     """
 
-    def __init__(self, splits: Sequence[Measurement]) -> None:
-        self.splits = tuple(splits)
-        every = {scene for split in splits for scene in split.scene_ids}
-        self.scene_ids = tuple(sorted(every))
-        number = {scene: i for i, scene in enumerate(self.scene_ids)}
-        self._places = [np.array([number[scene] for scene in s.scene_ids]) for s in splits]
+    def __init__(self, splits: Sequence[Sequence[str]], *, resamples: int, seed: int) -> None:
+        every = {scene for split in splits for scene in split}
+        scene_ids = tuple(splits[0]) if len(splits) == 1 else tuple(sorted(every))
+        number = {scene: place for place, scene in enumerate(scene_ids)}
+        self._weights = weigh_buildings(len(scene_ids), resamples=resamples, seed=seed)
+        self._places = [np.array([number[scene] for scene in split]) for split in splits]
 
-    def evaluate(self, building_weights: Floats | None = None) -> dict[str, float]:
-        """Return every metric as the mean over the splits in which it is defined."""
-        weights = np.ones(len(self.scene_ids)) if building_weights is None else building_weights
-        values = [
-            split.evaluate(weights[places])
-            for split, places in zip(self.splits, self._places, strict=True)
-            if weights[places].any()
-        ]
-        return {name: metrics.mean_known([one[name] for one in values]) for name in values[0]}
+    def of_split(self, split: int) -> Weights:
+        """Return the weights of the buildings of a split, `[B, 1 + resamples]`."""
+        return np.asarray(self._weights[self._places[split]])
 
-    def count_nodes(self, metric: str) -> int:
-        """Return the number of nodes of all splits that a metric is over."""
-        return sum(split.count_nodes(metric) for split in self.splits)
+    def average(self, splits: Sequence[Measured]) -> Measured:
+        """Return the mean over the splits in which a metric is defined.
+
+        The scores of a model that was trained anew for each split cannot be pooled: a ranking or a
+        correlation over two trainings is of neither. A split of which a resample has no building
+        is not in the mean of that resample.
+        """
+        if len(splits) == 1:
+            return splits[0]
+        there = np.stack([self._weights[places].any(axis=0) for places in self._places])
+        return Measured(
+            {
+                name: _mean_known(np.stack([one.values[name] for one in splits]), there)
+                for name in splits[0].values
+            },
+            {name: sum(one.nodes[name] for one in splits) for name in splits[0].nodes},
+        )
+
+
+def _mean_known(values: Floats, there: Bools) -> Floats:
+    """Return the mean over splits, `[W]` of `[S, W]`, of what is there and not nan."""
+    columns = np.where(there, values, np.nan).T
+    return np.array([metrics.mean_known(column.tolist()) for column in columns])
 
 
 def prepare_metric(name: str, prediction: Prediction) -> Prepared:
@@ -124,15 +192,19 @@ def prepare_metric(name: str, prediction: Prediction) -> Prepared:
     Raises:
         RecipeError: if it has other node sets or parts than it says, as somebody else's may.
     """
+    prepared = METRICS[name].prepare(prediction)
+    _require_parts(name, prepared.nodes)
+    return prepared
+
+
+def _require_parts(name: str, nodes: Mapping[Key, int]) -> None:
     metric = METRICS[name]
-    prepared = metric.prepare(prediction)
     expected = {(node_set, part) for node_set in metric.node_sets for part in metric.parts}
-    if set(prepared.nodes) != expected:
+    if set(nodes) != expected:
         raise RecipeError(
             f"metric {name!r}: expected the values {sorted(expected)} that its node sets and parts "
-            f"say, found {sorted(prepared.nodes)}"
+            f"say, found {sorted(nodes)}"
         )
-    return prepared
 
 
 def count_empty(truth: Truth) -> dict[str, int]:
@@ -141,34 +213,3 @@ def count_empty(truth: Truth) -> dict[str, int]:
         "empty_inputs": int((truth.inputs.sum(axis=1) == 0).sum()),
         "empty_targets": int((truth.targets.sum(axis=1) == 0).sum()),
     }
-
-
-def measure_classes(
-    truth: Truth, expectations: Mapping[str, Expectation], classes: Sequence[str]
-) -> pd.DataFrame:
-    """Return one row a model, node set and class: the paper's error in number, and presence.
-
-    Columns: `model`, `nodes` (node set), `class`, `count` (mean true number), `mean_error`
-    (O″ − O), `mean_absolute_error`, and for rooms `presence_auroc` and `presence_ap`.
-    """
-    sets = {"rooms": ~truth.is_building, "building": truth.is_building}
-    rows = []
-    for model, expectation in expectations.items():
-        error = expectation.totals - truth.targets
-        presence = expectation.presence
-        for name, keep in sets.items():
-            for c, class_name in enumerate(classes):
-                ranking = metrics.rank(presence[keep, c], truth.hidden[keep, c] > 0)
-                rows.append(
-                    {
-                        "model": model,
-                        "nodes": name,
-                        "class": class_name,
-                        "count": truth.targets[keep, c].mean(),
-                        "mean_error": error[keep, c].mean(),
-                        "mean_absolute_error": np.abs(error[keep, c]).mean(),
-                        "presence_auroc": metrics.auroc(ranking),
-                        "presence_ap": metrics.average_precision(ranking),
-                    }
-                )
-    return pd.DataFrame(rows)

@@ -1,11 +1,14 @@
-"""What a metric is: a row of `METRICS`, of one of three kinds by what it is computed from.
+"""What a metric is: a row of `METRICS`, of one of some kinds by what it is computed from.
 
 - `NodeMetric`: a value of every node, averaged with weights, or with all four moments.
 - `PresenceMetric`: a function of (room, class) cells with presence, outcome and weight.
 - `CorrelationMetric`: a function of weighted sums over nodes.
 
-A metric is *prepared* once for a prediction; a bootstrap then evaluates it for many weights of the
-buildings. What does not depend on the weights (distances, sorted scores) belongs to preparing.
+`bsg_models.evaluation.cell_metrics` has two more, of cells.
+
+A metric *gathers* a prediction batch by batch, under the weights of all resamples at once
+(`Metric.gather`). One that can only be *prepared* of a whole prediction is handed it whole, up to
+`MOST_WHOLE` nodes.
 """
 
 from __future__ import annotations
@@ -15,15 +18,21 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from bsg_data.errors import RecipeError
-from bsg_models.belief.expectation import Expectation
-from bsg_models.evaluation.metrics import Floats, Moments, correlate_sums, mean_known, moments
+from bsg_models.belief.expectation import Expectation, join
+from bsg_models.evaluation.metrics import (
+    Floats,
+    Moments,
+    correlate_sums,
+    mean_known,
+    moments_of_sums,
+)
 from bsg_models.evaluation.presence import SELECTIONS, Cells
-from bsg_models.evaluation.truth import NODE_SETS, Prediction, Truth
+from bsg_models.evaluation.streams import Batch, Gathered, Key, Stream, Values, Weights
+from bsg_models.evaluation.truth import NODE_SETS, Prediction, Truth, join_truths
 
-Key = tuple[str, str]  # node set, part
+MOST_WHOLE = 250_000  # nodes of which a whole prediction is held: some hundred megabytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,9 +79,36 @@ class Metric(ABC):
     def prepare(self, prediction: Prediction) -> Prepared:
         """Compute what does not depend on weights."""
 
+    def gather(self, stream: Stream) -> Gathered:
+        """Begin to measure a prediction that comes in batches; this holds it whole."""
+        return _Whole(self, stream.weights)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class NodeMetric(Metric):
+class StreamedMetric(Metric):
+    """A metric of which nothing is held whole."""
+
+    @abstractmethod
+    def gather(self, stream: Stream) -> Gathered:
+        """Begin to measure a prediction that comes in batches."""
+
+    def prepare(self, prediction: Prediction) -> Prepared:
+        """Measure a prediction that is there as one batch, anew for every weights."""
+
+        def measure(weights: Floats) -> Values:
+            stream = Stream(prediction.truth.scene_ids, weights[:, None])
+            gathered = self.gather(stream)
+            gathered.add(stream.batch(prediction))
+            return gathered.finish()
+
+        def evaluate(weights: Floats) -> dict[Key, float]:
+            return {key: float(value[0]) for key, value in measure(weights).values.items()}
+
+        return Prepared(evaluate, measure(np.ones(len(prediction.truth.scene_ids))).nodes)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NodeMetric(StreamedMetric):
     """A value of every node, averaged over nodes with the weights of their buildings.
 
     Attributes:
@@ -95,38 +131,31 @@ class NodeMetric(Metric):
         """The four moments, or none."""
         return Moments._fields if self.spread else ("",)
 
-    def prepare(self, prediction: Prediction) -> Prepared:
-        """Compute the values of all nodes.
+    def gather(self, stream: Stream) -> Gathered:
+        """Begin to sum up the powers of the values."""
+        return _NodePowers(self, stream.width)
+
+    def evaluate_nodes(self, prediction: Prediction) -> Floats:
+        """Return the value of every node.
 
         Raises:
             RecipeError: if the function gives another number of values than there are nodes.
         """
         values = np.asarray(self.values(prediction.truth, prediction.expectation), dtype=float)
-        building = prediction.truth.building
-        if values.shape != building.shape:
+        nodes = len(prediction.truth.building)
+        if values.shape != (nodes,):
             raise RecipeError(
-                f"metric {self.label!r}: expected a value for each of {len(building)} nodes, found "
+                f"metric {self.label!r}: expected a value for each of {nodes} nodes, found "
                 f"{list(values.shape)}"
             )
-        rows = {name: prediction.rows[name] for name in self.over}
-        sets = {name: (values[own], building[own]) for name, own in rows.items()}
-
-        def evaluate(weights: Floats) -> dict[Key, float]:
-            result: dict[Key, float] = {}
-            for name, (own, of_building) in sets.items():
-                four = moments(own, weights[of_building])
-                result |= {
-                    (name, part): value for part, value in zip(self.parts, four, strict=False)
-                }
-            return result
-
-        known = {name: int((~np.isnan(own)).sum()) for name, (own, _) in sets.items()}
-        return Prepared(evaluate, {(name, p): known[name] for name in sets for p in self.parts})
+        return values
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PresenceMetric(Metric):
     """A measure of presence over the (room, class) cells of each selection.
+
+    It is handed all cells at once; `bsg_models.evaluation.cell_metrics` has kinds that are not.
 
     Attributes:
         measure: function of some cells and their weights `[M]`.
@@ -168,7 +197,7 @@ class PresenceMetric(Metric):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CorrelationMetric(Metric):
+class CorrelationMetric(StreamedMetric):
     """A distance of the predicted from the true correlations of the classes over nodes.
 
     Attributes:
@@ -182,41 +211,114 @@ class CorrelationMetric(Metric):
         """All of them."""
         return NODE_SETS
 
-    def prepare(self, prediction: Prediction) -> Prepared:
-        """Sum up counts and their products in every building."""
-        truth = prediction.truth
-        counts = (prediction.expectation.totals, truth.targets)
-        buildings = len(truth.scene_ids)
-        sums = {
-            name: [_BuildingSums(c[rows], truth.building[rows], buildings) for c in counts]
-            for name, rows in prediction.rows.items()
-        }
-
-        def evaluate(weights: Floats) -> dict[Key, float]:
-            result: dict[Key, float] = {}
-            for name, both in sums.items():
-                predicted, true = (one.correlate(weights) for one in both)
-                result[name, ""] = self.distance(predicted, true)
-            return result
-
-        return Prepared(evaluate, {(name, ""): len(r) for name, r in prediction.rows.items()})
+    def gather(self, stream: Stream) -> Gathered:
+        """Begin to sum up counts and their products."""
+        return _Products(self, stream.width)
 
 
-class _BuildingSums:
-    """Sums of counts and of their products per building: all that correlations need."""
+class _Whole(Gathered):
+    """A whole prediction, for a metric that is prepared of it."""
 
-    def __init__(self, counts: Floats, building: npt.NDArray[np.int64], buildings: int) -> None:
-        classes = counts.shape[1]
-        shifted = counts - counts.mean(axis=0, keepdims=True)
-        self.number = np.bincount(building, minlength=buildings).astype(float)
-        self.sums = np.zeros((buildings, classes))
-        self.products = np.zeros((buildings, classes, classes))
-        for b in range(buildings):
-            own = shifted[building == b]
-            self.sums[b] = own.sum(axis=0)
-            self.products[b] = own.T @ own
+    def __init__(self, metric: Metric, weights: Weights) -> None:
+        self._metric, self._weights = metric, weights
+        self._batches: list[Batch] = []
+        self._nodes = 0
 
-    def correlate(self, weights: Floats) -> Floats:
-        """Return the correlations `[C, C]` with every building weighed, `[B]`."""
-        products = np.tensordot(weights, self.products, axes=1)
-        return correlate_sums(weights @ self.number, weights @ self.sums, products)
+    def add(self, batch: Batch) -> None:
+        self._nodes += len(batch.building)
+        if self._nodes > MOST_WHOLE:
+            raise RecipeError(
+                f"metric {self._metric.label!r} is prepared of a whole prediction, which is held "
+                f"up to {MOST_WHOLE:,} nodes; found more. Give it `gather` (docs/extending.md), or "
+                "measure fewer buildings"
+            )
+        self._batches.append(batch)
+
+    def finish(self) -> Values:
+        parts = [batch.prediction for batch in self._batches]
+        truth = join_truths([part.truth for part in parts])
+        whole = Prediction(truth, join([part.expectation for part in parts]))
+        _, first = np.unique(truth.building, return_index=True)
+        numbers = np.concatenate([batch.building for batch in self._batches])
+        weights = self._weights[numbers[first]].astype(float)
+        prepared = self._metric.prepare(whole)
+        columns = [prepared.evaluate(column) for column in weights.T]
+        return Values(
+            {key: np.array([one[key] for one in columns], dtype=float) for key in columns[0]},
+            prepared.nodes,
+        )
+
+
+class _NodePowers(Gathered):
+    """Sums of the powers of the values of a `NodeMetric`, about a value of the first batch."""
+
+    def __init__(self, metric: NodeMetric, width: int) -> None:
+        self._metric = metric
+        self._powers = np.arange(5 if metric.spread else 2)
+        self._centre = dict.fromkeys(metric.over, float("nan"))
+        self._nodes = dict.fromkeys(metric.over, 0)
+        self._sums = {name: np.zeros((width, len(self._powers))) for name in metric.over}
+
+    def add(self, batch: Batch) -> None:
+        values = self._metric.evaluate_nodes(batch.prediction)
+        for name in self._metric.over:
+            rows = batch.prediction.rows[name]
+            rows = rows[~np.isnan(values[rows])]
+            if not len(rows):
+                continue
+            if np.isnan(self._centre[name]):  # near the mean, powers lose the fewest digits
+                self._centre[name] = float(values[rows].mean())
+            shifted = values[rows] - self._centre[name]
+            self._nodes[name] += len(rows)
+            self._sums[name] += batch.sum(rows, shifted[:, None] ** self._powers)
+
+    def finish(self) -> Values:
+        found: dict[Key, Floats] = {}
+        for name, sums in self._sums.items():
+            four = moments_of_sums(sums, centre=self._centre[name])
+            found |= {(name, part): v for part, v in zip(self._metric.parts, four, strict=False)}
+        return Values(found, {key: self._nodes[key[0]] for key in found})
+
+
+class _Products(Gathered):
+    """Sums of counts and of their products, predicted and true, over rooms and over buildings."""
+
+    def __init__(self, metric: CorrelationMetric, width: int) -> None:
+        self._metric, self._width = metric, width
+        self._nodes = dict.fromkeys(NODE_SETS, 0)
+        self._centre: tuple[Floats, Floats] | None = None  # a covariance does not depend on it
+        self._sums: dict[tuple[str, int], Floats] = {}
+
+    def add(self, batch: Batch) -> None:
+        prediction = batch.prediction
+        counts = (prediction.expectation.totals, prediction.truth.targets)
+        if self._centre is None:
+            self._centre = counts[0].mean(axis=0), counts[1].mean(axis=0)
+        for name, rows in prediction.rows.items():
+            self._nodes[name] += len(rows)
+            if name == "all":  # is the sum of the other two
+                continue
+            for number, (some, centre) in enumerate(zip(counts, self._centre, strict=True)):
+                sums = batch.sum_products(rows, some[rows] - centre)
+                key = (name, number)
+                self._sums[key] = self._sums[key] + sums if key in self._sums else sums
+
+    def finish(self) -> Values:
+        values = {}
+        for name in NODE_SETS:
+            parts = NODE_SETS[:2] if name == "all" else (name,)
+            both = [
+                np.sum([self._sums[part, number] for part in parts], axis=0) for number in range(2)
+            ]
+            values[name, ""] = np.array(
+                [
+                    self._metric.distance(*(_correlate(one[w]) for one in both))
+                    for w in range(self._width)
+                ]
+            )
+        return Values(values, {(name, ""): nodes for name, nodes in self._nodes.items()})
+
+
+def _correlate(sums: Floats) -> Floats:
+    """Return the correlations `[C, C]` of what `Batch.sum_products` gives for one weight."""
+    return correlate_sums(float(sums[0, 0]), sums[0, 1:], sums[1:, 1:])

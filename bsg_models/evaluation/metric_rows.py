@@ -13,10 +13,12 @@ import numpy as np
 
 from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation import metrics
-from bsg_models.evaluation.metric_kinds import CorrelationMetric, NodeMetric, PresenceMetric
-from bsg_models.evaluation.metrics import Floats
-from bsg_models.evaluation.presence import Cells
+from bsg_models.evaluation.cell_metrics import CellMetric, RankMetric
+from bsg_models.evaluation.metric_kinds import CorrelationMetric, NodeMetric
+from bsg_models.evaluation.metrics import Bools, Floats
 from bsg_models.evaluation.truth import Truth
+
+BINS = 15  # of equal width, of presence, over which calibration is averaged
 
 
 def between_distributions(
@@ -55,24 +57,27 @@ def topk_unseen(k: int) -> Callable[[Truth, Expectation], Floats]:
     return values
 
 
-def auroc(cells: Cells, weights: Floats) -> float:
-    """Return the area under the ROC curve of cells with weights `[M]`."""
-    return metrics.auroc_of_sums(*cells.cumulate(weights))
+def squared_error(presence: Floats, hidden: Bools, keep: Bools) -> Floats:
+    """Return what each room adds to the Brier score, `[N, 1]`."""
+    return np.asarray((keep * (presence - hidden) ** 2).sum(axis=1, keepdims=True))
 
 
-def average_precision(cells: Cells, weights: Floats) -> float:
-    """Return the average precision of cells with weights `[M]`."""
-    return metrics.average_precision_of_sums(*cells.cumulate(weights))
+def first_mean(means: Floats) -> Floats:
+    """Return the one mean over cells, `[W]` of `[W, 1]`."""
+    return means[:, 0]
 
 
-def brier(cells: Cells, weights: Floats) -> float:
-    """Return the Brier score of cells with weights `[M]`."""
-    return metrics.brier(cells.presence, cells.hidden, weights)
+def gap_of_bins(presence: Floats, hidden: Bools, keep: Bools) -> Floats:
+    """Return presence minus outcome of each room in bins of presence, `[N, BINS]`."""
+    which = np.minimum((presence * BINS).astype(np.int64), BINS - 1)
+    place = np.arange(len(which))[:, None] * BINS + which
+    gaps = np.bincount(place.ravel(), (keep * (presence - hidden)).ravel(), len(which) * BINS)
+    return np.asarray(gaps.reshape(-1, BINS), dtype=float)
 
 
-def calibration_error(cells: Cells, weights: Floats) -> float:
-    """Return the expected calibration error of cells with weights `[M]`."""
-    return metrics.calibration_error(cells.presence, cells.hidden, weights)
+def sum_of_gaps(means: Floats) -> Floats:
+    """Return the expected calibration error, `[W]`, of the mean gaps of bins `[W, BINS]`."""
+    return np.asarray(np.abs(means).sum(axis=1))
 
 
 def frobenius(predicted: Floats, true: Floats) -> float:
@@ -144,43 +149,45 @@ CORRELATION_FROBENIUS = CorrelationMetric(
     about="Frobenius norm of the difference of the two 45 × 45 Pearson correlation matrices of the "
     "counts over nodes; a class without variance correlates 0 with the others and 1 with itself",
 )
-PRESENCE_AUROC_MICRO = PresenceMetric(
+PRESENCE_AUROC_MICRO = RankMetric(
     label="AUROC micro",
     less=False,
-    measure=auroc,
+    measure="auroc",
     about="of P(at least one hidden object of the class): area under the ROC curve over all "
     "(room, class) cells, of `all` classes, only those `unseen` in the room's input, or only rooms "
     "that are `unvisited`",
 )
-PRESENCE_AP_MICRO = PresenceMetric(
+PRESENCE_AP_MICRO = RankMetric(
     label="AP micro",
     less=False,
-    measure=average_precision,
+    measure="precision",
     about="average precision over the same cells",
 )
-PRESENCE_BRIER = PresenceMetric(
+PRESENCE_BRIER = CellMetric(
     label="Brier score",
     less=True,
-    measure=brier,
+    addends=squared_error,
+    combine=first_mean,
     about="Brier score over the same cells",
 )
-PRESENCE_CALIBRATION_ERROR = PresenceMetric(
+PRESENCE_CALIBRATION_ERROR = CellMetric(
     label="calibration error",
     less=True,
-    measure=calibration_error,
+    addends=gap_of_bins,
+    combine=sum_of_gaps,
     about="expected calibration error over the same cells, in 15 bins",
 )
-PRESENCE_AUROC_MACRO = PresenceMetric(
+PRESENCE_AUROC_MACRO = RankMetric(
     label="AUROC macro",
     less=False,
-    measure=auroc,
+    measure="auroc",
     by_class=True,
     about="area under the ROC curve over the rooms, mean over classes",
 )
-PRESENCE_AP_MACRO = PresenceMetric(
+PRESENCE_AP_MACRO = RankMetric(
     label="AP macro",
     less=False,
-    measure=average_precision,
+    measure="precision",
     by_class=True,
     about="average precision over the rooms, mean over classes",
 )

@@ -130,6 +130,32 @@ def moments(values: Floats, weights: Floats | None = None) -> Moments:
     return Moments(mean, second, third / second**1.5, fourth / second**2 - 3)
 
 
+def moments_of_sums(sums: Floats, *, centre: float = 0.0) -> tuple[Floats, ...]:
+    """Return mean, variance, skewness and excess kurtosis from sums of powers, each `[W]`.
+
+    The same as `moments`, but for rounding; of two sums, the mean alone.
+
+    Args:
+        sums: `[W, 5]` or `[W, 2]`: Σ w, Σ w (x − centre), … Σ w (x − centre)⁴.
+        centre: near the mean, so that differences of powers keep their digits.
+
+    >>> [float(one[0]) for one in moments_of_sums(np.array([[3.0, 3.0, 9.0, 27.0, 81.0]]))][:2]
+    [1.0, 2.0]
+    """
+    total = sums[:, :1]
+    raw = np.divide(sums, total, out=np.full_like(sums, np.nan), where=total > 0)
+    mean = centre + raw[:, 1]
+    if sums.shape[1] == 2:
+        return (mean,)
+    first, second, third, fourth = raw[:, 1:].T
+    variance = np.maximum(second - first**2, 0.0)
+    least = np.finfo(float).eps * np.maximum(mean**2, first**2)  # as SciPy: no shape without spread
+    spread = np.where(variance > least, variance, np.nan)
+    skewness = (third - 3 * first * second + 2 * first**3) / spread**1.5
+    kurtosis = (fourth - 4 * first * third + 6 * first**2 * second - 3 * first**4) / spread**2 - 3
+    return mean, variance, skewness, kurtosis
+
+
 def correlation_matrix(counts: Floats, weights: Floats | None = None) -> Floats:
     """Return the Pearson correlations of the classes over nodes, `[C, C]`.
 

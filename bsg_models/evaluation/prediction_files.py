@@ -14,9 +14,11 @@ The metadata `bsg.masks_sha256` may hold the hash of the masks, which is then co
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -29,25 +31,94 @@ from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_models.belief.count_distribution import MIN_RATE
 from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import PredictionError
-from bsg_models.evaluation.predictions import EXPECTED, PRESENCE, TOTAL, Predictions
+from bsg_models.evaluation.predictions import (
+    EXPECTED,
+    PRESENCE,
+    TOTAL,
+    LaidPredictions,
+    PairCells,
+    PredictedRows,
+    is_exactly,
+)
 
 WRITTEN = 16  # of p0, p1, … that are written
 _NAMES, _NUMBERS, _VALUES = ("scene_id", "class"), ("draw", "node_index"), (PRESENCE, EXPECTED)
-_EXACTLY = re.compile(r"p(?:0|[1-9][0-9]*)")
 _MOST_EXACTLY = 256
+PIECE = 1 << 18  # rows that are read at a time
+_GROUP = 1 << 20  # rows of a row group that is written
 _MOST = 1e9  # objects of a class in a node
 _MASKS = b"bsg.masks_sha256"
 
 
-def read_predictions(path: Path, *, most_rows: int) -> Predictions:
-    """Read a file of predictions, or all files `*.parquet` of a folder as one.
+@dataclass(frozen=True, eq=False)
+class PredictionFiles:
+    """A file of predictions, or all files of a folder as one.
+
+    Attributes:
+        path: of the file or folder.
+        files: with their numbers of rows, in order.
+        columns: that are scored besides names and numbers: presence, expected, p0, …, total.
+        masks: hashes of the masks that the files say they are of.
+    """
+
+    path: Path
+    files: tuple[tuple[Path, int], ...]
+    columns: tuple[str, ...]
+    masks: frozenset[str]
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return sum(rows for _, rows in self.files)
+
+    @property
+    def exactly(self) -> int:
+        """Number of the columns p0, p1, …."""
+        return sum(is_exactly(name) for name in self.columns)
+
+    def read(self) -> Iterator[PredictedRows]:
+        """Yield the rows, `PIECE` at a time.
+
+        Raises:
+            PredictionError: if a value is out of range.
+        """
+        for path, _ in self.files:
+            file, start = _open(path), 0
+            names = [*_NAMES, *_NUMBERS, *self.columns]
+            try:
+                for batch in file.iter_batches(batch_size=PIECE, columns=names, use_threads=False):
+                    table = pa.Table.from_batches([batch])
+                    yield _read(path, table, self.columns, start=start)
+                    start += len(table)
+            except (OSError, pa.ArrowException) as error:
+                raise PredictionError(f"{path}: not readable as parquet ({error})") from error
+
+    def lay(self, cells: PairCells, *, elsewhere: frozenset[str] = frozenset()) -> LaidPredictions:
+        """Lay all rows beside the pairs that are measured.
+
+        Args:
+            cells: of the pairs.
+            elsewhere: scenes whose rows are passed over: those of other folds.
+
+        Raises:
+            PredictionError: if a row is unknown or double, a value out of range, or rows are
+                missing.
+        """
+        laid = LaidPredictions(cells, self.columns, path=self.path)
+        for rows in self.read():
+            laid.add(rows, elsewhere=elsewhere)
+        laid.finish()
+        return laid
+
+
+def open_predictions(path: Path, *, most_rows: int) -> PredictionFiles:
+    """Open a file of predictions, or all files `*.parquet` of a folder as one.
 
     Args:
         path: of the file or folder.
         most_rows: as many as the benchmark has; more are refused before they are read.
 
     Raises:
-        PredictionError: if it is not readable, has other columns, or a value is out of range.
+        PredictionError: if it is not readable, or has other columns.
     """
     files = sorted(path.glob("*.parquet")) if path.is_dir() else [path]
     if not files:
@@ -59,25 +130,84 @@ def read_predictions(path: Path, *, most_rows: int) -> Predictions:
             f"{path}: expected at most {most_rows:,} rows, as many as these pairs have nodes times "
             f"classes; found {rows:,}"
         )
-    parts = [_read(file, one) for file, one in zip(files, opened, strict=True)]
-    if len({(tuple(part.values), len(part.exactly)) for part in parts}) > 1:
+    columns = [
+        tuple(_choose(name, file.schema_arrow)[4:])
+        for name, file in zip(files, opened, strict=True)
+    ]
+    if len(set(columns)) > 1:
         raise PredictionError(f"{path}: its files have different columns p0, p1, … or total")
-    return _join(path, parts)
+    said = [(file.schema_arrow.metadata or {}).get(_MASKS) for file in opened]
+    return PredictionFiles(
+        path,
+        tuple((name, file.metadata.num_rows) for name, file in zip(files, opened, strict=True)),
+        columns[0],
+        frozenset(one.decode("ascii", "replace") for one in said if one is not None),
+    )
 
 
-def write_predictions(
-    path: Path,
-    expectation: Expectation,
-    masked: MaskedBuildings,
-    classes: Sequence[str],
-    *,
-    masks_sha256: str,
-) -> None:
-    """Write what is expected of masked buildings, with p0 to p15; see `read_predictions`.
+class PredictionWriter:
+    """Writes what is expected of masked buildings, with p0 to p15; see `open_predictions`.
 
-    Raises:
-        DatasetError: if it cannot be written.
+    A context: the file is there when it ends well. `total` is a column where a model predicts other
+    totals than what was seen and what is hidden, which is known at the end: it is then taken out of
+    a file that does not need it.
+
+    Args:
+        path: of the file.
+        classes: `[C]` names.
+        masks_sha256: hash of the masks.
     """
+
+    def __init__(self, path: Path, classes: Sequence[str], *, masks_sha256: str) -> None:
+        self._path, self._classes = path, tuple(classes)
+        self._metadata = {_MASKS: masks_sha256}
+        self._stack = ExitStack()
+        self._writer: pq.ParquetWriter | None = None
+        self._own_totals = False
+
+    def __enter__(self) -> PredictionWriter:
+        """Begin the file.
+
+        Raises:
+            DatasetError: if it cannot be written.
+        """
+        self._whole = self._stack.enter_context(open_beside(self._path))
+        self._partial = self._stack.enter_context(TemporaryDirectory(dir=self._path.parent))
+        return self
+
+    def __exit__(self, *raised: Any) -> bool | None:
+        """Put the file in its place, unless something went wrong."""
+        with self._stack.pop_all() as stack:
+            if self._writer is not None:
+                self._writer.close()
+            if raised[0] is None:
+                self._settle()
+            return stack.__exit__(*raised)
+
+    def add(self, expectation: Expectation, masked: MaskedBuildings) -> None:
+        """Write what is expected of some masked buildings."""
+        table = _tabulate(expectation, masked, self._classes)
+        near = np.allclose(expectation.totals, expectation.expected, rtol=1e-12, atol=1e-12)
+        self._own_totals |= not near
+        table = table.replace_schema_metadata(self._metadata)
+        if self._writer is None:
+            place = Path(self._partial) / "rows.parquet"
+            self._writer = pq.ParquetWriter(place, table.schema, compression="zstd")
+        self._writer.write_table(table)
+
+    def _settle(self) -> None:
+        """Copy the rows to their place, by row groups, without totals that nobody needs."""
+        rows = pq.ParquetFile(Path(self._partial) / "rows.parquet")
+        names = [n for n in rows.schema_arrow.names if self._own_totals or n != TOTAL]
+        schema = pa.schema([rows.schema_arrow.field(name) for name in names], self._metadata)
+        with rows, pq.ParquetWriter(self._whole, schema, compression="zstd") as writer:
+            for batch in rows.iter_batches(batch_size=_GROUP, columns=names, use_threads=False):
+                writer.write_batch(batch)
+
+
+def _tabulate(
+    expectation: Expectation, masked: MaskedBuildings, classes: tuple[str, ...]
+) -> pa.Table:
     seen, number = masked.seen, len(classes)
     sizes = np.diff(seen.starts)
     node = np.arange(len(seen.inputs)) - np.repeat(seen.starts[:-1], sizes)
@@ -88,19 +218,16 @@ def write_predictions(
         "scene_id": _name_rows(scene, tuple(of_scene)),
         "draw": np.repeat(masked.draws, sizes * number).astype(np.int32),
         "node_index": np.repeat(node, number).astype(np.int32),
-        "class": _name_rows(label, tuple(classes)),
+        "class": _name_rows(label, classes),
         "presence": expectation.presence.ravel(),
         "expected": expectation.hidden.ravel(),
+        TOTAL: expectation.totals.ravel(),
     }
-    if not np.allclose(expectation.totals, expectation.expected, rtol=1e-12, atol=1e-12):
-        columns["total"] = expectation.totals.ravel()
     for count in range(WRITTEN):
         wanted = np.full(seen.inputs.shape, float(count))
         chance = np.exp(expectation.log_probability(wanted))
         columns[f"p{count}"] = chance.astype(np.float32).ravel()
-    table = pa.table(columns).replace_schema_metadata({_MASKS: masks_sha256})
-    with open_beside(path) as partial:
-        pq.write_table(table, partial, compression="zstd")
+    return pa.table(columns)
 
 
 def _name_rows(numbers: Ints, names: tuple[str, ...]) -> pa.Array:
@@ -116,38 +243,19 @@ def _open(path: Path) -> pq.ParquetFile:
         raise PredictionError(f"{path}: not readable as parquet ({error})") from error
 
 
-def _read(path: Path, file: pq.ParquetFile) -> Predictions:
-    """Read the columns that are scored, and see that every value is in its range."""
-    names = _choose(path, file.schema_arrow)
-    try:
-        table = file.read(columns=names)
-        for name in names:
-            if table[name].null_count:
-                row = int(np.argmin(table[name].is_valid().to_numpy()))
-                raise PredictionError(f"{path}: row {row}: expected a value in {name}, found none")
-        scene, scenes = _number(table["scene_id"])
-        label, labels = _number(table["class"])
-        draw, node = (table[name].cast(pa.int64()).to_numpy() for name in _NUMBERS)
-        values = {n: table[n].cast(pa.float64()).to_numpy().copy() for n in names[4:]}
-    except (OSError, pa.ArrowException) as error:
-        raise PredictionError(f"{path}: not readable as parquet ({error})") from error
-    exactly = tuple(values.pop(name) for name in names if _EXACTLY.fullmatch(name))
-    _require_values(path, values, exactly)
+def _read(path: Path, table: pa.Table, columns: Sequence[str], *, start: int) -> PredictedRows:
+    """Return some rows, whose first has this number, and see that every value is in its range."""
+    for name in table.column_names:
+        if table[name].null_count:
+            row = start + int(np.argmin(table[name].is_valid().to_numpy()))
+            raise PredictionError(f"{path}: row {row}: expected a value in {name}, found none")
+    scene, scenes = _number(table["scene_id"])
+    label, labels = _number(table["class"])
+    draw, node = (table[name].cast(pa.int64()).to_numpy() for name in _NUMBERS)
+    values = {name: table[name].cast(pa.float64()).to_numpy().copy() for name in columns}
+    _require_values(path, values, start=start)
     values[PRESENCE] = np.minimum(values[PRESENCE], 1.0)
-    said = (file.schema_arrow.metadata or {}).get(_MASKS)
-    return Predictions(
-        path,
-        scenes,
-        labels,
-        scene,
-        label,
-        draw,
-        node,
-        values,
-        exactly,
-        files=((path, len(table)),),
-        masks=frozenset() if said is None else frozenset([said.decode("ascii", "replace")]),
-    )
+    return PredictedRows(scenes, labels, scene, label, draw, node, values, (path, start))
 
 
 def _choose(path: Path, schema: pa.Schema) -> list[str]:
@@ -159,7 +267,7 @@ def _choose(path: Path, schema: pa.Schema) -> list[str]:
             f"{path}: expected the columns {', '.join(names)}, once each; {', '.join(absent)} is "
             f"missing or double; found {found}"
         )
-    exactly = [name for name in schema.names if _EXACTLY.fullmatch(name)]
+    exactly = [name for name in schema.names if is_exactly(name)]
     wanted = [f"p{count}" for count in range(len(exactly))]
     if len(exactly) > _MOST_EXACTLY or set(exactly) != set(wanted):
         raise PredictionError(
@@ -193,15 +301,16 @@ def _number(column: pa.ChunkedArray) -> tuple[Ints, tuple[str, ...]]:
     return encoded.indices.to_numpy().astype(np.int64), tuple(encoded.dictionary.to_pylist())
 
 
-def _require_values(path: Path, values: dict[str, Floats], exactly: Sequence[Floats]) -> None:
+def _require_values(path: Path, values: dict[str, Floats], *, start: int) -> None:
     def require(name: str, column: Floats, sound: Bools, expected: str) -> None:
         if not sound.all():
             row = int(np.argmin(sound))
             raise PredictionError(
-                f"{path}: row {row}: expected {expected} in {name}, found {column[row]:g}; "
-                f"{int((~sound).sum()):,} such rows"
+                f"{path}: row {start + row}: expected {expected} in {name}, found "
+                f"{column[row]:g}; {int((~sound).sum()):,} such rows"
             )
 
+    exactly = [column for name, column in values.items() if is_exactly(name)]
     chances = {PRESENCE: values[PRESENCE]} | {f"p{n}": column for n, column in enumerate(exactly)}
     for name, column in chances.items():
         require(name, column, (column >= 0) & (column <= 1 + 1e-6), "a probability, 0 to 1,")
@@ -214,34 +323,3 @@ def _require_values(path: Path, values: dict[str, Floats], exactly: Sequence[Flo
         require("p0 + p1 + …", whole, whole <= 1 + 1e-5, "a sum of 1 at most")
         near = np.abs(1 - exactly[0] - values[PRESENCE]) <= 2 * MIN_RATE
         require("p0", exactly[0], near, "1 − presence")
-
-
-def _join(path: Path, parts: Sequence[Predictions]) -> Predictions:
-    """Return the rows of several files as one, in order."""
-
-    def renumber(
-        names: Sequence[tuple[str, ...]], numbers: Sequence[Ints]
-    ) -> tuple[Ints, tuple[str, ...]]:
-        every = {name: i for i, name in enumerate(dict.fromkeys(n for own in names for n in own))}
-        moved = [
-            np.array([every[name] for name in own], dtype=np.int64)[number]
-            for own, number in zip(names, numbers, strict=True)
-            if len(number)
-        ]
-        return np.concatenate([np.zeros(0, dtype=np.int64), *moved]), tuple(every)
-
-    scene, scenes = renumber([p.scenes for p in parts], [p.scene for p in parts])
-    label, classes = renumber([p.classes for p in parts], [p.label for p in parts])
-    return Predictions(
-        path,
-        scenes,
-        classes,
-        scene,
-        label,
-        draw=np.concatenate([p.draw for p in parts]),
-        node=np.concatenate([p.node for p in parts]),
-        values={name: np.concatenate([p.values[name] for p in parts]) for name in parts[0].values},
-        exactly=tuple(map(np.concatenate, zip(*(p.exactly for p in parts), strict=True))),
-        files=tuple(file for p in parts for file in p.files),
-        masks=frozenset().union(*(p.masks for p in parts)),
-    )

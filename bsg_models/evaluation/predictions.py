@@ -11,12 +11,17 @@ what its rooms are together.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from tempfile import TemporaryFile
+from typing import Literal
+from weakref import finalize
 
 import numpy as np
+import numpy.typing as npt
 
 from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.observation.masked_buildings import MaskedBuildings
@@ -27,6 +32,7 @@ from bsg_models.errors import PredictionError
 PRESENCE, EXPECTED, TOTAL = "presence", "expected", "total"
 _LEAST = 1e-6  # log 0 of one cell would swallow all the rest
 _LISTED = 5
+_EXACTLY = re.compile(r"p(?:0|[1-9][0-9]*)")
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,24 +92,20 @@ def log_of_table(counts: Floats, table: Floats, expected: Floats) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class Predictions:
-    """The rows of a file, or of all files of a folder, before they are laid beside masks.
+class PredictedRows:
+    """Some rows of predictions, one after another, before they are laid beside masks.
 
     Attributes:
-        path: for messages.
         scenes: `[S]` names that occur.
         classes: `[K]` names of classes that occur.
         scene: `[R]` number of the scene of every row.
         label: `[R]` number of the class of every row.
         draw: `[R]`.
         node: `[R]`.
-        values: column → `[R]`: presence, expected, and perhaps total.
-        exactly: `[J + 1]` of `[R]`, p0, p1, …; empty without.
-        files: with their numbers of rows, in order.
-        masks: hashes of the masks that the files say they are of.
+        values: column → `[R]`: presence, expected, perhaps total, and p0, p1, ….
+        place: file and number of the first row, for messages.
     """
 
-    path: Path
     scenes: tuple[str, ...]
     classes: tuple[str, ...]
     scene: Ints
@@ -111,55 +113,22 @@ class Predictions:
     draw: Ints
     node: Ints
     values: dict[str, Floats]
-    exactly: tuple[Floats, ...]
-    files: tuple[tuple[Path, int], ...]
-    masks: frozenset[str]
+    place: tuple[Path, int]
 
     def __len__(self) -> int:
         """Return the number of rows R."""
         return len(self.draw)
 
-    def lay(
-        self,
-        masked: MaskedBuildings,
-        classes: Sequence[str],
-        *,
-        elsewhere: frozenset[str] = frozenset(),
-    ) -> PredictedExpectation:
-        """Return what is predicted of masked buildings.
+    def find(self, cells: PairCells, elsewhere: frozenset[str]) -> tuple[Ints, Ints]:
+        """Return which rows are of pairs that are measured, and the cell of each of them.
 
         Args:
-            masked: what is measured.
-            classes: `[C]` names of the class space.
-            elsewhere: scenes whose rows are passed over: those of other folds.
+            cells: of the pairs.
+            elsewhere: scenes whose rows are passed over.
 
         Raises:
-            PredictionError: if a row is unknown or double, or rows are missing.
+            PredictionError: if a row is of no cell.
         """
-        cells = _Cells(masked, classes)
-        kept, flat = self._find(cells, elsewhere)
-        there = np.bincount(flat, minlength=cells.number)
-        if (there > 1).any():
-            second = kept[np.flatnonzero(flat == int(np.argmax(there > 1)))[1]]
-            raise PredictionError(f"{self._say(second)}: is there twice; expected one row of each")
-        buildings = bool((self.node[kept] == 0).any())
-        needed = cells.needed(buildings=buildings)
-        missing = np.flatnonzero(needed & (there == 0))
-        if len(missing):
-            listed = "; ".join(cells.describe(cell) for cell in missing[:_LISTED])
-            raise PredictionError(
-                f"{self.path}: {len(missing):,} of {int(needed.sum()):,} rows are missing: {listed}"
-                f"{'; …' if len(missing) > _LISTED else ''}"
-            )
-        values = {
-            name: cells.spread(flat, column[kept], empty=0.0)
-            for name, column in self.values.items()
-        }
-        exactly = [cells.spread(flat, column[kept], empty=np.nan) for column in self.exactly]
-        return _expect(masked, values, exactly, buildings=buildings)
-
-    def _find(self, cells: _Cells, elsewhere: frozenset[str]) -> tuple[Ints, Ints]:
-        """Return which rows are kept, and the cell of each of them."""
         passed = np.array([name in elsewhere for name in self.scenes], dtype=bool)
         kept = np.flatnonzero(~passed[self.scene]) if len(self.scene) else np.zeros(0, np.int64)
         scenes = np.array([cells.scenes.get(name, -1) for name in self.scenes], dtype=np.int64)
@@ -167,82 +136,168 @@ class Predictions:
         scene, label = scenes[self.scene[kept]], labels[self.label[kept]]
         self._require(kept, scene >= 0, "is of a scene that is not measured here")
         self._require(kept, label >= 0, "is of a class that the class space does not have")
-        first = cells.first(scene, self.draw[kept])
-        self._require(kept, first >= 0, f"expected a draw of {cells.listed_draws}")
-        sizes = cells.sizes(scene, self.draw[kept])
+        pair = cells.find_pairs(scene, self.draw[kept])
+        self._require(kept, pair >= 0, f"expected a draw of {cells.listed_draws}")
         node = self.node[kept]
+        sizes = np.diff(cells.starts)[pair]
         self._require(kept, (node >= 0) & (node < sizes), "its building has no such node")
-        return kept, (first + node) * len(cells.classes) + label
+        return kept, (cells.starts[pair] + node) * len(cells.classes) + label
 
     def _require(self, kept: Ints, sound: Bools, why: str) -> None:
         if not sound.all():
             wrong = int(kept[np.argmin(sound)])
-            raise PredictionError(f"{self._say(wrong)}: {why}; found {int((~sound).sum()):,} such")
+            raise PredictionError(f"{self.say(wrong)}: {why}; found {int((~sound).sum()):,} such")
 
-    def _say(self, row: int) -> str:
-        file, place = find_row(self.files, row)
+    def say(self, row: int) -> str:
+        """Name a row."""
+        file, start = self.place
         return (
-            f"{file}: row {place} (scene {self.scenes[self.scene[row]]!r}, draw "
+            f"{file}: row {start + row} (scene {self.scenes[self.scene[row]]!r}, draw "
             f"{self.draw[row]}, node {self.node[row]}, class {self.classes[self.label[row]]!r})"
         )
 
 
-class _Cells:
-    """The (node, class) cells of masked buildings, by scene, draw and node."""
+class PairCells:
+    """The (node, class) cells of stored pairs, by scene, draw and node.
 
-    def __init__(self, masked: MaskedBuildings, classes: Sequence[str]) -> None:
-        seen = masked.seen
-        self._seen, self._names, self._draws = seen, tuple(classes), masked.draws
+    Attributes:
+        scenes: scene id → its number.
+        classes: name → its number.
+        starts: `[P + 1]` first node of each of the P masked buildings.
+        listed_draws: for messages.
+    """
+
+    def __init__(self, batches: Iterable[MaskedBuildings], classes: Sequence[str]) -> None:
+        names: list[str] = []
+        draws, sizes, hides, buildings = [], [], [], []
+        for masked in batches:
+            names += masked.seen.scene_ids
+            draws.append(masked.draws)
+            sizes.append(np.diff(masked.seen.starts))
+            hides.append((masked.seen.cell_share > 0).any(axis=1))
+            buildings.append(masked.seen.is_building)
         self.classes = {name: number for number, name in enumerate(classes)}
-        self.scenes = {name: i for i, name in enumerate(dict.fromkeys(seen.scene_ids))}
-        self.number = len(seen.inputs) * len(classes)
-        self.listed_draws = f"{masked.draws.min()}..{masked.draws.max()}"
-        self._width = int(masked.draws.max()) + 1
-        self._building = np.full((len(self.scenes), self._width), -1, dtype=np.int64)
-        scene = [self.scenes[name] for name in seen.scene_ids]
-        self._building[scene, masked.draws] = np.arange(len(seen))
+        self.scenes = {name: i for i, name in enumerate(dict.fromkeys(names))}
+        self.starts = np.concatenate([[0], np.cumsum(np.concatenate(sizes))])
+        self._names, self._draws = names, np.concatenate(draws)
+        self._hides, self._is_building = np.concatenate(hides), np.concatenate(buildings)
+        self.listed_draws = f"{self._draws.min()}..{self._draws.max()}"
+        self._pair = np.full((len(self.scenes), int(self._draws.max()) + 1), -1, dtype=np.int64)
+        self._pair[[self.scenes[name] for name in names], self._draws] = np.arange(len(names))
 
-    def first(self, scene: Ints, draw: Ints) -> Ints:
-        """Return the row of the first node of a scene in a draw; -1 for an unknown draw."""
-        building = self._of(scene, draw)
-        return np.where(building >= 0, self._seen.starts[building], -1)
+    def __len__(self) -> int:
+        """Return the number of cells."""
+        return len(self._hides) * len(self.classes)
 
-    def sizes(self, scene: Ints, draw: Ints) -> Ints:
-        """Return how many nodes a building has."""
-        return np.diff(self._seen.starts)[self._of(scene, draw)]
+    def find_pairs(self, scene: Ints, draw: Ints) -> Ints:
+        """Return the number of the masked building of scenes and draws; -1 for an unknown draw."""
+        known = (draw >= 0) & (draw < self._pair.shape[1])
+        return np.where(known, self._pair[scene, np.where(known, draw, 0)], -1)
 
-    def _of(self, scene: Ints, draw: Ints) -> Ints:
-        known = (draw >= 0) & (draw < self._width)
-        return np.where(known, self._building[scene, np.where(known, draw, 0)], -1)
+    def rows_of(self, masked: MaskedBuildings) -> list[slice]:
+        """Return the nodes of some masked buildings, in their order."""
+        scene = np.array([self.scenes[name] for name in masked.seen.scene_ids], dtype=np.int64)
+        pairs = self.find_pairs(scene, masked.draws)
+        return [slice(int(self.starts[k]), int(self.starts[k + 1])) for k in pairs]
 
-    def needed(self, *, buildings: bool) -> Bools:
-        """Return the cells of which a row is needed: of nodes that hide anything."""
-        nodes = (self._seen.cell_share > 0).any(axis=1) & (buildings | ~self._seen.is_building)
-        return np.repeat(nodes, len(self._names))
+    def require_all(self, there: Bools, *, buildings: bool, path: Path) -> None:
+        """See that every node that hides anything has its rows.
 
-    def describe(self, cell: int) -> str:
-        """Name a cell."""
-        node, label = divmod(int(cell), len(self._names))
-        building = int(self._seen.building[node])
+        Args:
+            there: `[cells]` whether there is a row.
+            buildings: whether building nodes need theirs, too.
+            path: for the message.
+
+        Raises:
+            PredictionError: if one is missing.
+        """
+        nodes = self._hides & (buildings | ~self._is_building)
+        there = there.reshape(-1, len(self.classes))
+        missing = np.argwhere(nodes[:, None] & ~there)
+        if len(missing):
+            listed = "; ".join(self._describe(*cell) for cell in missing[:_LISTED].tolist())
+            raise PredictionError(
+                f"{path}: {len(missing):,} of {int(nodes.sum()) * len(self.classes):,} rows are "
+                f"missing: {listed}{'; …' if len(missing) > _LISTED else ''}"
+            )
+
+    def _describe(self, node: int, label: int) -> str:
+        pair = int(np.searchsorted(self.starts, node, side="right")) - 1
         return (
-            f"scene {self._seen.scene_ids[building]}, draw {self._draws[building]}, node "
-            f"{node - int(self._seen.starts[building])}, class {self._names[label]}"
+            f"scene {self._names[pair]}, draw {self._draws[pair]}, node "
+            f"{node - int(self.starts[pair])}, class {list(self.classes)[label]}"
         )
 
-    def spread(self, flat: Ints, column: Floats, *, empty: float) -> Floats:
-        """Return a column as `[N, C]`."""
-        found = np.full(self.number, empty)
-        found[flat] = column
-        return found.reshape(-1, len(self._names))
+
+class LaidPredictions:
+    """What is predicted of every cell, in a temporary file: rows come in any order.
+
+    Args:
+        cells: of the pairs that are measured.
+        columns: names of what is predicted.
+        path: for messages.
+    """
+
+    def __init__(self, cells: PairCells, columns: Sequence[str], *, path: Path) -> None:
+        self._cells, self._columns, self._path = cells, tuple(columns), path
+        self._there = np.zeros(len(cells), dtype=bool)
+        self._buildings = False
+        self._file = TemporaryFile()  # noqa: SIM115 closed with this object
+        finalize(self, self._file.close)
+        self._file.truncate(max(len(cells) * len(columns) * 8, 1))
+
+    def add(self, rows: PredictedRows, *, elsewhere: frozenset[str]) -> None:
+        """Lay some rows.
+
+        Args:
+            rows: of any cells.
+            elsewhere: scenes whose rows are passed over.
+
+        Raises:
+            PredictionError: if a row is unknown or double.
+        """
+        kept, flat = rows.find(self._cells, elsewhere)
+        twice = np.ones(len(flat), dtype=bool)
+        twice[np.unique(flat, return_index=True)[1]] = False
+        twice |= self._there[flat]
+        if twice.any():
+            second = rows.say(int(kept[np.argmax(twice)]))
+            raise PredictionError(f"{second}: is there twice; expected one row of each")
+        self._there[flat] = True
+        self._buildings |= bool((rows.node[kept] == 0).any())
+        table = self._map("r+")
+        for number, name in enumerate(self._columns):
+            table[number, flat] = rows.values[name][kept]
+
+    def finish(self) -> None:
+        """See that nothing is missing.
+
+        Raises:
+            PredictionError: if rows are.
+        """
+        self._cells.require_all(self._there, buildings=self._buildings, path=self._path)
+
+    def expect(self, masked: MaskedBuildings) -> PredictedExpectation:
+        """Return what is predicted of some masked buildings."""
+        table = self._map("r").reshape(len(self._columns), -1, len(self._cells.classes))
+        slices = self._cells.rows_of(masked)
+        whole = np.concatenate([table[:, rows] for rows in slices], axis=1)
+        there = self._there.reshape(table.shape[1:])
+        known = np.concatenate([there[rows] for rows in slices])
+        values = dict(zip(self._columns, whole, strict=True))
+        exactly = [values.pop(name) for name in self._columns if is_exactly(name)]
+        told = [np.where(known, chance, np.nan) for chance in exactly]
+        return _expect(masked, values, told, buildings=self._buildings)
+
+    def _map(self, mode: Literal["r", "r+"]) -> npt.NDArray[np.float64]:
+        """Map the file anew: what is no longer mapped takes no memory."""
+        shape = (len(self._columns), len(self._cells))
+        return np.memmap(self._file, dtype=np.float64, mode=mode, shape=shape)
 
 
-def find_row(files: Sequence[tuple[Path, int]], row: int) -> tuple[Path, int]:
-    """Return the file of a row of several files, and its number there, from 0."""
-    for file, rows in files:
-        if row < rows:
-            return file, row
-        row -= rows
-    raise IndexError(row)
+def is_exactly(column: str) -> bool:
+    """Say whether a column is one of p0, p1, …."""
+    return _EXACTLY.fullmatch(column) is not None
 
 
 def _expect(

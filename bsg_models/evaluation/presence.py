@@ -16,6 +16,17 @@ from bsg_models.evaluation.metrics import Bools, Floats, Ranking, cumulate, rank
 SELECTIONS = ("all", "unseen", "unvisited")
 
 
+def select_cells(seen: Bools, visited: Bools) -> dict[str, Bools]:
+    """Return which cells each selection has, `[N, C]`.
+
+    Args:
+        seen: `[N, C]` whether an object of the class was seen in the room.
+        visited: `[N]`.
+    """
+    unvisited = np.broadcast_to(~visited[:, None], seen.shape)
+    return dict(zip(SELECTIONS, (np.ones_like(seen), ~seen, unvisited), strict=True))
+
+
 class Cells:
     """Some (room, class) cells.
 
@@ -62,8 +73,7 @@ class PresenceCells:
     """
 
     def __init__(self, *, presence: Floats, seen: Bools, hidden: Bools, visited: Bools) -> None:
-        masks = (np.ones_like(seen), ~seen, np.broadcast_to(~visited[:, None], seen.shape))
-        selections: Mapping[str, Bools] = dict(zip(SELECTIONS, masks, strict=True))
+        selections: Mapping[str, Bools] = select_cells(seen, visited)
         self.rooms = {name: int(keep.any(axis=1).sum()) for name, keep in selections.items()}
         self.together = {name: Cells(presence, hidden, keep) for name, keep in selections.items()}
         self.by_class = {

@@ -67,4 +67,5 @@ def scenes_of(data: Dataset, split: Split, *, fold: int | None = None) -> tuple[
 
 def vocabulary_of(data: Dataset, scenes: Sequence[str], *, min_scenes: int) -> tuple[str, ...]:
     """Return the categories outside the classes that occur in enough of some scenes."""
-    return choose_vocabulary((data.others(scene) for scene in scenes), min_scenes=min_scenes)
+    others = (data.others(scene) for some in data.in_parts(scenes) for scene in some)
+    return choose_vocabulary(others, min_scenes=min_scenes)

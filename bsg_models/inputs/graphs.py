@@ -110,15 +110,27 @@ def read_split(
 
 
 def stream_split(
-    data: Dataset, split: Split, *, fold: int | None = None, vocabulary: tuple[str, ...] = ()
+    data: Dataset,
+    split: Split,
+    *,
+    fold: int | None = None,
+    vocabulary: tuple[str, ...] = (),
+    shuffle: np.random.Generator | None = None,
 ) -> Iterator[MaskedBuildings]:
     """Yield the stored pairs of train, val or test, a file at a time: what `read_split` returns.
+
+    Args:
+        data: an open dataset.
+        split: train, val or test.
+        fold: to test on, in a dataset of folds.
+        vocabulary: categories outside the classes that are looked for.
+        shuffle: for the files of each fold in a random order.
 
     Raises:
         DatasetError: if there are none.
     """
     for name, chosen in _chosen_of(data, split, fold):
-        for masked in stream_masked(data, name, vocabulary=vocabulary):
+        for masked in stream_masked(data, name, vocabulary=vocabulary, shuffle=shuffle):
             if some := _choose(masked, chosen):
                 yield some
 

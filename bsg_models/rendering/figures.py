@@ -12,9 +12,9 @@ from matplotlib.ticker import MaxNLocator
 
 from bsg_data.errors import BSGError
 from bsg_data.files import stem_of
-from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation.bootstrap import Estimate
-from bsg_models.evaluation.metrics import Bools, Floats, correlation_matrix, normalise
+from bsg_models.evaluation.metrics import Floats, correlation_matrix, normalise
+from bsg_models.evaluation.shown_nodes import ShownNodes
 from bsg_models.training.learning_curve import EpochReport
 
 INPUT, PREDICTED, TRUE = "#BBBBBB", "#0018EC", "#FF8000"
@@ -80,31 +80,22 @@ def plot_correlations(
     _save(figure, path)
 
 
-def plot_building(
-    expectation: Expectation,
-    target: Floats,
-    classes: Sequence[str],
-    path: Path,
-    *,
-    node: int,
-    title: str,
-) -> None:
-    """Plot input, predicted and true histogram and distribution of one node.
+def plot_building(shown: ShownNodes, classes: Sequence[str], path: Path, *, title: str) -> None:
+    """Plot input, predicted and true histogram and distribution of the example.
 
     Args:
-        expectation: of a model.
-        target: `[N, C]` true counts.
+        shown: what a model expects of some nodes.
         classes: `[C]` names.
         path: of the image.
-        node: the row to plot.
         title: above it.
     """
+    node = shown.example
     figure = _figure(11, 5.6)
     top, bottom = figure.subplots(2, 1, sharex=True)
     rows = {
-        "input": (expectation.inputs[[node]], INPUT),
-        "predicted": (expectation.totals[[node]], PREDICTED),
-        "true": (target[[node]], TRUE),
+        "input": (shown.inputs[[node]], INPUT),
+        "predicted": (shown.totals[[node]], PREDICTED),
+        "true": (shown.targets[[node]], TRUE),
     }
     positions = np.arange(len(classes))
     for offset, (name, (counts, colour)) in zip((-0.28, 0.0, 0.28), rows.items(), strict=True):
@@ -164,16 +155,13 @@ def plot_evaluation(
     folder: Path,
     *,
     name: str,
-    expectation: Expectation,
-    target: Floats,
-    is_building: Bools,
+    shown: ShownNodes,
     classes: Sequence[str],
-    node: int,
     building: str,
 ) -> Mapping[str, Path]:
     """Plot the three figures of one model into a folder; return what each shows by its path."""
-    rooms = ~is_building
-    errors = expectation.totals - target
+    rooms = ~shown.is_building
+    errors = shown.totals - shown.targets
     stem = stem_of(name)
     paths = {
         "error in number per class, rooms": folder / f"{stem}-class-errors.png",
@@ -183,15 +171,13 @@ def plot_evaluation(
     first, second, third = paths.values()
     plot_class_errors(errors[rooms], classes, first, title=f"{name}: error in number, rooms")
     plot_correlations(
-        expectation.totals[rooms],
-        target[rooms],
+        shown.totals[rooms],
+        shown.targets[rooms],
         classes,
         second,
         title=f"{name}: correlations of the classes over rooms",
     )
-    plot_building(
-        expectation, target, classes, third, node=node, title=f"{name}: building {building}"
-    )
+    plot_building(shown, classes, third, title=f"{name}: building {building}")
     return paths
 
 

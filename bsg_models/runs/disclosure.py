@@ -18,10 +18,10 @@ import numpy as np
 from scipy.stats import rankdata
 
 from bsg_data.arrays import Floats
-from bsg_data.dataset.categories import choose_vocabulary
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_models.belief.count_distribution import concatenate
+from bsg_models.inputs.folds import vocabulary_of
 from bsg_models.runs.checkpoint import Checkpoint, load_checkpoint
 from bsg_models.zoo.construction import make_model
 from bsg_models.zoo.model import BeliefModel
@@ -231,15 +231,14 @@ def _rarest_category(
     header = checkpoint.header
     configs = [header.config, *header.members.values()]
     wanted = max(config.data.min_scenes for config in configs)
-    others = [data.others(scene) for scene in train]
     names = set(header.vocabulary)
     if not names:
         return 0, []
     times = dict.fromkeys(names, 0)
-    for one in others:
-        for name in names & set(one.categories):
+    for scene in train:
+        for name in names & set(data.others(scene).categories):
             times[name] += 1
-    rare = sorted(names - set(choose_vocabulary(others, min_scenes=wanted)))
+    rare = sorted(names - set(vocabulary_of(data, train, min_scenes=wanted)))
     listed = ", ".join(map(repr, rare[:5]))
     faults = [f"{len(rare)} categories are in fewer than {wanted} training buildings: {listed}"]
     return min(times.values()), faults if rare else []

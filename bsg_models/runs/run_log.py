@@ -64,6 +64,7 @@ class Ended(Record):
         epoch: that was saved last; 0 for a model that is fitted by counting.
         seconds: since it began.
         error: why it failed.
+        notes: what it left out, such as rooms above a bound.
     """
 
     event: Literal["ended"] = "ended"
@@ -72,6 +73,7 @@ class Ended(Record):
     epoch: int
     seconds: float
     error: str | None = None
+    notes: tuple[str, ...] = ()
 
 
 _LINE: TypeAdapter[Begun | Ended] = TypeAdapter(
@@ -80,13 +82,16 @@ _LINE: TypeAdapter[Begun | Ended] = TypeAdapter(
 
 
 @contextmanager
-def keep_log(run: Path, config: RunConfig, data: Dataset) -> Iterator[None]:
+def keep_log(run: Path, config: RunConfig, data: Dataset) -> Iterator[list[str]]:
     """Write the configuration of a training into its run, and into the log how the block ends.
 
     Args:
         run: folder, whose lock the caller holds.
         config: of the training.
         data: that it is trained on.
+
+    Yields:
+        the notes of the training, for the block to add to.
     """
     write_bytes(run / CONFIG, write_toml(config).encode())
     began = time.perf_counter()
@@ -104,8 +109,9 @@ def keep_log(run: Path, config: RunConfig, data: Dataset) -> Iterator[None]:
     )
     how: Literal["finished", "stopped", "failed"] = "finished"
     said = None
+    notes: list[str] = []
     try:
-        yield
+        yield notes
     except (KeyboardInterrupt, GeneratorExit):
         how = "stopped"
         raise
@@ -115,7 +121,10 @@ def keep_log(run: Path, config: RunConfig, data: Dataset) -> Iterator[None]:
     finally:
         seconds = round(time.perf_counter() - began, 3)
         epoch = _last_epoch(run)
-        _add(run, Ended(time=_now(), how=how, epoch=epoch, seconds=seconds, error=said))
+        ended = Ended(
+            time=_now(), how=how, epoch=epoch, seconds=seconds, error=said, notes=tuple(notes)
+        )
+        _add(run, ended)
 
 
 def read_log(run: Path) -> tuple[Begun | Ended, ...]:

@@ -24,11 +24,15 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from bsg_models.search.exact_orders import order_exactly, pass_all_classes
+from bsg_models.search.order_moves import improve
+from bsg_models.search.order_walks import improve_slowly, sum_legs
+
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 Bools = npt.NDArray[np.bool_]
 EXACT = 9  # rooms; each more doubles the time and memory
-LONGEST = 3  # rooms that are moved together
+UNLIKELY = 1e-6  # P(each class is somewhere) below which differences of like sums say nothing
 LEAST = 1e-6  # no room is certainly empty: a wrong belief must not end a search
 
 
@@ -64,7 +68,7 @@ def choose_rooms(
     if not single:
         miss = miss.prod(axis=2, keepdims=True)
         wanted = np.asarray(wanted.any(axis=1, keepdims=True))
-    return np.asarray(_choose(costs, here, rooms, miss, wanted, single, exact))
+    return np.asarray(_order_all(costs, here, rooms, miss, wanted, single, exact, 0)[:, 0])
 
 
 def plan_tours(costs: Floats, here: Ints, holds: Bools, *, exact: int, kicks: int) -> Ints:
@@ -77,7 +81,13 @@ def plan_tours(costs: Floats, here: Ints, holds: Bools, *, exact: int, kicks: in
         exact: most rooms that are ordered exactly.
         kicks: times that a good order is disturbed and improved anew.
     """
-    return np.asarray(_plan_tours(costs, here, holds, exact, kicks))
+    certain = np.full((*holds.shape, 1), LEAST)
+    wanted = np.ones((len(here), 1), dtype=bool)
+    orders = _order_all(costs, here, holds, certain, wanted, False, exact, kicks)
+    places = np.full(holds.shape, holds.shape[1])
+    searches, steps = np.nonzero(orders >= 0)
+    places[searches, orders[searches, steps]] = steps
+    return places
 
 
 def choose_cover(costs: Floats, here: Ints, holds: Bools, *, wanted: Bools) -> Ints:
@@ -91,7 +101,7 @@ def choose_cover(costs: Floats, here: Ints, holds: Bools, *, wanted: Bools) -> I
         holds: `[E, N, A]` rooms that hold an instance.
         wanted: `[E, A]` classes still to be found.
     """
-    return np.asarray(_choose_cover(costs, here, holds & wanted[:, None], wanted))
+    return np.asarray(pass_all_classes(costs, here, holds & wanted[:, None], wanted))
 
 
 def order_rooms(
@@ -106,19 +116,29 @@ def order_rooms(
         single: whether one instance of each class is enough.
         exact: most rooms that are ordered exactly.
     """
-    return np.asarray(_order(costs, here, np.arange(len(miss)), miss, single, exact, 0))
+    one, rooms = np.array([here]), np.arange(len(costs))[None] < len(miss)
+    padded = np.ones((1, len(costs), miss.shape[1]))
+    padded[0, : len(miss)] = miss
+    wanted = np.ones((1, miss.shape[1]), dtype=bool)
+    orders = _order_all(costs[None], one, rooms, padded, wanted, single, exact, 0)
+    return np.asarray(orders[0, : len(miss)])
 
 
 def expected_cost(costs: Floats, here: int, miss: Floats, order: Ints, *, single: bool) -> float:
     """Return the expected cost of an order; arguments as of `order_rooms`."""
     products, legs = np.ones((len(miss) + 1, miss.shape[1])), np.zeros(len(miss) + 1)
-    _sum_legs(costs, here, np.arange(len(miss)), miss, single, order, products, legs)
+    ways = _take_ways(costs, here, np.arange(len(miss)))
+    sum_legs(ways, miss, single, order, products, legs)
     return float(legs[-1])
 
 
 @njit(cache=True)
-def _choose(costs, here, rooms, miss, wanted, single, exact):  # type: ignore[no-untyped-def]
-    target = np.full(len(here), -1)
+def _order_all(costs, here, rooms, miss, wanted, single, exact, kicks):  # type: ignore[no-untyped-def]
+    """Return the orders of E searches, `[E, N]`; −1 after the last room.
+
+    All that is compiled begins here, because what is compiled twice takes twice the time.
+    """
+    orders = np.full(rooms.shape, -1)
     for e in range(len(here)):
         which = np.flatnonzero(rooms[e])
         classes = np.flatnonzero(wanted[e])
@@ -128,65 +148,20 @@ def _choose(costs, here, rooms, miss, wanted, single, exact):  # type: ignore[no
         for i in range(len(which)):
             for a in range(len(classes)):
                 part[i, a] = miss[e, which[i], classes[a]]
-        order = _order(costs[e], here[e], which, part, single, exact, 0)
-        target[e] = which[order[0]]
-    return target
+        ways = _take_ways(costs[e], here[e], which)
+        orders[e, : len(which)] = which[_order(ways, part, single, exact, kicks)]
+    return orders
 
 
 @njit(cache=True)
-def _plan_tours(costs, here, holds, exact, kicks):  # type: ignore[no-untyped-def]
-    places = np.full(holds.shape, holds.shape[1])
-    for e in range(len(here)):
-        which = np.flatnonzero(holds[e])
-        if len(which):
-            certain = np.full((len(which), 1), LEAST)
-            order = _order(costs[e], here[e], which, certain, False, exact, kicks)
-            for k in range(len(which)):
-                places[e, which[order[k]]] = k
-    return places
-
-
-@njit(cache=True)
-def _choose_cover(costs, here, holds, wanted):  # type: ignore[no-untyped-def]
-    target = np.full(len(here), -1)
-    for e in range(len(here)):
-        classes = np.flatnonzero(wanted[e])
-        nodes, sets = holds.shape[1], 1 << len(classes)
-        finds = np.zeros(nodes, dtype=np.int64)  # the set of classes that a room holds
-        for n in range(nodes):
-            for i in range(len(classes)):
-                if holds[e, n, classes[i]]:
-                    finds[n] |= 1 << i
-        cost = np.full((sets, nodes), np.inf)  # of having found a set, and being in a room
-        first = np.full((sets, nodes), -1)
-        for n in range(nodes):
-            if finds[n]:
-                cost[finds[n], n], first[finds[n], n] = costs[e, here[e], n], n
-        for s in range(1, sets):  # a leg that finds something leads to a larger set
-            for n in range(nodes):
-                if cost[s, n] == np.inf:
-                    continue
-                for m in range(nodes):
-                    after = s | finds[m]
-                    if after != s and cost[s, n] + costs[e, n, m] < cost[after, m]:
-                        cost[after, m] = cost[s, n] + costs[e, n, m]
-                        first[after, m] = first[s, n]
-        best = np.inf
-        for n in range(nodes):
-            if cost[sets - 1, n] < best:
-                best, target[e] = cost[sets - 1, n], first[sets - 1, n]
-    return target
-
-
-@njit(cache=True)
-def _order(costs, here, rooms, miss, single, exact, kicks):  # type: ignore[no-untyped-def]
-    if len(rooms) <= exact:
-        return _order_exactly(costs, here, rooms, miss, single)
-    best = np.arange(len(rooms))
-    best_cost = np.inf
+def _order(ways, miss, single, exact, kicks):  # type: ignore[no-untyped-def]
+    if len(miss) <= exact:
+        return order_exactly(ways, miss, single)
+    composes = _composes(miss, single)
+    best, best_cost = np.arange(len(miss)), np.inf
     for start in range(3):
-        order = _begin(costs, here, rooms, miss, start)
-        cost = _improve(costs, here, rooms, miss, single, order)
+        order = _begin(ways, miss, start)
+        cost = _improve(ways, miss, single, order, composes)
         if cost < best_cost:
             best, best_cost = order, cost
     state = 1
@@ -198,25 +173,59 @@ def _order(costs, here, rooms, miss, single, exact, kicks):  # type: ignore[no-u
             state = (state * 1103515245 + 12345) % 2147483648
             j = state // 65536 % len(order)
             order[i], order[j] = order[j], order[i]
-        cost = _improve(costs, here, rooms, miss, single, order)
+        cost = _improve(ways, miss, single, order, composes)
         if cost < best_cost:
             best, best_cost = order, cost
     return best
 
 
 @njit(cache=True)
-def _begin(costs, here, rooms, miss, start):  # type: ignore[no-untyped-def]
+def _composes(miss, single):  # type: ignore[no-untyped-def]
+    """Say whether the terms of `order_moves` are few, and large beside their rounding."""
+    n, classes = miss.shape
+    if not single:
+        return True
+    somewhere = 1.0  # P(each class is somewhere)
+    for a in range(classes):
+        every = 1.0
+        for i in range(n):
+            every *= miss[i, a]
+        somewhere *= 1.0 - every
+    return somewhere >= UNLIKELY and classes < 20 and 1 << classes <= max(n, 2)
+
+
+@njit(cache=True)
+def _improve(ways, miss, single, order, composes):  # type: ignore[no-untyped-def]
+    if composes:
+        return improve(ways, miss, single, order)
+    return improve_slowly(ways, miss, single, order)
+
+
+@njit(cache=True)
+def _take_ways(costs, here, rooms):  # type: ignore[no-untyped-def]
+    """Return the costs between some rooms, and in a last row those from where the robot is."""
+    n = len(rooms)
+    ways = np.zeros((n + 1, n + 1))
+    for i in range(n):
+        ways[n, i] = costs[here, rooms[i]]
+        for j in range(n):
+            ways[i, j] = costs[rooms[i], rooms[j]]
+    return ways
+
+
+@njit(cache=True)
+def _begin(ways, miss, start):  # type: ignore[no-untyped-def]
     """Return an order to start from: nearest first, likeliest first, or most likely a cost."""
-    left = len(rooms)
+    left = len(miss)
     order = np.empty(left, dtype=np.int64)
     open_ = np.ones(left, dtype=np.bool_)
-    place = here
+    place = left
     for k in range(left):
         best, best_score = -1, -np.inf
         for i in range(left):
             if not open_[i]:
                 continue
-            hit, distance = 1.0 - miss[i].min(), costs[place, rooms[i]]
+            hit, distance = 1.0 - miss[i].min(), ways[place, i]
             if start == 0:
                 score = -distance
             elif start == 1:
@@ -227,158 +236,5 @@ def _begin(costs, here, rooms, miss, start):  # type: ignore[no-untyped-def]
                 best, best_score = i, score
         order[k] = best
         open_[best] = False
-        place = rooms[best]
-    return order
-
-
-@njit(cache=True)
-def _improve(costs, here, rooms, miss, single, order):  # type: ignore[no-untyped-def]
-    """Improve an order in place until no move helps; return its cost.
-
-    A move changes the places from `low` to `high` alone, and which rooms are visited before and
-    after these stays: only the legs into them and into the next place are compared.
-    """
-    n = len(order)
-    products, legs = np.ones((n + 1, miss.shape[1])), np.zeros(n + 1)
-    _sum_legs(costs, here, rooms, miss, single, order, products, legs)
-    trial = order.copy()
-    improved = True
-    while improved:
-        improved = False
-        for length in range(min(LONGEST, n - 1) + 1):
-            for i in range(n):
-                for j in range(n):
-                    if length == 0:  # turn a part where it is
-                        low, high = i, j
-                        if i >= j:
-                            continue
-                        for k in range(low, high + 1):
-                            trial[k] = order[low + high - k]
-                    else:  # move a part from i to j
-                        low, high = min(i, j), max(i, j) + length - 1
-                        if i == j or high >= n:
-                            continue
-                        for k in range(i, j):
-                            trial[k] = order[k + length]
-                        for k in range(j, i):
-                            trial[k + length] = order[k]
-                        for k in range(length):
-                            trial[j + k] = order[i + k]
-                    limit = legs[min(high + 2, n)] - legs[low] - 1e-9 * legs[n]
-                    cost = _window(
-                        costs, here, rooms, miss, single, trial, products, low, high, limit
-                    )
-                    if cost < limit:
-                        order[low : high + 1] = trial[low : high + 1]
-                        _sum_legs(costs, here, rooms, miss, single, order, products, legs)
-                        improved = True
-                    else:
-                        trial[low : high + 1] = order[low : high + 1]
-    return legs[n]
-
-
-@njit(cache=True)
-def _window(costs, here, rooms, miss, single, trial, products, low, high, limit):  # type: ignore[no-untyped-def]
-    """Return what the legs into the places from low to high + 1 cost, or something above limit.
-
-    `products` and the places outside of it are those before the move.
-    """
-    n, classes = miss.shape
-    total, last = 0.0, min(high + 1, n - 1)
-    if not single:  # from the end: what is left after the window is left as before
-        left = products[last + 1, 0]
-        for k in range(last, low - 1, -1):
-            left *= miss[trial[k], 0]
-            before = rooms[trial[k - 1]] if k else here
-            total += costs[before, rooms[trial[k]]] * (1.0 - left)
-            if total >= limit:
-                return total
-        return total
-    product = products[low].copy()
-    place = rooms[trial[low - 1]] if low else here
-    for k in range(low, last + 1):
-        room = rooms[trial[k]]
-        over = 1.0
-        for a in range(classes):
-            over *= 1.0 - (product[a] - products[n, a]) / (1.0 - products[n, a])
-            product[a] *= miss[trial[k], a]
-        total += costs[place, room] * (1.0 - over)
-        if total >= limit:
-            return total
-        place = room
-    return total
-
-
-@njit(cache=True)
-def _sum_legs(costs, here, rooms, miss, single, order, products, legs):  # type: ignore[no-untyped-def]
-    """Write products of q `[n + 1, A]` and sums of the costs of legs `[n + 1]` of an order.
-
-    `single` has the products over the places before each, `all` those from each place on.
-    """
-    n, classes = miss.shape
-    if single:
-        for k in range(n):
-            for a in range(classes):
-                products[k + 1, a] = products[k, a] * miss[order[k], a]
-    else:
-        for k in range(n - 1, -1, -1):
-            products[k, 0] = products[k + 1, 0] * miss[order[k], 0]
-    place = here
-    for k in range(n):
-        room = rooms[order[k]]
-        over = 1.0
-        if single:
-            for a in range(classes):
-                over *= 1.0 - (products[k, a] - products[n, a]) / (1.0 - products[n, a])
-        else:
-            over = products[k, 0]
-        legs[k + 1] = legs[k] + costs[place, room] * (1.0 - over)
-        place = room
-
-
-@njit(cache=True)
-def _order_exactly(costs, here, rooms, miss, single):  # type: ignore[no-untyped-def]
-    """Return the best order by dynamic programming over the sets of visited rooms."""
-    n, classes = miss.shape
-    sets = 1 << n
-    product = np.ones((sets, classes))
-    for s in range(1, sets):
-        lowest = 0
-        while not s >> lowest & 1:
-            lowest += 1
-        product[s] = product[s & (s - 1)] * miss[lowest]
-    goes_on = np.empty(sets)
-    for s in range(sets):
-        over = 1.0
-        for a in range(classes):
-            every = product[sets - 1, a]
-            if single:
-                over *= 1.0 - (product[s, a] - every) / (1.0 - every)
-            else:
-                over *= product[sets - 1 - s, a]
-        goes_on[s] = 1.0 - over
-    value = np.zeros((sets, n))  # least cost to come, after the set with a room of it the last
-    following = np.zeros((sets, n), dtype=np.int64)
-    for s in range(sets - 2, 0, -1):
-        for last in range(n):
-            if not s >> last & 1:
-                continue
-            best = np.inf
-            for room in range(n):
-                if s >> room & 1:
-                    continue
-                cost = costs[rooms[last], rooms[room]] * goes_on[s] + value[s | 1 << room, room]
-                if cost < best:
-                    best, following[s, last] = cost, room
-            value[s, last] = best
-    order = np.empty(n, dtype=np.int64)
-    best = np.inf
-    for room in range(n):
-        cost = costs[here, rooms[room]] * goes_on[0] + value[1 << room, room]
-        if cost < best:
-            best, order[0] = cost, room
-    s = 1 << order[0]
-    for k in range(1, n):
-        order[k] = following[s, order[k - 1]]
-        s |= 1 << order[k]
+        place = best
     return order

@@ -4,31 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
-import numpy as np
 import pandas as pd
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError
-from bsg_data.observation.masked_buildings import stack_masked
-from bsg_models.belief.expectation import Expectation, join
 from bsg_models.errors import CheckpointError
-from bsg_models.evaluation.bootstrap import LEAST_BUILDINGS, Bootstrap, Estimate, bootstrap
-from bsg_models.evaluation.measurement import (
-    EVALUATOR_VERSION,
-    Measurement,
-    SplitsMeasurement,
-    count_empty,
-    measure_classes,
-    predict_all,
-    read_truth,
-)
-from bsg_models.evaluation.truth import Truth
+from bsg_models.evaluation.bootstrap import LEAST_BUILDINGS, Bootstrap, Estimate
+from bsg_models.evaluation.measurement import EVALUATOR_VERSION, SplitWeights
+from bsg_models.evaluation.shown_nodes import ShownNodes
 from bsg_models.inputs.folds import Split
-from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import (
     Checkpoint,
     CheckpointHeader,
@@ -41,10 +29,17 @@ from bsg_models.runs.found_model import FoundModel, find_model
 from bsg_models.runs.run_folder import LAST
 from bsg_models.studies.column_names import first_free, name_runs
 from bsg_models.studies.entries import Entry, Folds, folds_of, hash_measured, read_entry
+from bsg_models.studies.measuring import (
+    MeasuredModel,
+    Measuring,
+    NodePredictor,
+    Receiver,
+    predict_by,
+)
+from bsg_models.studies.survey import Survey, choose_stride, join_surveys, survey_split
 from bsg_models.zoo.catalogue import BASELINES
 from bsg_models.zoo.config import find_config
 from bsg_models.zoo.construction import make_model
-from bsg_models.zoo.model import BeliefModel
 from bsg_models.zoo.settings import DataConfig
 
 
@@ -56,8 +51,8 @@ class Comparison:
         runs: names of the runs, in the order given; the baselines follow them.
         split: that they were measured on.
         bootstraps: model → its metrics, and the same of every resample of the buildings.
-        expectations: model → beliefs about every node.
-        truth: of the split.
+        shown: run → the nodes that its figures are drawn of.
+        survey: of the buildings that they were measured on.
         classes: one row a model, node set and class.
         class_names: `[C]`.
         facts: what was measured on: dataset, class map, buildings, draws, empty nodes.
@@ -67,8 +62,8 @@ class Comparison:
     runs: tuple[str, ...]
     split: str
     bootstraps: dict[str, Bootstrap]
-    expectations: dict[str, Expectation]
-    truth: Truth
+    shown: dict[str, ShownNodes]
+    survey: Survey
     classes: pd.DataFrame
     class_names: tuple[str, ...]
     facts: dict[str, Any]
@@ -77,24 +72,12 @@ class Comparison:
     @property
     def has_verdicts(self) -> bool:
         """Whether there are buildings enough to say which model is better."""
-        return len(self.truth.scene_ids) >= LEAST_BUILDINGS
+        return len(self.survey.scene_ids) >= LEAST_BUILDINGS
 
     @cached_property
     def estimates(self) -> dict[str, dict[str, Estimate]]:
         """Model → metric → value with interval."""
         return {name: measured.estimates() for name, measured in self.bootstraps.items()}
-
-    @property
-    def example_node(self) -> int:
-        """The row of the building of median size, in its first draw: for the figures."""
-        first = np.flatnonzero(self.truth.is_building & (self.truth.draw == self.truth.draw.min()))
-        sizes = self.truth.targets[first].sum(axis=1)
-        return int(first[np.argsort(sizes, kind="stable")[len(first) // 2]])
-
-    @property
-    def example_building(self) -> str:
-        """The scene id of that building."""
-        return self.truth.scene_ids[int(self.truth.building[self.example_node])]
 
 
 class Loaded(NamedTuple):
@@ -125,12 +108,14 @@ def compare_runs(
     fold: int | None = None,
     resamples: int = 200,
     seed: int = 0,
+    write: Callable[[str, int | None], Receiver] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Comparison:
     """Measure runs, predictions of other programs and baselines on the stored pairs of a split.
 
     A run has the name of its model; several runs of one model have their folders' names, too.
-    Without runs a dataset in folds is measured fold by fold, and the values are averaged.
+    Without runs a dataset in folds is measured fold by fold, and the values are averaged. Buildings
+    are read, predicted and measured some at a time.
 
     Args:
         runs: trained models, as `find_model` takes them.
@@ -140,7 +125,8 @@ def compare_runs(
         fold: the one to measure where there is no run; None for all of them.
         resamples: of the bootstrap over buildings.
         seed: of the bootstrap.
-        progress: called with (resamples done, resamples in all), over all models.
+        write: returns what takes the predictions of a run, by its name, on a fold.
+        progress: called with (masked buildings done, in all), over all models.
 
     Raises:
         CheckpointError: if a run cannot be loaded, or the runs were trained for different folds.
@@ -158,67 +144,66 @@ def compare_runs(
     fold = _one_fold(loaded, fold) if loaded else fold
     part = cast(Split, split)
     folds: Folds = (fold,) if loaded else folds_of(data, fold)
-    masked = [read_split(data, part, fold=one) for one in folds]
-    truths = [read_truth(some) for some in masked]
-    truth = truths[0] if len(folds) == 1 else read_truth(stack_masked(masked))
-    entries = [read_entry(p, data, masked, split=part, folds=folds) for p in predictions]
-    models = [_models(loaded, data, fold=one) for one in folds]
-    names = _order(models[0], entries)
-    bootstraps, expectations = {}, {}
-    for done, (name, entry) in enumerate(names.items()):
-        if entry is None:
-            splits = [
-                predict_all(
-                    own[name], read_split(data, part, fold=k, vocabulary=own[name].vocabulary)
-                )
-                for k, own in zip(folds, models, strict=True)
-            ]
-            expectations[name] = splits[0] if len(splits) == 1 else join(splits)
-        else:
-            splits, expectations[name] = list(entry.splits), entry.whole
-        each = [Measurement(*both) for both in zip(truths, splits, strict=True)]
-        bootstraps[name] = bootstrap(
-            each[0] if len(each) == 1 else SplitsMeasurement(each),
-            resamples=resamples,
-            seed=seed,
-            progress=_offset(progress, before=done * resamples, total=len(names) * resamples),
+    surveys = [survey_split(data, part, fold=one) for one in folds]
+    survey = join_surveys(surveys)
+    entries = [read_entry(p, data, split=part, folds=folds) for p in predictions]
+    names = _order((run.name for run in loaded), entries)
+    measuring = Measuring(
+        data,
+        part,
+        folds,
+        surveys,
+        SplitWeights([one.scene_ids for one in surveys], resamples=resamples, seed=seed),
+        _count(progress, total=len(names) * survey.masked),
+    )
+    of_run = {run.name: run for run in loaded}
+    measured: dict[str, MeasuredModel] = {}
+    for name, entry in names.items():
+        own = of_run.get(name)
+        measured[name] = measuring.measure(
+            name,
+            entry.open_fold if entry else _opener(own, name, data),
+            receive=partial(write, name) if write and own else None,
+            is_drawn=name not in BASELINES,
         )
-    classes = data.manifest.class_space.classes
+    chosen = tuple(name for name in names if name not in BASELINES)
     return Comparison(
-        runs=tuple(name for name in names if name not in BASELINES),
+        runs=chosen,
         split=split,
-        bootstraps=bootstraps,
-        expectations=expectations,
-        truth=truth,
-        classes=measure_classes(truth, expectations, classes),
-        class_names=classes,
-        facts=_facts(data, truth, fold=fold, resamples=resamples, seed=seed)
+        bootstraps={name: one.bootstrap for name, one in measured.items()},
+        shown={name: one.shown for name, one in measured.items() if one.shown is not None},
+        survey=survey,
+        classes=pd.DataFrame([row for one in measured.values() for row in one.classes]),
+        class_names=data.manifest.class_space.classes,
+        facts=_facts(data, survey, fold=fold, resamples=resamples, seed=seed)
         | {
             "masks_sha256": hash_measured(data, part, folds),
             "runs": _describe(loaded),
             "predictions": {name: entry.facts for name, entry in names.items() if entry},
         },
-        notes=tuple(_notes(loaded, data, truth, split)),
+        notes=tuple(_notes(loaded, data, survey, split)),
     )
 
 
-def _models(loaded: Sequence[Loaded], data: Dataset, *, fold: int | None) -> dict[str, BeliefModel]:
-    """Return the models by name: the runs, then the baselines, fitted on train."""
-    models = {run.name: restore_model(run.found.path, run.checkpoint) for run in loaded}
-    for name in BASELINES:
+def _opener(run: Loaded | None, name: str, data: Dataset) -> Callable[[int | None], NodePredictor]:
+    """Return what opens a run, or fits the baseline of a name without a fold."""
+
+    def open_fold(fold: int | None) -> NodePredictor:
+        if run is not None:
+            return predict_by(restore_model(run.found.path, run.checkpoint))
         model = make_model(find_config(name), classes=len(data.manifest.class_space.classes))
         model.fit(data, DataConfig(fold=fold))
-        models[name] = model
-    return models
+        return predict_by(model)
+
+    return open_fold
 
 
-def _order(models: Iterable[str], entries: Sequence[Entry]) -> dict[str, Entry | None]:
+def _order(runs: Iterable[str], entries: Sequence[Entry]) -> dict[str, Entry | None]:
     """Return all that is measured by name: runs, then predictions, then baselines."""
-    runs = [name for name in models if name not in BASELINES]
     names: dict[str, Entry | None] = dict.fromkeys(runs)
     for entry in entries:
         names[first_free(entry.name, {*names, *BASELINES})] = entry
-    return names | dict.fromkeys(name for name in models if name in BASELINES)
+    return names | dict.fromkeys(BASELINES)
 
 
 def _describe(loaded: Sequence[Loaded]) -> dict[str, Any]:
@@ -245,7 +230,7 @@ def _one_fold(loaded: Sequence[Loaded], asked: int | None) -> int | None:
 
 
 def _facts(
-    data: Dataset, truth: Truth, *, fold: int | None, resamples: int, seed: int
+    data: Dataset, survey: Survey, *, fold: int | None, resamples: int, seed: int
 ) -> dict[str, Any]:
     pairs = data.manifest.pairs
     if pairs is None:
@@ -256,19 +241,16 @@ def _facts(
         "dataset_sha256": data.sha256,
         "class_space": data.manifest.class_space.name,
         "mask": pairs.mask.model_dump(mode="json"),
-        "buildings": len(truth.scene_ids),
+        "buildings": len(survey.scene_ids),
         "draws": pairs.draws,
-        "nodes": {
-            "rooms": int((~truth.is_building).sum()),
-            "building": int(truth.is_building.sum()),
-        },
-        **count_empty(truth),
+        "nodes": {name: survey.counts[name] for name in ("rooms", "building")},
+        **{name: survey.counts[name] for name in ("empty_inputs", "empty_targets")},
         "resamples": resamples,
         "seed": seed,
     }
 
 
-def _notes(loaded: Sequence[Loaded], data: Dataset, truth: Truth, split: str) -> list[str]:
+def _notes(loaded: Sequence[Loaded], data: Dataset, survey: Survey, split: str) -> list[str]:
     notes = []
     for run in loaded:
         header = run.header
@@ -284,19 +266,26 @@ def _notes(loaded: Sequence[Loaded], data: Dataset, truth: Truth, split: str) ->
             notes.append(f"note: {run.name} stopped before its calibration; --resume finishes it")
         if last < epochs:
             notes.append(f"note: {run.name} stopped at epoch {last} of {epochs}; --resume goes on")
-    if (buildings := len(truth.scene_ids)) < LEAST_BUILDINGS:
+    if (buildings := len(survey.scene_ids)) < LEAST_BUILDINGS:
         notes.append(
             f"note: measured on {buildings} building{'' if buildings == 1 else 's'}: intervals (±) "
             f"and verdicts are over buildings, and need {LEAST_BUILDINGS} of them"
         )
+    if (stride := choose_stride(survey)) > 1:
+        notes.append(f"note: figures are drawn of one in {stride} masked buildings")
     if split == "train":
         notes.append("note: these are the buildings that the models were trained on")
     return notes
 
 
-def _offset(
-    progress: Callable[[int, int], None] | None, *, before: int, total: int
-) -> Callable[[int, int], None] | None:
-    if progress is None:
-        return None
-    return lambda done, _: progress(before + done, total)
+def _count(progress: Callable[[int, int], None] | None, *, total: int) -> Callable[[int], None]:
+    """Return what adds up the masked buildings that were measured, and reports their number."""
+    done = 0
+
+    def add(number: int) -> None:
+        nonlocal done
+        done += number
+        if progress is not None:
+            progress(done, total)
+
+    return add

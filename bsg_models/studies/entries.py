@@ -6,7 +6,6 @@ PREDICTIONS/MODEL/fold-K.parquet    of a run that was trained without fold K; th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,13 +14,16 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError
 from bsg_data.files import hash_file, stem_of
 from bsg_data.observation.mask_hash import hash_masks, hash_splits
-from bsg_data.observation.masked_buildings import MaskedBuildings, stack_masked
-from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import PredictionError
-from bsg_models.evaluation.prediction_files import read_predictions, write_predictions
-from bsg_models.evaluation.predictions import Predictions
-from bsg_models.inputs.folds import Split, splits_of
-from bsg_models.inputs.graphs import read_split
+from bsg_models.evaluation.prediction_files import (
+    PredictionFiles,
+    PredictionWriter,
+    open_predictions,
+)
+from bsg_models.evaluation.predictions import LaidPredictions, PairCells
+from bsg_models.inputs.folds import Split, scenes_of, splits_of
+from bsg_models.studies.measuring import NodePredictor
+from bsg_models.studies.survey import stream_batches
 
 Folds = tuple[int | None, ...]
 
@@ -32,15 +34,17 @@ class Entry:
 
     Attributes:
         name: stem of the file, or name of the folder.
-        splits: what it expects of every fold that is measured.
-        whole: the same of all folds together.
+        laid: what it says of all nodes that are measured.
         facts: where it is from.
     """
 
     name: str
-    splits: tuple[Expectation, ...]
-    whole: Expectation
+    laid: LaidPredictions
     facts: dict[str, Any]
+
+    def open_fold(self, fold: int | None) -> NodePredictor:
+        """Return what it says of a fold; it is the same for all folds."""
+        return NodePredictor(self.laid.expect)
 
 
 def folds_of(data: Dataset, fold: int | None) -> Folds:
@@ -55,9 +59,7 @@ def hash_measured(data: Dataset, split: Split, folds: Folds) -> str:
     return hash_masks(data, sorted(names))
 
 
-def read_entry(
-    path: Path, data: Dataset, parts: Sequence[MaskedBuildings], *, split: Split, folds: Folds
-) -> Entry:
+def read_entry(path: Path, data: Dataset, *, split: Split, folds: Folds) -> Entry:
     """Read what somebody predicts, and lay it beside what is measured.
 
     Rows of other folds are passed over where one fold of several is measured.
@@ -65,41 +67,33 @@ def read_entry(
     Raises:
         PredictionError: if it cannot be read, is of other masks, or a row is wrong or missing.
     """
+    names = {scene for fold in folds for scene in scenes_of(data, split, fold=fold)}
+    others = frozenset(s for name in data.splits.values() for s in name if s not in names)
+    files = open_predictions(path, most_rows=_count_cells(data))
+    _require_masks(files, data, split=split, folds=folds)
+    masked = (some for fold in folds for some in stream_batches(data, split, fold=fold))
     classes = data.manifest.class_space.classes
-    rows = sum(entry.rows for entry in data.manifest.files_of("pairs"))
-    predictions = read_predictions(path, most_rows=rows * len(classes))
-    _require_masks(predictions, data, split=split, folds=folds)
-    whole = stack_masked(parts)
-    here = set(whole.seen.scene_ids)
-    others = frozenset(s for name in data.splits.values() for s in name if s not in here)
-    elsewhere = others if folds != (None,) else frozenset()
-    every = predictions.lay(whole, classes, elsewhere=elsewhere)
-    splits = [every]
-    if len(parts) > 1:
-        ids = [set(part.seen.scene_ids) for part in parts]
-        splits = [
-            predictions.lay(part, classes, elsewhere=elsewhere | frozenset(here - own))
-            for part, own in zip(parts, ids, strict=True)
-        ]
+    laid = files.lay(
+        PairCells(masked, classes), elsewhere=others if folds != (None,) else frozenset()
+    )
     facts = {
-        "files": {file.name: hash_file(file) for file, _ in predictions.files},
-        "rows": len(predictions),
-        "exactly": len(predictions.exactly),
+        "files": {file.name: hash_file(file) for file, _ in files.files},
+        "rows": len(files),
+        "exactly": files.exactly,
     }
-    return Entry(path.stem if path.is_file() else path.resolve().name, tuple(splits), every, facts)
+    return Entry(path.stem if path.is_file() else path.resolve().name, laid, facts)
 
 
-def write_entry(
-    folder: Path,
-    name: str,
-    expectation: Expectation,
-    data: Dataset,
-    *,
-    split: Split,
-    fold: int | None,
-    force: bool = False,
-) -> Path:
-    """Write what a run expects as an entry, and return its file.
+def _count_cells(data: Dataset) -> int:
+    """Return the number of nodes times classes of all pairs."""
+    rows = sum(entry.rows for entry in data.manifest.files_of("pairs"))
+    return rows * len(data.manifest.class_space.classes)
+
+
+def open_entry(
+    folder: Path, name: str, data: Dataset, *, split: Split, fold: int | None, force: bool = False
+) -> PredictionWriter:
+    """Begin to write what a run expects as an entry; it is there when the writer is closed.
 
     Raises:
         DatasetError: if it is there already and not `force`, or cannot be written.
@@ -108,17 +102,13 @@ def write_entry(
     path = folder / f"{stem}.parquet" if fold is None else folder / stem / f"fold-{fold}.parquet"
     if path.exists() and not force:
         raise DatasetError(f"{path}: is there already; --force replaces it")
-    write_predictions(
-        path,
-        expectation,
-        read_split(data, split, fold=fold),
-        data.manifest.class_space.classes,
-        masks_sha256=hash_measured(data, split, (fold,)),
-    )
-    return path
+    masks = hash_measured(data, split, (fold,))
+    return PredictionWriter(path, data.manifest.class_space.classes, masks_sha256=masks)
 
 
-def _require_masks(predictions: Predictions, data: Dataset, *, split: Split, folds: Folds) -> None:
+def _require_masks(
+    predictions: PredictionFiles, data: Dataset, *, split: Split, folds: Folds
+) -> None:
     ours = {hash_measured(data, split, folds), *hash_splits(data).values()}
     if other := sorted(predictions.masks - ours):
         raise PredictionError(

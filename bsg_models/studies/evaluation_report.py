@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -22,6 +23,7 @@ from bsg_data.files import write_bytes
 from bsg_data.observation.partial_graph import list_withheld, mask_dataset
 from bsg_data.recipes import MaskRecipe, Record
 from bsg_models.belief.belief_graph import believe
+from bsg_models.evaluation.prediction_files import PredictionWriter
 from bsg_models.evaluation.verdict import BESIDE_DOUBLED, judge_all
 from bsg_models.rendering.explorer import View, explorer_page
 from bsg_models.rendering.figures import plot_evaluation
@@ -29,7 +31,7 @@ from bsg_models.rendering.report import Table, write_report
 from bsg_models.runs.predictor import Predictor
 from bsg_models.studies.comparison import Comparison, compare_runs
 from bsg_models.studies.comparison_table import encode_comparison, headline_rows, metric_rows
-from bsg_models.studies.entries import write_entry
+from bsg_models.studies.entries import open_entry
 
 REPORT, CLASSES = "evaluation.json", "classes.csv"
 
@@ -106,7 +108,7 @@ def report_evaluation(
 
     Args:
         request: what to compare, on what.
-        progress: called with (resamples done, in all).
+        progress: called with (masked buildings done, in all).
 
     Raises:
         DatasetError: if the split has no pairs, or results are there already.
@@ -121,18 +123,19 @@ def report_evaluation(
         )
     if request.html is not None and request.html.exists() and not request.force:
         raise DatasetError(f"{request.html}: is there already; --force replaces it")
-    comparison = compare_runs(
-        request.runs,
-        request.dataset,
-        split=request.split,
-        predictions=request.predictions,
-        fold=request.fold,
-        resamples=request.resamples,
-        seed=request.seed,
-        progress=progress,
-    )
-    if request.write_predictions is not None:
-        _write_entries(comparison, request, request.write_predictions)
+    into = request.write_predictions
+    with ExitStack() as open_files:
+        comparison = compare_runs(
+            request.runs,
+            request.dataset,
+            split=request.split,
+            predictions=request.predictions,
+            fold=request.fold,
+            resamples=request.resamples,
+            seed=request.seed,
+            write=_begin_entries(request, into, open_files) if into is not None else None,
+            progress=progress,
+        )
     summary = encode_comparison(comparison)
     figures = _plot(comparison, request.folder)
     write_bytes(classes, comparison.classes.to_csv(index=False).encode())
@@ -142,18 +145,24 @@ def report_evaluation(
     return EvaluationReport(comparison, summary, report, classes, figures)
 
 
-def _write_entries(comparison: Comparison, request: EvaluationRequest, folder: Path) -> None:
-    """Write what the runs expect as predictions, as those of other programs are."""
-    for name in comparison.facts["runs"]:
-        write_entry(
+def _begin_entries(
+    request: EvaluationRequest, folder: Path, open_files: ExitStack
+) -> Callable[[str, int | None], PredictionWriter]:
+    """Return what begins to write what a run expects, as predictions of other programs are."""
+
+    def begin(name: str, fold: int | None) -> PredictionWriter:
+        data = Dataset.open(request.dataset)
+        writer = open_entry(
             folder,
             name,
-            comparison.expectations[name],
-            Dataset.open(request.dataset),
+            data,
             split=request.split,
-            fold=comparison.facts["fold"],
+            fold=fold,
             force=request.force,
         )
+        return open_files.enter_context(writer)
+
+    return begin
 
 
 def _write_page(
@@ -166,7 +175,7 @@ def _write_page(
         path,
         title=f"What is hidden, and how well it is known: {', '.join(comparison.runs)}",
         facts=[
-            f"{len(comparison.truth.scene_ids)} {request.split} buildings of "
+            f"{len(comparison.survey.scene_ids)} {request.split} buildings of "
             f"{request.dataset.name}, beside baselines. "
             "± is half of a 95 % interval over buildings; ↓ less is better, ↑ more is better.",
             *comparison.notes,
@@ -199,11 +208,9 @@ def _write_page(
 
 def _look_into(comparison: Comparison, run: Path | str, data: Path) -> list[View]:
     """Return what a run believes about the median, the smallest and the largest building."""
-    manifest, predictor, measured = read_manifest(data), Predictor(run), comparison.truth
-    rows = np.flatnonzero(measured.is_building & (measured.draw == measured.draw.min()))
-    order = rows[np.argsort(measured.targets[rows].sum(axis=1), kind="stable")]
-    chosen = dict.fromkeys([comparison.example_node, int(order[0]), int(order[-1])])
-    wanted = [measured.scene_ids[int(measured.building[row])] for row in chosen]
+    manifest, predictor = read_manifest(data), Predictor(run)
+    by_size = comparison.survey.by_size
+    wanted = [comparison.survey.example, by_size[0], by_size[-1]]
     recipe = manifest.pairs.mask if manifest.pairs else MaskRecipe()
     views = {}
     for seen, truth in mask_dataset(data, wanted, recipe):
@@ -219,12 +226,9 @@ def _plot(comparison: Comparison, out: Path) -> dict[str, Path]:
         drawn = plot_evaluation(
             out,
             name=name,
-            expectation=comparison.expectations[name],
-            target=comparison.truth.targets,
-            is_building=comparison.truth.is_building,
+            shown=comparison.shown[name],
             classes=comparison.class_names,
-            node=comparison.example_node,
-            building=comparison.example_building,
+            building=comparison.survey.example,
         )
         figures.update({f"{name}: {what}": path for what, path in drawn.items()})
     return figures

@@ -14,11 +14,12 @@ from pathlib import Path
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import encode_manifest
 from bsg_data.errors import DatasetError
-from bsg_data.observation.masked_buildings import MaskedBuildings, sample_masked, stack_masked
+from bsg_data.observation.masked_buildings import MaskedBuildings, stack_masked, stream_sampled
 from bsg_data.recipes import MaskRecipe
 from bsg_models.evaluation.bootstrap import Bootstrap, bootstrap
 from bsg_models.evaluation.building_means import (
     BuildingMeans,
+    add_buildings,
     join_buildings,
     sum_buildings,
 )
@@ -53,16 +54,16 @@ class FoldModel:
     scenes: tuple[str, ...]
     run: Path
 
+    def stream(self, mask: MaskRecipe, *, draws: int) -> Iterator[MaskedBuildings]:
+        """Yield masks 0 to `draws` - 1 of every building of the fold, some at a time."""
+        for draw in range(draws):
+            yield from stream_sampled(
+                self.data, self.scenes, mask=mask, draw=draw, vocabulary=self.model.vocabulary
+            )
+
     def sample(self, mask: MaskRecipe, *, draws: int) -> MaskedBuildings:
         """Return masks 0 to `draws` - 1 of every building of the fold."""
-        return stack_masked(
-            [
-                sample_masked(
-                    self.data, self.scenes, mask=mask, draw=draw, vocabulary=self.model.vocabulary
-                )
-                for draw in range(draws)
-            ]
-        )
+        return stack_masked(list(self.stream(mask, draws=draws)))
 
 
 def list_models(board: Path, masks: Sequence[str] | None = None) -> tuple[str, ...]:
@@ -169,11 +170,13 @@ def measure_models(
     parts = []
     with one_thread():
         for one in models:
-            masked = one.sample(mask, draws=draws)
-            truth = read_truth(masked)
-            told = replace(masked, seen=masked.seen.without(*without)) if without else masked
-            shares = tally(truth, masked, predict_all(one.model, told))
-            parts.append(sum_buildings(truth.scene_ids, truth.building, shares))
+            batches = []
+            for masked in one.stream(mask, draws=draws):
+                truth = read_truth(masked)
+                told = replace(masked, seen=masked.seen.without(*without)) if without else masked
+                shares = tally(truth, masked, predict_all(one.model, told))
+                batches.append(sum_buildings(truth.scene_ids, truth.building, shares))
+            parts.append(add_buildings(batches))
     return join_buildings(parts, by_fold=by_fold)
 
 

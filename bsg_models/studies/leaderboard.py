@@ -30,14 +30,14 @@ from bsg_data.lock import hold
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_models.errors import TrainingError
-from bsg_models.evaluation.bootstrap import Bootstrap, bootstrap
+from bsg_models.evaluation.bootstrap import Bootstrap
 from bsg_models.evaluation.measurement import (
-    Measurement,
-    SplitsMeasurement,
+    SplitWeights,
+    StreamedMeasurement,
     predict_all,
     read_truth,
 )
-from bsg_models.inputs.graphs import read_split
+from bsg_models.inputs.folds import scenes_of
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import BEST, is_finished
 from bsg_models.studies.leaderboard_runs import (
@@ -48,6 +48,7 @@ from bsg_models.studies.leaderboard_runs import (
     run_of,
     trained_on,
 )
+from bsg_models.studies.survey import stream_batches
 from bsg_models.training.training import combine_runs, member_config, train_run
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.threads import one_thread
@@ -114,6 +115,7 @@ def make_leaderboard(
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise DatasetError(f"{out}: cannot be made ({error.strerror})") from error
+    out = out.absolute()  # who trains may stand in another folder
     runs = plan_runs(models, recipe)
     with hold(out):
         for mask in dict.fromkeys((*recipe.masks, *runs.masks)):
@@ -213,16 +215,19 @@ def _combine(folder: Path, name: str, config: RunConfig, names: Mapping[str, str
 def _measure(out: Path, mask: str, place: Place, recipe: LeaderboardRecipe) -> ModelResult:
     """Measure one model over all folds, on one kind of mask."""
     data = Dataset.open(out / mask / DATASET)
-    splits, seconds = [], 0.0
+    measured, seconds = [], 0.0
+    scenes = [scenes_of(data, "test", fold=fold) for fold in range(recipe.folds)]
+    weights = SplitWeights(scenes, resamples=recipe.resamples, seed=recipe.seed)
     with one_thread():
         for fold in range(recipe.folds):
             run = run_of(out / place.mask, place.name, fold)
             model = restore_model(run / BEST, load_checkpoint(run / BEST))
-            masked = read_split(data, "test", fold=fold, vocabulary=model.vocabulary)
-            splits.append(Measurement(read_truth(masked), predict_all(model, masked)))
+            streamed = StreamedMeasurement(scenes[fold], weights.of_split(fold))
+            for masked in stream_batches(data, "test", fold=fold, vocabulary=model.vocabulary):
+                streamed.add(read_truth(masked), predict_all(model, masked))
+            measured.append(streamed.finish())
             seconds += _read_seconds(run) / recipe.folds
-        metrics = bootstrap(SplitsMeasurement(splits), resamples=recipe.resamples, seed=recipe.seed)
-    return ModelResult(metrics, seconds)
+    return ModelResult(weights.average(measured).bootstrap(), seconds)
 
 
 def _write_seconds(run: Path, seconds: float) -> None:

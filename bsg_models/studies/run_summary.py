@@ -91,6 +91,12 @@ class RunSummary:
             if isinstance(begun, Begun)
         )
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the last training left out; nothing of one that was killed or runs."""
+        ended = self.trainings[-1][1] if self.trainings else None
+        return ended.notes if ended else ()
+
     def encode(self) -> dict[str, Any]:
         """Return the summary, ready for JSON."""
         return {

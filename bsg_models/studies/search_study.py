@@ -139,7 +139,11 @@ def study_search(
     if recipe.truth == "posterior" and None in runs.values():
         raise RecipeError("truth posterior needs a belief: give the run of a model")
     own = {name: chosen[name] for name in planners or {}}
-    tasks = [(dataset, run, scene, recipe, own, keep) for scene, run in runs.items()]
+    place = dataset.absolute()  # who works on a building may stand in another folder
+    tasks = [
+        (place, None if run is None else run.absolute(), scene, recipe, own, keep)
+        for scene, run in runs.items()
+    ]
     by_building = run_all(search_building, tasks, executor=executor, progress=progress)
     left_out: dict[str, dict[str, int]] = {}
     searches = []

@@ -7,27 +7,23 @@ was stopped therefore goes on to the same weights as one that was not.
 
 from __future__ import annotations
 
+import copy
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from torch.utils.data import DataLoader
+from torch import nn
+from torch.nn.parallel import DistributedDataParallel
 from torch_geometric.data import Data
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.files import write_bytes
-from bsg_data.observation.masked_buildings import (
-    MaskedBuildings,
-    sample_masked,
-    stack_masked,
-    stream_sampled,
-)
+from bsg_data.observation.masked_buildings import BATCH
 from bsg_models.errors import TrainingError
-from bsg_models.inputs.folds import scenes_of
-from bsg_models.inputs.graphs import read_split, stream_split
+from bsg_models.inputs.batches import in_batches
 from bsg_models.runs.checkpoint import (
     CheckpointHeader,
     load_checkpoint,
@@ -36,6 +32,12 @@ from bsg_models.runs.checkpoint import (
     save_checkpoint,
 )
 from bsg_models.runs.run_folder import BEST, LAST, METRICS, make_header, name_tensors
+from bsg_models.training.buildings import (
+    TrainingBuildings,
+    count_validation,
+    epoch_seed,
+    stream_validation,
+)
 from bsg_models.training.learning_curve import EpochReport, encode_metrics, read_metrics
 from bsg_models.training.optimiser import (
     learning_rate,
@@ -43,99 +45,135 @@ from bsg_models.training.optimiser import (
     make_optimiser,
     optimiser_state,
 )
+from bsg_models.training.ranks import Ranks
 from bsg_models.zoo.config import RunConfig
-from bsg_models.zoo.model import BeliefModel, Network
-from bsg_models.zoo.settings import TrainingConfig
+from bsg_models.zoo.model import Network
 
-_VAL_BATCH = 256  # buildings
-_VAL_DRAWS = 10  # of every val building, where the stored pairs are not what is trained for
+_HELD = 1024  # masked buildings whose graphs stay in memory to validate on
 
 
-class TrainingBuildings:
-    """The masked buildings of every epoch of one training, from a dataset that was opened once."""
-
-    def __init__(self, config: RunConfig, data: Dataset, model: BeliefModel) -> None:
-        self._data, self._choice, self._vocabulary = data, config.data, model.vocabulary
-        self.val = validation_buildings(config, data, vocabulary=model.vocabulary)
-        self._scenes = scenes_of(data, "train", fold=config.data.fold)
-        self._fixed = (
-            read_split(data, "train", fold=config.data.fold, vocabulary=model.vocabulary)
-            if config.data.masks == "fixed"
-            else None
-        )
-
-    def steps_of(self, training: TrainingConfig) -> int:
-        """Return the number of steps of an epoch."""
-        number = len(self._scenes) if self._fixed is None else len(self._fixed)
-        return -(-number // training.batch_size)
-
-    def of_epoch(self, epoch: int) -> MaskedBuildings:
-        """Return the stored pairs, or mask number `epoch` of every training building."""
-        if self._fixed is not None:
-            return self._fixed
-        return sample_masked(
-            self._data,
-            self._scenes,
-            mask=self._choice.fresh_mask,
-            draw=epoch,
-            fractions=self._choice.fractions,
-            vocabulary=self._vocabulary,
-        )
-
-
-def stream_validation(
-    config: RunConfig, data: Dataset, *, vocabulary: tuple[str, ...]
-) -> Iterator[MaskedBuildings]:
-    """Yield val under masks of the kind that is trained on: stored pairs, or ten fresh masks.
-
-    Some buildings at a time, so that no more of them are held, however many there are.
+class Validation:
+    """What a training is validated on; small data stay in memory as the graphs that are read.
 
     Args:
+        model: the network that is trained, or another that reads the same.
         config: of the run.
         data: an open dataset.
-        vocabulary: categories outside the classes that are looked for.
 
     Raises:
         DatasetError: if stored pairs are needed, and there are none.
     """
-    choice, pairs = config.data, data.manifest.pairs
-    if not choice.needs_own_masks(pairs.mask if pairs else None):
-        yield from stream_split(data, "val", fold=choice.fold, vocabulary=vocabulary)
-        return
-    scenes = scenes_of(data, "val", fold=choice.fold)
-    for draw in range(_VAL_DRAWS):
-        yield from stream_sampled(
-            data,
-            scenes,
-            mask=choice.fresh_mask,
-            draw=draw,
-            fractions=choice.fractions,
-            vocabulary=vocabulary,
-        )
+
+    def __init__(self, model: Network, config: RunConfig, data: Dataset) -> None:
+        self._model, self._config, self._data = model, config, data
+        held = count_validation(config, data) <= _HELD
+        self._graphs = list(self._read()) if held else None
+        if not held:
+            next(self._read())  # says what is missing before anything is replaced
+
+    def loss(self, model: Network) -> float:
+        """Return a model's loss per cell (node, class)."""
+        parts = [model.validation_loss(some) for some in self._graphs or self._read()]
+        return sum(total for total, _ in parts) / max(sum(cells for _, cells in parts), 1)
+
+    def _read(self) -> Iterator[Data]:
+        masked = stream_validation(self._config, self._data, vocabulary=self._model.vocabulary)
+        for some in in_batches(masked, BATCH):
+            yield self._model.graph_of(some.seen, some.targets)
 
 
-def validation_buildings(
-    config: RunConfig, data: Dataset, *, vocabulary: tuple[str, ...]
-) -> MaskedBuildings:
-    """Return all that `stream_validation` yields, as one.
+class GradientSteps:
+    """The steps of a training: what computes them, on what device, in how many processes.
 
-    Raises:
-        DatasetError: if stored pairs are needed, and there are none.
+    Args:
+        model: that is trained; it is moved to the device.
+        config: of the run.
+        device: that the steps are computed on.
+        ranks: this process among those of the training.
     """
-    return stack_masked(list(stream_validation(config, data, vocabulary=vocabulary)))
+
+    def __init__(
+        self, model: Network, config: RunConfig, *, device: torch.device, ranks: Ranks
+    ) -> None:
+        self.model = model.to(device)
+        self.optimiser = make_optimiser(model, config.training)
+        self._config, self._device, self._ranks = config, device, ranks
+        self._loss: Callable[[Data], torch.Tensor] = model.loss
+
+    def join(self) -> None:
+        """Begin with the weights of the process that leads, and share gradients from now on."""
+        if self._ranks.size > 1:
+            self._loss = DistributedDataParallel(_LossModule(self.model))
+
+    def train_epoch(self, buildings: TrainingBuildings, epoch: int) -> float:
+        """Take the steps of an epoch; return the mean of their losses."""
+        training, ranks = self._config.training, self._ranks
+        torch.manual_seed(epoch_seed(self._config, epoch, rank=ranks.number))  # of dropout
+        batches, steps = buildings.batches(epoch), buildings.steps
+        self.model.train()
+        losses, graphs = [], Data()
+        for step in range((epoch - 1) * steps, epoch * steps):
+            some = next(batches, None)  # none of the last batch, if it has fewer than processes
+            if some is not None:
+                graphs = self.model.graph_of(some.seen, some.targets).to(self._device)
+            for group in self.optimiser.param_groups:
+                group["lr"] = learning_rate(training, step, steps=steps * training.epochs)
+            self.optimiser.zero_grad()
+            loss = self._weigh(self._loss(graphs), graphs, takes=some is not None)
+            loss.backward()  # type: ignore[no-untyped-call]
+            if training.clip is not None:
+                nn.utils.clip_grad_norm_(self.model.parameters(), training.clip)
+            self.optimiser.step()
+            losses.append(loss.detach() / ranks.size)
+        total = ranks.add(torch.stack(losses))
+        return float(np.mean(total.cpu().numpy().astype(np.float64)))
+
+    def _weigh(self, loss: torch.Tensor, graphs: Data, *, takes: bool) -> torch.Tensor:
+        """Return the loss so that its mean over the processes is that of the whole batch.
+
+        One that takes no share of the batch computes that of the batch before, which weighs 0.
+        """
+        if self._ranks.size == 1:
+            return loss
+        cells = self.model.cells_of(graphs) if takes else 0
+        every = torch.tensor(float(cells), device=self._device)
+        every = self._ranks.add(every).clamp(min=1)
+        return loss * (self._ranks.size * cells) / every
+
+    def on_cpu(self) -> Network:
+        """Return the model on the CPU, to validate it or to save it."""
+        return self.model if self._device.type == "cpu" else copy.deepcopy(self.model).cpu()
+
+
+class _LossModule(nn.Module):
+    """The loss as what a module returns, which `DistributedDataParallel` asks for."""
+
+    def __init__(self, model: Network) -> None:
+        super().__init__()
+        self.model = model
+
+    def forward(self, graphs: Data) -> torch.Tensor:
+        return self.model.loss(graphs)
 
 
 def train_epochs(
-    model: Network, config: RunConfig, data: Dataset, run: Path, buildings: TrainingBuildings
+    steps: GradientSteps,
+    config: RunConfig,
+    data: Dataset,
+    run: Path,
+    buildings: TrainingBuildings,
+    validation: Validation | None,
 ) -> Iterator[EpochReport]:
     """Train a model from its last checkpoint, or from the start, into the folder of a run.
 
     Args:
-        model: new, or of any weights if the run has a last checkpoint.
+        steps: of a model that is new, or of any weights if the run has a last checkpoint.
         config: of the run.
         data: an open dataset.
         run: folder, which the caller holds; what it has is of `require_same_training`.
         buildings: of every epoch.
+        validation: what is validated on; None in a process that does not lead, which writes
+            nothing.
 
     Yields:
         one report an epoch.
@@ -144,19 +182,19 @@ def train_epochs(
         TrainingError: if the loss is not finite, or the run lost a part.
     """
     training = config.training
-    optimiser = make_optimiser(model, training)
     start, best_epoch, best_loss = 0, 0, float("inf")
     rows: list[EpochReport] = []
     if (run / LAST).exists():
-        header = _restore(model, optimiser, run)
+        header = _restore(steps.model, steps.optimiser, run)
         start, best_epoch, best_loss = header.epoch, header.best_epoch, header.best_loss or 0.0
         rows = [row for row in read_metrics(run / METRICS) if row.epoch <= start]
+    steps.join()
     for epoch in range(start + 1, training.epochs + 1):
         began = time.perf_counter()
-        train_loss = _train_epoch(model, optimiser, config, buildings, epoch=epoch)
+        train_loss = steps.train_epoch(buildings, epoch)
         val_loss = None
-        if epoch % training.validate_every == 0 or epoch == training.epochs:
-            val_loss = validation_loss(model, buildings.val)
+        if validation and (epoch % training.validate_every == 0 or epoch == training.epochs):
+            val_loss = validation.loss(steps.on_cpu())
         if not np.isfinite([train_loss, val_loss or 0.0]).all():
             raise TrainingError(
                 f"{run}: the loss of epoch {epoch} is not finite (training {train_loss}, "
@@ -179,19 +217,24 @@ def train_epochs(
             header = make_header(
                 config,
                 data,
-                vocabulary=model.vocabulary,
+                vocabulary=steps.model.vocabulary,
                 epoch=epoch,
                 val_loss=val_loss,
                 best_epoch=best_epoch,
                 best_loss=best_loss,
             )
-            state = name_tensors("model", model.state_dict())
             write_bytes(run / METRICS, encode_metrics(rows))
-            if is_best:
-                save_checkpoint(run / BEST, header, state)
-            adam = name_tensors("adam", optimiser_state(optimiser, model))
-            save_checkpoint(run / LAST, header, {**state, **adam})
+            _save(steps, header, run, is_best=is_best)
         yield report
+
+
+def _save(steps: GradientSteps, header: CheckpointHeader, run: Path, *, is_best: bool) -> None:
+    """Write the last checkpoint, and the best one if it is that."""
+    state = name_tensors("model", steps.on_cpu().state_dict())
+    if is_best:
+        save_checkpoint(run / BEST, header, state)
+    adam = name_tensors("adam", optimiser_state(steps.optimiser, steps.model))
+    save_checkpoint(run / LAST, header, {**state, **adam})
 
 
 def _restore(model: Network, optimiser: torch.optim.Optimizer, run: Path) -> CheckpointHeader:
@@ -205,68 +248,8 @@ def _restore(model: Network, optimiser: torch.optim.Optimizer, run: Path) -> Che
     return checkpoint.header
 
 
-def load_graphs(
-    model: Network,
-    masked: MaskedBuildings,
-    *,
-    batch_size: int,
-    generator: torch.Generator | None = None,
-) -> DataLoader[Data]:
-    """Return masked buildings batch by batch, in random order if a generator is given."""
-
-    def batch(numbers: list[int]) -> Data:
-        some = masked.take(numbers)
-        return model.graph_of(some.seen, some.targets)
-
-    return DataLoader(
-        range(len(masked)),  # type: ignore[arg-type] # what a batch is made of are numbers
-        batch_size=batch_size,
-        shuffle=generator is not None,
-        generator=generator,
-        collate_fn=batch,
-    )
-
-
-def validation_loss(model: Network, masked: MaskedBuildings) -> float:
-    """Return a model's validation loss per cell (node, class)."""
-    batches = load_graphs(model, masked, batch_size=_VAL_BATCH)
-    parts = [model.validation_loss(batch) for batch in batches]
-    return sum(total for total, _ in parts) / max(sum(cells for _, cells in parts), 1)
-
-
-def _train_epoch(
-    model: Network,
-    optimiser: torch.optim.Optimizer,
-    config: RunConfig,
-    buildings: TrainingBuildings,
-    *,
-    epoch: int,
-) -> float:
-    training = config.training
-    seed = int(np.random.SeedSequence([config.seed, epoch]).generate_state(1)[0])
-    torch.manual_seed(seed)  # of dropout
-    order = torch.Generator().manual_seed(seed)
-    loader = load_graphs(
-        model, buildings.of_epoch(epoch), batch_size=training.batch_size, generator=order
-    )
-    steps = buildings.steps_of(training)
-    losses = []
-    for step, batch in enumerate(loader, start=(epoch - 1) * steps):
-        for group in optimiser.param_groups:
-            group["lr"] = learning_rate(training, step, steps=steps * training.epochs)
-        model.train()
-        optimiser.zero_grad()
-        loss = model.loss(batch)
-        loss.backward()  # type: ignore[no-untyped-call]
-        if training.clip is not None:
-            torch.nn.utils.clip_grad_norm_(model.parameters(), training.clip)
-        optimiser.step()
-        losses.append(loss.item())
-    return float(np.mean(losses))
-
-
 def require_same_training(config: RunConfig, data: Dataset, run: Path) -> None:
-    """Refuse to go on with a run of another dataset or configuration; only its epochs may differ.
+    """Refuse to go on with a run of another dataset or configuration; epochs and device may differ.
 
     Raises:
         TrainingError: naming what differs.
@@ -288,16 +271,14 @@ def require_same_training(config: RunConfig, data: Dataset, run: Path) -> None:
             f"{path}: its learning rate falls over {header.config.training.epochs} epochs "
             "(training.schedule one-cycle), so that it cannot be made longer; --force starts again"
         )
-    same = config.model_copy(
-        update={
-            "training": config.training.model_copy(update={"epochs": header.config.training.epochs})
-        }
-    )
+    theirs = header.config.training
+    aside = {"epochs": theirs.epochs, "device": theirs.device}
+    same = config.model_copy(update={"training": config.training.model_copy(update=aside)})
     if header.config != same:
         differing = ", ".join(_differences(header.config.model_dump(), same.model_dump()))
         raise TrainingError(
             f"{path}: was trained with another configuration ({differing}); only training.epochs "
-            "may change. Choose another --out, or --force"
+            "and training.device may change. Choose another --out, or --force"
         )
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import cast
 
@@ -11,7 +12,7 @@ import torch
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.masked_buildings import MaskedBuildings
-from bsg_models.belief.count_distribution import concatenate
+from bsg_models.belief.count_distribution import CountDistribution, concatenate
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of, vocabulary_of
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model, save_checkpoint
@@ -27,13 +28,15 @@ from bsg_models.runs.run_folder import (
     save_fitted,
 )
 from bsg_models.runs.run_log import keep_log
+from bsg_models.training.buildings import TrainingBuildings, stream_validation
 from bsg_models.training.epochs import (
-    TrainingBuildings,
+    GradientSteps,
+    Validation,
     require_same_training,
     train_epochs,
-    validation_buildings,
 )
 from bsg_models.training.learning_curve import EpochReport
+from bsg_models.training.ranks import Ranks, find_device, join_ranks
 from bsg_models.zoo.calibration import (
     CalibratedModel,
     fit_calibration,
@@ -43,10 +46,12 @@ from bsg_models.zoo.calibration import (
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.construction import find_member, make_model, reads_categories
 from bsg_models.zoo.ensemble import Ensemble, EnsembleConfig
+from bsg_models.zoo.masked_rooms import take_sample
 from bsg_models.zoo.model import BeliefModel, Network
 from bsg_models.zoo.threads import one_thread
 
 _BATCH = 256  # buildings
+_CALIBRATED_ROOMS = 5_000  # under masks; the distributions of so many are a few hundred megabytes
 
 
 def train_run(
@@ -62,6 +67,8 @@ def train_run(
         resume: go on from `last.safetensors`; without it, start.
         force: replace a run that is there.
 
+    Several processes that torchrun started train one network together: one of them writes.
+
     Yields:
         one report an epoch; a model that is fitted by counting yields none.
 
@@ -69,31 +76,71 @@ def train_run(
         TrainingError: if the run is in the way, cannot be resumed, or the loss is not finite.
         DatasetError: if the dataset lacks a split or its pairs.
     """
-    data = Dataset.open(dataset)
-    refuse_overwriting(run, resume=resume, force=force)
-    if isinstance(config.model, EnsembleConfig):
-        yield from _train_ensemble(config, config.model, data, run, resume=resume, force=force)
-        return
-    model = new_model(config, data)
-    if not isinstance(model, Network) and resume:
-        raise TrainingError(
-            f"{config.model.family} is fitted by counting: there is nothing to resume"
-        )
-    # A dataset that cannot be trained on fails here, before anything is replaced.
-    masked = TrainingBuildings(config, data, model) if isinstance(model, Network) else None
-    with open_run(run), one_thread():
+    data, device = Dataset.open(dataset), find_device(config.training.device)
+    with join_ranks(device) as ranks:
+        if ranks.leads:
+            refuse_overwriting(run, resume=resume, force=force)
+        if isinstance(config.model, EnsembleConfig):
+            _refuse_several(ranks, "an ensemble trains one member after another")
+            yield from _train_ensemble(config, config.model, data, run, resume=resume, force=force)
+            return
+        model = new_model(config, data)
+        if isinstance(model, Network):
+            steps = GradientSteps(model, config, device=device, ranks=ranks)
+            yield from _train_network(steps, config, data, run, ranks, resume=resume)
+            return
+        _refuse_several(ranks, f"{config.model.family} is fitted by counting")
         if resume:
-            require_same_training(config, data, run)
-        else:
-            clear_run(run)
-        with keep_log(run, config, data):
+            raise TrainingError(
+                f"{config.model.family} is fitted by counting: there is nothing to resume"
+            )
+        _fit_by_counting(model, config, data, run)
+
+
+def _refuse_several(ranks: Ranks, why: str) -> None:
+    if ranks.size > 1:
+        raise TrainingError(f"{why}: train it by one process, without torchrun")
+
+
+def _fit_by_counting(model: BeliefModel, config: RunConfig, data: Dataset, run: Path) -> None:
+    with open_run(run), one_thread():
+        clear_run(run)
+        with keep_log(run, config, data) as notes:
             model.fit(data, config.data)
-            if not isinstance(model, Network) or masked is None:
-                calibrated = calibrate_if_wanted(model, config, data)
-                save_fitted(model, config, data, run, calibrated=calibrated)
-                return
-            yield from train_epochs(model, config, data, run, masked)
-            calibrate_run(config, data, run)
+            calibrated = calibrate_if_wanted(model, config, data)
+            save_fitted(model, config, data, run, calibrated=calibrated)
+            notes += model.notes
+
+
+def _train_network(
+    steps: GradientSteps,
+    config: RunConfig,
+    data: Dataset,
+    run: Path,
+    ranks: Ranks,
+    *,
+    resume: bool,
+) -> Iterator[EpochReport]:
+    """Train by gradient; the process that leads holds the run's folder and writes into it."""
+    model = steps.model
+    # A dataset that cannot be trained on fails here, before anything is replaced.
+    buildings = TrainingBuildings(config, data, vocabulary=model.vocabulary, ranks=ranks)
+    validation = Validation(model, config, data) if ranks.leads else None
+    notes: list[str] = []
+    with ExitStack() as held:
+        if ranks.leads:
+            held.enter_context(open_run(run))
+            if resume:
+                require_same_training(config, data, run)
+            else:
+                clear_run(run)
+            notes = held.enter_context(keep_log(run, config, data))
+        ranks.wait()  # until the folder is as the training begins with it
+        held.enter_context(one_thread())
+        model.fit(data, config.data)
+        yield from train_epochs(steps, config, data, run, buildings, validation)
+        if ranks.leads:
+            notes += calibrate_run(config, data, run)
 
 
 def new_model(config: RunConfig, data: Dataset) -> BeliefModel:
@@ -114,40 +161,62 @@ def new_model(config: RunConfig, data: Dataset) -> BeliefModel:
     )
 
 
-def calibrate_run(config: RunConfig, data: Dataset, run: Path) -> None:
-    """Calibrate a run's best checkpoint, if its configuration says so."""
+def calibrate_run(config: RunConfig, data: Dataset, run: Path) -> tuple[str, ...]:
+    """Calibrate a run's best checkpoint, if its configuration says so; return the model's notes."""
     checkpoint = load_checkpoint(run / BEST)
     model = restore_model(run / BEST, checkpoint)
     if calibrate_if_wanted(model, config, data):
         header = checkpoint.header.model_copy(update={"calibrated": True})
         save_checkpoint(run / BEST, header, name_tensors("model", model.state_dict()))
+    return model.notes
 
 
 def calibrate_if_wanted(model: BeliefModel, config: RunConfig, data: Dataset) -> bool:
     """Calibrate a model on val if its configuration says so; say whether."""
     if not (isinstance(model, CalibratedModel) and getattr(config.model, "calibrate", False)):
         return False
-    calibrate(model, validation_buildings(config, data, vocabulary=model.vocabulary))
+    calibrate(model, stream_validation(config, data, vocabulary=model.vocabulary))
     return True
 
 
-def calibrate(model: CalibratedModel, masked: MaskedBuildings) -> None:
-    """Fit a model's calibration on masked buildings with their targets."""
-    parts, hiddens, shares = [], [], []
-    for some in masked.batches(_BATCH):
-        rooms = np.flatnonzero(~some.seen.is_building)
-        parts.append(model.predict_hidden_counts(some.seen).take(rooms))
-        hiddens.append(some.hidden[rooms].astype(np.float64))
-        shares.append(some.seen.cell_share[rooms])
-    learned, hidden = concatenate(parts), np.concatenate(hiddens)
-    if not len(hidden):
+def calibrate(model: CalibratedModel, batches: Iterable[MaskedBuildings]) -> None:
+    """Fit a model's calibration on masked buildings with their targets.
+
+    Of many rooms it reads a sample: what is fitted is seven numbers, and the distributions of all
+    rooms are held at once. A note of the model says so.
+
+    Args:
+        model: whose calibration is fitted.
+        batches: one or more; the result does not depend on how buildings are dealt to them.
+    """
+    masked, buildings = take_sample(batches, most=_CALIBRATED_ROOMS)
+    if len(masked) < buildings:
+        note = (
+            f"calibrated on {len(masked):,} of {buildings:,} masked val buildings, drawn at "
+            f"random: {_CALIBRATED_ROOMS:,} rooms at most"
+        )
+        model.notes = (*model.notes, note)
+    rooms = ~masked.seen.is_building
+    if not rooms.any():
         return
+    hidden = masked.hidden[rooms].astype(np.float64)
+    learned = _predict_rooms(model, masked)
     fitted = fit_calibration(learned, hidden)
     model.calibration.copy_(torch.from_numpy(fitted))
     lines = fit_presence_calibration(
-        recalibrate(learned, fitted), hidden, share=np.concatenate(shares)
+        recalibrate(learned, fitted), hidden, share=masked.seen.cell_share[rooms]
     )
     model.presence_calibration.copy_(torch.from_numpy(lines))
+
+
+def _predict_rooms(model: CalibratedModel, masked: MaskedBuildings) -> CountDistribution:
+    """Return the hidden counts of all rooms as learned, some buildings at a time."""
+    return concatenate(
+        [
+            model.predict_hidden_counts(some.seen).take(np.flatnonzero(~some.seen.is_building))
+            for some in masked.batches(_BATCH)
+        ]
+    )
 
 
 def _train_ensemble(
@@ -165,14 +234,14 @@ def _train_ensemble(
     with open_run(run):
         if not resume:
             clear_run(run)
-        with keep_log(run, config, data):
+        with keep_log(run, config, data) as notes:
             for name, folder in members.items():
                 member = member_config(config, name)
                 if resume and is_finished(folder, member, data):
                     continue
                 again = resume and (folder / LAST).is_file()
                 yield from train_run(member, data.path, folder, resume=again, force=force or resume)
-            _combine(config, data, members, run)
+            notes += _combine(config, data, members, run)
 
 
 def member_config(config: RunConfig, name: str) -> RunConfig:
@@ -192,11 +261,14 @@ def combine_runs(config: RunConfig, data: Dataset, members: Mapping[str, Path], 
         members: name in the zoo → folder of its run.
         run: folder of the ensemble.
     """
-    with open_run(run), keep_log(run, config, data):
-        _combine(config, data, members, run)
+    with open_run(run), keep_log(run, config, data) as notes:
+        notes += _combine(config, data, members, run)
 
 
-def _combine(config: RunConfig, data: Dataset, members: Mapping[str, Path], run: Path) -> None:
+def _combine(
+    config: RunConfig, data: Dataset, members: Mapping[str, Path], run: Path
+) -> tuple[str, ...]:
+    """Mix the members, calibrate and save; return the notes of the mixture."""
     model = cast(Ensemble, new_model(config, data))
     for name, folder in members.items():
         trained = restore_model(folder / BEST, load_checkpoint(folder / BEST))
@@ -205,3 +277,4 @@ def _combine(config: RunConfig, data: Dataset, members: Mapping[str, Path], run:
         calibrated = calibrate_if_wanted(model, config, data)
         recipes = {name: member_config(config, name) for name in members}
         save_fitted(model, config, data, run, calibrated=calibrated, members=recipes)
+    return model.notes

@@ -77,10 +77,14 @@ class TrainMeanModel(BeliefModel):
     def fit(self, data: Dataset, choice: DataConfig) -> None:
         """Average the histograms of the training buildings and of their rooms."""
         scenes = scenes_of(data, "train", fold=choice.fold)
-        histograms = [to_histograms(data.cells(scene)) for scene in scenes]
-        rooms = np.concatenate([h[1:] for h in histograms])
-        self.room_mean.copy_(torch.from_numpy(rooms.mean(axis=0)))
-        self.building_mean.copy_(torch.from_numpy(np.mean([h[0] for h in histograms], axis=0)))
+        rooms, of_rooms, of_buildings = 0, *np.zeros((2, len(self.room_mean)))
+        for some in data.in_parts(scenes):
+            for histograms in (to_histograms(data.cells(scene)) for scene in some):
+                rooms += len(histograms) - 1
+                of_rooms += histograms[1:].sum(axis=0)
+                of_buildings += histograms[0]
+        self.room_mean.copy_(torch.from_numpy(of_rooms / rooms))
+        self.building_mean.copy_(torch.from_numpy(of_buildings / len(scenes)))
 
     def predict(self, seen: Observation) -> Expectation:
         """Return the mean, whatever was seen."""

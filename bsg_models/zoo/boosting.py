@@ -4,7 +4,8 @@
 
 x is what the room shows, its mask and its building; f the share that is hidden, an offset of the
 trees. r is fitted afterwards to what the trees leave unexplained. LightGBM (extra `boosting`) grows
-the trees and writes them as text, which is what a checkpoint holds.
+the trees and writes them as text, which is what a checkpoint holds. It holds all rooms at once, of
+which there are `bsg_models.zoo.masked_rooms.MOST_ROOMS` at most: of more it reads a sample.
 """
 
 from __future__ import annotations
@@ -23,10 +24,11 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import MIN_RATE, CountDistribution, negative_binomial
 from bsg_models.errors import CheckpointError, TrainingError
+from bsg_models.inputs.folds import scenes_of
 from bsg_models.zoo.calibration import CalibratedModel
 from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.gamma_poisson import fit_dispersion
-from bsg_models.zoo.masked_rooms import sample_chosen
+from bsg_models.zoo.masked_rooms import choose_buildings, describe_sample, sample_chosen
 from bsg_models.zoo.model import ModelInputs, others_of, to_array
 from bsg_models.zoo.settings import DataConfig, ModelConfig
 from bsg_models.zoo.training_recipes import VARIED
@@ -80,7 +82,12 @@ class PoissonBoosting(CalibratedModel):
     def fit(self, data: Dataset, choice: DataConfig) -> None:
         """Grow the trees of every class."""
         lightgbm = _import_lightgbm()
-        masked = sample_chosen(data, choice, draws=self.config.draws, vocabulary=self.vocabulary)
+        scenes, every = choose_buildings(data, choice), scenes_of(data, "train", fold=choice.fold)
+        if len(scenes) < len(every):
+            self.notes = (describe_sample(len(scenes), len(every)),)
+        masked = sample_chosen(
+            data, choice, scenes, draws=self.config.draws, vocabulary=self.vocabulary
+        )
         share = masked.seen.hidden_share.astype(np.float64)
         rows = ~masked.seen.is_building & (share > 0)
         if not rows.any():

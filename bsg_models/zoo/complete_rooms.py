@@ -49,10 +49,7 @@ def tally_rooms(data: Dataset, scenes: Sequence[str]) -> list[Tally]:
         tallies = _add(tallies, np.stack([pairs, times]))
     counts, owners = np.divmod(tallies[0], max(classes, 1))
     return [
-        (
-            np.concatenate([[0], counts[owners == c]]),
-            np.concatenate([[number - tallies[1, owners == c].sum()], tallies[1, owners == c]]),
-        )
+        _with_none(counts[owners == c], tallies[1, owners == c], rooms=number)
         for c in range(classes)
     ]
 
@@ -61,6 +58,14 @@ def _each_part(data: Dataset, scenes: Sequence[str]) -> Iterator[Ints]:
     """Yield the counts `[R, C]` of the rooms of every part."""
     for some in data.in_parts(scenes):
         yield np.concatenate([data.cells(scene)[1:] for scene in some])
+
+
+def _with_none(counts: Ints, times: Ints, *, rooms: int) -> Tally:
+    """Return a tally of counts above 0 with the rooms that have none, if there are any."""
+    without = rooms - int(times.sum())
+    if not without:
+        return counts, times
+    return np.concatenate([[0], counts]), np.concatenate([[without], times])
 
 
 def _add(one: Ints, other: Ints) -> Ints:

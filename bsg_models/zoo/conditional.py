@@ -35,7 +35,7 @@ from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import zero_inflated
 from bsg_models.belief.expectation import Expectation, from_hidden_counts
 from bsg_models.zoo.catalogue import ZooRow
-from bsg_models.zoo.masked_rooms import sample_uniform
+from bsg_models.zoo.masked_rooms import stream_uniform
 from bsg_models.zoo.model import BeliefModel, ModelInputs, to_array
 from bsg_models.zoo.room_sums import sum_rooms
 from bsg_models.zoo.settings import DataConfig, ModelConfig
@@ -85,16 +85,24 @@ class ConditionalModel(BeliefModel):
 
     def fit(self, data: Dataset, choice: DataConfig) -> None:
         """Count on masks of the training rooms."""
-        masked = sample_uniform(data, choice, draws=self.config.draws)
-        rooms = ~masked.seen.is_building
-        hidden = masked.hidden[rooms].astype(np.float64)
-        observed = self._observe(masked.seen.inputs[rooms].astype(np.float64))
-        number = observed.sum(axis=0)[:, None]
+        rows, classes = len(self.presence) - 1, self.presence.shape[1]
+        rooms, number = 0, np.zeros((rows, 1))  # rooms with each observation
+        given, total = np.zeros((2, rows, classes)), np.zeros((2, classes))
+        for masked in stream_uniform(data, choice, draws=self.config.draws):
+            is_room = ~masked.seen.is_building
+            hidden = masked.hidden[is_room].astype(np.float64)
+            observed = self._observe(masked.seen.inputs[is_room].astype(np.float64))
+            rooms += len(hidden)
+            number += observed.sum(axis=0)[:, None]
+            for row, values in enumerate(((hidden > 0).astype(float), hidden)):
+                given[row] += observed.T @ values
+                total[row] += values.sum(axis=0)
         s = self.config.smoothing
-        for table, values in ((self.presence, (hidden > 0).astype(float)), (self.hidden, hidden)):
-            overall = values.mean(axis=0)
-            given = (observed.T @ values + s * overall) / (number + s)
-            table.copy_(torch.from_numpy(np.vstack([given, overall])))
+        for row, table in enumerate((self.presence, self.hidden)):
+            overall = total[row] / rooms
+            table.copy_(
+                torch.from_numpy(np.vstack([(given[row] + s * overall) / (number + s), overall]))
+            )
         self.fraction.fill_(choice.mask.fraction)
 
     def predict(self, seen: Observation) -> Expectation:

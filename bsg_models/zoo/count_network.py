@@ -61,12 +61,16 @@ class CountNetwork(CalibratedModel, Network):
     def fit(self, data: Dataset, choice: DataConfig) -> None:
         """Let the head start from the mean histogram of the training rooms."""
         scenes = scenes_of(data, "train", fold=choice.fold)
-        others = [data.others(scene) for scene in scenes]
+        others = (data.others(scene) for scene in scenes)
         self.features.fit(
-            [place_others(one.cells, one.categories, self.vocabulary)[1:] > 0 for one in others]
+            place_others(one.cells, one.categories, self.vocabulary)[1:] > 0 for one in others
         )
-        rooms = np.concatenate([data.cells(scene)[1:] for scene in scenes])
-        self.head.start(torch.from_numpy(rooms.mean(axis=0)))
+        total, number = np.zeros(self.inputs.classes), 0
+        for part in data.in_parts(scenes):
+            for rooms in (data.cells(scene)[1:] for scene in part):
+                total += rooms.sum(axis=0)  # whole numbers: exact in any order
+                number += len(rooms)
+        self.head.start(torch.from_numpy(total / max(number, 1)))
 
     def forward(self, graphs: Data) -> Posterior:
         """Return the posterior of the hidden counts of N nodes and C classes."""
@@ -82,11 +86,16 @@ class CountNetwork(CalibratedModel, Network):
         cells = cell_loss(hidden, posterior.take(rooms), likelihood=self.likelihood)
         return cells.sum() / max(cells.numel(), 1)  # a batch may have no rooms
 
+    def cells_of(self, graphs: Data) -> int:
+        """Return the number of cells of rooms."""
+        rooms: torch.Tensor = graphs.x[~graphs.is_building]
+        return rooms.numel()
+
     def validation_loss(self, graphs: Data) -> tuple[float, int]:
         """Return the sum of the loss over rooms and classes, and the number of these cells."""
         self.eval()
         with torch.no_grad():
-            cells = (~graphs.is_building).sum().item() * graphs.x.shape[1]
+            cells = self.cells_of(graphs)
             return (self.loss(graphs).item() * cells if cells else 0.0), cells
 
     def predict_hidden_counts(self, seen: Observation) -> CountDistribution:

@@ -18,7 +18,6 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 import torch
 from pydantic import Field
 from scipy.optimize import minimize, minimize_scalar
@@ -37,6 +36,7 @@ from bsg_models.belief.negative_binomial import (
 )
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.zoo.catalogue import ZooRow
+from bsg_models.zoo.complete_rooms import Tally, tally_rooms
 from bsg_models.zoo.model import BeliefModel, ModelInputs, to_array
 from bsg_models.zoo.room_sums import sum_rooms
 from bsg_models.zoo.settings import DataConfig, ModelConfig
@@ -80,12 +80,12 @@ class GammaPoissonModel(BeliefModel):
     def fit(self, data: Dataset, choice: DataConfig) -> None:
         """Fit the prior of every class to the counts of the training rooms."""
         scenes = scenes_of(data, "train", fold=choice.fold)
-        rooms = np.concatenate([data.cells(scene)[1:] for scene in scenes])
-        fitted = np.array([fit_gamma_prior(column) for column in rooms.T])
+        tallies = tally_rooms(data, scenes)
+        fitted = np.array([fit_gamma_prior(tally) for tally in tallies])
         if self.config.tilted:
-            starts = zip(rooms.T, fitted, strict=True)
+            starts = zip(tallies, fitted, strict=True)
             fitted = np.array(
-                [fit_tilted_prior(c, a, b, tilted=self.config.tilted) for c, (a, b) in starts]
+                [fit_tilted_prior(one, a, b, tilted=self.config.tilted) for one, (a, b) in starts]
             )
             self.tilts.copy_(torch.from_numpy(fitted[:, 2:].T))
         self.shape.copy_(torch.from_numpy(fitted[:, 0]))
@@ -102,13 +102,13 @@ class GammaPoissonModel(BeliefModel):
         return from_hidden_counts(inputs, sum_rooms(hidden, seen))
 
 
-def fit_gamma_prior(counts: npt.NDArray[np.integer]) -> tuple[float, float]:
-    """Return (a, b) that maximise the likelihood of counts `[R]` as a Gamma-Poisson mixture.
+def fit_gamma_prior(tally: Tally) -> tuple[float, float]:
+    """Return (a, b) that maximise the likelihood of a class's counts as a Gamma-Poisson mixture.
 
     A class that never occurs gets a prior as weak as half an object in all rooms together.
     """
-    values, times = np.unique(counts, return_counts=True)
-    mean = max(float(counts.mean()), 0.5 / len(counts))
+    values, times = tally
+    mean = max(float(values @ times) / float(times.sum()), 0.5 / float(times.sum()))
 
     def cost(log_shape: Floats) -> float:
         a = float(np.exp(log_shape[0]))
@@ -119,20 +119,19 @@ def fit_gamma_prior(counts: npt.NDArray[np.integer]) -> tuple[float, float]:
     return a, a / mean
 
 
-def fit_tilted_prior(
-    counts: npt.NDArray[np.integer], shape: float, rate: float, *, tilted: int
-) -> tuple[float, ...]:
-    """Return a, b and the tilts a_0..a_{J−1} that maximise the likelihood of counts `[R]`.
+def fit_tilted_prior(tally: Tally, shape: float, rate: float, *, tilted: int) -> tuple[float, ...]:
+    """Return a, b and the tilts a_0..a_{J−1} that maximise the likelihood of a class's counts.
 
     Each tilt has a normal prior of standard deviation 2, which holds those of counts that are rare.
 
     Args:
-        counts: of one class in all rooms.
+        tally: of one class in all rooms.
         shape: a to begin with.
         rate: b to begin with.
         tilted: J.
     """
-    values, times = np.unique(counts, return_counts=True)
+    values, times = tally
+    rooms = int(times.sum())
 
     def cost(parameters: Floats) -> float:
         a, mean = np.exp(parameters[:2])
@@ -140,7 +139,7 @@ def fit_tilted_prior(
         small = values < tilted
         likelihood = float(times @ log_negative_binomial(values, mean, a))
         likelihood += float(times[small] @ tilts[values[small]])
-        likelihood -= len(counts) * float(log_normaliser(tilts, mean, a))
+        likelihood -= rooms * float(log_normaliser(tilts, mean, a))
         return float(tilts @ tilts) / 8 - likelihood
 
     start = np.concatenate([np.log([shape, shape / rate]), np.zeros(tilted)])

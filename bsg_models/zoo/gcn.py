@@ -15,6 +15,7 @@ from pydantic import Field
 from torch import nn
 from torch_geometric.data import Data
 from torch_geometric.nn import GCNConv
+from torch_geometric.nn.conv.gcn_conv import gcn_norm
 
 from bsg_data.arrays import Floats
 from bsg_data.observation.observation import Observation
@@ -52,7 +53,7 @@ class CECIGCN(Network):
         hidden = [config.width] * (config.depth - 1)
         widths = [inputs.classes, *hidden, inputs.classes]
         self.convolutions = nn.ModuleList(
-            GCNConv(before, after) for before, after in pairwise(widths)
+            GCNConv(before, after, normalize=False) for before, after in pairwise(widths)
         )
         blocks = config.depth if config.last_layer == "block" else config.depth - 1
         self.blocks = nn.ModuleList(
@@ -63,8 +64,10 @@ class CECIGCN(Network):
     def forward(self, graphs: Data) -> torch.Tensor:
         """Return predicted totals E″ × O″, `[N, C]`; a linear last layer may go below 0."""
         x: torch.Tensor = graphs.x
+        # D^-½ (A + I) D^-½, once for all layers, each of which would make its own.
+        edges, weights = gcn_norm(graphs.edge_index, num_nodes=len(x), dtype=x.dtype)
         for layer, convolution in enumerate(self.convolutions):
-            x = convolution(x, graphs.edge_index)
+            x = convolution(x, edges, weights)
             if layer < len(self.blocks):
                 x = self.blocks[layer](x)
         return x

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import torch
 from torch import nn
@@ -40,6 +41,11 @@ class MessagePassing(CountNetwork):
     def encode(self, features: torch.Tensor, graphs: Data) -> torch.Tensor:
         """Return every node's features after all rounds."""
         h: torch.Tensor = self.enter(features)
+        edges = self.edges_of(graphs)
         for convolution, norm in zip(self.convolutions, self.norms, strict=True):
-            h = h + self.leave(norm(convolution(h, graphs.edge_index)))
+            h = h + self.leave(norm(convolution(h, edges)))
         return h
+
+    def edges_of(self, graphs: Data) -> Any:
+        """Return the edges as the convolutions take them."""
+        return graphs.edge_index

@@ -132,6 +132,11 @@ class RoomTypeMixture(CalibratedModel):
             tilted=self.config.tilted,
         )
         habits = fit_habits(counts, building, fitted, seed=seed)
+        if (buildings := len(np.unique(building))) > _MOST_BUILDINGS:
+            self.notes = (
+                f"habits of buildings are of {_MOST_BUILDINGS:,} of {buildings:,} training "
+                "buildings, drawn at random; room types are of all",
+            )
         self.log_types.copy_(torch.from_numpy(fitted.log_types))
         self.means.copy_(torch.from_numpy(fitted.means))
         self.dispersions.copy_(torch.from_numpy(fitted.dispersions))

@@ -48,9 +48,11 @@ class BeliefModel(torch.nn.Module, ABC):
         config: its settings.
         inputs: what it is given to read.
         origin: the checkpoint that it was restored from; None for one that was not.
+        notes: what whoever trained it should know of its fit, such as that it read a sample.
     """
 
     origin: str | None = None
+    notes: tuple[str, ...] = ()
 
     def __init__(self, config: ModelConfig, inputs: ModelInputs) -> None:
         super().__init__()
@@ -115,6 +117,13 @@ class Network(BeliefModel):
     @abstractmethod
     def loss(self, graphs: Data) -> torch.Tensor:
         """Return what a step of training lowers, for graphs with their targets `y`."""
+
+    def cells_of(self, graphs: Data) -> int:
+        """Return the number of cells (node, class) that `loss` is a mean over.
+
+        Several processes that train together weigh their losses by it.
+        """
+        return int(graphs.y.numel())
 
     @abstractmethod
     def validation_loss(self, graphs: Data) -> tuple[float, int]:

@@ -20,7 +20,7 @@ from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import zero_inflated
 from bsg_models.belief.expectation import Expectation, from_hidden_counts
 from bsg_models.zoo.catalogue import ZooRow
-from bsg_models.zoo.masked_rooms import sample_uniform
+from bsg_models.zoo.masked_rooms import stream_uniform
 from bsg_models.zoo.model import BeliefModel, ModelInputs, to_array
 from bsg_models.zoo.room_sums import sum_rooms
 from bsg_models.zoo.settings import DataConfig, ModelConfig
@@ -68,18 +68,24 @@ class NaiveBayesModel(BeliefModel):
 
     def fit(self, data: Dataset, choice: DataConfig) -> None:
         """Count on masks of the training rooms."""
-        masked = sample_uniform(data, choice, draws=self.config.draws)
-        rooms = ~masked.seen.is_building
-        seen, hidden = masked.seen.inputs[rooms] > 0, masked.hidden[rooms].astype(np.float64)
-        there, s = (hidden > 0).astype(float), self.config.smoothing
-        overall = (seen.mean(axis=0)[:, None] * s + 0.5) / (s + 1)  # never 0 or 1
-        for row, outcome in enumerate((1 - there, there)):
-            given = (seen.T.astype(float) @ outcome + (s + 1) * overall) / (
-                outcome.sum(axis=0) + s + 1
-            )
+        classes, rooms, s = len(self.prior), 0, self.config.smoothing
+        seen, there, hidden = np.zeros((3, classes))  # rooms, rooms, and objects
+        both = np.zeros((classes, classes))  # rooms where the row is seen and the column is hidden
+        for masked in stream_uniform(data, choice, draws=self.config.draws):
+            is_room = ~masked.seen.is_building
+            of_room, objects = masked.seen.inputs[is_room] > 0, masked.hidden[is_room]
+            rooms += len(objects)
+            seen += of_room.sum(axis=0)
+            there += (objects > 0).sum(axis=0)
+            hidden += objects.sum(axis=0)
+            both += of_room.T.astype(float) @ (objects > 0).astype(float)
+        overall = ((seen / rooms)[:, None] * s + 0.5) / (s + 1)  # never 0 or 1
+        outcomes = ((seen[:, None] - both, rooms - there), (both, there))
+        for row, (together, times) in enumerate(outcomes):
+            given = (together + (s + 1) * overall) / (times + s + 1)
             self.seen[row].copy_(torch.from_numpy(given))
-        prior = (there.sum(axis=0) + 0.5) / (len(there) + 1)
-        number = (hidden.sum(axis=0) + s) / (there.sum(axis=0) + s)
+        prior = (there + 0.5) / (rooms + 1)
+        number = (hidden + s) / (there + s)
         self.prior.copy_(torch.from_numpy(prior))
         self.number.copy_(torch.from_numpy(number))
         self.fraction.fill_(choice.mask.fraction)

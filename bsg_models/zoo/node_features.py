@@ -5,7 +5,7 @@ Every feature is of order one, whatever the size of a room or a building.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from typing import Literal
 
 import numpy as np
@@ -117,14 +117,15 @@ class NodeFeatures(nn.Module):
             self.embedding.requires_grad_(not self.svd)
             self.width += config.embedding * (2 if "building" in self.reads else 1)
 
-    def fit(self, present: Sequence[npt.NDArray[np.bool_]]) -> None:
+    def fit(self, present: Iterable[npt.NDArray[np.bool_]]) -> None:
         """Take the embedding from which categories are in which rooms, each `[R, V]`, if so asked.
 
-        The truncated singular value decomposition, each component scaled to unit variance.
+        The truncated singular value decomposition, each component scaled to unit variance. It alone
+        asks for the rooms, and holds them all.
         """
         if "categories" not in self.reads or not self.svd:
             return
-        rooms = np.concatenate(present).astype(float)
+        rooms = np.concatenate(list(present)).astype(float)
         _, _, components = np.linalg.svd(rooms, full_matrices=False)
         weight = np.zeros(self.embedding.weight.shape)
         kept = components[: len(weight)]
@@ -147,7 +148,7 @@ class NodeFeatures(nn.Module):
             shown.append(self._embed(graphs))
             parts.append(shown[-1])
         if "building" in self.reads:
-            every = torch.ones(len(seen), sum(part.shape[1] for part in shown[1:]))
+            every = seen.new_ones(len(seen), sum(part.shape[1] for part in shown[1:]))
             parts += _look_around(
                 graphs, torch.cat(shown, dim=1), torch.cat([looked_for, every], dim=1)
             )
@@ -168,14 +169,15 @@ class NodeFeatures(nn.Module):
                 building = building_numbers(graphs)
                 kept = self._remembered(of_building[graphs.is_building])[building]
                 numbers = torch.where(kept, of_building, -1)
-                parts.append((numbers[:, None] == torch.arange(_SURROUNDINGS[name])).float())
+                places = torch.arange(_SURROUNDINGS[name], device=numbers.device)
+                parts.append((numbers[:, None] == places).float())
         return parts
 
     def _remembered(self, values: torch.Tensor) -> torch.Tensor:
         """Return which of some nodes `[M]` keep what is known of them; all but in training."""
         if not self.training:
-            return torch.ones(len(values), dtype=torch.bool)
-        return torch.rand(len(values)) >= self.forget
+            return torch.ones(len(values), dtype=torch.bool, device=values.device)
+        return torch.rand(len(values), device=values.device) >= self.forget
 
     def _embed(self, graphs: Data) -> torch.Tensor:
         present = (graphs.others > 0).float()

@@ -15,7 +15,8 @@ score of a class is of the *other* classes: what was seen of itself is in V, and
 Where a score says nothing, in a room that nobody looked into, it moves nothing.
 
 o, b and the one slope β are those under which the hidden counts of masked training rooms are most
-likely. A slope is never below 0: a score that misleads is left out, not turned round.
+likely. A slope is never below 0: a score that misleads is left out, not turned round. Of many rooms
+a sample is read (`bsg_models.zoo.masked_rooms.MOST_ROOMS`): the fit holds all of them at once.
 """
 
 from __future__ import annotations
@@ -36,8 +37,9 @@ from bsg_models.belief.expectation import Expectation, from_hidden_counts
 from bsg_models.belief.negative_binomial import hidden_posterior
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of
+from bsg_models.zoo.complete_rooms import tally_rooms
 from bsg_models.zoo.gamma_poisson import fit_gamma_prior
-from bsg_models.zoo.masked_rooms import sample_chosen
+from bsg_models.zoo.masked_rooms import choose_buildings, describe_sample, sample_chosen
 from bsg_models.zoo.model import BeliefModel, ModelInputs, to_array
 from bsg_models.zoo.room_sums import sum_rooms
 from bsg_models.zoo.settings import DataConfig, ModelConfig
@@ -81,17 +83,18 @@ class PresenceOdds(BeliefModel):
     def fit(self, data: Dataset, choice: DataConfig) -> None:
         """Fit odds, rates and the slope on masks of the training rooms."""
         self.read_knowledge(data.manifest.class_space.classes)
-        masked = sample_chosen(data, _uniform(choice), draws=_DRAWS)
+        uniform, every = _uniform(choice), scenes_of(data, "train", fold=choice.fold)
+        scenes = choose_buildings(data, uniform)
+        if len(scenes) < len(every):
+            self.notes = (describe_sample(len(scenes), len(every)),)
+        masked = sample_chosen(data, uniform, scenes, draws=_DRAWS)
         share = masked.seen.hidden_share.astype(np.float64)
         rooms = ~masked.seen.is_building & (share > 0)
         scores = self.score(masked.seen)[rooms]
         told = ~np.isnan(scores)
         total = np.where(told, scores, 0.0).sum(axis=0)
         self.centre.copy_(torch.from_numpy(total / np.maximum(told.sum(axis=0), 1)))
-        counts = np.concatenate(
-            [data.cells(scene)[1:] for scene in scenes_of(data, "train", fold=choice.fold)]
-        )
-        prior = np.array([fit_gamma_prior(column) for column in counts.T])
+        prior = np.array([fit_gamma_prior(tally) for tally in tally_rooms(data, every)])
         odds, rate, slope = fit_odds(
             self._move(scores),
             masked.seen.inputs[rooms].astype(np.float64),

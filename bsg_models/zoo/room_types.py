@@ -98,7 +98,13 @@ class _Sums:
 
 
 def fit_types(
-    counts: Rooms, *, types: int, iterations: int, seed: int, tilted: int = 0
+    counts: Rooms,
+    *,
+    types: int,
+    iterations: int,
+    seed: int,
+    tilted: int = 0,
+    sample: int = SAMPLE,
 ) -> FittedTypes:
     """Fit a mixture of tilted negative binomials to complete rooms by expectation maximisation.
 
@@ -106,33 +112,35 @@ def fit_types(
     they leave. That is not quite the maximum of the likelihood, but both steps are in closed form
     or nearly so, and neither lets a rare type believe what a few rooms show.
 
-    Besides the counts it needs memory for `SAMPLE` rooms, however many there are.
+    Besides the counts it needs memory for the sample, however many rooms there are.
 
     Args:
         counts: `[R, C]`, up to `MOST`; a byte each is enough.
         types: K.
-        iterations: of the algorithm; above `SAMPLE` rooms on a sample, then `LAST_ROUNDS` on all.
+        iterations: of the algorithm; where there are more rooms than the sample has, all are on
+            the sample, and `LAST_ROUNDS` more on all rooms.
         seed: of the sample and of the start, rooms grouped around K random ones.
         tilted: J.
+        sample: rooms.
     """
     width = max(int(counts.max(initial=0)) + 1, tilted, 2)
-    sample = _take_sample(counts, seed=seed)
-    membership = _group(np.log1p(sample.astype(np.float64)), types, seed=seed)
+    some = _take_sample(counts, sample, seed=seed)
+    membership = _group(np.log1p(some.astype(np.float64)), types, seed=seed)
     shape = (types, counts.shape[1])
     dispersions, tilts = np.ones(shape), np.zeros((tilted, *shape))
-    fitted = _fit_sums(_sum_rooms(sample, membership, width), dispersions, tilts)
-    for number in range(1, iterations + LAST_ROUNDS * (len(sample) < len(counts))):
-        rooms = sample if number < iterations else counts
+    fitted = _fit_sums(_sum_rooms(some, membership, width), dispersions, tilts)
+    for number in range(1, iterations + LAST_ROUNDS * (len(some) < len(counts))):
+        rooms = some if number < iterations else counts
         fitted = _fit_sums(_sum_expected(rooms, fitted, width), fitted.dispersions, fitted.tilts)
     return fitted
 
 
-def _take_sample(counts: Rooms, *, seed: int) -> Rooms:
-    """Return `SAMPLE` of the rooms in their order, or all if there are no more."""
-    if len(counts) <= SAMPLE:
+def _take_sample(counts: Rooms, number: int, *, seed: int) -> Rooms:
+    """Return so many of the rooms in their order, or all if there are no more."""
+    if len(counts) <= number:
         return counts
     rng = np.random.Generator(np.random.PCG64(seed))
-    return np.asarray(counts[np.sort(rng.choice(len(counts), SAMPLE, replace=False))])
+    return np.asarray(counts[np.sort(rng.choice(len(counts), number, replace=False))])
 
 
 def _group(points: Floats, groups: int, *, seed: int) -> Floats:

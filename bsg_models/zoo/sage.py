@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 import torch
+from torch_geometric.data import Data
 from torch_geometric.nn import SAGEConv
 
 from bsg_data.observation.observation import Observation
@@ -12,7 +13,7 @@ from bsg_models.inputs.graphs import Nodes, to_nodes
 from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.message_passing import MessagePassing
 from bsg_models.zoo.model import ModelInputs
-from bsg_models.zoo.neighbours import Neighbours
+from bsg_models.zoo.neighbours import ListedNeighbours, Neighbours
 from bsg_models.zoo.node_features import NetworkConfig
 from bsg_models.zoo.training_recipes import CONNECTED, COUNTS, EVERYTHING, WHATEVER
 
@@ -24,11 +25,13 @@ class SAGEConfig(NetworkConfig):
 
 
 class MeanConv(SAGEConv):  # type: ignore[misc]
-    """PyG's convolution, which also takes `Neighbours` in the place of a list of edges."""
+    """PyG's convolution, which also takes what gives means in the place of a list of edges."""
 
-    def forward(self, x: torch.Tensor, edges: torch.Tensor | Neighbours) -> torch.Tensor:
+    def forward(
+        self, x: torch.Tensor, edges: torch.Tensor | Neighbours | ListedNeighbours
+    ) -> torch.Tensor:
         """Return W₁ (mean of the neighbours) + W₂ x, `[N, width]`."""
-        if isinstance(edges, Neighbours):
+        if isinstance(edges, Neighbours | ListedNeighbours):
             convolved: torch.Tensor = self.lin_l(edges.mean(x)) + self.lin_r(x)
         else:
             convolved = super().forward(x, edges)
@@ -44,6 +47,13 @@ class CECISAGE(MessagePassing):
 
     def __init__(self, config: SAGEConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs, convolution=lambda width: MeanConv(width, width))
+
+    def edges_of(self, graphs: Data) -> Neighbours | ListedNeighbours:
+        """Return who is whose neighbour, for all rounds."""
+        edges = graphs.edge_index
+        if isinstance(edges, Neighbours):
+            return edges
+        return ListedNeighbours.of(edges, nodes=len(graphs.x))
 
     def nodes_of(self, seen: Observation) -> Nodes:
         """Return an observation as the network is asked about it, with its neighbours."""

@@ -10,6 +10,7 @@ from bsg_data.observation.masks import MASKS
 from bsg_data.recipes import MaskRecipe, Record
 from bsg_models.inputs.edges import EdgeSet
 
+Device = Literal["auto", "cpu", "cuda"]
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
@@ -127,6 +128,8 @@ class TrainingConfig(Record):
             nothing as a cosine; `epochs` is then part of what is learned.
         clip: norm that gradients are cut to; None leaves them.
         validate_every: epochs between validations; each also writes the checkpoints.
+        device: what the steps are computed on: `cpu`, `cuda`, or `auto` for a GPU if there is one.
+            Validation is on the CPU, and checkpoints load anywhere.
     """
 
     epochs: int = Field(default=5000, ge=1)
@@ -137,3 +140,4 @@ class TrainingConfig(Record):
     schedule: Literal["constant", "one-cycle"] = "constant"
     clip: float | None = Field(default=None, gt=0, allow_inf_nan=False)
     validate_every: int = Field(default=10, ge=1)
+    device: Device = "cpu"

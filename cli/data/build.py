@@ -17,7 +17,7 @@ from bsg_cli.options import (
     source_map_option,
     workers_option,
 )
-from bsg_cli.terminal import Command, print_json, print_note, progress_bar, worker_pool
+from bsg_cli.terminal import Command, Workers, print_json, print_note, progress_bar, worker_pool
 from bsg_data.errors import BSGError
 from bsg_data.sources.catalogue import SOURCES, parse_options
 
@@ -74,7 +74,7 @@ def command(
     room_layouts: Path | None,
     out: Path,
     class_map: str | None,
-    workers: int,
+    workers: Workers,
     strict: bool,
     force: bool,
     as_json: bool,
@@ -99,11 +99,15 @@ def command(
         options["meshes"] = False
     if snap_colours is not None:
         options["snap_colours"] = snap_colours
-    source = bsg_data.open_source(name, path, **options)
+    reads = [path, *([] if room_layouts is None else [room_layouts])]
+    if workers.scheduler is not None:
+        reads = [place.absolute() for place in reads]  # its workers stand elsewhere
+    source = bsg_data.open_source(name, reads[0], **options)
     if room_layouts is not None:
-        source = bsg_data.WithLayouts(source, room_layouts)
+        source = bsg_data.WithLayouts(source, reads[1])
+    pool = worker_pool(workers, reads=reads, writes=[out])
     try:
-        with worker_pool(workers) as executor, progress_bar("build", unit="shard") as report:
+        with pool as executor, progress_bar("build", unit="shard") as report:
             manifest = bsg_data.build_dataset(
                 source,
                 out,

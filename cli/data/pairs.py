@@ -16,7 +16,7 @@ from bsg_cli.options import (
     seed_option,
     workers_option,
 )
-from bsg_cli.terminal import Command, print_json, print_note, progress_bar, worker_pool
+from bsg_cli.terminal import Command, Workers, print_json, print_note, progress_bar, worker_pool
 
 
 @click.command("pairs", cls=Command)
@@ -41,7 +41,7 @@ def command(
     parts: bool,
     draws: int,
     seed: int,
-    workers: int,
+    workers: Workers,
     force: bool,
     as_json: bool,
 ) -> None:
@@ -61,7 +61,8 @@ def command(
     }
     recipe = bsg_data.PairsRecipe(mask=bsg_data.MaskRecipe.model_validate(chosen), draws=draws)
     left_out: list[str] = []
-    with worker_pool(workers) as executor, progress_bar("pairs", unit="file") as report:
+    pool = worker_pool(workers, reads=[dataset], writes=[dataset / "pairs"])
+    with pool as executor, progress_bar("pairs", unit="file") as report:
         manifest = bsg_data.write_pairs(
             dataset,
             recipe,

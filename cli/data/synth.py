@@ -7,9 +7,9 @@ from pathlib import Path
 import click
 
 import bsg_data
-from bsg_cli.choices import MESH_SIZES, MOST_SCENES
+from bsg_cli.choices import MESH_SIZES, MOST_OBJECTS, MOST_ROOMS, MOST_SCENES
 from bsg_cli.options import force_option, json_option, out_option, seed_option, workers_option
-from bsg_cli.terminal import Command, print_json, progress_bar, worker_pool
+from bsg_cli.terminal import Command, Workers, print_json, progress_bar, worker_pool
 
 
 @click.command("synth", cls=Command)
@@ -20,6 +20,16 @@ from bsg_cli.terminal import Command, print_json, progress_bar, worker_pool
     default=20,
     show_default=True,
     help="How many buildings.",
+)
+@click.option(
+    "--rooms",
+    type=click.IntRange(1, MOST_ROOMS),
+    help="Rooms of each building, for tests of size.  [default: as HM3D's]",
+)
+@click.option(
+    "--objects",
+    type=click.IntRange(1, MOST_OBJECTS),
+    help="Objects in the rooms of each building.  [default: as HM3D's]",
 )
 @click.option(
     "--geometry",
@@ -48,12 +58,14 @@ from bsg_cli.terminal import Command, print_json, progress_bar, worker_pool
 def command(
     out: Path,
     scenes: int,
+    rooms: int | None,
+    objects: int | None,
     geometry: bool,
     size: str | None,
     coloured_by: str | None,
     up_axis: str | None,
     seed: int,
-    workers: int,
+    workers: Workers,
     force: bool,
     as_json: bool,
 ) -> None:
@@ -63,16 +75,25 @@ def command(
     Example:
       bsg-data synth --out buildings --scenes 20 --seed 0
       bsg-data synth --out places --scenes 5 --geometry
+      bsg-data synth --out towers --scenes 1 --rooms 10000
     """
     chosen = {"size": size, "coloured_by": coloured_by, "up_axis": up_axis}
     given = {name: value for name, value in chosen.items() if value is not None}
     if given and not geometry:
         raise click.UsageError(f"--{next(iter(given)).replace('_', '-')} needs --geometry")
     options = bsg_data.GeometryOptions(**given) if geometry else None  # type: ignore[arg-type]
-    pool = worker_pool(workers if geometry else 1)  # without meshes one process is quicker
+    if not (geometry or rooms or objects) and workers.scheduler is None:
+        workers = Workers(1)  # one process writes small ones more quickly
+    pool = worker_pool(workers, writes=[out])
     with pool as executor, progress_bar("synth", unit="scene") as report:
         writing = bsg_data.write_synthetic(
-            out, scenes=scenes, seed=seed, geometry=options, force=force, executor=executor
+            out,
+            scenes=scenes,
+            seed=seed,
+            size=bsg_data.BuildingSize(rooms, objects),
+            geometry=options,
+            force=force,
+            executor=executor,
         )
         for done, _ in enumerate(writing, 1):
             report(done, scenes)

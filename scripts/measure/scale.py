@@ -22,6 +22,7 @@ from dataclasses import asdict, dataclass
 from datetime import date
 from pathlib import Path
 
+from bsg_data.dataset.manifest import encode_manifest, read_manifest
 from bsg_models.studies.results_page import (
     ResultsPage,
     ResultsTable,
@@ -34,7 +35,18 @@ SIZES = (30, 1_000, 10_000, 100_000)
 MEASURED = "measured.jsonl"
 MEMORY = 1.5e9  # bytes that each command may hold
 GROWTH = 1.15  # what a building may cost of many, against one of few
+# A small process starts each command, because what a process holds counts for those it starts, too.
+LAUNCH = """
+import json, resource, subprocess, sys
+status = subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL).returncode
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(json.dumps([status, used.ru_utime + used.ru_stime, used.ru_maxrss * 1024]))
+"""
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+MANY = 1_000_000  # buildings, of which the plan speaks
+CORES = 64
+PRICE = 0.05  # dollars of a core for an hour, about what clouds ask
+PARALLEL = ("build", "pairs", "one epoch of universal")  # commands that use more than one core
 TESTED = 0.1  # of the buildings, which `evaluate` reads
 
 COMMANDS = {
@@ -92,20 +104,16 @@ def measure(name: str, size: int, work: Path) -> Cost:
     words = [word.format(size=size, **places) for word in COMMANDS[name].split()]
     words[0] = str(Path(sys.executable).with_name(words[0]))
     began = time.perf_counter()
-    process = subprocess.Popen(
-        words, env={**os.environ, **ONE_THREAD}, stdout=subprocess.DEVNULL, stderr=sys.stderr
+    launched = subprocess.run(
+        [sys.executable, "-c", LAUNCH, *words],
+        env={**os.environ, **ONE_THREAD},
+        stdout=subprocess.PIPE,
+        check=True,
     )
-    _, status, used = os.wait4(process.pid, 0)
-    process.returncode = os.waitstatus_to_exitcode(status)
-    if process.returncode:
-        raise subprocess.CalledProcessError(process.returncode, words)
-    return Cost(
-        name,
-        size,
-        cpu_s=used.ru_utime + used.ru_stime,
-        wall_s=time.perf_counter() - began,
-        peak_bytes=used.ru_maxrss * 1024,
-    )
+    status, cpu_s, peak_bytes = json.loads(launched.stdout)
+    if status:
+        raise subprocess.CalledProcessError(status, words)
+    return Cost(name, size, cpu_s, time.perf_counter() - began, peak_bytes)
 
 
 def read_costs(work: Path) -> dict[tuple[str, int], Cost]:
@@ -190,6 +198,51 @@ def conclude(costs: Iterable[Cost]) -> tuple[str, ...]:
     )
 
 
+def plan(costs: Iterable[Cost]) -> ResultsTable:
+    """Return what a million buildings would take, each as at the largest size."""
+    found = {(cost.command, cost.size): cost for cost in costs}
+    sizes = sorted({size for _, size in found})
+    rows = []
+    for name in COMMANDS:
+        least, most = found[name, sizes[0]], found[name, sizes[-1]]
+        tested = TESTED if name == "evaluate" else 1
+        hours = MANY * tested * cost_a_building(most, least) / 3.6e6
+        grown = (most.peak_bytes - least.peak_bytes) / (sizes[-1] - sizes[0])
+        rows.append(
+            (
+                name,
+                f"{hours:.1f}",
+                f"{hours / CORES:.2f}" if name in PARALLEL else "one core",
+                f"{hours * PRICE:.2f}",
+                f"{(least.peak_bytes + MANY * grown) / 1e9:.1f}",
+            )
+        )
+    header = ("command", "core hours", f"hours on {CORES} cores", "dollars", "GB")
+    reading = (
+        f"Not measured: the cost of a building at {sizes[-1]:,}, times a million. Dollars are at "
+        f"{PRICE} for a core and an hour. GB are as if memory went on growing as it does from "
+        f"{sizes[0]} to {sizes[-1]:,}."
+    )
+    return ResultsTable(f"{MANY:,} buildings, from these slopes", header, tuple(rows), reading)
+
+
+def weigh(work: Path, sizes: Sequence[int]) -> ResultsTable:
+    """Return the bytes on disk a building, by what they are."""
+    rows = []
+    for size in sizes:
+        manifest = read_manifest(work / str(size) / "dataset")
+        annotations = sum(
+            path.stat().st_size for path in (work / str(size) / "buildings").rglob("*.txt")
+        )
+        pairs = sum(entry.bytes for entry in manifest.files_of("pairs"))
+        tables = sum(entry.bytes for entry in manifest.files) - pairs
+        listed = len(encode_manifest(manifest))
+        cells = (f"{count / size / 1e3:.1f}" for count in (annotations, tables, pairs, listed))
+        rows.append((f"{size:,}", *cells))
+    header = ("buildings", "annotation, kB", "tables, kB", "pairs of one draw, kB", "manifest, kB")
+    return ResultsTable("Disk, a building", header, tuple(rows))
+
+
 def show_commands() -> ResultsTable:
     """Return the commands of the rows as a reader would type them."""
     places = {"buildings": "buildings", "dataset": "dataset", "runs": "runs", "size": "N"}
@@ -205,14 +258,14 @@ def main() -> None:
     parser.add_argument("--out", type=Path, help="the page; without it nothing is written")
     options = parser.parse_args()
     sizes = sorted(set(options.sizes))
-    if len(sizes) < 3 or sizes[0] < 1:
-        parser.error("--sizes: expected three numbers of buildings or more")
+    if sizes[0] < 1 or (options.out is not None and len(sizes) < 3):
+        parser.error("--sizes: a page needs three numbers of buildings or more")
     costs = list(measure_all(options.work, sizes))
     if options.out is not None:
         page = ResultsPage(
             "What a building costs, from a few to a hundred thousand",
             conclude(costs),
-            (tabulate(costs), show_commands()),
+            (tabulate(costs), weigh(options.work, sizes), plan(costs), show_commands()),
             describe_run(sys.argv, date=date.today().isoformat()),
         )
         write_page(page, options.out)

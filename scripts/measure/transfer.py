@@ -12,11 +12,9 @@ from __future__ import annotations
 import argparse
 import shutil
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from datetime import date
 from pathlib import Path
-
-import numpy as np
 
 from bsg_data.dataset.copied_rooms import deal_groups, group_copies, list_contents
 from bsg_data.dataset.dataset import Dataset
@@ -26,9 +24,9 @@ from bsg_data.merge import merge_datasets
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_models.evaluation.bootstrap import Bootstrap, bootstrap
-from bsg_models.evaluation.measurement import predict_all, prepare_metric, read_truth
-from bsg_models.evaluation.metric_kinds import Prepared
-from bsg_models.evaluation.metrics import Floats, mean_known
+from bsg_models.evaluation.catalogue import METRICS
+from bsg_models.evaluation.measurement import Measured, SplitWeights, predict_all, read_truth
+from bsg_models.evaluation.streams import Stream
 from bsg_models.evaluation.tallies import tally_likelihood
 from bsg_models.evaluation.truth import Prediction
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
@@ -113,32 +111,24 @@ def open_models(
             yield FoldModel(name, fold, both, model, scenes, run)
 
 
-class UnseenRanking:
-    """How well models of several folds rank the classes that a room does not show."""
+def rank_unseen(
+    folds: Sequence[FoldModel], mask: MaskRecipe, *, draws: int, resamples: int
+) -> Bootstrap:
+    """Return how well models of several folds rank the classes that a room does not show.
 
-    def __init__(self, folds: Iterable[FoldModel], mask: MaskRecipe, *, draws: int) -> None:
-        self._prepared: list[tuple[tuple[str, ...], Prepared]] = []
-        for fold in folds:
-            masked = fold.sample(mask, draws=draws)
-            prediction = Prediction(read_truth(masked), predict_all(fold.model, masked))
-            ranking = prepare_metric("presence_auroc_macro", prediction)
-            self._prepared.append((prediction.truth.scene_ids, ranking))
-        self.scene_ids = tuple(sorted(scene for scenes, _ in self._prepared for scene in scenes))
-
-    def evaluate(self, building_weights: Floats | None = None) -> dict[str, float]:
-        """Return the AUROC of unseen classes, mean over classes and then over folds."""
-        weights = np.ones(len(self.scene_ids)) if building_weights is None else building_weights
-        weight = dict(zip(self.scene_ids, weights, strict=True))
-        values = []
-        for scenes, ranking in self._prepared:
-            own = np.array([weight[scene] for scene in scenes])
-            if own.any():
-                values.append(ranking.evaluate(own)["rooms", "unseen"])
-        return {"auroc": mean_known(values)}
-
-    def count_nodes(self, metric: str) -> int:
-        """Return the number of rooms that the ranking is over."""
-        return sum(ranking.nodes["rooms", "unseen"] for _, ranking in self._prepared)
+    `auroc` is that of unseen classes, its mean over classes and then over folds.
+    """
+    weights = SplitWeights([fold.scenes for fold in folds], resamples=resamples, seed=0)
+    measured = []
+    for number, fold in enumerate(folds):
+        stream = Stream(fold.scenes, weights.of_split(number))
+        ranking = METRICS["presence_auroc_macro"].gather(stream)
+        for masked in fold.stream(mask, draws=draws):
+            found = predict_all(fold.model, masked)
+            ranking.add(stream.batch(Prediction(read_truth(masked), found)))
+        values, key = ranking.finish(), ("rooms", "unseen")
+        measured.append(Measured({"auroc": values.values[key]}, {"auroc": values.nodes[key]}))
+    return weights.average(measured).bootstrap()
 
 
 def conclude(found: dict[str, dict[str, Bootstrap]]) -> tuple[str, ...]:
@@ -202,9 +192,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                 measure_models(iter(folds), tally_likelihood, mask=mask, draws=options.draws),
                 resamples=options.resamples,
             )
-            ranking = bootstrap(
-                UnseenRanking(folds, mask, draws=options.draws), resamples=options.resamples
-            )
+            ranking = rank_unseen(folds, mask, draws=options.draws, resamples=options.resamples)
             found[name][part] = Bootstrap(
                 likelihood.point | ranking.point,
                 likelihood.resampled | ranking.resampled,

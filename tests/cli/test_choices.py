@@ -9,6 +9,7 @@ import pytest
 
 from bsg_cli import choices
 from bsg_data.observation.masks import MASKS
+from bsg_data.synthetic.building_size import MOST_OBJECTS, MOST_ROOMS
 from bsg_data.synthetic.buildings import MAX_SCENES
 from bsg_data.synthetic.meshes import SIZES
 from bsg_models.search import room_graphs
@@ -28,6 +29,7 @@ def test_names_are_those_of_the_library() -> None:
     assert tuple(world.name for world in room_graphs.DEFAULT_WORLDS) == choices.DEFAULT_WORLDS
     assert tuple(SIZES) == choices.MESH_SIZES
     assert choices.MOST_SCENES == MAX_SCENES
+    assert (choices.MOST_ROOMS, choices.MOST_OBJECTS) == (MOST_ROOMS, MOST_OBJECTS)
 
 
 def test_an_unknown_name_is_refused_with_the_nearest() -> None:

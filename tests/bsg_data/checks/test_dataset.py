@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,11 +13,18 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
+from bsg_data.checks.scenes import repeats
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import encode_manifest, read_manifest
 from bsg_data.dataset.shards import describe_file
+from bsg_data.dataset.splits import split_dataset
+from bsg_data.observation.pairs import write_pairs
+from bsg_data.recipes import PairsRecipe, SplitRecipe
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.synthetic.buildings import write_synthetic
 from bsg_data.synthetic.geometry import GeometryOptions
@@ -240,3 +248,119 @@ def test_a_coverage_that_does_not_add_up_is_found(placed: Path) -> None:
     found = [fault.what for fault in check_dataset(placed)]
     assert any("the texels of its mesh do not add up" in what for what in found)
     assert any("the surface of its mesh does not add up" in what for what in found)
+
+
+# A part at a time
+
+
+@pytest.fixture(scope="module")
+def _in_parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("in_parts")
+    list(write_synthetic(folder / "buildings", scenes=10, seed=3))
+    build_dataset(HM3DFolder(folder / "buildings"), folder / "dataset", scenes_per_shard=3)
+    split_dataset(folder / "dataset", SplitRecipe())
+    write_pairs(folder / "dataset", PairsRecipe(draws=2))
+    return folder / "dataset"
+
+
+@pytest.fixture
+def in_parts(_in_parts: Path, tmp_path: Path) -> Path:
+    """Ten buildings in four parts, split, with two draws; each test has its own copy."""
+    return Path(shutil.copytree(_in_parts, tmp_path / "in_parts"))
+
+
+def test_every_file_is_read_once_and_what_pairs_are_of_again(
+    in_parts: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read: Counter[str] = Counter()
+    whole = Path.read_bytes
+
+    def read_bytes(path: Path) -> bytes:
+        read[path.relative_to(in_parts).as_posix()] += 1
+        return whole(path)
+
+    monkeypatch.setattr(Path, "read_bytes", read_bytes)
+    done: list[tuple[int, int]] = []
+    assert check_dataset(in_parts, progress=lambda *counts: done.append(counts)) == ()
+    files = [entry.path for entry in read_manifest(in_parts).files]
+    assert done == [(number, len(files)) for number in range(1, len(files) + 1)]
+    for path in files:
+        again = path.startswith(("scenes/", "objects/", "edges/"))
+        assert (read[path] > 1) == again, path
+
+
+@pytest.mark.parametrize("held", [1, 2**28])
+def test_the_truth_is_the_same_however_little_of_it_is_held(
+    in_parts: Path, monkeypatch: pytest.MonkeyPatch, held: int
+) -> None:
+    monkeypatch.setattr("bsg_data.dataset.dataset.HELD_BYTES", held)
+    assert check_dataset(in_parts) == ()
+    edit(in_parts, PAIRS, setting("visited", False, 1))
+    assert [fault.what for fault in check_dataset(in_parts)] == [
+        "is not the mask of its recipe (or another NumPy drew it)"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("file", "change", "expected"),
+    [
+        ("scenes/part-00003.parquet", "scene", "is there twice"),
+        ("scenes/part-00003.parquet", "building", "is there under two scene ids"),
+        ("scenes/part-00002.parquet", "early", "is not sorted by scene_id"),
+        ("rooms/part-00002.parquet", "scene", "part 2 has rows of other scenes"),
+    ],
+)
+def test_scenes_of_another_part_are_known(
+    in_parts: Path, file: str, change: str, expected: str
+) -> None:
+    first = Dataset.open(in_parts).scene_ids[0]
+    value = {"scene": first, "building": "99999" + first[5:], "early": "00000-AAAAAAAAAAA"}
+    edit(in_parts, file, setting("scene_id", value[change]))
+    found = [f"{fault.where}: {fault.what}" for fault in check_dataset(in_parts)]
+    assert any(expected in line for line in found), found
+    assert not any("no scene of the dataset" in line and first in line for line in found)
+
+
+def test_objects_of_all_parts_are_counted_together(in_parts: Path) -> None:
+    paths = [entry.path for entry in read_manifest(in_parts).files_of("objects")]
+    for path in paths:
+        edit(in_parts, path, lambda frame: frame.assign(colour="red"))
+    objects = sum(entry.rows for entry in read_manifest(in_parts).files_of("objects"))
+    *named, more = check_dataset(in_parts)
+    assert [fault.what.partition(": ")[2] for fault in named] == ["colour is not RRGGBB"] * 3
+    assert more.what == f"… and {objects - 3} more: colour is not RRGGBB"
+
+
+def test_a_table_with_a_part_too_few_is_named(in_parts: Path) -> None:
+    manifest = read_manifest(in_parts)
+    last = manifest.files_of("rooms")[-1]
+    (in_parts / last.path).unlink()
+    files = tuple(entry for entry in manifest.files if entry != last)
+    text = encode_manifest(manifest.model_copy(update={"files": files}))
+    (in_parts / "dataset.json").write_bytes(text)
+    found = [fault.what for fault in check_dataset(in_parts)]
+    assert any("4 of scenes, 3 of rooms, 4 of objects, 4 of edges" in what for what in found)
+
+
+# Rows of a scene
+
+
+@given(
+    rows=st.lists(st.tuples(st.integers(0, 3), st.integers(0, 3), st.integers(0, 2)), max_size=30)
+)
+def test_repeats_are_those_of_pandas(rows: list[tuple[int, int, int]]) -> None:
+    frame = pd.DataFrame(rows, columns=["scene", "a", "b"], dtype=np.int64)
+    found = repeats(*(frame[name].to_numpy() for name in frame))
+    np.testing.assert_array_equal(found, frame.duplicated().to_numpy())
+
+
+def test_a_file_that_says_other_rows_than_it_has_is_named(dataset: Path) -> None:
+    manifest = read_manifest(dataset)
+    files = tuple(
+        entry.model_copy(update={"rows": 1}) if entry.path == ROOMS else entry
+        for entry in manifest.files
+    )
+    text = encode_manifest(manifest.model_copy(update={"files": files}))
+    (dataset / "dataset.json").write_bytes(text)
+    found = [fault.what for fault in check_dataset(dataset)]
+    assert any("expected 1 rows, found" in what for what in found)

@@ -8,20 +8,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from pytest_benchmark.fixture import BenchmarkFixture
 from scipy import stats
 
 from bsg_data.arrays import Counts
 from bsg_data.dataset.histograms import to_histograms
 from bsg_data.errors import RecipeError
+from bsg_data.observation.mask_streams import mask_generator
 from bsg_data.observation.masks import (
     MASKS,
     Mask,
     RoomsMask,
     UniformMask,
-    mask_generator,
     sample_hidden,
+    sample_hidden_draws,
     sample_view,
+    sample_views,
     sample_withheld,
 )
 from bsg_data.observation.masks_v1 import sample_hidden_of_format_1
@@ -426,30 +427,27 @@ def test_no_connections_and_unknown_ones_are_the_same() -> None:
             assert silent.agrees(again)
 
 
-def hide_one_by_one(cells: Counts, number: int, rng: np.random.Generator) -> Counts:
-    """Delete single objects, as the paper words it: what the vectorised draw is compared with."""
-    objects = [
-        (room, kind)
-        for room, row in enumerate(cells.tolist())
-        for kind, count in enumerate(row)
-        for _ in range(count)
-    ]
-    hidden = np.zeros_like(cells)
-    for _ in range(number):
-        room, kind = objects.pop(int(rng.integers(len(objects))))
-        hidden[room, kind] += 1
-    return hidden
+@given(cells=cells_strategy, recipe=recipes, draws=st.integers(1, 9))
+def test_many_draws_are_those_of_one_after_another(
+    cells: Counts, recipe: MaskRecipe, draws: int
+) -> None:
+    shape, row = cells.shape, Connections.of_pairs([(a, a + 1) for a in range(1, len(cells) - 1)])
+    views = tuple(sample_views(shape, recipe, scene_id="s", draws=range(draws), connections=row))
+    hidden = sample_hidden_draws(cells, views, recipe, scene_id="s")
+    for draw in range(draws):
+        view, alone = draw_mask(cells, recipe, draw, connections=row)
+        assert views[draw].agrees(view)
+        np.testing.assert_array_equal(views[draw].hidden_share, view.hidden_share)
+        np.testing.assert_array_equal(hidden[draw], alone)
 
 
-@pytest.mark.parametrize("how", ["vectorised", "one by one"])
-@pytest.mark.benchmark(group="one draw of a building with 16 rooms and about 500 objects")
-def test_bench_a_draw(benchmark: BenchmarkFixture, how: str) -> None:
-    rng = np.random.default_rng(0)
-    cells = rng.poisson(0.7, (17, 45))
-    recipe = MaskRecipe()
-    view = sample_view(cells.shape, recipe, scene_id="s", draw=0)
-    if how == "vectorised":
-        hidden = benchmark(sample_hidden, cells, view, recipe, scene_id="s", draw=0)
-    else:
-        hidden = benchmark(hide_one_by_one, cells, int(cells.sum()) // 2, rng)
-    assert hidden.sum() == cells.sum() // 2
+@given(rooms=st.integers(0, 6), fraction=st.sampled_from(FRACTIONS))
+def test_a_fixed_mask_sees_a_building_in_one_way(rooms: int, fraction: float) -> None:
+    """`sample_views` looks once, whatever the generator would say."""
+    fixed = [name for name in STRATEGIES if MASKS[name].is_fixed]
+    assert fixed == ["uniform"]
+    recipe = MaskRecipe(strategy="uniform", fraction=fraction)
+    first, *others = draw_views(recipe, rooms, draws=5)
+    for other in others:
+        assert first.agrees(other)
+        np.testing.assert_array_equal(first.hidden_share, other.hidden_share)

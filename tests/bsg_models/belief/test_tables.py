@@ -26,7 +26,7 @@ from random_beliefs import (
     make_belief,
 )
 
-from bsg_models.belief import tables
+from bsg_models.belief import table_rows, tables
 from bsg_models.belief.network import to_networkx
 from bsg_models.belief.tables import SCHEMAS, read_tables, write_tables
 from bsg_models.errors import BeliefFileError
@@ -126,6 +126,21 @@ def test_each_row_is_unpacked_once(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert len(list(read_tables(tmp_path))) == 7
     rows = {name: pq.read_metadata(tmp_path / f"{name}.parquet").num_rows for name in SCHEMAS}
     assert unpacked == rows
+
+
+@pytest.mark.parametrize("rows", [1, 40, 65_536])
+def test_row_groups_are_written_and_read_as_they_come(
+    tmp_path: Path, rows: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Tables in the order of the scenes are read a row group at a time; others are read whole."""
+    monkeypatch.setattr(table_rows, "ROWS_PER_GROUP", rows)
+    beliefs = [make_belief(seed, scene_id=f"s{seed}") for seed in range(7)]
+    write_tables(iter(beliefs), tmp_path)
+    groups = pq.read_metadata(tmp_path / "nodes.parquet").num_row_groups
+    assert groups == 7 if rows == 1 else 1 <= groups < 7
+    assert list(read_tables(tmp_path)) == beliefs
+    write_tables(reversed(beliefs), tmp_path)
+    assert list(read_tables(tmp_path)) == beliefs
 
 
 def _set(table: pa.Table, name: str, row: int, value: object) -> pa.Table:

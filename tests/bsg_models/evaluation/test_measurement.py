@@ -3,6 +3,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy import stats
 
@@ -14,15 +15,18 @@ from bsg_data.scene.class_map import load_class_map
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation, from_hidden_counts
 from bsg_models.evaluation import metrics
-from bsg_models.evaluation.bootstrap import bootstrap
+from bsg_models.evaluation.bootstrap import weigh_buildings
+from bsg_models.evaluation.class_errors import ClassErrors
 from bsg_models.evaluation.measurement import (
+    Measured,
     Measurement,
-    SplitsMeasurement,
+    SplitWeights,
+    StreamedMeasurement,
     count_empty,
-    measure_classes,
     predict_all,
     read_truth,
 )
+from bsg_models.evaluation.shown_nodes import ShownNodes
 from bsg_models.evaluation.truth import Truth
 from bsg_models.inputs.graphs import read_split
 from bsg_models.rendering.figures import plot_evaluation, plot_learning_curve
@@ -126,11 +130,18 @@ def test_nodes_are_counted_as_each_metric_uses_them(truth: Truth) -> None:
 
 def test_errors_per_class_by_hand(truth: Truth) -> None:
     beliefs = believe(truth)
-    frame = measure_classes(truth, {"m": beliefs}, list("abcde"))
+    errors = ClassErrors()
+    errors.add(truth, beliefs)
+    frame = pd.DataFrame(errors.rows("m", list("abcde")))
     row = frame[(frame["nodes"] == "building") & (frame["class"] == "c")].iloc[0]
     error = (beliefs.totals - truth.targets)[truth.is_building, 2]
     assert row["mean_error"] == pytest.approx(error.mean())
     assert row["mean_absolute_error"] == pytest.approx(np.abs(error).mean())
+    rooms = ~truth.is_building
+    ranking = metrics.rank(beliefs.presence[rooms, 2], truth.hidden[rooms, 2] > 0)
+    row = frame[(frame["nodes"] == "rooms") & (frame["class"] == "c")].iloc[0]
+    assert row["presence_auroc"] == metrics.auroc(ranking)
+    assert row["presence_ap"] == pytest.approx(metrics.average_precision(ranking))
 
 
 def test_splits_are_averaged_and_never_pooled(dataset: Path) -> None:
@@ -144,21 +155,55 @@ def test_splits_are_averaged_and_never_pooled(dataset: Path) -> None:
         model.fit(data, DataConfig())
         masked = read_split(data, "test")
         splits.append(Measurement(read_truth(masked), predict_all(model, masked)))
-    every = SplitsMeasurement(splits)
-    found = every.evaluate()
-    assert found["rooms/presence_auroc_macro/all"] == 0.5
-    assert found["rooms/presence_auroc_macro/unseen"] == 0.5
-    mean = np.mean([split.evaluate()["rooms/correlation_frobenius"] for split in splits])
-    assert found["rooms/correlation_frobenius"] == pytest.approx(mean)
-    weights = np.arange(1.0, len(every.scene_ids) + 1)
-    expected = []
-    for split in splits:
-        own = np.array([weights[every.scene_ids.index(scene)] for scene in split.scene_ids])
-        expected.append(split.evaluate(own)["rooms/hidden_nll"])
-    assert every.evaluate(weights)["rooms/hidden_nll"] == pytest.approx(np.mean(expected))
+    weights = SplitWeights([split.scene_ids for split in splits], resamples=2, seed=0)
+    each = [split.measure(weights.of_split(number)) for number, split in enumerate(splits)]
+    every = weights.average(each).bootstrap()
+    assert every.point["rooms/presence_auroc_macro/all"] == 0.5
+    assert every.point["rooms/presence_auroc_macro/unseen"] == 0.5
+    alone = [split.evaluate() for split in splits]
+    name = "rooms/correlation_frobenius"
+    assert every.point[name] == pytest.approx(np.mean([one[name] for one in alone]))
+    # A building that is in several splits has one weight in all.
+    scenes = sorted({scene for split in splits for scene in split.scene_ids})
+    resample = dict(zip(scenes, weigh_buildings(len(scenes), resamples=2, seed=0), strict=True))
+    expected = [
+        split.evaluate(np.array([resample[scene][2] for scene in split.scene_ids], dtype=float))
+        for split in splits
+    ]
+    mean = np.mean([one["rooms/hidden_nll"] for one in expected])
+    assert every.resampled["rooms/hidden_nll"][1] == pytest.approx(mean)
     nodes = [split.count_nodes("rooms/hidden_nll") for split in splits]
-    assert every.count_nodes("rooms/hidden_nll") == sum(nodes)
-    assert bootstrap(every, resamples=3).point == pytest.approx(found, nan_ok=True)
+    assert every.nodes["rooms/hidden_nll"] == sum(nodes)
+
+
+def test_a_split_without_a_building_of_the_resample_is_not_in_its_mean(truth: Truth) -> None:
+    weights = SplitWeights([("a",), ("b",)], resamples=20, seed=0)
+    measured = [Measured({"x": np.full(21, value)}, {"x": 1}) for value in (1.0, 3.0)]
+    found = weights.average(measured).values["x"]
+    assert found[0] == 2
+    assert set(found) == {1.0, 2.0, 3.0}
+
+
+def test_batches_and_their_order_do_not_matter(truth: Truth) -> None:
+    beliefs, weights = believe(truth), weigh_buildings(3, resamples=5, seed=0)
+    whole = Measurement(truth, beliefs).measure(weights)
+    streamed = StreamedMeasurement(truth.scene_ids, weights)
+    for first in (16, 0, 4, 20, 8, 12):  # the draws of a building in two batches
+        rows = np.arange(first, first + 4)
+        some = Truth(
+            inputs=truth.inputs[rows],
+            targets=truth.targets[rows],
+            is_building=truth.is_building[rows],
+            visited=truth.visited[rows],
+            building=np.zeros(4, dtype=np.int64),
+            draw=truth.draw[rows],
+            scene_ids=(truth.scene_ids[first // 8],),
+        )
+        streamed.add(some, beliefs.take(rows))
+    found = streamed.finish()
+    assert found.nodes == whole.nodes
+    for name, value in whole.values.items():
+        np.testing.assert_allclose(found.values[name], value, rtol=1e-9, atol=1e-12, err_msg=name)
 
 
 @pytest.mark.slow
@@ -166,11 +211,10 @@ def test_figures_are_drawn(truth: Truth, tmp_path: Path) -> None:
     drawn = plot_evaluation(
         tmp_path / "figures",
         name="m",
-        expectation=believe(truth),
-        target=truth.targets,
-        is_building=truth.is_building,
+        shown=ShownNodes(
+            truth.inputs, believe(truth).totals, truth.targets, truth.is_building, example=0
+        ),
         classes=load_class_map().classes[:5],
-        node=0,
         building="a",
     )
     report = EpochReport(1, 1, 2.0, 3.0, 1, 0.1)

@@ -11,7 +11,7 @@ import pytest
 from prediction_rows import rows
 
 from bsg_models.errors import PredictionError
-from bsg_models.evaluation.prediction_files import read_predictions
+from bsg_models.evaluation.prediction_files import open_predictions
 
 
 @pytest.mark.parametrize(
@@ -41,25 +41,25 @@ def test_what_cannot_be_scored_is_refused(
     path = tmp_path / "a.parquet"
     rows(**change).to_parquet(path)
     with pytest.raises(PredictionError, match=found):
-        read_predictions(path, most_rows=2)
+        list(open_predictions(path, most_rows=2).read())
 
 
 def test_columns_and_rows_are_counted_before_they_are_read(tmp_path: Path) -> None:
     path = tmp_path / "a.parquet"
     rows().drop(columns="presence").to_parquet(path)
     with pytest.raises(PredictionError, match="presence is missing or double; found scene_id"):
-        read_predictions(path, most_rows=2)
+        open_predictions(path, most_rows=2)
     rows().to_parquet(path)
     with pytest.raises(PredictionError, match=r"expected at most 1 rows.*found 2"):
-        read_predictions(path, most_rows=1)
+        open_predictions(path, most_rows=1)
     with pytest.raises(PredictionError, match="is not there"):
-        read_predictions(tmp_path / "none", most_rows=1)
+        open_predictions(tmp_path / "none", most_rows=1)
     path.write_bytes(path.read_bytes()[:-9])
     with pytest.raises(PredictionError, match="not readable as parquet"):
-        read_predictions(path, most_rows=2)
+        open_predictions(path, most_rows=2)
     (tmp_path / "folder").mkdir()
     with pytest.raises(PredictionError, match=r"holds no file \*\.parquet"):
-        read_predictions(tmp_path / "folder", most_rows=2)
+        open_predictions(tmp_path / "folder", most_rows=2)
 
 
 def test_files_of_a_folder_are_one_and_keep_their_row_numbers(tmp_path: Path) -> None:
@@ -68,18 +68,20 @@ def test_files_of_a_folder_are_one_and_keep_their_row_numbers(tmp_path: Path) ->
     rows(extra=["x", "y"]).to_parquet(folder / "fold-0.parquet")
     second = rows(scene_id=["b", "a"]).astype({"class": "category", "draw": np.uint8})
     pq.write_table(pa.Table.from_pandas(second), folder / "fold-1.parquet")
-    found = read_predictions(folder, most_rows=4)
-    assert [found.scenes[i] for i in found.scene] == ["a", "a", "b", "a"]
-    assert [found.classes[i] for i in found.label] == ["chair", "bed", "chair", "bed"]
+    found = open_predictions(folder, most_rows=4)
     assert [rows for _, rows in found.files] == [2, 2]
-    assert found.values["presence"].tolist() == [0.5, 0.25, 0.5, 0.25]
+    pieces = list(found.read())
+    assert [p.scenes[i] for p in pieces for i in p.scene] == ["a", "a", "b", "a"]
+    assert [p.classes[i] for p in pieces for i in p.label] == ["chair", "bed", "chair", "bed"]
+    assert [p.place for p in pieces] == [(file, 0) for file, _ in found.files]
+    assert pieces[1].values["presence"].tolist() == [0.5, 0.25]
     rows(p0=[0.5, 0.75]).to_parquet(folder / "fold-2.parquet")
     with pytest.raises(PredictionError, match="different columns"):
-        read_predictions(folder, most_rows=6)
+        open_predictions(folder, most_rows=6)
 
 
 def test_an_empty_table_is_read_as_no_rows(tmp_path: Path) -> None:
     path = tmp_path / "a.parquet"
     empty: pd.DataFrame = rows()[:0]
     pq.write_table(pa.Table.from_pandas(empty, schema=pa.Schema.from_pandas(rows())), path)
-    assert len(read_predictions(path, most_rows=2)) == 0
+    assert len(open_predictions(path, most_rows=2)) == 0

@@ -12,8 +12,8 @@ from bsg_data.observation.observation import Observation
 from bsg_data.scene.connections import Connections
 from bsg_models.errors import PredictionError
 from bsg_models.evaluation.measurement import EVALUATOR_VERSION, Measurement, read_truth
-from bsg_models.evaluation.prediction_files import read_predictions
-from bsg_models.evaluation.predictions import PredictedExpectation, log_of_table
+from bsg_models.evaluation.prediction_files import open_predictions
+from bsg_models.evaluation.predictions import PairCells, PredictedExpectation, log_of_table
 
 CLASSES = ("chair", "bed")
 
@@ -36,7 +36,8 @@ def two_rooms() -> MaskedBuildings:
 
 def lay(path: Path, frame: pd.DataFrame) -> PredictedExpectation:
     frame.to_parquet(path)
-    return read_predictions(path, most_rows=6).lay(two_rooms(), CLASSES)
+    laid = open_predictions(path, most_rows=6).lay(PairCells([two_rooms()], CLASSES))
+    return laid.expect(two_rooms())
 
 
 def test_the_frozen_evaluator_gives_what_is_worked_out_by_hand(tmp_path: Path) -> None:

@@ -14,13 +14,13 @@ from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_models.errors import PredictionError
 from bsg_models.evaluation.measurement import (
     Measurement,
-    SplitsMeasurement,
+    SplitWeights,
     predict_all,
     read_truth,
 )
 from bsg_models.inputs.graphs import read_split
 from bsg_models.studies.comparison import compare_runs
-from bsg_models.studies.entries import folds_of, write_entry
+from bsg_models.studies.entries import folds_of, open_entry
 from bsg_models.zoo.catalogue import BASELINES
 from bsg_models.zoo.config import find_config
 from bsg_models.zoo.construction import make_model
@@ -28,11 +28,10 @@ from bsg_models.zoo.settings import DataConfig
 
 
 def test_what_a_run_writes_is_measured_as_the_run(dataset: Path, run: Path, tmp_path: Path) -> None:
-    first, name = compare_runs([run], dataset, split="test", resamples=2), "gamma-poisson (run)"
-    data = Dataset.open(dataset)
-    path = write_entry(
-        tmp_path / "p", "mine", first.expectations[name], data, split="test", fold=None
-    )
+    data, name = Dataset.open(dataset), "gamma-poisson (run)"
+    path = tmp_path / "mine.parquet"
+    with open_entry(tmp_path, "mine", data, split="test", fold=None) as writer:
+        compare_runs([run], dataset, split="test", resamples=2, write=lambda name, fold: writer)
     both = compare_runs([run], dataset, split="test", predictions=[path, path], resamples=2)
     assert both.runs == (name, "mine", "mine-2")
     assert list(both.estimates) == [name, "mine", "mine-2", *BASELINES]
@@ -58,9 +57,12 @@ def test_predictions_of_all_folds_are_measured_fold_by_fold(dataset: Path, tmp_p
         masked = read_split(data, "test", fold=fold)
         expectation = predict_all(model, masked)
         measured.append(Measurement(read_truth(masked), expectation))
-        write_entry(tmp_path, "mine", expectation, data, split="test", fold=fold)
+        with open_entry(tmp_path, "mine", data, split="test", fold=fold) as writer:
+            writer.add(expectation, masked)
     every = compare_runs([], dataset, split="test", predictions=[tmp_path / "mine"], resamples=0)
-    point = SplitsMeasurement(measured).evaluate()
+    weights = SplitWeights([one.scene_ids for one in measured], resamples=0, seed=0)
+    each = [one.measure(weights.of_split(number)) for number, one in enumerate(measured)]
+    point = weights.average(each).bootstrap().point
     for name in ("rooms/presence_ap_micro/all", "all/correlation_frobenius"):
         assert every.estimates["mine"][name].value == pytest.approx(point[name])
         assert every.estimates["gamma-poisson"][name].value == pytest.approx(point[name])
@@ -76,8 +78,10 @@ def test_predictions_of_all_folds_are_measured_fold_by_fold(dataset: Path, tmp_p
 def test_predictions_for_other_masks_are_refused(dataset: Path, run: Path, tmp_path: Path) -> None:
     data = Dataset.open(dataset)
     model = make_model(find_config("doubled"), classes=45)
-    expectation = predict_all(model, read_split(data, "test"))
-    path = write_entry(tmp_path, "mine", expectation, data, split="test", fold=None)
+    masked = read_split(data, "test")
+    path = tmp_path / "mine.parquet"
+    with open_entry(tmp_path, "mine", data, split="test", fold=None) as writer:
+        writer.add(predict_all(model, masked), masked)
     write_pairs(dataset, PairsRecipe(mask=MaskRecipe(seed=1), draws=4), force=True)
     with pytest.raises(PredictionError, match="was made for other masks"):
         compare_runs([], dataset, split="test", predictions=[path], resamples=0)

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import doctest
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +26,10 @@ from bsg_models.runs.checkpoint import (
     save_checkpoint,
 )
 from bsg_models.runs.run_folder import BEST, LAST, LOG, METRICS
+from bsg_models.studies.run_summary import summarise_run
 from bsg_models.training import optimiser as optimiser_module
-from bsg_models.training.epochs import validation_buildings
+from bsg_models.training import training
+from bsg_models.training.buildings import validation_buildings
 from bsg_models.training.learning_curve import read_metrics
 from bsg_models.training.training import train_run
 from bsg_models.zoo.catalogue import ZOO
@@ -157,7 +160,9 @@ def test_what_cannot_be_resumed_is_refused(dataset: Path, tmp_path: Path) -> Non
     list(train_run(configure(), dataset, run))
     with pytest.raises(TrainingError, match="--resume goes on, --force replaces"):
         list(train_run(configure(), dataset, run))
-    with pytest.raises(TrainingError, match=r"only training\.epochs may change"):
+    with pytest.raises(
+        TrainingError, match=r"only training\.epochs and training\.device may change"
+    ):
         list(train_run(configure("model.dropout=0.1"), dataset, run, resume=True))
     with pytest.raises(TrainingError, match=r"model\.dropout: 0\.5 → 0\.1"):
         list(train_run(configure("model.dropout=0.1"), dataset, run, resume=True))
@@ -323,3 +328,15 @@ def test_no_code_can_hide_in_a_checkpoint(dataset: Path, tmp_path: Path) -> None
     header = json.loads(data[8 : 8 + length])
     ends = [entry["data_offsets"][1] for name, entry in header.items() if name != "__metadata__"]
     assert len(data) == 8 + length + max(ends)
+
+
+def test_a_calibration_of_a_sample_says_so(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = configure("model.iterations=2", name="mixture")
+    monkeypatch.setattr(training, "_CALIBRATED_ROOMS", 20)
+    list(train_run(config, dataset, tmp_path / "some"))
+    (note,) = summarise_run(tmp_path / "some").notes
+    assert re.fullmatch(
+        r"calibrated on \d of \d masked val buildings, drawn at random: 20 rooms at most", note
+    )

@@ -15,6 +15,7 @@ from one_building import observe_building
 from safetensors.torch import load_file
 
 from bsg_data.dataset.dataset import Dataset
+from bsg_data.observation.masked_buildings import stack_masked
 from bsg_models.belief.count_distribution import negative_binomial
 from bsg_models.errors import CheckpointError, ConfigError, TrainingError
 from bsg_models.inputs.edges import edges_of
@@ -27,7 +28,7 @@ from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.conditional import ConditionalConfig, ConditionalModel
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
 from bsg_models.zoo.ensemble import Ensemble
-from bsg_models.zoo.masked_rooms import sample_uniform
+from bsg_models.zoo.masked_rooms import stream_uniform
 from bsg_models.zoo.model import ModelInputs, Network
 from bsg_models.zoo.naive_bayes import NaiveBayesConfig, NaiveBayesModel
 from bsg_models.zoo.settings import DataConfig
@@ -58,7 +59,7 @@ def test_conditional_counts_as_a_naive_loop_does(dataset: Path, observe: str) ->
     config = ConditionalConfig(observe=observe, draws=2, smoothing=1.5)  # type: ignore[arg-type]
     model = ConditionalModel(config, ModelInputs(classes=45))
     model.fit(data, DataConfig())
-    masked = sample_uniform(data, DataConfig(), draws=2)
+    masked = stack_masked(list(stream_uniform(data, DataConfig(), draws=2)))
     rows = ~masked.seen.is_building
     seen, hidden = masked.seen.inputs[rows], (masked.targets - masked.seen.inputs)[rows]
     classes = data.manifest.class_space.classes

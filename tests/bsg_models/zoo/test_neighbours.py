@@ -13,7 +13,7 @@ from torch_geometric.nn import SAGEConv
 from bsg_data.observation.observation import Observation, stack
 from bsg_models.inputs.edges import EdgeSet, edges_of
 from bsg_models.zoo.model import ModelInputs
-from bsg_models.zoo.neighbours import Neighbours
+from bsg_models.zoo.neighbours import ListedNeighbours, Neighbours
 from bsg_models.zoo.sage import CECISAGE, MeanConv, SAGEConfig
 
 KINDS: tuple[EdgeSet, ...] = ("up", "down", "adjacent", "complete")
@@ -58,6 +58,29 @@ def test_the_convolution_is_pygs_over_the_edges(edges: tuple[EdgeSet, ...]) -> N
     with torch.no_grad():
         torch.testing.assert_close(ours(h, Neighbours.of(seen, edges)), pygs(h, listed))
         assert torch.equal(ours(h, listed), pygs(h, listed))
+
+
+@pytest.mark.parametrize("edges", EDGES)
+def test_a_network_is_trained_with_pygs_gradients(edges: tuple[EdgeSet, ...]) -> None:
+    """Sums in the same order: of a matrix, and of what the edges carry."""
+    seen = observe_several()
+    torch.manual_seed(0)
+    ours, pygs = MeanConv(6, 6), SAGEConv(6, 6)
+    pygs.load_state_dict(ours.state_dict())
+    listed = torch.from_numpy(edges_of(seen, edges))
+    h = torch.randn(len(seen.inputs), 6)
+    found = []
+    for convolution, neighbours in (
+        (ours, ListedNeighbours.of(listed, nodes=len(h))),
+        (pygs, listed),
+    ):
+        x = h.clone().requires_grad_()
+        convolved = convolution(x, neighbours)
+        convolved.square().sum().backward()
+        assert x.grad is not None
+        found.append((convolved.detach(), x.grad, convolution.lin_l.weight.grad))
+    for one, other in zip(*found, strict=True):
+        torch.testing.assert_close(one, other, rtol=1e-6, atol=1e-6)
 
 
 @pytest.mark.parametrize("edges", [("complete",), ("up", "down"), ("down", "adjacent")])

@@ -11,13 +11,13 @@ import torch
 from one_building import observe_building
 
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.observation.masked_buildings import sample_masked
+from bsg_data.observation.masked_buildings import sample_masked, stack_masked
 from bsg_data.recipes import MaskRecipe
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.training.training import new_model
 from bsg_models.zoo.boosting import BoostingConfig
 from bsg_models.zoo.config import find_config
-from bsg_models.zoo.masked_rooms import sample_chosen, sample_uniform
+from bsg_models.zoo.masked_rooms import choose_buildings, sample_chosen, stream_uniform
 from bsg_models.zoo.model import BeliefModel, share_of, to_array
 from bsg_models.zoo.settings import DataConfig
 
@@ -130,8 +130,9 @@ def test_a_network_and_a_model_that_counts_are_told_the_same_share(dataset: Path
 def test_trees_meet_withheld_classes_and_cannot_be_told(dataset: Path) -> None:
     data = Dataset.open(dataset)
     choice = DataConfig(withhold=0.3)
-    masked = sample_chosen(data, choice, draws=2, vocabulary=())
+    masked = sample_chosen(data, choice, choose_buildings(data, choice), draws=2)
     assert masked.seen.withheld.any()
-    assert not sample_uniform(data, choice, draws=2).seen.withheld.any()
+    uniform = stack_masked(list(stream_uniform(data, choice, draws=2)))
+    assert not uniform.seen.withheld.any()
     with pytest.raises(ValueError, match="reads"):
         BoostingConfig(reads=("withheld",))  # type: ignore[arg-type]

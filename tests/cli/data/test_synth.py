@@ -13,6 +13,15 @@ def test_buildings_that_are_there_need_force(tmp_path: Path) -> None:
     assert len(list((tmp_path / "b").rglob("*.semantic.txt"))) == 1
 
 
-@pytest.mark.parametrize("words", [("--scenes", "901"), ("--scenes", "0"), ("--size", "full")])
+@pytest.mark.parametrize(
+    "words", [("--scenes", "10000001"), ("--scenes", "0"), ("--rooms", "0"), ("--size", "full")]
+)
 def test_wrong_usage_is_exit_code_2(words: tuple[str, str]) -> None:
     run("synth", "--out", "x", *words, code=2)
+
+
+def test_a_building_of_a_size_that_cannot_be_is_refused(tmp_path: Path) -> None:
+    size = ("--rooms", "5", "--objects", "4")
+    said = run("synth", "--out", tmp_path / "b", "--scenes", "1", *size, code=2).stderr
+    assert "of 4 objects asked for, expected 5, one a room" in said
+    run("synth", "--out", tmp_path / "b", "--scenes", "1", "--rooms", "5", "--objects", "9")

@@ -1,0 +1,97 @@
+"""Check the files of a dataset: each is read once, hashed, and parsed from the bytes hashed."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from bsg_data.checks.faults import Fault
+from bsg_data.dataset.manifest import FileEntry, Manifest
+from bsg_data.dataset.shards import check_file_metadata, schema_of, to_current
+from bsg_data.errors import BSGError
+
+
+@dataclass(eq=False)
+class FileReader:
+    """Reads the files of a dataset and keeps what is wrong with them.
+
+    Attributes:
+        dataset: its folder.
+        manifest: what its files must be.
+        progress: called with (files done, files in all).
+        faults: found so far.
+    """
+
+    dataset: Path
+    manifest: Manifest
+    progress: Callable[[int, int], None] | None = None
+    faults: list[Fault] = field(default_factory=list)
+    _done: int = 0
+
+    def read(self, entry: FileEntry) -> pa.Table | None:
+        """Read a file as a table with today's columns; None if anything is wrong with it."""
+        faults: list[Fault] = []
+        table = self._parse(entry, faults)
+        self.faults += faults
+        self._done += 1
+        if self.progress is not None:
+            self.progress(self._done, len(self.manifest.files))
+        if table is None or faults:
+            return None
+        return to_current(self.dataset / entry.path, table, self.manifest)
+
+    def _parse(self, entry: FileEntry, faults: list[Fault]) -> pa.Table | None:
+        path = self.dataset / entry.path
+        if not path.is_file():
+            faults.append(Fault(entry.path, "is in the manifest but not there"))
+            return None
+        try:
+            data = path.read_bytes()
+            faults += _compare_bytes(entry, data)
+            file = pq.ParquetFile(pa.BufferReader(data))
+            check_file_metadata(path, file.schema_arrow, self.manifest)
+            table = file.read(use_threads=False)
+        except BSGError as error:
+            faults.append(Fault(entry.path, str(error)))
+        except (OSError, pa.ArrowInvalid) as error:
+            faults.append(Fault(entry.path, f"is not readable parquet: {error}"))
+        else:
+            faults += _compare_columns(entry, table, schema_of(table_of(entry), self.manifest))
+            return table
+        return None
+
+
+def table_of(entry: FileEntry) -> str:
+    """Return the table that a file is of: `rooms/part-00000.parquet` → `rooms`."""
+    return entry.path.split("/")[0].removesuffix(".parquet")
+
+
+def _compare_bytes(entry: FileEntry, data: bytes) -> list[Fault]:
+    sha256 = hashlib.sha256(data).hexdigest()
+    if (len(data), sha256) == (entry.bytes, entry.sha256):
+        return []
+    return [
+        Fault(
+            entry.path,
+            f"was changed: expected {entry.bytes} bytes, sha256 {entry.sha256[:12]}…, "
+            f"found {len(data)} bytes, sha256 {sha256[:12]}…",
+        )
+    ]
+
+
+def _compare_columns(entry: FileEntry, table: pa.Table, expected: pa.Schema) -> list[Fault]:
+    if not table.schema.equals(expected, check_metadata=False):
+        return [Fault(entry.path, f"expected the columns\n{expected}\nfound\n{table.schema}")]
+    faults = []
+    if len(table) != entry.rows:
+        faults.append(Fault(entry.path, f"expected {entry.rows} rows, found {len(table)}"))
+    return faults + [
+        Fault(entry.path, f"column {field.name} has nulls and must not")
+        for field in expected
+        if not field.nullable and table[field.name].null_count
+    ]

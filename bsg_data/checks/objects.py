@@ -1,0 +1,134 @@
+"""Check that every object is in a room, in the class that the map says, and in one place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import partial
+from typing import get_args
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from bsg_data.arrays import Bools, Ints
+from bsg_data.checks.faults import Fault, ObjectFaults
+from bsg_data.checks.part import NULL, Part, Rows
+from bsg_data.checks.places import ROUNDING, WHOLES, are_partial, read_points
+from bsg_data.checks.scenes import repeats
+from bsg_data.dataset.manifest import ClassSpaceEntry, Manifest
+from bsg_data.scene.class_map import Classified, Role, load_class_map, published_maps
+
+
+class ObjectCheck:
+    """The objects of a dataset, checked a part at a time.
+
+    Attributes:
+        faults: of objects.
+    """
+
+    def __init__(self, manifest: Manifest) -> None:
+        """Begin with no part of the dataset of a manifest."""
+        self.faults = ObjectFaults()
+        self._space: ClassSpaceEntry = manifest.class_space
+
+    def add(self, part: Part) -> Iterator[Fault]:
+        """Check the objects of a part, and yield what is wrong with its scenes' class maps."""
+        self._check_keys(part)
+        self._check_classes(part)
+        self._check_boxes(part)
+        yield from self._check_names(part)
+
+    def _note(self, part: Part, wrong: Bools, what: str) -> None:
+        """Keep what is wrong with some objects `[O]`."""
+        if not wrong.any():
+            return
+        scene, index = part.objects.scene, part.objects.integers("object_index")
+        rows = np.flatnonzero(wrong)
+        names = (f"{part.scene_ids[scene[row]]}, object {index[row]}" for row in rows[:3])
+        self.faults.add(what, names, times=len(rows))
+
+    def _check_keys(self, part: Part) -> None:
+        objects = part.objects
+        room = objects.integers("room_index")
+        limit = part.scenes.integers("num_rooms")[objects.scene]
+        self._note(part, (room < 0) | (room > limit), "room_index is not 0..R")
+        wrong = repeats(objects.scene, objects.integers("instance_id"))
+        self._note(part, wrong, "instance_id is there twice")
+        fine = pc.match_substring_regex(objects.table["colour"], "^[0-9A-F]{6}$")
+        self._note(part, ~pc.fill_null(fine, True).to_numpy(), "colour is not RRGGBB")
+
+    def _check_classes(self, part: Part) -> None:
+        """Check that class and role agree with class_index and category."""
+        objects, classes = part.objects, self._space.classes
+        index = _class_index(objects)
+        outside = index >= len(classes)
+        self._note(part, outside, f"class_index is not 0..{len(classes) - 1}")
+        place = {name: number for number, name in enumerate(classes)}
+        named = objects.words("class").look_up(lambda name: place.get(name, -2), null=NULL)
+        wrong = named != np.where(outside, NULL, index)
+        self._note(part, wrong, "class is not the name of class_index")
+        role, roles = objects.words("role"), get_args(Role)
+        odd = role.look_up(lambda name: name not in roles, null=True)
+        self._note(part, odd, f"role is none of {roles}")
+        wrong = role.is_word("classified") != (index != NULL)
+        self._note(part, wrong, "role is classified with a class, and only then")
+        wrong = role.is_word("unmapped") != ~objects.is_valid("category")
+        self._note(part, wrong, "role is unmapped without a category, and only then")
+
+    def _check_names(self, part: Part) -> Iterator[Fault]:
+        """Check that class and role are what the published class map of a scene says."""
+        objects, maps = part.objects, part.scenes.words("class_map")
+        for version in sorted({*maps.names} & {*published_maps()}):
+            published = load_class_map(version)
+            if published.classes != self._space.classes:
+                yield Fault("scenes", f"class map {version} does not lead into {self._space.name}")
+                continue
+            own = maps.is_word(version)[objects.scene]
+            names = objects.words("raw_category")
+            known = {name: published.classify(name) for name in names.names}
+            index = names.look_up(partial(_find_class, known), null=NULL)
+            wrong = own & (index != _class_index(objects))
+            self._note(part, wrong, f"class_index is not what {version} says")
+            role = names.look_up(partial(_find_role, known), null="")
+            wrong = own & (role != objects.words("role").look_up(str, null=""))
+            self._note(part, wrong, f"role is not what {version} says")
+
+    def _check_boxes(self, part: Part) -> None:
+        """Check that places are whole and finite, and centroid and part lie within the box."""
+        objects, area = part.objects, part.objects.numbers("area")
+        points = read_points(objects, *WHOLES)
+        boxed, centred, parted = (
+            ~np.isnan(points[name][:, 0]) for name in ("box_min", "centroid", "part_min")
+        )
+        wrong = boxed != objects.flags("has_geometry")
+        self._note(part, wrong, "has_geometry is not what the box says")
+        infinite = np.isinf(np.concatenate(list(points.values()), axis=1)).any(axis=1)
+        self._note(part, infinite, "its geometry is not finite")
+        for whole in WHOLES:
+            wrong = are_partial(*(points[name] for name in whole))
+            self._note(part, wrong, f"has only part of its {whole[0].split('_')[0]}")
+        bare = boxed & ~centred | parted & ~boxed
+        self._note(part, bare, "has a box without a centroid, or a part without a box")
+        low, high = points["box_min"], points["box_max"]
+        outside = (low > high) | (points["part_min"] > points["part_max"])
+        for inner in ("centroid", "part_min", "part_max"):
+            outside |= (points[inner] < low - ROUNDING) | (points[inner] > high + ROUNDING)
+        for axis, wrong in zip("xyz", outside.T, strict=True):
+            self._note(part, wrong, f"its centroid or its part is outside its box in {axis}")
+        sound = np.isnan(area) | ((area > 0) & np.isfinite(area))
+        self._note(part, ~sound, "area is not above 0")
+
+
+def _class_index(objects: Rows) -> Ints:
+    """Return the class of every object, `[O]`; `NULL` of those without."""
+    index = pc.cast(objects.table["class_index"], pa.int64())
+    return np.asarray(pc.fill_null(index, NULL).to_numpy())
+
+
+def _find_class(known: Mapping[str, Classified], name: str) -> int:
+    index = known[name].class_index
+    return NULL if index is None else index
+
+
+def _find_role(known: Mapping[str, Classified], name: str) -> Role:
+    return known[name].role

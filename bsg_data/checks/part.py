@@ -1,0 +1,140 @@
+"""Part k of all tables, the scenes of which stand together: what is checked at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+
+from bsg_data.arrays import Bools, Floats, Ints
+
+NULL = -1  # instead of a word
+
+
+@dataclass(frozen=True, eq=False)
+class Words:
+    """A column of words.
+
+    Attributes:
+        names: the words that are in it, each once.
+        codes: `[n]` the place of every row's word in `names`, or `NULL`.
+    """
+
+    names: tuple[str, ...]
+    codes: Ints
+
+    @classmethod
+    def of(cls, column: pa.ChunkedArray) -> Words:
+        """Read a column."""
+        encoded = column.combine_chunks().dictionary_encode()
+        codes = encoded.indices.fill_null(NULL).to_numpy().astype(np.int64)
+        return cls(tuple(encoded.dictionary.to_pylist()), codes)
+
+    def __getitem__(self, row: int) -> str | None:
+        """Return the word of a row, the same object in all rows of a word."""
+        code = int(self.codes[row])
+        return None if code == NULL else self.names[code]
+
+    @property
+    def missing(self) -> Bools:
+        """Which rows are null, `[n]`."""
+        return np.equal(self.codes, NULL)
+
+    def look_up(self, find: Callable[[str], Any], *, null: Any) -> npt.NDArray[Any]:
+        """Return what `find` gives for the word of every row, `[n]`, and `null` where none is."""
+        return np.array([*map(find, self.names), null])[self.codes]  # the last one is at NULL
+
+    def is_word(self, word: str) -> Bools:
+        """Say of every row whether it is a word, `[n]`."""
+        return self.look_up(lambda name: name == word, null=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """The rows of one table of a part.
+
+    Attributes:
+        table: the columns.
+        scene: `[n]` number of every row's scene among those of the part; `NULL` of another scene.
+        strangers: names of the other scenes.
+    """
+
+    table: pa.Table
+    scene: Ints
+    strangers: tuple[str, ...]
+
+    @classmethod
+    def of(cls, table: pa.Table, scenes: Mapping[str, int]) -> Rows:
+        """Number the scenes of the rows by their numbers in the part."""
+        names = Words.of(table["scene_id"])
+        scene = names.look_up(lambda name: scenes.get(name, NULL), null=NULL).astype(np.int64)
+        return cls(table, scene, tuple(name for name in names.names if name not in scenes))
+
+    def __len__(self) -> int:
+        """Return their number."""
+        return len(self.scene)
+
+    def integers(self, name: str) -> Ints:
+        """Return a column of integers without nulls, `[n]`."""
+        return np.asarray(self.table[name].to_numpy(), dtype=np.int64)
+
+    def flags(self, name: str) -> Bools:
+        """Return a column of booleans without nulls, `[n]`."""
+        return np.asarray(self.table[name].to_numpy(), dtype=np.bool_)
+
+    def numbers(self, name: str) -> Floats:
+        """Return a column of numbers, `[n]`; null is NaN."""
+        if self.table[name].null_count == len(self):
+            return np.full(len(self), np.nan)
+        return np.asarray(self.table[name].to_numpy(), dtype=np.float64)
+
+    def points(self, name: str) -> Floats:
+        """Return the columns `<name>_x`, `_y` and `_z`, `[n, 3]`; null is NaN."""
+        return np.stack([self.numbers(f"{name}_{axis}") for axis in "xyz"], axis=1)
+
+    def is_valid(self, name: str) -> Bools:
+        """Say of every row whether it has a value in a column, `[n]`."""
+        return np.asarray(self.table[name].is_valid().to_numpy(), dtype=np.bool_)
+
+    def words(self, name: str) -> Words:
+        """Return a column of words."""
+        return Words.of(self.table[name])
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One part of a dataset.
+
+    Attributes:
+        number: of the part, from 0.
+        scene_ids: of its scenes, in the order of the table.
+        scenes: the rows of each table, as are those below.
+        rooms: likewise.
+        objects: likewise.
+        edges: likewise.
+    """
+
+    number: int
+    scene_ids: tuple[str, ...]
+    scenes: Rows
+    rooms: Rows
+    objects: Rows
+    edges: Rows
+
+    @classmethod
+    def of(cls, number: int, tables: Mapping[str, pa.Table]) -> Part:
+        """Make a part of its four tables."""
+        scene_ids = tuple(tables["scenes"]["scene_id"].to_pylist())
+        scenes = {scene_id: place for place, scene_id in enumerate(scene_ids)}
+        return cls(
+            number, scene_ids, **{name: Rows.of(table, scenes) for name, table in tables.items()}
+        )
+
+    def name_scenes(self, rows: Rows, wrong: Bools) -> list[str]:
+        """Return the ids of the scenes that have a row at fault, each once, in their order."""
+        numbers = np.unique(rows.scene[wrong & (rows.scene != NULL)])
+        return [self.scene_ids[number] for number in numbers]

@@ -1,0 +1,180 @@
+"""The rows of tables of belief graphs: their columns, written and read a row group at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
+from bsg_data.errors import DatasetError
+from bsg_data.files import open_beside
+
+ROWS_PER_GROUP = 65_536  # nodes
+_METRES = pa.list_(pa.float64())
+SCHEMAS = {
+    "nodes": pa.schema(
+        [
+            ("scene_id", pa.string()),
+            ("node", pa.int32()),
+            ("kind", pa.string()),
+            ("id", pa.string()),
+            ("room", pa.string()),
+            ("category", pa.string()),
+            ("corrected", pa.string()),
+            ("class", pa.string()),
+            ("expected", pa.float64()),
+            ("presence", pa.float64()),
+            ("visited", pa.bool_()),
+            ("hidden_share", pa.float64()),
+            ("hidden_share_sd", pa.float64()),
+            ("label", pa.string()),
+            ("position", _METRES),
+            ("box", _METRES),
+            ("footprint", _METRES),
+            ("floor_index", pa.int16()),
+            ("floor_area", pa.float64()),
+            ("room_type", pa.map_(pa.string(), pa.float64())),
+        ]
+    ),
+    "edges": pa.schema(
+        [
+            ("scene_id", pa.string()),
+            ("source", pa.int32()),
+            ("target", pa.int32()),
+            ("kind", pa.string()),
+        ]
+    ),
+    "histograms": pa.schema(
+        [
+            ("scene_id", pa.string()),
+            ("node", pa.int32()),
+            ("input", pa.list_(pa.int32())),
+            ("expected", pa.list_(pa.float64())),
+            ("presence", pa.list_(pa.float64())),
+        ]
+    ),
+}
+# Columns of nodes that came later: `corrected` in version 2, the next two in 3, the last in 4.
+_NEW = frozenset({"corrected", "floor_area", "room_type", "hidden_share_sd"})
+_SORTED_BY = {"nodes": ("node",), "edges": ("source", "target"), "histograms": ("node",)}
+
+
+def write_rows(
+    packed: Iterable[Mapping[str, pa.RecordBatch]],
+    folder: Path,
+    *,
+    metadata: Callable[[], Mapping[str, Mapping[bytes, str]]],
+) -> None:
+    """Write the rows of belief graphs as one file a table, each whole or not at all.
+
+    Args:
+        packed: the rows of each belief graph, by the names of `SCHEMAS`.
+        folder: of the files; it is made when all rows are there.
+        metadata: returns that of some tables, when all rows are there.
+
+    Raises:
+        DatasetError: if they cannot be written.
+    """
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}.") as beside:
+            places = {name: Path(beside) / name for name in SCHEMAS}
+            with ExitStack() as stack:
+                writers = {
+                    name: stack.enter_context(
+                        pq.ParquetWriter(places[name], schema, compression="zstd")
+                    )
+                    for name, schema in SCHEMAS.items()
+                }
+                for group in _group_rows(packed):
+                    for name, writer in writers.items():
+                        writer.write_table(pa.Table.from_batches([one[name] for one in group]))
+            said = metadata()
+            for name, place in places.items():
+                with open_beside(folder / f"{name}.parquet") as partial:
+                    _copy_rows(place, partial, SCHEMAS[name].with_metadata(said.get(name)))
+    except OSError as error:
+        raise DatasetError(f"{folder}: cannot be written ({error.strerror or error})") from error
+
+
+def _group_rows(
+    packed: Iterable[Mapping[str, pa.RecordBatch]],
+) -> Iterator[list[Mapping[str, pa.RecordBatch]]]:
+    """Yield the belief graphs of a row group at a time: `ROWS_PER_GROUP` nodes, or a few more."""
+    group: list[Mapping[str, pa.RecordBatch]] = []
+    for one in packed:
+        group.append(one)
+        if sum(some["nodes"].num_rows for some in group) >= ROWS_PER_GROUP:
+            yield group
+            group = []
+    if group:
+        yield group
+
+
+def _copy_rows(source: Path, target: Path, schema: pa.Schema) -> None:
+    """Copy a table, by row groups, under a schema with other metadata."""
+    with (
+        pq.ParquetFile(source) as rows,
+        pq.ParquetWriter(target, schema, compression="zstd") as writer,
+    ):
+        for number in range(rows.num_row_groups):
+            group = rows.read_row_group(number, use_threads=False)
+            writer.write_table(group.replace_schema_metadata(schema.metadata))
+
+
+class SceneRows:
+    """The rows of each scene of a table, sorted.
+
+    Of a table that is in order, as ours are that were made of a dataset, one row group is read at a
+    time. Any other table is read whole, and sorted once.
+
+    Args:
+        path: of the table.
+        name: of `SCHEMAS`.
+        scenes: in the order in which they are read.
+    """
+
+    def __init__(self, path: Path, name: str, scenes: Sequence[str]) -> None:
+        self._file, self._schema = pq.ParquetFile(path), SCHEMAS[name]
+        by = _SORTED_BY[name]
+        keys = self._file.read(columns=["scene_id", *by], use_threads=False)
+        numbers = pc.index_in(keys["scene_id"], value_set=pa.array(scenes, pa.string()))
+        if numbers.null_count:
+            raise ValueError("there are rows of a building that the metadata does not have")
+        numbers = numbers.to_numpy()
+        order = np.lexsort((*(keys[one].to_numpy() for one in reversed(by)), numbers))
+        self._ends = np.searchsorted(numbers[order], np.arange(len(scenes) + 1))
+        groups = [
+            self._file.metadata.row_group(g).num_rows for g in range(self._file.num_row_groups)
+        ]
+        self._groups = np.concatenate([[0], np.cumsum(groups, dtype=np.int64)])
+        self._held: tuple[int, pa.Table] | None = None  # first row, and rows from there on
+        if not np.array_equal(order, np.arange(len(order))):
+            self._held = 0, self._fit(self._file.read(use_threads=False).take(order))
+            self._groups = np.array([0, len(order)])
+
+    def read(self, number: int) -> pa.Table:
+        """Return the rows of a scene."""
+        start, stop = (int(end) for end in self._ends[number : number + 2])
+        first = int(np.searchsorted(self._groups, start, side="right")) - 1
+        last = max(int(np.searchsorted(self._groups, stop, side="left")), first + 1)
+        begin, whole = int(self._groups[first]), int(self._groups[min(last, len(self._groups) - 1)])
+        if self._held is None or self._held[0] != begin or len(self._held[1]) < whole - begin:
+            groups = list(range(first, min(last, self._file.num_row_groups)))
+            some = self._file.read_row_groups(groups, use_threads=False)
+            self._held = begin, self._fit(some)
+        return self._held[1].slice(start - begin, stop - start)
+
+    def _fit(self, table: pa.Table) -> pa.Table:
+        """Return a table in our schema; columns that came later are empty in old ones."""
+        for name in _NEW - set(table.column_names):
+            if name in self._schema.names:
+                nothing = pa.nulls(len(table), self._schema.field(name).type)
+                table = table.append_column(name, nothing)
+        return table.select(self._schema.names).cast(self._schema)

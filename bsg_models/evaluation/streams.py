@@ -1,0 +1,143 @@
+"""How metrics are measured batch by batch, for all resamples of the buildings at once.
+
+The resamples are known before the first batch: they depend on the number of buildings alone. So a
+metric keeps, instead of its nodes, what it needs of them under each of W weights: the data as they
+are, and every resample. That takes as much memory for a hundred buildings as for a million.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar, cast
+
+import numpy as np
+import numpy.typing as npt
+from scipy import sparse
+
+from bsg_data.arrays import Ints
+from bsg_models.evaluation.metrics import Floats
+from bsg_models.evaluation.truth import Prediction
+
+Key = tuple[str, str]  # node set, part
+Weights = npt.NDArray[Any]  # `[B, W]` of floats or of whole numbers
+
+
+@dataclass(frozen=True, slots=True)
+class Values:
+    """What a metric is under each of W weights.
+
+    Attributes:
+        values: (node set, part) → `[W]`; nan where it is not defined.
+        nodes: (node set, part) → number of nodes that it is over.
+    """
+
+    values: Mapping[Key, Floats]
+    nodes: Mapping[Key, int]
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Some nodes of a prediction, with the weights of all B buildings.
+
+    Attributes:
+        prediction: of N nodes.
+        building: `[N]` 0..B-1, the number of each node's building among all.
+        weights: `[B, W]` how often each building counts.
+    """
+
+    prediction: Prediction
+    building: Ints
+    weights: Weights
+
+    def sum(self, rows: Ints, values: Floats) -> Floats:
+        """Return what some nodes add up to under every weight, `[W, K]`.
+
+        Args:
+            rows: `[M]` of the nodes.
+            values: `[M, K]` what each adds.
+        """
+        there, place = np.unique(self.building[rows], return_inverse=True)
+        one_of = sparse.csr_array(
+            (np.ones(len(rows)), (place, np.arange(len(rows)))), shape=(len(there), len(rows))
+        )
+        return np.asarray(self.weights[there].T.astype(float) @ (one_of @ values))
+
+    def sum_products(self, rows: Ints, values: Floats) -> Floats:
+        """Return Σ z zᵀ of some nodes under every weight, `[W, 1 + K, 1 + K]`.
+
+        With z = (1, values), its first row is the number of nodes, and the sums of the values.
+
+        Args:
+            rows: `[M]` of the nodes.
+            values: `[M, K]` of each.
+        """
+        augmented = np.column_stack([np.ones(len(rows)), values])
+        there, place = np.unique(self.building[rows], return_inverse=True)
+        order = np.argsort(place, kind="stable")
+        ends = np.searchsorted(place[order], np.arange(1, len(there)))
+        products = [own.T @ own for own in np.split(augmented[order], ends)]
+        weights = self.weights[there].T.astype(float)
+        return np.tensordot(weights, np.stack(products), axes=1)
+
+
+class Gathered(ABC):
+    """What a metric has kept of the batches so far."""
+
+    @abstractmethod
+    def add(self, batch: Batch) -> None:
+        """Take in some nodes; those of a building may come in several batches."""
+
+    @abstractmethod
+    def finish(self) -> Values:
+        """Return what the metric is over all batches."""
+
+
+_Shared = TypeVar("_Shared", bound="SharedCells")
+
+
+class SharedCells(ABC):
+    """What several metrics of one stream read: it is gathered once for all of them."""
+
+    @abstractmethod
+    def __init__(self, weights: Weights) -> None:
+        """Begin, without nodes."""
+
+    @abstractmethod
+    def add(self, batch: Batch) -> None:
+        """Take in some nodes."""
+
+
+class Stream:
+    """The batches of one model on one split, and what its metrics share.
+
+    Args:
+        scene_ids: `[B]` of all buildings that will come.
+        weights: `[B, W]` how often each of them counts.
+    """
+
+    def __init__(self, scene_ids: Sequence[str], weights: Weights) -> None:
+        self.weights = weights
+        self._number = {scene: number for number, scene in enumerate(scene_ids)}
+        self._shared: dict[type[SharedCells], SharedCells] = {}
+
+    @property
+    def width(self) -> int:
+        """Number of weights W."""
+        return int(self.weights.shape[1])
+
+    def share(self, kind: type[_Shared]) -> _Shared:
+        """Return what all metrics that ask for this kind have in common."""
+        if kind not in self._shared:
+            self._shared[kind] = kind(self.weights)
+        return cast(_Shared, self._shared[kind])
+
+    def batch(self, prediction: Prediction) -> Batch:
+        """Take in some nodes for what is shared, and return them for the metrics."""
+        truth = prediction.truth
+        numbers = np.array([self._number[scene] for scene in truth.scene_ids], dtype=np.int64)
+        batch = Batch(prediction, numbers[truth.building], self.weights)
+        for shared in self._shared.values():
+            shared.add(batch)
+        return batch

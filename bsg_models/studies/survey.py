@@ -1,0 +1,88 @@
+"""What the stored pairs of a split are, taken in one pass before anything is measured on them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bsg_data.arrays import Floats
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.observation.masked_buildings import BATCH, MaskedBuildings
+from bsg_models.evaluation.measurement import count_empty, read_truth
+from bsg_models.inputs.folds import Split
+from bsg_models.inputs.graphs import stream_split
+
+MOST_SHOWN = 20_000  # nodes that figures are drawn of: more are not seen, and would be held
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """The masked buildings of a split, or of one fold.
+
+    Attributes:
+        scene_ids: `[B]` of the buildings, in their order.
+        sizes: `[B]` number of classified objects of each.
+        masked: number of masked buildings, every draw counted.
+        counts: `rooms`, `building`, `empty_inputs`, `empty_targets`: numbers of nodes.
+    """
+
+    scene_ids: tuple[str, ...]
+    sizes: Floats
+    masked: int
+    counts: dict[str, int]
+
+    @property
+    def by_size(self) -> list[str]:
+        """The buildings by their size, the smallest first."""
+        return [self.scene_ids[number] for number in np.argsort(self.sizes, kind="stable")]
+
+    @property
+    def example(self) -> str:
+        """The building of median size: for the figures."""
+        return self.by_size[len(self.scene_ids) // 2]
+
+
+def stream_batches(
+    data: Dataset, split: Split, *, fold: int | None, vocabulary: tuple[str, ...] = ()
+) -> Iterator[MaskedBuildings]:
+    """Yield the stored pairs of a split, `BATCH` masked buildings at most at a time."""
+    for masked in stream_split(data, split, fold=fold, vocabulary=vocabulary):
+        yield from masked.batches(BATCH)
+
+
+def survey_split(data: Dataset, split: Split, *, fold: int | None) -> Survey:
+    """Read the stored pairs of a split once, and count what is in them.
+
+    Raises:
+        DatasetError: if there are none.
+    """
+    sizes: dict[str, float] = {}
+    counts = dict.fromkeys(("rooms", "building", "empty_inputs", "empty_targets"), 0)
+    number = 0
+    for masked in stream_batches(data, split, fold=fold):
+        truth = read_truth(masked)
+        number += len(masked)
+        buildings = int(truth.is_building.sum())
+        found = {"rooms": len(truth.is_building) - buildings, "building": buildings}
+        for name, nodes in (found | count_empty(truth)).items():
+            counts[name] += nodes
+        totals = masked.targets[masked.seen.starts[:-1]].sum(axis=1)
+        sizes |= dict(zip(masked.seen.scene_ids, totals.astype(float).tolist(), strict=True))
+    return Survey(tuple(sizes), np.array(list(sizes.values())), number, counts)
+
+
+def join_surveys(parts: Sequence[Survey]) -> Survey:
+    """Return the surveys of several folds, of different buildings, as one."""
+    return Survey(
+        tuple(scene for part in parts for scene in part.scene_ids),
+        np.concatenate([part.sizes for part in parts]),
+        sum(part.masked for part in parts),
+        {name: sum(part.counts[name] for part in parts) for name in parts[0].counts},
+    )
+
+
+def choose_stride(survey: Survey, *, most: int = MOST_SHOWN) -> int:
+    """Return k, such that every k-th masked building together have `most` nodes at the most."""
+    return max(1, -(-(survey.counts["rooms"] + survey.counts["building"]) // most))

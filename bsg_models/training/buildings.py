@@ -1,0 +1,279 @@
+"""The masked buildings of a training: every epoch in an order of its own, a window at a time.
+
+What is trained on is never held whole. An epoch shuffles the parts of the dataset (or the files of
+its stored pairs), holds a window of some of them, shuffles what is in it and deals it in batches.
+Data that fit one window are shuffled as a whole.
+
+The order of an epoch is drawn from (seed, epoch) alone, its masks from (the mask's own seed,
+epoch): they do not depend on the epochs before it having run in this process, nor on how many
+processes take part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from typing import cast
+
+import numpy as np
+import torch
+
+from bsg_data.arrays import Counts, Ints
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.observation.masked_buildings import (
+    BATCH,
+    MaskedBuildings,
+    sample_each,
+    stack_masked,
+    stream_sampled,
+    vary_fractions,
+)
+from bsg_data.recipes import PairsRecipe
+from bsg_models.errors import TrainingError
+from bsg_models.inputs.batches import in_batches
+from bsg_models.inputs.folds import scenes_of
+from bsg_models.inputs.graphs import read_split, stream_split
+from bsg_models.training.ranks import Ranks
+from bsg_models.zoo.config import RunConfig
+
+WINDOW = 4096  # masked buildings that are shuffled together
+_VAL_DRAWS = 10  # of every val building, where the stored pairs are not what is trained for
+
+# Masked buildings that are held, and which of them this process takes, in their order.
+_Dealt = tuple[MaskedBuildings, Ints]
+
+
+class TrainingBuildings:
+    """The masked buildings of every epoch of one training, from a dataset that was opened once.
+
+    Args:
+        config: of the run.
+        data: an open dataset.
+        vocabulary: categories outside the classes that are looked for.
+        ranks: this process among those of the training.
+        window: masked buildings that are shuffled together.
+
+    Raises:
+        DatasetError: if the dataset is not split, or stored pairs are needed and there are none.
+        TrainingError: if a process would have nothing to do.
+    """
+
+    def __init__(
+        self,
+        config: RunConfig,
+        data: Dataset,
+        *,
+        vocabulary: tuple[str, ...],
+        ranks: Ranks | None = None,
+        window: int = WINDOW,
+    ) -> None:
+        self._config, self._data, self._vocabulary = config, data, vocabulary
+        self._ranks, self._window = ranks or Ranks(), window
+        self._share = self._ranks.share_of(config.training.batch_size)
+        self._scenes = scenes_of(data, "train", fold=config.data.fold)
+        self._number = len(self._scenes)
+        if config.data.masks == "fixed":
+            next(self._stored(None))  # says what is missing before anything is replaced
+            self._number *= (data.manifest.pairs or PairsRecipe()).draws
+        if self._number < self._ranks.size:
+            raise TrainingError(
+                f"{data.path}: {self._number} training buildings cannot be dealt to "
+                f"{self._ranks.size} processes; start fewer by torchrun"
+            )
+
+    @property
+    def steps(self) -> int:
+        """The number of steps of an epoch."""
+        return -(-self._number // self._config.training.batch_size)
+
+    def batches(self, epoch: int) -> Iterator[MaskedBuildings]:
+        """Yield this process's share of every batch of an epoch, one or more buildings each.
+
+        Where the last batch has fewer buildings than there are processes, those that have none of
+        it are not given a share.
+        """
+        seed = epoch_seed(self._config, epoch)
+        order = torch.Generator().manual_seed(seed)
+        torch.empty((), dtype=torch.int64).random_(generator=order)  # torch's loader drew one first
+        whole = self._number <= self._window
+        parts = None if whole else np.random.Generator(np.random.PCG64(seed))
+        if self._config.data.masks == "fixed":
+            dealt = self._deal_stored(order, parts)
+        else:
+            dealt = self._deal_fresh(epoch, order, parts)
+        return in_batches(_cut(dealt, self._share), self._share)
+
+    def _deal_fresh(
+        self, epoch: int, order: torch.Generator, parts: np.random.Generator | None
+    ) -> Iterator[_Dealt]:
+        """Yield mask number `epoch` of the training buildings, window after window."""
+        choice = self._config.data
+        recipes = vary_fractions(choice.fresh_mask, choice.fractions, epoch, len(self._scenes))
+        place = np.zeros(len(self._scenes), dtype=np.int64)  # of a building among those held
+        first = 0
+        for window in self._windows(parts):
+            dealt = window[_permute(len(window), order)]
+            mine = dealt[self._mine(first, len(dealt))]
+            first += len(dealt)
+            if not len(mine):
+                continue
+            held = window[np.isin(window, mine)]  # in the order of the tables
+            place[held] = np.arange(len(held))
+            some = [
+                sample_each(
+                    self._data,
+                    [self._scenes[number] for number in numbers],
+                    [recipes[number] for number in numbers],
+                    draw=epoch,
+                    vocabulary=self._vocabulary,
+                )
+                for numbers in np.split(held, range(BATCH, len(held), BATCH))
+            ]
+            yield stack_masked([_narrow(one) for one in some]), place[mine]
+
+    def _windows(self, parts: np.random.Generator | None) -> Iterator[Ints]:
+        """Yield the numbers of the buildings of every window: whole parts, in a random order.
+
+        Without a generator that is all of them, in the order of the split.
+        """
+        if parts is None:
+            yield np.arange(len(self._scenes))
+            return
+        number = {scene: place for place, scene in enumerate(self._scenes)}
+        of_parts = [
+            np.array([number[scene] for scene in part], dtype=np.int64)
+            for part in self._data.in_parts(self._scenes)
+        ]
+        held: list[Ints] = []
+        for part in parts.permutation(len(of_parts)).tolist():
+            held.append(of_parts[part])
+            if sum(map(len, held)) >= self._window:
+                yield np.concatenate(held)
+                held = []
+        if held:
+            yield np.concatenate(held)
+
+    def _deal_stored(
+        self, order: torch.Generator, parts: np.random.Generator | None
+    ) -> Iterator[_Dealt]:
+        """Yield the stored pairs of the training buildings, window after window."""
+        first = 0
+        for window in self._stored_windows(parts):
+            dealt = _permute(len(window), order)
+            yield window, dealt[self._mine(first, len(dealt))]
+            first += len(dealt)
+
+    def _stored_windows(self, parts: np.random.Generator | None) -> Iterator[MaskedBuildings]:
+        if parts is None:
+            fold = self._config.data.fold
+            yield read_split(self._data, "train", fold=fold, vocabulary=self._vocabulary)
+            return
+        held: list[MaskedBuildings] = []
+        for some in self._stored(parts):
+            held.append(_narrow(some))
+            if sum(map(len, held)) >= self._window:
+                yield stack_masked(held)
+                held = []
+        if held:
+            yield stack_masked(held)
+
+    def _stored(self, shuffle: np.random.Generator | None) -> Iterator[MaskedBuildings]:
+        fold = self._config.data.fold
+        return stream_split(
+            self._data, "train", fold=fold, vocabulary=self._vocabulary, shuffle=shuffle
+        )
+
+    def _mine(self, first: int, number: int) -> Ints:
+        """Return which of some places of the epoch, from the first, are of this process."""
+        places = np.arange(first, first + number)
+        size = self._config.training.batch_size
+        return np.flatnonzero(self._ranks.takes(places, batch_size=size))
+
+
+def epoch_seed(config: RunConfig, epoch: int, *, rank: int = 0) -> int:
+    """Return the seed of an epoch: of its order, and of the dropout of one process."""
+    entropy = [config.seed, epoch, rank] if rank else [config.seed, epoch]
+    return int(np.random.SeedSequence(entropy).generate_state(1)[0])
+
+
+def stream_validation(
+    config: RunConfig, data: Dataset, *, vocabulary: tuple[str, ...]
+) -> Iterator[MaskedBuildings]:
+    """Yield val under masks of the kind that is trained on: stored pairs, or ten fresh masks.
+
+    Some buildings at a time, so that no more of them are held, however many there are.
+
+    Args:
+        config: of the run.
+        data: an open dataset.
+        vocabulary: categories outside the classes that are looked for.
+
+    Raises:
+        DatasetError: if stored pairs are needed, and there are none.
+    """
+    choice = config.data
+    if not _draws_own(config, data):
+        yield from stream_split(data, "val", fold=choice.fold, vocabulary=vocabulary)
+        return
+    scenes = scenes_of(data, "val", fold=choice.fold)
+    for draw in range(_VAL_DRAWS):
+        yield from stream_sampled(
+            data,
+            scenes,
+            mask=choice.fresh_mask,
+            draw=draw,
+            fractions=choice.fractions,
+            vocabulary=vocabulary,
+        )
+
+
+def count_validation(config: RunConfig, data: Dataset) -> int:
+    """Return how many masked buildings `stream_validation` yields."""
+    pairs = data.manifest.pairs
+    draws = _VAL_DRAWS if _draws_own(config, data) or pairs is None else pairs.draws
+    return draws * len(scenes_of(data, "val", fold=config.data.fold))
+
+
+def validation_buildings(
+    config: RunConfig, data: Dataset, *, vocabulary: tuple[str, ...]
+) -> MaskedBuildings:
+    """Return all that `stream_validation` yields, as one.
+
+    Raises:
+        DatasetError: if stored pairs are needed, and there are none.
+    """
+    return stack_masked(list(stream_validation(config, data, vocabulary=vocabulary)))
+
+
+def _draws_own(config: RunConfig, data: Dataset) -> bool:
+    pairs = data.manifest.pairs
+    return config.data.needs_own_masks(pairs.mask if pairs else None)
+
+
+def _permute(number: int, order: torch.Generator) -> Ints:
+    permuted: Ints = torch.randperm(number, generator=order).numpy()
+    return permuted
+
+
+def _cut(dealt: Iterable[_Dealt], size: int) -> Iterator[MaskedBuildings]:
+    """Yield what is dealt, cut where batches end, so that few are put together again."""
+    missing = size
+    for window, mine in dealt:
+        first = 0
+        while first < len(mine):
+            some = window.take(mine[first : first + missing])
+            first += len(some)
+            missing = missing - len(some) or size
+            yield some
+
+
+def _narrow(masked: MaskedBuildings) -> MaskedBuildings:
+    """Return the same with counts of the vocabulary, which is wide, in as few bytes as hold them.
+
+    A window of 4,096 buildings of 15 rooms and 1,600 categories then takes 0.1 GB, not 0.8.
+    """
+    others = masked.seen.others
+    if not others.size:
+        return masked
+    narrow = cast(Counts, others.astype(np.min_scalar_type(int(others.max()))))
+    return replace(masked, seen=replace(masked.seen, others=narrow))

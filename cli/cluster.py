@@ -1,0 +1,157 @@
+"""Workers of other machines: Dask's executor, and what is asked of its workers before any task.
+
+Tasks name files by their paths, so all machines must see the same files at the same paths.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import CancelledError, Executor
+from contextlib import contextmanager, suppress
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bsg_data.errors import BSGError
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+SECONDS_TO_CONNECT = 30.0
+_SECONDS_BETWEEN_LOOKS = 0.5
+
+
+@contextmanager
+def connect(
+    address: str, *, reads: Sequence[Path] = (), writes: Sequence[Path] = ()
+) -> Iterator[Executor]:
+    """Yield the workers of a Dask scheduler as an executor.
+
+    A task whose worker is lost is done again by another one, as often as the scheduler allows. On
+    an error the tasks under way are waited for, as a pool of processes does, so that none writes
+    when the command has ended.
+
+    Args:
+        address: `host:port` of the scheduler, or the path of its `--scheduler-file`.
+        reads: files and folders that tasks read.
+        writes: files and folders that tasks write, which need not exist yet.
+
+    Raises:
+        BSGError: without `distributed`, a scheduler or a worker that can do the work; if a task
+            loses too many workers, or the scheduler is lost.
+    """
+    try:
+        from distributed import Client, KilledWorker
+    except ImportError as error:
+        raise BSGError(
+            "--scheduler needs Dask: pip install 'belief-scene-graphs[cluster]'"
+        ) from error
+    place = {"scheduler_file": address} if Path(address).is_file() else {"address": address}
+    try:
+        client = Client(**place, timeout=SECONDS_TO_CONNECT, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise BSGError(
+            f"--scheduler {address}: no Dask scheduler answers there ({error}); start one by "
+            "`dask scheduler`, which prints its address"
+        ) from error
+    with client:
+        client.wait_for_workers(1)
+        _require_alike(client, reads=reads, writes=writes)
+        try:
+            yield client.get_executor()
+        except KilledWorker as error:
+            raise BSGError(
+                f"{error.allowed_failures + 1} workers died on one task, the last one "
+                f"{error.last_worker.address} (killed, or out of memory?); its log says more, and "
+                f"so does the scheduler's dashboard, {client.dashboard_link}. What is done is "
+                "kept: the same command goes on"
+            ) from error
+        except CancelledError as error:
+            raise BSGError(
+                f"--scheduler {address}: is lost with the tasks that it had; its log says why. "
+                "The same command goes on from what is done"
+            ) from error
+        except BaseException:
+            with suppress(OSError, TimeoutError):
+                _wait_for_tasks(client)
+            raise
+
+
+def look(paths: Sequence[str]) -> tuple[str, list[str]]:
+    """Return the version of this package on a machine, and what is there at some paths."""
+    return version("belief-scene-graphs"), [_describe(Path(path)) for path in paths]
+
+
+def _describe(path: Path) -> str:
+    """Say in words what is at a path, so that two machines that see the same say the same."""
+    if path.is_file():
+        return f"a file of {path.stat().st_size:,} bytes"
+    if not path.is_dir():
+        return "nothing"
+    manifest = path / "dataset.json"
+    if manifest.is_file():
+        return f"the dataset {hashlib.sha256(manifest.read_bytes()).hexdigest()[:12]}…"
+    return f"a folder of {sum(1 for _ in path.iterdir()):,} things"
+
+
+def _require_alike(client: Client, *, reads: Sequence[Path], writes: Sequence[Path]) -> None:
+    """Refuse workers that are not like this process, or do not see what it sees.
+
+    Raises:
+        BSGError: for the first, saying how it differs.
+    """
+    for worker, threads in client.nthreads().items():
+        if threads != 1:
+            raise BSGError(
+                f"worker {worker}: does {threads} tasks at once in one process, which share one "
+                "state of chance; start workers by `dask worker ADDRESS --nthreads 1 --nworkers N`"
+            )
+    with _marks(writes) as marks:
+        paths = [str(path.absolute()) for path in (*reads, *marks)]
+        own_version, own = look(paths)
+        for worker, found in client.run(look, paths, on_error="return").items():
+            if isinstance(found, BaseException):
+                raise BSGError(f"worker {worker}: cannot run this package ({found!r}); install it")
+            if found[0] != own_version:
+                raise BSGError(f"worker {worker}: has version {found[0]}, not {own_version}")
+            for path, here, there in zip(paths, own, found[1], strict=True):
+                if here != there:
+                    raise BSGError(
+                        f"worker {worker}: sees {there} at {path}, and here it is {here}; all "
+                        "machines need one file system, at the same path"
+                    )
+
+
+@contextmanager
+def _marks(writes: Sequence[Path]) -> Iterator[list[Path]]:
+    """Yield new files in the folders that are written into, by which a worker knows them again."""
+    marks: list[Path] = []
+    try:
+        for path in writes:
+            folder = next(above for above in path.absolute().parents if above.is_dir())
+            handle, name = tempfile.mkstemp(prefix=".bsg-", dir=folder)
+            os.close(handle)
+            marks.append(Path(name))
+        yield marks
+    finally:
+        for mark in marks:
+            mark.unlink()
+
+
+def _wait_for_tasks(client: Client) -> None:
+    """Wait until the tasks that workers are at now have ended; who is cancelled still goes on."""
+    begun = _list_active(client)
+    while begun & _list_active(client):
+        time.sleep(_SECONDS_BETWEEN_LOOKS)
+
+
+def _list_active(client: Client) -> set[str]:
+    return {key for keys in client.run(_list_own_active).values() for key in keys}
+
+
+def _list_own_active(dask_worker: Any) -> list[str]:
+    return [str(key) for key in dask_worker.active_threads.values()]
