@@ -49,9 +49,8 @@ def hash_splits(data: Dataset) -> dict[str, str]:
     if not names:
         return {}
     found = {name: _begin(data) for name in (*names, ALL)}
-    for scene, name, packed in _merge(data, names):
+    for _, name, packed in _merge(data, names):
         for digest in (found[name], found[ALL]):
-            digest.update(scene + b"\0")
             digest.update(packed)
     return {name: digest.hexdigest() for name, digest in found.items()}
 
@@ -67,8 +66,7 @@ def hash_masks(data: Dataset, splits: Sequence[str]) -> str:
         DatasetError: if one of them has no pairs, or they are not readable or not in order.
     """
     found = _begin(data)
-    for scene, _, packed in _merge(data, splits):
-        found.update(scene + b"\0")
+    for _, _, packed in _merge(data, splits):
         found.update(packed)
     return found.hexdigest()
 
@@ -79,7 +77,7 @@ def _begin(data: Dataset) -> hashlib._Hash:
 
 
 def _merge(data: Dataset, splits: Sequence[str]) -> Iterator[tuple[bytes, str, bytes]]:
-    """Yield the scenes of some splits in their order: name, split and the records of its pairs."""
+    """Yield the pairs of some splits, by scenes in their order: scene, split, what is hashed."""
     return heapq.merge(*(_pack_scenes(data, name) for name in splits), key=lambda one: one[0])
 
 
@@ -91,13 +89,14 @@ def _pack_scenes(data: Dataset, split: str) -> Iterator[tuple[bytes, str, bytes]
         ends = [*changes.tolist(), len(scenes)] if len(scenes) else []
         for first, end in pairwise((0, *ends)):
             scene, rows = bytes(scenes[first]), packed[first:end]
-            if scene <= last:
+            if scene < last:
                 raise DatasetError(
                     f"{data.path}: the pairs of {split} are not in the order of their scenes, at "
                     f"{scene.decode()}; `bsg-data pairs --force` writes them again"
                 )
+            head = b"" if scene == last else scene + b"\0"  # a scene of many pairs comes in pieces
             last = scene
-            yield scene, split, rows[np.lexsort((rows["node"], rows["draw"]))].tobytes()
+            yield scene, split, head + rows[np.lexsort((rows["node"], rows["draw"]))].tobytes()
 
 
 def _pack(table: pa.Table, data: Dataset) -> tuple[npt.NDArray[np.bytes_], npt.NDArray[np.void]]:

@@ -186,7 +186,10 @@ def read_masked(data: Dataset, split: str, *, vocabulary: tuple[str, ...] = ()) 
 
 @lru_cache(maxsize=32)
 def _read_masked(data: Dataset, split: str, vocabulary: tuple[str, ...]) -> MaskedBuildings:
-    masked = stack_masked(list(stream_masked(data, split, vocabulary=vocabulary)))
+    parts = list(stream_masked(data, split, vocabulary=vocabulary))
+    if not parts:
+        raise DatasetError(f"{data.path}: no building of split {split!r} has pairs")
+    masked = stack_masked(parts)
     for array in (masked.seen.inputs, masked.seen.hidden_share, masked.seen.others, masked.targets):
         array.setflags(write=False)  # all readers of these pairs share them
     return masked

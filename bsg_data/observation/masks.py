@@ -341,26 +341,32 @@ def sample_hidden(
 
 
 def sample_hidden_draws(
-    cells: Counts, views: Sequence[View], recipe: MaskRecipe, *, scene_id: str
+    cells: Counts,
+    views: Sequence[View],
+    recipe: MaskRecipe,
+    *,
+    scene_id: str,
+    draws: Sequence[int],
 ) -> Counts:
-    """Sample what `sample_hidden` does of classified objects for draws from 0 on, in less time.
+    """Sample what `sample_hidden` does of classified objects for some draws, in less time.
 
     Args:
         cells: `[1 + R, C]` classified objects, row 0 the null region.
         views: `[D]` from `sample_views`.
         recipe: of the mask.
         scene_id: of the building.
+        draws: `[D]` numbers of the masks.
 
     Returns:
         `[D, 1 + R, C]`.
     """
     hidden = np.empty((len(views), *cells.shape), dtype=cells.dtype)
-    rngs = mask_generators(recipe, scene_id=scene_id, draws=range(len(views)), stream="classified")
+    rngs = mask_generators(recipe, scene_id=scene_id, draws=draws, stream="classified")
     hiding, same = None, None
-    for draw, (view, rng) in enumerate(zip(views, rngs, strict=True)):
+    for place, (view, rng) in enumerate(zip(views, rngs, strict=True)):
         if hiding is None or view is not same:
             hiding, same = Hiding.under(view, cells), view
-        hidden[draw] = hiding.draw(rng)
+        hidden[place] = hiding.draw(rng)
         if recipe.withhold:
-            np.copyto(hidden[draw], cells, where=view.withheld)
+            np.copyto(hidden[place], cells, where=view.withheld)
     return hidden

@@ -22,7 +22,7 @@ from bsg_data.dataset.manifest import (
 )
 from bsg_data.dataset.revision import revise
 from bsg_data.dataset.schema import pairs_schema
-from bsg_data.dataset.shards import describe_file, open_parquet, read_file
+from bsg_data.dataset.shards import describe_file, open_listed, open_parquet, read_file, schema_of
 from bsg_data.dataset.splits import read_splits
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.executors import run_all
@@ -52,27 +52,26 @@ def sample_pairs(
     *,
     scene_id: str,
     connections: Connections | None = None,
+    draws: range | None = None,
 ) -> tuple[tuple[View, ...], Counts]:
-    """Sample all masks of one building.
+    """Sample masks of one building.
 
     Args:
         cells: `[N, C]` classified objects, row 0 the null region.
-        recipe: the mask, and the number of draws D.
+        recipe: the mask, and the number of draws.
         scene_id: of the building.
         connections: between the rooms; None where none is known.
+        draws: D numbers of masks; None for all of the recipe.
 
     Returns:
         `[D]` views, and input histograms `[D, N, C]`, row 0 the building.
     """
+    numbers = range(recipe.draws) if draws is None else draws
     sampled = sample_views(
-        cells.shape,
-        recipe.mask,
-        scene_id=scene_id,
-        draws=range(recipe.draws),
-        connections=connections,
+        cells.shape, recipe.mask, scene_id=scene_id, draws=numbers, connections=connections
     )
     views = tuple(sampled)
-    hidden = sample_hidden_draws(cells, views, recipe.mask, scene_id=scene_id)
+    hidden = sample_hidden_draws(cells, views, recipe.mask, scene_id=scene_id, draws=numbers)
     return views, to_histograms(cells - hidden)
 
 
@@ -126,7 +125,9 @@ def read_pairs(dataset: Path, split: str, *, manifest: Manifest | None = None) -
     Raises:
         DatasetError: if there are none, naming the splits that have some.
     """
-    return pa.concat_tables(stream_pairs(dataset, split, manifest=manifest))
+    manifest = manifest or read_manifest(dataset)
+    tables = list(stream_pairs(dataset, split, manifest=manifest))
+    return pa.concat_tables(tables) if tables else schema_of("pairs", manifest).empty_table()
 
 
 def stream_pairs(
@@ -136,7 +137,9 @@ def stream_pairs(
     manifest: Manifest | None = None,
     shuffle: np.random.Generator | None = None,
 ) -> Iterator[pa.Table]:
-    """Yield the pairs of one split, a file at a time.
+    """Yield the pairs of one split in their order, about `ROWS_PER_GROUP` rows at a time.
+
+    A masked building is never cut in two.
 
     Args:
         dataset: its folder.
@@ -154,7 +157,23 @@ def stream_pairs(
         hint = f"it has some of {', '.join(held)}" if held else "run `bsg-data pairs` first"
         raise DatasetError(f"{dataset}: has no pairs of split {split!r}; {hint}")
     order = range(len(entries)) if shuffle is None else shuffle.permutation(len(entries)).tolist()
-    return (read_file(dataset, entries[number], manifest=manifest) for number in order)
+    return chain.from_iterable(_read_groups(dataset, entries[number], manifest) for number in order)
+
+
+def _read_groups(dataset: Path, entry: FileEntry, manifest: Manifest) -> Iterator[pa.Table]:
+    """Yield the row groups of a file, each with what of its first building the last one held."""
+    with open_listed(dataset, entry, manifest=manifest) as file:
+        rest: pa.Table | None = None
+        for number in range(file.num_row_groups):
+            table = file.read_row_group(number, use_threads=False)
+            table = table if rest is None else pa.concat_tables([rest, table])
+            starts = np.flatnonzero(table["node_index"].to_numpy() == 0)
+            last = int(starts[-1]) if len(starts) else 0
+            if number == file.num_row_groups - 1:
+                last = len(table)
+            if last:
+                yield table.slice(0, last)
+            rest = table.slice(last)
 
 
 def rewrite_pairs(dataset: Path, folder: Path, manifest: Manifest) -> list[FileEntry]:
@@ -256,27 +275,40 @@ def _write_file(
             if not fits_pairs(data.cells(scene)):
                 left_out.append(scene)
                 continue
-            waiting.append(_scene_batch(data, scene, recipe=recipe, schema=schema))
-            rows += waiting[-1].num_rows
-            if sum(batch.num_rows for batch in waiting) >= ROWS_PER_GROUP:
-                writer.write_table(pa.Table.from_batches(waiting, writer.schema))
-                waiting.clear()
+            for batch in _scene_batches(data, scene, recipe=recipe, schema=schema):
+                waiting.append(batch)
+                rows += batch.num_rows
+                if sum(batch.num_rows for batch in waiting) >= ROWS_PER_GROUP:
+                    writer.write_table(pa.Table.from_batches(waiting, writer.schema))
+                    waiting.clear()
         if waiting:
             writer.write_table(pa.Table.from_batches(waiting, writer.schema))
     return describe_file(folder, path, rows=rows), tuple(left_out)
 
 
-def _scene_batch(
+def _scene_batches(
     data: Dataset, scene: str, *, recipe: PairsRecipe, schema: pa.Schema
+) -> Iterator[pa.RecordBatch]:
+    """Yield the pairs of a scene, as many draws at a time as `ROWS_PER_GROUP` rows hold."""
+    at_once = max(1, ROWS_PER_GROUP // len(data.cells(scene)))
+    for first in range(0, recipe.draws, at_once):
+        draws = range(first, min(first + at_once, recipe.draws))
+        yield _scene_batch(data, scene, draws, recipe=recipe, schema=schema)
+
+
+def _scene_batch(
+    data: Dataset, scene: str, numbers: range, *, recipe: PairsRecipe, schema: pa.Schema
 ) -> pa.RecordBatch:
     cells = data.cells(scene)
-    views, inputs = sample_pairs(cells, recipe, scene_id=scene, connections=data.connections(scene))
+    views, inputs = sample_pairs(
+        cells, recipe, scene_id=scene, connections=data.connections(scene), draws=numbers
+    )
     draws, nodes, _ = inputs.shape
     targets = np.broadcast_to(to_histograms(cells), inputs.shape)
     return pa.RecordBatch.from_arrays(
         [
             pa.array([scene]).take(pa.array(np.zeros(draws * nodes, dtype=np.int32))),
-            pa.array(np.repeat(np.arange(draws, dtype=np.int32), nodes)),
+            pa.array(np.repeat(np.array(numbers, dtype=np.int32), nodes)),
             pa.array(np.tile(np.arange(nodes, dtype=np.int32), draws)),
             pa.array(np.concatenate([view.visited for view in views])),
             pa.array(np.concatenate([view.told for view in views])),

@@ -433,7 +433,7 @@ def test_many_draws_are_those_of_one_after_another(
 ) -> None:
     shape, row = cells.shape, Connections.of_pairs([(a, a + 1) for a in range(1, len(cells) - 1)])
     views = tuple(sample_views(shape, recipe, scene_id="s", draws=range(draws), connections=row))
-    hidden = sample_hidden_draws(cells, views, recipe, scene_id="s")
+    hidden = sample_hidden_draws(cells, views, recipe, scene_id="s", draws=range(len(views)))
     for draw in range(draws):
         view, alone = draw_mask(cells, recipe, draw, connections=row)
         assert views[draw].agrees(view)

@@ -22,7 +22,13 @@ from bsg_data.merge import upgrade_dataset
 from bsg_data.observation.mask_hash import hash_splits
 from bsg_data.observation.masked_buildings import read_masked
 from bsg_data.observation.masks import sample_hidden, sample_view
-from bsg_data.observation.pairs import histogram_column, read_pairs, read_views, write_pairs
+from bsg_data.observation.pairs import (
+    histogram_column,
+    read_pairs,
+    read_views,
+    stream_pairs,
+    write_pairs,
+)
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import Edge, SceneGraph
@@ -198,3 +204,20 @@ def test_masks_of_format_1_are_not_drawn_any_more(dataset: Path) -> None:
         write_pairs(dataset, PairsRecipe(masks=1), force=True)
     write_pairs(dataset, PairsRecipe(), force=True)
     assert check_dataset(dataset) == ()
+
+
+def test_pairs_of_many_rows_are_written_and_read_in_pieces(
+    dataset: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of any size of a row group the pairs are the same, and so is their hash."""
+    recipe = PairsRecipe(draws=5)
+    write_pairs(dataset, recipe, force=True)
+    whole, data = read_pairs(dataset, "train"), Dataset.open(dataset)
+    expected = hash_splits(data)
+    monkeypatch.setattr("bsg_data.observation.pairs.ROWS_PER_GROUP", 7)
+    write_pairs(dataset, recipe, force=True)
+    pieces = list(stream_pairs(dataset, "train"))
+    assert len(pieces) > 3 * len(set(whole["scene_id"].to_pylist()))
+    assert all(piece["node_index"][0].as_py() == 0 for piece in pieces)
+    assert pa.concat_tables(pieces) == whole
+    assert hash_splits(Dataset.open(dataset)) == expected
