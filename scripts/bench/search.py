@@ -5,7 +5,9 @@
 
 First by how much the order of many rooms that is searched for costs more than the exact one. Then
 the same `nearest` searches in the same worlds both ways, which must come to the same costs; and
-100,000 searches in the first world, drawn and run from the dataset on. `make bench` runs it.
+100,000 searches in the first world, drawn and run from the dataset on. `make bench` runs `measure`
+alone: one decision in 200 rooms, and a study with beliefs beside one in which every planner asks by
+itself about whole buildings.
 """
 
 from __future__ import annotations
@@ -13,25 +15,125 @@ from __future__ import annotations
 import argparse
 import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import networkx
 import numpy as np
+from timing import Speed, print_speeds, time_both
 
 from bsg_data.build import build_dataset
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.synthetic.buildings import write_synthetic
+from bsg_models.runs.checkpoint import load_checkpoint, restore_model
+from bsg_models.runs.found_model import locate_run
+from bsg_models.runs.run_folder import checkpoint_of
 from bsg_models.search.catalogue import PLANNERS
 from bsg_models.search.orders import expected_cost, order_rooms
 from bsg_models.search.room_graphs import WorldRecipe, sample_travel
-from bsg_models.search.simulator import Episodes, search
+from bsg_models.search.shortest_paths import Bools, Floats, Ints
+from bsg_models.search.simulator import Answer, Episodes, begin_search, search, search_together
+from bsg_models.studies.search_beliefs import ModelBeliefs
 from bsg_models.studies.search_cases import Case, StudyRecipe, sample_case
 from bsg_models.studies.search_study import study_search
 
 WORLDS = tuple(WorldRecipe(kind=kind) for kind in ("star", "complete-paths", "tree"))
 EPISODES, MANY = 200, 100_000
 BUILDINGS = 30
+ROOMS = 200  # of the building in which one decision is measured
+STUDIED, SEARCHES = 4, 40  # buildings, and searches in each, of the study with beliefs
+
+
+class WholeBeliefs(ModelBeliefs):
+    """Beliefs of which all is asked: every room, every class, and the building."""
+
+    def __call__(self, rows: Ints, explored: Bools, *, shares: bool = True) -> Answer:
+        """Return presence and share, whether the planner looks at shares or not."""
+        return super().__call__(rows, explored)
+
+    def _ask(self, states: Ints, *, shares: bool) -> tuple[Floats, Floats]:
+        width, nodes = self._artifacts.shape[1], len(self._cells)
+        found = self._model.expect(self._observe(states, width))
+        columns = np.repeat(states[:, 1 : 1 + width], nodes, axis=0)
+        shape = (len(states), nodes, width)
+        share = np.take_along_axis(found.distribution, columns, axis=1).reshape(shape)
+        return found.hidden_counts.take_classes(columns).presence.reshape(shape), share
+
+
+def measure() -> Iterator[Speed]:
+    """Yield one decision in many rooms, and a study beside one that asks planner by planner."""
+    rng = np.random.default_rng(0)
+    places = rng.uniform(0, 30, (ROOMS + 1, 2))
+    costs = np.linalg.norm(places[:, None] - places, axis=2)
+    miss = 1 - rng.beta(0.3, 1.5, (ROOMS, 1)).clip(1e-6, 1)
+    for single in (True, False):
+        order_rooms(costs, ROOMS, miss, single=single)  # compiled
+        taken = []
+        for _ in range(5):
+            began = time.perf_counter()
+            order_rooms(costs, ROOMS, miss, single=single)
+            taken.append(time.perf_counter() - began)
+        task = "single" if single else "all"
+        yield Speed(f"expected-cost in {ROOMS} rooms, {task}", "", min(taken), None, 0.05)
+    with tempfile.TemporaryDirectory() as folder:
+        list(write_synthetic(Path(folder, "buildings"), scenes=STUDIED, seed=0))
+        build_dataset(HM3DFolder(Path(folder, "buildings")), Path(folder, "dataset"))
+        yield measure_study(Dataset.open(Path(folder, "dataset")))
+
+
+def measure_study(data: Dataset) -> Speed:
+    """Return a study with the beliefs of `ensemble`, beside planner by planner; same costs."""
+    path = checkpoint_of(locate_run("ensemble"))
+    model = restore_model(path, load_checkpoint(path))
+    recipe = StudyRecipe(worlds=WORLDS[:1], episodes=SEARCHES)
+    cases = {
+        scene: case
+        for scene in data.scene_ids
+        if isinstance(
+            case := sample_case(data.cells(scene), WORLDS[0], recipe, scene_id=scene, measured={}),
+            Case,
+        )
+    }
+
+    def believe(kind: type[ModelBeliefs], scene: str) -> ModelBeliefs:
+        case = cases[scene]
+        return kind(
+            model,
+            data=data,
+            scene_id=scene,
+            mask=recipe.mask,
+            draws=case.draws,
+            artifacts=case.episodes.artifacts,
+        )
+
+    def together() -> list[Floats]:
+        costs = []
+        for scene, case in cases.items():
+            begun = {
+                (task, name): begin_search(case.episodes, PLANNERS[name], task=task)
+                for task in recipe.tasks
+                for name in PLANNERS
+            }
+            ended = search_together(begun, beliefs=believe(ModelBeliefs, scene))
+            costs += [outcome.costs for outcome in ended.values()]
+        return costs
+
+    def one_by_one() -> list[Floats]:
+        costs = []
+        for scene, case in cases.items():
+            beliefs = believe(WholeBeliefs, scene)
+            costs += [
+                search(case.episodes, PLANNERS[name], task=task, beliefs=beliefs).costs
+                for task in recipe.tasks
+                for name in PLANNERS
+            ]
+        return costs
+
+    np.testing.assert_allclose(np.array(together()), np.array(one_by_one()))
+    ours, theirs = time_both(together, one_by_one, repeats=1)
+    what = f"a search study, {len(cases)} buildings, {SEARCHES} searches, ensemble"
+    return Speed(what, "each planner asking of whole buildings", ours, theirs, 6, at_least=True)
 
 
 def walk_networkx(episodes: Episodes) -> list[float]:
@@ -125,6 +227,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--data", type=Path, help="Dataset; synthetic buildings without.")
     options = parser.parse_args()
+    print_speeds(measure())
     measure_orders()
     print()
     if options.data is not None:
