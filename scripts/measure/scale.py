@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import subprocess
 import sys
@@ -147,32 +148,36 @@ def tabulate(costs: Iterable[Cost]) -> ResultsTable:
     """Return the table of the page: a row a command."""
     found = {(cost.command, cost.size): cost for cost in costs}
     sizes = sorted({size for _, size in found})
-    least, *others = sizes
     rows = []
     for name in COMMANDS:
-        ofs = [found[name, size] for size in sizes]
-        each = [cost_a_building(found[name, size], ofs[0]) for size in others]
+        least = found[name, sizes[0]]
+        each = [
+            cost_a_building(found[name, size], least) if (name, size) in found else math.nan
+            for size in sizes[1:]
+        ]
+        peaks = [found[name, size].peak_bytes if (name, size) in found else None for size in sizes]
         rows.append(
             (
                 name,
-                f"{ofs[0].cpu_s:.1f}",
-                *(f"{cost:.2f}" for cost in each),
-                f"{each[-1] / each[0]:.2f}",
-                *(f"{cost.peak_bytes / 1e6:,.0f}" for cost in ofs),
+                f"{least.cpu_s:.1f}",
+                *("–" if math.isnan(cost) else f"{cost:.2f}" for cost in each),
+                "–" if math.isnan(each[-1]) else f"{each[-1] / each[0]:.2f}",
+                *("–" if peak is None else f"{peak / 1e6:,.0f}" for peak in peaks),
             )
         )
+    others = sizes[1:]
     header = (
         "command",
-        f"{least} buildings, s",
+        f"{sizes[0]} buildings, s",
         *(f"ms each of {size:,}" for size in others),
         f"{others[-1]:,} ÷ {others[0]:,}",
         *(f"MB of {size:,}" for size in sizes),
     )
     reading = (
         "Seconds and milliseconds are of processor time. Milliseconds are those of one building "
-        f"more: what {least} buildings take is subtracted. `evaluate` goes through the test "
+        f"more: what {sizes[0]} buildings take is subtracted. `evaluate` goes through the test "
         "split, a tenth of the buildings, and its milliseconds are of one of those. MB are the "
-        "most that the process held at any time."
+        "most that the process held at any time. – was not measured."
     )
     return ResultsTable("", header, tuple(rows), reading)
 
@@ -181,20 +186,23 @@ def conclude(costs: Iterable[Cost]) -> tuple[str, ...]:
     """Return which commands keep within the memory, and whose cost a building does not grow."""
     found = {(cost.command, cost.size): cost for cost in costs}
     sizes = sorted({size for _, size in found})
-    large = [name for name in COMMANDS if found[name, sizes[-1]].peak_bytes > MEMORY]
+    known = [name for name in COMMANDS if (name, sizes[-1]) in found]
+    large = [name for name in known if found[name, sizes[-1]].peak_bytes > MEMORY]
     growing = []
-    for name in COMMANDS:
+    for name in known:
         least = found[name, sizes[0]]
-        few, many = (cost_a_building(found[name, s], least) for s in (sizes[1], sizes[-1]))
+        few, many = (cost_a_building(found[name, size], least) for size in (sizes[1], sizes[-1]))
         if many > GROWTH * few:
             growing.append(f"{name} ({many / few:.2f} times)")
+    missing = [name for name in COMMANDS if name not in known]
     return (
-        f"Of {sizes[-1]:,} buildings, {len(COMMANDS) - len(large)} of {len(COMMANDS)} commands "
+        f"Of {sizes[-1]:,} buildings, {len(known) - len(large)} of {len(known)} commands "
         f"stay under {MEMORY / 1e9:g} GB" + (f"; {', '.join(large)} do not." if large else "."),
-        f"From {sizes[1]:,} to {sizes[-1]:,} buildings, {len(COMMANDS) - len(growing)} of "
-        f"{len(COMMANDS)} cost at most {GROWTH - 1:.0%} more a building"
+        f"From {sizes[1]:,} to {sizes[-1]:,} buildings, {len(known) - len(growing)} of "
+        f"{len(known)} cost at most {GROWTH - 1:.0%} more a building"
         + (f"; more: {', '.join(growing)}." if growing else "."),
-        f"Measured on {describe_machine()}, one command at a time, one process each.",
+        *([f"Not measured with {sizes[-1]:,}: {', '.join(missing)}."] if missing else []),
+        f"Measured on {describe_machine()}, one process a command.",
     )
 
 
@@ -204,10 +212,11 @@ def plan(costs: Iterable[Cost]) -> ResultsTable:
     sizes = sorted({size for _, size in found})
     rows = []
     for name in COMMANDS:
-        least, most = found[name, sizes[0]], found[name, sizes[-1]]
+        least = found[name, sizes[0]]
+        most = next(found[name, size] for size in reversed(sizes) if (name, size) in found)
         tested = TESTED if name == "evaluate" else 1
         hours = MANY * tested * cost_a_building(most, least) / 3.6e6
-        grown = (most.peak_bytes - least.peak_bytes) / (sizes[-1] - sizes[0])
+        grown = (most.peak_bytes - least.peak_bytes) / (most.size - least.size)
         rows.append(
             (
                 name,
@@ -219,9 +228,9 @@ def plan(costs: Iterable[Cost]) -> ResultsTable:
         )
     header = ("command", "core hours", f"hours on {CORES} cores", "dollars", "GB")
     reading = (
-        f"Not measured: the cost of a building at {sizes[-1]:,}, times a million. Dollars are at "
-        f"{PRICE} for a core and an hour. GB are as if memory went on growing as it does from "
-        f"{sizes[0]} to {sizes[-1]:,}."
+        "Not measured: the cost of a building in the largest dataset that was, times a million. "
+        f"Dollars are at {PRICE} for a core and an hour. GB are as if memory went on growing as it "
+        f"does from {sizes[0]} buildings to that dataset."
     )
     return ResultsTable(f"{MANY:,} buildings, from these slopes", header, tuple(rows), reading)
 
@@ -256,11 +265,16 @@ def main() -> None:
     parser.add_argument("--work", type=Path, required=True, help="folder of data and measurements")
     parser.add_argument("--sizes", type=int, nargs="+", default=list(SIZES), help="of buildings")
     parser.add_argument("--out", type=Path, help="the page; without it nothing is written")
+    parser.add_argument("--known", action="store_true", help="measure nothing more")
     options = parser.parse_args()
     sizes = sorted(set(options.sizes))
     if sizes[0] < 1 or (options.out is not None and len(sizes) < 3):
         parser.error("--sizes: a page needs three numbers of buildings or more")
-    costs = list(measure_all(options.work, sizes))
+    costs = list(
+        (cost for cost in read_costs(options.work).values() if cost.size in sizes)
+        if options.known
+        else measure_all(options.work, sizes)
+    )
     if options.out is not None:
         page = ResultsPage(
             "What a building costs, from a few to a hundred thousand",

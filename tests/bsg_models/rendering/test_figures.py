@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from bsg_data.errors import BSGError
-from bsg_models.belief.expectation import from_totals
 from bsg_models.evaluation.bootstrap import Estimate
+from bsg_models.evaluation.shown_nodes import ShownNodes
 from bsg_models.rendering import figures
 from bsg_models.training.learning_curve import EpochReport
 
@@ -47,9 +47,8 @@ def test_every_class_has_a_box_and_its_mean(saved: list[Figure], tmp_path: Path)
 def test_bars_are_counts_above_and_probabilities_below(saved: list[Figure], tmp_path: Path) -> None:
     inputs, totals = np.array([[1.0, 0.0, 0.0]]), np.array([[1.0, 2.0, 1.0]])
     target = np.array([[1.0, 3.0, 0.0]])
-    figures.plot_building(
-        from_totals(inputs, totals), target, CLASSES, tmp_path / "x.png", node=0, title="t"
-    )
+    shown = ShownNodes(inputs, totals, target, is_building=np.array([True]), example=0)
+    figures.plot_building(shown, CLASSES, tmp_path / "x.png", title="t")
     top, bottom = saved[0].axes
     heights = [[bar.get_height() for bar in bars] for bars in top.containers]
     assert heights == [[1, 0, 0], [1, 2, 1], [1, 3, 0]]
