@@ -20,7 +20,7 @@ from pydantic import ValidationError
 from bsg_data.build import SCENES_PER_SHARD, BuildPlan, finish_build, plan_build
 from bsg_data.build_shards import is_reported, read_report
 from bsg_data.dataset.growth import join_partial, make_parent, refuse_overwriting
-from bsg_data.dataset.manifest import Manifest
+from bsg_data.dataset.manifest import MANIFEST, Manifest
 from bsg_data.dataset.publication import PLAN, REPORTS
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.lock import hold
@@ -121,10 +121,12 @@ def finalise_dataset(
         SourceError: if none of the scenes could be read.
     """
     out = out.resolve()
+    growing = out.with_name(f"{out.name}.partial")
+    if (out / MANIFEST).is_file() and not growing.exists():
+        raise DatasetError(f"{out}: is finished already, and no parts are left to finish")
     refuse_overwriting(out, force=force)
     make_parent(out)
     with hold(out):
-        growing = out.with_name(f"{out.name}.partial")
         plan = _read_plan(growing)
         reports, missing = [], []
         for number in range(plan.shards):
@@ -161,6 +163,6 @@ def _tell_missing(growing: Path, missing: list[int], shards: int) -> str:
     named = ", ".join(f"{part}/{of}" for part in parts[:_MOST_NAMED])
     more = f" and {len(parts) - _MOST_NAMED:,} more" if len(parts) > _MOST_NAMED else ""
     return (
-        f"{growing}: {len(missing):,} of {shards:,} shards are missing or damaged; run these again "
+        f"{growing}: {len(missing):,} of {shards:,} shards missing or damaged; run these again "
         f"by --parts: {named}{more}"
     )

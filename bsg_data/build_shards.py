@@ -14,6 +14,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from bsg_data.dataset.growth import name_unfinished
 from bsg_data.dataset.manifest import (
     ClassSpaceEntry,
     FileEntry,
@@ -104,17 +105,22 @@ def make_shard(
 
 @contextmanager
 def _folder_of_its_own(folder: Path, part: int) -> Iterator[Path]:
-    """Yield a new folder below another one, which is removed at the end.
+    """Yield a new folder beside another one, which is removed at the end.
+
+    Beside, so that a process that is late makes nothing anew where a dataset has been finished.
 
     Raises:
         DatasetError: if a file cannot be written or renamed.
     """
     try:
-        with tempfile.TemporaryDirectory(prefix=f"part-{part:05d}.", dir=folder / REPORTS) as own:
+        with tempfile.TemporaryDirectory(
+            prefix=f"{name_unfinished(folder)}{part:05d}.", dir=folder.parent
+        ) as own:
             yield Path(own)
     except OSError as error:
         raise DatasetError(
-            f"{folder}: part {part} cannot be written ({error.strerror or error})"
+            f"{folder}: shard {part} cannot be put there ({error.strerror or error}); was the "
+            "dataset finished meanwhile?"
         ) from error
 
 

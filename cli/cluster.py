@@ -5,7 +5,9 @@ Tasks name files by their paths, so all machines must see the same files at the 
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
+import json
 import os
 import tempfile
 import time
@@ -16,13 +18,17 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import click
+
 from bsg_data.errors import BSGError
 
 if TYPE_CHECKING:
     from distributed import Client
 
 SECONDS_TO_CONNECT = 30.0
+SECONDS_TO_WAIT = 600  # for the first worker, which a batch system may start late
 _SECONDS_BETWEEN_LOOKS = 0.5
+_PACKAGES = ("belief-scene-graphs", "numpy", "pyarrow")  # whose versions bytes depend on
 
 
 @contextmanager
@@ -52,14 +58,16 @@ def connect(
         ) from error
     place = {"scheduler_file": address} if Path(address).is_file() else {"address": address}
     try:
+        # First a bare connection: a client that finds nobody takes another minute to be closed.
+        asyncio.run(_reach(_read_address(address)))
         client = Client(**place, timeout=SECONDS_TO_CONNECT, set_as_default=False)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, KeyError) as error:
         raise BSGError(
             f"--scheduler {address}: no Dask scheduler answers there ({error}); start one by "
             "`dask scheduler`, which prints its address"
         ) from error
     with client:
-        client.wait_for_workers(1)
+        _wait_for_worker(client, address)
         _require_alike(client, reads=reads, writes=writes)
         try:
             yield client.get_executor()
@@ -81,9 +89,51 @@ def connect(
             raise
 
 
+def _read_address(address: str) -> str:
+    """Return an address, also from the file of a scheduler."""
+    path = Path(address)
+    return str(json.loads(path.read_text("utf-8"))["address"]) if path.is_file() else address
+
+
+async def _reach(address: str) -> None:
+    """Connect to a scheduler, and let go.
+
+    Raises:
+        OSError: if nobody answers.
+        ValueError: for what is no address.
+    """
+    from distributed.comm import connect as reach
+    from distributed.core import coerce_to_address
+    from distributed.security import Security
+
+    options = Security().get_connection_args("client")
+    comm = await reach(coerce_to_address(address), timeout=SECONDS_TO_CONNECT, **options)
+    await comm.close()
+
+
+def _wait_for_worker(client: Client, address: str) -> None:
+    """Wait until there is a worker.
+
+    Raises:
+        BSGError: if none comes.
+    """
+    if not client.nthreads():
+        note = f"waiting for a worker at {address}, {SECONDS_TO_WAIT} s at most"
+        click.echo(note, err=True)
+    try:
+        client.wait_for_workers(1, timeout=SECONDS_TO_WAIT)
+    except TimeoutError as error:
+        raise BSGError(
+            f"--scheduler {address}: has no worker after {SECONDS_TO_WAIT} s; start some by "
+            f"`dask worker {address} --nthreads 1`"
+        ) from error
+
+
 def look(paths: Sequence[str]) -> tuple[str, list[str]]:
-    """Return the version of this package on a machine, and what is there at some paths."""
-    return version("belief-scene-graphs"), [_describe(Path(path)) for path in paths]
+    """Return versions on a machine that bytes depend on, and what is there at some paths."""
+    return ", ".join(f"{name} {version(name)}" for name in _PACKAGES), [
+        _describe(Path(path)) for path in paths
+    ]
 
 
 def _describe(path: Path) -> str:
@@ -117,7 +167,7 @@ def _require_alike(client: Client, *, reads: Sequence[Path], writes: Sequence[Pa
             if isinstance(found, BaseException):
                 raise BSGError(f"worker {worker}: cannot run this package ({found!r}); install it")
             if found[0] != own_version:
-                raise BSGError(f"worker {worker}: has version {found[0]}, not {own_version}")
+                raise BSGError(f"worker {worker}: has {found[0]}; here is {own_version}")
             for path, here, there in zip(paths, own, found[1], strict=True):
                 if here != there:
                     raise BSGError(

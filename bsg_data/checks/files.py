@@ -43,7 +43,10 @@ class FileReader:
             self.progress(self._done, len(self.manifest.files))
         if table is None or faults:
             return None
-        return to_current(self.dataset / entry.path, table, self.manifest)
+        try:
+            return to_current(self.dataset / entry.path, table, self.manifest)
+        except (OSError, pa.ArrowInvalid):  # of format 1, whose scenes say what an edge joins
+            return None  # their own file is a fault
 
     def _parse(self, entry: FileEntry, faults: list[Fault]) -> pa.Table | None:
         path = self.dataset / entry.path

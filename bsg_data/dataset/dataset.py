@@ -118,6 +118,10 @@ class Dataset:
         """How connections of this dataset are known: any of `ADJACENCY_METHODS`."""
         return frozenset().union(*(part.connection_methods for part in self.parts()))
 
+    def count_unconnected(self) -> int:
+        """Return how many scenes have no rooms that are known to connect."""
+        return sum(part.count_unconnected() for part in self.parts())
+
     def _find(self, scene_id: str) -> tuple[DatasetPart, int]:
         """Return the part of a scene, and its place there."""
         number = self._number_of(scene_id)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import shutil
 import tempfile
 from collections.abc import Callable
@@ -115,6 +116,11 @@ def join_partial(
     return partial
 
 
+def name_unfinished(growing: Path) -> str:
+    """Return how the folders begin, beside a dataset that grows, in which shards are made."""
+    return f".{growing.name}.shard-"
+
+
 def _read(path: Path) -> bytes | None:
     return path.read_bytes() if path.is_file() else None
 
@@ -136,6 +142,8 @@ def finish(growing: Path, out: Path, manifest: Manifest, *, force: bool) -> None
     publish(growing, manifest)
     refuse_overwriting(out, force=force)
     _move_into_place(growing, out)
+    for left in growing.parent.glob(f"{glob.escape(name_unfinished(growing))}*"):
+        shutil.rmtree(left, ignore_errors=True)  # of a process that was killed, or is late
 
 
 def _move_into_place(partial: Path, out: Path) -> None:

@@ -67,6 +67,10 @@ class DatasetPart:
         """How connections of its scenes are known."""
         return frozenset(np.unique(self._connections[1].methods).tolist())
 
+    def count_unconnected(self) -> int:
+        """Return how many of its scenes have no connection."""
+        return int((np.diff(self._connections[0]) == 0).sum())
+
     def cells(self, place: int) -> Counts:
         """Return the classified objects of the scene at a place, `[1 + R, C]`."""
         return self.every_cell[self._rows_of(place)]

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 
-_NUMBERED = re.compile(r"([0-9]{5,7})-(.+)")
+# Six and seven digits are of our own synthetic buildings, which have a hash as HM3D's have;
+# 240101-office is a name.
+_NUMBERED = re.compile(r"([0-9]{5}|[0-9]{6,7}(?=-[A-Za-z0-9]{11}$))-(.+)")
 
 
 def split_scene_id(scene_id: str) -> tuple[int | None, str]:
@@ -14,6 +16,8 @@ def split_scene_id(scene_id: str) -> tuple[int | None, str]:
     (6, 'HkseAnWCgqk')
     >>> split_scene_id("HkseAnWCgqk")
     (None, 'HkseAnWCgqk')
+    >>> split_scene_id("240101-office")
+    (None, '240101-office')
     """
     match = _NUMBERED.fullmatch(scene_id)
     return (int(match[1]), match[2]) if match else (None, scene_id)

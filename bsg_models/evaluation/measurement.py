@@ -159,6 +159,8 @@ class SplitWeights:
 
     def of_split(self, split: int) -> Weights:
         """Return the weights of the buildings of a split, `[B, 1 + resamples]`."""
+        if len(self._places) == 1:
+            return self._weights
         return np.asarray(self._weights[self._places[split]])
 
     def average(self, splits: Sequence[Measured]) -> Measured:

@@ -2,7 +2,7 @@
 
 The resamples are known before the first batch: they depend on the number of buildings alone. So a
 metric keeps, instead of its nodes, what it needs of them under each of W weights: the data as they
-are, and every resample. That takes as much memory for a hundred buildings as for a million.
+are, and every resample. Of a building only how often each resample has it is held: two bytes.
 """
 
 from __future__ import annotations
@@ -73,6 +73,8 @@ class Batch:
             rows: `[M]` of the nodes.
             values: `[M, K]` of each.
         """
+        if not len(rows):
+            return np.zeros((self.weights.shape[1], *2 * (1 + values.shape[1],)))
         augmented = np.column_stack([np.ones(len(rows)), values])
         there, place = np.unique(self.building[rows], return_inverse=True)
         order = np.argsort(place, kind="stable")

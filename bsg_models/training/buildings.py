@@ -28,6 +28,7 @@ from bsg_data.observation.masked_buildings import (
     stream_sampled,
     vary_fractions,
 )
+from bsg_data.observation.pairs import fits_pairs
 from bsg_data.recipes import PairsRecipe
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.batches import in_batches
@@ -74,7 +75,9 @@ class TrainingBuildings:
         self._number = len(self._scenes)
         if config.data.masks == "fixed":
             next(self._stored(None))  # says what is missing before anything is replaced
-            self._number *= (data.manifest.pairs or PairsRecipe()).draws
+            parts = data.in_parts(self._scenes)
+            fitting = sum(fits_pairs(data.cells(scene)) for part in parts for scene in part)
+            self._number = fitting * (data.manifest.pairs or PairsRecipe()).draws
         if self._number < self._ranks.size:
             raise TrainingError(
                 f"{data.path}: {self._number} training buildings cannot be dealt to "

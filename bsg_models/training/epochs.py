@@ -114,6 +114,8 @@ class GradientSteps:
         losses, graphs = [], Data()
         for step in range((epoch - 1) * steps, epoch * steps):
             some = next(batches, None)  # none of the last batch, if it has fewer than processes
+            if some is None and ranks.size == 1:
+                raise TrainingError(f"epoch {epoch}: has fewer buildings than its steps need")
             if some is not None:
                 graphs = self.model.graph_of(some.seen, some.targets).to(self._device)
             for group in self.optimiser.param_groups:

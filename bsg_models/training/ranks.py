@@ -78,6 +78,11 @@ def join_ranks(device: torch.device) -> Iterator[Ranks]:
     if not distributed.is_torchelastic_launched():
         yield Ranks()
         return
+    if distributed.is_initialized():  # a member of an ensemble
+        yield Ranks(distributed.get_rank(), distributed.get_world_size())
+        return
+    if device.type == "cuda":
+        torch.cuda.set_device(device)
     distributed.init_process_group("nccl" if device.type == "cuda" else "gloo")
     try:
         yield Ranks(distributed.get_rank(), distributed.get_world_size())

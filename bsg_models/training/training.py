@@ -51,7 +51,7 @@ from bsg_models.zoo.model import BeliefModel, Network
 from bsg_models.zoo.threads import one_thread
 
 _BATCH = 256  # buildings
-_CALIBRATED_ROOMS = 5_000  # under masks; the distributions of so many are a few hundred megabytes
+_CALIBRATED_NODES = 5_000  # under masks; the distributions of so many are a few hundred megabytes
 
 
 def train_run(
@@ -189,11 +189,11 @@ def calibrate(model: CalibratedModel, batches: Iterable[MaskedBuildings]) -> Non
         model: whose calibration is fitted.
         batches: one or more; the result does not depend on how buildings are dealt to them.
     """
-    masked, buildings = take_sample(batches, most=_CALIBRATED_ROOMS)
+    masked, buildings = take_sample(batches, most=_CALIBRATED_NODES)
     if len(masked) < buildings:
         note = (
             f"calibrated on {len(masked):,} of {buildings:,} masked val buildings, drawn at "
-            f"random: {_CALIBRATED_ROOMS:,} rooms at most"
+            f"random: {_CALIBRATED_NODES:,} nodes at most"
         )
         model.notes = (*model.notes, note)
     rooms = ~masked.seen.is_building

@@ -163,9 +163,11 @@ def _tell_part(
     if as_json:
         print_json({"part": number, "of": of, **asdict(built)})
         return
-    click.echo(f"part {number} of {of}: {len(built.shards):,} shards, {built.scenes:,} scenes")
-    left = len(built.missing)
-    then = f"{left:,} shards are missing yet" if left else "all shards are there"
+    shards, left = len(built.shards), len(built.missing)
+    made = f"{shards:,} shard{'s' * (shards != 1)}, {built.scenes:,} scenes"
+    click.echo(f"part {number} of {of}: {made}")
+    missing = f"{left:,} shard{'s are' if left > 1 else ' is'} missing yet"
+    then = missing if left else "all shards are there"
     click.echo(f"{then}; when no part is left: bsg-data finalise {out}")
 
 

@@ -79,7 +79,7 @@ def command(
         )
     rows = sum(entry.rows for entry in manifest.files_of("pairs"))
     if bsg_data.MASKS[mask].reads_connections:
-        bare = manifest.totals.scenes - len(bsg_data.read_adjacency(dataset))
+        bare = bsg_data.Dataset.open(dataset).count_unconnected()
         if bare:
             print_note(
                 f"{bare:,} of {manifest.totals.scenes:,} scenes have no adjacency: there every "

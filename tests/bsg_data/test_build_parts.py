@@ -3,10 +3,12 @@ from __future__ import annotations
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import pytest
 from conftest import KITCHEN, annotation_text, write_scene
 
+from bsg_data import build_shards
 from bsg_data.build import build_dataset
 from bsg_data.build_parts import Part, build_part, finalise_dataset
 from bsg_data.checks.dataset import check_dataset
@@ -74,7 +76,7 @@ def test_what_is_missing_or_damaged_is_named_by_its_part(
     for number in (1, 2, 4):
         build(hm3d_folder, out, number, 4)
     (growing / "objects" / "part-00001.parquet").write_bytes(b"PAR1")
-    with pytest.raises(DatasetError, match=r"3 of 7 shards are missing.*--parts: 2/4, 3/4$"):
+    with pytest.raises(DatasetError, match=r"3 of 7 shards missing.*--parts: 2/4, 3/4$"):
         finalise_dataset(out)
     assert not out.exists()
     for number in (2, 3):
@@ -143,3 +145,26 @@ def test_parts_of_which_nothing_can_be_read(tmp_path: Path) -> None:
 def test_there_is_no_such_part(number: int, of: int) -> None:
     with pytest.raises(RecipeError, match="expected I/N with I from 1 to N"):
         Part(number, of)
+
+
+def test_a_part_that_is_late_makes_nothing_anew(
+    hm3d_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """While it writes a shard, others make that shard, too, and finish the dataset."""
+    out = tmp_path / "out"
+    write = build_shards.write_shards
+
+    def wait_for_others(*args: Any, **chosen: Any) -> Any:
+        monkeypatch.setattr(build_shards, "write_shards", write)
+        for number in (1, 2):
+            build(hm3d_folder, out, number, 2)
+        finalise_dataset(out)
+        return write(*args, **chosen)
+
+    monkeypatch.setattr(build_shards, "write_shards", wait_for_others)
+    with pytest.raises(DatasetError, match="was the dataset finished meanwhile"):
+        build(hm3d_folder, out, 1, 2)
+    assert sorted(path.name for path in tmp_path.iterdir() if "out" in path.name) == ["out"]
+    assert check_dataset(out) == ()
+    with pytest.raises(DatasetError, match="is finished already"):
+        finalise_dataset(out, force=True)

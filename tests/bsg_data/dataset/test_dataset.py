@@ -110,6 +110,7 @@ def test_the_connections_of_an_estate_by_hand(estate: Dataset) -> None:
         assert len(estate.connections(scene)) == 0
         assert estate.connections(scene).pairs.shape == (0, 2)
     assert estate.connection_methods == {"layout", "door", "stairs", "boxes"}
+    assert estate.count_unconnected() == 2
 
 
 def test_the_surroundings_of_an_estate_by_hand(estate: Dataset) -> None:

@@ -10,6 +10,8 @@ from torch.utils.data import DataLoader
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.masked_buildings import MaskedBuildings, sample_masked, stack_masked
+from bsg_data.observation.pairs import write_pairs
+from bsg_data.recipes import PairsRecipe
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.inputs.graphs import read_split
@@ -138,3 +140,23 @@ def test_validation_comes_in_parts(dataset: Path) -> None:
         whole = validation_buildings(config, data, vocabulary=("wall",))
         assert len(whole) == count_validation(config, data)
         assert same(stack_masked(parts), whole)
+
+
+def test_a_building_without_pairs_is_no_step(
+    dataset: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two buildings are beyond the format of pairs: an epoch of stored pairs is without them."""
+    data = Dataset.open(dataset)
+    train = scenes_of(data, "train")
+    cells = {scene: int(data.cells(scene).sum(axis=0).max()) for scene in train}
+    most = sorted(cells.values())[-3]
+    left_out = [scene for scene, count in cells.items() if count > most]
+    monkeypatch.setattr("bsg_data.observation.pairs._MOST", most)
+    write_pairs(dataset, PairsRecipe(draws=2), force=True)
+    buildings = TrainingBuildings(
+        configure("data.masks=fixed", "training.batch_size=1"), Dataset.open(dataset), vocabulary=()
+    )
+    dealt = [name for batch in buildings.batches(1) for name, _ in names(batch)]
+    assert left_out
+    assert not set(dealt) & set(left_out)
+    assert len(dealt) == buildings.steps == 2 * (len(train) - len(left_out))

@@ -334,9 +334,9 @@ def test_a_calibration_of_a_sample_says_so(
     dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     config = configure("model.iterations=2", name="mixture")
-    monkeypatch.setattr(training, "_CALIBRATED_ROOMS", 20)
+    monkeypatch.setattr(training, "_CALIBRATED_NODES", 20)
     list(train_run(config, dataset, tmp_path / "some"))
     (note,) = summarise_run(tmp_path / "some").notes
     assert re.fullmatch(
-        r"calibrated on \d of \d masked val buildings, drawn at random: 20 rooms at most", note
+        r"calibrated on \d of \d masked val buildings, drawn at random: 20 nodes at most", note
     )

@@ -10,14 +10,14 @@ from data_commands import run
 def test_parts_and_then_the_whole(hm3d_folder: Path, tmp_path: Path) -> None:
     words = ("build", "--hm3d", hm3d_folder, "--out", tmp_path / "out", "--workers", 1)
     first = run(*words, "--parts", "2/2").stdout
-    assert first.startswith("part 2 of 2: 0 shards, 0 scenes\n1 shards are missing yet")
+    assert first.startswith("part 2 of 2: 0 shards, 0 scenes\n1 shard is missing yet")
     refused = run("finalise", tmp_path / "out", code=1)
-    assert "1 of 1 shards are missing or damaged; run these again by --parts: 1/2" in refused.stderr
+    assert "1 of 1 shards missing or damaged; run these again by --parts: 1/2" in refused.stderr
     second = json.loads(run(*words, "--parts", "1/2", "--json").stdout)
     assert second == {"part": 1, "of": 2, "shards": [0], "scenes": 12, "missing": []}
     assert "12 scenes" in run("finalise", tmp_path / "out").stdout
     again = run("finalise", tmp_path / "out", code=1)
-    assert "is a finished dataset" in again.stderr
+    assert "is finished already" in again.stderr
 
 
 @pytest.mark.parametrize("part", ["0/3", "4/3", "3", "a/b", "1/0"])
