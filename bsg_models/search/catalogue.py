@@ -32,12 +32,15 @@ class Planner:
         so_that: what is gained by it, for the docs.
         shares: whether it looks at `Knowledge.share`, which costs several times what a presence
             does; without, it is given none.
+        most_rooms: of a building that a study asks it about, as it takes too long in more; None for
+            any number.
     """
 
     choose: Callable[[Knowledge], Ints]
     reads: Reads = "belief"
     so_that: str = "–"
     shares: bool = True
+    most_rooms: int | None = None
 
 
 # What may stand where a planner is asked for: a name of the table, a planner, or its function.

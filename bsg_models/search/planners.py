@@ -18,6 +18,7 @@ from bsg_models.search.shortest_paths import Bools, Floats, Ints, Travel, find_w
 
 _ALIKE = 1e-4  # presence of one instance that may be anywhere
 _ORACLE_EXACT, _ORACLE_KICKS = 12, 200
+_MOST_ORDERED = 300  # rooms; a decision takes time that grows with more than their cube
 
 
 def nearest(known: Knowledge) -> Ints:
@@ -93,9 +94,20 @@ GREEDY_BELIEF = Planner(
     greedy_belief, "belief", so_that="it is found in few rooms, wherever they are", shares=False
 )
 RATIO = Planner(ratio, "belief", so_that="the next leg pays", shares=False)
-EXPECTED_COST = Planner(expected_cost, "belief", so_that="the whole search is short", shares=False)
-ROUTING = Planner(routing, "none", so_that="one sees what good routes save without a belief")
-ORACLE = Planner(oracle, "truth", so_that="nobody is better")
+EXPECTED_COST = Planner(
+    expected_cost,
+    "belief",
+    so_that="the whole search is short",
+    shares=False,
+    most_rooms=_MOST_ORDERED,
+)
+ROUTING = Planner(
+    routing,
+    "none",
+    so_that="one sees what good routes save without a belief",
+    most_rooms=_MOST_ORDERED,
+)
+ORACLE = Planner(oracle, "truth", so_that="nobody is better", most_rooms=_MOST_ORDERED)
 
 
 def plan_tour(travel: Travel, here: Ints, holds: Bools) -> Ints:

@@ -37,6 +37,8 @@ from bsg_models.search.shortest_paths import Floats, Travel, find_ways, go_strai
 
 WorldKind = Literal["star", "complete", "complete-paths", "tree", "tree-plus", "layout", "geometry"]
 MEASURED: tuple[Literal["layout", "geometry"], ...] = ("layout", "geometry")
+MOST_ROOMS = 2000  # of a world: a way is kept for each pair of them
+MOST_WAYS = 250_000_000  # of all searches of a building, 10 bytes each
 METHODS = {"layout": ("layout",), "geometry": ("door", "stairs", "boxes")}
 _SPELLING = re.compile(r"([a-z-]+?)(?::([0-9.]+)-([0-9.]+))?")
 
@@ -153,16 +155,17 @@ def sample_travel(
         costs = rng.uniform(recipe.low, recipe.high, (episodes, nodes - 1))
         edges[:, 0, 1:] = edges[:, 1:, 0] = costs
         return find_ways(edges)
-    upper = np.triu_indices(nodes - 1, 1)
-    costs = rng.uniform(recipe.low, recipe.high, (episodes, len(upper[0])))
-    edges[:, 1 + upper[0], 1 + upper[1]] = edges[:, 1 + upper[1], 1 + upper[0]] = costs
+    left, right = 1 + np.stack(np.triu_indices(nodes - 1, 1))
+    for one in edges:  # what is drawn for all at once takes as much memory as the edges
+        one[left, right] = one[right, left] = rng.uniform(recipe.low, recipe.high, len(left))
     if recipe.kind == "complete":
         return go_straight(edges)
     if recipe.kind == "complete-paths":
         return find_ways(edges)
     more = (nodes - 1) // 2 if recipe.kind == "tree-plus" else 0
     joins = world_generator(seed, scene_id, f"{recipe.name} joins")
-    return find_ways(np.where(_sample_trees(joins, episodes, nodes, more), edges, np.inf))
+    edges[~_sample_trees(joins, episodes, nodes, more)] = np.inf
+    return find_ways(edges)
 
 
 def world_generator(seed: int, scene_id: str, part: str) -> np.random.Generator:

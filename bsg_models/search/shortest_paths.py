@@ -6,10 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import shortest_path
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 Bools = npt.NDArray[np.bool_]
+_TOGETHER = 128  # nodes; of more, graphs are worked on one by one, over the edges that they have
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,13 +50,15 @@ class Travel:
 
 
 def find_ways(edges: Floats) -> Travel:
-    """Return the cheapest ways by Floyd and Warshall, all graphs at once.
+    """Return the cheapest ways: by Floyd and Warshall, of all graphs at once if they are small.
 
     Args:
         edges: `[E, N, N]` costs ≥ 0 from row to column; ∞ where there is no edge.
     """
+    nodes = edges.shape[1]
+    if nodes > _TOGETHER:
+        return _find_ways_one_by_one(edges)
     costs = edges.astype(np.float64)
-    nodes = costs.shape[1]
     every = np.arange(nodes)
     costs[:, every, every] = 0.0
     steps = np.where(np.isfinite(costs), every[None, None], every[None, :, None]).astype(np.int16)
@@ -65,10 +70,25 @@ def find_ways(edges: Floats) -> Travel:
     return Travel(costs, steps)
 
 
+def _find_ways_one_by_one(edges: Floats) -> Travel:
+    """Return the cheapest ways; sums differ from those of all graphs at once in the last bits."""
+    nodes = edges.shape[1]
+    costs, steps = np.empty(edges.shape), np.empty(edges.shape, dtype=np.int16)
+    every = np.arange(nodes)
+    for number, one in enumerate(edges):
+        source, target = np.nonzero(np.isfinite(one))  # an edge may cost 0
+        # Backwards, the node before the last is the one after the first.
+        backwards = csr_array((one[source, target], (target, source)), shape=one.shape)
+        found, before = shortest_path(backwards, return_predecessors=True)
+        costs[number] = found.T
+        steps[number] = np.where(before.T < 0, every[:, None], before.T)
+    return Travel(costs, steps)
+
+
 def go_straight(edges: Floats) -> Travel:
     """Return travel along single edges `[E, N, N]`, even where a detour is cheaper."""
     costs = edges.astype(np.float64)
     every = np.arange(costs.shape[1])
     costs[:, every, every] = 0.0
-    steps = np.where(np.isfinite(costs), every[None, None], every[None, :, None])
-    return Travel(costs, steps.astype(np.int16))
+    there, here = every.astype(np.int16), every[:, None].astype(np.int16)
+    return Travel(costs, np.where(np.isfinite(costs), there, here))

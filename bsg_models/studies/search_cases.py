@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -10,16 +10,20 @@ import numpy as np
 from pydantic import Field, field_validator
 
 from bsg_data.arrays import Counts
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import RecipeError
 from bsg_data.observation.masks import MASKS
 from bsg_data.recipes import MaskRecipe, Record, Share
-from bsg_models.search.catalogue import PLANNERS
+from bsg_models.search.catalogue import PLANNERS, Planner
 from bsg_models.search.knowledge import Task
 from bsg_models.search.room_graphs import (
     DEFAULT_WORLDS,
     MEASURED,
+    MOST_ROOMS,
+    MOST_WAYS,
     RoomGraph,
     WorldRecipe,
+    measure_rooms,
     sample_travel,
     world_generator,
 )
@@ -108,6 +112,44 @@ class Case:
 
     episodes: Episodes
     draws: Ints
+
+
+def measure_building(
+    data: Dataset, scene_id: str, recipes: Sequence[WorldRecipe]
+) -> dict[str, RoomGraph]:
+    """Return the measured room graphs of a building that some worlds are made of, by kind."""
+    kinds = {recipe.kind for recipe in recipes}
+    connections, nodes = data.connections(scene_id), len(data.cells(scene_id))
+    return {
+        kind: measure_rooms(connections, nodes=nodes, kind=kind)
+        for kind in MEASURED
+        if kind in kinds
+    }
+
+
+def find_too_large(rooms: int, recipe: StudyRecipe, planners: Mapping[str, Planner]) -> str | None:
+    """Return why a building with this many rooms is too large to be searched; None if it is not.
+
+    Args:
+        rooms: R of the building.
+        recipe: of the study.
+        planners: name → planner that is asked.
+    """
+    if rooms > MOST_ROOMS:
+        return f"more than {MOST_ROOMS:,} rooms, between which ways are measured"
+    drawn = any(world.kind not in MEASURED for world in recipe.worlds)
+    if drawn and recipe.episodes * (1 + rooms) ** 2 > MOST_WAYS:
+        most = int((MOST_WAYS / recipe.episodes) ** 0.5) - 1
+        return f"more than {most:,} rooms, with {recipe.episodes:,} searches each; make fewer"
+    asked = dict(planners)
+    if recipe.stops and "all" in recipe.tasks:
+        asked["expected-cost"] = PLANNERS["expected-cost"]
+    limits = {name: one.most_rooms for name, one in asked.items() if one.most_rooms is not None}
+    slow = [name for name, most in limits.items() if rooms > most]
+    if not slow:
+        return None
+    least = min(limits[name] for name in slow)
+    return f"more than {least:,} rooms, too many for {', '.join(slow)}; name other planners"
 
 
 def sample_case(

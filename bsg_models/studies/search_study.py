@@ -27,9 +27,7 @@ from bsg_models.search.knowledge import Task
 from bsg_models.search.room_graphs import (
     MEASURED,
     METHODS,
-    RoomGraph,
     WorldRecipe,
-    measure_rooms,
     world_generator,
 )
 from bsg_models.search.shortest_paths import Floats, Ints
@@ -40,6 +38,8 @@ from bsg_models.studies.search_cases import (
     ROUTING,
     Case,
     StudyRecipe,
+    find_too_large,
+    measure_building,
     sample_case,
     sample_presence,
 )
@@ -243,19 +243,6 @@ def choose_runs(
     return chosen, notes
 
 
-def measure_building(
-    data: Dataset, scene_id: str, recipes: Sequence[WorldRecipe]
-) -> dict[str, RoomGraph]:
-    """Return the measured room graphs of a building that some worlds are made of, by kind."""
-    kinds = {recipe.kind for recipe in recipes}
-    connections, nodes = data.connections(scene_id), len(data.cells(scene_id))
-    return {
-        kind: measure_rooms(connections, nodes=nodes, kind=kind)
-        for kind in MEASURED
-        if kind in kinds
-    }
-
-
 def known_worlds(dataset: Path) -> tuple[WorldRecipe, ...]:
     """Return the measured worlds of which a dataset has any connection."""
     methods = Dataset.open(dataset).connection_methods
@@ -273,9 +260,11 @@ def search_building(
     """Return world → the searches of one building with every planner, or why there are none."""
     data = Dataset.open(dataset)
     cells = data.cells(scene_id)
-    measured = measure_building(data, scene_id, recipe.worlds)
     planners = choose_planners(recipe, own or {}, remote=False)
     by_world: dict[str, Searches | str] = {}
+    if reason := find_too_large(len(cells) - 1, recipe, planners):
+        return {world.name: reason for world in recipe.worlds}
+    measured = measure_building(data, scene_id, recipe.worlds)
     asked: dict[bytes, ModelBeliefs] = {}  # worlds of the same rooms have the same searches
     with one_thread():
         for world in recipe.worlds:
