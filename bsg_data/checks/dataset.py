@@ -5,7 +5,8 @@ Nothing here trusts the writer: every fact is read again from the files.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from itertools import zip_longest
 from pathlib import Path
 
@@ -26,6 +27,7 @@ from bsg_data.dataset.kept_maps import KEPT, read_class_maps
 from bsg_data.dataset.manifest import (
     MANIFEST,
     ClassSpaceEntry,
+    FileEntry,
     Manifest,
     hash_manifest,
     read_manifest,
@@ -33,6 +35,7 @@ from bsg_data.dataset.manifest import (
 from bsg_data.dataset.publication import CARD, CROISSANT, list_strays
 from bsg_data.dataset.schema import TABLES
 from bsg_data.errors import ClassMapError
+from bsg_data.observation.pairs import split_of_file
 from bsg_data.scene.class_map import load_class_map, published_maps
 from bsg_data.scene.class_space import list_class_spaces, load_class_space
 
@@ -106,11 +109,26 @@ def _check_pairs(files: FileReader, manifest: Manifest, splits: pa.Table) -> Ite
     data = Dataset(files.dataset, manifest, hash_manifest(files.dataset))
     split_of = dict(zip(*(splits[name].to_pylist() for name in ("scene_id", "split")), strict=True))
     pairs = PairCheck(data, split_of, manifest.pairs)
-    for entry in manifest.files_of("pairs"):
+    for entry in _by_place(manifest.files_of("pairs")):
         table = files.read(entry)
         if table is not None:
             yield from pairs.add(entry, table)
     yield from pairs.finish()
+
+
+def _by_place(pairs: Sequence[FileEntry]) -> list[FileEntry]:
+    """Return the files of pairs by how far into their split they are.
+
+    Every split goes through the scenes in their order: files of the same parts follow one another.
+    """
+    sizes = Counter(split_of_file(entry.path) for entry in pairs)
+    seen: Counter[str] = Counter()
+    places = []
+    for entry in pairs:
+        split = split_of_file(entry.path)
+        places.append(seen[split] / sizes[split])
+        seen[split] += 1
+    return [entry for _, entry in sorted(zip(places, pairs, strict=True), key=lambda row: row[0])]
 
 
 def _check_recipes(manifest: Manifest) -> Iterator[Fault]:

@@ -32,7 +32,7 @@ from bsg_data.scene.surroundings import MAX_FLOOR_AREA, Surroundings, label_rows
 _MOST_ROOMS = 1_000_000  # in one building
 _BOX = tuple(f"box_{end}_{axis}" for end in ("min", "max") for axis in "xyz")
 _NODE_BYTES = 250  # about what is held of a node besides its cells
-_ROW_BYTES = 50  # of an object, or of an edge
+_OBJECT_BYTES = 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,9 +53,8 @@ class DatasetPart:
     def weight(self) -> int:
         """About how many bytes it takes once all of its tables were read."""
         nodes = self.files["scenes"].rows + self.files["rooms"].rows
-        rows = self.files["objects"].rows + self.files["edges"].rows
         width = 8 * len(self.manifest.class_space.classes) + _NODE_BYTES
-        return max(1, nodes * width + rows * _ROW_BYTES)
+        return max(1, nodes * width + self.files["objects"].rows * _OBJECT_BYTES)
 
     @cached_property
     def scene_ids(self) -> tuple[str, ...]:

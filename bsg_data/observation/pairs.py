@@ -109,7 +109,9 @@ def write_pairs(
             raise DatasetError(f"{dataset}: has pairs already; --force replaces them")
         splits = read_splits(dataset, manifest=manifest)
         places = dataset.absolute(), folder.absolute()  # who writes may stand in another folder
-        tasks = [(*places, path, scenes, recipe) for path, scenes in _plan(dataset, splits)]
+        # Files of all splits by their scenes, so that those of the same parts follow one another.
+        plan = sorted(_plan(dataset, splits), key=lambda file: file[1][0])
+        tasks = [(*places, path, scenes, recipe) for path, scenes in plan]
         written = list(run_all(_write_file, tasks, executor=executor, progress=progress))
         for scene in chain.from_iterable(scenes for _, scenes in written):
             if left_out is not None:

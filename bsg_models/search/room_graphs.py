@@ -38,7 +38,7 @@ from bsg_models.search.shortest_paths import Floats, Travel, find_ways, go_strai
 WorldKind = Literal["star", "complete", "complete-paths", "tree", "tree-plus", "layout", "geometry"]
 MEASURED: tuple[Literal["layout", "geometry"], ...] = ("layout", "geometry")
 MOST_ROOMS = 2000  # of a world: a way is kept for each pair of them
-MOST_WAYS = 250_000_000  # of all searches of a building, 10 bytes each
+MOST_WAYS = 100_000_000  # of all searches of a building, 10 bytes each
 METHODS = {"layout": ("layout",), "geometry": ("door", "stairs", "boxes")}
 _SPELLING = re.compile(r"([a-z-]+?)(?::([0-9.]+)-([0-9.]+))?")
 

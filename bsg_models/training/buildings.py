@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from functools import cached_property
 from typing import cast
 
 import numpy as np
@@ -25,7 +26,6 @@ from bsg_data.observation.masked_buildings import (
     MaskedBuildings,
     sample_each,
     stack_masked,
-    stream_sampled,
     vary_fractions,
 )
 from bsg_data.observation.pairs import fits_pairs
@@ -168,8 +168,7 @@ class TrainingBuildings:
 
     def _stored_windows(self, parts: np.random.Generator | None) -> Iterator[MaskedBuildings]:
         if parts is None:
-            fold = self._config.data.fold
-            yield read_split(self._data, "train", fold=fold, vocabulary=self._vocabulary)
+            yield self._every_pair
             return
         held: list[MaskedBuildings] = []
         for some in self._stored(parts):
@@ -179,6 +178,12 @@ class TrainingBuildings:
                 held = []
         if held:
             yield stack_masked(held)
+
+    @cached_property
+    def _every_pair(self) -> MaskedBuildings:
+        """The stored pairs of the training buildings, where one window holds all of them."""
+        fold = self._config.data.fold
+        return read_split(self._data, "train", fold=fold, vocabulary=self._vocabulary)
 
     def _stored(self, shuffle: np.random.Generator | None) -> Iterator[MaskedBuildings]:
         fold = self._config.data.fold
@@ -219,15 +224,14 @@ def stream_validation(
         yield from stream_split(data, "val", fold=choice.fold, vocabulary=vocabulary)
         return
     scenes = scenes_of(data, "val", fold=choice.fold)
-    for draw in range(_VAL_DRAWS):
-        yield from stream_sampled(
-            data,
-            scenes,
-            mask=choice.fresh_mask,
-            draw=draw,
-            fractions=choice.fractions,
-            vocabulary=vocabulary,
-        )
+    recipes = [
+        vary_fractions(choice.fresh_mask, choice.fractions, draw, len(scenes))
+        for draw in range(_VAL_DRAWS)
+    ]
+    for first in range(0, len(scenes), BATCH):  # all draws of some, so that parts are read once
+        some = slice(first, first + BATCH)
+        for draw, own in enumerate(recipes):
+            yield sample_each(data, scenes[some], own[some], draw=draw, vocabulary=vocabulary)
 
 
 def count_validation(config: RunConfig, data: Dataset) -> int:

@@ -120,8 +120,8 @@ def test_a_building_too_large_for_a_planner_is_left_out_alone(dataset: Path) -> 
 def test_limits_of_a_study_by_hand() -> None:
     recipe = StudyRecipe(planners=("nearest",), episodes=200)
     nearest = {"nearest": PLANNERS["nearest"]}
-    assert find_too_large(1117, recipe, nearest) is None
-    assert "1,117 rooms" in str(find_too_large(1118, recipe, nearest))
+    assert find_too_large(706, recipe, nearest) is None
+    assert "706 rooms" in str(find_too_large(707, recipe, nearest))
     measured = recipe.model_copy(update={"worlds": (WorldRecipe(kind="layout"),)})
     assert find_too_large(2000, measured, nearest) is None
     assert "2,000 rooms" in str(find_too_large(2001, measured, nearest))
