@@ -6,7 +6,7 @@ import hashlib
 import os
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from bsg_data.errors import DatasetError
@@ -30,7 +30,7 @@ def open_beside(path: Path) -> Iterator[Path]:
             path.parent.mkdir(parents=True, exist_ok=True)
             partial.unlink(missing_ok=True)  # of a killed command; a link there is never followed
             yield partial
-            _flush(partial)
+            flush_file(partial)
             partial.replace(path)
         finally:
             partial.unlink(missing_ok=True)
@@ -70,9 +70,24 @@ def hash_file(path: Path) -> str:
     return digest.hexdigest()
 
 
-def _flush(path: Path) -> None:
+def flush_file(path: Path) -> None:
+    """Have the data of a file reach the disk.
+
+    Raises:
+        OSError: if they do not.
+    """
     descriptor = os.open(path, os.O_RDWR)  # Windows flushes only what is open for writing
     try:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def flush_folder(path: Path) -> None:
+    """Have the names in a folder reach the disk, where the system can do that for a folder."""
+    with suppress(OSError):
+        descriptor = os.open(path, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
