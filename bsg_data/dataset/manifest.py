@@ -261,7 +261,7 @@ def read_manifest(dataset: Path) -> Manifest:
         if found == 1:
             said = convert_manifest(said)
         # Strict about types, as JSON is: a list is a tuple there, and nothing else is guessed.
-        return Manifest.model_validate_json(json.dumps(said))
+        return Manifest.model_validate_json(json.dumps(said))  # noqa: TID251
     except (json.JSONDecodeError, AttributeError, RecursionError) as error:
         raise DatasetError(f"{path}: not JSON ({error}); build the dataset again") from error
     except ValidationError as error:

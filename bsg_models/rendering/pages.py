@@ -6,13 +6,14 @@ include; `theme.css` and `theme.js` are of every page.
 
 from __future__ import annotations
 
-import json
 from functools import cache
 from importlib import resources
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
+
+from bsg_data.files import encode_json
 
 
 def render_page(template: str, **values: Any) -> str:
@@ -42,7 +43,7 @@ def _environment() -> Environment:
 
 def encode_for_script(value: Any) -> Markup:
     """Return JSON that cannot end the script element that it stands in."""
-    text = json.dumps(value, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    text = encode_json(value, ensure_ascii=False, separators=(",", ":"))
     for sign in "<>&\u2028\u2029":
         text = text.replace(sign, f"\\u{ord(sign):04x}")
     return Markup(text)  # noqa: S704 - the signs that could be markup are gone
