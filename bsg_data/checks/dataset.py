@@ -30,11 +30,13 @@ from bsg_data.dataset.manifest import (
     FileEntry,
     Manifest,
     hash_manifest,
+    read_card_hashes,
     read_manifest,
 )
 from bsg_data.dataset.publication import CARD, CROISSANT, list_strays
 from bsg_data.dataset.schema import TABLES
 from bsg_data.errors import ClassMapError
+from bsg_data.files import hash_file
 from bsg_data.observation.pairs import split_of_file
 from bsg_data.scene.class_map import load_class_map, published_maps
 from bsg_data.scene.class_space import list_class_spaces, load_class_space
@@ -176,3 +178,7 @@ def _check_strays(dataset: Path, manifest: Manifest) -> Iterator[Fault]:
     for name in (CARD, CROISSANT):
         if not (dataset / name).is_file():
             yield Fault(name, "is missing; any of build, split or pairs writes it again")
+    for name, expected in read_card_hashes(dataset).items():
+        found = hash_file(dataset / name) if (dataset / name).is_file() else expected
+        if found != expected:
+            yield Fault(name, f"was changed: expected sha256 {expected[:12]}…, found {found[:12]}…")
