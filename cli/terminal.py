@@ -6,7 +6,6 @@ Exit codes: 0 done, 1 failed or found faults, 2 wrong usage, 130 interrupted.
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import sys
@@ -28,6 +27,7 @@ from tqdm import tqdm  # noqa: TID251 -- the command line is where bars belong
 from bsg_cli.cluster import connect
 from bsg_cli.dataset_paths import require_datasets
 from bsg_data.errors import BSGError, RecipeError
+from bsg_data.files import encode_json
 from bsg_data.recipes import name_fault
 
 FAILED, WRONG_USAGE, INTERRUPTED = 1, 2, 130
@@ -193,7 +193,7 @@ def end_with_parent() -> None:
 
 def print_json(value: object) -> None:
     """Print one JSON document on stdout."""
-    click.echo(json.dumps(value, indent=1, ensure_ascii=False))
+    click.echo(encode_json(value, indent=1, ensure_ascii=False))
 
 
 def print_note(text: str) -> None:

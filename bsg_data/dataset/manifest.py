@@ -272,7 +272,8 @@ def read_hashed_manifest(dataset: Path) -> tuple[Manifest, str]:
         if found == 1:
             said = convert_manifest(said)
         # Strict about types, as JSON is: a list is a tuple there, and nothing else is guessed.
-        return Manifest.model_validate_json(json.dumps(said)), hashlib.sha256(data).hexdigest()
+        text = json.dumps(said)  # noqa: TID251
+        return Manifest.model_validate_json(text), hashlib.sha256(data).hexdigest()
     except (json.JSONDecodeError, AttributeError, RecursionError) as error:
         raise DatasetError(f"{path}: not JSON ({error}); build the dataset again") from error
     except ValidationError as error:

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,7 +18,7 @@ from bsg_data.dataset.scene_tables import assemble_graphs, collect_columns
 from bsg_data.dataset.schema import FORMAT_VERSION, SPLITS, TABLES, pairs_schema
 from bsg_data.dataset.version_1 import TABLES_1, convert_table
 from bsg_data.errors import DatasetError, MismatchError
-from bsg_data.files import hash_file, open_beside
+from bsg_data.files import encode_json, hash_file, open_beside
 from bsg_data.scene.scene_graph import SceneGraph, is_scene_id
 
 
@@ -176,7 +175,7 @@ def open_parquet(
         "bsg.format_version": str(FORMAT_VERSION),
         "bsg.class_space": class_space.name,
         "bsg.class_space_sha256": class_space.sha256,
-        "bsg.classes": json.dumps(class_space.classes, ensure_ascii=False),
+        "bsg.classes": encode_json(class_space.classes, ensure_ascii=False),
         **{f"bsg.{key}": value for key, value in extra.items()},
     }
     with (
