@@ -123,12 +123,23 @@ def _serve_one(asked: dict[str, Any]) -> dict[str, Any]:
     theirs.close()
     code, watch = _wait_for(child, folder, fault, ours)
     ours.close()
+    _import_as_well(said.with_suffix(".imports"))
     return {
         "code": code,
         "said": said.read_text("utf-8", errors="replace"),
         "calls": [] if watch is None else [(c.kind, c.path, c.target) for c in watch.seen],
         "struck": watch is not None and watch.struck,
     }
+
+
+def _import_as_well(listed: Path) -> None:
+    """Import what a command had to, so that later ones find it."""
+    if listed.is_file():
+        for module in listed.read_text().splitlines():
+            if module not in sys.modules:
+                with suppress(Exception):  # what is no module, or imports only after another
+                    importlib.import_module(module)
+        listed.unlink()
 
 
 def _be_command(
@@ -163,6 +174,8 @@ def _be_command(
             traceback.print_exc()
     finally:
         with suppress(BaseException):
+            if code == 0 and fault is None and asked["memory"] is None:
+                said.with_suffix(".imports").write_text("\n".join(sys.modules))
             atexit._run_exitfuncs()
             sys.stderr.flush()
         os._exit(code)
