@@ -244,7 +244,10 @@ def find_half_written(command: Command, whole: Unbroken, now: Tree) -> list[str]
 def find_unlisted(folder: Path) -> list[str]:
     """Return the files that the manifest of a dataset lists and that are not what it says."""
     faults = []
-    for manifest in folder.glob("*/dataset.json"):
+    visible = [path for path in folder.iterdir() if not is_unfinished(path.name)]
+    for manifest in [path / "dataset.json" for path in visible]:
+        if not manifest.is_file():
+            continue
         for entry in json.loads(manifest.read_text("utf-8"))["files"]:
             path = manifest.parent / entry["path"]
             if not path.is_file():

@@ -25,7 +25,9 @@ def test_one_change_of_a_file_fails(
 ) -> None:
     """It is told, what was there is there still, and the same command ends as an unbroken one."""
     whole = bench.unbroken(command)
-    points = whole.points(CHANGES, most=50 if full else SAMPLED[command.name], seed=2)
+    points = whole.points(
+        CHANGES, most=command.limit(50) if full else SAMPLED[command.name], seed=2
+    )
     misses = []
     for at in points:
         trial = bench.strike(command, Fault("EIO", at))
@@ -42,7 +44,9 @@ def test_every_change_fails_from_one_on(
 ) -> None:
     """As on a disk that is full or gone: it is told, and nothing half-written is visible."""
     whole = bench.unbroken(command)
-    points = whole.points(CHANGES, most=25 if full else SAMPLED[command.name], seed=3)
+    points = whole.points(
+        CHANGES, most=command.limit(25) if full else SAMPLED[command.name], seed=3
+    )
     misses = []
     for at in points:
         trial = bench.strike(command, Fault("ENOSPC", at, lasting=True))
@@ -55,7 +59,7 @@ def test_every_change_fails_from_one_on(
 def test_a_read_fails(command: Command, bench: Bench, full: bool, tally: Tally) -> None:
     """What cannot be read is an error, and never an input that is not there."""
     whole = bench.unbroken(command)
-    points = whole.points(READS, most=25 if full else SAMPLED[command.name], seed=4)
+    points = whole.points(READS, most=command.limit(25) if full else SAMPLED[command.name], seed=4)
     misses = []
     for at in points:
         trial = bench.strike(command, Fault("EIO", at, READS))
