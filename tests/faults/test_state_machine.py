@@ -330,7 +330,7 @@ class House(RuleBasedStateMachine):
         self.made = old if refused else new
 
     def see_that_nothing_is_left(self) -> None:
-        """Nothing of a killed command is left by one that is done, but what a build goes on with."""
+        """Nothing of a killed command is left by one that is done, but a build to go on with."""
         beside = {path.name for path in self.folder.iterdir()} - {"hm3d", "dataset", "runs"}
         others = {name for name in beside if not name.startswith((PARTIAL, f".{PARTIAL}.shard-"))}
         assert others == set()
