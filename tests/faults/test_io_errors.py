@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import shutil
+
 import pytest
 from bench import Bench
 from commands import COMMANDS, Command
+from fork_server import Chance
 from system_calls import CHANGES, Fault, Kind, can_watch
 from tally import Tally
 
 pytestmark = pytest.mark.skipif(bool(can_watch()), reason=can_watch())
 READS: tuple[Kind, ...] = ("open", "read")
+AT_RANDOM = (  # as libfiu names them; of reads and opens, Python's own would fail, too
+    *(f"posix/io/rw/{name}" for name in ("write", "pwrite", "writev", "ftruncate")),
+    *(f"posix/io/{name}" for name in ("sync/fsync", "dir/rename", "dir/unlink")),
+)
 SAMPLED = {"build --force": 2, "split": 2, "pairs --force": 2}  # name → errors of a kind, in short
 
 
@@ -66,4 +73,18 @@ def test_a_read_fails(command: Command, bench: Bench, full: bool, tally: Tally) 
         trial.find_no_error()
         misses += trial.finish()
     bench.note(tally, "opening or reading a file fails (EIO)", command, len(points), misses)
+    assert misses == []
+
+
+@pytest.mark.skipif(shutil.which("fiu-run") is None, reason="fiu-run is of Debian's fiu-utils")
+def test_changes_fail_at_random(command: Command, bench: Bench, full: bool, tally: Tally) -> None:
+    """With whatever errno the C library can give: the same, and what it says may be lost, too."""
+    if bench.is_heavy(command.words):
+        pytest.skip("torch and matplotlib do not start under fiu-run fast enough")
+    tried = 20 if full else SAMPLED[command.name]
+    misses = []
+    for seed in range(tried):
+        chance = Chance(AT_RANDOM, (0.5, 0.1, 0.02, 0.005)[seed % 4], seed)
+        misses += bench.strike_at_random(command, chance).finish()
+    bench.note(tally, "changes of files fail at random (fiu-run)", command, tried, misses)
     assert misses == []
