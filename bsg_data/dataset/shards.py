@@ -149,9 +149,9 @@ def _require_scene_ids(path: Path, names: Sequence[object]) -> None:
             raise DatasetError(f"{path}: {name!r} is no scene id: it must do as the name of a file")
 
 
-def read_scene_graphs(dataset: Path) -> Iterator[SceneGraph]:
-    """Yield the scene graphs of a dataset, one shard in memory at a time."""
-    manifest = read_manifest(dataset)
+def read_scene_graphs(dataset: Path, *, manifest: Manifest | None = None) -> Iterator[SceneGraph]:
+    """Yield the scene graphs of a dataset, one shard in memory at a time; see `read_table`."""
+    manifest = manifest or read_manifest(dataset)
     parts = zip(*(manifest.files_of(name) for name in TABLES), strict=True)
     for files in parts:
         tables = {

@@ -2,21 +2,10 @@
 
 from __future__ import annotations
 
-import shutil
-
 import pytest
-from bench import (
-    Bench,
-    Unbroken,
-    compare,
-    find_half_written,
-    find_traceback,
-    find_unlisted,
-    is_unfinished,
-    read_tree,
-)
+from bench import Bench, is_unfinished
 from commands import COMMANDS, Command
-from system_calls import CHANGES, Fault, can_watch
+from system_calls import CHANGES, Deed, Fault, can_watch
 from tally import Tally
 
 pytestmark = pytest.mark.skipif(bool(can_watch()), reason=can_watch())
@@ -35,38 +24,13 @@ def test_killed_at_every_change_of_a_file(
 ) -> None:
     """Nothing half-written is visible; the same command ends in the bytes of an unbroken run."""
     whole = bench.unbroken(command)
-    points = whole.points(CHANGES, most=None if full else SAMPLED[command.name])
-    misses = [
-        f"{command.name}, killed at call {at}: {fault}"
-        for at in points
-        for fault in kill_and_repeat(command, bench, whole, at)
-    ]
-    failed = len({miss.partition(":")[0] for miss in misses})
-    tally(
-        test="killed at every change of a file",
-        command=f"bsg {command.name}",
-        tried=len(points),
-        survived=len(points) - failed,
-        misses=misses,
-    )
+    points = whole.points(CHANGES, most=command.most if full else SAMPLED[command.name])
+    misses = []
+    for at in points:
+        deed: Deed = "tear" if at % 2 else "kill"  # half of a block is written, or nothing of it
+        misses += bench.strike(command, Fault(deed, at)).finish()
+    bench.note(tally, "killed at every change of a file", command, len(points), misses)
     assert misses == []
-
-
-def kill_and_repeat(command: Command, bench: Bench, whole: Unbroken, at: int) -> list[str]:
-    """Kill a command at a call, run it again, and return what is wrong."""
-    folder = bench.lay_out(command)
-    deed = "tear" if at % 2 else "kill"  # half of a block is written, or nothing of it
-    struck = bench.run(command.words, folder, Fault(deed, at))
-    if not struck.struck:
-        return []  # another thread was quicker: the command is through
-    wrong = find_half_written(command, whole, read_tree(folder)) + find_unlisted(folder)
-    again = bench.run(command.words_again, folder)
-    now = compare(command, whole.after, read_tree(folder))
-    wrong += find_traceback(again.said)
-    if again.code != 0 and now:
-        wrong.append(f"again it says {again.said.strip()!r}")
-    shutil.rmtree(folder)
-    return wrong + now
 
 
 def test_nothing_is_written_in_place(command: Command, bench: Bench) -> None:
