@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from bsg_data.errors import DatasetError
 
@@ -46,6 +48,25 @@ def write_bytes(path: Path, data: bytes) -> None:
     """
     with open_beside(path) as partial, partial.open("xb") as file:
         file.write(data)
+
+
+def encode_json(value: object, **style: Any) -> str:
+    """Return a value as JSON, which has no NaN and no infinity; all that we write goes through it.
+
+    Args:
+        value: of what JSON knows.
+        style: as `json.dumps` takes it.
+
+    Raises:
+        DatasetError: if a number in it is not finite.
+    """
+    try:
+        return json.dumps(value, allow_nan=False, **style)  # noqa: TID251
+    except ValueError as error:
+        raise DatasetError(
+            f"a number that was computed is not finite, and JSON has none such ({error}); nothing "
+            "was written: please report it"
+        ) from error
 
 
 def stem_of(name: str) -> str:

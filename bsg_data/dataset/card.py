@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import json
 from collections.abc import Iterable
 from typing import Any
 
@@ -12,6 +11,7 @@ import yaml
 
 from bsg_data.dataset.manifest import Manifest
 from bsg_data.dataset.schema import SPLITS, TABLES, describe_fields, pairs_schema
+from bsg_data.files import encode_json
 from bsg_data.sources.source import LICENCE_REF, Terms
 from bsg_data.tables import format_markdown
 
@@ -109,7 +109,7 @@ def write_croissant(manifest: Manifest) -> str:
         ],
         "recordSet": [_record_set(name, schema) for name, _, schema in _file_sets(manifest)],
     }
-    return json.dumps(description, indent=1) + "\n"
+    return encode_json(description, indent=1) + "\n"
 
 
 def _one_or_all(values: Iterable[str]) -> str | list[str]:

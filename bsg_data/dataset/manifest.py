@@ -238,9 +238,20 @@ def read_manifest(dataset: Path) -> Manifest:
         DatasetError: if there is none or it is damaged.
         MismatchError: if it is of another format version.
     """
+    return read_hashed_manifest(dataset)[0]
+
+
+def read_hashed_manifest(dataset: Path) -> tuple[Manifest, str]:
+    """Return the manifest of a finished dataset, and the sha256 of the very bytes that were read.
+
+    Raises:
+        DatasetError: if there is none or it is damaged.
+        MismatchError: if it is of another format version.
+    """
     path = dataset / MANIFEST
     try:
-        text = path.read_text("utf-8")
+        data = path.read_bytes()
+        text = data.decode()
     except FileNotFoundError as error:
         if not dataset.is_dir():
             raise DatasetError(f"{dataset}: no such folder") from error
@@ -261,7 +272,8 @@ def read_manifest(dataset: Path) -> Manifest:
         if found == 1:
             said = convert_manifest(said)
         # Strict about types, as JSON is: a list is a tuple there, and nothing else is guessed.
-        return Manifest.model_validate_json(json.dumps(said))
+        text = json.dumps(said)  # noqa: TID251
+        return Manifest.model_validate_json(text), hashlib.sha256(data).hexdigest()
     except (json.JSONDecodeError, AttributeError, RecursionError) as error:
         raise DatasetError(f"{path}: not JSON ({error}); build the dataset again") from error
     except ValidationError as error:

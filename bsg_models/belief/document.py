@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, ValidationError
 
 from bsg_data.dataset.manifest import ClassSpaceEntry
-from bsg_data.files import write_bytes
+from bsg_data.files import encode_json, write_bytes
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.observation.robot_json import encode_robot_graph
 from bsg_data.recipes import Record, name_fault
@@ -107,7 +107,7 @@ def _decode_blind(node: _Blind, partial: PartialGraph, path: Path) -> BlindNode:
 
 def write_document(belief: BeliefGraph, path: Path) -> None:
     """Write a belief graph as JSON, whole or not at all."""
-    text = json.dumps(encode_belief(belief), ensure_ascii=False, separators=(",", ":"))
+    text = encode_json(encode_belief(belief), ensure_ascii=False, separators=(",", ":"))
     write_bytes(path, text.encode())
 
 

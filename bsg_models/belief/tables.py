@@ -21,6 +21,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from bsg_data.arrays import Floats
+from bsg_data.files import encode_json
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box
@@ -46,7 +47,7 @@ def write_tables(beliefs: Iterable[BeliefGraph], folder: Path) -> None:
     """
     headers: dict[str, Any] = {}
     packed = _pack_all(beliefs, headers, folder)
-    write_rows(packed, folder, metadata=lambda: {"nodes": {_HEADERS: json.dumps(headers)}})
+    write_rows(packed, folder, metadata=lambda: {"nodes": {_HEADERS: encode_json(headers)}})
 
 
 def _pack_all(

@@ -111,7 +111,7 @@ def hash_tensors(tensors: Mapping[str, torch.Tensor]) -> str:
     """Return the sha256 of tensors: of name, type, shape and bytes of each, by name in order."""
     digest = hashlib.sha256()
     for name, tensor in sorted(tensors.items()):
-        kind = json.dumps([name, str(tensor.dtype), list(tensor.shape)])
+        kind = json.dumps([name, str(tensor.dtype), list(tensor.shape)])  # noqa: TID251
         digest.update(f"{kind}\n".encode())
         flat = tensor.detach().cpu().contiguous().reshape(-1)
         digest.update(flat.view(torch.uint8).numpy().tobytes())

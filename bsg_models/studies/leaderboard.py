@@ -25,7 +25,7 @@ from bsg_data.dataset.publication import publish
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.executors import run_all
-from bsg_data.files import write_bytes
+from bsg_data.files import encode_json, write_bytes
 from bsg_data.lock import hold
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
@@ -231,7 +231,7 @@ def _measure(out: Path, mask: str, place: Place, recipe: LeaderboardRecipe) -> M
 
 
 def _write_seconds(run: Path, seconds: float) -> None:
-    write_bytes(run / SECONDS, json.dumps({"seconds": round(seconds, 3)}).encode())
+    write_bytes(run / SECONDS, encode_json({"seconds": round(seconds, 3)}).encode())
 
 
 def _read_seconds(run: Path) -> float:

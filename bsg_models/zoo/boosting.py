@@ -21,6 +21,7 @@ from pydantic import Field
 
 from bsg_data.arrays import Floats
 from bsg_data.dataset.dataset import Dataset
+from bsg_data.files import encode_json
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import MIN_RATE, CountDistribution, negative_binomial
 from bsg_models.errors import CheckpointError, TrainingError
@@ -108,7 +109,7 @@ class PoissonBoosting(CalibratedModel):
             rates[:, c] = np.exp(start + offset + grown)
             texts.append({"start": float(start), "trees": booster.model_to_string()})
         self.dispersions.copy_(torch.from_numpy(fit_dispersion(hidden, rates)))
-        packed = zlib.compress(json.dumps(texts).encode(), level=6)
+        packed = zlib.compress(encode_json(texts).encode(), level=6)
         self.trees = torch.frombuffer(bytearray(packed), dtype=torch.uint8).clone()
         self._boosters = self._read(packed)
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from bench import Bench
 from tally import Tally
 
 
@@ -19,3 +21,11 @@ def tally(request: pytest.FixtureRequest) -> Tally:
     """Return where a test notes what it tried and what survived."""
     path = request.config.getoption("--tally")
     return Tally(None if path is None else Path(path).absolute())
+
+
+@pytest.fixture(scope="session")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+    """Return where commands are tried under faults."""
+    tried = Bench(tmp_path_factory.mktemp("bench"))
+    yield tried
+    tried.close()
