@@ -7,9 +7,9 @@ below `build/mutants/`, one a room; the repository's files are only read. A run 
 goes on where it was, as long as no file has changed since.
 
 What is not mutated: the words of messages and other prose, which no test should repeat; zip's
-`strict`; types; and decorated functions, which mutmut passes over. numba's decorator is taken off in the copy, so that
-compiled functions are mutated, too. `explained_mutants.toml` lists mutants that do the same as the
-code, each with the reason; they are not tried.
+`strict`; types; and decorated functions, which mutmut passes over. numba's decorator is taken off
+in the copy, so that compiled functions are mutated, too. `explained_mutants.toml` lists mutants
+that do the same as the code, each with the reason; they are not tried.
 """
 
 from __future__ import annotations
@@ -26,9 +26,8 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, NamedTuple
 
 REPOSITORY = Path(__file__).resolve().parent.parent.parent
 EXPLAINED = Path(__file__).with_name("explained_mutants.toml")
@@ -37,8 +36,7 @@ KILLED = {1, 3, 24, 36, 152, 255, -24, -11, -9}  # tests failed, time was up, or
 COPIED = ("cli", "docs", "mappings", "scripts", "weights", "CHANGELOG.md", "Makefile", "README.md")
 
 
-@dataclass(frozen=True)
-class Room:
+class Room(NamedTuple):
     """Files that decide one kind of thing.
 
     Attributes:
@@ -76,8 +74,7 @@ ROOMS = {
 }
 
 
-@dataclass(frozen=True)
-class Mutant:
+class Mutant(NamedTuple):
     """One changed place.
 
     Attributes:

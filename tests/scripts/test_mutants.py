@@ -24,7 +24,9 @@ def test_every_explained_mutant_is_of_code_that_is_there() -> None:
     rooms = {file for room in mutants.ROOMS.values() for file in mutants.list_files(room)}
     for one in mutants.read_explained():
         assert one["file"] in rooms
-        lines = {line.strip() for line in (REPOSITORY / one["file"]).read_text("utf-8").splitlines()}
+        lines = {
+            line.strip() for line in (REPOSITORY / one["file"]).read_text("utf-8").splitlines()
+        }
         assert {*one["before"].splitlines()} <= lines, f"{one['file']}: mend or delete {one}"
         assert one["after"] != one["before"]
         assert one["reason"].endswith(".")
