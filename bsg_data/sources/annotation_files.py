@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import gzip
 import hashlib
+import io
 import os
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
-from bsg_data.errors import AnnotationError, SourceError
+from bsg_data.errors import AnnotationError, SourceChangedError, SourceError, find_io_error
 from bsg_data.sources.source import SkippedScene
 
 PACKED = ".gz"
+TOO_LARGE = "too large"
 
 
 def list_files(path: Path, suffixes: tuple[str, ...], unreadable: list[SkippedScene]) -> list[Path]:
@@ -45,6 +47,8 @@ def walk_files(
     """
 
     def note(error: OSError) -> None:
+        if find_io_error(error):
+            raise SourceChangedError(f"{error.filename}: cannot be read ({error.strerror})")
         where = Path(str(error.filename)).relative_to(root).as_posix()
         unreadable.append(SkippedScene("-", where, f"the folder cannot be read ({error.strerror})"))
 
@@ -69,47 +73,82 @@ def walk_files(
 
 def _why_not(path: Path) -> str | None:
     """Return why a path cannot be an annotation; None if it can."""
-    if not path.is_file():  # a link that leads nowhere, a pipe, a device
-        return "not a file, or a link that leads nowhere"
+    try:
+        if not path.is_file():  # a link that leads nowhere, a pipe, a device
+            return "not a file, or a link that leads nowhere"
+    except OSError as error:
+        if find_io_error(error):
+            raise SourceChangedError(f"{path}: cannot be read ({error.strerror})") from error
+        return f"cannot be read ({error.strerror})"
     if not str(path).isprintable() and any("\ud800" <= c <= "\udfff" for c in str(path)):
         return "its path is not UTF-8"
     return None
 
 
 def fingerprint(path: Path, *, most: int) -> str:
-    """Hash a file; one that cannot be read, or is far too large, is reported when it is read."""
+    """Hash a file; one that may not be read, or is far too large, is reported when it is read.
+
+    Raises:
+        SourceChangedError: if it is gone, or cannot be read now.
+    """
     try:
         if path.stat().st_size > most:
-            return "too large"
+            return TOO_LARGE
         return hashlib.sha256(path.read_bytes()).hexdigest()
     except OSError as error:
+        if find_io_error(error):
+            raise SourceChangedError(f"{path}: cannot be read ({error.strerror})") from error
         return f"unreadable: {error.strerror}"
 
 
-def read_bytes(path: Path, *, most: int) -> bytes:
+def read_bytes(path: Path, *, most: int, expected: str | None = None) -> bytes:
     """Read a file, unpacked if its name ends in `.gz`.
 
     Args:
         path: of the file.
         most: bytes that it may have, packed and unpacked.
+        expected: its fingerprint when it was listed, which these very bytes must have.
 
     Raises:
         SourceError: if it cannot be read, is no gzip though its name says so, or is larger.
+        SourceChangedError: if it is not what it was when it was listed.
     """
     try:
-        if path.stat().st_size > most:
-            raise SourceError(f"{path}: {path.stat().st_size:,} bytes; expected at most {most:,}")
+        size = path.stat().st_size
+        if size > most:
+            require_fingerprint(path, TOO_LARGE, expected)
+            raise SourceError(f"{path}: {size:,} bytes; expected at most {most:,}")
+        data = path.read_bytes()
+        if expected is not None:
+            require_fingerprint(path, hashlib.sha256(data).hexdigest(), expected)
         if not path.name.endswith(PACKED):
-            return path.read_bytes()
-        with gzip.open(path) as file:
+            return data
+        with gzip.open(io.BytesIO(data)) as file:
             data = file.read(most + 1)
     except (gzip.BadGzipFile, EOFError, zlib.error) as error:
         raise SourceError(f"{path}: not a readable gzip file ({error})") from error
     except OSError as error:
+        require_fingerprint(path, f"unreadable: {error.strerror}", expected)
         raise SourceError(f"{path}: cannot be read ({error.strerror or error})") from error
     if len(data) > most:
         raise SourceError(f"{path}: unpacks to more than {most:,} bytes; expected at most these")
     return data
+
+
+def require_fingerprint(path: Path | str, found: str, expected: str | None) -> None:
+    """Refuse what is not what it was when it was listed.
+
+    Args:
+        path: what an error names.
+        found: what tells it apart now.
+        expected: what told it apart then; None if it was not listed.
+
+    Raises:
+        SourceChangedError: if the two differ.
+    """
+    if expected is not None and found != expected:
+        why = f" ({found})" if found.startswith("unreadable") else ""
+        raise SourceChangedError(f"{path}: is not what it was when the scenes were listed{why}")
 
 
 def decode(data: bytes, *, path: Path) -> str:

@@ -57,14 +57,19 @@ class Annotation:
     sha256: str
 
 
-def read_annotation(path: Path) -> Annotation:
+def read_annotation(path: Path, *, expected: str | None = None) -> Annotation:
     """Read one `semantic.txt`.
+
+    Args:
+        path: of the file.
+        expected: its fingerprint when it was listed; None if it was not.
 
     Raises:
         SourceError: if the file cannot be read or is far too large.
+        SourceChangedError: if it is not what it was when it was listed.
         AnnotationError: naming the first line that is malformed.
     """
-    data = read_bytes(path, most=MAX_BYTES)
+    data = read_bytes(path, most=MAX_BYTES, expected=expected)
     return Annotation(parse_annotation(data, path=path), hashlib.sha256(data).hexdigest())
 
 

@@ -93,7 +93,7 @@ class MatterportHouses:
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one house; what no portal joins is left to the boxes of rooms and doors."""
         path = self.path if self.path.is_file() else self.path / ref.location
-        data = read_bytes(path, most=MAX_BYTES)
+        data = read_bytes(path, most=MAX_BYTES, expected=ref.fingerprint)
         house = parse_house(decode(data, path=path), path=path)
         return Reading(_assemble(house, ref, hashlib.sha256(data).hexdigest(), class_map))
 

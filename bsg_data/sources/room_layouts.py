@@ -16,7 +16,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from bsg_data.errors import SourceError
+from bsg_data.errors import SourceChangedError, SourceError, find_io_error
 from bsg_data.geometry.adjacency import measure_distance
 from bsg_data.geometry.placement import find_storeys, measure_area
 from bsg_data.recipes import name_fault
@@ -24,9 +24,11 @@ from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import LAYOUTS, label_of
 from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph, is_scene_id
 from bsg_data.scene.scene_id import building_hash
+from bsg_data.sources.annotation_files import require_fingerprint
 from bsg_data.sources.plain_yaml import parse_yaml
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SkippedScene, Source
 
+_LAYOUT = ", layout "  # before the hash of a layout, in what tells of a scene's geometry
 MAX_BYTES = 2**20  # the largest real layout is 20 kB
 MAX_METRES = 10_000.0
 _NAME = re.compile(r"room_([1-9][0-9]{0,5})")
@@ -229,7 +231,10 @@ class WithLayouts:
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read a scene, then its layout; one that cannot be used is left out with the reason."""
-        reading = self.source.read(ref, class_map)
+        own = replace(ref, geometry=str(ref.geometry).rpartition(_LAYOUT)[0] or ref.geometry)
+        reading = self.source.read(own, class_map)
+        where = f"{self.folder}: the layout of {ref.scene_id}"
+        require_fingerprint(where, str(self._refer(own).geometry), str(ref.geometry))
         path = self._layout_of(ref)
         if path is None:
             return reading
@@ -240,6 +245,8 @@ class WithLayouts:
             except LayoutError as error:
                 raise LayoutError(f"{path}: {error}") from error
         except LayoutError as error:
+            if find_io_error(error):
+                raise SourceChangedError(str(error)) from error
             reason = str(error).replace(f"{self.folder}/", "")
             skip = SkippedScene(ref.scene_id, path.name, reason)
             return replace(reading, left_out=(*reading.left_out, skip))
@@ -258,5 +265,7 @@ class WithLayouts:
         try:
             digest = hashlib.sha256(path.read_bytes()).hexdigest()
         except OSError as error:
+            if find_io_error(error):
+                raise SourceChangedError(f"{path}: cannot be read ({error.strerror})") from error
             digest = f"unreadable: {error.strerror}"
-        return replace(ref, geometry=f"{ref.geometry}, layout {digest}")
+        return replace(ref, geometry=f"{ref.geometry}{_LAYOUT}{digest}")

@@ -69,7 +69,7 @@ class RobotGraphs:
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one graph; its mesh stays where it is."""
         path = self.path if self.path.is_file() else self.path / ref.location
-        data = read_bytes(path, most=MAX_BYTES)
+        data = read_bytes(path, most=MAX_BYTES, expected=ref.fingerprint)
         graph = parse_dsg(decode(data, path=path), path=path)
         digest = hashlib.sha256(data).hexdigest()
         return Reading(_assemble(graph, ref, digest, self._space(), class_map))
