@@ -70,6 +70,7 @@ from .studies.leaderboard_report import (
 from .studies.leaderboard_runs import LeaderboardRecipe
 from .studies.run_summary import RunSummary, plot_run, summarise_run
 from .studies.savings import Saving, WorldResult
+from .studies.sealed_results import check_results
 from .studies.search_cases import StudyRecipe
 from .studies.search_report import (
     SearchReport,
@@ -157,6 +158,7 @@ __all__ = [
     "WorldResult",
     "annotate_hydra",
     "believe",
+    "check_results",
     "choose_default_run",
     "compare_runs",
     "describe_model",

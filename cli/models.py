@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import click
 
 import bsg_models
 from bsg_cli.completion import complete_model
-from bsg_cli.options import json_option
+from bsg_cli.options import PATH, json_option
 from bsg_cli.terminal import Command, CommandGroup, print_json, print_note
 from bsg_data.tables import format_text
 
@@ -69,6 +71,24 @@ def show(name: str, as_json: bool) -> None:
     # The front matter is for the hub; the card says the same in words.
     click.echo(model.card.partition("\n---\n")[2].strip() + "\n")
     click.echo(format_text(facts, header=("checkpoint", "")))
+
+
+@main.command(cls=Command)
+@click.argument("paths", metavar="PATH...", type=PATH, nargs=-1, required=True)
+def check(paths: tuple[Path, ...]) -> None:
+    """Check that results are what was written, to the last byte.
+
+    A PATH is a run, belief tables, the folder of an evaluation, a search or a leaderboard, or one
+    checkpoint.
+
+    \b
+    Example:
+      bsg-models check run
+      bsg-models check beliefs run/evaluation
+    """
+    for path in paths:
+        files = bsg_models.check_results(path)
+        click.echo(f"{path}: sound ({len(files)} files)" if len(files) > 1 else f"{path}: sound")
 
 
 @main.command(cls=Command)

@@ -18,7 +18,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -156,10 +155,14 @@ class PredictionWriter:
         path: of the file.
         classes: `[C]` names.
         masks_sha256: hash of the masks.
+
+    Attributes:
+        path: of the file.
     """
 
     def __init__(self, path: Path, classes: Sequence[str], *, masks_sha256: str) -> None:
-        self._path, self._classes = path, tuple(classes)
+        self.path, self._classes = path, tuple(classes)
+        self._rows = path.with_name(f".{path.name}.rows")  # with totals, which may be left out
         self._metadata = {_MASKS: masks_sha256}
         self._stack = ExitStack()
         self._writer: pq.ParquetWriter | None = None
@@ -171,8 +174,9 @@ class PredictionWriter:
         Raises:
             DatasetError: if it cannot be written.
         """
-        self._whole = self._stack.enter_context(open_beside(self._path))
-        self._partial = self._stack.enter_context(TemporaryDirectory(dir=self._path.parent))
+        self._whole = self._stack.enter_context(open_beside(self.path))
+        self._rows.unlink(missing_ok=True)  # of a killed command
+        self._stack.callback(self._rows.unlink, missing_ok=True)
         return self
 
     def __exit__(self, *raised: Any) -> bool | None:
@@ -191,13 +195,12 @@ class PredictionWriter:
         self._own_totals |= not near
         table = table.replace_schema_metadata(self._metadata)
         if self._writer is None:
-            place = Path(self._partial) / "rows.parquet"
-            self._writer = pq.ParquetWriter(place, table.schema, compression="zstd")
+            self._writer = pq.ParquetWriter(self._rows, table.schema, compression="zstd")
         self._writer.write_table(table)
 
     def _settle(self) -> None:
         """Copy the rows to their place, by row groups, without totals that nobody needs."""
-        rows = pq.ParquetFile(Path(self._partial) / "rows.parquet")
+        rows = pq.ParquetFile(self._rows)
         names = [n for n in rows.schema_arrow.names if self._own_totals or n != TOTAL]
         schema = pa.schema([rows.schema_arrow.field(name) for name in names], self._metadata)
         with rows, pq.ParquetWriter(self._whole, schema, compression="zstd") as writer:

@@ -11,6 +11,7 @@ import torch
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.kept_maps import read_class_maps
 from bsg_data.lock import hold
+from bsg_data.seals import SEAL, require_seal, write_seal
 from bsg_models.errors import CheckpointError, TrainingError
 from bsg_models.runs.checkpoint import CheckpointHeader, read_header, save_checkpoint
 from bsg_models.zoo.config import RunConfig
@@ -19,6 +20,8 @@ from bsg_models.zoo.model import BeliefModel
 BEST, LAST = "best.safetensors", "last.safetensors"
 METRICS, CURVE = "metrics.csv", "curve.png"
 CONFIG, LOG = "config.toml", "log.jsonl"
+FILES = (BEST, LAST, METRICS, CURVE, CONFIG, LOG)
+_SECONDS_TO_WAIT = 10.0  # for whoever adds a file to a run, which takes no time
 MEMBERS = "members"  # the runs of an ensemble's members
 
 
@@ -28,14 +31,47 @@ def checkpoint_of(run: Path) -> Path:
 
 
 @contextmanager
-def open_run(run: Path) -> Iterator[None]:
-    """Make the folder of a run and hold its lock: two trainings never write into one."""
+def open_run(run: Path, *, resume: bool = False, force: bool = True) -> Iterator[None]:
+    """Make the folder of a run, hold its lock and seal it at the end, if that is well.
+
+    Two trainings never write into one: the second finds the lock, or what the first has made.
+
+    Args:
+        run: its folder.
+        resume: whether to go on with a run that is there; it has to be what its seal says.
+        force: whether to replace one.
+
+    Raises:
+        TrainingError: if a run is in the way.
+        DatasetError: if another command holds the lock, or what is gone on with was changed.
+    """
     try:
         run.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise TrainingError(f"{run}: cannot be made ({error.strerror})") from error
     with hold(run):
+        refuse_overwriting(run, resume=resume, force=force)
+        if resume:
+            require_seal(run)
+        (run / SEAL).unlink(missing_ok=True)  # until all files are what they will be
         yield
+        seal_run(run)
+
+
+def seal_run(run: Path) -> None:
+    """Write the seal of a finished run: the hashes of all its own files that are there."""
+    write_seal(run, [name for name in sorted(FILES) if (run / name).is_file()])
+
+
+@contextmanager
+def reseal(run: Path) -> Iterator[None]:
+    """Hold the lock of a run while a file is added to it, and seal it again if it was sealed."""
+    with hold(run, wait=_SECONDS_TO_WAIT):
+        sealed = require_seal(run) is not None
+        (run / SEAL).unlink(missing_ok=True)
+        yield
+        if sealed:
+            seal_run(run)
 
 
 def refuse_overwriting(run: Path, *, resume: bool, force: bool) -> None:
@@ -48,7 +84,7 @@ def refuse_overwriting(run: Path, *, resume: bool, force: bool) -> None:
 
 def clear_run(run: Path) -> None:
     """Remove the files of a run."""
-    for name in (BEST, LAST, METRICS, CURVE, CONFIG, LOG):
+    for name in (SEAL, *FILES):
         (run / name).unlink(missing_ok=True)
 
 

@@ -1,8 +1,9 @@
 """The evaluation of runs: what to compare, and the files that it leaves.
 
-OUT/evaluation.json     every metric, written last: it means finished
+OUT/evaluation.json     every metric
 OUT/classes.csv         one row a model, node set and class
 OUT/MODEL-*.png         the paper's figures
+OUT/SHA256SUMS          the seal of all of them, put in place last: it means finished
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ from bsg_data.errors import DatasetError
 from bsg_data.files import encode_json, write_bytes
 from bsg_data.observation.partial_graph import list_withheld, mask_dataset
 from bsg_data.recipes import MaskRecipe, Record
+from bsg_data.result_folder import replace_files
+from bsg_data.seals import replace_sealed
 from bsg_models.belief.belief_graph import believe
 from bsg_models.evaluation.prediction_files import PredictionWriter
 from bsg_models.evaluation.verdict import BESIDE_DOUBLED, judge_all
@@ -115,50 +118,56 @@ def report_evaluation(
         MismatchError: if a run is of another class map.
         PredictionError: if predictions cannot be read, or do not fit the pairs.
     """
-    report, classes = request.folder / REPORT, request.folder / CLASSES
+    report, into = request.folder / REPORT, request.write_predictions
+    _refuse_done(request)
+    with ExitStack() as held:
+        staged = held.enter_context(replace_sealed(request.folder))
+        _refuse_done(request)  # of another command that was first
+        own = None if into is None else held.enter_context(replace_files(into, last=None))
+        with ExitStack() as open_files:
+            comparison = compare_runs(
+                request.runs,
+                request.dataset,
+                split=request.split,
+                predictions=request.predictions,
+                fold=request.fold,
+                resamples=request.resamples,
+                seed=request.seed,
+                write=None if own is None else _begin_entries(request, own, open_files),
+                progress=progress,
+            )
+        summary = encode_comparison(comparison)
+        figures = _plot(comparison, staged)
+        write_bytes(staged / CLASSES, comparison.classes.to_csv(index=False).encode())
+        write_bytes(staged / REPORT, (encode_json(summary, indent=1) + "\n").encode())
+    figures = {what: request.folder / path.name for what, path in figures.items()}
+    if request.html is not None:
+        _write_page(request.html, comparison, request, figures)
+    return EvaluationReport(comparison, summary, report, request.folder / CLASSES, figures)
+
+
+def _refuse_done(request: EvaluationRequest) -> None:
+    """Refuse to replace results without being told to."""
+    report = request.folder / REPORT
     if report.exists() and not request.force:
         raise DatasetError(
             f"{report}: is there already; --force replaces it, --out puts it elsewhere"
         )
     if request.html is not None and request.html.exists() and not request.force:
         raise DatasetError(f"{request.html}: is there already; --force replaces it")
-    into = request.write_predictions
-    with ExitStack() as open_files:
-        comparison = compare_runs(
-            request.runs,
-            request.dataset,
-            split=request.split,
-            predictions=request.predictions,
-            fold=request.fold,
-            resamples=request.resamples,
-            seed=request.seed,
-            write=_begin_entries(request, into, open_files) if into is not None else None,
-            progress=progress,
-        )
-    summary = encode_comparison(comparison)
-    figures = _plot(comparison, request.folder)
-    write_bytes(classes, comparison.classes.to_csv(index=False).encode())
-    if request.html is not None:
-        _write_page(request.html, comparison, request, figures)
-    write_bytes(report, (encode_json(summary, indent=1) + "\n").encode())
-    return EvaluationReport(comparison, summary, report, classes, figures)
 
 
 def _begin_entries(
-    request: EvaluationRequest, folder: Path, open_files: ExitStack
+    request: EvaluationRequest, staged: Path, open_files: ExitStack
 ) -> Callable[[str, int | None], PredictionWriter]:
     """Return what begins to write what a run expects, as predictions of other programs are."""
 
     def begin(name: str, fold: int | None) -> PredictionWriter:
         data = Dataset.open(request.dataset)
-        writer = open_entry(
-            folder,
-            name,
-            data,
-            split=request.split,
-            fold=fold,
-            force=request.force,
-        )
+        writer = open_entry(staged, name, data, split=request.split, fold=fold)
+        path = (request.write_predictions or staged) / writer.path.relative_to(staged)
+        if path.exists() and not request.force:
+            raise DatasetError(f"{path}: is there already; --force replaces it")
         return open_files.enter_context(writer)
 
     return begin

@@ -20,12 +20,12 @@ from pathlib import Path
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.kept_maps import copy_class_maps
-from bsg_data.dataset.manifest import MANIFEST, Manifest, read_manifest
+from bsg_data.dataset.manifest import MANIFEST, FileEntry, Manifest, read_manifest
 from bsg_data.dataset.publication import publish
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.executors import run_all
-from bsg_data.files import encode_json, refuse_links, write_bytes
+from bsg_data.files import encode_json, hash_file, refuse_links, write_bytes
 from bsg_data.lock import hold
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
@@ -111,6 +111,7 @@ def make_leaderboard(
         TrainingError: if a training fails.
     """
     report = progress or (lambda what, done, total: None)
+    _refuse_one_inside_the_other(dataset, out)
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -154,6 +155,28 @@ def make_leaderboard(
     return Leaderboard(recipe, read_manifest(dataset), results)
 
 
+def _refuse_one_inside_the_other(dataset: Path, out: Path) -> None:
+    """Refuse to copy a dataset into itself, or to write beside it as if it were ours."""
+    there, own = out.resolve(), dataset.resolve()
+    if there.is_relative_to(own) or own.is_relative_to(there):
+        raise DatasetError(
+            f"{out}: and the dataset {dataset} lie one inside the other; choose another --out"
+        )
+
+
+def _refuse_link(path: Path) -> None:
+    if path.is_symlink():
+        raise DatasetError(f"{path}: is a link, which leads out of the leaderboard; remove it")
+
+
+def _copy_listed(source: Path, entry: FileEntry, place: Path) -> None:
+    """Copy a file of a dataset, which has to be what the manifest says."""
+    place.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(source, place)
+    if hash_file(place) != entry.sha256:
+        raise DatasetError(f"{source}: is not what the manifest says; `bsg-data check` says more")
+
+
 def prepare_dataset(source: Path, copy: Path, recipe: LeaderboardRecipe, *, mask: str) -> None:
     """Copy a dataset, split it into folds and draw its pairs, unless that is done.
 
@@ -166,13 +189,14 @@ def prepare_dataset(source: Path, copy: Path, recipe: LeaderboardRecipe, *, mask
         mask=MaskRecipe(strategy=mask, fraction=recipe.fraction, seed=recipe.seed),
         draws=recipe.draws,
     )
+    partial = copy.with_name(f"{copy.name}.partial")
+    for path in (copy.parent, copy, partial):
+        _refuse_link(path)
     if not (copy / MANIFEST).is_file():
-        partial = copy.with_name(f"{copy.name}.partial")
         shutil.rmtree(partial, ignore_errors=True)
         try:
             for entry in manifest.without_split().files:
-                (partial / entry.path).parent.mkdir(parents=True, exist_ok=True)
-                shutil.copy2(source / entry.path, partial / entry.path)
+                _copy_listed(source / entry.path, entry, partial / entry.path)
             copy_class_maps(source, manifest, partial)
             publish(partial, manifest.without_split())
             partial.rename(copy)
@@ -190,6 +214,8 @@ def prepare_dataset(source: Path, copy: Path, recipe: LeaderboardRecipe, *, mask
 def _train(folder: Path, name: str, config: RunConfig) -> None:
     """Train one model for one fold, unless that is done."""
     run = run_of(folder, name, config.data.fold or 0)
+    for path in (run.parent, run):
+        _refuse_link(path)
     data = Dataset.open(folder / DATASET)
     if is_finished(run, config, data) and (run / SECONDS).is_file():
         return

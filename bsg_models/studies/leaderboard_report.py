@@ -1,8 +1,9 @@
 """The files of a leaderboard.
 
-OUT/leaderboard.json    every metric, written last: it means finished
+OUT/leaderboard.json    every metric
 OUT/leaderboard.md      the tables
 OUT/MASK.png            a figure for each kind of mask
+OUT/SHA256SUMS          the seal of all of them, put in place last: it means finished
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from typing import Any, NamedTuple
 
 from bsg_data.errors import DatasetError
 from bsg_data.files import encode_json, write_bytes
+from bsg_data.seals import replace_sealed
 from bsg_models.evaluation.catalogue import head_value
 from bsg_models.rendering.figures import plot_leaderboard
 from bsg_models.studies.leaderboard import Leaderboard, ModelResult
@@ -57,11 +59,14 @@ def refuse_finished(out: Path, *, force: bool) -> None:
 
 def report_leaderboard(board: Leaderboard, out: Path) -> LeaderboardReport:
     """Write the files of a leaderboard."""
-    figures = [_plot(results, out / f"{mask}.png", mask) for mask, results in board.results.items()]
-    write_bytes(out / TABLE, write_markdown(board).encode())
     summary = write_json(board)
-    write_bytes(out / REPORT, (encode_json(summary, indent=1) + "\n").encode())
-    return LeaderboardReport(summary, out / REPORT, out / TABLE, tuple(figures))
+    with replace_sealed(out) as staged:
+        for mask, results in board.results.items():
+            _plot(results, staged / f"{mask}.png", mask)
+        write_bytes(staged / TABLE, write_markdown(board).encode())
+        write_bytes(staged / REPORT, (encode_json(summary, indent=1) + "\n").encode())
+    figures = tuple(out / f"{mask}.png" for mask in board.results)
+    return LeaderboardReport(summary, out / REPORT, out / TABLE, figures)
 
 
 def summary_rows(results: dict[str, ModelResult]) -> tuple[list[str], list[list[str]]]:
@@ -78,10 +83,9 @@ def summary_rows(results: dict[str, ModelResult]) -> tuple[list[str], list[list[
     return ["model", *map(head_value, columns), "training, s"], rows
 
 
-def _plot(results: dict[str, ModelResult], path: Path, mask: str) -> Path:
+def _plot(results: dict[str, ModelResult], path: Path, mask: str) -> None:
     headlines = (*HIDDEN, *WHOLE, *(UNVISITED if mask != "uniform" else ()))
     labels = {name: head_value(name) for name in headlines}
     estimates = {name: results[name].metrics.estimates() for name in rank_models(results)}
     title = f"`{mask}` masks; 95 % intervals over buildings; dashed: the best; grey: far beyond"
     plot_leaderboard(estimates, labels, path, title=title)
-    return path

@@ -7,10 +7,11 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from bsg_data.seals import require_seal
 from bsg_models.errors import CheckpointError
 from bsg_models.rendering.figures import plot_learning_curve
 from bsg_models.runs.checkpoint import read_header
-from bsg_models.runs.run_folder import BEST, CONFIG, CURVE, MEMBERS, METRICS
+from bsg_models.runs.run_folder import BEST, CONFIG, CURVE, MEMBERS, METRICS, reseal
 from bsg_models.runs.run_log import Begun, Ended, read_log
 from bsg_models.training.learning_curve import EpochReport, read_metrics
 from bsg_models.zoo.config import RunConfig, read_config, validate_config
@@ -117,7 +118,9 @@ def summarise_run(run: Path) -> RunSummary:
     Raises:
         CheckpointError: if there is no run.
         TrainingError: if its log or its metrics are damaged.
+        DatasetError: if a file of a finished run was changed.
     """
+    require_seal(run)
     config = _config_of(run)
     reports = read_metrics(run / METRICS) if (run / METRICS).is_file() else []
     last = reports[-1] if reports else None
@@ -134,7 +137,8 @@ def plot_run(run: Path) -> None:
     likelihood = getattr(config.model, "likelihood", "mse")
     loss = "mean squared error" if likelihood == "mse" else "-log P(hidden count), mean over cells"
     title = f"{config.name}, seed {config.seed}"
-    plot_learning_curve(reports, run / CURVE, title=title, loss=loss)
+    with reseal(run):
+        plot_learning_curve(reports, run / CURVE, title=title, loss=loss)
 
 
 def _config_of(run: Path) -> RunConfig:

@@ -1,14 +1,14 @@
 """A search study as it is asked for: whose buildings, which searches, and the files that it leaves.
 
-OUT/search.json         every result, written last: it means finished
+OUT/search.json         every result
 OUT/searches.parquet    one row a search
 OUT/savings.png         a box plot over buildings
 OUT/trace.html          one search, room by room, beside the same by `nearest`
+OUT/SHA256SUMS          the seal of all of them, put in place last: it means finished
 """
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
@@ -21,6 +21,7 @@ from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.files import encode_json, write_bytes
 from bsg_data.recipes import Record, Share
 from bsg_data.registry import require_known
+from bsg_data.seals import replace_sealed
 from bsg_models.evaluation.bootstrap import LEAST_BUILDINGS
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.rendering.animation import require_suffix, write_animation
@@ -159,13 +160,24 @@ def report_search(
         RecipeError: if the request asks for what is not, or needs a run.
         CheckpointError: if a run cannot be loaded.
     """
-    out, runs = request.folder, request.runs
-    report = out / REPORT
-    if report.exists() and not request.force:
-        raise DatasetError(
-            f"{report}: is there already; --force replaces it, --out puts it elsewhere"
-        )
-    _make_folder(out)
+    report = request.folder / REPORT
+    _refuse_done(report, force=request.force)
+    with replace_sealed(request.folder) as staged:
+        _refuse_done(report, force=request.force)  # of another command that was first
+        made = _search_into(staged, request, executor=executor, progress=progress)
+    written = {what: _place(path, staged, request.folder) for what, path in made.written.items()}
+    return made._replace(report=report, written=written)
+
+
+def _search_into(
+    staged: Path,
+    request: SearchRequest,
+    *,
+    executor: Executor | None,
+    progress: Callable[[int, int], None] | None,
+) -> SearchReport:
+    """Search, and write all files into a folder."""
+    runs = request.runs
     opened = Dataset.open(request.dataset)
     classes = opened.manifest.class_space.classes
     chosen, notes = choose_buildings(opened, runs, split=request.split, scene=request.scene)
@@ -176,12 +188,12 @@ def report_search(
     )
     results = summarise(study, resamples=request.resamples)
     model = ", ".join(dict.fromkeys(_family(run) for run in runs)) or None
-    written = {"every search": out / TABLE}
-    write_searches(study, classes, out / TABLE)
-    if _plot(study, out / FIGURE, model):
-        written["box plot over buildings"] = out / FIGURE
+    written = {"every search": staged / TABLE}
+    write_searches(study, classes, staged / TABLE)
+    if _plot(study, staged / FIGURE, model):
+        written["box plot over buildings"] = staged / FIGURE
     if keep is not None:
-        written |= _write_replay(request, study, results, model)
+        written |= _write_replay(request, study, results, model, page=staged / TRACE)
     facts = {
         "dataset": str(request.dataset),
         "runs": [name_run(run) for run in runs],
@@ -190,12 +202,27 @@ def report_search(
         "resamples": request.resamples,
     }
     summary = encode_study(study, results, classes=classes, facts=facts)
-    write_bytes(report, (encode_json(summary, indent=1) + "\n").encode())
+    write_bytes(staged / REPORT, (encode_json(summary, indent=1) + "\n").encode())
     notes += _note_left_out(study)
     if request.resamples > 1 and any(one.buildings < LEAST_BUILDINGS for one in results):
         notes.append(f"intervals are over buildings, and need {LEAST_BUILDINGS} of them")
     sought = tuple(classes[c] for c in recipe.artifacts or range(len(classes)))
-    return SearchReport(study, results, summary, model, sought, report, written, tuple(notes))
+    return SearchReport(
+        study, results, summary, model, sought, staged / REPORT, written, tuple(notes)
+    )
+
+
+def _refuse_done(report: Path, *, force: bool) -> None:
+    """Refuse to replace results without being told to."""
+    if report.exists() and not force:
+        raise DatasetError(
+            f"{report}: is there already; --force replaces it, --out puts it elsewhere"
+        )
+
+
+def _place(path: Path, staged: Path, out: Path) -> Path:
+    """Return where a file is once all are in place; one that was written elsewhere is there."""
+    return out / path.relative_to(staged) if path.is_relative_to(staged) else path
 
 
 def choose_default_run(
@@ -336,16 +363,6 @@ def _choose_artifacts(names: tuple[str, ...], classes: Sequence[str]) -> tuple[i
     return tuple(sorted({classes.index(name) for name in wanted}))
 
 
-def _make_folder(out: Path) -> None:
-    """Make the folder of the results before anything is searched."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=out):
-            pass
-    except OSError as error:
-        raise DatasetError(f"{out}: cannot be written to ({error.strerror})") from error
-
-
 def _family(run: Path) -> str:
     return read_header(checkpoint_of(run)).config.name
 
@@ -384,13 +401,17 @@ def _choose_trace(recipe: StudyRecipe, trace: int | Literal["auto"]) -> KeepRequ
 
 
 def _write_replay(
-    request: SearchRequest, study: Study, results: list[WorldResult], model: str | None
+    request: SearchRequest,
+    study: Study,
+    results: list[WorldResult],
+    model: str | None,
+    *,
+    page: Path,
 ) -> dict[str, Path]:
     """Replay a kept search as a page and, if asked for, as a picture; return what is where."""
     named = request.trace != "auto"
     kept = choose_replay(study, results, named=named)
     replay = replay_search(request.dataset, study, results, kept, model=model, named=named)
-    page = request.folder / TRACE
     write_replay(replay, page)
     which = (
         f"search {kept.episode} of {kept.scene_id} in {kept.world}, {kept.task}, by {kept.planner}"

@@ -88,14 +88,14 @@ def train_run(
         model = new_model(config, data)
         if isinstance(model, Network):
             steps = GradientSteps(model, config, device=device, ranks=ranks)
-            yield from _train_network(steps, config, data, run, ranks, resume=resume)
+            yield from _train_network(steps, config, data, run, ranks, resume=resume, force=force)
             return
         _refuse_several(ranks, f"{config.model.family} is fitted by counting")
         if resume:
             raise TrainingError(
                 f"{config.model.family} is fitted by counting: there is nothing to resume"
             )
-        _fit_by_counting(model, config, data, run)
+        _fit_by_counting(model, config, data, run, force=force)
 
 
 def _refuse_several(ranks: Ranks, why: str) -> None:
@@ -103,8 +103,10 @@ def _refuse_several(ranks: Ranks, why: str) -> None:
         raise TrainingError(f"{why}: train it by one process, without torchrun")
 
 
-def _fit_by_counting(model: BeliefModel, config: RunConfig, data: Dataset, run: Path) -> None:
-    with open_run(run), one_thread():
+def _fit_by_counting(
+    model: BeliefModel, config: RunConfig, data: Dataset, run: Path, *, force: bool
+) -> None:
+    with open_run(run, force=force), one_thread():
         clear_run(run)
         with keep_log(run, config, data) as notes:
             model.fit(data, config.data)
@@ -121,6 +123,7 @@ def _train_network(
     ranks: Ranks,
     *,
     resume: bool,
+    force: bool,
 ) -> Iterator[EpochReport]:
     """Train by gradient; the process that leads holds the run's folder and writes into it."""
     model = steps.model
@@ -130,7 +133,7 @@ def _train_network(
     notes: list[str] = []
     with ExitStack() as held:
         if ranks.leads:
-            held.enter_context(open_run(run))
+            held.enter_context(open_run(run, resume=resume, force=force))
             if resume:
                 require_same_training(config, data, run)
             else:
@@ -234,7 +237,7 @@ def _train_ensemble(
     for folder in members.values():
         refuse_links(run, folder)
     new_model(config, data)  # a configuration that cannot be made fails before anything is replaced
-    with open_run(run):
+    with open_run(run, resume=resume, force=force):
         if not resume:
             clear_run(run)
         with keep_log(run, config, data) as notes:

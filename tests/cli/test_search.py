@@ -122,4 +122,4 @@ def test_a_folder_that_cannot_be_written_is_said_before_the_search(
     (tmp_path / "file").write_text("")
     result = run_command("--run", run, "--data", dataset, "--out", tmp_path / "file")
     assert result.exit_code == 1
-    assert "cannot be written to" in result.stderr
+    assert "cannot be written" in result.stderr
