@@ -65,7 +65,7 @@ class _Place(_Entry):
 
 
 class _Room(_Entry):
-    id: Annotated[str, Field(pattern=_ROOM.pattern + "$")]
+    id: Annotated[str, Field(pattern=f"^{_ROOM.pattern}$")]
     room_type: Annotated[Name, Field(alias="roomType")]
     corners: Annotated[tuple[_Place, ...], Field(alias="floorPolygon", min_length=3)]
 

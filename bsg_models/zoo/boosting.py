@@ -33,6 +33,7 @@ from bsg_models.zoo.masked_rooms import choose_buildings, describe_sample, sampl
 from bsg_models.zoo.model import ModelInputs, others_of, to_array
 from bsg_models.zoo.settings import DataConfig, ModelConfig
 from bsg_models.zoo.training_recipes import VARIED
+from bsg_models.zoo.tree_text import prove_trees
 
 _MOST_BYTES = 2**28  # of unpacked trees; the recipe's are some megabytes
 
@@ -199,7 +200,7 @@ class PoissonBoosting(CalibratedModel):
 def _grow(lightgbm: Any, text: object) -> Any:
     if not isinstance(text, str):
         raise TypeError("trees are text")
-    return lightgbm.Booster(model_str=text)
+    return lightgbm.Booster(model_str=prove_trees(text))
 
 
 def _import_lightgbm() -> Any:

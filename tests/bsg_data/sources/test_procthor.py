@@ -275,3 +275,9 @@ def test_real_houses() -> None:
     names = {obj.raw_category for graph in graphs for obj in graph.objects}
     assert names <= set(class_map.entries)
     assert len({class_map.classify(name).class_index for name in names} - {None}) == 30
+
+
+def test_a_room_whose_id_goes_on_after_its_number_is_refused(tmp_path: Path) -> None:
+    rooms = [{**one, "id": f"room|4{one['id']}"} for one in house()["rooms"]]
+    with pytest.raises(SourceError, match=r"rooms\.0\.id"):
+        read_all(write_lines(tmp_path / "val.jsonl", house(rooms=rooms)))

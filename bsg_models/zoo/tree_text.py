@@ -1,0 +1,101 @@
+"""The text of boosted trees, proven before LightGBM reads it.
+
+LightGBM's reader is C++ and trusts the text: a child that is its own parent hangs it, a number that
+is too large writes outside its memory. So its own text is read here, and what it is given is
+written anew from numbers that were seen to be trees: every child comes after its parent, every
+feature and leaf is there, every value is finite.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+
+_WHOLE = re.compile(r"-?[0-9]{1,9}")
+_REAL = re.compile(r"-?[0-9]{1,400}(?:\.[0-9]{1,400})?(?:e[+-]?[0-9]{1,3})?")
+_MAX_LEAVES = 100_000
+_MAX_FEATURES = 1_000_000
+_DECISIONS = range(0, 12, 2)  # by numbers, not by categories; what is missing goes left or right
+_TREE = "Tree="
+_END = "end of trees"
+
+
+def prove_trees(text: str) -> str:
+    """Return the text of the same trees, written anew.
+
+    Args:
+        text: as LightGBM wrote it.
+
+    Raises:
+        ValueError: naming what makes them no trees.
+    """
+    head, *blocks = text.partition(f"\n{_END}")[0].split(f"\n{_TREE}")
+    said = _read_lines(head)
+    if (said.get("num_class"), said.get("num_tree_per_iteration")) != ("1", "1"):
+        raise ValueError("expected trees of one value")
+    (last,) = _whole_numbers(said, "max_feature_idx", 1, range(_MAX_FEATURES))
+    trees = [
+        "\n".join((f"{_TREE}{number}", *_prove(block, last + 1), "", ""))
+        for number, block in enumerate(blocks)
+    ]
+    lines = (
+        *("tree", "version=v4", "num_class=1", "num_tree_per_iteration=1", "label_index=0"),
+        *(f"max_feature_idx={last}", "objective=poisson"),
+        "feature_names=" + " ".join(f"Column_{number}" for number in range(last + 1)),
+        "feature_infos=" + " ".join(["none"] * (last + 1)),
+        "tree_sizes=" + " ".join(str(len(tree)) for tree in trees),
+    )
+    return "\n".join(lines) + "\n\n" + "".join(trees) + f"{_END}\n"
+
+
+def _read_lines(text: str) -> dict[str, str]:
+    return dict(line.split("=", 1) for line in text.split("\n") if "=" in line)
+
+
+def _prove(block: str, features: int) -> Iterator[str]:
+    """Yield the lines of one tree."""
+    said = _read_lines(block)
+    for key in ("num_cat", "is_linear"):
+        if said.get(key, "0") != "0":
+            raise ValueError(f"{key} is {said[key][:40]!r}, which no tree of ours has")
+    (leaves,) = _whole_numbers(said, "num_leaves", 1, range(1, _MAX_LEAVES + 1))
+    splits = leaves - 1
+    yield f"num_leaves={leaves}"
+    yield "num_cat=0"
+    yield _join("split_feature", _whole_numbers(said, "split_feature", splits, range(features)))
+    yield _join("threshold", _real_numbers(said, "threshold", splits))
+    yield _join("decision_type", _whole_numbers(said, "decision_type", splits, _DECISIONS))
+    for key in ("left_child", "right_child"):
+        children = _whole_numbers(said, key, splits, range(-leaves, splits))
+        for split, child in enumerate(children):
+            if 0 <= child <= split:
+                raise ValueError(f"{key} of split {split} is {child}: it comes before its parent")
+        yield _join(key, children)
+    yield _join("leaf_value", _real_numbers(said, "leaf_value", leaves))
+    yield "is_linear=0"
+    yield "shrinkage=1"
+
+
+def _whole_numbers(said: Mapping[str, str], key: str, count: int, allowed: range) -> list[int]:
+    words = said.get(key, "").split()
+    if len(words) != count or not all(map(_WHOLE.fullmatch, words)):
+        raise ValueError(f"{key}: expected {count} whole numbers")
+    numbers = [int(word) for word in words]
+    if not all(number in allowed for number in numbers):
+        raise ValueError(f"{key}: expected numbers of {allowed.start} to {allowed.stop - 1}")
+    return numbers
+
+
+def _real_numbers(said: Mapping[str, str], key: str, count: int) -> list[str]:
+    """Return numbers as they are written, so that no digit changes."""
+    words = said.get(key, "").split()
+    if len(words) != count or not all(map(_REAL.fullmatch, words)):
+        raise ValueError(f"{key}: expected {count} numbers")
+    if not all(math.isfinite(float(word)) for word in words):
+        raise ValueError(f"{key}: expected finite numbers")
+    return words
+
+
+def _join(key: str, numbers: Sequence[int | str]) -> str:
+    return f"{key}={' '.join(map(str, numbers))}"
