@@ -21,7 +21,8 @@ def open_beside(path: Path) -> Iterator[Path]:
     """Yield a path beside a file's place; rename it there when the block ends well.
 
     The folder is made where it is missing. What was at `path` stays until the rename, and for good
-    if the block raises. The data reach the disk before the rename does.
+    if the block raises. The data reach the disk before the rename does, and the name before the
+    function returns.
 
     Raises:
         DatasetError: if the file cannot be written.
@@ -34,6 +35,7 @@ def open_beside(path: Path) -> Iterator[Path]:
             yield partial
             flush_file(partial)
             partial.replace(path)
+            flush_folder(path.parent)
         finally:
             partial.unlink(missing_ok=True)
     except OSError as error:

@@ -9,6 +9,7 @@ import pandas as pd
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import BSGError
+from bsg_data.figure_file import write_figure
 
 
 def count_frequencies(dataset: Path) -> pd.DataFrame:
@@ -59,7 +60,4 @@ def plot_frequencies(frame: pd.DataFrame, path: Path, *, title: str) -> None:
         axes.tick_params(labelsize=8)
     left.invert_yaxis()
     figure.suptitle(title, fontsize=10)
-    try:
-        figure.savefig(path, dpi=150)
-    except (OSError, ValueError) as error:
-        raise BSGError(f"{path}: the figure cannot be written ({error})") from error
+    write_figure(figure, path, dpi=150)

@@ -264,15 +264,15 @@ def read_hashed_manifest(dataset: Path) -> tuple[Manifest, str]:
         raise DatasetError(f"{path}: cannot be read ({error})") from error
     try:
         said = json.loads(text)
-        if isinstance(said, dict) and SEAL in said:
-            _require_seal(path, text)
-            del said[SEAL]
         found = said.get("format_version")
         if type(found) is not int or found not in (1, FORMAT_VERSION):
             raise MismatchError(
                 f"{path}: format version {found}, this program reads 1 and {FORMAT_VERSION}: "
                 "build the dataset again, or use the program that made it"
             )
+        if SEAL in said:
+            _require_seal(path, text)
+            del said[SEAL]
         if found == 1:
             said = convert_manifest(said)
         # Strict about types, as JSON is: a list is a tuple there, and nothing else is guessed.

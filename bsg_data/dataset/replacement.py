@@ -21,7 +21,7 @@ from bsg_data.dataset.own_files import remove_own
 from bsg_data.dataset.publication import RECIPE, REPLACES, REPORTS, list_paths
 from bsg_data.errors import DatasetError
 from bsg_data.exchange import exchange
-from bsg_data.files import write_bytes
+from bsg_data.files import flush_folder, write_bytes
 
 
 def name_growing(out: Path) -> Path:
@@ -42,6 +42,8 @@ def put_in_place(out: Path) -> None:
     """
     growing, replaced = name_growing(out), name_replaced(out)
     try:
+        for folder in (*filter(Path.is_dir, growing.iterdir()), growing):
+            flush_folder(folder)  # the names in it, before the dataset gets its own
         if (out / MANIFEST).is_file():
             if replaced.exists() or replaced.is_symlink():
                 raise DatasetError(f"{replaced}: is in the way; move it away, and run again")
@@ -51,6 +53,7 @@ def put_in_place(out: Path) -> None:
                 _rename_or_put_back(growing, out, replaced)
         else:
             growing.rename(out)
+        flush_folder(out.parent)
     except OSError as error:
         raise DatasetError(
             f"{out}: cannot be put in place ({error.strerror or error}); "

@@ -25,6 +25,7 @@ from bsg_data.dataset.own_files import remove_own
 from bsg_data.dataset.publication import CARD, CROISSANT, REVISION, publish
 from bsg_data.dataset.replacement import settle
 from bsg_data.errors import DatasetError
+from bsg_data.files import flush_folder
 from bsg_data.lock import hold
 
 _PUBLISHED = (CARD, CROISSANT, MANIFEST)  # in this order: the manifest last
@@ -121,6 +122,8 @@ def _move(paths: Sequence[str], source: Path, target: Path, moved: list[tuple[Pa
         (target / path).parent.mkdir(parents=True, exist_ok=True)
         (source / path).rename(target / path)
         moved.append((source / path, target / path))
+    for folder in {(target / path).parent for path in paths}:
+        flush_folder(folder)  # before a manifest speaks of what is there now
 
 
 def _take(folder: Path, dataset: Path) -> None:
@@ -128,3 +131,4 @@ def _take(folder: Path, dataset: Path) -> None:
     for name in _PUBLISHED:
         if (folder / name).is_file():
             (folder / name).replace(dataset / name)
+    flush_folder(dataset)

@@ -14,7 +14,7 @@ from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import DatasetError
 from bsg_data.exports.catalogue import EXPORTS, ExportRow
-from bsg_data.files import write_bytes
+from bsg_data.files import flush_folder, write_bytes
 from bsg_data.scene.scene_graph import is_scene_id
 
 
@@ -130,3 +130,4 @@ def _move_into_place(growing: Path, out: Path, *, force: bool) -> None:
             raise DatasetError(
                 f"{out / file.name}: cannot be replaced ({error.strerror or error})"
             ) from error
+    flush_folder(out)

@@ -10,8 +10,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from bsg_data.errors import BSGError
-from bsg_data.files import open_beside, stem_of
+from bsg_data.figure_file import write_figure
+from bsg_data.files import stem_of
 from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.evaluation.metrics import Floats, correlation_matrix, normalise
 from bsg_models.evaluation.shown_nodes import ShownNodes
@@ -285,8 +285,4 @@ def _figure(width: float, height: float) -> Figure:
 
 
 def _save(figure: Figure, path: Path) -> None:
-    try:
-        with open_beside(path) as partial:
-            figure.savefig(partial, format=path.suffix[1:], dpi=160, bbox_inches="tight")
-    except OSError as error:
-        raise BSGError(f"{path}: the figure cannot be written ({error})") from error
+    write_figure(figure, path, dpi=160, bbox_inches="tight")

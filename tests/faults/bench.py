@@ -113,9 +113,14 @@ class Bench:
             before = read_tree(folder)
             ended = self.run(command.words, folder, Fault(kinds=EVERY) if not can_watch() else None)
             assert ended.code == 0, ended.said
+            self.follow(command, folder)
             self._unbroken[command.name] = Unbroken(before, read_tree(folder), ended.calls)
             shutil.rmtree(folder)
         return self._unbroken[command.name]
+
+    def follow(self, command: Command, folder: Path) -> Ended | None:
+        """Run what follows a command that is through."""
+        return self.run(command.then.split(), folder) if command.then else None
 
     def strike(self, command: Command, fault: Fault | None, *, memory: int | None = None) -> Trial:
         """Run a command under a fault in a folder of its own, and judge what it leaves."""
@@ -182,7 +187,7 @@ class Trial:
         self.wrong += find_traceback(ended.said)
         if ended.code is None:
             self.wrong.append("it hangs")
-        if ended.code == 0:
+        if ended.code == 0 and not command.then:
             self.wrong += compare(command, whole.after, self.now)
 
     def find_left(self) -> None:
@@ -223,6 +228,8 @@ class Trial:
     def finish(self) -> list[str]:
         """Run the command again, without a fault; return all that is wrong, and what was tried."""
         again = self.bench.run(self.command.words_again, self.folder)
+        if again.code == 0:
+            again = self.bench.follow(self.command, self.folder) or again
         differing = compare(self.command, self.whole.after, read_tree(self.folder))
         self.wrong += find_traceback(again.said)
         if again.code != 0 and differing:

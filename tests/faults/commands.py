@@ -29,6 +29,7 @@ class Command:
         given: what lies in its folder → what it is a copy of.
         writes: what it leaves in its folder, besides what was there.
         again: what is added to the line to go on after it was killed.
+        then: a command that follows it when it is through.
         growing: names of files that are there before the command is through, whole at each time.
         varying: names of files whose bytes differ between two unbroken runs.
         resumes: whether what it has made so far stays when it is stopped.
@@ -40,6 +41,7 @@ class Command:
     given: Mapping[str, str] = field(default_factory=dict)
     writes: tuple[str, ...] = ()
     again: str = ""
+    then: str = ""
     growing: tuple[str, ...] = ()
     varying: tuple[str, ...] = ()
     resumes: bool = False
@@ -109,11 +111,17 @@ COMMANDS = (
         "build --parts",
         "bsg-data build --hm3d buildings --out dataset --workers 1 --parts 1/1",
         {"buildings": "buildings"},
-        ("dataset.partial",),
-        growing=("dataset.partial/",),
+        ("dataset",),
+        then="bsg-data finalise dataset",
         resumes=True,
     ),
-    Command("finalise", "bsg-data finalise dataset", {"dataset.partial": "parts"}, ("dataset",)),
+    Command(
+        "finalise",
+        "bsg-data finalise dataset",
+        {"dataset.partial": "parts"},
+        ("dataset",),
+        resumes=True,
+    ),
     Command(
         "split",
         f"bsg-data split dataset {RATIOS}",
@@ -168,7 +176,6 @@ COMMANDS = (
         "--set model.iterations=3",
         {"dataset": "paired"},
         ("run",),
-        again="--resume",
         growing=("run/",),
         varying=("run/log.jsonl",),
         resumes=True,
@@ -180,7 +187,7 @@ COMMANDS = (
         ("run",),
         again="--resume",
         growing=("run/",),
-        varying=("run/log.jsonl", "run/curve.png"),
+        varying=("run/log.jsonl", "run/metrics.csv"),
         resumes=True,
     ),
     Command(
@@ -205,7 +212,7 @@ COMMANDS = (
         {"dataset": "paired"},
         ("board",),
         growing=("board/",),
-        varying=("log.jsonl", "seconds.json"),
+        varying=("log.jsonl", "metrics.csv", "seconds.json"),
         resumes=True,
         most=50,
     ),

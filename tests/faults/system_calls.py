@@ -185,9 +185,9 @@ def _look_at(pid: int, number: int, words: list[int], below: str) -> Call | None
         ]
     except OSError:  # no such descriptor, or the process is dead
         return None
-    if not any(path.startswith(below) for path in paths):
+    if not any(f"{path}/".startswith(below) for path in paths):
         return None
-    return Call(kind, *(path.removeprefix(below) for path in paths))
+    return Call(kind, *(path[len(below) :] or "." for path in paths))
 
 
 def _path_of(pid: int, how: str, word: int, words: list[int]) -> str:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import PurePosixPath
+
 import pytest
 from bench import Bench, is_unfinished
 from commands import COMMANDS, Command
-from system_calls import CHANGES, Deed, Fault, can_watch
+from system_calls import CHANGES, Call, Deed, Fault, can_watch
 from tally import Tally
 
 pytestmark = pytest.mark.skipif(bool(can_watch()), reason=can_watch())
@@ -40,10 +42,27 @@ def test_nothing_is_written_in_place(command: Command, bench: Bench) -> None:
     for call in bench.unbroken(command).calls:
         if call.kind == "write":
             unsynced.add(call.path)
-            if not is_unfinished(call.path) and not call.path.endswith("log.jsonl"):
+            if not is_unfinished(call.path):
                 wrong.append(f"written in place: {call}")
         elif call.kind == "sync":
             unsynced.discard(call.path)
         elif call.kind == "rename" and call.path in unsynced:
             wrong.append(f"renamed before it was on the disk: {call}")
     assert sorted(set(wrong)) == []
+
+
+def test_every_name_reaches_the_disk(command: Command, bench: Bench) -> None:
+    """When a command says that it is done, a loss of power takes nothing back."""
+    unsynced: dict[str, Call] = {}  # folder → the last name in it that may be lost
+    wrong = []
+    for call in bench.unbroken(command).calls:
+        if call.kind == "sync":
+            unsynced.pop(call.path, None)
+        if call.kind != "rename":
+            continue
+        moved = [name for name in unsynced if f"{name}/".startswith(f"{call.path}/")]
+        wrong += [f"{unsynced.pop(name)}, then {call}" for name in moved if "/." not in name]
+        if not PurePosixPath(call.target).name.startswith("."):
+            unsynced[PurePosixPath(call.target).parent.as_posix()] = call
+    wrong += [str(call) for folder, call in unsynced.items() if not is_unfinished(folder)]
+    assert wrong == []

@@ -161,6 +161,7 @@ def test_a_manifest_changed_by_hand_is_refused(
     dataset: Path, old: str, new: str, message: str
 ) -> None:
     path = dataset / "dataset.json"
+    path.write_bytes(encode_manifest(read_manifest(dataset)))  # no seal: as of old
     path.write_text(path.read_text("utf-8").replace(old, new, 1), "utf-8")
     with pytest.raises(DatasetError, match=message):
         read_manifest(dataset)
