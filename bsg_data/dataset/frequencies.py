@@ -9,6 +9,10 @@ import pandas as pd
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import BSGError
+from bsg_data.files import open_beside
+
+_MARK = "belief-scene-graphs: frequencies"  # in a figure, by which it is known for ours
+_HEAD = 4096  # bytes in which the mark is, in PNG and SVG
 
 
 def count_frequencies(dataset: Path) -> pd.DataFrame:
@@ -32,6 +36,24 @@ def count_frequencies(dataset: Path) -> pd.DataFrame:
         }
     )
     return frame.sort_values(["instances", "class"], ascending=[False, True], ignore_index=True)
+
+
+def refuse_figure(path: Path, *, force: bool) -> None:
+    """Refuse a place for a figure where something is that may not be replaced.
+
+    Args:
+        path: of the figure.
+        force: whether a file may be replaced that is no figure of ours.
+
+    Raises:
+        BSGError: saying what is there.
+    """
+    if path.is_dir():
+        raise BSGError(f"{path}: is a folder; name a file in it, e.g. {path / 'classes.png'}")
+    if path.exists() and not force:
+        with path.open("rb") as file:
+            if _MARK.encode() not in file.read(_HEAD):
+                raise BSGError(f"{path}: is there and no figure of ours; --force replaces it")
 
 
 def plot_frequencies(frame: pd.DataFrame, path: Path, *, title: str) -> None:
@@ -60,6 +82,8 @@ def plot_frequencies(frame: pd.DataFrame, path: Path, *, title: str) -> None:
     left.invert_yaxis()
     figure.suptitle(title, fontsize=10)
     try:
-        figure.savefig(path, dpi=150)
+        with open_beside(path) as partial:
+            kind = path.suffix[1:] or "png"
+            figure.savefig(partial, dpi=150, format=kind, metadata={"Creator": _MARK})
     except (OSError, ValueError) as error:
         raise BSGError(f"{path}: the figure cannot be written ({error})") from error
