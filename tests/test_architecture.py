@@ -22,7 +22,7 @@ HOUSE = (
     "bsg_data.exchange bsg_data.executors bsg_data.files bsg_data.lock bsg_data.recipes "
     "bsg_data.registry",
     "bsg_data.result_folder bsg_data.scene",
-    "bsg_data.geometry",
+    "bsg_data.geometry bsg_data.seals",
     "bsg_data.sources",
     "bsg_data.dataset",
     "bsg_data.build_shards bsg_data.observation",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from bsg_data.dataset.histograms import to_histograms
-from bsg_data.dataset.manifest import Manifest, read_manifest
+from bsg_data.dataset.manifest import Manifest, encode_manifest, read_manifest
 from bsg_data.dataset.schema import pairs_schema
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.dataset.version_1 import TABLES_1
@@ -35,7 +36,7 @@ def write_version_1(dataset: Path, *, mask: MaskRecipe | None = None) -> Manifes
         the manifest that it had.
     """
     manifest = read_manifest(dataset)
-    said = json.loads((dataset / "dataset.json").read_text("utf-8"))
+    said = json.loads(encode_manifest(manifest))
     (source,) = said.pop("sources")
     space = said.pop("class_space")
     class_map = {**source["class_map"], "classes": space["classes"]}
@@ -68,9 +69,8 @@ def write_version_1(dataset: Path, *, mask: MaskRecipe | None = None) -> Manifes
         data = path.read_bytes()
         entry.update(bytes=len(data), sha256=hashlib.sha256(data).hexdigest())
     if mask is None:
-        for path in (*(dataset / "pairs").glob("*"), dataset / "splits.parquet"):
-            path.unlink()
-        (dataset / "pairs").rmdir()
+        (dataset / "splits.parquet").unlink(missing_ok=True)
+        shutil.rmtree(dataset / "pairs", ignore_errors=True)
     (dataset / "dataset.json").write_text(json.dumps(said), "utf-8")
     return manifest
 

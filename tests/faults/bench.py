@@ -12,7 +12,7 @@ from itertools import count, groupby
 from pathlib import Path
 
 from commands import Command, Given
-from fork_server import Ended, ForkServer
+from fork_server import Chance, Ended, ForkServer
 from system_calls import EVERY, Call, Fault, Kind, can_watch
 from tally import Tally
 
@@ -61,6 +61,7 @@ class Bench:
         self._folder = folder
         self._numbers = count()
         self._servers: dict[bool, ForkServer] = {}
+        self._random: ForkServer | None = None
         self._given = Given(self.server_of, folder / "given")
         self._unbroken: dict[str, Unbroken] = {}
 
@@ -68,13 +69,26 @@ class Bench:
         """End the processes."""
         for server in self._servers.values():
             server.close()
+        if self._random is not None:
+            self._random.close()
+
+    @staticmethod
+    def is_heavy(words: Sequence[str]) -> bool:
+        """Say whether a command imports torch or matplotlib."""
+        return words[0] != "bsg-data" or "--figure" in words
 
     def server_of(self, command: Sequence[str]) -> ForkServer:
         """Return who runs a command: one with torch and matplotlib, or a lighter one."""
-        heavy = command[0] != "bsg-data" or "--figure" in command
+        heavy = self.is_heavy(command)
         if heavy not in self._servers:
             self._servers[heavy] = ForkServer(MODEL_MODULES if heavy else DATA_MODULES)
         return self._servers[heavy]
+
+    def random_server(self) -> ForkServer:
+        """Return who runs commands of `bsg-data` whose calls fail at random."""
+        if self._random is None:
+            self._random = ForkServer(DATA_MODULES, under=("fiu-run", "-x", "-f", ""))
+        return self._random
 
     def lay_out(self, command: Command, folder: Path | None = None) -> Path:
         """Return a new folder with what a command is given."""
@@ -119,6 +133,15 @@ class Bench:
         whole = self.unbroken(command)
         ended = self.server_of(command.words).run(command.words, folder, fault, memory=memory)
         return Trial(self, command, whole, folder, ended, fault)
+
+    def strike_at_random(self, command: Command, chance: Chance) -> Trial:
+        """Run a command whose calls fail at random in a folder of its own."""
+        folder = self.lay_out(command)
+        whole = self.unbroken(command)
+        ended = self.random_server().run(command.words, folder, chance=chance)
+        trial = Trial(self, command, whole, folder, ended, None)
+        trial.title = f"{command.name}, {chance.probability} of the calls fail, {chance.seed}"
+        return trial
 
     def note(
         self, tally: Tally, test: str, command: Command, tried: int, misses: Sequence[str]
@@ -244,7 +267,10 @@ def find_half_written(command: Command, whole: Unbroken, now: Tree) -> list[str]
 def find_unlisted(folder: Path) -> list[str]:
     """Return the files that the manifest of a dataset lists and that are not what it says."""
     faults = []
-    for manifest in folder.glob("*/dataset.json"):
+    visible = [path for path in folder.iterdir() if not is_unfinished(path.name)]
+    for manifest in [path / "dataset.json" for path in visible]:
+        if not manifest.is_file():
+            continue
         for entry in json.loads(manifest.read_text("utf-8"))["files"]:
             path = manifest.parent / entry["path"]
             if not path.is_file():

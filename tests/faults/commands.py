@@ -32,6 +32,7 @@ class Command:
         growing: names of files that are there before the command is through, whole at each time.
         varying: names of files whose bytes differ between two unbroken runs.
         resumes: whether what it has made so far stays when it is stopped.
+        most: trials of one kind in full, where each takes seconds; None for all.
     """
 
     name: str
@@ -42,6 +43,7 @@ class Command:
     growing: tuple[str, ...] = ()
     varying: tuple[str, ...] = ()
     resumes: bool = False
+    most: int | None = None
 
     @property
     def words(self) -> list[str]:
@@ -52,6 +54,10 @@ class Command:
     def words_again(self) -> list[str]:
         """The command line that goes on after it was stopped."""
         return f"{self.line} {self.again}".split()
+
+    def limit(self, number: int) -> int:
+        """Return a number of trials, or fewer where each takes seconds."""
+        return number if self.most is None else min(number, self.most)
 
 
 COMMANDS = (
@@ -90,6 +96,7 @@ COMMANDS = (
         {"buildings": "buildings"},
         ("dataset",),
         resumes=True,
+        most=20,
     ),
     Command(
         "build --force",
@@ -153,6 +160,7 @@ COMMANDS = (
         "bsg-data info dataset --figure classes.png",
         {"dataset": "built"},
         ("classes.png",),
+        most=20,
     ),
     Command(
         "train, counting",
@@ -181,12 +189,14 @@ COMMANDS = (
         "--write-predictions predicted",
         {"dataset": "paired", "run": "run"},
         ("results", "page.html", "predicted"),
+        most=25,
     ),
     Command(
         "evaluate --predictions",
         "bsg-evaluate --predictions predicted --data dataset --resamples 3 --out results",
         {"dataset": "paired", "predicted": "predicted"},
         ("results",),
+        most=15,
     ),
     Command(
         "leaderboard",
@@ -197,6 +207,7 @@ COMMANDS = (
         growing=("board/",),
         varying=("log.jsonl", "seconds.json"),
         resumes=True,
+        most=50,
     ),
     Command(
         "search",
@@ -204,6 +215,7 @@ COMMANDS = (
         "--masks 1 --resamples 2 --workers 1 --trace --animation found.gif --out found",
         {"dataset": "paired", "run": "run"},
         ("found", "found.gif"),
+        most=15,
     ),
     Command(
         "belief",

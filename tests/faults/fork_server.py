@@ -7,7 +7,9 @@ ended = server.run(["bsg-data", "split", "dataset"], folder, Fault("kill", at=3)
 from __future__ import annotations
 
 import atexit
+import ctypes
 import importlib
+import io
 import json
 import os
 import resource
@@ -48,18 +50,28 @@ class Ended:
     struck: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class Chance:
+    """Calls of the C library that fail at random, wherever the file is, as libfiu names them."""
+
+    names: tuple[str, ...]
+    probability: float
+    seed: int
+
+
 class ForkServer:
     """A process that has imported our commands."""
 
-    def __init__(self, modules: Sequence[str]) -> None:
+    def __init__(self, modules: Sequence[str], *, under: Sequence[str] = ()) -> None:
         """Start it.
 
         Args:
             modules: what it imports.
+            under: words of a program that starts it, as `fiu-run -x`.
         """
         threads = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL")}
         self._process = subprocess.Popen(
-            [sys.executable, "-c", START, *modules],
+            [*under, sys.executable, "-c", START, *modules],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env={**os.environ, **threads, "MPLBACKEND": "agg"},
@@ -67,7 +79,8 @@ class ForkServer:
 
     def close(self) -> None:
         """End it."""
-        self._process.communicate(timeout=10)
+        self._process.kill()
+        self._process.communicate()
 
     def run(
         self,
@@ -76,6 +89,7 @@ class ForkServer:
         fault: Fault | None = None,
         *,
         memory: int | None = None,
+        chance: Chance | None = None,
     ) -> Ended:
         """Run a command in a folder, whose files are watched if there is a fault.
 
@@ -84,12 +98,14 @@ class ForkServer:
             folder: where it runs.
             fault: what goes wrong; None watches nothing.
             memory: bytes of address space that it may take beyond those of its imports.
+            chance: what fails at random, of a server under `fiu-run`.
         """
         asked = {
             "words": list(words),
             "folder": str(folder),
             "fault": None if fault is None else asdict(fault),
             "memory": memory,
+            "chance": None if chance is None else asdict(chance),
         }
         assert self._process.stdin is not None
         assert self._process.stdout is not None
@@ -163,6 +179,8 @@ def _be_command(
             socket.send_fds(theirs, [b"!"], [listener])
             os.close(listener)
         theirs.close()
+        if asked["chance"] is not None:
+            _fail_at_random(Chance(**asked["chance"]))
         sys.argv = asked["words"]
         main = importlib.import_module(f"bsg_cli.{sys.argv[0].removeprefix('bsg-')}").main
         main()
@@ -174,11 +192,29 @@ def _be_command(
             traceback.print_exc()
     finally:
         with suppress(BaseException):
-            if code == 0 and fault is None and asked["memory"] is None:
+            if code == 0 and fault is None and asked["memory"] is asked["chance"] is None:
                 said.with_suffix(".imports").write_text("\n".join(sys.modules))
             atexit._run_exitfuncs()
             sys.stderr.flush()
         os._exit(code)
+
+
+def _fail_at_random(chance: Chance) -> None:
+    """Let calls fail; what is said is kept until they do so no more, since it is written, too."""
+    fiu = ctypes.CDLL("libfiu.so.0")  # which fiu-run has loaded before anything else
+    fiu.fiu_init(0)
+    fiu.fiu_set_prng_seed(chance.seed)
+    said = sys.stderr = io.StringIO()
+
+    def end() -> None:
+        for name in chance.names:
+            fiu.fiu_disable(name.encode())
+        os.write(2, said.getvalue().encode())
+
+    atexit.register(end)
+    for name in chance.names:
+        share = ctypes.c_float(chance.probability)
+        fiu.fiu_enable_random(name.encode(), 1, None, 0, share)
 
 
 def _wait_for(

@@ -24,7 +24,7 @@ def test_killed_at_every_change_of_a_file(
 ) -> None:
     """Nothing half-written is visible; the same command ends in the bytes of an unbroken run."""
     whole = bench.unbroken(command)
-    points = whole.points(CHANGES, most=None if full else SAMPLED[command.name])
+    points = whole.points(CHANGES, most=command.most if full else SAMPLED[command.name])
     misses = []
     for at in points:
         deed: Deed = "tear" if at % 2 else "kill"  # half of a block is written, or nothing of it

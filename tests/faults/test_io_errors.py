@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import shutil
+
 import pytest
 from bench import Bench
 from commands import COMMANDS, Command
+from fork_server import Chance
 from system_calls import CHANGES, Fault, Kind, can_watch
 from tally import Tally
 
 pytestmark = pytest.mark.skipif(bool(can_watch()), reason=can_watch())
 READS: tuple[Kind, ...] = ("open", "read")
+AT_RANDOM = (  # as libfiu names them; of reads and opens, Python's own would fail, too
+    *(f"posix/io/rw/{name}" for name in ("write", "pwrite", "writev", "ftruncate")),
+    *(f"posix/io/{name}" for name in ("sync/fsync", "dir/rename", "dir/unlink")),
+)
 SAMPLED = {"build --force": 2, "split": 2, "pairs --force": 2}  # name → errors of a kind, in short
 
 
@@ -25,7 +32,9 @@ def test_one_change_of_a_file_fails(
 ) -> None:
     """It is told, what was there is there still, and the same command ends as an unbroken one."""
     whole = bench.unbroken(command)
-    points = whole.points(CHANGES, most=50 if full else SAMPLED[command.name], seed=2)
+    points = whole.points(
+        CHANGES, most=command.limit(50) if full else SAMPLED[command.name], seed=2
+    )
     misses = []
     for at in points:
         trial = bench.strike(command, Fault("EIO", at))
@@ -42,7 +51,9 @@ def test_every_change_fails_from_one_on(
 ) -> None:
     """As on a disk that is full or gone: it is told, and nothing half-written is visible."""
     whole = bench.unbroken(command)
-    points = whole.points(CHANGES, most=25 if full else SAMPLED[command.name], seed=3)
+    points = whole.points(
+        CHANGES, most=command.limit(25) if full else SAMPLED[command.name], seed=3
+    )
     misses = []
     for at in points:
         trial = bench.strike(command, Fault("ENOSPC", at, lasting=True))
@@ -55,11 +66,25 @@ def test_every_change_fails_from_one_on(
 def test_a_read_fails(command: Command, bench: Bench, full: bool, tally: Tally) -> None:
     """What cannot be read is an error, and never an input that is not there."""
     whole = bench.unbroken(command)
-    points = whole.points(READS, most=25 if full else SAMPLED[command.name], seed=4)
+    points = whole.points(READS, most=command.limit(25) if full else SAMPLED[command.name], seed=4)
     misses = []
     for at in points:
         trial = bench.strike(command, Fault("EIO", at, READS))
         trial.find_no_error()
         misses += trial.finish()
     bench.note(tally, "opening or reading a file fails (EIO)", command, len(points), misses)
+    assert misses == []
+
+
+@pytest.mark.skipif(shutil.which("fiu-run") is None, reason="fiu-run is of Debian's fiu-utils")
+def test_changes_fail_at_random(command: Command, bench: Bench, full: bool, tally: Tally) -> None:
+    """With whatever errno the C library can give: the same, and what it says may be lost, too."""
+    if bench.is_heavy(command.words):
+        pytest.skip("torch and matplotlib do not start under fiu-run fast enough")
+    tried = 20 if full else SAMPLED[command.name]
+    misses = []
+    for seed in range(tried):
+        chance = Chance(AT_RANDOM, (0.5, 0.1, 0.02, 0.005)[seed % 4], seed)
+        misses += bench.strike_at_random(command, chance).finish()
+    bench.note(tally, "changes of files fail at random (fiu-run)", command, tried, misses)
     assert misses == []

@@ -24,7 +24,9 @@ def test_asked_to_end(command: Command, bench: Bench, full: bool, tally: Tally) 
     """The exit code says by what; nothing is left that the same command does not go on with."""
     whole = bench.unbroken(command)
     misses = []
-    points = whole.points(CHANGES, most=20 if full else SAMPLED[command.name], seed=1)
+    points = whole.points(
+        CHANGES, most=command.limit(20) if full else SAMPLED[command.name], seed=1
+    )
     for deed, code in SIGNALS.items():
         for at in points:
             trial = bench.strike(command, Fault(deed, at))

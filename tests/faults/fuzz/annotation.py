@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from bsg_data.sources.annotations import read_annotation
-from fuzz.target import Target
+from fuzz.target import Target, put
 
 _TEXT = 'HM3D Semantic Annotations\n1,1003,"wall",0\n2,0F3A9C,"chair, \u00fc",4\n7,FF,"",-1\n'
 
@@ -21,9 +21,7 @@ def seeds() -> dict[str, bytes]:
 
 def read(folder: Path, data: bytes) -> object:
     """Read a file."""
-    path = folder / "a.semantic.txt"
-    path.write_bytes(data)
-    return read_annotation(path)
+    return read_annotation(put(folder, ".semantic.txt", data))
 
 
 TARGET = Target(

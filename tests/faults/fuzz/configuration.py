@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from bsg_models.zoo.config import find_config, override, read_config, validate_config, write_toml
-from fuzz.target import Target
+from fuzz.target import Target, put
 
 _MODELS = ("ceci-sage", "mixture", "ensemble", "gamma-poisson")
 
@@ -20,8 +20,7 @@ def seeds() -> dict[str, bytes]:
 def read(folder: Path, data: bytes) -> object:
     """Read a file, whose settings come after it, each behind a byte of 0."""
     text, *settings = data.split(b"\0")
-    path = folder / "config.toml"
-    path.write_bytes(text)
+    path = put(folder, ".toml", text)
     tables = override(read_config(path), [one.decode("utf-8", "replace") for one in settings])
     return validate_config(tables, source=str(path))
 

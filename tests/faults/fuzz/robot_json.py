@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from bsg_data.observation.robot_json import read_robot_graph
-from bsg_data.scene.class_map import load_class_map
-from fuzz.target import Target, encode
+from fuzz.target import Target, encode, load_map, put
 
 _GRAPH = {
     "format": "bsg-partial-graph",
@@ -48,11 +47,7 @@ def seeds() -> dict[str, bytes]:
 
 def read(folder: Path, data: bytes) -> object:
     """Read a file."""
-    path = folder / "graph.json"
-    path.write_bytes(data)
-    loaded = load_class_map()
-    loaded._resolved.clear()  # it remembers all names that it was ever asked for
-    return read_robot_graph(path, class_map=loaded)
+    return read_robot_graph(put(folder, "graph.json", data), class_map=load_map())
 
 
 TARGET = Target(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import itertools
 import json
 import os
 import shutil
@@ -13,8 +14,11 @@ import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from bsg_data.errors import BSGError
+from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
+from bsg_data.sources.source import Source
 
 CORPUS = Path(__file__).parent / "corpus"
 MEMORY = Path("/dev/shm")
@@ -31,6 +35,7 @@ class Target:
         seeds: makes sound inputs by name, as small as they can be.
         words: that inputs are made of, beside those of the seeds.
         most: bytes of a seed; changed inputs have up to `longest`.
+        examples: changed inputs that CI tries: fewer where a reader is slow.
     """
 
     name: str
@@ -38,6 +43,7 @@ class Target:
     seeds: Callable[[], Mapping[str, bytes]]
     words: tuple[str, ...] = ()
     most: int = 2_000
+    examples: int = 40
 
     @property
     def longest(self) -> int:
@@ -132,6 +138,53 @@ def _describe(error: BaseException) -> Finding:
     last = ours[-1] if ours else frames[-1]
     key = f"{type(error).__name__} in {Path(last.filename).name}, {last.name}"
     return Finding(key, "".join(traceback.format_exception(error)))
+
+
+class NoFileError(BSGError):
+    """Say that an input stands for no file: what it describes cannot be written."""
+
+
+_count = itertools.count()
+
+
+def put(folder: Path, name: str, data: bytes) -> Path:
+    """Write an input as the one file of a folder, under a name that no input before it had.
+
+    Readers that keep what they read would otherwise take two files of one moment for one.
+    """
+    for path in folder.iterdir():
+        path.unlink()
+    path = folder / f"{next(_count)}{name}"
+    path.write_bytes(data)
+    return path
+
+
+def load_map(name: str = DEFAULT_CLASS_MAP) -> ClassMap:
+    """Load a class map, without what it remembers of the names that it was asked for."""
+    class_map = load_class_map(name)
+    class_map._resolved.clear()
+    return class_map
+
+
+def read_source(source: Source, class_map: ClassMap) -> None:
+    """Find the scenes of a source, and read the first ones."""
+    for ref in source.find().scenes[:4]:
+        source.read(ref, class_map)
+
+
+def parse(data: bytes) -> dict[str, Any]:
+    """Return the JSON object of an input that stands for a file of another format.
+
+    Raises:
+        NoFileError: if it is none.
+    """
+    try:
+        document = json.loads(data)
+    except (ValueError, RecursionError) as error:
+        raise NoFileError(f"no JSON: {error}") from error
+    if not isinstance(document, dict):
+        raise NoFileError("no JSON object")
+    return document
 
 
 def encode(document: object) -> bytes:
