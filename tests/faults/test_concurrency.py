@@ -41,7 +41,7 @@ FOLDS = SplitRecipe(method="folds", ratios=None, folds=3)
 
 
 def _export(at: Path) -> None:
-    with pytest.raises(DatasetError, match="none of its 1[23] scenes has anything"):
+    with pytest.raises(DatasetError, match=r"none of its 1[23] scenes has anything"):
         export_dataset(at / "dataset", at / "regions", to="habitat")
 
 
@@ -112,7 +112,9 @@ def test_a_command_in_the_middle_of_another(
         with monkeypatch.context() as patch:
             meet(patch, run_other, at_the_end=at_the_end)
             made = WRITERS[one](at)
-        if other in WRITERS and not any("another command is writing there" in s for s in said):
+        # A merge of what is merged already is refused for its buildings, before it asks for a lock.
+        refused = ("another command is writing there", "is in")
+        if other in WRITERS and not any(word in some for some in said for word in refused):
             misses.append(f"{other} in {one}: was not refused")
         if other in READERS and said:
             misses.append(f"{other} in {one}: {said[0]}")
