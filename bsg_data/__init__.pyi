@@ -6,7 +6,7 @@ from .dataset.categories import OtherObjects
 from .dataset.composition import count_sources
 from .dataset.coverage import Coverage, count_classes, measure_coverage
 from .dataset.dataset import Dataset, read_adjacency, read_cells
-from .dataset.frequencies import count_frequencies, plot_frequencies
+from .dataset.frequencies import count_frequencies, plot_frequencies, refuse_figure
 from .dataset.histograms import to_histograms
 from .dataset.manifest import (
     ClassMapEntry,
@@ -182,6 +182,7 @@ __all__ = [
     "read_scene_graphs",
     "read_splits",
     "read_table",
+    "refuse_figure",
     "sample_hidden",
     "sample_pairs",
     "sample_view",

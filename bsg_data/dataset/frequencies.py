@@ -11,6 +11,9 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import BSGError
 from bsg_data.figure_file import write_figure
 
+_MARK = "belief-scene-graphs: frequencies"  # in a figure, by which it is known for ours
+_HEAD = 4096  # bytes in which the mark is, in PNG and SVG
+
 
 def count_frequencies(dataset: Path) -> pd.DataFrame:
     """Return one row a class, most frequent first.
@@ -33,6 +36,24 @@ def count_frequencies(dataset: Path) -> pd.DataFrame:
         }
     )
     return frame.sort_values(["instances", "class"], ascending=[False, True], ignore_index=True)
+
+
+def refuse_figure(path: Path, *, force: bool) -> None:
+    """Refuse a place for a figure where something is that may not be replaced.
+
+    Args:
+        path: of the figure.
+        force: whether a file may be replaced that is no figure of ours.
+
+    Raises:
+        BSGError: saying what is there.
+    """
+    if path.is_dir():
+        raise BSGError(f"{path}: is a folder; name a file in it, e.g. {path / 'classes.png'}")
+    if path.exists() and not force:
+        with path.open("rb") as file:
+            if _MARK.encode() not in file.read(_HEAD):
+                raise BSGError(f"{path}: is there and no figure of ours; --force replaces it")
 
 
 def plot_frequencies(frame: pd.DataFrame, path: Path, *, title: str) -> None:
@@ -60,4 +81,4 @@ def plot_frequencies(frame: pd.DataFrame, path: Path, *, title: str) -> None:
         axes.tick_params(labelsize=8)
     left.invert_yaxis()
     figure.suptitle(title, fontsize=10)
-    write_figure(figure, path, dpi=150)
+    write_figure(figure, path, dpi=150, metadata={"Creator": _MARK})

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
 from collections import Counter
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from bsg_data.dataset.manifest import read_manifest
+from bsg_data.dataset.manifest import MANIFEST, Manifest, read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import DatasetError
 from bsg_data.exports.catalogue import EXPORTS, ExportRow
-from bsg_data.files import flush_folder, write_bytes
+from bsg_data.files import write_bytes
+from bsg_data.result_folder import replace_files
 from bsg_data.scene.scene_graph import is_scene_id
 
 
@@ -63,41 +61,35 @@ def export_dataset(
         DatasetError: if the dataset cannot be read, no scene has anything for the format, a file
             is in the way, or one cannot be written.
     """
-    row, total = EXPORTS[to], read_manifest(dataset).totals
-    made = not out.exists()
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        growing = Path(tempfile.mkdtemp(prefix=".export.", dir=out))
-    except OSError as error:
-        raise DatasetError(f"{out}: cannot be written ({error.strerror or error})") from error
-    try:
-        done = _encode_all(dataset, growing, row, progress=progress, scenes=total.scenes)
+    row, manifest = EXPORTS[to], read_manifest(dataset)
+    out = out.resolve()
+    for folder in (out, *out.parents):
+        if (folder / MANIFEST).is_file():
+            raise DatasetError(f"{out}: is in the dataset {folder}; choose another --out")
+    with replace_files(out, last=None) as growing:
+        done = _encode_all(dataset, manifest, growing, row, progress=progress)
         if not done.scenes:
             raise DatasetError(
-                f"{dataset}: none of its {total.scenes:,} scenes has anything for {to!r}, which "
-                f"is: {row.summary}"
+                f"{dataset}: none of its {manifest.totals.scenes:,} scenes has anything for "
+                f"{to!r}, which is: {row.summary}"
             )
-        _move_into_place(growing, out, force=force)
-    finally:
-        shutil.rmtree(growing, ignore_errors=True)
-        if made:
-            with suppress(OSError):  # it holds files
-                out.rmdir()
+        if not force:
+            _refuse_replacing(sorted(file.name for file in growing.iterdir()), out)
     return done
 
 
 def _encode_all(
     dataset: Path,
+    manifest: Manifest,
     growing: Path,
     row: ExportRow,
     *,
     progress: Callable[[int, int], None] | None,
-    scenes: int,
 ) -> Exported:
     files = written = rooms = rooms_left_out = 0
     left_out: list[str] = []
     notes: Counter[str] = Counter()
-    for number, graph in enumerate(read_scene_graphs(dataset), start=1):
+    for number, graph in enumerate(read_scene_graphs(dataset, manifest=manifest), start=1):
         encoded = row.encode(graph)
         for name, data in encoded.files.items():
             if not is_scene_id(name):
@@ -112,22 +104,12 @@ def _encode_all(
         else:
             left_out.append(graph.scene_id)
         if progress is not None:
-            progress(number, scenes)
+            progress(number, manifest.totals.scenes)
     return Exported(files, written, rooms, tuple(left_out), rooms_left_out, dict(notes))
 
 
-def _move_into_place(growing: Path, out: Path, *, force: bool) -> None:
-    files = sorted(growing.iterdir())
-    if not force:
-        taken = [file.name for file in files if (out / file.name).exists()]
-        if taken:
-            more = f" and {len(taken) - 1:,} more" if len(taken) > 1 else ""
-            raise DatasetError(f"{out / taken[0]}: is there{more}; --force replaces such files")
-    for file in files:
-        try:
-            file.replace(out / file.name)
-        except OSError as error:
-            raise DatasetError(
-                f"{out / file.name}: cannot be replaced ({error.strerror or error})"
-            ) from error
-    flush_folder(out)
+def _refuse_replacing(names: Sequence[str], out: Path) -> None:
+    taken = [name for name in names if (out / name).exists()]
+    if taken:
+        more = f" and {len(taken) - 1:,} more" if len(taken) > 1 else ""
+        raise DatasetError(f"{out / taken[0]}: is there{more}; --force replaces such files")

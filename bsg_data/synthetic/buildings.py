@@ -10,10 +10,10 @@ docs/synthetic.md has the model, and how close it is.
 from __future__ import annotations
 
 import hashlib
-import shutil
+import json
 from collections.abc import Iterator
 from concurrent.futures import Executor
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -37,6 +37,9 @@ VAL_EVERY = 9  # the last of every nine numbers is in val: 100 of 900, 2 of 20
 NULL_REGION = -1
 MAX_SCENES = 10_000_000  # the digits of a scene id number no more
 USUAL = BuildingSize()  # as the rates say
+_SPLITS = ("train", "val")
+_SUFFIXES = (".semantic.txt", ".semantic.glb", ".truth.json")  # of the files of a building
+_FINISHED = b'"finished": true'
 _ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789"
 
 Floats = npt.NDArray[np.float64]
@@ -354,8 +357,61 @@ def _clear(out: Path, *, force: bool) -> None:
     mark = out / SYNTHETIC_MARK
     if not mark.is_file():
         raise DatasetError(f"{out}: holds something else and is left alone; choose another --out")
-    if not force and b'"finished": true' in mark.read_bytes():
+    said = mark.read_bytes()
+    if not force and _FINISHED in said:
         raise DatasetError(f"{out}: holds synthetic buildings; --force replaces them")
-    for split in ("train", "val"):
-        if (out / split).is_dir():
-            shutil.rmtree(out / split)
+    ours = list(_list_own(out, said))
+    write_bytes(mark, said.replace(_FINISHED, b'"finished": false'))  # from now on some are gone
+    for path in ours:
+        path.unlink()
+    for split in _SPLITS:
+        for folder in (*(out / split).glob("*/"), out / split):
+            with suppress(OSError):  # there is none, or it is not empty
+                folder.rmdir()
+
+
+def _list_own(out: Path, mark: bytes) -> Iterator[Path]:
+    """Yield the files of the buildings that a mark speaks of; their ids follow from its seed.
+
+    Raises:
+        DatasetError: naming whatever else is in their folders.
+    """
+    try:
+        said = json.loads(mark)
+        seed, scenes = int(said["seed"]), int(said["scenes"])
+        size = BuildingSize(**said.get("size", {}))
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+        raise DatasetError(
+            f"{out / SYNTHETIC_MARK}: does not say which buildings are synthetic; move {out} away"
+        ) from error
+    for split in _SPLITS:
+        if (out / split).is_symlink():
+            raise DatasetError(f"{out / split}: is a link; remove it, then --force")
+        for path in sorted((out / split).rglob("*")):
+            if path.is_dir() and not path.is_symlink():
+                continue
+            number = _number_of(path.parent.name, split)
+            name = _hash(seed, number, size)
+            files = {f"{name}{suffix}" for suffix in _SUFFIXES}
+            is_ours = number < scenes and path.parent.name == f"{_scene_number(number):05d}-{name}"
+            own = path.name.removeprefix(".").removesuffix(".partial")
+            if not is_ours or own not in files or path.parent.parent != out / split:
+                where = path.relative_to(out).as_posix()
+                raise DatasetError(
+                    f"{out}: holds {where}, which is none of these synthetic buildings; move it "
+                    "away, then --force"
+                )
+            yield path
+
+
+def _number_of(scene_id: str, split: str) -> int:
+    """Return the number of the building that would have a scene id; the hash is not looked at."""
+    digits = scene_id.partition("-")[0]
+    if not (digits.isascii() and digits.isdigit() and len(digits) <= len(str(MAX_SCENES))):
+        return MAX_SCENES  # no building has it
+    scene = int(digits)
+    if scene >= HM3D_SCENES:
+        return scene
+    if split == "val":
+        return max(0, scene - FIRST_VAL_ID) * VAL_EVERY + VAL_EVERY - 1
+    return scene + scene // (VAL_EVERY - 1)

@@ -134,17 +134,24 @@ def command(
     if room_layouts is not None:
         source = bsg_data.WithLayouts(source, reads[1])
     pool = worker_pool(workers, reads=reads, writes=[out])
+    left = 0  # shards that this very command has seen done, before it was stopped
     try:
         with pool as executor, progress_bar("build", unit="shard") as report:
+
+            def note(done: int, total: int) -> None:
+                nonlocal left
+                left = done if done < total else 0
+                report(done, total)
+
             how: dict[str, Any] = {"class_map": class_map, "strict": strict, "force": force}
-            how |= {"executor": executor, "progress": report}
+            how |= {"executor": executor, "progress": note}
             if part is not None:
                 built = bsg_data.build_part(source, out, bsg_data.Part(*part), **how)
                 _tell_part(built, part, out, as_json=as_json)
                 return
             manifest = bsg_data.build_dataset(source, out, **how)
     except (BSGError, KeyboardInterrupt):
-        if out.with_name(f"{out.name}.partial").is_dir():
+        if left:
             print_note(f"what is done is in {out}.partial; the same command goes on from there")
         raise
     if as_json:

@@ -17,8 +17,9 @@ from bsg_data.tables import format_text
 @click.command("info", cls=Command)
 @dataset_argument
 @click.option("--figure", type=PATH, help="Draw the frequencies as an image.")
+@click.option("--force", is_flag=True, help="Replace a file at --figure that is none of ours.")
 @json_option
-def command(dataset: Path, figure: Path | None, as_json: bool) -> None:
+def command(dataset: Path, figure: Path | None, force: bool, as_json: bool) -> None:
     """Say what a dataset holds, with the frequency of every class.
 
     \b
@@ -26,6 +27,8 @@ def command(dataset: Path, figure: Path | None, as_json: bool) -> None:
       bsg-data info dataset --figure classes.png
     """
     manifest = bsg_data.read_manifest(dataset)
+    if figure is not None:
+        bsg_data.refuse_figure(figure, force=force)
     frame = bsg_data.count_frequencies(dataset)
     sizes = bsg_data.read_splits(dataset, manifest=manifest) if manifest.split else {}
     hashes = bsg_data.hash_splits(bsg_data.Dataset.open(dataset)) if manifest.pairs else {}

@@ -15,8 +15,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bsg_data.errors import DatasetError
+from bsg_data.synthetic import buildings as buildings_module
 from bsg_data.synthetic.buildings import (
     MAX_SCENES,
+    SYNTHETIC_MARK,
     SyntheticBuilding,
     draw_room_types,
     synthesise,
@@ -302,3 +304,35 @@ def test_what_is_not_synthetic_is_left_alone(tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match="is left alone"):
         write_synthetic(tmp_path, scenes=1, seed=0, force=True)
     assert (tmp_path / "train" / "scan.txt").read_text() == "real"
+
+
+@pytest.mark.parametrize(
+    "where",
+    ["train/mine/notes.txt", "train/00000-mine/mine.semantic.txt", "val/notes.txt", "BESIDE"],
+)
+def test_force_removes_no_building_of_a_users(tmp_path: Path, where: str) -> None:
+    out = tmp_path / "out"
+    first, *_ = list(write_synthetic(out, scenes=10, seed=1))
+    mine = first.with_name("notes.txt") if where == "BESIDE" else out / where
+    mine.parent.mkdir(parents=True, exist_ok=True)
+    mine.write_text("years of work")
+    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    with pytest.raises(DatasetError, match=f"holds {mine.relative_to(out).as_posix()}, which is"):
+        write_synthetic(out, scenes=2, seed=2, force=True)
+    assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
+
+
+def test_a_mark_that_says_nothing_removes_nothing(tmp_path: Path) -> None:
+    list(write_synthetic(tmp_path / "out", scenes=2, seed=1))
+    before = sorted((tmp_path / "out").rglob("*"))
+    for said in ('{"finished": true}', "[]", "{", '{"seed": [], "scenes": 1}'):
+        (tmp_path / "out" / SYNTHETIC_MARK).write_text(said)
+        with pytest.raises(DatasetError, match="does not say which buildings are synthetic"):
+            write_synthetic(tmp_path / "out", scenes=2, seed=2, force=True)
+    assert sorted((tmp_path / "out").rglob("*")) == before
+
+
+@pytest.mark.parametrize("number", [0, 7, 8, 9, 17, 898, 899, 900, 12_345])
+def test_a_building_is_known_by_its_id(number: int) -> None:
+    building = synthesise(load_rates(), seed=1, number=number)
+    assert buildings_module._number_of(building.scene_id, building.split) == number

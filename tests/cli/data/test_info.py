@@ -36,3 +36,22 @@ def test_a_reader_that_goes_away_ends_the_command_quietly(dataset: Path) -> None
     child.stdout.close()
     _, errors = child.communicate(timeout=60)
     assert (child.returncode, errors) == (1, b"")
+
+
+def test_a_figure_replaces_only_a_figure_of_ours(dataset: Path, tmp_path: Path) -> None:
+    mine, ours = tmp_path / "thesis.png", tmp_path / "classes.png"
+    mine.write_bytes(b"years of work")
+    assert (
+        "no figure of ours; --force replaces it"
+        in run("info", dataset, "--figure", mine, code=1).output
+    )
+    assert mine.read_bytes() == b"years of work"
+    assert (
+        "is a folder; name a file in it"
+        in run("info", dataset, "--figure", tmp_path, code=1).output
+    )
+    run("info", dataset, "--figure", ours)
+    run("info", dataset, "--figure", ours)
+    run("info", dataset, "--figure", mine, "--force")
+    names = {"dataset", "thesis.png", "classes.png"}
+    assert {path.name for path in tmp_path.iterdir()} == names
