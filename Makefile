@@ -11,17 +11,26 @@ PYTEST := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 
 TESTED := tests bsg_data bsg_models $(VENV)/links/bsg_cli
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test fast coverage faults lint format docs bench clean
+.PHONY: help install demo test fast coverage faults lint format docs bench audit clean
 
 help: ## Say what each target does.
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
-$(INSTALLED): pyproject.toml constraints.txt
+# What requirements.lock fits is installed by its hashes; what it lacks, such as CUDA's packages where
+# torch comes from the package index, and all of it on another system, by constraints.txt alone.
+IS_LOCKED = import platform, sys; sys.exit(not ((3, 11) <= sys.version_info[:2] <= (3, 12) and platform.system() == "Linux" and platform.machine() == "x86_64"))
+
+$(INSTALLED): pyproject.toml constraints.txt requirements.lock setup.py
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo "Python 3.11 or later is needed; name it as in: make PYTHON=/path/to/python3.11 $(MAKECMDGOALS)" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 	@echo "installing into $(VENV); the first time takes a few minutes"
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt torch
+	@if $(PYTHON) -c '$(IS_LOCKED)'; then \
+	  $(BIN)/python -m pip install --quiet --require-hashes --no-deps --requirement requirements.lock; \
+	else \
+	  echo "requirements.lock is not for this system: what is installed has no hashes"; \
+	  $(BIN)/python -m pip install --quiet --constraint constraints.txt torch; \
+	fi
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[test]'
 	mkdir -p $(VENV)/links && ln -sfn ../../cli $(VENV)/links/bsg_cli
 	@touch $@
@@ -78,6 +87,11 @@ docs: $(INSTALLED) ## Write the generated parts of the docs anew.
 
 bench: $(INSTALLED) ## Measure how fast the main jobs are, each beside something else: docs/results/speed.md.
 	$(BIN)/python scripts/bench/speed.py --out docs/results/speed.md
+
+audit: ## Ask pip-audit for known weaknesses of what is locked; needs the network.
+	$(PYTHON) -m venv $(VENV)/audit
+	$(VENV)/audit/bin/python -m pip install --quiet 'pip-audit>=2.7,<3'
+	$(VENV)/audit/bin/pip-audit --strict --disable-pip --require-hashes --requirement requirements.lock
 
 clean: ## Remove the environment, the demo and all caches.
 	rm -rf $(VENV) $(DEMO) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks

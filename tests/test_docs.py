@@ -94,9 +94,26 @@ def test_links_between_documents_lead_somewhere() -> None:
             assert (path.parent / target).exists(), f"{path.name} links to {target}"
 
 
+def test_the_threat_model_names_tests_that_are_there() -> None:
+    named = re.findall(r"`(tests/[\w/.]+)`", (DOCS / "threat-model.md").read_text("utf-8"))
+    assert len(set(named)) >= 6
+    assert [name for name in named if not (REPOSITORY / name).exists()] == []
+
+
 def test_make_targets_explain_themselves() -> None:
     text = (REPOSITORY / "Makefile").read_text("utf-8")
-    for target in ("demo", "test", "fast", "coverage", "lint", "format", "docs", "bench", "clean"):
+    for target in (
+        "demo",
+        "test",
+        "fast",
+        "coverage",
+        "lint",
+        "format",
+        "docs",
+        "bench",
+        "audit",
+        "clean",
+    ):
         assert re.search(rf"^{target}:.*## \S", text, re.MULTILINE), target
 
 

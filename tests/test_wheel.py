@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -52,12 +54,15 @@ def test_the_listed_packages_are_the_folders_of_code() -> None:
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A wheel, built without a network from a copy: the build leaves files beside the sources."""
-    folder = tmp_path_factory.mktemp("wheel")
+    return build_wheel(tmp_path_factory.mktemp("wheel"))
+
+
+def build_wheel(folder: Path) -> Path:
     copy = folder / "copy"
     for source in FOLDERS.values():
         hidden = shutil.ignore_patterns("__pycache__")
         shutil.copytree(REPOSITORY / source, copy / source, ignore=hidden)
-    for name in ("pyproject.toml", "README.md", "LICENSE", "NOTICE"):
+    for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE", "NOTICE"):
         shutil.copy(REPOSITORY / name, copy)
     done = subprocess.run(
         [sys.executable, "-c", BUILD, str(folder)], cwd=copy, capture_output=True, text=True
@@ -94,3 +99,47 @@ def test_the_wheel_works_without_the_source_tree(wheel: Path, tmp_path: Path) ->
     run(IMPORT, str(unpacked))
     shown = run("from bsg_cli.data import main; main()", "map", "show", "chair")
     assert "chair" in shown
+
+
+def read_bill(wheel: Path) -> bytes:
+    """Return the software bill of materials of a wheel, where PEP 770 has it."""
+    with zipfile.ZipFile(wheel) as archive:
+        (name,) = [one for one in archive.namelist() if ".dist-info/sboms/" in one]
+        record = archive.read(f"{name.partition('/')[0]}/RECORD").decode()
+        assert f"{name},sha256=" in record
+        return archive.read(name)
+
+
+@pytest.mark.slow
+def test_the_bill_of_materials_lists_what_is_asked_for(wheel: Path) -> None:
+    with (REPOSITORY / "pyproject.toml").open("rb") as file:
+        project = tomllib.load(file)["project"]
+    asked = {("", line) for line in project["dependencies"]}
+    for extra, lines in project["optional-dependencies"].items():
+        asked |= {(extra, line) for line in lines if not line.startswith(project["name"])}
+    bill = json.loads(read_bill(wheel))
+    assert (bill["bomFormat"], bill["specVersion"]) == ("CycloneDX", "1.6")
+    assert bill["metadata"]["component"]["version"] == project["version"]
+    listed = []
+    for part in bill["components"]:
+        said = {one["name"]: one["value"] for one in part["properties"]}
+        marker = said.get("python:marker")
+        line = said["python:requirement"] + (f"; {marker}" if marker else "")
+        listed.append((said["python:extra"], line))
+        assert part["scope"] == ("optional" if said["python:extra"] else "required")
+        assert part["purl"] == f"pkg:pypi/{part['name']}"
+        assert line.startswith(part["name"])
+    assert sorted(map(spell, listed)) == sorted(map(spell, asked))
+    assert len({part["bom-ref"] for part in bill["components"]}) == len(listed)
+
+
+def spell(asked: tuple[str, str]) -> tuple[str, str, frozenset[str]]:
+    """Return an extra, the name of what it asks for, and the rest in any order and quotes."""
+    extra, line = asked
+    name, *rest = re.findall(r"[A-Za-z0-9_.*\[\]-]+|[<>=!~]+", line)
+    return extra, name, frozenset(rest)
+
+
+@pytest.mark.slow
+def test_the_same_sources_give_the_same_bill(wheel: Path, tmp_path: Path) -> None:
+    assert read_bill(build_wheel(tmp_path)) == read_bill(wheel)
