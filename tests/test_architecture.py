@@ -20,6 +20,7 @@ FOLDERS = {"bsg_data": "bsg_data", "bsg_models": "bsg_models", "bsg_cli": "cli"}
 HOUSE = (
     "bsg_data.arrays bsg_data.errors bsg_data.spelling bsg_data.tables",
     "bsg_data.executors bsg_data.files bsg_data.lock bsg_data.recipes bsg_data.registry",
+    "bsg_data.inputs",
     "bsg_data.scene",
     "bsg_data.geometry",
     "bsg_data.sources",
@@ -49,6 +50,7 @@ THIRD_PARTY = {
         "pydantic",
         "scipy",
         "shapely",
+        "tomli",
         "trimesh",
         "yaml",
     },
@@ -68,7 +70,6 @@ THIRD_PARTY = {
         "safetensors",
         "spark_dsg",
         "scipy",
-        "tomli",
         "tomli_w",
         "torch",
         "torch_geometric",

@@ -18,6 +18,9 @@ from pydantic import Field, ValidationError, model_validator
 from bsg_data.dataset.schema import FORMAT_VERSION, SPLIT_NAME
 from bsg_data.dataset.version_1 import convert_manifest
 from bsg_data.errors import DatasetError, MismatchError, SourceError
+from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.inputs.bounds import MANIFEST_FILE
+from bsg_data.inputs.documents import parse_json
 from bsg_data.recipes import PairsRecipe, Record, SplitRecipe, name_fault
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.class_space import ClassSpace, hash_classes
@@ -239,19 +242,16 @@ def read_manifest(dataset: Path) -> Manifest:
         MismatchError: if it is of another format version.
     """
     path = dataset / MANIFEST
-    try:
-        text = path.read_text("utf-8")
-    except FileNotFoundError as error:
+    if not path.is_file():
         if not dataset.is_dir():
-            raise DatasetError(f"{dataset}: no such folder") from error
+            raise DatasetError(f"{dataset}: no such folder")
         raise DatasetError(
             f"{dataset}: no {MANIFEST} there, so it is not a finished dataset; "
             "make one with `bsg-data build --out DATASET`"
-        ) from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise DatasetError(f"{path}: cannot be read ({error})") from error
+        )
+    data = read_bytes(path, MANIFEST_FILE, error=DatasetError)
     try:
-        said = json.loads(text)
+        said = parse_json(data)
         found = said.get("format_version")
         if type(found) is not int or found not in (1, FORMAT_VERSION):
             raise MismatchError(
@@ -262,8 +262,6 @@ def read_manifest(dataset: Path) -> Manifest:
             said = convert_manifest(said)
         # Strict about types, as JSON is: a list is a tuple there, and nothing else is guessed.
         return Manifest.model_validate_json(json.dumps(said))
-    except (json.JSONDecodeError, AttributeError, RecursionError) as error:
-        raise DatasetError(f"{path}: not JSON ({error}); build the dataset again") from error
     except ValidationError as error:
         raise DatasetError(
             f"{path}: {name_fault(error)} ({error.error_count()} faults in all); "
@@ -271,6 +269,8 @@ def read_manifest(dataset: Path) -> Manifest:
         ) from error
     except SourceError as error:
         raise DatasetError(f"{path}: the terms of a source: {error}") from error
+    except (ValueError, TypeError, AttributeError, LookupError) as error:
+        raise DatasetError(f"{path}: not JSON ({error}); build the dataset again") from error
 
 
 def encode_manifest(manifest: Manifest) -> bytes:
@@ -280,7 +280,8 @@ def encode_manifest(manifest: Manifest) -> bytes:
 
 def hash_manifest(dataset: Path) -> str:
     """Return the sha256 of `dataset.json`, which stands for the whole dataset."""
-    return hashlib.sha256((dataset / MANIFEST).read_bytes()).hexdigest()
+    data = read_bytes(dataset / MANIFEST, MANIFEST_FILE, error=DatasetError)
+    return hashlib.sha256(data).hexdigest()
 
 
 def require_class_space(manifest: Manifest, other: ClassSpaceEntry, *, what: str) -> None:

@@ -1,18 +1,15 @@
-"""Files of annotations: found below a folder, told apart by a hash, read within a bound."""
+"""Files of annotations: found below a folder, told apart by a hash."""
 
 from __future__ import annotations
 
-import gzip
-import hashlib
 import os
-import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
 from bsg_data.errors import AnnotationError, SourceError
+from bsg_data.inputs.bounded_file import hash_bounded
+from bsg_data.inputs.bounds import Bound
 from bsg_data.sources.source import SkippedScene
-
-PACKED = ".gz"
 
 
 def list_files(path: Path, suffixes: tuple[str, ...], unreadable: list[SkippedScene]) -> list[Path]:
@@ -76,40 +73,14 @@ def _why_not(path: Path) -> str | None:
     return None
 
 
-def fingerprint(path: Path, *, most: int) -> str:
+def fingerprint(path: Path, bound: Bound) -> str:
     """Hash a file; one that cannot be read, or is far too large, is reported when it is read."""
     try:
-        if path.stat().st_size > most:
-            return "too large"
-        return hashlib.sha256(path.read_bytes()).hexdigest()
+        return hash_bounded(path, bound)
     except OSError as error:
         return f"unreadable: {error.strerror}"
-
-
-def read_bytes(path: Path, *, most: int) -> bytes:
-    """Read a file, unpacked if its name ends in `.gz`.
-
-    Args:
-        path: of the file.
-        most: bytes that it may have, packed and unpacked.
-
-    Raises:
-        SourceError: if it cannot be read, is no gzip though its name says so, or is larger.
-    """
-    try:
-        if path.stat().st_size > most:
-            raise SourceError(f"{path}: {path.stat().st_size:,} bytes; expected at most {most:,}")
-        if not path.name.endswith(PACKED):
-            return path.read_bytes()
-        with gzip.open(path) as file:
-            data = file.read(most + 1)
-    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
-        raise SourceError(f"{path}: not a readable gzip file ({error})") from error
-    except OSError as error:
-        raise SourceError(f"{path}: cannot be read ({error.strerror or error})") from error
-    if len(data) > most:
-        raise SourceError(f"{path}: unpacks to more than {most:,} bytes; expected at most these")
-    return data
+    except ValueError:
+        return "too large"
 
 
 def decode(data: bytes, *, path: Path) -> str:

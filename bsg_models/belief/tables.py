@@ -18,9 +18,11 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet as pq
 
 from bsg_data.arrays import Floats
+from bsg_data.inputs.bounds import MAX_STREAMED_ROWS
+from bsg_data.inputs.documents import parse_json
+from bsg_data.inputs.parquet import open_parquet_file
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box
@@ -209,9 +211,11 @@ def _place(folder: Path, scene: str) -> Path:
 
 def _read_headers(folder: Path) -> list[Header]:
     """Return the headers in the order of their scene ids."""
-    metadata = pq.read_schema(folder / "nodes.parquet").metadata or {}
+    place = folder / "nodes.parquet"
+    with open_parquet_file(place, most=MAX_STREAMED_ROWS, error=BeliefFileError) as file:
+        metadata = file.schema_arrow.metadata or {}
     headers = []
-    for scene, entry in sorted(json.loads(metadata[_HEADERS]).items()):
+    for scene, entry in sorted(parse_json(metadata[_HEADERS]).items()):
         header = decode_whole_header(entry, path=_place(folder, scene))
         if header.partial.scene_id != scene:
             raise ValueError(f"the metadata has {header.partial.scene_id!r} under {scene!r}")

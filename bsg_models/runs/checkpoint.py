@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -23,6 +24,9 @@ from safetensors.torch import save
 from bsg_data.dataset.manifest import ClassSpaceEntry, Manifest, require_class_space
 from bsg_data.dataset.schema import FORMAT_VERSION
 from bsg_data.files import write_bytes
+from bsg_data.inputs.bounded_file import open_waiting_for_none
+from bsg_data.inputs.bounds import CHECKPOINT, CHECKPOINT_HEADER
+from bsg_data.inputs.documents import parse_json
 from bsg_data.recipes import Record, name_fault
 from bsg_data.scene.class_space import hash_classes
 from bsg_data.scene.own_map import OwnMap
@@ -146,14 +150,36 @@ def load_checkpoint(path: Path) -> Checkpoint:
 
 @contextmanager
 def _open(path: Path) -> Iterator[Any]:
+    _require_bounded(path)
     try:
         with safe_open(path, framework="pt") as file:
             _require_plain_end(path)
             yield file
-    except FileNotFoundError as error:
-        raise CheckpointError(f"{path}: no checkpoint there; train one with `bsg-train`") from error
     except (SafetensorError, OSError) as error:
         raise CheckpointError(f"{path}: not a readable checkpoint ({error})") from error
+
+
+def _require_bounded(path: Path) -> None:
+    """Refuse a file whose bytes, or whose header, are more than a model of ours can have."""
+    try:
+        with open_waiting_for_none(path) as file:
+            size = os.fstat(file.fileno()).st_size
+            header = int.from_bytes(file.read(8), "little")
+    except FileNotFoundError as error:
+        raise CheckpointError(f"{path}: no checkpoint there; train one with `bsg-train`") from error
+    except OSError as error:
+        raise CheckpointError(f"{path}: not a readable checkpoint ({error})") from error
+    if not path.is_file():
+        raise CheckpointError(f"{path}: not a readable checkpoint (it is no file)")
+    for what, found, bound in (
+        ("", size, CHECKPOINT),
+        (" in its header", header, CHECKPOINT_HEADER),
+    ):
+        if found > bound.bytes:
+            raise CheckpointError(
+                f"{path}: not a readable checkpoint ({found:,} bytes{what}; expected at most "
+                f"{bound.bytes:,})"
+            )
 
 
 def _require_plain_end(path: Path) -> None:
@@ -162,8 +188,7 @@ def _require_plain_end(path: Path) -> None:
     They mean nothing and no hash covers them.
     """
     with path.open("rb") as file:
-        length = int.from_bytes(file.read(8), "little")
-        text = file.read(length)
+        text = file.read(int.from_bytes(file.read(8), "little"))
     if not text.rstrip(b" ").endswith(b"}"):
         raise CheckpointError(f"{path}: is damaged: its header does not end as one; {_AGAIN}")
 
@@ -171,7 +196,7 @@ def _require_plain_end(path: Path) -> None:
 def _parse_header(path: Path, file: Any) -> CheckpointHeader:
     text = str((file.metadata() or {}).get("bsg", "null"))
     try:
-        fields = json.loads(text)
+        fields = parse_json(text)
         version = fields["checkpoint_version"]
         if version not in (*UNTILTED_VERSIONS, CHECKPOINT_VERSION):
             raise CheckpointError(

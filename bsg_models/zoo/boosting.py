@@ -21,6 +21,7 @@ from pydantic import Field
 
 from bsg_data.arrays import Floats
 from bsg_data.dataset.dataset import Dataset
+from bsg_data.inputs.documents import parse_json
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import MIN_RATE, CountDistribution, negative_binomial
 from bsg_models.errors import CheckpointError, TrainingError
@@ -138,7 +139,7 @@ class PoissonBoosting(CalibratedModel):
         lightgbm = _import_lightgbm()
         unpacking = zlib.decompressobj()
         try:
-            texts = json.loads(unpacking.decompress(packed, _MOST_BYTES))
+            texts = parse_json(unpacking.decompress(packed, _MOST_BYTES))
             grown = [
                 (float(one["start"]), _grow(lightgbm, one["trees"]) if one["trees"] else None)
                 for one in texts

@@ -148,7 +148,7 @@ def test_files_that_changed_vanished_or_appeared_are_named(dataset: Path) -> Non
     (dataset / "README.md").unlink()
     found = {fault.where: fault.what for fault in check_dataset(dataset)}
     assert found[ROOMS] == "is in the manifest but not there"
-    assert "was changed" in found[OBJECTS] or "not readable parquet" in found[OBJECTS]
+    assert "was changed" in found[OBJECTS] or "not readable as parquet" in found[OBJECTS]
     assert "is not in the manifest" in found["pairs/notes.txt"]
     assert "is missing" in found["README.md"]
 

@@ -1,14 +1,14 @@
-"""Files of annotations: walked without loops, read within a bound, packed or not."""
+"""Files of annotations: walked without loops, told apart by a hash."""
 
 from __future__ import annotations
 
-import gzip
 from pathlib import Path
 
 import pytest
 
-from bsg_data.errors import AnnotationError, SourceError
-from bsg_data.sources.annotation_files import decode, fingerprint, read_bytes, walk_files
+from bsg_data.errors import AnnotationError
+from bsg_data.inputs.bounds import Bound
+from bsg_data.sources.annotation_files import decode, fingerprint, walk_files
 from bsg_data.sources.source import SkippedScene
 
 
@@ -26,26 +26,13 @@ def test_a_walk_follows_links_and_ends(tmp_path: Path) -> None:
     ]
 
 
-def test_reading_is_bounded_packed_or_not(tmp_path: Path) -> None:
-    plain, packed = tmp_path / "a.txt", tmp_path / "a.txt.gz"
-    plain.write_bytes(b"x" * 100)
-    packed.write_bytes(gzip.compress(b"x" * 100))
-    assert read_bytes(plain, most=100) == read_bytes(packed, most=100) == b"x" * 100
-    with pytest.raises(SourceError, match=r"a\.txt: 100 bytes; expected at most 99"):
-        read_bytes(plain, most=99)
-    with pytest.raises(SourceError, match=r"a\.txt\.gz: unpacks to more than 99 bytes"):
-        read_bytes(packed, most=99)
-    with pytest.raises(SourceError, match=r"nothing: cannot be read \(No such file"):
-        read_bytes(tmp_path / "nothing", most=1)
-
-
 def test_a_fingerprint_tells_files_apart(tmp_path: Path) -> None:
     (tmp_path / "a").write_text("1")
     (tmp_path / "b").write_text("2")
-    marks = [fingerprint(tmp_path / name, most=9) for name in ("a", "b", "c")]
+    marks = [fingerprint(tmp_path / name, Bound("", 9)) for name in ("a", "b", "c")]
     assert len(set(marks)) == 3
     assert marks[2] == "unreadable: No such file or directory"
-    assert fingerprint(tmp_path / "a", most=0) == "too large"
+    assert fingerprint(tmp_path / "a", Bound("", 0)) == "too large"
 
 
 def test_the_line_that_is_no_text_is_named() -> None:
