@@ -11,7 +11,7 @@ PYTEST := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 
 TESTED := tests bsg_data bsg_models $(VENV)/links/bsg_cli
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test fast coverage lint format docs bench clean
+.PHONY: help install demo test fast coverage faults lint format docs bench clean
 
 help: ## Say what each target does.
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -56,6 +56,11 @@ fast: $(INSTALLED) ## Run the tests that take less than about two seconds each.
 
 coverage: $(INSTALLED) ## Run all tests, and list the lines that none of them runs.
 	$(PYTEST) --cov --cov-report=term-missing
+
+faults: $(INSTALLED) ## Try every fault in full, about an hour: docs/results/reliability.md.
+	rm -f build/faults.jsonl && mkdir -p build
+	-$(PYTEST) --full --tally build/faults.jsonl tests/faults
+	$(BIN)/python scripts/faults/report.py --tally build/faults.jsonl --out docs/results/reliability.md
 
 lint: $(INSTALLED) ## Check format, style and types.
 	$(BIN)/ruff format --check .

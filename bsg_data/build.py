@@ -8,7 +8,6 @@ one worker or many, stopped or not.
 from __future__ import annotations
 
 import hashlib
-import shutil
 from collections import Counter
 from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
@@ -17,7 +16,14 @@ from importlib.metadata import version
 from pathlib import Path
 
 from bsg_data.build_shards import ShardReport, enter_skip, make_shard
-from bsg_data.dataset.growth import finish, make_parent, open_partial, refuse_overwriting
+from bsg_data.dataset.growth import (
+    finish,
+    make_parent,
+    open_partial,
+    recall,
+    refuse_overwriting,
+    remove_growing,
+)
 from bsg_data.dataset.kept_maps import keep_class_map, name_kept
 from bsg_data.dataset.manifest import (
     ClassMapEntry,
@@ -29,6 +35,7 @@ from bsg_data.dataset.manifest import (
     describe_unmapped,
     list_resolved,
 )
+from bsg_data.dataset.replacement import is_settled, name_growing
 from bsg_data.dataset.schema import FORMAT_VERSION
 from bsg_data.errors import SourceError
 from bsg_data.executors import run_all
@@ -139,17 +146,22 @@ def build_dataset(
         DatasetError: if `out` is in the way or cannot be written.
     """
     out = out.resolve()  # a linked --out stays a link; what it leads to is replaced
-    refuse_overwriting(out, force=force)
+    if is_settled(out):
+        refuse_overwriting(out, force=force)
     planned = plan_build(
         source, class_map=class_map, strict=strict, scenes_per_shard=scenes_per_shard
     )
     make_parent(out)
     with hold(out):  # against another build, and against split and pairs of what is replaced
+        done = recall(out, planned.plan.recipe)
+        if done is not None:
+            return done
+        refuse_overwriting(out, force=force)
         growing = open_partial(out, planned.plan.recipe)
         planned.keep_map(growing)
         every = range(planned.plan.shards)
         reports = planned.make(every, growing, executor=executor, progress=progress)
-        return finish_build(planned.plan, reports, growing, out, force=force, where=source.path)
+        return finish_build(planned.plan, reports, out, force=force, where=source.path)
 
 
 def plan_build(
@@ -187,7 +199,6 @@ def plan_build(
 def finish_build(
     plan: BuildPlan,
     reports: list[ShardReport],
-    growing: Path,
     out: Path,
     *,
     force: bool,
@@ -198,7 +209,6 @@ def finish_build(
     Args:
         plan: of the build.
         reports: of all its shards.
-        growing: folder that it grew in.
         out: its place.
         force: replace a finished dataset.
         where: what an error names, the source if it is known.
@@ -207,12 +217,12 @@ def finish_build(
         SourceError: if none of its scenes could be read; what has grown is removed.
         DatasetError: if it cannot be put in its place.
     """
-    class_map = name_kept(plan.recipe.source.class_map, growing)
+    class_map = name_kept(plan.recipe.source.class_map, name_growing(out))
     manifest = _summarise(plan, reports, load_class_map(class_map))
     if not manifest.totals.scenes:
-        shutil.rmtree(growing)
+        remove_growing(out)
         raise SourceError(_nothing_readable(where, manifest))
-    finish(growing, out, manifest, force=force)
+    finish(out, manifest, force=force)
     return manifest
 
 

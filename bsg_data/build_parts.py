@@ -19,9 +19,10 @@ from pydantic import ValidationError
 
 from bsg_data.build import SCENES_PER_SHARD, BuildPlan, finish_build, plan_build
 from bsg_data.build_shards import is_reported, read_report
-from bsg_data.dataset.growth import join_partial, make_parent, refuse_overwriting
+from bsg_data.dataset.growth import join_partial, make_parent, recall, refuse_overwriting
 from bsg_data.dataset.manifest import MANIFEST, Manifest
 from bsg_data.dataset.publication import PLAN, REPORTS
+from bsg_data.dataset.replacement import is_settled, name_growing
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import MANIFEST_FILE
@@ -123,12 +124,23 @@ def finalise_dataset(
         SourceError: if none of the scenes could be read.
     """
     out = out.resolve()
-    growing = out.with_name(f"{out.name}.partial")
-    if (out / MANIFEST).is_file() and not growing.exists():
-        raise DatasetError(f"{out}: is finished already, and no parts are left to finish")
-    refuse_overwriting(out, force=force)
+    growing = name_growing(out)
+    if (out / PLAN).is_file() and out.name.endswith(".partial"):
+        dataset = out.with_name(out.name.removesuffix(".partial"))
+        raise DatasetError(
+            f"{out}: is the folder that parts are made in; name the dataset: "
+            f"bsg-data finalise {dataset}"
+        )
+    if is_settled(out):
+        _refuse_finished(out)
+        refuse_overwriting(out, force=force)
     make_parent(out)
     with hold(out):
+        done = recall(out)
+        if done is not None and not (growing / PLAN).is_file():
+            return done
+        _refuse_finished(out)
+        refuse_overwriting(out, force=force)
         plan = _read_plan(growing)
         reports, missing = [], []
         for number in range(plan.shards):
@@ -141,7 +153,12 @@ def finalise_dataset(
                 progress(number + 1, plan.shards)
         if missing:
             raise DatasetError(_tell_missing(growing, missing, plan.shards))
-        return finish_build(plan, reports, growing, out, force=force, where=out)
+        return finish_build(plan, reports, out, force=force, where=out)
+
+
+def _refuse_finished(out: Path) -> None:
+    if (out / MANIFEST).is_file() and not name_growing(out).exists():
+        raise DatasetError(f"{out}: is finished already, and no parts are left to finish")
 
 
 def _read_plan(growing: Path) -> BuildPlan:

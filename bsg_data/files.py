@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from bsg_data.errors import DatasetError
 
@@ -30,7 +32,7 @@ def open_beside(path: Path) -> Iterator[Path]:
             path.parent.mkdir(parents=True, exist_ok=True)
             partial.unlink(missing_ok=True)  # of a killed command; a link there is never followed
             yield partial
-            _flush(partial)
+            flush_file(partial)
             partial.replace(path)
         finally:
             partial.unlink(missing_ok=True)
@@ -46,6 +48,25 @@ def write_bytes(path: Path, data: bytes) -> None:
     """
     with open_beside(path) as partial, partial.open("xb") as file:
         file.write(data)
+
+
+def encode_json(value: object, **style: Any) -> str:
+    """Return a value as JSON, which has no NaN and no infinity; all that we write goes through it.
+
+    Args:
+        value: of what JSON knows.
+        style: as `json.dumps` takes it.
+
+    Raises:
+        DatasetError: if a number in it is not finite.
+    """
+    try:
+        return json.dumps(value, allow_nan=False, **style)  # noqa: TID251
+    except ValueError as error:
+        raise DatasetError(
+            f"a number that was computed is not finite, and JSON has none such ({error}); nothing "
+            "was written: please report it"
+        ) from error
 
 
 def stem_of(name: str) -> str:
@@ -70,9 +91,24 @@ def hash_file(path: Path) -> str:
     return digest.hexdigest()
 
 
-def _flush(path: Path) -> None:
+def flush_file(path: Path) -> None:
+    """Have the data of a file reach the disk.
+
+    Raises:
+        OSError: if they do not.
+    """
     descriptor = os.open(path, os.O_RDWR)  # Windows flushes only what is open for writing
     try:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def flush_folder(path: Path) -> None:
+    """Have the names in a folder reach the disk, where the system can do that for a folder."""
+    with suppress(OSError):
+        descriptor = os.open(path, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)

@@ -9,12 +9,19 @@ from __future__ import annotations
 import heapq
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from importlib.metadata import version
 from itertools import islice
 from pathlib import Path
 
 from bsg_data.build import SCENES_PER_SHARD
-from bsg_data.dataset.growth import finish, make_parent, open_partial, refuse_overwriting
+from bsg_data.dataset.growth import (
+    finish,
+    make_parent,
+    open_partial,
+    recall,
+    refuse_overwriting,
+)
 from bsg_data.dataset.kept_maps import copy_class_maps
 from bsg_data.dataset.manifest import (
     FileEntry,
@@ -22,10 +29,11 @@ from bsg_data.dataset.manifest import (
     ResolvedEntry,
     Totals,
     UnmappedEntry,
-    hash_manifest,
+    read_hashed_manifest,
     read_manifest,
     require_class_space,
 )
+from bsg_data.dataset.replacement import is_settled, settle
 from bsg_data.dataset.schema import FORMAT_VERSION
 from bsg_data.dataset.shards import read_scene_graphs, read_table, write_shards
 from bsg_data.dataset.splits import write_splits
@@ -43,6 +51,26 @@ class MergeRecipe(Record):
     generator: str
     parts: tuple[str, ...]
     scenes_per_shard: int
+
+
+@dataclass(frozen=True, slots=True)
+class MergedPart:
+    """A dataset as it was when its manifest was read; what is changed since is refused.
+
+    Attributes:
+        dataset: its folder.
+        manifest: of it.
+        sha256: of the manifest.
+    """
+
+    dataset: Path
+    manifest: Manifest
+    sha256: str
+
+    @classmethod
+    def open(cls, dataset: Path) -> MergedPart:
+        """Read the manifest of a dataset."""
+        return cls(dataset, *read_hashed_manifest(dataset))
 
 
 def merge_datasets(
@@ -73,13 +101,18 @@ def merge_datasets(
     """
     if len(datasets) < 2:
         raise RecipeError(f"a merge takes two datasets or more; found {len(datasets)}")
-    parts = sorted(datasets, key=hash_manifest_of)
-    manifests = [read_manifest(dataset) for dataset in parts]
-    for dataset, manifest in zip(parts, manifests, strict=True):
-        require_class_space(manifests[0], manifest.class_space, what=str(dataset))
-    _refuse_shared_buildings(parts, manifests)
-    merged = _combine(manifests, scenes_per_shard=scenes_per_shard)
-    return _rewrite(parts, out.resolve(), merged, force=force, progress=progress)
+    parts = sorted(map(MergedPart.open, datasets), key=lambda part: part.sha256)
+    for part in parts:
+        first = parts[0].manifest
+        require_class_space(first, part.manifest.class_space, what=str(part.dataset))
+    _refuse_shared_buildings(parts)
+    merged = _combine([part.manifest for part in parts], scenes_per_shard=scenes_per_shard)
+    out = out.resolve()
+    if is_settled(out):
+        refuse_overwriting(out, force=force)
+    make_parent(out)
+    with hold(out):
+        return _rewrite(parts, out, merged, force=force, progress=progress)
 
 
 def upgrade_dataset(
@@ -92,42 +125,36 @@ def upgrade_dataset(
     Raises:
         DatasetError: if it cannot be read or replaced.
     """
+    dataset = dataset.resolve()
     manifest = read_manifest(dataset)
-    if manifest.format_version == FORMAT_VERSION:
+    if manifest.format_version == FORMAT_VERSION and is_settled(dataset):
         return manifest
-    upgraded = manifest.model_copy(
-        update={"format_version": FORMAT_VERSION, "generator": _generator()}
-    )
-    return _rewrite([dataset], dataset.resolve(), upgraded, force=True, progress=progress)
-
-
-def hash_manifest_of(dataset: Path) -> str:
-    """Return the hash of a dataset's manifest.
-
-    Raises:
-        DatasetError: if there is none.
-    """
-    try:
-        return hash_manifest(dataset)
-    except OSError:
-        read_manifest(dataset)  # says in words what is missing
-        raise
+    with hold(dataset):
+        settle(dataset)
+        part = MergedPart.open(dataset)  # read again, for somebody may have changed it
+        if part.manifest.format_version == FORMAT_VERSION:
+            return part.manifest
+        upgraded = part.manifest.model_copy(
+            update={"format_version": FORMAT_VERSION, "generator": _generator()}
+        )
+        return _rewrite([part], dataset, upgraded, force=True, progress=progress)
 
 
 def _generator() -> str:
     return f"belief-scene-graphs {version('belief-scene-graphs')}"
 
 
-def _refuse_shared_buildings(datasets: Sequence[Path], manifests: Sequence[Manifest]) -> None:
+def _refuse_shared_buildings(parts: Sequence[MergedPart]) -> None:
     """Refuse a building that two datasets hold: it could be trained on and tested on."""
     found: dict[str, int] = {}
-    for number, (dataset, manifest) in enumerate(zip(datasets, manifests, strict=True)):
-        table = read_table(dataset, "scenes", columns=["scene_id"], manifest=manifest)
+    for number, part in enumerate(parts):
+        columns = ["scene_id"]
+        table = read_table(part.dataset, "scenes", columns=columns, manifest=part.manifest)
         for scene in table["scene_id"].to_pylist():
             first = found.setdefault(building_hash(scene), number)
             if first != number:
                 raise DatasetError(
-                    f"{dataset}: building {scene} is in {datasets[first]}, too; "
+                    f"{part.dataset}: building {scene} is in {parts[first].dataset}, too; "
                     "build one of them without it"
                 )
 
@@ -172,50 +199,61 @@ def _add_resolved(entries: Iterable[ResolvedEntry]) -> Iterator[ResolvedEntry]:
 
 
 def _rewrite(
-    datasets: Sequence[Path],
+    parts: Sequence[MergedPart],
     out: Path,
     manifest: Manifest,
     *,
     force: bool,
     progress: Callable[[int, int], None] | None,
 ) -> Manifest:
-    """Write the scenes of some datasets as one; `manifest` says what it is, but for its files."""
-    refuse_overwriting(out, force=force)
-    make_parent(out)
+    """Write the scenes of some datasets as one, whose lock is held.
+
+    Args:
+        parts: the datasets.
+        out: the place of the new one.
+        manifest: what it is, but for its files.
+        force: replace a finished dataset.
+        progress: called with (scenes done, scenes in all).
+    """
     recipe = MergeRecipe(
         generator=manifest.generator,
-        parts=tuple(hash_manifest_of(dataset) for dataset in datasets),
+        parts=tuple(part.sha256 for part in parts),
         scenes_per_shard=manifest.scenes_per_shard,
     )
-    with hold(out):
-        growing = open_partial(out, recipe)
-        for dataset in datasets:
-            copy_class_maps(dataset, read_manifest(dataset), growing)
-        files = _write_scenes(datasets, growing, manifest, progress=progress)
-        if manifest.split is not None:
-            files += write_splits(datasets[0], growing, manifest)
-        if manifest.pairs is not None:
-            files += rewrite_pairs(datasets[0], growing, manifest)
-        ordered = tuple(sorted(files, key=lambda entry: entry.path))
-        written = manifest.model_copy(update={"files": ordered})
-        finish(growing, out, written, force=force)
+    done = recall(out, recipe)
+    if done is not None:
+        return done
+    refuse_overwriting(out, force=force)
+    growing = open_partial(out, recipe)
+    for part in parts:
+        copy_class_maps(part.dataset, part.manifest, growing)
+    files = _write_scenes(parts, growing, manifest, progress=progress)
+    first = parts[0]
+    if manifest.split is not None:
+        files += write_splits(first.dataset, growing, manifest, old=first.manifest)
+    if manifest.pairs is not None:
+        files += rewrite_pairs(first.dataset, growing, manifest, old=first.manifest)
+    ordered = tuple(sorted(files, key=lambda entry: entry.path))
+    written = manifest.model_copy(update={"files": ordered})
+    finish(out, written, force=force)
     return written
 
 
 def _write_scenes(
-    datasets: Sequence[Path],
+    parts: Sequence[MergedPart],
     folder: Path,
     manifest: Manifest,
     *,
     progress: Callable[[int, int], None] | None,
 ) -> list[FileEntry]:
     """Write all scenes in the order of their ids, some at a time."""
-    graphs = heapq.merge(*map(read_scene_graphs, datasets), key=lambda graph: graph.scene_id)
+    scenes = (read_scene_graphs(part.dataset, manifest=part.manifest) for part in parts)
+    graphs = heapq.merge(*scenes, key=lambda graph: graph.scene_id)
     files: list[FileEntry] = []
-    for part, batch in enumerate(_batches(graphs, manifest.scenes_per_shard)):
-        files += write_shards(batch, folder, part=part, class_space=manifest.class_space)
+    for number, batch in enumerate(_batches(graphs, manifest.scenes_per_shard)):
+        files += write_shards(batch, folder, part=number, class_space=manifest.class_space)
         if progress is not None:
-            done = min((part + 1) * manifest.scenes_per_shard, manifest.totals.scenes)
+            done = min((number + 1) * manifest.scenes_per_shard, manifest.totals.scenes)
             progress(done, manifest.totals.scenes)
     return files
 

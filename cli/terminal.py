@@ -1,12 +1,11 @@
 """What all commands share: exit codes, errors, progress bars and the worker pool.
 
 A result goes to stdout, as text or with `--json` as JSON; progress, notes and errors go to stderr.
-Exit codes: 0 done, 1 failed or found faults, 2 wrong usage, 130 interrupted.
+Exit codes: 0 done, 1 failed or found faults, 2 wrong usage, 130 interrupted, 143 asked to end.
 """
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import sys
@@ -18,7 +17,8 @@ from dataclasses import dataclass
 from io import TextIOWrapper
 from multiprocessing import get_context, parent_process
 from pathlib import Path
-from threading import Thread
+from threading import Thread, current_thread, main_thread
+from types import FrameType
 from typing import Any, NoReturn, Protocol
 
 import click
@@ -28,10 +28,17 @@ from tqdm import tqdm  # noqa: TID251 -- the command line is where bars belong
 from bsg_cli.cluster import connect
 from bsg_cli.dataset_paths import require_datasets
 from bsg_data.errors import BSGError, RecipeError
+from bsg_data.files import encode_json
 from bsg_data.recipes import name_fault
+from bsg_data.tables import make_plain
 
-FAILED, WRONG_USAGE, INTERRUPTED = 1, 2, 130
+FAILED, WRONG_USAGE, INTERRUPTED, ENDED = 1, 2, 130, 143
+NO_MEMORY = "Error: not enough memory; give the command more, or fewer --workers where it has them"
 SECONDS_BETWEEN_LINES = 30.0  # of progress, where stderr is no terminal
+
+
+class AskedToEndError(KeyboardInterrupt):
+    """SIGTERM came: what a cluster or a shutdown sends undoes and keeps what Ctrl-C does."""
 
 
 class Command(click.Command):
@@ -51,7 +58,7 @@ class Command(click.Command):
         return super().parse_args(ctx, args)
 
     def main(self, *args: Any, **kwargs: Any) -> NoReturn:
-        """Run the command and leave the process with one of the four exit codes.
+        """Run the command and leave the process with one of the five exit codes.
 
         What the libraries raise becomes a message.
         """
@@ -60,22 +67,28 @@ class Command(click.Command):
                 stream.reconfigure(errors="replace")
         try:
             kwargs["standalone_mode"] = False
-            code = super().main(*args, **kwargs)
+            with _ended_in_order():
+                code = super().main(*args, **kwargs)
         except click.ClickException as error:
+            error.message = make_plain(error.message)  # type: ignore[misc]
             error.show()
             sys.exit(error.exit_code)
         except BSGError as error:
-            click.echo(f"Error: {error}", err=True)
+            print_note(f"Error: {error}")
             sys.exit(WRONG_USAGE if isinstance(error, RecipeError) else FAILED)
         except ValidationError as error:  # of a request, which says what it cannot be
-            click.echo(f"Error: {name_fault(error)}", err=True)
+            print_note(f"Error: {name_fault(error)}")
             sys.exit(WRONG_USAGE)
-        except (click.Abort, KeyboardInterrupt):
-            click.echo("interrupted", err=True)
-            sys.exit(INTERRUPTED)
+        except (click.Abort, KeyboardInterrupt) as error:  # click makes the one of the other
+            asked = isinstance(error.__cause__ or error, AskedToEndError)
+            print_note("asked to end" if asked else "interrupted")
+            sys.exit(ENDED if asked else INTERRUPTED)
+        except MemoryError:
+            print_note(NO_MEMORY)
+            sys.exit(FAILED)
         except OSError as error:
             where = f"{error.filename}: " if error.filename else ""
-            click.echo(f"Error: {where}{error.strerror or error}", err=True)
+            print_note(f"Error: {where}{error.strerror or error}")
             sys.exit(FAILED)
         sys.exit(code if isinstance(code, int) else 0)
 
@@ -84,6 +97,24 @@ class CommandGroup(Command, click.Group):
     """A group of such commands."""
 
     command_class = Command
+
+
+@contextmanager
+def _ended_in_order() -> Iterator[None]:
+    """Let SIGTERM end the block as Ctrl-C does; one that comes while that is done is ignored."""
+
+    def end(number: int, frame: FrameType | None) -> None:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        raise AskedToEndError
+
+    if current_thread() is not main_thread():  # no other may say what a signal does
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 class Progress(Protocol):
@@ -103,7 +134,7 @@ def progress_bar(what: str, *, unit: str) -> Iterator[Progress]:
 
         def report(done: int, total: int, said: str = "") -> None:
             bar.total = total
-            bar.set_postfix_str(said, refresh=False)
+            bar.set_postfix_str(make_plain(said), refresh=False)
             bar.update(done - bar.n)
 
         yield report
@@ -193,9 +224,14 @@ def end_with_parent() -> None:
 
 def print_json(value: object) -> None:
     """Print one JSON document on stdout."""
-    click.echo(json.dumps(value, indent=1, ensure_ascii=False))
+    click.echo(encode_json(value, indent=1, ensure_ascii=False))
+
+
+def print_text(text: str, *, nl: bool = True) -> None:
+    """Print a result on stdout, without what a terminal would obey; see `make_plain`."""
+    click.echo(make_plain(text), nl=nl)
 
 
 def print_note(text: str) -> None:
     """Tell people something on stderr."""
-    click.echo(text, err=True)
+    click.echo(make_plain(text), err=True)

@@ -22,6 +22,13 @@ REPOSITORY = Path(__file__).resolve().parent.parent
 tomllib = importlib.import_module("tomllib" if sys.version_info >= (3, 11) else "tomli")
 SHARED = REPOSITORY.parent / "shared" / "hm3d"
 
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add what `make faults` asks for."""
+    parser.addoption("--full", action="store_true", help="tests/faults: try everything")
+    parser.addoption("--tally", metavar="FILE", help="tests/faults: append what was tried to FILE")
+
+
 KITCHEN = ["wall", "floor", "stove", "refrigerator", "sink", "kitchen cabinet", "chair", "chair"]
 BEDROOM = ["wall", "floor", "bed", "pillow", "pillow", "wardrobe", "lamp", "curtain", "zzqx thing"]
 BATHROOM = ["wall", "floor", "toilet", "sink", "mirror", "bathtub", "towel", "unknown", ""]

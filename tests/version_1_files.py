@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -68,9 +69,8 @@ def write_version_1(dataset: Path, *, mask: MaskRecipe | None = None) -> Manifes
         data = path.read_bytes()
         entry.update(bytes=len(data), sha256=hashlib.sha256(data).hexdigest())
     if mask is None:
-        for path in (*(dataset / "pairs").glob("*"), dataset / "splits.parquet"):
-            path.unlink()
-        (dataset / "pairs").rmdir()
+        (dataset / "splits.parquet").unlink(missing_ok=True)
+        shutil.rmtree(dataset / "pairs", ignore_errors=True)
     (dataset / "dataset.json").write_text(json.dumps(said), "utf-8")
     return manifest
 

@@ -29,10 +29,11 @@ from bsg_data.dataset.manifest import (
     ClassSpaceEntry,
     FileEntry,
     Manifest,
-    hash_manifest,
-    read_manifest,
+    read_hashed_manifest,
 )
-from bsg_data.dataset.publication import CARD, CROISSANT, list_strays
+from bsg_data.dataset.own_files import is_own
+from bsg_data.dataset.publication import CARD, CROISSANT, REPLACES, list_strays
+from bsg_data.dataset.replacement import find_replaced
 from bsg_data.dataset.schema import TABLES
 from bsg_data.errors import ClassMapError
 from bsg_data.observation.pairs import split_of_file
@@ -54,7 +55,7 @@ def check_dataset(
     Raises:
         DatasetError: if the manifest cannot be read, so that there is nothing to check against.
     """
-    manifest = read_manifest(dataset)
+    manifest, sha256 = read_hashed_manifest(dataset)
     files = FileReader(dataset, manifest, progress)
     faults = [*_check_classes(manifest), *_check_kept_maps(dataset, manifest)]
     faults += _check_strays(dataset, manifest)
@@ -67,7 +68,7 @@ def check_dataset(
     if not (faults or files.faults) and manifest.split is not None:
         table = pa.concat_tables(splits)
         faults += check_splits(table, census, manifest.split)
-        faults += _check_pairs(files, manifest, table)
+        faults += _check_pairs(files, Dataset(dataset, manifest, sha256), table)
     return tuple(dict.fromkeys([*faults, *files.faults]))
 
 
@@ -102,11 +103,11 @@ def _check_part(part: Part, census: Census, objects: ObjectCheck) -> Iterator[Fa
         yield from check_edges(part)
 
 
-def _check_pairs(files: FileReader, manifest: Manifest, splits: pa.Table) -> Iterator[Fault]:
+def _check_pairs(files: FileReader, data: Dataset, splits: pa.Table) -> Iterator[Fault]:
     """Check the pairs, a file at a time, against the parts of the tables that they are of."""
+    manifest = data.manifest
     if manifest.pairs is None:
         return
-    data = Dataset(files.dataset, manifest, hash_manifest(files.dataset))
     split_of = dict(zip(*(splits[name].to_pylist() for name in ("scene_id", "split")), strict=True))
     pairs = PairCheck(data, split_of, manifest.pairs)
     for entry in _by_place(manifest.files_of("pairs")):
@@ -172,7 +173,21 @@ def _check_kept_maps(dataset: Path, manifest: Manifest) -> Iterator[Fault]:
 
 def _check_strays(dataset: Path, manifest: Manifest) -> Iterator[Fault]:
     for name in list_strays(dataset, manifest):
-        yield Fault(name, "is not in the manifest: left by a stopped command, or put there")
+        if name == REPLACES and (old := find_replaced(dataset)) is not None:
+            yield Fault(
+                name,
+                "is not in the manifest: left by a command that was stopped as it replaced a "
+                f"dataset, whose old files are {old}; the next command that changes this one "
+                "removes both",
+            )
+        elif is_own(name):
+            yield Fault(
+                name,
+                "is not in the manifest: left by a stopped command; the next one that changes the "
+                "dataset removes it",
+            )
+        else:
+            yield Fault(name, "is not in the manifest: somebody put it there; move it away")
     for name in (CARD, CROISSANT):
         if not (dataset / name).is_file():
             yield Fault(name, "is missing; any of build, split or pairs writes it again")

@@ -16,7 +16,13 @@ import numpy as np
 
 from bsg_data.arrays import Counts, Ints
 from bsg_data.dataset.categories import OtherObjects
-from bsg_data.dataset.manifest import FileEntry, Manifest, hash_manifest, read_manifest
+from bsg_data.dataset.manifest import (
+    FileEntry,
+    Manifest,
+    hash_manifest,
+    read_hashed_manifest,
+    read_manifest,
+)
 from bsg_data.dataset.part import DatasetPart
 from bsg_data.dataset.schema import TABLES
 from bsg_data.dataset.shards import read_table
@@ -170,7 +176,9 @@ class Dataset:
 
 @lru_cache(maxsize=8)
 def _open_once(path: Path, sha256: str) -> Dataset:
-    manifest = read_manifest(path)
+    manifest, found = read_hashed_manifest(path)
+    if found != sha256:  # replaced meanwhile
+        return _open_once(path, found)
     for entry in (entry for name in TABLES for entry in manifest.files_of(name)):
         try:
             size = (path / entry.path).stat().st_size

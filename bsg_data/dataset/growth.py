@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import glob
 import shutil
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
 from bsg_data.dataset.manifest import MANIFEST, Manifest, read_manifest
-from bsg_data.dataset.publication import PLAN, REPORTS, REVISION, list_strays, publish
+from bsg_data.dataset.own_files import is_own, refuse_foreign, remove_own
+from bsg_data.dataset.publication import PLAN, RECIPE, REPORTS, list_paths, list_strays, publish
+from bsg_data.dataset.replacement import name_growing, put_in_place, restore, settle
 from bsg_data.errors import DatasetError
 from bsg_data.files import write_bytes
 from bsg_data.lock import hold
@@ -50,10 +51,10 @@ def refuse_overwriting(out: Path, *, force: bool) -> None:
     if not force:
         raise DatasetError(f"{out}: is a finished dataset; --force replaces it")
     try:
-        strays = list_strays(out, read_manifest(out))
+        manifest = read_manifest(out)
     except DatasetError as error:
         raise DatasetError(f"{error}. --force does not remove it; move it away") from error
-    users = [name for name in strays if not name.startswith(f"{REVISION}/")]
+    users = [name for name in list_strays(out, manifest) if not is_own(name)]
     if users:
         raise DatasetError(
             f"{out}: holds {users[0]}, which is not the dataset's; move it away, then --force"
@@ -66,11 +67,13 @@ def open_partial(out: Path, recipe: Record) -> Path:
     Raises:
         DatasetError: if something else is in the way.
     """
-    partial = out.with_name(f"{out.name}.partial")
-    path = partial / REPORTS / "recipe.json"
-    wanted = recipe.model_dump_json().encode()
+    partial = name_growing(out)
+    path = partial / RECIPE
+    if partial.is_symlink():
+        raise DatasetError(f"{partial}: is a link and no build of ours; move it away")
     if partial.exists():
-        if path.is_file() and path.read_bytes() == wanted:
+        if _read(path) == _encode(recipe):
+            refuse_foreign(partial)
             return partial
         if (partial / PLAN).exists():
             raise DatasetError(
@@ -79,9 +82,40 @@ def open_partial(out: Path, recipe: Record) -> Path:
             )
         if not path.is_file() and not _is_bare(partial):
             raise DatasetError(f"{partial}: is in the way and no build of ours; move it away")
-        shutil.rmtree(partial)  # of a build that was stopped and is not this one
-    write_bytes(path, wanted)
+        remove_growing(out)  # of a build that was stopped and is not this one
+    write_bytes(path, _encode(recipe))
     return partial
+
+
+def remove_growing(out: Path) -> None:
+    """Remove what has grown for a place, the recipe last: whatever is left is known by it.
+
+    Raises:
+        DatasetError: if it holds something that is not ours, or cannot be removed.
+    """
+    remove_own(name_growing(out), last=[RECIPE])
+
+
+def recall(out: Path, recipe: Record | None = None) -> Manifest | None:
+    """Finish what a killed command was about to do when its dataset was whole.
+
+    Whoever calls it holds the lock of `out`.
+
+    Args:
+        out: where the dataset is.
+        recipe: of the command that runs now; None for whatever was left to be finished.
+
+    Returns:
+        The manifest, if that was the dataset of this recipe; None if there is more to do.
+
+    Raises:
+        DatasetError: if something that is not ours is in the way.
+    """
+    restore(out)
+    found = _read(out / RECIPE)
+    settle(out)
+    done = found is not None and (recipe is None or found == _encode(recipe))
+    return read_manifest(out) if done else None
 
 
 def join_partial(
@@ -100,10 +134,11 @@ def join_partial(
     Raises:
         DatasetError: if something else is in the way, also another build.
     """
-    partial = out.with_name(f"{out.name}.partial")
+    partial = name_growing(out)
     wanted = plan.model_dump_json().encode()
     if _read(partial / PLAN) != wanted:
         with hold(out, wait=SECONDS_TO_JOIN):
+            settle(out)
             found = _read(partial / PLAN)
             if found is None:
                 prepare(open_partial(out, recipe))
@@ -121,44 +156,32 @@ def name_unfinished(growing: Path) -> str:
     return f".{growing.name}.shard-"
 
 
+def _encode(recipe: Record) -> bytes:
+    return recipe.model_dump_json().encode()
+
+
 def _read(path: Path) -> bytes | None:
     return path.read_bytes() if path.is_file() else None
 
 
 def _is_bare(partial: Path) -> bool:
-    """Say whether nothing is there but what a build killed at its very start leaves."""
-    begun = {partial / REPORTS, partial / REPORTS / ".recipe.json.partial"}
-    return partial.is_dir() and not partial.is_symlink() and set(partial.rglob("*")) <= begun
+    """Say whether nothing is there but what a build leaves that is killed at its start or end."""
+    return partial.is_dir() and set(list_paths(partial)) <= {f"{REPORTS}/.recipe.json.partial"}
 
 
-def finish(growing: Path, out: Path, manifest: Manifest, *, force: bool) -> None:
+def finish(out: Path, manifest: Manifest, *, force: bool) -> None:
     """Publish a dataset that has grown, and rename it to its place.
 
     Raises:
         DatasetError: if the place was taken meanwhile, or a file cannot be renamed.
     """
-    for name in list_strays(growing, manifest):
-        (growing / name).unlink()
-    publish(growing, manifest)
+    growing = name_growing(out)
+    refuse_foreign(growing)
     refuse_overwriting(out, force=force)
-    _move_into_place(growing, out)
+    for name in list_strays(growing, manifest):
+        if not name.startswith(f"{REPORTS}/"):
+            (growing / name).unlink()
+    publish(growing, manifest)
+    put_in_place(out)
     for left in growing.parent.glob(f"{glob.escape(name_unfinished(growing))}*"):
         shutil.rmtree(left, ignore_errors=True)  # of a process that was killed, or is late
-
-
-def _move_into_place(partial: Path, out: Path) -> None:
-    """Rename the finished dataset to its place; an old one is removed only after that."""
-    try:
-        if (out / MANIFEST).exists():
-            aside = Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))
-            out.rename(aside / out.name)
-            partial.rename(out)
-            shutil.rmtree(aside)
-        else:
-            partial.rename(out)
-        shutil.rmtree(out / REPORTS)
-    except OSError as error:
-        raise DatasetError(
-            f"{out}: cannot be put in place ({error.strerror or error}); "
-            f"the finished dataset is {partial}"
-        ) from error

@@ -18,7 +18,7 @@ from pydantic import Field, ValidationError, model_validator
 from bsg_data.dataset.schema import FORMAT_VERSION, SPLIT_NAME
 from bsg_data.dataset.version_1 import convert_manifest
 from bsg_data.errors import DatasetError, MismatchError, SourceError
-from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.inputs.bounded_file import hash_bounded, read_bytes
 from bsg_data.inputs.bounds import MANIFEST_FILE
 from bsg_data.inputs.documents import parse_json
 from bsg_data.recipes import PairsRecipe, Record, SplitRecipe, name_fault
@@ -241,6 +241,16 @@ def read_manifest(dataset: Path) -> Manifest:
         DatasetError: if there is none or it is damaged.
         MismatchError: if it is of another format version.
     """
+    return read_hashed_manifest(dataset)[0]
+
+
+def read_hashed_manifest(dataset: Path) -> tuple[Manifest, str]:
+    """Return the manifest of a finished dataset, and the sha256 of the very bytes that were read.
+
+    Raises:
+        DatasetError: if there is none or it is damaged.
+        MismatchError: if it is of another format version.
+    """
     path = dataset / MANIFEST
     if not path.is_file():
         if not dataset.is_dir():
@@ -261,7 +271,8 @@ def read_manifest(dataset: Path) -> Manifest:
         if found == 1:
             said = convert_manifest(said)
         # Strict about types, as JSON is: a list is a tuple there, and nothing else is guessed.
-        return Manifest.model_validate_json(json.dumps(said))
+        text = json.dumps(said)  # noqa: TID251
+        return Manifest.model_validate_json(text), hashlib.sha256(data).hexdigest()
     except ValidationError as error:
         raise DatasetError(
             f"{path}: {name_fault(error)} ({error.error_count()} faults in all); "
@@ -279,9 +290,12 @@ def encode_manifest(manifest: Manifest) -> bytes:
 
 
 def hash_manifest(dataset: Path) -> str:
-    """Return the sha256 of `dataset.json`, which stands for the whole dataset."""
-    data = read_bytes(dataset / MANIFEST, MANIFEST_FILE, error=DatasetError)
-    return hashlib.sha256(data).hexdigest()
+    """Return the sha256 of `dataset.json`, which stands for the whole dataset.
+
+    Raises:
+        OSError: if it cannot be read.
+    """
+    return hash_bounded(dataset / MANIFEST, MANIFEST_FILE)
 
 
 def require_class_space(manifest: Manifest, other: ClassSpaceEntry, *, what: str) -> None:

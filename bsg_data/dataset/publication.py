@@ -13,6 +13,8 @@ CARD = "README.md"
 CROISSANT = "croissant.json"
 REPORTS = ".reports"  # of a build under way; gone when it is done
 PLAN = f"{REPORTS}/plan.json"  # of a build by parts
+REPLACES = f"{REPORTS}/replaces"  # the hash of the manifest of what is to be replaced
+RECIPE = f"{REPORTS}/recipe.json"  # the first file of a build
 REVISION = ".revision"  # what a command is about to change; gone when it is done
 
 
@@ -27,9 +29,10 @@ def list_strays(dataset: Path, manifest: Manifest) -> list[str]:
     """Return the files in a dataset's folder that are not the dataset's, sorted."""
     known = {entry.path for entry in manifest.files} | {MANIFEST, CARD, CROISSANT}
     known |= set(list_kept(manifest))
-    paths = (p.relative_to(dataset) for p in dataset.rglob("*") if not p.is_dir() or p.is_symlink())
-    return sorted(
-        path.as_posix()
-        for path in paths
-        if path.as_posix() not in known and path.parts[0] != REPORTS
-    )
+    return [path for path in list_paths(dataset) if path not in known]
+
+
+def list_paths(folder: Path, *, below: str = ".") -> list[str]:
+    """Return the paths, from a folder on, of all that is no folder in it or below one, sorted."""
+    found = (path for path in (folder / below).rglob("*") if path.is_symlink() or not path.is_dir())
+    return sorted(path.relative_to(folder).as_posix() for path in found)

@@ -21,7 +21,9 @@ from contextlib import suppress
 from pathlib import Path
 
 from bsg_data.dataset.manifest import FILE_PATH, MANIFEST, Manifest, read_manifest
+from bsg_data.dataset.own_files import remove_own
 from bsg_data.dataset.publication import CARD, CROISSANT, REVISION, publish
+from bsg_data.dataset.replacement import settle
 from bsg_data.errors import DatasetError
 from bsg_data.lock import hold
 
@@ -43,15 +45,16 @@ def revise(dataset: Path, write: Callable[[Manifest, Path], Manifest]) -> Manife
     """
     staged = dataset / REVISION
     with hold(dataset):
+        settle(dataset)
         old = read_manifest(dataset)
-        _remove(staged)  # of a killed command
+        remove_own(dataset, below=REVISION)  # of a killed command
         try:
             new = write(old, staged / "new")
             _swap(dataset, old, new, staged)
         except OSError as error:
             raise DatasetError(f"{dataset}: cannot be changed ({error})") from error
         finally:
-            _remove(staged)
+            remove_own(dataset, below=REVISION)
     return new
 
 
@@ -125,12 +128,3 @@ def _take(folder: Path, dataset: Path) -> None:
     for name in _PUBLISHED:
         if (folder / name).is_file():
             (folder / name).replace(dataset / name)
-
-
-def _remove(folder: Path) -> None:
-    try:
-        shutil.rmtree(folder)
-    except FileNotFoundError:
-        return
-    except OSError as error:
-        raise DatasetError(f"{folder}: cannot be removed ({error.strerror or error})") from error

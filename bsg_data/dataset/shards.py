@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,7 +18,7 @@ from bsg_data.dataset.scene_tables import assemble_graphs, collect_columns
 from bsg_data.dataset.schema import FORMAT_VERSION, SPLITS, TABLES, pairs_schema
 from bsg_data.dataset.version_1 import TABLES_1, convert_table
 from bsg_data.errors import DatasetError, MismatchError
-from bsg_data.files import hash_file, open_beside
+from bsg_data.files import encode_json, hash_file, open_beside
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import DATASET_TABLE
 from bsg_data.inputs.parquet import reading_parquet, words_of
@@ -154,9 +153,9 @@ def _require_scene_ids(path: Path, names: Sequence[object]) -> None:
             raise DatasetError(f"{path}: {name!r} is no scene id: it must do as the name of a file")
 
 
-def read_scene_graphs(dataset: Path) -> Iterator[SceneGraph]:
-    """Yield the scene graphs of a dataset, one shard in memory at a time."""
-    manifest = read_manifest(dataset)
+def read_scene_graphs(dataset: Path, *, manifest: Manifest | None = None) -> Iterator[SceneGraph]:
+    """Yield the scene graphs of a dataset, one shard in memory at a time; see `read_table`."""
+    manifest = manifest or read_manifest(dataset)
     parts = zip(*(manifest.files_of(name) for name in TABLES), strict=True)
     for files in parts:
         tables = {
@@ -180,7 +179,7 @@ def open_parquet(
         "bsg.format_version": str(FORMAT_VERSION),
         "bsg.class_space": class_space.name,
         "bsg.class_space_sha256": class_space.sha256,
-        "bsg.classes": json.dumps(class_space.classes, ensure_ascii=False),
+        "bsg.classes": encode_json(class_space.classes, ensure_ascii=False),
         **{f"bsg.{key}": value for key, value in extra.items()},
     }
     with (

@@ -126,11 +126,13 @@ def assign_folds(dataset: Path, folds: Mapping[str, int], *, number: int) -> Man
     return revise(dataset, write)
 
 
-def write_splits(dataset: Path, folder: Path, manifest: Manifest) -> list[FileEntry]:
-    """Write the splits of a dataset into another folder, whose manifest this is."""
+def write_splits(
+    dataset: Path, folder: Path, manifest: Manifest, *, old: Manifest
+) -> list[FileEntry]:
+    """Write the splits of a dataset, whose manifest is `old`, into another folder."""
     if manifest.split is None:
         return []
-    splits = read_splits(dataset)
+    splits = read_splits(dataset, manifest=old)
     chosen = {scene: name for name, scenes in splits.items() for scene in scenes}
     return [_write_file(folder, manifest, manifest.split, dict(sorted(chosen.items())))]
 

@@ -9,13 +9,13 @@ up, and its (x, y, z) is (x, z, -y) there, whichever axis points up in the mesh 
 
 from __future__ import annotations
 
-import json
 import re
 from typing import Annotated
 
 from pydantic import Field
 
 from bsg_data.exports.catalogue import EncodedScene, ExportRow
+from bsg_data.files import encode_json
 from bsg_data.geometry.placement import UPRIGHT
 from bsg_data.recipes import Record
 from bsg_data.scene.scene_graph import Point, Room, SceneGraph
@@ -81,7 +81,7 @@ def list_regions(graph: SceneGraph) -> tuple[Region, ...]:
 def encode_regions(regions: tuple[Region, ...]) -> bytes:
     """Return the bytes of a `semantic_config.json`; `decode_regions` reads them back."""
     config = SemanticConfig(region_annotations=regions).model_dump()
-    text = json.dumps(config, indent=2, ensure_ascii=False)
+    text = encode_json(config, indent=2, ensure_ascii=False)
     return (_POINT.sub(r"[\1, \2, \3]", text) + "\n").encode()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import lzma
+import os
 import stat
 import zipfile
 import zlib
@@ -59,11 +60,11 @@ def _take(member: IO[bytes], bound: Bound, where: str, error: Refusal) -> bytes:
 def _open(path: Path, bound: Bound, error: Refusal) -> Iterator[zipfile.ZipFile]:
     try:
         with open_waiting_for_none(path) as file:
-            if not file.seekable():
+            found = os.fstat(file.fileno())
+            if not stat.S_ISREG(found.st_mode):
                 raise error(f"{path}: is no file that can be read as a zip")
-            file.seek(0, 2)
-            if file.tell() > bound.bytes:
-                raise error(f"{path}: {file.tell():,} bytes; expected at most {bound.bytes:,}")
+            if found.st_size > bound.bytes:
+                raise error(f"{path}: {found.st_size:,} bytes; expected at most {bound.bytes:,}")
             with zipfile.ZipFile(file) as archive:
                 yield archive
     except OSError as fault:

@@ -204,6 +204,7 @@ def _read_table(
     starts = np.flatnonzero(table["node_index"].to_numpy() == 0)
     scenes = table["scene_id"].take(starts).to_pylist()
     draws = table["draw"].take(starts).to_numpy().astype(np.int64)
+    _require_whole(data, table["node_index"].to_numpy(), starts, scenes)
     see = _see_others_of_format_1 if recipe.masks == 1 else see_others
     parts = []
     for scene, draw, a, b in zip(scenes, draws, starts, [*starts[1:], len(table)], strict=True):
@@ -222,6 +223,25 @@ def _read_table(
             )
         )
     return MaskedBuildings(stack(parts), targets, draws)
+
+
+def _require_whole(data: Dataset, nodes: Ints, starts: Ints, scenes: list[str]) -> None:
+    """See that every masked building has a row of each node of its scene, in their order.
+
+    Raises:
+        DatasetError: naming the first scene that has not.
+    """
+    remedy = "`bsg-data check` says more, `bsg-data pairs --force` makes them anew"
+    if len(nodes) and nodes[0] != 0:
+        raise DatasetError(
+            f"{data.path}: pairs begin within a building, at node {nodes[0]}; {remedy}"
+        )
+    for scene, start, end in zip(scenes, starts, [*starts[1:], len(nodes)], strict=True):
+        size = len(data.cells(scene))
+        if not np.array_equal(nodes[start:end], np.arange(size)):
+            raise DatasetError(
+                f"{data.path}: the pairs of {scene} are not of its nodes 0 to {size - 1}; {remedy}"
+            )
 
 
 def see_others(

@@ -178,12 +178,13 @@ def _read_groups(dataset: Path, entry: FileEntry, manifest: Manifest) -> Iterato
             rest = table.slice(last)
 
 
-def rewrite_pairs(dataset: Path, folder: Path, manifest: Manifest) -> list[FileEntry]:
-    """Write the pairs of a dataset into another folder, whose manifest this is, file by file.
+def rewrite_pairs(
+    dataset: Path, folder: Path, manifest: Manifest, *, old: Manifest
+) -> list[FileEntry]:
+    """Write the pairs of a dataset, whose manifest is `old`, into another folder, file by file.
 
     Those of format 1 get the columns of what was told of their masks then.
     """
-    old = read_manifest(dataset)
     recipe = old.pairs or PairsRecipe()
     schema = pairs_schema(len(manifest.class_space.classes))
     entries = []

@@ -251,7 +251,7 @@ def _by_number(item: tuple[str, object]) -> tuple[str, int]:
 
 
 def _digest(content: object) -> str:
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()  # noqa: TID251
 
 
 ROW = SourceRow(

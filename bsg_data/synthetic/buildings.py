@@ -10,7 +10,6 @@ docs/synthetic.md has the model, and how close it is.
 from __future__ import annotations
 
 import hashlib
-import json
 import shutil
 from collections.abc import Iterator
 from concurrent.futures import Executor
@@ -24,7 +23,7 @@ import numpy.typing as npt
 
 from bsg_data.errors import DatasetError
 from bsg_data.executors import run_in_order
-from bsg_data.files import write_bytes
+from bsg_data.files import encode_json, write_bytes
 from bsg_data.lock import hold
 from bsg_data.sources.annotations import HEADER, Instance
 from bsg_data.sources.hm3d import SYNTHETIC_MARK
@@ -338,13 +337,13 @@ def _write_one(
     if geometry is not None:
         mesh, truth = shape_building(building.rows, geometry, seed=seed, number=number)
         write_bytes(path.with_suffix(".glb"), mesh)
-        text = json.dumps(truth, separators=(",", ":")) + "\n"
+        text = encode_json(truth, separators=(",", ":")) + "\n"
         write_bytes(path.with_name(f"{building.hash}.truth.json"), text.encode())
     return path
 
 
 def _encode(mark: dict[str, Any], *, finished: bool) -> bytes:
-    return (json.dumps({**mark, "finished": finished}) + "\n").encode()
+    return (encode_json({**mark, "finished": finished}) + "\n").encode()
 
 
 def _clear(out: Path, *, force: bool) -> None:

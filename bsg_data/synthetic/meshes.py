@@ -9,7 +9,6 @@ here and not by trimesh, whose writer makes one primitive a mesh and chooses the
 from __future__ import annotations
 
 import io
-import json
 import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -19,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
+from bsg_data.files import encode_json
 from bsg_data.scene.scene_graph import Box
 from bsg_data.synthetic.floor_plan import FloorPlan
 from bsg_data.synthetic.furnishing import Surface
@@ -137,7 +137,7 @@ def _pack(tree: dict[str, Any], binary: _Binary) -> bytes:
     binary.data += b"\0" * (-len(binary.data) % 4)
     tree["accessors"], tree["bufferViews"] = binary.accessors, binary.views
     tree["buffers"] = [{"byteLength": len(binary.data)}]
-    text = json.dumps(tree, separators=(",", ":")).encode()
+    text = encode_json(tree, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
     head = struct.pack("<4sII", b"glTF", 2, 28 + len(text) + len(binary.data))
     chunks = (

@@ -11,13 +11,13 @@ was there before stays: users write what they know under `bsg`, too.
 
 from __future__ import annotations
 
-import json
 import math
 import string
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from bsg_data.files import encode_json
 from bsg_data.sources.dsg_file import name_symbol
 from bsg_models.belief.belief_graph import BeliefGraph
 from bsg_models.belief.document import encode_belief
@@ -337,4 +337,4 @@ def _choose_symbol(ids: Collection[int]) -> int:
 
 
 def _dump(value: Any) -> str:
-    return json.dumps(value, separators=(",", ":"), allow_nan=False)
+    return encode_json(value, separators=(",", ":"))

@@ -17,6 +17,7 @@ from bsg_data.arrays import Floats
 from bsg_data.errors import RecipeError
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_models.belief.expectation import Expectation
+from bsg_models.errors import PredictionError
 
 Mode = Literal["complete", "unseen"]
 LEAST_PRESENCE = 0.005  # what is less likely is not expected
@@ -102,12 +103,17 @@ def believe(
 
     Raises:
         RecipeError: if the expectation is not of this graph.
+        PredictionError: if it is not finite.
     """
     inputs = graph.histograms().astype(np.float64)
     if not np.array_equal(expectation.inputs, inputs):
         raise RecipeError(
             f"{graph.scene_id}: the expectation is of other inputs than the graph's "
             f"{inputs.shape[0]} nodes and {inputs.shape[1]} classes"
+        )
+    if not expectation.is_finite:
+        raise PredictionError(
+            f"{graph.scene_id}: what {model or 'the model'} expects is not finite (NaN or infinite)"
         )
     hidden, presence = expectation.hidden, expectation.presence
     chosen = (

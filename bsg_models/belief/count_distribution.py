@@ -83,6 +83,17 @@ class CountDistribution:
         return _log_normaliser(self._first, self.tilts)
 
     @property
+    def is_finite(self) -> bool:
+        """Whether it says something of every cell: its parts, and what follows from them.
+
+        A dispersion may be infinite, which is a Poisson. Parts that are finite can overflow.
+        """
+        parts = [self.weights, self.means, self.mean, self.presence]
+        if self.tilts is not None:
+            parts.append(self.tilts)
+        return bool((self.dispersions > 0).all()) and all(np.isfinite(one).all() for one in parts)
+
+    @cached_property
     def presence(self) -> Floats:
         """P(at least one hidden object of the class), `[N, C]`."""
         present = -np.expm1(np.minimum(self._log_none, 0.0))

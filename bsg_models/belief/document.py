@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,7 +9,7 @@ import numpy as np
 from pydantic import Field, ValidationError
 
 from bsg_data.dataset.manifest import ClassSpaceEntry
-from bsg_data.files import write_bytes
+from bsg_data.files import encode_json, write_bytes
 from bsg_data.inputs.bounds import BELIEF
 from bsg_data.inputs.documents import read_json
 from bsg_data.observation.partial_graph import PartialGraph
@@ -109,7 +108,7 @@ def _decode_blind(node: _Blind, partial: PartialGraph, path: Path) -> BlindNode:
 
 def write_document(belief: BeliefGraph, path: Path) -> None:
     """Write a belief graph as JSON, whole or not at all."""
-    text = json.dumps(encode_belief(belief), ensure_ascii=False, separators=(",", ":"))
+    text = encode_json(encode_belief(belief), ensure_ascii=False, separators=(",", ":"))
     write_bytes(path, text.encode())
 
 

@@ -42,13 +42,8 @@ class Expectation:
     @property
     def is_finite(self) -> bool:
         """Whether all of it are numbers; a dispersion may be infinite, which is a Poisson."""
-        distribution = self.hidden_counts
-        parts = [self.inputs, self.totals, distribution.weights, distribution.means, self.hidden]
-        if distribution.tilts is not None:
-            parts.append(distribution.tilts)
-        return all(bool(np.isfinite(part).all()) for part in parts) and not bool(
-            np.isnan(distribution.dispersions).any()
-        )
+        finite = np.isfinite(self.inputs).all() and np.isfinite(self.totals).all()
+        return bool(finite) and self.hidden_counts.is_finite
 
     @cached_property
     def hidden(self) -> Floats:
@@ -71,7 +66,7 @@ class Expectation:
         total = self.total[:, None]
         return np.divide(self.expected, total, out=np.zeros_like(self.expected), where=total > 0)
 
-    @cached_property
+    @property
     def presence(self) -> Floats:
         """P(at least one hidden object of the class), `[N, C]`."""
         return self.hidden_counts.presence

@@ -11,7 +11,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from bsg_data.files import write_bytes
+from bsg_data.files import encode_json, write_bytes
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap
 from bsg_data.sources.dsg_file import parse_dsg
@@ -93,7 +93,7 @@ def write_hydra(belief: BeliefGraph, path: Path) -> None:
         DatasetError: if it cannot be written.
     """
     _check_name(path)
-    text = json.dumps(encode_dsg(belief.partial), separators=(",", ":"))
+    text = encode_json(encode_dsg(belief.partial), separators=(",", ":"))
     annotate_hydra(belief, HydraFile(path, text, parse_dsg(text, path=path)), path)
 
 

@@ -8,7 +8,6 @@ rooms, objects and blind nodes. What is stated once of a belief graph is JSON in
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
@@ -20,6 +19,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from bsg_data.arrays import Floats
+from bsg_data.files import encode_json
 from bsg_data.inputs.bounds import MAX_STREAMED_ROWS
 from bsg_data.inputs.documents import parse_json
 from bsg_data.inputs.parquet import open_parquet_file
@@ -48,7 +48,7 @@ def write_tables(beliefs: Iterable[BeliefGraph], folder: Path) -> None:
     """
     headers: dict[str, Any] = {}
     packed = _pack_all(beliefs, headers, folder)
-    write_rows(packed, folder, metadata=lambda: {"nodes": {_HEADERS: json.dumps(headers)}})
+    write_rows(packed, folder, metadata=lambda: {"nodes": {_HEADERS: encode_json(headers)}})
 
 
 def _pack_all(
@@ -178,7 +178,9 @@ def read_tables(folder: Path) -> Iterator[BeliefGraph]:
         headers = _read_headers(folder)
         scenes = [header.partial.scene_id for header in headers]
         parts = {name: SceneRows(folder / f"{name}.parquet", name, scenes) for name in SCHEMAS}
-    except BeliefFileError:
+    except BeliefFileError as error:
+        if not all((folder / f"{name}.parquet").is_file() for name in SCHEMAS):
+            raise BeliefFileError(f"{folder}: no tables of belief graphs ({error})") from error
         raise
     except _DAMAGE as error:
         raise BeliefFileError(f"{folder}: no tables of belief graphs ({error!r})") from error

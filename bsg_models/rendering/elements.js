@@ -1,10 +1,13 @@
-/* Elements of the page. What comes from the data is text or an attribute, never markup. */
+/* Elements of the page. What comes from the data is text or an attribute, never markup.
+
+   A `style` is an object, set property by property: the page's policy refuses it as an attribute. */
 const Elements = (() => {
   "use strict";
   const NS = "http://www.w3.org/2000/svg";
 
-  function fill(made, attributes, parent, text) {
+  function fill(made, { style = {}, ...attributes }, parent, text) {
     for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+    for (const [name, value] of Object.entries(style)) made.style.setProperty(name, value);
     if (text !== undefined) made.textContent = text;
     if (parent) parent.append(made);
     return made;

@@ -79,7 +79,7 @@ const Panel = (() => {
         make("span", { class: "what" }, pressed, name);
         pressed.append(" ");
         make("span", { class: "much" }, pressed, words);
-        make("span", { class: "more", style: `width:${(100 * share).toFixed(1)}%` }, make("span", { class: "bar" }, pressed));
+        make("span", { class: "more", style: { width: `${(100 * share).toFixed(1)}%` } }, make("span", { class: "bar" }, pressed));
       }
     };
     list(side, rows.slice(0, FIRST), 1);
@@ -110,9 +110,9 @@ const Panel = (() => {
       const row = make("tr", c === sought ? { class: "picked" } : {}, body);
       make("th", { scope: "row" }, row, view.classes[c]);
       const bar = make("div", { class: "bar" }, make("td", { class: "bars" }, row));
-      make("div", { class: "seen", style: `width:${100 * of.seen / most}%` }, bar);
-      make("div", { class: "more", style: `width:${100 * of.more / most}%` }, bar);
-      if (truth) make("div", { class: "true", style: `left:calc(${100 * truth[c] / most}% - 2px)` }, bar);
+      make("div", { class: "seen", style: { width: `${100 * of.seen / most}%` } }, bar);
+      make("div", { class: "more", style: { width: `${100 * of.more / most}%` } }, bar);
+      if (truth) make("div", { class: "true", style: { left: `calc(${100 * truth[c] / most}% - 2px)` } }, bar);
       for (const text of [amount(of.seen), amount(of.more), percent(of.chance), ...(truth ? [amount(of.unseen)] : [])])
         make("td", {}, row, text);
     }

@@ -110,7 +110,7 @@ const Picture = (() => {
     const group = draw("g", { class: kindOf(scene, i + 1), tabindex: 0, role: "button", "data-node": i + 1,
       "aria-label": said, "data-say": said }, grounds);
     const share = Beliefs.worth(of[i], look.sought) / most;
-    draw("polygon", { class: "ground", points: shapes[i].map((p) => p.join(",")).join(" "), style: `--share:${share.toFixed(4)}` }, group);
+    draw("polygon", { class: "ground", points: shapes[i].map((p) => p.join(",")).join(" "), style: { "--share": share.toFixed(4) } }, group);
   }
   function drawKnot(scene, i, things) {
     const [x, y] = scene.knots[i], said = Beliefs.say(scene.view, i + 1, scene.look.sought);

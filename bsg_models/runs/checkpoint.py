@@ -41,6 +41,7 @@ UNTILTED_VERSIONS = (1, 2, 3)  # before counts were tilted and presence was cali
 MAPPED_VERSIONS = (1, 2)  # named a class map instead of its class space; still read
 UNSEALED_VERSION = 1  # before there were hashes
 _SEAL = ',"sha256":"'  # begins the hash of the header, which covers all text before it
+_SPARE = 2**24  # numbers that a model may make besides those of its file
 _AGAIN = "take another copy of it, or train again"
 
 
@@ -115,7 +116,7 @@ def hash_tensors(tensors: Mapping[str, torch.Tensor]) -> str:
     """Return the sha256 of tensors: of name, type, shape and bytes of each, by name in order."""
     digest = hashlib.sha256()
     for name, tensor in sorted(tensors.items()):
-        kind = json.dumps([name, str(tensor.dtype), list(tensor.shape)])
+        kind = json.dumps([name, str(tensor.dtype), list(tensor.shape)])  # noqa: TID251
         digest.update(f"{kind}\n".encode())
         flat = tensor.detach().cpu().contiguous().reshape(-1)
         digest.update(flat.view(torch.uint8).numpy().tobytes())
@@ -255,6 +256,7 @@ def restore_model(path: Path, checkpoint: Checkpoint) -> BeliefModel:
         CheckpointError: if a tensor is missing, unknown or of another shape.
     """
     header = checkpoint.header
+    _require_size(path, checkpoint)
     try:
         model = make_model(
             header.config,
@@ -281,6 +283,40 @@ def restore_model(path: Path, checkpoint: Checkpoint) -> BeliefModel:
     model.load_state_dict(stored)
     model.origin = str(path)
     return model.eval()
+
+
+def _require_size(path: Path, checkpoint: Checkpoint) -> None:
+    """Refuse a configuration that asks for more than the file holds, before memory is taken.
+
+    The model is made without memory first. Its parameters have the shapes of the file's tensors;
+    buffers may have other sizes before they are filled, and are not much more than the file.
+    """
+    header, stored = checkpoint.header, checkpoint.state_of("model")
+    try:
+        with torch.device("meta"):
+            model = make_model(
+                header.config,
+                classes=len(header.class_space.classes),
+                vocabulary=header.vocabulary,
+                members=header.members,
+            )
+    except (NotImplementedError, RuntimeError):  # of a package, whose model needs real tensors
+        return
+    except (ConfigError, CheckpointError) as error:
+        raise CheckpointError(f"{path}: {error}") from error
+    for name, parameter in model.named_parameters():
+        ours = tuple(parameter.shape)
+        theirs = tuple(stored[name].shape) if name in stored else "no such tensor"
+        if ours != theirs:
+            raise CheckpointError(
+                f"{path}: {name}: its configuration needs {ours}, the file has {theirs}"
+            )
+    wanted = sum(buffer.numel() for buffer in model.buffers())
+    held = sum(tensor.numel() for tensor in stored.values())
+    if wanted > _SPARE + 4 * held:
+        raise CheckpointError(
+            f"{path}: its configuration needs {wanted:,} numbers, the file has {held:,}"
+        )
 
 
 def require_dataset(path: Path, header: CheckpointHeader, manifest: Manifest) -> None:

@@ -6,14 +6,13 @@ A model there is three files: `model.safetensors`, a checkpoint as it is, with i
 
 from __future__ import annotations
 
-import json
 import shutil
 from pathlib import Path
 from typing import Any
 
 from huggingface_hub import ModelHubMixin
 
-from bsg_data.files import write_bytes
+from bsg_data.files import encode_json, write_bytes
 from bsg_models.runs.checkpoint import read_header
 from bsg_models.runs.found_model import find_model
 from bsg_models.runs.hub_files import HUB_CARD, HUB_CONFIG, HUB_WEIGHTS, download
@@ -58,7 +57,7 @@ class HubModel(
             "run": header.config.model_dump(mode="json"),
         }
         shutil.copyfile(self._found.path, save_directory / HUB_WEIGHTS)
-        write_bytes(save_directory / HUB_CONFIG, (json.dumps(said, indent=1) + "\n").encode())
+        write_bytes(save_directory / HUB_CONFIG, (encode_json(said, indent=1) + "\n").encode())
         write_bytes(save_directory / HUB_CARD, card.encode())
 
     @classmethod

@@ -96,7 +96,10 @@ class Predictor:
             graph = update_shares(graph, seen, expect=self._model.expect)
         levels, weights = spread_shares(graph, seen)
         expectation = _mix_levels(self._model.expect(levels), weights)
-        return _nothing_where_searched(expectation, seen)
+        expectation = _nothing_where_searched(expectation, seen)
+        if not expectation.is_finite:  # the model was asked for finite ones
+            raise self._model.not_finite()
+        return expectation
 
     def believe_shares(
         self, graph: PartialGraph, *, withheld: Collection[int] | Bools = ()

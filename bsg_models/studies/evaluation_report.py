@@ -7,7 +7,6 @@ OUT/MODEL-*.png         the paper's figures
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
@@ -19,7 +18,7 @@ from pydantic import Field, model_validator
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.errors import DatasetError
-from bsg_data.files import write_bytes
+from bsg_data.files import encode_json, write_bytes
 from bsg_data.observation.partial_graph import list_withheld, mask_dataset
 from bsg_data.recipes import MaskRecipe, Record
 from bsg_models.belief.belief_graph import believe
@@ -141,7 +140,7 @@ def report_evaluation(
     write_bytes(classes, comparison.classes.to_csv(index=False).encode())
     if request.html is not None:
         _write_page(request.html, comparison, request, figures)
-    write_bytes(report, (json.dumps(summary, indent=1) + "\n").encode())
+    write_bytes(report, (encode_json(summary, indent=1) + "\n").encode())
     return EvaluationReport(comparison, summary, report, classes, figures)
 
 

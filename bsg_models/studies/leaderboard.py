@@ -10,7 +10,6 @@ dataset are kept. All models meet the same masks of the same buildings, and the 
 
 from __future__ import annotations
 
-import json
 import shutil
 import time
 from collections.abc import Callable, Mapping
@@ -25,7 +24,7 @@ from bsg_data.dataset.publication import publish
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.executors import run_all
-from bsg_data.files import write_bytes
+from bsg_data.files import encode_json, write_bytes
 from bsg_data.inputs.bounds import RUN_RECORD
 from bsg_data.inputs.documents import read_json
 from bsg_data.lock import hold
@@ -233,7 +232,7 @@ def _measure(out: Path, mask: str, place: Place, recipe: LeaderboardRecipe) -> M
 
 
 def _write_seconds(run: Path, seconds: float) -> None:
-    write_bytes(run / SECONDS, json.dumps({"seconds": round(seconds, 3)}).encode())
+    write_bytes(run / SECONDS, encode_json({"seconds": round(seconds, 3)}).encode())
 
 
 def _read_seconds(run: Path) -> float:

@@ -7,12 +7,11 @@ OUT/MASK.png            a figure for each kind of mask
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from bsg_data.errors import DatasetError
-from bsg_data.files import write_bytes
+from bsg_data.files import encode_json, write_bytes
 from bsg_models.evaluation.catalogue import head_value
 from bsg_models.rendering.figures import plot_leaderboard
 from bsg_models.studies.leaderboard import Leaderboard, ModelResult
@@ -61,7 +60,7 @@ def report_leaderboard(board: Leaderboard, out: Path) -> LeaderboardReport:
     figures = [_plot(results, out / f"{mask}.png", mask) for mask, results in board.results.items()]
     write_bytes(out / TABLE, write_markdown(board).encode())
     summary = write_json(board)
-    write_bytes(out / REPORT, (json.dumps(summary, indent=1) + "\n").encode())
+    write_bytes(out / REPORT, (encode_json(summary, indent=1) + "\n").encode())
     return LeaderboardReport(summary, out / REPORT, out / TABLE, tuple(figures))
 
 

@@ -16,7 +16,6 @@ from bsg_data.observation.observation import Observation
 from bsg_data.observation.search_moment import MaskedCells, observe_search
 from bsg_data.observation.view import View
 from bsg_data.recipes import MaskRecipe
-from bsg_models.errors import PredictionError
 from bsg_models.search.shortest_paths import Bools, Floats, Ints
 from bsg_models.search.simulator import Answer
 from bsg_models.zoo.model import BeliefModel
@@ -116,8 +115,6 @@ class ModelBeliefs:
             share[rows] = np.take_along_axis(found, columns, axis=1)
             hidden = hidden.take_classes(columns)
         presence[rows] = hidden.presence
-        if not np.isfinite(presence).all():  # of a finite answer: only by overflow
-            raise PredictionError(f"{self._scene_id}: a presence is not finite; train it again")
         return presence.reshape(shape), share.reshape(shape)
 
     def _observe(self, states: Counts, width: int) -> Observation:

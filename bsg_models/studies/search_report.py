@@ -8,7 +8,6 @@ OUT/trace.html          one search, room by room, beside the same by `nearest`
 
 from __future__ import annotations
 
-import json
 import tempfile
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
@@ -19,7 +18,7 @@ from pydantic import Field
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError, RecipeError
-from bsg_data.files import write_bytes
+from bsg_data.files import encode_json, write_bytes
 from bsg_data.recipes import Record, Share
 from bsg_data.registry import require_known
 from bsg_models.evaluation.bootstrap import LEAST_BUILDINGS
@@ -191,7 +190,7 @@ def report_search(
         "resamples": request.resamples,
     }
     summary = encode_study(study, results, classes=classes, facts=facts)
-    write_bytes(report, (json.dumps(summary, indent=1) + "\n").encode())
+    write_bytes(report, (encode_json(summary, indent=1) + "\n").encode())
     notes += _note_left_out(study)
     if request.resamples > 1 and any(one.buildings < LEAST_BUILDINGS for one in results):
         notes.append(f"intervals are over buildings, and need {LEAST_BUILDINGS} of them")

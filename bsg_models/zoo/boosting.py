@@ -10,7 +10,6 @@ which there are `bsg_models.zoo.masked_rooms.MOST_ROOMS` at most: of more it rea
 
 from __future__ import annotations
 
-import json
 import zlib
 from collections.abc import Mapping
 from typing import Any, Literal
@@ -21,6 +20,7 @@ from pydantic import Field
 
 from bsg_data.arrays import Floats
 from bsg_data.dataset.dataset import Dataset
+from bsg_data.files import encode_json
 from bsg_data.inputs.documents import parse_json
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import MIN_RATE, CountDistribution, negative_binomial
@@ -109,7 +109,7 @@ class PoissonBoosting(CalibratedModel):
             rates[:, c] = np.exp(start + offset + grown)
             texts.append({"start": float(start), "trees": booster.model_to_string()})
         self.dispersions.copy_(torch.from_numpy(fit_dispersion(hidden, rates)))
-        packed = zlib.compress(json.dumps(texts).encode(), level=6)
+        packed = zlib.compress(encode_json(texts).encode(), level=6)
         self.trees = torch.frombuffer(bytearray(packed), dtype=torch.uint8).clone()
         self._boosters = self._read(packed)
 

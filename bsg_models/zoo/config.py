@@ -61,7 +61,7 @@ class RunConfig(Record):
                 "a package that is not installed"
             )
         # Strict reading takes a tuple for a list in JSON only, and guesses nothing else.
-        return type(ZOO[family].config).model_validate_json(json.dumps(value), strict=True)
+        return type(ZOO[family].config).model_validate_json(json.dumps(value), strict=True)  # noqa: TID251
 
     @model_validator(mode="after")
     def _take_name(self) -> RunConfig:
@@ -127,7 +127,7 @@ def validate_config(tables: Mapping[str, Any], *, source: str) -> RunConfig:
     """
     try:
         # Strict reading takes a tuple for a list in JSON only, and guesses nothing else.
-        return RunConfig.model_validate_json(json.dumps(tables, default=str), strict=True)
+        return RunConfig.model_validate_json(json.dumps(tables, default=str), strict=True)  # noqa: TID251
     except ValidationError as error:
         family = _family_of(tables)
         faults = [line for fault in error.errors() for line in _explain(fault, family=family)]

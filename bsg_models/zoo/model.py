@@ -83,7 +83,7 @@ class BeliefModel(torch.nn.Module, ABC):
         with torch.no_grad(), one_thread():
             expectation = self.predict(seen)
         if not expectation.is_finite:
-            raise self._not_finite()
+            raise self.not_finite()
         return expectation
 
     @abstractmethod
@@ -105,8 +105,8 @@ class BeliefModel(torch.nn.Module, ABC):
         """
         with torch.no_grad(), one_thread():
             hidden = self.predict_rooms(seen, rows, columns)
-        if not np.isfinite(hidden.means).all() or np.isnan(hidden.dispersions).any():
-            raise self._not_finite()
+        if not hidden.is_finite:
+            raise self.not_finite()
         return hidden
 
     def predict_rooms(
@@ -115,7 +115,8 @@ class BeliefModel(torch.nn.Module, ABC):
         """Return the hidden counts of some rooms; arguments as of `expect_rooms`."""
         return take_cells(self.predict(seen).hidden_counts, rows, columns)
 
-    def _not_finite(self) -> PredictionError:
+    def not_finite(self) -> PredictionError:
+        """Return the error of an answer that is not finite, naming the checkpoint."""
         return PredictionError(
             f"{self.origin or type(self).__name__}: the model's answer is not finite (NaN or "
             "infinite); train it again"

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from bsg_data.errors import DatasetError
-from bsg_data.files import hash_file, open_beside, stem_of, write_bytes
+from bsg_data.files import encode_json, hash_file, open_beside, stem_of, write_bytes
 
 
 def test_a_file_is_whole_or_stays_as_it_was(tmp_path: Path) -> None:
@@ -58,3 +58,10 @@ def test_a_write_that_fails_leaves_what_was_there(tmp_path: Path) -> None:
 )
 def test_a_name_becomes_the_stem_of_a_file(name: str, stem: str) -> None:
     assert stem_of(name) == stem
+
+
+@pytest.mark.parametrize("number", [float("nan"), float("inf"), -float("inf")])
+def test_json_has_no_number_that_is_none(number: float) -> None:
+    assert encode_json({"a": [1.5, None]}, separators=(",", ":")) == '{"a":[1.5,null]}'
+    with pytest.raises(DatasetError, match="not finite"):
+        encode_json({"a": [1.5, number]})

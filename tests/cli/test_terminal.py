@@ -8,9 +8,13 @@ import sys
 import time
 from pathlib import Path
 
+import click
 import pytest
+from click.testing import CliRunner
+from conftest import REPOSITORY
 
-from bsg_cli.terminal import progress_bar, tell_now_and_then
+from bsg_cli.terminal import Command, print_text, progress_bar, tell_now_and_then
+from bsg_data.errors import BSGError
 
 SCRIPT = """
 import os, time
@@ -93,3 +97,77 @@ def test_a_terminal_gets_a_bar(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "train" in screen.getvalue()
     assert "2/2" in screen.getvalue()
     assert "val 2" in screen.getvalue()
+
+
+ENDED_BY = """
+import os, signal, sys, click
+from bsg_cli.terminal import Command
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
+@click.command(cls=Command)
+def main():
+    try:
+        os.kill(os.getpid(), signal.{signal})
+        signal.pause()
+    finally:
+        print("put in order", flush=True)
+
+main()
+"""
+
+
+@pytest.mark.parametrize(("name", "code"), [("SIGINT", 130), ("SIGTERM", 143)])
+def test_a_command_that_is_asked_to_end_puts_in_order_first(name: str, code: int) -> None:
+    script = ENDED_BY.format(signal=name)
+    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert (ended.returncode, ended.stdout) == (code, "put in order\n")
+    assert "Traceback" not in ended.stderr
+
+
+def test_what_sigterm_does_is_put_back() -> None:
+    before = signal.getsignal(signal.SIGTERM)
+
+    @click.command(cls=Command)
+    def command() -> None:
+        assert signal.getsignal(signal.SIGTERM) != before
+
+    assert CliRunner().invoke(command).exit_code == 0
+    assert signal.getsignal(signal.SIGTERM) == before
+
+
+def test_a_lack_of_memory_is_said_in_a_line() -> None:
+    @click.command(cls=Command)
+    def command() -> None:
+        raise MemoryError
+
+    result = CliRunner().invoke(command)
+    assert result.exit_code == 1
+    assert result.stderr.startswith("Error: not enough memory")
+    assert result.stderr.count("\n") == 1
+
+
+def test_nothing_that_a_command_prints_is_obeyed_by_a_terminal() -> None:
+    bad = "\x1b]0;evil\x07\x9b2J\N{RIGHT-TO-LEFT OVERRIDE}"
+
+    @click.command(cls=Command)
+    @click.argument("how")
+    def command(how: str) -> None:
+        if how == "error":
+            raise BSGError(bad)
+        if how == "usage":
+            raise click.UsageError(bad)
+        if how == "file":
+            Path(f"/none/{bad}").read_text("utf-8")
+        print_text(bad)
+
+    for how in ("text", "error", "usage", "file"):
+        output = CliRunner().invoke(command, [how]).output
+        assert "evil" in output
+        assert not {"\x1b", "\x07", "\x9b", "\N{RIGHT-TO-LEFT OVERRIDE}"} & set(output), how
+
+
+def test_only_the_terminal_prints() -> None:
+    for path in (REPOSITORY / "cli").rglob("*.py"):
+        if path.name not in ("terminal.py", "cluster.py"):
+            assert "click.echo" not in path.read_text("utf-8"), path

@@ -5,11 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from one_building import observe_building
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import to_histograms
+from bsg_data.dataset.manifest import encode_manifest, read_manifest
+from bsg_data.dataset.shards import describe_file
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.observation.masked_buildings import (
@@ -153,6 +156,19 @@ def test_missing_pairs_are_said(dataset: Path) -> None:
     split_dataset(dataset, SplitRecipe(seed=3), force=True)
     with pytest.raises(DatasetError, match="run `bsg-data pairs` first"):
         read_masked(Dataset.open(dataset), "train")
+
+
+@pytest.mark.parametrize("rows", [slice(1, None), slice(0, -1), slice(2, 3)])
+def test_pairs_without_a_row_of_a_node_are_refused(dataset: Path, rows: slice) -> None:
+    """The manifest may list them: whoever changed the rows can change it, too."""
+    path = next(dataset.glob("pairs/val-*.parquet"))
+    pq.write_table(pq.read_table(path)[rows], path)
+    manifest = read_manifest(dataset)
+    files = tuple(describe_file(dataset, one.path, rows=one.rows) for one in manifest.files)
+    told = encode_manifest(manifest.model_copy(update={"files": files}))
+    (dataset / "dataset.json").write_bytes(told)
+    with pytest.raises(DatasetError, match="pairs"):
+        read_masked(Dataset.open(dataset), "val")
 
 
 def test_a_stream_of_samples_is_the_sample_in_pieces(dataset: Path) -> None:

@@ -82,7 +82,7 @@ def test_damaged_and_foreign_zips_are_refused(tmp_path: Path) -> None:
 def test_a_zip_bomb_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = write_zip(tmp_path / "bomb.zip", *["s,0,1,1,chair_1"] * 400)
     monkeypatch.setattr("bsg_data.sources.hm3d_stats.STATISTICS", Bound("", 2000))
-    with pytest.raises(SourceError, match="unpacks to"):
+    with pytest.raises(SourceError, match="expected at most 2,000"):
         read_scene_lines(path)
 
 

@@ -26,6 +26,7 @@ from bsg_data.synthetic.buildings import write_synthetic
 from bsg_models.belief.belief_graph import believe, complete, rank_unseen
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import from_hidden_counts, from_totals
+from bsg_models.errors import PredictionError
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.predictor import Predictor
@@ -85,6 +86,14 @@ def test_distributions_and_totals() -> None:
 def test_the_expectation_of_another_graph_is_refused() -> None:
     with pytest.raises(RecipeError, match="of other inputs"):
         believe(GRAPH, from_totals(np.zeros((3, 4)), np.ones((3, 4))))
+
+
+def test_an_expectation_that_is_no_number_is_no_belief() -> None:
+    inputs = GRAPH.histograms().astype(float)
+    hidden = np.full(inputs.shape, 0.5)
+    hidden[1, 2] = np.nan
+    with pytest.raises(PredictionError, match="what by hand expects is not finite"):
+        believe(GRAPH, from_hidden_counts(inputs, poisson(hidden)), model="by hand")
 
 
 @pytest.fixture

@@ -214,3 +214,27 @@ def test_a_presence_is_never_below_none() -> None:
     nothing = replace(negative_binomial(np.zeros((200, 45)), np.ones((200, 45))), tilts=tilts)
     assert (nothing.presence >= 0).all()
     assert nothing.presence.max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("part", "value"),
+    [
+        ("means", np.nan),
+        ("means", np.inf),
+        ("dispersions", np.nan),
+        ("dispersions", 0.0),  # no distribution
+        ("weights", np.nan),
+        ("tilts", np.nan),
+        ("tilts", 800.0),  # a factor that no double holds
+    ],
+)
+def test_what_is_no_number_anywhere_is_found(part: str, value: float) -> None:
+    shape = (1, 2, 3)
+    sound = CountDistribution(
+        np.full(shape, 0.5), np.full(shape, np.inf), np.ones((1, 2, 1)), np.full((2, *shape), 0.1)
+    )
+    assert sound.is_finite
+    changed = getattr(sound, part).copy()
+    changed.flat[-1] = value
+    with np.errstate(all="ignore"):
+        assert not replace(sound, **{part: changed}).is_finite

@@ -260,7 +260,7 @@ def test_a_link_opens_the_same_view(page: Any, browser: Any, tmp_path: Path) -> 
         assert again.locator("html").get_attribute("data-theme") == "dark"
         assert again.url == page.url
         again.evaluate("location.hash = '#theme=light'")  # a link in the page that is open
-        again.wait_for_function("document.documentElement.dataset.theme === 'light'")
+        again.locator("html[data-theme='light']").wait_for()
         assert again.locator("aside h2").inner_text() == HOSTILE
         assert again.locator("#threshold").input_value() == "0"
 
@@ -323,9 +323,7 @@ def test_the_theme_is_that_of_the_system_until_one_is_chosen(
         assert "theme" not in page.url
         page.emulate_media(color_scheme=other[scheme])
         pressed = str(scheme == "light").lower()
-        page.wait_for_function(
-            "value => document.querySelector('.theme').ariaPressed === value", arg=pressed
-        )
+        page.locator(f".theme[aria-pressed='{pressed}']").wait_for()
         button.click()
         assert page.locator("html").get_attribute("data-theme") == scheme
         page.emulate_media(color_scheme=scheme)
@@ -349,7 +347,7 @@ def test_the_explorer_in_a_report_has_the_theme_of_the_report(browser: Any, tmp_
         assert frame.locator("button.theme").is_hidden()
         page.locator("button.theme").click()
         assert frame.locator("html").get_attribute("data-theme") == "dark"
-        page.evaluate("() => { const f = document.querySelector('iframe'); f.srcdoc += ' '; }")
+        page.evaluate("() => { const f = document.querySelector('iframe'); f.after(f); }")
         frame.locator("html[data-theme='dark'] #plan").click()  # also once it is loaded anew
         frame.locator("#class").select_option(str(SINK))
         assert "#" not in page.url

@@ -77,7 +77,7 @@ def test_it_plays_to_the_end_and_stops_by_hand(page: Any) -> None:
     page.locator("h1").click()
     page.keyboard.press(" ")
     assert page.locator("#play").inner_text() == "pause"
-    page.wait_for_function("document.getElementById('step').value === '1'")
+    page.locator("#where", has_text="room 1 of 3").wait_for()
     page.keyboard.press("ArrowLeft")
     assert page.locator("#play").inner_text() == "play"
     assert page.locator("#where").inner_text() == "room 0 of 3"

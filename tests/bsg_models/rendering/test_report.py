@@ -93,5 +93,6 @@ def test_the_explorer_and_the_figures_are_in_the_page(report: Reader) -> None:
 
 
 def test_style_sheets_are_not_escaped(report: Reader) -> None:
-    (style,) = texts(report, "style")
-    assert '"Segoe UI"' in style
+    theme, own = texts(report, "style")
+    assert '"Segoe UI"' in theme
+    assert "section.card {" in own

@@ -1,0 +1,120 @@
+"""A dataset that has grown takes its place, and the old one goes only when the new one is there.
+
+The two change places in one step where the system can do that, and by two renames elsewhere. A
+command that is killed in between leaves one of these, which `settle` brings to its end:
+
+    DATASET  DATASET.partial     .DATASET.replaced
+    old      new
+    new      old                                    exchanged
+             new                 old                where nothing can be exchanged
+    new                          old
+
+The new dataset keeps its `.reports` until the old one is gone. They say which one that is.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from bsg_data.dataset.manifest import MANIFEST, hash_manifest
+from bsg_data.dataset.own_files import remove_own
+from bsg_data.dataset.publication import RECIPE, REPLACES, REPORTS, list_paths
+from bsg_data.errors import DatasetError
+from bsg_data.exchange import exchange
+from bsg_data.files import write_bytes
+
+
+def name_growing(out: Path) -> Path:
+    """Return the folder that a dataset grows in."""
+    return out.with_name(f"{out.name}.partial")
+
+
+def name_replaced(out: Path) -> Path:
+    """Return where an old dataset is until it is removed."""
+    return out.with_name(f".{out.name}.replaced")
+
+
+def put_in_place(out: Path) -> None:
+    """Rename the finished dataset to its place; one that is there is removed after that.
+
+    Raises:
+        DatasetError: if it cannot be put there, or what was there cannot be removed.
+    """
+    growing, replaced = name_growing(out), name_replaced(out)
+    try:
+        if (out / MANIFEST).is_file():
+            if replaced.exists() or replaced.is_symlink():
+                raise DatasetError(f"{replaced}: is in the way; move it away, and run again")
+            write_bytes(growing / REPLACES, hash_manifest(out).encode())
+            if not exchange(growing, out):
+                out.rename(replaced)
+                _rename_or_put_back(growing, out, replaced)
+        else:
+            growing.rename(out)
+    except OSError as error:
+        raise DatasetError(
+            f"{out}: cannot be put in place ({error.strerror or error}); "
+            f"the finished dataset is {growing}"
+        ) from error
+    settle(out)
+
+
+def restore(out: Path) -> None:
+    """See that a dataset is in its place if a killed command took it away to put another there.
+
+    Raises:
+        DatasetError: if it cannot be put there.
+    """
+    growing, replaced = name_growing(out), name_replaced(out)
+    try:
+        if not out.exists() and _is_replaced(replaced, by=growing):
+            growing.rename(out)
+        if _is_replaced(growing, by=out) and not (growing / RECIPE).exists():
+            growing.rename(replaced)
+    except OSError as error:
+        raise DatasetError(f"{out}: cannot be put in place ({error.strerror or error})") from error
+
+
+def settle(out: Path) -> None:
+    """Bring to its end what a killed command began to put in place; mostly there is nothing.
+
+    Whoever calls it holds the lock of `out`.
+
+    Raises:
+        DatasetError: if something that is not ours is in the way.
+    """
+    restore(out)
+    if not (out / REPORTS).exists():
+        return
+    replaced = name_replaced(out)
+    if _is_replaced(replaced, by=out) or (replaced.is_dir() and not list_paths(replaced)):
+        remove_own(replaced, last=[MANIFEST])
+    remove_own(out, below=REPORTS, last=[REPLACES, RECIPE])
+
+
+def is_settled(out: Path) -> bool:
+    """Say whether no command was killed as it put a dataset in this place."""
+    in_place = (out / REPORTS).exists()
+    return not in_place and not _is_replaced(name_replaced(out), by=name_growing(out))
+
+
+def find_replaced(out: Path) -> Path | None:
+    """Return where the dataset is that a killed command has replaced and not removed, if any."""
+    places = (name_replaced(out), name_growing(out))
+    return next((place for place in places if _is_replaced(place, by=out)), None)
+
+
+def _rename_or_put_back(growing: Path, out: Path, replaced: Path) -> None:
+    try:
+        growing.rename(out)
+    except OSError:
+        replaced.rename(out)
+        raise
+
+
+def _is_replaced(old: Path, *, by: Path) -> bool:
+    """Say whether a folder holds the dataset that another one takes the place of."""
+    try:
+        return hash_manifest(old).encode() == (by / REPLACES).read_bytes()
+    except OSError:
+        return False

@@ -1,0 +1,191 @@
+"""A dataset takes the place of another one: at every moment one of them is there, or both are."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+from collections.abc import Callable
+from contextlib import nullcontext
+from pathlib import Path
+
+import pytest
+
+from bsg_data.build import build_dataset
+from bsg_data.checks.dataset import check_dataset
+from bsg_data.dataset import replacement
+from bsg_data.dataset.growth import finish, open_partial, recall
+from bsg_data.dataset.manifest import read_manifest
+from bsg_data.dataset.publication import RECIPE
+from bsg_data.dataset.replacement import find_replaced, is_settled, name_growing, settle
+from bsg_data.dataset.splits import split_dataset
+from bsg_data.errors import DatasetError
+from bsg_data.recipes import SplitRecipe
+from bsg_data.sources.hm3d import HM3DFolder
+
+OLD, NEW = SplitRecipe(seed=1), SplitRecipe(seed=2)  # any records do as recipes
+
+
+def all_bytes(folder: Path) -> dict[str, bytes]:
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
+
+
+@pytest.fixture
+def other(dataset: Path, tmp_path: Path) -> Path:
+    """A dataset of the same buildings with another split."""
+    other = tmp_path / "other"
+    shutil.copytree(dataset, other)
+    split_dataset(other, NEW, force=True)
+    return other
+
+
+def grow(folder: Path, old: Path, new: Path) -> Path:
+    """Lay out a dataset, and beside it a finished one that is about to replace it."""
+    folder.mkdir()
+    out = folder / "out"
+    shutil.copytree(old, out)
+    growing = open_partial(out, NEW)
+    for path in new.rglob("*.parquet"):
+        target = growing / path.relative_to(new)
+        target.parent.mkdir(exist_ok=True)
+        shutil.copy(path, target)
+    return out
+
+
+def never(one: Path, other: Path) -> bool:
+    return False
+
+
+def die_at(number: int) -> None:
+    """End this process before it changes a name for the n-th time."""
+    left = [number]
+
+    def hook(event: str, args: tuple[object, ...]) -> None:
+        if event in ("os.rename", "os.remove", "os.mkdir", "os.rmdir"):
+            if left[0] == 0:
+                os._exit(9)
+            left[0] -= 1
+
+    sys.addaudithook(hook)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")  # threads of Arrow stay behind
+@pytest.mark.parametrize("exchanges", [True, False])
+def test_killed_at_any_change_a_dataset_is_there_and_the_next_command_ends_it(
+    dataset: Path, other: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, exchanges: bool
+) -> None:
+    if not exchanges:
+        monkeypatch.setattr(replacement, "exchange", never)
+    before, after = all_bytes(dataset), all_bytes(other)
+    manifest = read_manifest(other)
+    absent = named = 0
+    for number in range(200):
+        out = grow(tmp_path / str(number), dataset, other)
+        child = os.fork()
+        if not child:
+            die_at(number)
+            finish(out, manifest, force=True)
+            os._exit(0)
+        if os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0:
+            break
+        absent += not out.exists()
+        if out.exists():
+            left = {name: data for name, data in all_bytes(out).items() if ".reports" not in name}
+            assert left in (before, after)
+            old = find_replaced(out)
+            named += old is not None
+            if number % 8 == 0:
+                told = " ".join(fault.what for fault in check_dataset(out))
+                assert bool(told) == (out / RECIPE).is_file()
+                assert old is None or str(old) in told
+        known = (out / RECIPE).is_file() or not out.exists()
+        assert (recall(out, NEW) == manifest) == known
+        if all_bytes(out) == before:
+            finish(out, manifest, force=True)
+        assert all_bytes(out) == after
+        assert [path.name for path in out.parent.iterdir()] == ["out"]
+    assert number > 30
+    assert named > 15  # the files of the old one go one by one
+    assert absent == (0 if exchanges else 1)
+
+
+@pytest.mark.parametrize("command", ["split", "build", "settle"])
+def test_any_next_command_ends_what_was_begun(
+    dataset: Path,
+    other: Path,
+    hm3d_folder: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    command: str,
+) -> None:
+    out = grow(tmp_path / "here", dataset, other)
+    monkeypatch.setattr("bsg_data.dataset.replacement.settle", lambda out: None)  # as if killed
+    finish(out, read_manifest(other), force=True)
+    monkeypatch.undo()
+    assert find_replaced(out) == name_growing(out)
+    assert not is_settled(out)
+    acts: dict[str, Callable[[], object]] = {
+        "split": lambda: split_dataset(out, OLD, force=True),
+        "build": lambda: build_dataset(HM3DFolder(hm3d_folder), out, force=True),
+        "settle": lambda: settle(out),
+    }
+    acts[command]()
+    assert check_dataset(out) == ()
+    assert [path.name for path in out.parent.iterdir()] == ["out"]
+
+
+def test_what_is_no_dataset_that_was_replaced_is_never_removed(
+    dataset: Path, other: Path, tmp_path: Path
+) -> None:
+    out = grow(tmp_path / "here", dataset, other)
+    for name in (".out.replaced", "mine.partial"):
+        shutil.copytree(dataset, out.with_name(name))
+    with pytest.raises(DatasetError, match=r"\.out\.replaced: is in the way; move it away"):
+        finish(out, read_manifest(other), force=True)
+    assert all_bytes(out) == all_bytes(dataset)
+    settle(out)
+    settle(out.with_name("mine"))
+    for name in (".out.replaced", "mine.partial"):
+        assert all_bytes(out.with_name(name)) == all_bytes(dataset)
+
+
+@pytest.mark.parametrize("where", ["thesis.tex", ".reports/notes", ".revision/notes", "pairs/mine"])
+def test_a_users_file_in_the_old_or_the_new_dataset_is_named_and_stays(
+    dataset: Path, other: Path, tmp_path: Path, where: str
+) -> None:
+    for place in ("out", "out.partial"):
+        out = grow(tmp_path / f"in {place}", dataset, other)
+        mine = out.with_name(place) / where
+        mine.parent.mkdir(exist_ok=True)
+        mine.write_text("years of work")
+        with pytest.raises(DatasetError, match=f"holds {where}"):
+            finish(out, read_manifest(other), force=True)
+        assert mine.read_text() == "years of work"
+        with (
+            pytest.raises(DatasetError, match=f"holds {where}") if place != "out" else nullcontext()
+        ):
+            open_partial(out, OLD)
+        assert mine.read_text() == "years of work"
+
+
+def test_a_rename_that_fails_leaves_the_old_dataset(
+    dataset: Path, other: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = grow(tmp_path / "here", dataset, other)
+    monkeypatch.setattr(replacement, "exchange", never)
+    rename = Path.rename
+
+    def fail(path: Path, target: Path) -> Path:
+        if path == name_growing(out):
+            raise OSError(5, "Input/output error")
+        return rename(path, target)
+
+    monkeypatch.setattr(Path, "rename", fail)
+    with pytest.raises(DatasetError, match=r"the finished dataset is .*out\.partial"):
+        finish(out, read_manifest(other), force=True)
+    assert all_bytes(out) == all_bytes(dataset)

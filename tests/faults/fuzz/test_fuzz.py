@@ -1,0 +1,129 @@
+from __future__ import annotations
+
+import random
+import sys
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from tally import Tally
+
+from fuzz.catalogue import ROWS, find_target
+from fuzz.mutation import change
+from fuzz.target import CORPUS, Bench, Target
+
+# Readers of which something is known that is not mended yet: nothing is asserted of them.
+PENDING = {"configuration", "dataset", "predictions"}
+
+
+@pytest.fixture(scope="module", params=ROWS)
+def bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
+    with Bench(find_target(request.param)) as bench:
+        yield bench
+
+
+def require_no_finding(bench: Bench, data: bytes) -> None:
+    finding = bench.try_input(data)
+    if bench.target.name in PENDING:
+        return
+    assert finding is None, f"{finding.key}\n{data!r}\n{finding.text}"
+
+
+def test_what_ever_failed_does_so_no_more(bench: Bench, tally: Tally) -> None:
+    kept = bench.target.kept()
+    found = {name: bench.try_input(data) for name, data in kept.items()}
+    misses = [f"{name}: {finding.key}" for name, finding in found.items() if finding]
+    sound = len(found) - len(misses)
+    name = bench.target.name
+    tally(
+        test="inputs that once failed",
+        command=name,
+        tried=len(found),
+        survived=sound,
+        misses=misses,
+    )
+    assert name in PENDING or not misses
+
+
+def test_seeds_are_read(bench: Bench, capfd: pytest.CaptureFixture[str]) -> None:
+    """A seed that is refused would lead a fuzzer nowhere."""
+    for data in bench.target.seeds().values():
+        assert len(data) <= bench.target.most
+        bench.target.read(bench.folder, data)
+        require_no_finding(bench, data)
+    assert capfd.readouterr() == ("", "")  # of libraries in C, too
+
+
+def test_changed_seeds_are_read_or_refused(bench: Bench, full: bool, tally: Tally) -> None:
+    target = bench.target
+    inputs = [*target.seeds().values(), *target.kept().values()]
+    words = [word.encode("utf-8", "surrogatepass") for word in target.words]
+    tried = 0
+
+    @settings(
+        max_examples=50 * target.examples if full else target.examples,
+        suppress_health_check=list(HealthCheck),
+    )
+    @given(data=st.sampled_from(inputs), seed=st.integers(0, 2**32))
+    def run(data: bytes, seed: int) -> None:
+        nonlocal tried
+        tried += 1
+        require_no_finding(
+            bench, change(data, random.Random(seed), words=words, most=target.longest)
+        )
+
+    misses: tuple[str, ...] = ()
+    try:
+        run()
+    except AssertionError as error:
+        misses = (str(error).splitlines()[0],)
+        raise
+    finally:
+        tally(
+            test="changed inputs, by Hypothesis",
+            command=target.name,
+            tried=tried,
+            survived=tried - len(misses),
+            misses=misses,
+        )
+
+
+def test_every_folder_of_the_corpus_is_of_a_target() -> None:
+    assert {path.name for path in CORPUS.glob("*")} <= set(ROWS)
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_a_target_is_called_as_its_row(name: str) -> None:
+    assert find_target(name).name == name
+
+
+class TestBench:
+    """The bench sees what a reader must not do."""
+
+    def finding_of(self, read: object) -> str | None:
+        target = Target(name="x", read=read, seeds=dict)  # type: ignore[arg-type]
+        with Bench(target) as bench:
+            finding = bench.try_input(b"")
+        return None if finding is None else finding.key
+
+    def test_another_exception(self) -> None:
+        assert (
+            self.finding_of(lambda folder, data: data[0]) == "IndexError in test_fuzz.py, <lambda>"
+        )
+
+    def test_a_warning(self) -> None:
+        assert "UserWarning" in str(
+            self.finding_of(lambda folder, data: warnings.warn("x", stacklevel=1))
+        )
+
+    def test_a_word_on_the_terminal(self) -> None:
+        assert self.finding_of(lambda folder, data: sys.stdout.write("x")) == "x prints"
+
+    def test_a_file_in_the_working_directory(self) -> None:
+        assert self.finding_of(lambda folder, data: Path("x").write_text("x")) == "x writes"
+
+    def test_nothing(self) -> None:
+        assert self.finding_of(lambda folder, data: None) is None

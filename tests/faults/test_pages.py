@@ -1,0 +1,290 @@
+"""Pages run nothing that a file brought: not by a name, and not if a name had become markup.
+
+Names that are scripts, links and templates stand everywhere in the three pages, which are opened in
+Chromium and clicked through. Then the same is written into the pages as markup, as if their
+escaping had failed: the Content-Security-Policy of the page refuses it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from headless_browser import start_browser
+from replays import make_replay
+from tally import Tally
+
+from bsg_data.dataset.manifest import ClassSpaceEntry
+from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
+from bsg_data.scene.class_space import hash_classes
+from bsg_models.belief.belief_graph import believe
+from bsg_models.belief.count_distribution import poisson
+from bsg_models.belief.expectation import from_hidden_counts
+from bsg_models.rendering.explorer import View, explorer_page
+from bsg_models.rendering.replay import replay_page
+from bsg_models.rendering.report import Table, write_report
+
+RUN = "top.ran=(window.ran=1)"  # what must never happen
+PAYLOADS = (
+    f"</script><script>{RUN}</script>",
+    f"<!--<script>{RUN}</script>",
+    f'"><img src=x onerror="{RUN}">',
+    f"'><svg onload='{RUN}'>",
+    f'" onmouseover="{RUN}" onfocus="{RUN}" onclick="{RUN}" autofocus x="',
+    f"javascript:{RUN}",
+    f'<a href="javascript:{RUN}">click</a>',
+    f'<iframe srcdoc="<script>{RUN}</script>"></iframe>',
+    f"</style><script>{RUN}</script><style>*{{background:url(https://example.invalid/x)}}",
+    f"</title></textarea></svg><script>{RUN}</script>",
+    f'<meta http-equiv="refresh" content="0;url=javascript:{RUN}">',
+    '<base href="https://example.invalid/"><link rel=stylesheet href="https://example.invalid/x">',
+    f"{{{{ self.__init__.__globals__ }}}}{{% set x = 1 %}}${{{RUN}}}`{RUN}`",
+    f"\\u003cscript>{RUN}\\u003c/script>",
+    f"\u2028{RUN}\u2029{RUN}//",
+    f"\u202e{RUN}\u2066\ufeff\x00\x1b]0;x\x07",
+    f"&lt;script&gt;{RUN}&lt;/script&gt;&#60;img src=x onerror={RUN}&#62;",
+    "__proto__",
+    f"]]>{RUN}/*",
+    f"';{RUN};//\\",
+)
+MARKUP = (
+    f"<script>{RUN}</script>",
+    f'<script src="data:text/javascript,{RUN}"></script>',
+    f'<script type="module">{RUN}</script>',
+    f'<img src="x" onerror="{RUN}">',
+    f"<svg><animate onbegin='{RUN}' attributeName=x dur=1s></svg>",
+    f'<svg><script href="data:text/javascript,{RUN}"></script></svg>',
+    f'<iframe srcdoc="<script>{RUN}</script>"></iframe>',
+    f'<iframe src="javascript:{RUN}"></iframe>',
+    f'<iframe src="data:text/html,<script>{RUN}</script>"></iframe>',
+    f'<object data="data:text/html,<script>{RUN}</script>"></object>',
+    f'<embed src="data:text/html,<script>{RUN}</script>">',
+    f'<a id="bait" href="javascript:{RUN}">bait</a>',
+    '<form action="https://example.invalid/"><button id="bait">bait</button></form>',
+    '<img src="https://example.invalid/picture.png">',
+    '<link rel="stylesheet" href="https://example.invalid/x.css">',
+    '<style>body { background: url("https://example.invalid/x.png") }</style>',
+    '<p style="background: url(https://example.invalid/y.png)">styled</p>',
+    '<base href="https://example.invalid/"><img src="relative.png">',
+    '<video autoplay src="https://example.invalid/x.webm"></video>',
+    '<link rel="prefetch" href="https://example.invalid/p"><link rel="preload" as="script" '
+    'href="https://example.invalid/q.js">',
+)
+CLICKS = "button, select, input, summary, polygon, g.room, circle, .legend span, h1, a"
+
+
+def explorer(first: int) -> str:
+    """Return an explorer in which every name is a payload, the first of which is given."""
+    turn = count(first)
+
+    def name() -> str:
+        number = next(turn)
+        return f"{PAYLOADS[number % len(PAYLOADS)]}{number - first}"
+
+    classes = tuple(name() for _ in range(8))
+    space = ClassSpaceEntry(name=name(), sha256=hash_classes(classes), classes=classes)
+    squares = [((3.0 * k, 0.0), (3.0 * k + 2, 0.0), (3.0 * k + 2, 2.0)) for k in range(5)]
+    rooms = tuple(
+        KnownRoom(name(), 0.5, k > 0, name(), footprint=square if k < 4 else None, floor_index=k)
+        for k, square in enumerate(squares)
+    )
+    objects = tuple(
+        SeenObject(name(), 1 + k % 5, name(), name(), k if k < 8 else None) for k in range(12)
+    )
+    partial = PartialGraph(name(), space, 0.5, rooms, objects, ((1, 2), (2, 3)), source=name())
+    inputs = partial.histograms().astype(float)
+    believed = from_hidden_counts(inputs, poisson(np.full(inputs.shape, 0.7)))
+    belief = believe(partial, believed, model=name())
+    truth = np.ceil(belief.expected).astype(int)
+    return explorer_page([View(belief, truth, title=name()), View(belief)])
+
+
+def replay(first: int) -> str:
+    """Return a replay in which every name is a payload."""
+    names = [PAYLOADS[(first + k) % len(PAYLOADS)] for k in range(8)]
+    made = make_replay(name=names[0], artifact=names[1])
+    walks = tuple(
+        replace(walk, planner=names[2 + k], model=names[4 + k]) for k, walk in enumerate(made.walks)
+    )
+    told = replace(made, scene_id=names[6], walks=walks, chosen=names[7])
+    return replay_page(replace(told, world=names[2]))
+
+
+def report(first: int, folder: Path) -> str:
+    """Return a report in which every name is a payload, with an explorer in its frame."""
+    names = [PAYLOADS[(first + k) % len(PAYLOADS)] for k in range(8)]
+    (folder / "figure.png").write_bytes(b"\x89PNG\r\n\x1a\n")
+    path = folder / "made.html"
+    write_report(
+        path,
+        title=names[0],
+        facts=names[1:3],
+        findings={names[3]: {names[4]: [names[5]]}},
+        tables=[Table(names[6], names[:2], [names[2:4]]), Table(names[7], names, [names])],
+        figures={names[1]: folder / "figure.png"},
+        explorer=explorer(first),
+    )
+    return path.read_text("utf-8")
+
+
+def pages(first: int, folder: Path) -> dict[str, str]:
+    """Return the three pages, by their names."""
+    return {"explorer": explorer(first), "replay": replay(first), "report": report(first, folder)}
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with start_browser() as started:
+        yield started
+
+
+@contextmanager
+def watch(browser: Any, path: Path) -> Iterator[tuple[Any, list[str], list[str]]]:
+    """Open a page; give it, with what went wrong and what its policy refused, as they come."""
+    faults: list[str] = []
+    refused: list[str] = []
+    page = browser.new_page(viewport={"width": 1366, "height": 768})
+    page.set_default_timeout(2_000)
+
+    def hear(said: Any) -> None:
+        if said.type == "error":
+            (refused if "Content Security Policy" in said.text else faults).append(said.text)
+
+    def see(request: Any) -> None:
+        inside = request.url.startswith(("file://", "data:", "about:srcdoc"))
+        if not inside and request.failure != "csp":  # a name that nobody has fails otherwise
+            faults.append(f"asked for {request.url}: {request.failure}")
+
+    page.on("console", hear)
+    page.on("requestfinished", see)
+    page.on("requestfailed", see)
+    page.on("pageerror", lambda error: faults.append(str(error)))
+    page.on("dialog", lambda dialog: (faults.append(dialog.message), dialog.dismiss()))
+    page.on("popup", lambda other: faults.append(f"opened {other.url}"))
+    page.goto(f"file://{path}")
+    yield page, faults, refused
+    for frame in page.frames:
+        if frame.evaluate("window.ran") is not None:
+            faults.append(f"a script ran in {frame.url}")
+    if not page.url.startswith(f"file://{path}"):
+        faults.append(f"the page became {page.url}")
+    page.close()
+
+
+def click_through(page: Any) -> int:
+    """Send every event that a visitor makes to everything that can take one; return how many."""
+    return sum(
+        int(
+            frame.evaluate(
+                """(wanted) => {
+  const all = () => [...document.querySelectorAll(wanted)];
+  let sent = 0;
+  for (let k = 0; k < Math.min(all().length, 120); k++) {
+    const one = all()[k];
+    for (const kind of ["mouseover", "mouseenter", "focus", "mousedown", "click", "keydown"])
+      { one.dispatchEvent(new MouseEvent(kind, { bubbles: true })); sent++; }
+    if (one.tagName === "SELECT")
+      for (const option of [...one.options]) {
+        one.value = option.value;
+        one.dispatchEvent(new Event("change", { bubbles: true }));
+        sent++;
+      }
+  }
+  return sent;
+}""",
+                CLICKS,
+            )
+        )
+        for frame in page.frames
+    )
+
+
+@pytest.mark.slow
+def test_a_hostile_name_runs_nothing(
+    browser: Any, tmp_path: Path, full: bool, tally: Tally
+) -> None:
+    turns = range(len(PAYLOADS)) if full else range(1)
+    misses: dict[str, list[str]] = {"explorer": [], "replay": [], "report": []}
+    for first in turns:
+        for kind, text in pages(first, tmp_path).items():
+            (tmp_path / "page.html").write_text(text, "utf-8")
+            with watch(browser, tmp_path / "page.html") as (page, faults, refused):
+                assert click_through(page) > 20, kind
+                assert page.locator("iframe").count() == (kind == "report")
+                page.keyboard.press("End")
+            misses[kind] += [f"turn {first}: {what}" for what in (*faults, *refused)]
+    for kind, found in misses.items():
+        tally(
+            test="hostile names in a page, clicked through in Chromium",
+            command=kind,
+            tried=len(turns) * len(PAYLOADS),
+            survived=len(turns) * len(PAYLOADS) - len(found),
+            misses=found,
+        )
+    assert not any(misses.values()), misses
+
+
+@pytest.mark.slow
+def test_the_policy_refuses_what_no_page_escaped(
+    browser: Any, tmp_path: Path, full: bool, tally: Tally
+) -> None:
+    tried = MARKUP if full else ("".join(MARKUP),)
+    misses: dict[str, list[str]] = {}
+    for kind, text in pages(0, tmp_path).items():
+        misses[kind] = []
+        for markup in tried:
+            page_text = put_in(text, markup)
+            (tmp_path / "page.html").write_text(page_text, "utf-8")
+            with watch(browser, tmp_path / "page.html") as (page, faults, refused):
+                for bait in page.locator("#bait").all():
+                    bait.evaluate("one => one.click()")
+                page.wait_for_timeout(100)
+            asked = [fault for fault in faults if "ran in" in fault or "asked for" in fault]
+            misses[kind] += [f"{markup}: {what}" for what in asked]
+            if not refused:
+                misses[kind].append(f"{markup}: nothing was refused")
+    for kind, found in misses.items():
+        tally(
+            test="markup in a page, as if escaping had failed",
+            command=kind,
+            tried=len(MARKUP),
+            survived=len(MARKUP) - len(found),
+            misses=found,
+        )
+    assert not any(misses.values()), misses
+
+
+@pytest.mark.slow
+def test_scripts_of_a_page_cannot_make_markup_from_text(browser: Any, tmp_path: Path) -> None:
+    (tmp_path / "page.html").write_text(explorer(0), "utf-8")
+    with watch(browser, tmp_path / "page.html") as (page, _, _):
+        before = page.locator("b").count()
+        for sink in (
+            "document.body.innerHTML = '<b>x</b>'",
+            "document.write('<b>x</b>')",
+            "document.body.insertAdjacentHTML('beforeend', '<b>x</b>')",
+        ):
+            refusal = page.evaluate(
+                "(code) => { try { " + sink + "; return ''; } catch (e) { return e.name; } }", ""
+            )
+            assert refusal == "TypeError", sink
+        assert page.locator("b").count() == before
+
+
+def put_in(page: str, markup: str) -> str:
+    """Write markup into the body of a page, first thing."""
+    head, body, rest = page.partition("<body>\n")
+    assert body
+    return head + body + markup + rest
+
+
+def test_every_page_has_its_policy_before_anything_else(tmp_path: Path) -> None:
+    for text in pages(0, tmp_path).values():
+        assert text.index("Content-Security-Policy") < text.index("<title>") < text.index("<style>")
+        assert "unsafe" not in text.partition("<title>")[0]

@@ -1,0 +1,411 @@
+"""Any commands in any order, killed or not, against a model of what must be there.
+
+The model is a clean build: whatever happened before, a dataset that is there has the bytes that the
+same commands write in an empty folder, and a command that is run again gets through.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pytest
+from conftest import BEDROOM, KITCHEN, annotation_text, write_scene
+from hypothesis import HealthCheck, note, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import (
+    RuleBasedStateMachine,
+    initialize,
+    invariant,
+    precondition,
+    rule,
+    run_state_machine_as_test,
+)
+from killed_process import Ended, start, wait_for
+from tally import Tally
+from version_1_files import write_version_1
+
+from bsg_data.build import build_dataset
+from bsg_data.checks.dataset import check_dataset
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.dataset.manifest import read_manifest
+from bsg_data.dataset.splits import read_splits, split_dataset
+from bsg_data.errors import DatasetError
+from bsg_data.merge import merge_datasets, upgrade_dataset
+from bsg_data.observation.pairs import read_pairs, write_pairs
+from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
+from bsg_data.sources.hm3d import HM3DFolder
+from bsg_models.runs.run_folder import BEST
+from bsg_models.training.training import train_run
+from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
+
+BUILDINGS = range(8)
+HIDDEN = (".revision", ".reports")  # what a killed command may leave in a dataset
+PARTIAL = "dataset.partial"
+Kill = int | None
+
+
+@dataclass(frozen=True)
+class Made:
+    """All that the bytes of a dataset depend on.
+
+    Attributes:
+        buildings: numbers of its buildings.
+        seed: of its split; None without one.
+        draws: of its pairs; None without.
+        merged: whether another dataset was merged with it.
+        upgraded: whether it was one of format 1.
+    """
+
+    buildings: frozenset[int]
+    seed: int | None = None
+    draws: int | None = None
+    merged: bool = False
+    upgraded: bool = False
+
+
+class Reference:
+    """Datasets made without any trouble, each once."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._made: dict[Made, Path] = {}
+        self._trained: dict[tuple[Made, str], dict[str, str]] = {}
+
+    def __getitem__(self, made: Made) -> Path:
+        if made not in self._made:
+            out = self.folder / str(len(self._made)) / "dataset"
+            self._made[made] = self._make(made, out)
+        return self._made[made]
+
+    def _make(self, made: Made, out: Path) -> Path:
+        if made.draws is not None:
+            shutil.copytree(self[replace(made, draws=None)], out)
+            write_pairs(out, pairs_recipe(made.draws))
+        elif made.seed is not None:
+            shutil.copytree(self[replace(made, seed=None)], out)
+            split_dataset(out, SplitRecipe(ratios=(0.6, 0.2, 0.2), seed=made.seed))
+        elif made.upgraded:
+            shutil.copytree(self[replace(made, upgraded=False)], out)
+            write_version_1(out)
+            upgrade_dataset(out)
+        elif made.merged:
+            merge_datasets([self[replace(made, merged=False)], self.other()], out)
+        else:
+            source = HM3DFolder(write_buildings(out.parent / "hm3d", made.buildings))
+            build_dataset(source, out, scenes_per_shard=2)
+        return out
+
+    def other(self) -> Path:
+        """Return a dataset of other buildings."""
+        return self[Made(frozenset({90, 91}))]
+
+    def train(self, made: Made, name: str) -> dict[str, str]:
+        """Return the weights of a run that nothing disturbed."""
+        key = made, name
+        if key not in self._trained:
+            run = self[made].parent / f"run-{name}"
+            list(train_run(configure(name), self[made], run))
+            self._trained[key] = hash_files(run, "*.safetensors")
+        return self._trained[key]
+
+
+def write_buildings(root: Path, numbers: frozenset[int] | range) -> Path:
+    for number in numbers:
+        rooms = {0: KITCHEN, 1: BEDROOM * (number % 3), -1: ["book"]}
+        write_scene(root, f"{number:05d}-abcdefghi{number:02d}", annotation_text(rooms))
+    return root
+
+
+def pairs_recipe(draws: int) -> PairsRecipe:
+    return PairsRecipe(mask=MaskRecipe(strategy="rooms"), draws=draws)
+
+
+def configure(name: str) -> RunConfig:
+    small = {
+        "gamma-poisson": [],
+        "ceci-gcn": ["model.width=4", "model.depth=1", "training.epochs=3"],
+    }
+    tables = override(find_config(name).model_dump(mode="json"), small[name])
+    return validate_config(tables, source="test")
+
+
+def hash_files(folder: Path, pattern: str = "*") -> dict[str, str]:
+    """Return path → sha256 of a folder's files, without what a killed command may leave."""
+    return {
+        path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(folder.rglob(pattern))
+        if path.is_file() and path.relative_to(folder).parts[0] not in HIDDEN
+    }
+
+
+class House(RuleBasedStateMachine):
+    """A source, a dataset made of it, and a run trained on that."""
+
+    reference: Reference  # of all machines
+    tried = 0
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.folder = Path(tempfile.mkdtemp(dir=self.reference.folder)).resolve()
+        self.source, self.dataset = self.folder / "hm3d", self.folder / "dataset"
+        self.runs = self.folder / "runs"
+        self.runs.mkdir()
+        self.buildings: frozenset[int] = frozenset()
+        self.made: Made | None = None
+        self.growing = False  # a command that makes a dataset was killed, and may go on
+        self.torn = False  # a command that changes the dataset was killed, and none came after it
+        self.run_of: dict[str, Made] = {}
+
+    def teardown(self) -> None:
+        shutil.rmtree(self.folder)
+
+    @initialize(numbers=st.sets(st.sampled_from(BUILDINGS), min_size=5))
+    def find_buildings(self, numbers: set[int]) -> None:
+        self.buildings = frozenset(numbers)
+        write_buildings(self.source, self.buildings)
+
+    @rule(number=st.sampled_from(BUILDINGS))
+    def change_source(self, number: int) -> None:
+        folder = self.source / "train" / f"{number:05d}-abcdefghi{number:02d}"
+        if number in self.buildings and len(self.buildings) > 5:
+            shutil.rmtree(folder)
+            self.buildings -= {number}
+        else:
+            write_buildings(self.source, frozenset({number}))
+            self.buildings |= {number}
+
+    kills = st.one_of(st.none(), st.integers(1, 60))
+
+    @rule(force=st.booleans(), kill=kills)
+    def build(self, force: bool, kill: Kill) -> None:
+        source = HM3DFolder(self.source)
+        self.grow(
+            lambda: build_dataset(source, self.dataset, force=force, scenes_per_shard=2),
+            Made(self.buildings),
+            force=force,
+            kill=kill,
+        )
+
+    @rule(force=st.booleans(), seed=st.integers(0, 2), kill=kills)
+    def split(self, force: bool, seed: int, kill: Kill) -> None:
+        recipe = SplitRecipe(ratios=(0.6, 0.2, 0.2), seed=seed)
+        made = self.made
+        self.change(
+            lambda: split_dataset(self.dataset, recipe, force=force),
+            None if made is None else replace(made, seed=seed, draws=None),
+            refused=made is None or (made.seed is not None and not force),
+            kill=kill,
+            between=() if made is None else (replace(made, seed=None, draws=None),),
+        )
+
+    @rule(force=st.booleans(), draws=st.integers(1, 3), kill=kills)
+    def pairs(self, force: bool, draws: int, kill: Kill) -> None:
+        made = self.made
+        is_split = made is not None and made.seed is not None
+        self.change(
+            lambda: write_pairs(self.dataset, pairs_recipe(draws), force=force),
+            None if made is None else replace(made, draws=draws),
+            refused=not is_split or (made is not None and made.draws is not None and not force),
+            kill=kill,
+            between=() if made is None else (replace(made, draws=None),),
+        )
+
+    @rule(force=st.booleans(), kill=kills)
+    def merge(self, force: bool, kill: Kill) -> None:
+        plain = Made(self.buildings)
+        datasets = [self.reference[plain], self.reference.other()]
+        self.grow(
+            lambda: merge_datasets(datasets, self.dataset, force=force),
+            replace(plain, merged=True),
+            force=force,
+            kill=kill,
+        )
+
+    def grow(self, work: Callable[[], object], new: Made, *, force: bool, kill: Kill) -> None:
+        """Run a command that makes a dataset; what a killed one left goes with the next."""
+        refused = self.made is not None and not force
+        self.growing = self.growing and refused
+        self.change(work, new, refused=refused, kill=kill)
+        if not refused:
+            self.growing = any(self.folder.glob(f"*{PARTIAL}*"))
+
+    @precondition(lambda self: self.made is not None and not self.made.merged)
+    @rule(kill=kills)
+    def upgrade(self, kill: Kill) -> None:
+        """An old dataset comes in the place of today's; an upgrade of today's does nothing."""
+        assert self.made is not None
+        plain = Made(self.made.buildings)
+        shutil.rmtree(self.dataset)
+        shutil.copytree(self.reference[plain], self.dataset)
+        write_version_1(self.dataset)
+        old = hash_files(self.dataset)
+        ended = self.run(lambda: upgrade_dataset(self.dataset), kill=kill)
+        if ended.how == "killed" and hash_files(self.dataset) == old:
+            ended = self.run(lambda: upgrade_dataset(self.dataset), kill=None)
+            assert ended.how == "done", ended
+        self.torn, self.made = ended.how == "killed", replace(plain, upgraded=True)
+
+    @precondition(lambda self: self.made is not None and self.made.draws is not None)
+    @rule(name=st.sampled_from(["gamma-poisson", "gamma-poisson", "ceci-gcn"]), kill=kills)
+    def train(self, name: str, kill: Kill) -> None:
+        made, run = self.made, self.runs / name
+        assert made is not None
+        config, resume = configure(name), self.run_of.get(name) == made
+        again = {"resume": True} if resume else {"force": True}
+        ended = self.run(lambda: list(train_run(config, self.dataset, run, **again)), kill=kill)
+        self.run_of[name] = made
+        if ended.how == "killed":
+            return  # the next one goes on, or begins again on another dataset
+        assert ended.how == "done", ended
+        assert hash_files(run, "*.safetensors") == self.reference.train(made, name)
+        assert (run / BEST).is_file()
+
+    @precondition(lambda self: self.made is not None and self.made.seed is not None)
+    @rule(draws=st.integers(1, 3))
+    def read_beside_a_writer(self, draws: int) -> None:
+        """Whoever reads gets the old, the new, or an error of ours; never a mix."""
+        old = self.made
+        assert old is not None
+        new = replace(old, draws=draws)
+        allowed = {self.tell(self.reference[one]) for one in (old, new, replace(old, draws=None))}
+        recipe = pairs_recipe(draws)
+        process = start(
+            lambda: write_pairs(self.dataset, recipe, force=True), inside=self.folder, kill_at=None
+        )
+        while os.waitid(os.P_PID, process[0], os.WEXITED | os.WNOHANG | os.WNOWAIT) is None:
+            try:
+                assert self.tell(self.dataset) in allowed
+            except DatasetError as error:
+                note(f"a reader was told: {error}")
+        ended = wait_for(*process)
+        assert ended.how == "done", ended
+        self.torn, self.made = False, new
+
+    def tell(self, dataset: Path) -> tuple[object, ...]:
+        """Return what a reader learns of a dataset."""
+        data = Dataset.open(dataset)
+        cells = tuple(int(data.cells(scene).sum()) for scene in data.scene_ids)
+        splits = read_splits(dataset, manifest=data.manifest)
+        rows = [
+            len(read_pairs(dataset, split, manifest=data.manifest))
+            for split in splits
+            if data.manifest.pairs is not None
+        ]
+        return cells, tuple(splits.items()), tuple(rows)
+
+    def change(
+        self,
+        work: Callable[[], object],
+        new: Made | None,
+        *,
+        refused: bool,
+        kill: Kill,
+        between: tuple[Made, ...] = (),
+    ) -> None:
+        """Run a command that changes the dataset, and see that what is there is what may be.
+
+        Args:
+            work: the command.
+            new: what it makes.
+            refused: whether it must refuse.
+            kill: the change before which it is killed.
+            between: what else may be there after a kill.
+        """
+        old, torn = self.made, self.torn
+        ended = self.run(work, kill=kill)
+        if ended.how == "killed":
+            self.torn, self.made = True, self.recognise([old, new, *between])
+            return
+        if ended.how == "done":
+            self.torn = False
+            self.see_that_nothing_is_left()
+        finished = ended.how == "done" and torn and old == new  # what a killed one had begun
+        assert finished or ended.how == ("refused" if refused else "done"), ended
+        self.made = old if refused else new
+
+    def see_that_nothing_is_left(self) -> None:
+        """Nothing of a killed command is left by one that is done, but a build to go on with."""
+        beside = {path.name for path in self.folder.iterdir()} - {"hm3d", "dataset", "runs"}
+        others = {name for name in beside if not name.startswith((PARTIAL, f".{PARTIAL}.shard-"))}
+        assert others == set()
+        assert self.growing or beside == set()
+        assert not any((self.dataset / name).exists() for name in HIDDEN)
+
+    def run(self, work: Callable[[], object], *, kill: Kill) -> Ended:
+        type(self).tried += 1
+        ended = wait_for(*start(work, inside=self.folder, kill_at=kill))
+        note(f"{ended.how}: {ended.message[-2000:]}")
+        assert ended.how != "failed", ended.message
+        return ended
+
+    def recognise(self, candidates: list[Made | None]) -> Made | None:
+        """Return which of several datasets is there after a kill."""
+        if not (self.dataset / "dataset.json").is_file():
+            assert None in candidates, "the dataset is gone"
+            return None
+        # Its manifest counts: a new file that is not listed yet, or a card, may lie there already.
+        there = (self.dataset / "dataset.json").read_bytes()
+        for made in candidates:
+            if made is not None and (self.reference[made] / "dataset.json").read_bytes() == there:
+                return made
+        raise AssertionError("the manifest is none that these commands write")
+
+    @invariant()
+    def is_what_it_must_be(self) -> None:
+        if self.made is None:
+            assert not (self.dataset / "dataset.json").exists()
+            return
+        expected, found = hash_files(self.reference[self.made]), hash_files(self.dataset)
+        listed = {entry.path for entry in read_manifest(self.dataset).files} | {"dataset.json"}
+        assert {path: found.get(path) for path in listed} == {
+            path: expected[path] for path in listed
+        }
+
+    @precondition(lambda self: self.made is not None)
+    @rule()
+    def check(self) -> None:
+        """Nothing is wrong; after a kill, nothing but the files that it was about to change."""
+        listed = {entry.path for entry in read_manifest(self.dataset).files}
+        faults = [
+            fault
+            for fault in check_dataset(self.dataset)
+            if not self.torn or fault.where in listed or fault.where == "dataset.json"
+        ]
+        assert faults == []
+
+
+@pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
+def test_any_commands_in_any_order(
+    tmp_path_factory: pytest.TempPathFactory, full: bool, tally: Tally
+) -> None:
+    House.reference = Reference(tmp_path_factory.mktemp("state-machine"))
+    House.tried = 0
+    misses: tuple[str, ...] = ()
+    try:
+        run_state_machine_as_test(
+            House,
+            settings=settings(
+                max_examples=200 if full else 6,
+                stateful_step_count=30 if full else 10,
+                suppress_health_check=list(HealthCheck),
+                derandomize=not full,
+                print_blob=False,
+            ),
+        )
+    except AssertionError as error:
+        misses = (str(error)[:500],)
+        raise
+    finally:
+        tally(
+            test="commands in any order, killed or not",
+            command="build, split, pairs, merge, upgrade, check, train",
+            tried=House.tried,
+            survived=House.tried - len(misses),
+            misses=misses,
+        )
