@@ -25,6 +25,7 @@ from .errors import (
     DatasetError,
     MismatchError,
     RecipeError,
+    SourceChangedError,
     SourceError,
     UnmappedNameError,
 )
@@ -137,6 +138,7 @@ __all__ = [
     "ShareBelief",
     "SkippedScene",
     "Source",
+    "SourceChangedError",
     "SourceError",
     "SourceRow",
     "SplitRecipe",

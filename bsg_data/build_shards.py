@@ -25,7 +25,14 @@ from bsg_data.dataset.manifest import (
 )
 from bsg_data.dataset.publication import REPORTS
 from bsg_data.dataset.shards import describe_file, write_shards
-from bsg_data.errors import BSGError, DatasetError, SourceError, UnmappedNameError
+from bsg_data.errors import (
+    BSGError,
+    DatasetError,
+    SourceChangedError,
+    SourceError,
+    UnmappedNameError,
+    find_io_error,
+)
 from bsg_data.files import write_bytes
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import MANIFEST_FILE
@@ -34,6 +41,8 @@ from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.scene.mesh_coverage import MeshCoverage
 from bsg_data.scene.scene_graph import SceneGraph, is_scene_id
 from bsg_data.sources.source import Reading, SceneRef, SkippedScene, Source
+
+_NOTHING_SKIPPED = "no scene was skipped for that: see to the source, then run the command again"
 
 
 class ShardReport(Record):
@@ -69,6 +78,8 @@ def make_shard(
             if not is_scene_id(ref.scene_id):
                 raise SourceError(f"{ref.scene_id!r}: a scene id must do as the name of a file")
             reading = _read(source, ref, loaded)
+        except SourceChangedError:
+            raise
         except SourceError as error:
             if strict:
                 raise
@@ -131,11 +142,24 @@ def _read(source: Source, ref: SceneRef, class_map: ClassMap) -> Reading:
 
     Raises:
         SourceError: if the scene cannot be read.
+        SourceChangedError: if that is no fault of the scene.
         RuntimeError: for a bug in the code of the source.
     """
     try:
         return source.read(ref, class_map)
-    except (BSGError, OSError):
+    except SourceChangedError as error:
+        raise SourceChangedError(f"{error}; {_NOTHING_SKIPPED}") from error
+    except (BSGError, OSError) as error:
+        failed = find_io_error(error)
+        if failed is not None:
+            raise SourceChangedError(
+                f"{source.path}: scene {ref.scene_id} ({ref.location}) cannot be read now "
+                f"({failed.strerror or failed}); {_NOTHING_SKIPPED}"
+            ) from error
+        if isinstance(error, OSError):
+            raise SourceError(
+                f"{ref.location}: cannot be read ({error.strerror or error})"
+            ) from error
         raise
     except Exception as error:
         raise RuntimeError(

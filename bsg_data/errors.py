@@ -2,7 +2,8 @@
 
     BSGError                   above all errors of the project
     ├── SourceError            a source is not where it should be, or holds nothing
-    │   └── AnnotationError    one line of one annotation file is malformed
+    │   ├── AnnotationError    one line of one annotation file is malformed
+    │   └── SourceChangedError  a source is not what it was when its scenes were listed
     ├── ClassMapError          a class map is missing, malformed or not the published one
     │   └── UnmappedNameError  a name is not in the class map, and the caller asked for strictness
     ├── DatasetError           a dataset is missing, unfinished, damaged or already there
@@ -22,7 +23,10 @@ message names the file, the line or the id, what was expected, what was found, a
 
 from __future__ import annotations
 
+import errno
 from pathlib import Path
+
+_LASTING = {errno.EACCES, errno.EPERM, errno.ELOOP, errno.ENAMETOOLONG, errno.EISDIR}
 
 
 class BSGError(Exception):
@@ -56,6 +60,26 @@ class AnnotationError(SourceError):
     def __reduce__(self) -> tuple[object, ...]:
         """Survive the way back from a worker process."""
         return _annotation_error, (self.path, self.line_number, self.line, self.expected)
+
+
+class SourceChangedError(SourceError):
+    """Report a source that changed, went away or could not be read since its scenes were listed.
+
+    It is no fault of a scene, so that no scene is skipped for it.
+    """
+
+
+def find_io_error(error: BaseException | None) -> OSError | None:
+    """Return what the system said, if it is why something could not be read now.
+
+    Of the causes of an error: a disk or a network that fails, a file that is gone. Permissions, and
+    what is wrong with bytes that were read, are there the next time, too.
+    """
+    while error is not None:
+        if isinstance(error, OSError) and error.errno is not None and error.errno not in _LASTING:
+            return error
+        error = error.__cause__
+    return None
 
 
 def _annotation_error(

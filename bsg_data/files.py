@@ -78,6 +78,23 @@ def stem_of(name: str) -> str:
     return re.sub(r"[^\w.-]+", "-", name).strip("-.") or "-"
 
 
+def refuse_links(root: Path, path: Path) -> None:
+    """Refuse a place below a folder of ours that a link leads to: it may lie anywhere.
+
+    Args:
+        root: the folder that a user named, which may be a link itself.
+        path: below it, there or not.
+
+    Raises:
+        DatasetError: naming the link.
+    """
+    for place in (path, *path.parents):
+        if place == root:
+            return
+        if place.is_symlink():
+            raise DatasetError(f"{place}: is a link, and nothing is written through one; remove it")
+
+
 def hash_file(path: Path) -> str:
     """Return the sha256 of a file, in hexadecimal digits.
 

@@ -23,7 +23,7 @@ HOUSE = (
     "bsg_data.registry",
     "bsg_data.inputs",
     "bsg_data.result_folder bsg_data.scene",
-    "bsg_data.geometry",
+    "bsg_data.geometry bsg_data.seals",
     "bsg_data.sources",
     "bsg_data.dataset",
     "bsg_data.build_shards bsg_data.observation",

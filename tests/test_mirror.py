@@ -16,7 +16,6 @@ PROVED_ELSEWHERE = {
     "bsg_data/arrays.py": "test_architecture.py",
     "bsg_data/checks/census.py": "bsg_data/checks/test_dataset.py",
     "bsg_data/checks/edges.py": "bsg_data/checks/test_dataset.py",
-    "bsg_data/build_shards.py": "bsg_data/test_build.py",
     "bsg_data/checks/faults.py": "bsg_data/checks/test_dataset.py",
     "bsg_data/checks/files.py": "bsg_data/checks/test_dataset.py",
     "bsg_data/checks/objects.py": "bsg_data/checks/test_dataset.py",

@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from bsg_data.dataset.histograms import to_histograms
-from bsg_data.dataset.manifest import Manifest, read_manifest
+from bsg_data.dataset.manifest import Manifest, encode_manifest, read_manifest
 from bsg_data.dataset.schema import pairs_schema
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.dataset.version_1 import TABLES_1
@@ -36,7 +36,7 @@ def write_version_1(dataset: Path, *, mask: MaskRecipe | None = None) -> Manifes
         the manifest that it had.
     """
     manifest = read_manifest(dataset)
-    said = json.loads((dataset / "dataset.json").read_text("utf-8"))
+    said = json.loads(encode_manifest(manifest))
     (source,) = said.pop("sources")
     space = said.pop("class_space")
     class_map = {**source["class_map"], "classes": space["classes"]}

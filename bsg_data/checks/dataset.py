@@ -29,6 +29,7 @@ from bsg_data.dataset.manifest import (
     ClassSpaceEntry,
     FileEntry,
     Manifest,
+    read_card_hashes,
     read_hashed_manifest,
 )
 from bsg_data.dataset.own_files import is_own
@@ -36,6 +37,7 @@ from bsg_data.dataset.publication import CARD, CROISSANT, REPLACES, list_strays
 from bsg_data.dataset.replacement import find_replaced
 from bsg_data.dataset.schema import TABLES
 from bsg_data.errors import ClassMapError
+from bsg_data.files import hash_file
 from bsg_data.observation.pairs import split_of_file
 from bsg_data.scene.class_map import load_class_map, published_maps
 from bsg_data.scene.class_space import list_class_spaces, load_class_space
@@ -191,3 +193,7 @@ def _check_strays(dataset: Path, manifest: Manifest) -> Iterator[Fault]:
     for name in (CARD, CROISSANT):
         if not (dataset / name).is_file():
             yield Fault(name, "is missing; any of build, split or pairs writes it again")
+    for name, expected in read_card_hashes(dataset).items():
+        found = hash_file(dataset / name) if (dataset / name).is_file() else expected
+        if found != expected:
+            yield Fault(name, f"was changed: expected sha256 {expected[:12]}…, found {found[:12]}…")

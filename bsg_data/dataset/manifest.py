@@ -20,7 +20,7 @@ from bsg_data.dataset.version_1 import convert_manifest
 from bsg_data.errors import DatasetError, MismatchError, SourceError
 from bsg_data.inputs.bounded_file import hash_bounded, read_bytes
 from bsg_data.inputs.bounds import MANIFEST_FILE
-from bsg_data.inputs.documents import parse_json
+from bsg_data.inputs.documents import parse_json, read_json
 from bsg_data.recipes import PairsRecipe, Record, SplitRecipe, name_fault
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.class_space import ClassSpace, hash_classes
@@ -29,6 +29,7 @@ from bsg_data.scene.spoken_names import Rule
 from bsg_data.sources.source import Terms
 
 MANIFEST = "dataset.json"
+SEAL = "seal"  # key of the hashes at its end; what was written before there were any has none
 
 
 # Exactly the paths that the format has: a manifest edited by hand cannot point elsewhere.
@@ -262,6 +263,9 @@ def read_hashed_manifest(dataset: Path) -> tuple[Manifest, str]:
     data = read_bytes(path, MANIFEST_FILE, error=DatasetError)
     try:
         said = parse_json(data)
+        if isinstance(said, dict) and SEAL in said:
+            _require_seal(path, data.decode())
+            del said[SEAL]
         found = said.get("format_version")
         if type(found) is not int or found not in (1, FORMAT_VERSION):
             raise MismatchError(
@@ -287,6 +291,40 @@ def read_hashed_manifest(dataset: Path) -> tuple[Manifest, str]:
 def encode_manifest(manifest: Manifest) -> bytes:
     """Return the bytes of `dataset.json`."""
     return (manifest.model_dump_json(indent=1, exclude_none=False) + "\n").encode()
+
+
+def seal_manifest(text: bytes, cards: Mapping[str, bytes]) -> bytes:
+    """Return the bytes of `dataset.json` with a seal: hashes of the cards, and of all before it.
+
+    Args:
+        text: of `encode_manifest`.
+        cards: name → content of the files beside it that follow from it.
+    """
+    hashes = [f'"{name}": "{hashlib.sha256(card).hexdigest()}", ' for name, card in cards.items()]
+    covered = text.removesuffix(b"\n}\n") + f',\n "{SEAL}": {{{"".join(hashes)}'.encode()
+    sha256 = hashlib.sha256(covered).hexdigest()
+    return covered + f'"{MANIFEST}": "{sha256}"}}\n}}\n'.encode()
+
+
+def read_card_hashes(dataset: Path) -> dict[str, str]:
+    """Return file → sha256 of the cards beside a manifest; nothing of one without a seal.
+
+    Raises:
+        DatasetError: if there is no manifest, or it is damaged.
+    """
+    read_manifest(dataset)
+    hashes = read_json(dataset / MANIFEST, MANIFEST_FILE, error=DatasetError).get(SEAL, {})
+    return {name: sha256 for name, sha256 in hashes.items() if name != MANIFEST}
+
+
+def _require_seal(path: Path, text: str) -> None:
+    """Refuse a manifest of which any byte is not what it was when it was written."""
+    covered, _, end = text.rpartition(f'"{MANIFEST}": "')
+    if end != f'{hashlib.sha256(covered.encode()).hexdigest()}"}}\n}}\n':
+        raise DatasetError(
+            f"{path}: is damaged: it is not what its own sha256 says, the last in it; take another "
+            "copy of the dataset, or build it again"
+        )
 
 
 def hash_manifest(dataset: Path) -> str:

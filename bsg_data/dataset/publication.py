@@ -6,7 +6,7 @@ from pathlib import Path
 
 from bsg_data.dataset.card import write_card, write_croissant
 from bsg_data.dataset.kept_maps import list_kept
-from bsg_data.dataset.manifest import MANIFEST, Manifest, encode_manifest
+from bsg_data.dataset.manifest import MANIFEST, Manifest, encode_manifest, seal_manifest
 from bsg_data.files import write_bytes
 
 CARD = "README.md"
@@ -19,10 +19,11 @@ REVISION = ".revision"  # what a command is about to change; gone when it is don
 
 
 def publish(dataset: Path, manifest: Manifest) -> None:
-    """Write the dataset card, the Croissant description and, last, the manifest."""
-    write_bytes(dataset / CARD, write_card(manifest).encode())
-    write_bytes(dataset / CROISSANT, write_croissant(manifest).encode())
-    write_bytes(dataset / MANIFEST, encode_manifest(manifest))
+    """Write the dataset card, the Croissant description and, last, the manifest that seals them."""
+    cards = {CARD: write_card(manifest).encode(), CROISSANT: write_croissant(manifest).encode()}
+    for name, card in cards.items():
+        write_bytes(dataset / name, card)
+    write_bytes(dataset / MANIFEST, seal_manifest(encode_manifest(manifest), cards))
 
 
 def list_strays(dataset: Path, manifest: Manifest) -> list[str]:

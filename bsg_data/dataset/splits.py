@@ -177,10 +177,10 @@ def read_splits(dataset: Path, *, manifest: Manifest | None = None) -> dict[str,
 
 
 def _rank(split: str) -> tuple[int, int, str]:
+    """Return where a split stands; its name was checked against `SPLIT_NAME`."""
     if split in NAMES:
         return (NAMES.index(split), 0, split)
-    number = split.removeprefix("fold-")
-    return (len(NAMES), int(number) if number.isascii() and number.isdigit() else 0, split)
+    return (len(NAMES), int(split.removeprefix("fold-")), split)
 
 
 def _shuffle(ids: list[str], seed: int) -> list[str]:

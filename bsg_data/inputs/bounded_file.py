@@ -37,17 +37,28 @@ def read_bytes(path: Path, bound: Bound, *, error: Refusal = SourceError) -> byt
         SourceError: or what `error` makes, if it cannot be read, is no gzip though its name says
             so, or is larger.
     """
+    return unpack(read_packed(path, bound, error=error), path, bound, error=error)
+
+
+def read_packed(path: Path, bound: Bound, *, error: Refusal = SourceError) -> bytes:
+    """Read a file whole, as it lies there; see `read_bytes`."""
     with _refusing(path, error), open_waiting_for_none(path) as file:
         _require_size(file, path, bound, error)
-        if not path.name.endswith(PACKED):
-            data = _take(file, bound.bytes)
-            what = "more than"
-        else:
-            data = _take(cast(BinaryIO, gzip.GzipFile(fileobj=file)), bound.bytes)
-            what = "unpacks to more than"
+        data = _take(file, bound.bytes)
         if len(data) > bound.bytes:
-            raise error(f"{path}: {what} {bound.bytes:,} bytes; expected at most these")
+            raise error(f"{path}: more than {bound.bytes:,} bytes; expected at most these")
         return data
+
+
+def unpack(data: bytes, path: Path, bound: Bound, *, error: Refusal = SourceError) -> bytes:
+    """Unpack the bytes of a file if its name ends in `.gz`; see `read_bytes`."""
+    if not path.name.endswith(PACKED):
+        return data
+    with _refusing(path, error):
+        unpacked = _take(cast(BinaryIO, gzip.GzipFile(fileobj=io.BytesIO(data))), bound.bytes)
+    if len(unpacked) > bound.bytes:
+        raise error(f"{path}: unpacks to more than {bound.bytes:,} bytes; expected at most these")
+    return unpacked
 
 
 @contextmanager

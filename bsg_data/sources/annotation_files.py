@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from bsg_data.errors import AnnotationError, SourceError
-from bsg_data.inputs.bounded_file import hash_bounded
+from bsg_data.errors import AnnotationError, SourceChangedError, SourceError, find_io_error
+from bsg_data.inputs.bounded_file import hash_bounded, read_packed, unpack
 from bsg_data.inputs.bounds import Bound
 from bsg_data.sources.source import SkippedScene
+
+TOO_LARGE = "too large"
 
 
 def list_files(path: Path, suffixes: tuple[str, ...], unreadable: list[SkippedScene]) -> list[Path]:
@@ -42,6 +45,8 @@ def walk_files(
     """
 
     def note(error: OSError) -> None:
+        if find_io_error(error):
+            raise SourceChangedError(f"{error.filename}: cannot be read ({error.strerror})")
         where = Path(str(error.filename)).relative_to(root).as_posix()
         unreadable.append(SkippedScene("-", where, f"the folder cannot be read ({error.strerror})"))
 
@@ -66,21 +71,72 @@ def walk_files(
 
 def _why_not(path: Path) -> str | None:
     """Return why a path cannot be an annotation; None if it can."""
-    if not path.is_file():  # a link that leads nowhere, a pipe, a device
-        return "not a file, or a link that leads nowhere"
+    try:
+        if not path.is_file():  # a link that leads nowhere, a pipe, a device
+            return "not a file, or a link that leads nowhere"
+    except OSError as error:
+        if find_io_error(error):
+            raise SourceChangedError(f"{path}: cannot be read ({error.strerror})") from error
+        return f"cannot be read ({error.strerror})"
     if not str(path).isprintable() and any("\ud800" <= c <= "\udfff" for c in str(path)):
         return "its path is not UTF-8"
     return None
 
 
 def fingerprint(path: Path, bound: Bound) -> str:
-    """Hash a file; one that cannot be read, or is far too large, is reported when it is read."""
+    """Hash a file; one that may not be read, or is far too large, is reported when it is read.
+
+    Raises:
+        SourceChangedError: if it is gone, or cannot be read now.
+    """
     try:
         return hash_bounded(path, bound)
     except OSError as error:
+        if find_io_error(error):
+            raise SourceChangedError(f"{path}: cannot be read ({error.strerror})") from error
         return f"unreadable: {error.strerror}"
     except ValueError:
-        return "too large"
+        return TOO_LARGE
+
+
+def read_listed(path: Path, bound: Bound, *, expected: str | None = None) -> bytes:
+    """Read a file that was listed, unpacked if its name ends in `.gz`.
+
+    Args:
+        path: of the file.
+        bound: that it must keep, packed and unpacked.
+        expected: its fingerprint when it was listed, which these very bytes must have.
+
+    Raises:
+        SourceError: if it cannot be read, is no gzip though its name says so, or is larger.
+        SourceChangedError: if it is not what it was when it was listed.
+    """
+    try:
+        data = read_packed(path, bound)
+    except SourceError as error:
+        cause = error.__cause__
+        found = f"unreadable: {cause.strerror}" if isinstance(cause, OSError) else TOO_LARGE
+        require_fingerprint(path, found, expected)
+        raise
+    if expected is not None:
+        require_fingerprint(path, hashlib.sha256(data).hexdigest(), expected)
+    return unpack(data, path, bound)
+
+
+def require_fingerprint(path: Path | str, found: str, expected: str | None) -> None:
+    """Refuse what is not what it was when it was listed.
+
+    Args:
+        path: what an error names.
+        found: what tells it apart now.
+        expected: what told it apart then; None if it was not listed.
+
+    Raises:
+        SourceChangedError: if the two differ.
+    """
+    if expected is not None and found != expected:
+        why = f" ({found})" if found.startswith("unreadable") else ""
+        raise SourceChangedError(f"{path}: is not what it was when the scenes were listed{why}")
 
 
 def decode(data: bytes, *, path: Path) -> str:

@@ -14,10 +14,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bsg_data.errors import AnnotationError
-from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import ANNOTATION
 from bsg_data.scene.scene_graph import Box, Point
-from bsg_data.sources.annotation_files import decode
+from bsg_data.sources.annotation_files import decode, read_listed
 
 HEADER = "HM3D Semantic Annotations"
 _ROW = re.compile(r'([0-9]{1,9}),([0-9A-Fa-f]{1,6}),"(.*)",(-?[0-9]{1,9})')
@@ -58,14 +57,19 @@ class Annotation:
     sha256: str
 
 
-def read_annotation(path: Path) -> Annotation:
+def read_annotation(path: Path, *, expected: str | None = None) -> Annotation:
     """Read one `semantic.txt`.
+
+    Args:
+        path: of the file.
+        expected: its fingerprint when it was listed; None if it was not.
 
     Raises:
         SourceError: if the file cannot be read or is far too large.
+        SourceChangedError: if it is not what it was when it was listed.
         AnnotationError: naming the first line that is malformed.
     """
-    data = read_bytes(path, ANNOTATION)
+    data = read_listed(path, ANNOTATION, expected=expected)
     return Annotation(parse_annotation(data, path=path), hashlib.sha256(data).hexdigest())
 
 

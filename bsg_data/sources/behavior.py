@@ -21,12 +21,13 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from bsg_data.errors import SourceError
+from bsg_data.errors import SourceChangedError, SourceError
 from bsg_data.inputs.bounds import BEHAVIOR
 from bsg_data.inputs.documents import read_json
 from bsg_data.recipes import name_fault
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import Room, is_scene_id
+from bsg_data.sources.annotation_files import require_fingerprint
 from bsg_data.sources.annotations import Annotation, Instance
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.source import (
@@ -143,9 +144,7 @@ class BehaviorRooms:
             SceneRef(
                 scene_id=building,
                 location=", ".join(scene for scenes in floors.values() for scene in scenes),
-                fingerprint=_digest(
-                    {number: self._rooms(names) for number, names in floors.items()}
-                ),
+                fingerprint=_digest(self._floors(floors)),
                 source_split=None,
                 source_version=None,
             )
@@ -157,8 +156,8 @@ class BehaviorRooms:
         """Read one building; the regions are its rooms, floor by floor, in the order of names."""
         rooms: list[Room] = []
         instances: list[Instance] = []
-        for number, scenes in self._houses()[ref.scene_id].items():
-            for name, content in sorted(self._rooms(scenes).items(), key=_by_number):
+        for number, listed in self._listed(ref).items():
+            for name, content in sorted(listed.items(), key=_by_number):
                 if len(instances) + sum(content.values()) > MAX_OBJECTS:
                     raise SourceError(f"{self.path}: {ref.location}: over {MAX_OBJECTS:,} objects")
                 region = len(rooms)
@@ -174,6 +173,18 @@ class BehaviorRooms:
             building_kind=find_building_kind(ref.scene_id),
         )
         return Reading(graph)
+
+    def _listed(self, ref: SceneRef) -> dict[int, RoomLists]:
+        """Return the rooms of a building's floors, which are those that were listed."""
+        try:
+            floors = self._floors(self._houses()[ref.scene_id])
+        except (SourceError, KeyError) as error:  # it could be read when the scenes were listed
+            raise SourceChangedError(f"{self.path}: scene {ref.scene_id}: {error}") from error
+        require_fingerprint(f"{self.path}: {ref.scene_id}", _digest(floors), ref.fingerprint)
+        return floors
+
+    def _floors(self, floors: Mapping[int, list[str]]) -> dict[int, RoomLists]:
+        return {number: self._rooms(scenes) for number, scenes in floors.items()}
 
     def _houses(self) -> dict[str, dict[int, list[str]]]:
         """Return building → floor → its scenes, the one with the garden first."""

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from bsg_data.errors import SourceError
+from bsg_data.errors import SourceChangedError, SourceError, find_io_error
 from bsg_data.geometry.adjacency import connect_rooms
 from bsg_data.geometry.gltf import MeshError
 from bsg_data.geometry.placement import place_scene
@@ -16,7 +16,7 @@ from bsg_data.geometry.semantic_mesh import survey_mesh
 from bsg_data.inputs.bounds import ANNOTATION
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_id import split_scene_id
-from bsg_data.sources.annotation_files import fingerprint, walk_files
+from bsg_data.sources.annotation_files import fingerprint, require_fingerprint, walk_files
 from bsg_data.sources.annotations import read_annotation
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.hm3d_names import keep_one_copy, split_by_number, split_of_folder, version_of
@@ -95,8 +95,11 @@ class HM3DFolder:
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one scene from its annotation text, and its geometry from the mesh beside that."""
         path = self.path / ref.location
-        graph = assemble(read_annotation(path), ref=ref, kind=self.kind, class_map=class_map)
+        annotation = read_annotation(path, expected=ref.fingerprint)
+        graph = assemble(annotation, ref=ref, kind=self.kind, class_map=class_map)
         mesh = _mesh_beside(path) if self.meshes else None
+        if self.meshes:
+            require_fingerprint(path.with_suffix(".glb"), str(_mesh_mark(path)), str(ref.geometry))
         if mesh is None:
             return Reading(graph)
         try:
@@ -105,6 +108,8 @@ class HM3DFolder:
             colours = [str(obj.colour) for obj in graph.objects]
             survey = survey_mesh(mesh, colours, snap_colours=self.snap_colours)
         except MeshError as error:
+            if find_io_error(error):
+                raise SourceChangedError(str(error)) from error
             where = mesh.relative_to(self.path).as_posix()
             return Reading(graph, left_out=(SkippedScene(ref.scene_id, where, str(error)),))
         return Reading(connect_rooms(place_scene(graph, survey)), survey.coverage)
@@ -158,6 +163,8 @@ def _mesh_mark(annotation: Path) -> str | None:
                 file.seek(start)
                 digest.update(file.read(_ENDS))
     except OSError as error:
+        if find_io_error(error):
+            raise SourceChangedError(f"{mesh}: cannot be read ({error.strerror})") from error
         return f"unreadable mesh: {error.strerror}"
     return f"mesh of {size} bytes, {digest.hexdigest()}"
 

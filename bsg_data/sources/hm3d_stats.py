@@ -15,10 +15,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from bsg_data.errors import AnnotationError, SourceError
+from bsg_data.errors import AnnotationError, SourceChangedError, SourceError
 from bsg_data.inputs.archive import read_member
 from bsg_data.inputs.bounds import STATISTICS
 from bsg_data.scene.class_map import ClassMap
+from bsg_data.sources.annotation_files import require_fingerprint
 from bsg_data.sources.annotations import Annotation, Instance
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.hm3d import MATTERPORT
@@ -71,7 +72,13 @@ class HM3DStatistics:
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one scene from its rows."""
-        annotation = parse_scene_lines(self._lines[ref.location], path=self.path)
+        try:
+            lines = self._lines[ref.location]
+        except (SourceError, KeyError) as error:  # it could be read when the scenes were listed
+            raise SourceChangedError(f"{self.path}: scene {ref.location}: {error}") from error
+        where = f"{self.path}: {ref.location}"
+        require_fingerprint(where, digest_scene_lines(lines), ref.fingerprint)
+        annotation = parse_scene_lines(lines, path=self.path)
         return Reading(assemble(annotation, ref=ref, kind=self.kind, class_map=class_map))
 
     @cached_property

@@ -26,7 +26,7 @@ import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from bsg_data.arrays import Floats
-from bsg_data.errors import SourceError
+from bsg_data.errors import SourceChangedError, SourceError
 from bsg_data.geometry.placement import find_storeys, surround
 from bsg_data.inputs.bounded_file import open_stream
 from bsg_data.inputs.bounds import MAX_HOUSE, MAX_HOUSE_ROOMS, PROCTHOR, PROCTHOR_LINES
@@ -34,6 +34,7 @@ from bsg_data.inputs.documents import parse_json
 from bsg_data.recipes import name_fault
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import Box, Point, Room
+from bsg_data.sources.annotation_files import require_fingerprint
 from bsg_data.sources.annotations import Annotation, Instance
 from bsg_data.sources.assembly import assemble, connect_regions
 from bsg_data.sources.hm3d_names import keep_one_copy
@@ -133,9 +134,11 @@ class ProcTHORHouses:
         """Read one house."""
         name, _, number = ref.location.rpartition(":")
         file = self.path / name if self.path.is_dir() else self.path
-        text = _fetch(file, int(number))
-        if hashlib.sha256(text).hexdigest() != ref.fingerprint:
-            raise SourceError(f"{ref.location}: was changed since the houses were listed")
+        try:
+            text = _fetch(file, int(number))
+        except SourceError as error:  # it could be read when the houses were listed
+            raise SourceChangedError(str(error)) from error
+        require_fingerprint(ref.location, hashlib.sha256(text).hexdigest(), ref.fingerprint)
         house = _parse(text, ref.location)
         annotation = Annotation(tuple(_list_instances(house)), ref.fingerprint)
         rooms = find_storeys([_describe(room, house.walls, ref.location) for room in house.rooms])

@@ -15,7 +15,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from bsg_data.errors import SourceError
+from bsg_data.errors import SourceChangedError, SourceError, find_io_error
 from bsg_data.geometry.adjacency import measure_distance
 from bsg_data.geometry.placement import find_storeys, measure_area
 from bsg_data.inputs.bounded_file import read_bytes
@@ -26,9 +26,10 @@ from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import LAYOUTS, label_of
 from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph, is_scene_id
 from bsg_data.scene.scene_id import building_hash
-from bsg_data.sources.annotation_files import fingerprint
+from bsg_data.sources.annotation_files import fingerprint, require_fingerprint
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SkippedScene, Source
 
+_LAYOUT = ", layout "  # before the hash of a layout, in what tells of a scene's geometry
 MAX_METRES = 10_000.0
 _NAME = re.compile(r"room_([1-9][0-9]{0,5})")
 
@@ -227,7 +228,10 @@ class WithLayouts:
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read a scene, then its layout; one that cannot be used is left out with the reason."""
-        reading = self.source.read(ref, class_map)
+        own = replace(ref, geometry=str(ref.geometry).rpartition(_LAYOUT)[0] or ref.geometry)
+        reading = self.source.read(own, class_map)
+        where = f"{self.folder}: the layout of {ref.scene_id}"
+        require_fingerprint(where, str(self._refer(own).geometry), str(ref.geometry))
         path = self._layout_of(ref)
         if path is None:
             return reading
@@ -238,6 +242,8 @@ class WithLayouts:
             except LayoutError as error:
                 raise LayoutError(f"{path}: {error}") from error
         except LayoutError as error:
+            if find_io_error(error):
+                raise SourceChangedError(str(error)) from error
             reason = str(error).replace(f"{self.folder}/", "")
             skip = SkippedScene(ref.scene_id, path.name, reason)
             return replace(reading, left_out=(*reading.left_out, skip))
@@ -253,4 +259,4 @@ class WithLayouts:
         path = self._layout_of(ref)
         if path is None:
             return ref
-        return replace(ref, geometry=f"{ref.geometry}, layout {fingerprint(path, LAYOUT)}")
+        return replace(ref, geometry=f"{ref.geometry}{_LAYOUT}{fingerprint(path, LAYOUT)}")

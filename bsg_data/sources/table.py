@@ -14,11 +14,12 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
-from bsg_data.errors import SourceError
+from bsg_data.errors import SourceChangedError, SourceError
 from bsg_data.geometry.placement import find_storeys
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap
 from bsg_data.scene.connections import GIVEN
 from bsg_data.scene.scene_graph import Box, Point, Room, is_scene_id
+from bsg_data.sources.annotation_files import require_fingerprint
 from bsg_data.sources.annotations import Annotation, Instance
 from bsg_data.sources.assembly import assemble, connect_regions
 from bsg_data.sources.hm3d_names import keep_one_copy
@@ -163,7 +164,7 @@ class ObjectTable:
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one scene; the order of its rows does not matter."""
-        rows = sorted(self._table().scenes[ref.scene_id], key=lambda row: row.key)
+        rows = sorted(self._listed(ref), key=lambda row: row.key)
         regions = number_rooms({row.room for row in rows if row.room})
         placed = sorted(
             (row for row in rows if row.category),
@@ -187,6 +188,15 @@ class ObjectTable:
             rooms=_describe_rooms(rows, regions),
         )
         return Reading(connect_regions(graph, _list_connections(rows, regions), method=GIVEN))
+
+    def _listed(self, ref: SceneRef) -> Sequence[TableRow]:
+        """Return the rows of a scene, which are those that were listed."""
+        try:
+            rows = self._table().scenes[ref.scene_id]
+        except (SourceError, KeyError) as error:  # it could be read when the scenes were listed
+            raise SourceChangedError(f"{self.path}: scene {ref.scene_id}: {error}") from error
+        require_fingerprint(f"{self.path}: {ref.scene_id}", _digest(rows), ref.fingerprint)
+        return rows
 
     def _table(self) -> _Table:
         try:

@@ -7,7 +7,6 @@ under `bsg`, in the words of our own JSON; of the graph, in `partial`.
 from __future__ import annotations
 
 import codecs
-import tempfile
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -33,6 +32,7 @@ from bsg_data.sources.label_space import LabelSpace
 from bsg_data.sources.spark_dsg import name_object
 from bsg_models.belief.annotation import annotate, find_document
 from bsg_models.belief.belief_graph import BeliefGraph
+from bsg_models.belief.hydra_conversion import convert
 from bsg_models.errors import HydraError
 
 BINARY = ".sparkdsg"
@@ -146,33 +146,9 @@ def read_text(path: Path) -> str:
         HydraError: if spark_dsg is missing, or cannot load it.
     """
     if path.suffix == BINARY:
-        return _convert(path)
+        return convert(path)
     data = read_bytes(path, SPARK_DSG)
     return (BOM if data.startswith(codecs.BOM_UTF8) else "") + decode(data, path=path)
-
-
-def _convert(path: Path) -> str:
-    """Return the JSON of a binary graph, as spark_dsg makes it."""
-    try:
-        import spark_dsg
-    except ImportError as error:
-        raise HydraError(
-            f"{path}: binary graphs need spark-dsg (pip install 'belief-scene-graphs[hydra]'); or "
-            "save the graph as .json"
-        ) from error
-    if not path.is_file():
-        raise HydraError(f"{path}: cannot be read (no such file)")
-    if path.stat().st_size > SPARK_DSG.bytes:
-        raise HydraError(f"{path}: expected at most {SPARK_DSG.bytes:,} bytes")
-    with tempfile.TemporaryDirectory() as folder:  # its writer chooses names, and fails in silence
-        written = Path(folder, "graph.json")
-        try:
-            spark_dsg.DynamicSceneGraph.load(str(path)).save(str(written), include_mesh=True)
-            return written.read_text("utf-8")
-        except Exception as error:  # its reader raises what its parser does
-            raise HydraError(
-                f"{path}: expected a Spark-DSG file, found one that spark_dsg cannot load"
-            ) from error
 
 
 def _name_node(node: DSGNode) -> str:

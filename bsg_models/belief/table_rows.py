@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 import pyarrow as pa
@@ -13,12 +12,13 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from bsg_data.errors import DatasetError
-from bsg_data.files import open_beside
 from bsg_data.inputs.bounds import MAX_STREAMED_ROWS
 from bsg_data.inputs.parquet import open_parquet_file
+from bsg_data.seals import SEAL, replace_sealed, require_seal
 from bsg_models.errors import BeliefFileError
 
 ROWS_PER_GROUP = 65_536  # nodes
+_SEALED = b"bsg.seal"  # in the metadata of every table: its seal is a file beside it
 _METRES = pa.list_(pa.float64())
 SCHEMAS = {
     "nodes": pa.schema(
@@ -74,7 +74,7 @@ def write_rows(
     *,
     metadata: Callable[[], Mapping[str, Mapping[bytes, str]]],
 ) -> None:
-    """Write the rows of belief graphs as one file a table, each whole or not at all.
+    """Write the rows of belief graphs as one file a table: all of them, sealed, or none.
 
     Args:
         packed: the rows of each belief graph, by the names of `SCHEMAS`.
@@ -85,9 +85,10 @@ def write_rows(
         DatasetError: if they cannot be written.
     """
     try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        with TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}.") as beside:
-            places = {name: Path(beside) / name for name in SCHEMAS}
+        with replace_sealed(folder) as staged:
+            raw = staged.with_name("rows")
+            raw.mkdir()
+            places = {name: raw / name for name in SCHEMAS}
             with ExitStack() as stack:
                 writers = {
                     name: stack.enter_context(
@@ -100,10 +101,27 @@ def write_rows(
                         writer.write_table(pa.Table.from_batches([one[name] for one in group]))
             said = metadata()
             for name, place in places.items():
-                with open_beside(folder / f"{name}.parquet") as partial:
-                    _copy_rows(place, partial, SCHEMAS[name].with_metadata(said.get(name)))
+                schema = SCHEMAS[name].with_metadata({_SEALED: SEAL, **said.get(name, {})})
+                _copy_rows(place, staged / f"{name}.parquet", schema)
     except OSError as error:
         raise DatasetError(f"{folder}: cannot be written ({error.strerror or error})") from error
+
+
+def require_whole(folder: Path) -> None:
+    """Refuse tables that are not what their seal says; those of before there were seals have none.
+
+    Raises:
+        DatasetError: naming the file that was changed.
+        ValueError: if the seal is gone, without which tables of two commands could be mixed.
+    """
+    sealed = require_seal(folder)
+    for name in SCHEMAS:
+        if sealed is None:
+            said = pq.read_schema(folder / f"{name}.parquet").metadata or {}
+            if _SEALED in said:
+                raise ValueError(f"{SEAL}, which {name}.parquet was written with, is not there")
+        elif f"{name}.parquet" not in sealed:
+            raise ValueError(f"{SEAL} does not list {name}.parquet")
 
 
 def _group_rows(

@@ -19,6 +19,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from bsg_data.arrays import Floats
+from bsg_data.errors import DatasetError
 from bsg_data.files import encode_json
 from bsg_data.inputs.bounds import MAX_STREAMED_ROWS
 from bsg_data.inputs.documents import parse_json
@@ -31,7 +32,7 @@ from bsg_models.belief.belief_graph import BeliefGraph, BlindNode
 from bsg_models.belief.consistency import check_beliefs, check_partial
 from bsg_models.belief.formats import FormatRow
 from bsg_models.belief.header import Header, decode_whole_header, encode_whole_header
-from bsg_models.belief.table_rows import SCHEMAS, SceneRows, write_rows
+from bsg_models.belief.table_rows import SCHEMAS, SceneRows, require_whole, write_rows
 from bsg_models.errors import BeliefFileError
 
 Columns = Mapping[str, Any]
@@ -175,6 +176,7 @@ def read_tables(folder: Path) -> Iterator[BeliefGraph]:
         BeliefFileError: if a table is missing or not one of ours.
     """
     try:
+        require_whole(folder)
         headers = _read_headers(folder)
         scenes = [header.partial.scene_id for header in headers]
         parts = {name: SceneRows(folder / f"{name}.parquet", name, scenes) for name in SCHEMAS}
@@ -182,6 +184,8 @@ def read_tables(folder: Path) -> Iterator[BeliefGraph]:
         if not all((folder / f"{name}.parquet").is_file() for name in SCHEMAS):
             raise BeliefFileError(f"{folder}: no tables of belief graphs ({error})") from error
         raise
+    except DatasetError as error:
+        raise BeliefFileError(str(error)) from error
     except _DAMAGE as error:
         raise BeliefFileError(f"{folder}: no tables of belief graphs ({error!r})") from error
     for number, header in enumerate(headers):

@@ -25,6 +25,7 @@ from bsg_data.observation.partial_graph import PartialGraph, list_withheld, mask
 from bsg_data.observation.robot_json import list_unmapped
 from bsg_data.observation.said_share import Share
 from bsg_data.recipes import MaskRecipe, Record
+from bsg_data.result_folder import is_vacant
 from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.scene.surroundings import KNOWN_SOURCES
 from bsg_models.belief.belief_graph import BeliefGraph, Mode, believe, rank_unseen
@@ -291,7 +292,7 @@ def _check_paths(request: BeliefRequest) -> None:
     if len(set(paths)) < len(paths):
         raise RecipeError("one file is named twice")
     for path in request.results:
-        if path.exists() and not request.force:
+        if not (is_vacant(path) or request.force):
             raise DatasetError(f"{path}: is there already; --force replaces it")
 
 

@@ -24,7 +24,7 @@ from bsg_data.dataset.publication import publish
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.executors import run_all
-from bsg_data.files import encode_json, write_bytes
+from bsg_data.files import encode_json, refuse_links, write_bytes
 from bsg_data.inputs.bounds import RUN_RECORD
 from bsg_data.inputs.documents import read_json
 from bsg_data.lock import hold
@@ -118,6 +118,9 @@ def make_leaderboard(
         raise DatasetError(f"{out}: cannot be made ({error.strerror})") from error
     out = out.absolute()  # who trains may stand in another folder
     runs = plan_runs(models, recipe)
+    for place in (*runs.single, *runs.ensembles):
+        for fold in range(recipe.folds):
+            refuse_links(out, run_of(out / place.mask, place.name, fold))
     with hold(out):
         for mask in dict.fromkeys((*recipe.masks, *runs.masks)):
             prepare_dataset(dataset, out / mask / DATASET, recipe, mask=mask)

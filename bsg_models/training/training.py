@@ -11,6 +11,7 @@ import numpy as np
 import torch
 
 from bsg_data.dataset.dataset import Dataset
+from bsg_data.files import refuse_links
 from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_models.belief.count_distribution import CountDistribution, concatenate
 from bsg_models.errors import TrainingError
@@ -230,6 +231,8 @@ def _train_ensemble(
 ) -> Iterator[EpochReport]:
     """Train the members into `members/NAME` of the run, one after another, then mix them."""
     members = {name: run / MEMBERS / name for name in ensemble.members}
+    for folder in members.values():
+        refuse_links(run, folder)
     new_model(config, data)  # a configuration that cannot be made fails before anything is replaced
     with open_run(run):
         if not resume:

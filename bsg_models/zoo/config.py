@@ -30,6 +30,8 @@ from bsg_models.errors import ConfigError
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.settings import DataConfig, ModelConfig, TrainingConfig
 
+_LONGEST_NAME = 1_000  # characters; the zoo's longest has 24
+
 
 class RunConfig(Record):
     """One run.
@@ -42,11 +44,19 @@ class RunConfig(Record):
         training: how; models that are fitted by counting do not read it.
     """
 
-    name: str = ""
+    name: str = Field(default="", max_length=_LONGEST_NAME)
     seed: int = Field(default=0, ge=0, lt=2**63)
     model: SerializeAsAny[ModelConfig]
     data: DataConfig = DataConfig()
     training: TrainingConfig = TrainingConfig()
+
+    @field_validator("name")
+    @classmethod
+    def _name_is_printable(cls, value: str) -> str:
+        """Refuse what no table, page or figure can show: all of them name models."""
+        if not value.isprintable():
+            raise ValueError(f"expected characters that can be printed, found {value!r}")
+        return value
 
     @field_validator("model", mode="before")
     @classmethod

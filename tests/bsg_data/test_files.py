@@ -6,7 +6,14 @@ from pathlib import Path
 import pytest
 
 from bsg_data.errors import DatasetError
-from bsg_data.files import encode_json, hash_file, open_beside, stem_of, write_bytes
+from bsg_data.files import (
+    encode_json,
+    hash_file,
+    open_beside,
+    refuse_links,
+    stem_of,
+    write_bytes,
+)
 
 
 def test_a_file_is_whole_or_stays_as_it_was(tmp_path: Path) -> None:
@@ -65,3 +72,13 @@ def test_json_has_no_number_that_is_none(number: float) -> None:
     assert encode_json({"a": [1.5, None]}, separators=(",", ":")) == '{"a":[1.5,null]}'
     with pytest.raises(DatasetError, match="not finite"):
         encode_json({"a": [1.5, number]})
+
+
+def test_a_place_that_a_link_leads_to_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "root").symlink_to(tmp_path / "elsewhere", target_is_directory=True)
+    root = tmp_path / "root"
+    refuse_links(root, root / "a" / "b")  # neither is there yet; the root is what the user named
+    (root / "a").symlink_to(tmp_path, target_is_directory=True)
+    with pytest.raises(DatasetError, match="root/a: is a link"):
+        refuse_links(root, root / "a" / "b")

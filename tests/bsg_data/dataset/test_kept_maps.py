@@ -9,7 +9,7 @@ import pytest
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
 from bsg_data.dataset.kept_maps import KEPT, read_class_maps
-from bsg_data.dataset.manifest import MANIFEST, Manifest, read_manifest
+from bsg_data.dataset.manifest import Manifest, encode_manifest, read_manifest
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import ClassMapError
 from bsg_data.merge import merge_datasets
@@ -104,7 +104,7 @@ def test_a_dataset_from_before_maps_were_kept_names_its_map(own: Path) -> None:
 
 @pytest.mark.parametrize("version", ["../../outside/mine", "a/b", "..", "nul\0"])
 def test_no_manifest_leads_out_of_its_folder(own: Path, version: str) -> None:
-    said = json.loads((own / MANIFEST).read_bytes())
+    said = json.loads(encode_manifest(read_manifest(own)))
     said["sources"][0]["class_map"] = {"version": version, "sha256": "../../.." + "a" * 56}
     forged = Manifest.model_validate_json(json.dumps(said))
     write_map(own.parent / "outside")

@@ -178,7 +178,9 @@ def test_a_process_killed_at_any_rename_leaves_a_true_manifest(
             assert describe_file(copy, entry.path, rows=entry.rows) == entry
         faults = check_dataset(copy)
         assert faults, "whatever a killed command left is named"
-        assert {fault.what.partition(":")[0] for fault in faults} == {"is not in the manifest"}
+        strays = {f for f in faults if f.what.startswith("is not in the manifest")}
+        assert strays, "and also where a card and the manifest were renamed apart"
+        assert {f.where for f in faults if f not in strays} <= {"README.md", "croissant.json"}
         with_old += manifest.pairs is not None and manifest == read_manifest(dataset)
         change(copy)
         assert all_bytes(copy) == expected

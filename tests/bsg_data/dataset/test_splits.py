@@ -10,7 +10,13 @@ from hypothesis import strategies as st
 from bsg_data.checks.dataset import check_dataset
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
-from bsg_data.dataset.splits import assign_folds, assign_splits, read_splits, split_dataset
+from bsg_data.dataset.splits import (
+    assign_folds,
+    assign_splits,
+    read_splits,
+    split_dataset,
+    write_splits,
+)
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.recipes import SplitRecipe
 
@@ -58,11 +64,42 @@ def test_folds_are_even_and_disjoint(number: int, folds: int) -> None:
     assert max(found.values()) - min(found.values()) <= 1
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_each_source_has_its_share_of_every_split(seed: int) -> None:
+    scenes = {**ids(20, "a"), **ids(30, "b")}
+    sources = {scene: scene[0] for scene in scenes}
+    cut = assign_splits(scenes, SplitRecipe(seed=seed), sources=sources)
+    assert Counter((scene[0], split) for scene, split in cut.items()) == {
+        ("a", "train"): 16,
+        ("a", "val"): 2,
+        ("a", "test"): 2,
+        ("b", "train"): 24,
+        ("b", "val"): 3,
+        ("b", "test"): 3,
+    }
+    recipe = SplitRecipe(method="folds", ratios=None, folds=5, seed=seed)
+    dealt = Counter(assign_splits(scenes, recipe, sources=sources).values())
+    assert set(dealt.values()) == {10}
+
+
+def test_folds_follow_from_their_seed() -> None:
+    recipes = [SplitRecipe(method="folds", ratios=None, folds=5, seed=s) for s in (0, 0, 1)]
+    first, again, other = (assign_splits(ids(50), recipe) for recipe in recipes)
+    assert first == again != other
+
+
+def test_folds_are_one_scene_each_at_most() -> None:
+    recipe = SplitRecipe(method="folds", ratios=None, folds=4)
+    assert set(assign_splits(ids(4), recipe).values()) == {f"fold-{k}" for k in range(4)}
+
+
 def test_official_holds_the_sources_val_out() -> None:
     recipe = SplitRecipe(method="official", ratios=(0.9, 0.1, 0.0))
     chosen = assign_splits({**ids(20), **ids(5, "val")}, recipe)
     assert Counter(chosen.values()) == {"train": 18, "val": 2, "test": 5}
     assert {scene[:3] for scene, split in chosen.items() if split == "test"} == {"val"}
+    minival = assign_splits({**ids(20), **ids(2, "minival")}, recipe)
+    assert Counter(minival.values()) == {"train": 18, "val": 2, "test": 2}
     with pytest.raises(RecipeError, match="found 20 of train"):
         assign_splits(ids(20), recipe)
     with pytest.raises(RecipeError, match="2 of None"):
@@ -102,9 +139,30 @@ def test_folds_of_ones_own_are_stored(dataset: Path) -> None:
     folds = {scene: k % 3 for k, scene in enumerate(Dataset.open(dataset).scene_ids)}
     manifest = assign_folds(dataset, folds, number=3)
     assert manifest.pairs is None
+    assert manifest.split == SplitRecipe(method="folds", ratios=None, folds=3)
+    assert read_manifest(dataset) == manifest
     stored = {scene: name for name, some in read_splits(dataset).items() for scene in some}
     assert stored == {scene: f"fold-{fold}" for scene, fold in folds.items()}
     with pytest.raises(RecipeError, match="has no fold; each must have one"):
         assign_folds(dataset, dict(list(folds.items())[1:]), number=3)
     with pytest.raises(RecipeError, match="expected scenes in each of the folds 0 to 3"):
         assign_folds(dataset, folds, number=4)
+    (a_fold, *_) = folds
+    with pytest.raises(RecipeError, match="found them in 0, 1, 2, 3"):
+        assign_folds(dataset, {**folds, a_fold: 3}, number=3)
+
+
+def test_splits_are_read_train_first_and_folds_by_number(dataset: Path) -> None:
+    assert list(read_splits(dataset)) == ["train", "val", "test"]
+    folds = {scene: k for k, scene in enumerate(Dataset.open(dataset).scene_ids)}
+    assign_folds(dataset, folds, number=len(folds))
+    assert list(read_splits(dataset)) == [f"fold-{k}" for k in range(12)]  # 2 before 10
+
+
+def test_splits_are_copied_as_they_are(dataset: Path, tmp_path: Path) -> None:
+    manifest = read_manifest(dataset)
+    (entry,) = write_splits(dataset, tmp_path, manifest, old=manifest)
+    assert (entry,) == manifest.files_of("splits")
+    copied = (tmp_path / "splits.parquet").read_bytes()
+    assert copied == (dataset / "splits.parquet").read_bytes()
+    assert write_splits(dataset, tmp_path, manifest.without_split(), old=manifest) == []

@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from one_building import observe_building
+from version_1_files import write_version_1
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import to_histograms
@@ -24,8 +25,10 @@ from bsg_data.observation.masked_buildings import (
     stack_masked,
     stream_masked,
     stream_sampled,
+    wholes_of,
 )
 from bsg_data.observation.masks import sample_view
+from bsg_data.observation.masks_v1 import sample_hidden_of_format_1
 from bsg_data.observation.observation import stack
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.observation.view import View
@@ -136,6 +139,42 @@ def test_pairs_that_another_numpy_drew_are_read_as_they_tell(dataset: Path) -> N
         seen = see_others(data, scene, recipe, 0, told, 0 * cells, vocabulary=("wall",))
         there = place_others(data.others(scene).cells, data.others(scene).categories, ("wall",))
         assert seen.sum() == (0 if share else there.sum())
+
+
+def test_of_format_1_other_objects_are_shown_by_its_masks(dataset: Path) -> None:
+    """By the numbers of the scene and the draw, and with all but ⌊0.4 n⌋ of the n in the end."""
+    mask = MaskRecipe(strategy="uniform", fraction=0.4, seed=3)
+    write_version_1(dataset, mask=mask)
+    data = Dataset.open(dataset)
+    every = {name for scene in data.scene_ids for name in data.others(scene).categories}
+    vocabulary = tuple(sorted(every))
+    read = read_masked(data, "train", vocabulary=vocabulary)
+    assert read.draws.tolist() == [0, 1] * len(data.splits["train"])
+    for building, (scene, draw) in enumerate(zip(read.seen.scene_ids, read.draws, strict=True)):
+        there = data.others(scene)
+        shown = read.take([building]).seen.others
+        assert shown[0].sum() == there.cells.sum() - 4 * there.cells.sum() // 10
+        every_room = np.ones(len(there.cells), dtype=bool)
+        gone = sample_hidden_of_format_1(
+            there.cells, every_room, mask, scene_id=scene, draw=int(draw), stream="unclassified"
+        )
+        left = place_others(there.cells - gone, there.categories, vocabulary)
+        assert shown.tolist() == to_histograms(left).tolist()
+    assert read_masked(data, "train").seen.others.shape == (len(read.targets), 0)
+
+
+def test_without_a_vocabulary_no_other_objects_are_told(dataset: Path) -> None:
+    data = Dataset.open(dataset)
+    sampled = sample_masked(data, data.scene_ids, mask=MaskRecipe(), draw=0)
+    assert sampled.seen.others.shape == (len(sampled.targets), 0)
+    assert read_masked(data, "train").seen.others.shape[1] == 0
+
+
+def test_parts_are_those_of_the_classes(dataset: Path) -> None:
+    data = Dataset.open(dataset)
+    classes = data.manifest.class_space.classes
+    found = wholes_of(("bath door", "wall", "basin faucet"), data)
+    assert found.tolist() == [classes.index("bathtub"), -1, classes.index("sink")]
 
 
 def test_the_fraction_of_a_building_does_not_depend_on_its_objects(dataset: Path) -> None:

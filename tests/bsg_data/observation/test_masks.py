@@ -13,6 +13,7 @@ from scipy import stats
 from bsg_data.arrays import Counts
 from bsg_data.dataset.histograms import to_histograms
 from bsg_data.errors import RecipeError
+from bsg_data.observation.explored_rooms import find_beside, walk
 from bsg_data.observation.mask_streams import mask_generator
 from bsg_data.observation.masks import (
     MASKS,
@@ -282,6 +283,24 @@ def test_the_robot_enters_rooms_over_connections() -> None:
         for view in draw_views(MaskRecipe(strategy=strategy), 12, 60):
             rooms = np.flatnonzero(view.visited[1:]) + 1
             assert nx.is_connected(nx.path_graph(range(1, 13)).subgraph(rooms.tolist()))
+
+
+def test_the_rooms_of_a_walk_by_hand() -> None:
+    """Of rooms 0 – 1 – 2 in a row and 3 apart: those entered first, then the others in order."""
+    row, plan = Connections.of_pairs([(1, 2), (2, 3)]), Exploration()
+    for seed in range(20):
+        for entered in range(5):
+            order = walk(4, entered, plan, row, np.random.default_rng(seed))
+            assert order.dtype == np.int64
+            assert sorted(order.tolist()) == [0, 1, 2, 3]
+            assert order[entered:].tolist() == sorted(order[entered:].tolist())
+            if entered == 3 and order[0] != 3:
+                assert order[3] == 3, "what a door leads to comes before what none does"
+    inside, outside = np.array([0]), np.array([1, 2, 3])
+    assert find_beside(inside, outside, 4, row).tolist() == [1]
+    assert find_beside(inside, outside, 4, Connections.of_pairs(())).tolist() == [1, 2, 3]
+    assert find_beside(inside[:0], outside, 4, row).tolist() == []
+    assert find_beside(inside[:0], outside, 4, Connections.of_pairs(())).tolist() == []
 
 
 def test_the_robot_leaves_an_exhausted_part() -> None:

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from bsg_data.errors import AnnotationError
+from bsg_data.errors import AnnotationError, SourceChangedError, SourceError
 from bsg_data.inputs.bounds import Bound
-from bsg_data.sources.annotation_files import decode, fingerprint, walk_files
+from bsg_data.sources.annotation_files import decode, fingerprint, read_listed, walk_files
 from bsg_data.sources.source import SkippedScene
 
 
@@ -29,10 +29,27 @@ def test_a_walk_follows_links_and_ends(tmp_path: Path) -> None:
 def test_a_fingerprint_tells_files_apart(tmp_path: Path) -> None:
     (tmp_path / "a").write_text("1")
     (tmp_path / "b").write_text("2")
-    marks = [fingerprint(tmp_path / name, Bound("", 9)) for name in ("a", "b", "c")]
-    assert len(set(marks)) == 3
-    assert marks[2] == "unreadable: No such file or directory"
+    marks = [fingerprint(tmp_path / name, Bound("", 9)) for name in ("a", "b")]
+    assert len(set(marks)) == 2
+    with pytest.raises(SourceChangedError, match=r"c: cannot be read \(No such file"):
+        fingerprint(tmp_path / "c", Bound("", 9))
     assert fingerprint(tmp_path / "a", Bound("", 0)) == "too large"
+
+
+def test_a_file_is_what_it_was_when_it_was_listed(tmp_path: Path) -> None:
+    path, bound = tmp_path / "a", Bound("", 9)
+    path.write_text("1")
+    known = fingerprint(path, bound)
+    assert read_listed(path, bound, expected=known) == read_listed(path, bound) == b"1"
+    for content in ("2", "far too large"):
+        path.write_text(content)
+        with pytest.raises(SourceChangedError, match="is not what it was"):
+            read_listed(path, bound, expected=known)
+    with pytest.raises(SourceError, match="expected at most 9"):
+        read_listed(path, bound, expected=fingerprint(path, bound))
+    path.unlink()
+    with pytest.raises(SourceChangedError, match="No such file"):
+        read_listed(path, bound, expected=known)
 
 
 def test_the_line_that_is_no_text_is_named() -> None:

@@ -208,6 +208,21 @@ def test_tilted_samples_have_the_frequencies_of_the_distribution() -> None:
         np.testing.assert_allclose((sampled == count).mean(axis=0), p[count], atol=0.03)
 
 
+def test_samples_of_a_mixture_have_its_frequencies() -> None:
+    """A negative binomial, a Poisson and nothing: each is chosen as often as it weighs."""
+    sampled = mixture().take(np.zeros(8000, dtype=np.int64)).sample(np.random.default_rng(0))
+    for count, p in enumerate(probabilities(mixture(), 4)[:, 0]):
+        np.testing.assert_allclose((sampled == count).mean(axis=0), p, atol=0.02)
+    np.testing.assert_allclose(sampled.mean(axis=0), mixture().mean[0], rtol=0.05)
+    np.testing.assert_allclose(sampled.var(axis=0), mixture().variance[0], rtol=0.1)
+
+
+def test_a_sample_follows_from_its_generator() -> None:
+    for distribution in (mixture(), tilted()):
+        one, same = (distribution.sample(np.random.default_rng(5)) for _ in range(2))
+        assert one.tolist() == same.tolist()
+
+
 def test_a_presence_is_never_below_none() -> None:
     """Where nothing is hidden, Z and the tilt of none are the same number, up to rounding."""
     tilts = np.random.default_rng(0).normal(0, 1, (2, 1, 200, 45))

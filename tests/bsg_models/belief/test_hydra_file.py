@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import builtins
 import gzip
 import json
+import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 from dsg_files import Graph, node, robot_graph, write_graph
@@ -118,21 +117,14 @@ def test_packed_files_and_a_byte_order_mark_are_read(tmp_path: Path) -> None:
     assert open_hydra(marked).text == "\ufeff" + text
     assert open_hydra(packed).partial() == open_hydra(marked).partial()
     packed.write_bytes(gzip.compress(text.encode())[:-9])
-    with pytest.raises(HydraError, match=r"flat\.json\.gz: not a readable gzip file"):
+    with pytest.raises(HydraError, match=r"flat\.json\.gz: .*not a readable gzip file"):
         open_hydra(packed)
 
 
 def test_a_binary_file_without_its_library_says_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    usual = builtins.__import__
-
-    def without(name: str, *args: Any, **kwargs: Any) -> Any:
-        if name == "spark_dsg":
-            raise ImportError(name)
-        return usual(name, *args, **kwargs)
-
-    monkeypatch.setattr(builtins, "__import__", without)
+    monkeypatch.setitem(sys.modules, "spark_dsg", None)
     with pytest.raises(HydraError, match=r"pip install 'belief-scene-graphs\[hydra\]'.*as \.json"):
         open_hydra(tmp_path / "dsg.sparkdsg")
     assert open_hydra(write_graph(tmp_path / "dsg.json")).partial().rooms, "JSON needs none"

@@ -26,10 +26,17 @@ from random_beliefs import (
     make_belief,
 )
 
+from bsg_data.seals import SEAL, write_seal
 from bsg_models.belief import table_rows, tables
 from bsg_models.belief.network import to_networkx
 from bsg_models.belief.tables import SCHEMAS, read_tables, write_tables
 from bsg_models.errors import BeliefFileError
+
+
+def put(table: pa.Table, path: Path) -> None:
+    """Replace a table by another one, and seal it with the others."""
+    pq.write_table(table, path)
+    write_seal(path.parent, [f"{name}.parquet" for name in SCHEMAS])
 
 
 @settings(
@@ -50,7 +57,7 @@ def test_version_1_is_read(tmp_path: Path) -> None:
     said = json.loads(table.schema.metadata[b"bsg.beliefs"])
     old = {scene: header_of_version_1(header) for scene, header in said.items()}
     table = table.drop_columns(["corrected"])
-    pq.write_table(table.replace_schema_metadata({"bsg.beliefs": json.dumps(old)}), path)
+    put(table.replace_schema_metadata({"bsg.beliefs": json.dumps(old)}), path)
     assert list(read_tables(tmp_path)) == [make_belief(1)]
 
 
@@ -62,7 +69,7 @@ def test_version_2_is_read(tmp_path: Path) -> None:
     said = json.loads(table.schema.metadata[b"bsg.beliefs"])
     old = {scene: header_of_version_2(header) for scene, header in said.items()}
     table = table.drop_columns(["floor_area", "room_type", "hidden_share_sd"])
-    pq.write_table(table.replace_schema_metadata({"bsg.beliefs": json.dumps(old)}), path)
+    put(table.replace_schema_metadata({"bsg.beliefs": json.dumps(old)}), path)
     assert list(read_tables(tmp_path)) == [forget_surroundings(make_belief(1))]
 
 
@@ -74,7 +81,7 @@ def test_version_3_is_read(tmp_path: Path) -> None:
     said = json.loads(table.schema.metadata[b"bsg.beliefs"])
     old = {scene: header_of_version_3(header) for scene, header in said.items()}
     table = table.drop_columns(["hidden_share_sd"])
-    pq.write_table(table.replace_schema_metadata({"bsg.beliefs": json.dumps(old)}), path)
+    put(table.replace_schema_metadata({"bsg.beliefs": json.dumps(old)}), path)
     assert list(read_tables(tmp_path)) == [be_sure(make_belief(1))]
 
 
@@ -84,7 +91,7 @@ def test_rows_may_be_in_any_order(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     for name in SCHEMAS:
         table = pq.read_table(tmp_path / f"{name}.parquet")
-        pq.write_table(table.take(rng.permutation(len(table))), tmp_path / f"{name}.parquet")
+        put(table.take(rng.permutation(len(table))), tmp_path / f"{name}.parquet")
     assert list(read_tables(tmp_path)) == beliefs
 
 
@@ -193,7 +200,7 @@ def test_tables_that_were_edited_are_refused(
 ) -> None:
     write_tables([make_belief(4)], tmp_path)
     path = tmp_path / f"{name}.parquet"
-    pq.write_table(change(pq.read_table(path)), path)
+    put(change(pq.read_table(path)), path)
     with pytest.raises(BeliefFileError, match=expected):
         list(read_tables(tmp_path))
 
@@ -220,3 +227,17 @@ def test_json_and_tables_do_without_networkx() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+def test_tables_that_were_changed_or_mixed_are_refused(tmp_path: Path) -> None:
+    write_tables([make_belief(1)], tmp_path / "one")
+    write_tables([make_belief(2)], tmp_path / "two")
+    (tmp_path / "two" / "edges.parquet").replace(tmp_path / "one" / "edges.parquet")
+    with pytest.raises(BeliefFileError, match=r"edges\.parquet: was changed"):
+        list(read_tables(tmp_path / "one"))
+    (tmp_path / "one" / SEAL).unlink()
+    with pytest.raises(BeliefFileError, match=f"{SEAL}, which nodes.parquet was written with"):
+        list(read_tables(tmp_path / "one"))
+    write_seal(tmp_path / "one", ["nodes.parquet"])
+    with pytest.raises(BeliefFileError, match="does not list edges"):
+        list(read_tables(tmp_path / "one"))

@@ -10,7 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bsg_models.search.orders import choose_rooms, expected_cost, order_rooms
+from bsg_models.search.orders import (
+    choose_cover,
+    choose_rooms,
+    expected_cost,
+    order_rooms,
+    plan_tours,
+)
 from bsg_models.search.shortest_paths import find_ways
 
 Floats = npt.NDArray[np.float64]
@@ -78,6 +84,60 @@ def test_the_exact_order_is_the_best_of_all(
         for other in itertools.permutations(range(rooms))
     )
     assert expected_cost(costs, rooms, miss, order, single=single) == pytest.approx(best)
+
+
+def walk_through(costs: Floats, here: int, rooms: tuple[int, ...]) -> float:
+    return float(sum(costs[a, b] for a, b in itertools.pairwise((here, *rooms))))
+
+
+@given(
+    seed=st.integers(0, 2**32), rooms=st.integers(1, 5), kicks=st.sampled_from([(9, 0), (0, 40)])
+)
+@settings(max_examples=20, deadline=None)
+def test_a_tour_is_the_shortest_of_all(seed: int, rooms: int, kicks: tuple[int, int]) -> None:
+    """Exactly, and by improving orders that were disturbed; node 0 and one more are no rooms."""
+    costs, _ = sample_case(seed, rooms + 1, 1)
+    rng = np.random.default_rng(seed)
+    here, holds = int(rng.integers(rooms + 2)), np.zeros((1, rooms + 2), dtype=bool)
+    holds[0, 1 : rooms + 1] = True
+    exact, times = kicks
+    places = plan_tours(costs[None], np.array([here]), holds, exact=exact, kicks=times)[0]
+    assert places[[0, rooms + 1]].tolist() == [rooms + 2] * 2
+    assert sorted(places[1:-1].tolist()) == list(range(rooms))
+    tour = tuple(np.argsort(places)[:rooms].tolist())
+    every = itertools.permutations(range(1, rooms + 1))
+    best = min(walk_through(costs, here, other) for other in every)
+    assert walk_through(costs, here, tour) == pytest.approx(best)
+
+
+@given(seed=st.integers(0, 2**32), rooms=st.integers(1, 5), classes=st.integers(1, 3))
+@settings(max_examples=30, deadline=None)
+def test_the_way_past_each_class_is_the_cheapest(seed: int, rooms: int, classes: int) -> None:
+    """Of two searches at once; in the second the last class is found already."""
+    costs, _ = sample_case(seed, rooms, 1)
+    rng = np.random.default_rng(seed)
+    holds = rng.random((2, rooms + 1, classes)) < 0.4
+    holds[:, rooms] = False  # where the robot is
+    holds[:, rng.integers(rooms)] = True
+    wanted = np.ones((2, classes), dtype=bool)
+    wanted[1, -1] = classes == 1
+    found = choose_cover(np.stack([costs, costs]), np.array([rooms, rooms]), holds, wanted=wanted)
+    for e in range(2):
+        ways = [
+            (walk_through(costs, rooms, way), way[0])
+            for number in range(1, rooms + 1)
+            for way in itertools.permutations(range(rooms), number)
+            if holds[e, list(way)].any(axis=0)[wanted[e]].all()
+        ]
+        begun_so = min(cost for cost, first in ways if first == found[e])
+        assert begun_so == pytest.approx(min(ways)[0])  # ways through a room and to it cost alike
+
+
+def test_nowhere_to_go_past_a_class_that_is_nowhere() -> None:
+    costs, _ = sample_case(0, 3, 1)
+    nowhere = np.zeros((1, 4, 1), dtype=bool)
+    wanted = np.ones((1, 1), dtype=bool)
+    assert choose_cover(costs[None], np.array([3]), nowhere, wanted=wanted).tolist() == [-1]
 
 
 @pytest.mark.parametrize("single", [True, False])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import subprocess
 import sys
 from typing import Any
@@ -12,7 +13,8 @@ from conftest import REPOSITORY
 
 from bsg_data.errors import RecipeError
 from bsg_models.search.catalogue import PLANNERS, Planner, find_planner
-from bsg_models.search.knowledge import Knowledge
+from bsg_models.search.knowledge import Knowledge, Task
+from bsg_models.search.orders import expected_cost
 from bsg_models.search.planners import ask_planner, next_room
 from bsg_models.search.shortest_paths import Ints, find_ways
 from bsg_models.search.simulator import Episodes, search
@@ -80,6 +82,25 @@ def test_the_next_room_of_a_robot_of_its_own() -> None:
         assert found == room
     explored[:5] = True
     assert next_room(edges, here=2, explored=explored, presence=presence) is None
+
+
+@pytest.mark.parametrize("task", ["single", "all"])
+def test_expected_cost_is_that_of_the_task(task: Task) -> None:
+    """It goes to the first room of the best of all orders."""
+    rng = np.random.default_rng(1)
+    for _ in range(30):
+        edges = rng.uniform(1, 10, (5, 5))
+        presence = np.array([0, 0, *rng.uniform(0.05, 0.95, 3)])
+        room = next_room(edges, here=1, explored=np.eye(5)[1] > 0, presence=presence, task=task)
+        costs, miss = find_ways(edges[None]).costs[0][1:, 1:], 1 - presence[2:, None]
+        ways = np.roll(np.roll(costs, -1, axis=0), -1, axis=1)  # where the robot is comes last
+        best = min(
+            itertools.permutations(range(3)),
+            key=lambda order: expected_cost(
+                ways, 3, miss, np.array(order), single=task == "single"
+            ),
+        )
+        assert room == best[0] + 2
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from bsg_data.dataset.manifest import encode_manifest, read_manifest
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import RecipeError
 from bsg_data.recipes import SplitRecipe
@@ -58,8 +59,8 @@ def test_the_default_model_is_taken_where_it_fits(
     folds, other = (Path(shutil.copytree(dataset, tmp_path / name)) for name in ("f", "o"))
     split_dataset(folds, SplitRecipe(method="folds", folds=3, ratios=None), force=True)
     assert "is of no fold of the dataset" in choose(data=folds)[1]
-    text = (other / "dataset.json").read_text("utf-8").replace("hm3d45-v2", "hm3d45-v9")
-    (other / "dataset.json").write_text(text, "utf-8")
+    text = encode_manifest(read_manifest(other)).replace(b"hm3d45-v2", b"hm3d45-v9")
+    (other / "dataset.json").write_bytes(text)
     assert "the dataset has those of hm3d45-v9" in choose(data=other)[1]
     (shipped / "SHA256SUMS").write_text("")
     assert "no model 'universal' is shipped" in choose()[1]

@@ -118,3 +118,9 @@ def test_a_run_without_a_model_is_refused() -> None:
     with pytest.raises(ConfigError, match="model: field required"):
         validate_config({"seed": 0}, source="test")
     assert RunConfig.model_fields["model"].is_required()
+
+
+@pytest.mark.parametrize("name", ["a\0b", "two\nlines", "\x1b[31mred", "\u202elive", "x" * 1_001])
+def test_a_name_that_no_table_can_show_is_refused(name: str) -> None:
+    with pytest.raises(ConfigError, match="name"):
+        validate_config({"name": name, "model": {"family": "doubled"}}, source="test")

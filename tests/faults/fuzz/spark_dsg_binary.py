@@ -38,6 +38,7 @@ TARGET = Target(
     name="spark-dsg-binary",
     read=read,
     seeds=seeds,
-    words=("ROOMS", "OBJECTS", "\x7f\x7f\x7f\x7f", "kitchen", "\x00" * 8),
+    words=("ROOMS", "OBJECTS", "\x7f\x7f\x7f\x7f\x00", "kitchen", "\x00" * 8),
     most=4_000,
+    examples=3,  # a process each
 )

@@ -1,0 +1,118 @@
+"""The seal of a folder of results: `SHA256SUMS`, the hashes of all its files, written last.
+
+A folder with a seal is finished, and its files belong together. `sha256sum -c SHA256SUMS` checks it
+as `bsg-models check` does. A folder from before there were seals has none, and nothing can be told
+of it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from bsg_data.errors import DatasetError
+from bsg_data.files import hash_file, write_bytes
+from bsg_data.lock import hold
+from bsg_data.result_folder import stage_files
+
+SEAL = "SHA256SUMS"
+_LINE = re.compile(r"(?P<sha256>[0-9a-f]{64})  (?P<name>(?!/)[^\\\x00-\x1f]+)")
+_MOST_BYTES = 1 << 20  # of a list of files
+
+
+@contextmanager
+def replace_sealed(folder: Path) -> Iterator[Path]:
+    """Hold the lock of a folder, yield one to write into, and put its files in place, sealed.
+
+    What the seal before listed and the new one does not is removed, unless somebody changed it; all
+    other files stay. The new ones are put in place as `stage_files` does.
+
+    Raises:
+        DatasetError: if another command is writing there, or a file cannot be written; what was
+            there stays.
+    """
+    folder = folder.resolve()
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise DatasetError(f"{folder}: cannot be made ({error.strerror or error})") from error
+    with hold(folder):
+        before: dict[str, str] = {}
+        with suppress(DatasetError):  # what a damaged seal lists is nobody's any more
+            before = read_seal(folder) or {}
+        with stage_files(folder, last=SEAL) as staged:
+            yield staged
+            files = (path for path in staged.rglob("*") if path.is_file())
+            names = sorted(path.relative_to(staged).as_posix() for path in files)
+            write_seal(staged, names)
+        for name in before.keys() - set(names):
+            with suppress(OSError):
+                if hash_file(folder / name) == before[name]:
+                    (folder / name).unlink()
+
+
+def write_seal(folder: Path, names: Iterable[str]) -> None:
+    """Write the seal of some files of a folder.
+
+    Raises:
+        DatasetError: if one cannot be read, or the seal cannot be written.
+    """
+    try:
+        lines = [f"{hash_file(folder / name)}  {name}\n" for name in names]
+    except OSError as error:
+        raise DatasetError(f"{folder}: cannot be sealed ({error})") from error
+    write_bytes(folder / SEAL, "".join(lines).encode())
+
+
+def read_seal(folder: Path) -> dict[str, str] | None:
+    """Return file → sha256 of the seal of a folder; None if it has none.
+
+    Raises:
+        DatasetError: naming the line that is none.
+    """
+    path = folder / SEAL
+    try:
+        with path.open("rb") as file:
+            data = file.read(_MOST_BYTES + 1)
+        text = data.decode()
+    except FileNotFoundError:
+        return None
+    except (OSError, UnicodeDecodeError) as error:
+        raise DatasetError(f"{path}: cannot be read ({error})") from error
+    if len(data) > _MOST_BYTES or not text.endswith("\n"):
+        raise DatasetError(f"{path}: is damaged: expected lines, 1 MiB of them at most")
+    sums = {}
+    for number, line in enumerate(text[:-1].split("\n"), 1):
+        found = _LINE.fullmatch(line)
+        if found is None or ".." in found["name"].split("/") or found["name"] in sums:
+            raise DatasetError(
+                f"{path}, line {number}: expected a sha256, two spaces and the name of a file in "
+                f"the folder, each file once; found {line[:120]!r}"
+            )
+        sums[found["name"]] = found["sha256"]
+    return sums
+
+
+def require_seal(folder: Path) -> dict[str, str] | None:
+    """Refuse a folder that is not what its seal says; return the seal, None if it has none.
+
+    Raises:
+        DatasetError: naming the first file that is missing or was changed.
+    """
+    sums = read_seal(folder)
+    for name, expected in (sums or {}).items():
+        path = folder / name
+        try:
+            found = hash_file(path)
+        except OSError as error:
+            raise DatasetError(
+                f"{path}: is in {SEAL} but cannot be read ({error.strerror or error})"
+            ) from error
+        if found != expected:
+            raise DatasetError(
+                f"{path}: was changed: expected sha256 {expected[:12]}… by {SEAL}, found "
+                f"{found[:12]}…; take another copy, or make it again"
+            )
+    return sums

@@ -1,0 +1,74 @@
+"""Binary graphs of Hydra, converted in a process of their own.
+
+Their reader is C++, and believes what a file says of its lengths: a kilobyte can ask for all memory
+there is, which no exception stops. A process has bounds, and only it ends when they are reached.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from bsg_models.errors import HydraError
+
+MAX_MEMORY = 4 * 2**30  # bytes, besides what Python and spark_dsg take; a real graph takes a tenth
+MAX_SECONDS = 120
+_CODE = (
+    "import sys; path, written, memory, seconds, *sys.path = sys.argv[1:]\n"
+    "from bsg_models.belief.hydra_conversion import run\n"
+    "run(path, written, memory=int(memory), seconds=int(seconds))\n"
+)
+
+
+def convert(path: Path) -> str:
+    """Return the JSON of a binary graph, as spark_dsg makes it.
+
+    Raises:
+        HydraError: if spark_dsg is missing, cannot load it, or takes more than the bounds.
+    """
+    if importlib.util.find_spec("spark_dsg") is None:
+        raise HydraError(
+            f"{path}: binary graphs need spark-dsg (pip install 'belief-scene-graphs[hydra]'); or "
+            "save the graph as .json"
+        )
+    if not path.is_file():
+        raise HydraError(f"{path}: cannot be read (no such file)")
+    refused = HydraError(
+        f"{path}: expected a Spark-DSG file, found one that spark_dsg cannot load within "
+        f"{MAX_MEMORY // 2**30} GiB and {MAX_SECONDS} s; save the graph as .json"
+    )
+    with tempfile.TemporaryDirectory() as folder:  # its writer chooses names, and fails in silence
+        written = Path(folder, "graph.json")
+        # Isolated: what lies in the working directory is not ours to run.
+        command = [sys.executable, "-I", "-c", _CODE, str(path.absolute()), str(written)]
+        command += [str(MAX_MEMORY), str(MAX_SECONDS), *sys.path]
+        try:
+            subprocess.run(  # noqa: S603
+                command, check=True, capture_output=True, timeout=2 * MAX_SECONDS, cwd=folder
+            )
+            return written.read_text("utf-8")
+        except (subprocess.SubprocessError, OSError, UnicodeDecodeError) as error:
+            raise refused from error
+
+
+def run(path: str, written: str, *, memory: int, seconds: int) -> None:
+    """Convert a graph in this process, which takes no more than the bounds from now on."""
+    import spark_dsg
+
+    _bound(memory=memory, seconds=seconds)
+    spark_dsg.DynamicSceneGraph.load(path).save(written, include_mesh=True)
+
+
+def _bound(*, memory: int, seconds: int) -> None:
+    try:
+        import resource
+    except ImportError:  # not on Windows: the time is bounded by whoever waits
+        return
+    status = Path("/proc/self/statm")
+    taken = int(status.read_text().split()[0]) * resource.getpagesize() if status.exists() else 0
+    resource.setrlimit(resource.RLIMIT_AS, (taken + memory, taken + memory))
+    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))

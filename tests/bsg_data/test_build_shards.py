@@ -1,0 +1,172 @@
+"""A source that fails, goes away or changes while it is read: no scene is skipped for that."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from conftest import BEDROOM, annotation_text
+
+from bsg_data.build import build_dataset
+from bsg_data.dataset.manifest import read_manifest
+from bsg_data.errors import SourceChangedError, SourceError, find_io_error
+from bsg_data.scene.class_map import ClassMap
+from bsg_data.sources.hm3d import HM3DFolder
+from bsg_data.sources.source import Reading, SceneRef
+from bsg_data.sources.table import ObjectTable
+
+
+def all_bytes(folder: Path) -> dict[str, bytes]:
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+def cut(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:40])
+
+
+def change(path: Path) -> None:
+    path.write_text(annotation_text({0: BEDROOM}))
+
+
+def grow(path: Path) -> None:
+    os.truncate(path, 10 * 2**30)  # sparse: it takes no disk
+
+
+@pytest.mark.parametrize("harm", [Path.unlink, cut, change, grow])
+def test_a_scene_that_is_not_what_was_listed_stops_the_build(
+    hm3d_folder: Path, tmp_path: Path, harm: Callable[[Path], None]
+) -> None:
+    source, out = HM3DFolder(hm3d_folder), tmp_path / "out"
+    build_dataset(source, tmp_path / "whole", scenes_per_shard=2)
+    (victim,) = hm3d_folder.rglob("*07.semantic.txt")
+    kept = shutil.copy2(victim, tmp_path / "kept")
+
+    def strike(done: int, total: int) -> None:
+        if done == 1:
+            harm(victim)
+
+    with pytest.raises(SourceChangedError, match=r"abcdefghi07.*no scene was skipped for that"):
+        build_dataset(source, out, scenes_per_shard=2, progress=strike)
+    assert not out.exists()
+    shutil.copy2(kept, victim)
+    build_dataset(source, out, scenes_per_shard=2)
+    assert all_bytes(out) == all_bytes(tmp_path / "whole")
+
+
+@pytest.mark.parametrize("number", [errno.EIO, errno.ESTALE, errno.ETIMEDOUT, errno.EMFILE])
+@pytest.mark.parametrize("fails_at", [5, 12, 16])  # the listing reads twelve
+def test_an_error_of_the_disk_stops_the_build_which_goes_on_later(
+    hm3d_folder: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    number: int,
+    fails_at: int,
+) -> None:
+    source, out, reads = HM3DFolder(hm3d_folder), tmp_path / "out", [0]
+    read_bytes = Path.read_bytes
+
+    def fail(path: Path) -> bytes:
+        if path.name.endswith(".semantic.txt"):
+            reads[0] += 1
+            if reads[0] == fails_at + 1:
+                raise OSError(number, os.strerror(number))
+        return read_bytes(path)
+
+    monkeypatch.setattr(Path, "read_bytes", fail)
+    with pytest.raises(SourceChangedError, match=os.strerror(number)):
+        build_dataset(source, out, scenes_per_shard=2)
+    assert not out.exists()
+    monkeypatch.undo()
+    build_dataset(source, out, scenes_per_shard=2)
+    build_dataset(source, tmp_path / "whole", scenes_per_shard=2)
+    assert all_bytes(out) == all_bytes(tmp_path / "whole")
+
+
+def test_a_file_that_may_not_be_read_is_skipped_and_named(
+    hm3d_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is so the next time, too: a build that waits for a permission would never end."""
+    read_bytes = Path.read_bytes
+
+    def fail(path: Path) -> bytes:
+        if path.name.endswith("07.semantic.txt"):
+            raise PermissionError(errno.EACCES, "Permission denied")
+        return read_bytes(path)
+
+    monkeypatch.setattr(Path, "read_bytes", fail)
+    manifest = build_dataset(HM3DFolder(hm3d_folder), tmp_path / "out")
+    (skip,) = manifest.skipped
+    assert (manifest.totals.scenes, skip.scene_id[-2:]) == (11, "07")
+    assert skip.reason == "cannot be read (Permission denied)"
+
+
+def test_a_mesh_that_goes_away_costs_no_geometry(hm3d_folder: Path, tmp_path: Path) -> None:
+    (victim,) = hm3d_folder.rglob("*07.semantic.txt")
+    mesh = victim.with_suffix(".glb")
+    mesh.write_bytes(b"no mesh")
+
+    def strike(done: int, total: int) -> None:
+        mesh.unlink(missing_ok=True)
+
+    with pytest.raises(SourceChangedError, match=r"07\.semantic\.glb: is not what it was"):
+        build_dataset(
+            HM3DFolder(hm3d_folder), tmp_path / "out", scenes_per_shard=1, progress=strike
+        )
+
+
+def test_a_table_that_is_written_anew_stops_the_build(tmp_path: Path) -> None:
+    table = tmp_path / "objects.csv"
+    rows = [f"scene-{k},room,chair\n" for k in range(4)]
+    for then in ("".join(["scene,room,category\n", *rows[:2]]), "scene,room\n", "no table"):
+        table.write_text("".join(["scene,room,category\n", *rows]))
+
+        def strike(done: int, total: int, then: str = then) -> None:
+            table.write_text(then)
+
+        with pytest.raises(SourceChangedError, match="no scene was skipped"):
+            build_dataset(ObjectTable(table), tmp_path / "out", scenes_per_shard=1, progress=strike)
+
+
+def test_a_source_of_somebody_elses_is_held_to_it(hm3d_folder: Path, tmp_path: Path) -> None:
+    class Remote(HM3DFolder):
+        def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
+            if ref.scene_id.endswith("05"):
+                raise ConnectionResetError(errno.ECONNRESET, "Connection reset by peer")
+            return super().read(ref, class_map)
+
+    with pytest.raises(SourceChangedError, match=r"00005-abcdefghi05 .*Connection reset"):
+        build_dataset(Remote(hm3d_folder), tmp_path / "out")
+
+
+def test_a_shard_that_is_done_is_not_read_again(hm3d_folder: Path, tmp_path: Path) -> None:
+    source = HM3DFolder(hm3d_folder)
+
+    def stop(done: int, total: int) -> None:
+        if done == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        build_dataset(source, tmp_path / "out", scenes_per_shard=2, progress=stop)
+    build_dataset(source, tmp_path / "out", scenes_per_shard=2)
+    assert read_manifest(tmp_path / "out").totals.scenes == 12
+
+
+def test_what_the_system_said_is_found_among_the_causes() -> None:
+    def chain(cause: Exception) -> Exception:
+        error = SourceError("a scene")
+        error.__cause__ = SourceError("a file")
+        error.__cause__.__cause__ = cause
+        return error
+
+    assert find_io_error(chain(OSError(errno.EIO, "Input/output error"))) is not None
+    assert find_io_error(chain(PermissionError(errno.EACCES, "Permission denied"))) is None
+    assert find_io_error(chain(OSError("broken image"))) is None  # a library's word for bytes
+    assert find_io_error(chain(ValueError())) is None

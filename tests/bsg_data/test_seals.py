@@ -1,0 +1,93 @@
+"""The seal of a folder: what belongs together is put in place together, and a change is found."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from bsg_data.errors import DatasetError
+from bsg_data.lock import hold
+from bsg_data.seals import SEAL, read_seal, replace_sealed, require_seal, write_seal
+
+
+def write(folder: Path, **files: str) -> None:
+    with replace_sealed(folder) as staged:
+        for name, text in files.items():
+            (staged / name).write_text(text)
+
+
+def test_files_are_sealed_as_sha256sum_has_it(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    write(out, a="1", b="2")
+    assert list(require_seal(out) or ()) == ["a", "b"]
+    done = subprocess.run(["sha256sum", "--check", "--strict", SEAL], cwd=out, capture_output=True)
+    assert done.returncode == 0
+    assert sorted(path.name for path in out.iterdir()) == [SEAL, "a", "b"]
+
+
+def test_what_is_no_longer_written_goes_and_what_is_not_ours_stays(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    write(out, a="1", b="2", c="3")
+    (out / "mine").write_text("mine")
+    (out / "c").write_text("changed by me")
+    write(out, a="4")
+    assert sorted(path.name for path in out.iterdir()) == [SEAL, "a", "c", "mine"]
+    assert require_seal(out) == read_seal(out)
+    assert (out / "a").read_text() == "4"
+
+
+def test_what_fails_leaves_the_old(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    write(out, a="1")
+
+    def fail() -> None:
+        with replace_sealed(out) as staged:
+            (staged / "a").write_text("2")
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        fail()
+    assert require_seal(out)
+    assert (out / "a").read_text() == "1"
+
+
+def test_one_at_a_time(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    with hold(out), pytest.raises(DatasetError, match="another command is writing there"):
+        write(out, a="1")
+
+
+def test_a_folder_without_a_seal_says_nothing(tmp_path: Path) -> None:
+    assert require_seal(tmp_path) is None
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["", "x", "0" * 64, f"{'0' * 64} a", f"{'0' * 64}  /a", f"{'0' * 64}  b/../../a",
+     f"{'0' * 64}  a\0", f"{'0' * 63}x  a", f"{'A' * 64}  a", f"{'0' * 64}  a\n{'0' * 64}  a"],
+)  # fmt: skip
+def test_a_line_that_is_none_is_refused(tmp_path: Path, line: str) -> None:
+    (tmp_path / SEAL).write_text(line + "\n")
+    with pytest.raises(DatasetError, match=r"line [12]: expected a sha256"):
+        read_seal(tmp_path)
+
+
+def test_a_file_that_is_gone_or_changed_is_named(tmp_path: Path) -> None:
+    (tmp_path / "a").write_text("1")
+    write_seal(tmp_path, ["a"])
+    (tmp_path / "a").write_text("2")
+    with pytest.raises(DatasetError, match="a: was changed"):
+        require_seal(tmp_path)
+    (tmp_path / "a").unlink()
+    with pytest.raises(DatasetError, match="cannot be read"):
+        require_seal(tmp_path)
+    with pytest.raises(DatasetError, match="cannot be sealed"):
+        write_seal(tmp_path, ["a"])
+    (tmp_path / SEAL).write_bytes(b"\xff\n")
+    with pytest.raises(DatasetError, match="cannot be read"):
+        read_seal(tmp_path)
+    (tmp_path / SEAL).write_text("no end of a line")
+    with pytest.raises(DatasetError, match="is damaged"):
+        read_seal(tmp_path)
