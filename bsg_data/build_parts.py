@@ -24,6 +24,8 @@ from bsg_data.dataset.manifest import MANIFEST, Manifest
 from bsg_data.dataset.publication import PLAN, REPORTS
 from bsg_data.dataset.replacement import is_settled, name_growing
 from bsg_data.errors import DatasetError, RecipeError
+from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.inputs.bounds import MANIFEST_FILE
 from bsg_data.lock import hold
 from bsg_data.sources.source import Source
 
@@ -160,13 +162,14 @@ def _refuse_finished(out: Path) -> None:
 
 
 def _read_plan(growing: Path) -> BuildPlan:
-    try:
-        return BuildPlan.model_validate_json((growing / PLAN).read_bytes())
-    except FileNotFoundError as error:
+    path = growing / PLAN
+    if not path.is_file():
         raise DatasetError(
             f"{growing}: no parts of a build are there; make them by `bsg-data build --parts I/N`"
-        ) from error
-    except (OSError, ValidationError) as error:
+        )
+    try:
+        return BuildPlan.model_validate_json(read_bytes(path, MANIFEST_FILE, error=DatasetError))
+    except (DatasetError, ValidationError) as error:
         raise DatasetError(
             f"{growing / PLAN}: cannot be read ({error}); remove it and run any part again"
         ) from error

@@ -34,6 +34,8 @@ from bsg_data.errors import (
     find_io_error,
 )
 from bsg_data.files import write_bytes
+from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.inputs.bounds import MANIFEST_FILE
 from bsg_data.recipes import Record
 from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.scene.mesh_coverage import MeshCoverage
@@ -176,11 +178,12 @@ def enter_skip(skip: SkippedScene, root: Path) -> SkipEntry:
 def read_report(folder: Path, part: int) -> ShardReport | None:
     """Return the report of a finished shard if its files are still what it says."""
     try:
-        report = ShardReport.model_validate_json((folder / _name_report(part)).read_bytes())
+        data = read_bytes(folder / _name_report(part), MANIFEST_FILE, error=DatasetError)
+        report = ShardReport.model_validate_json(data)
         for entry in report.files:
             if describe_file(folder, entry.path, rows=entry.rows) != entry:
                 return None
-    except (OSError, ValidationError):
+    except (DatasetError, OSError, ValidationError):
         return None
     return report
 

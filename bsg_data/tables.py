@@ -5,8 +5,12 @@ Every table that people read is made here, so that the same rows look the same e
 
 from __future__ import annotations
 
+import html
+import re
+import unicodedata
 from collections.abc import Sequence
 
+_MARK = "\N{REPLACEMENT CHARACTER}"
 Rows = Sequence[Sequence[object]]
 
 
@@ -53,9 +57,38 @@ def format_markdown(rows: Rows, *, header: Sequence[str], numeric: Sequence[str]
     return [first, f"|{rule}|", *others]
 
 
+def make_plain(text: str) -> str:
+    r"""Return text without what a terminal would obey: a mark stands for each such character.
+
+    Controls, and signs that turn the direction of writing or cannot be seen; not line feeds and
+    tabulators.
+
+    >>> make_plain("a\x1b[2Jb")
+    'a\ufffd[2Jb'
+    """
+    if text.isascii() and text.isprintable():
+        return text
+    return "".join(_MARK if _is_obeyed(c) else c for c in text)
+
+
+def escape_markdown(text: str) -> str:
+    r"""Return text that Markdown and HTML show as it is, on one line: it is a name, not markup.
+
+    >>> print(escape_markdown("<b>a|b</b> [x](y)"))
+    &lt;b&gt;a\|b&lt;/b&gt; \[x\](y)
+    """
+    escaped = html.escape(" ".join(make_plain(text).split()), quote=False)
+    return re.sub(r"([\\`*\[\]|])", r"\\\1", escaped)
+
+
+def _is_obeyed(character: str) -> bool:
+    kept = character.isprintable() or character in "\n\t"
+    return not kept and unicodedata.category(character) != "Zs"  # spaces of other widths
+
+
 def _printable(cell: object) -> str:
     text = f"{cell:,}" if isinstance(cell, int) else str(cell)
-    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
+    return "".join(c if c.isprintable() else _MARK for c in text)
 
 
 def _one_cell(cell: object) -> str:

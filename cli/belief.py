@@ -25,7 +25,7 @@ from bsg_cli.options import (
     seed_option,
     split_option,
 )
-from bsg_cli.terminal import Command, print_json, print_note, progress_bar
+from bsg_cli.terminal import Command, print_json, print_note, print_text, progress_bar
 from bsg_data.spelling import SHOWN
 from bsg_data.tables import format_text
 
@@ -124,16 +124,16 @@ def main(
         return
     rows = [_row(room) for room in report.rooms[:MOST_ROWS]]
     header = ("building", "room", "seen", "expected more", "unseen, most expected first")
-    click.echo(format_text(rows, header=header))
+    print_text(format_text(rows, header=header))
     if len(report.rooms) > MOST_ROWS:
         print_note(f"… and {len(report.rooms) - MOST_ROWS:,} more rooms; --json prints all")
     number, held = report.number, len(report.graphs)
     graphs_are = "1 belief graph" if number == 1 else f"{number:,} belief graphs"
-    click.echo(f"{graphs_are}, {report.blind:,} blind nodes, by {report.model}")
+    print_text(f"{graphs_are}, {report.blind:,} blind nodes, by {report.model}")
     if request.html and held < number:
         print_note(f"{request.html}: shows the first {held:,} of {number:,}; --tables takes all")
     if written := request.results:
-        click.echo(f"written: {', '.join(map(str, written))}")
+        print_text(f"written: {', '.join(map(str, written))}")
 
 
 def open_seen(options: dict[str, Any]) -> bsg_models.SeenBuilding:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
-import json
 import os
 import tempfile
 import time
@@ -21,6 +20,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from bsg_data.errors import BSGError
+from bsg_data.inputs.bounds import RUN_RECORD
+from bsg_data.inputs.documents import read_json
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -92,7 +93,12 @@ def connect(
 def _read_address(address: str) -> str:
     """Return an address, also from the file of a scheduler."""
     path = Path(address)
-    return str(json.loads(path.read_text("utf-8"))["address"]) if path.is_file() else address
+    if not path.is_file():
+        return address
+    try:
+        return str(read_json(path, RUN_RECORD, error=BSGError)["address"])
+    except (KeyError, TypeError) as error:
+        raise BSGError(f"{path}: no file of a scheduler, which has an address") from error
 
 
 async def _reach(address: str) -> None:

@@ -19,7 +19,7 @@ from bsg_cli.options import (
     seed_option,
     split_option,
 )
-from bsg_cli.terminal import Command, print_json, print_note, progress_bar
+from bsg_cli.terminal import Command, print_json, print_note, print_text, progress_bar
 from bsg_data.tables import format_text
 
 
@@ -84,10 +84,10 @@ def main(runs: tuple[str, ...], all_metrics: bool, as_json: bool, **options: Any
     names = list(comparison.estimates)
     if comparison.has_verdicts:
         verdicts = bsg_models.explain(comparison.bootstraps, runs=comparison.runs)
-        click.echo("\n".join(verdicts) + "\n")
-    click.echo(format_text(bsg_models.headline_rows(comparison), header=["", *names]))
+        print_text("\n".join(verdicts) + "\n")
+    print_text(format_text(bsg_models.headline_rows(comparison), header=["", *names]))
     if all_metrics:
         rows = bsg_models.metric_rows(comparison)
-        click.echo("\n" + format_text(rows, header=["metric", "nodes", *names]))
-    click.echo(f"\nall metrics: {report.report}; per class: {report.classes}; figures:")
-    click.echo("\n".join(f"  {path}  {what}" for what, path in report.figures.items()))
+        print_text("\n" + format_text(rows, header=["metric", "nodes", *names]))
+    print_text(f"\nall metrics: {report.report}; per class: {report.classes}; figures:")
+    print_text("\n".join(f"  {path}  {what}" for what, path in report.figures.items()))

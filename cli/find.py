@@ -6,10 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-import click
-
 import bsg_models
-from bsg_cli.terminal import print_json, print_note
+from bsg_cli.terminal import print_json, print_note, print_text
 from bsg_data.tables import format_text
 
 MOST_ROWS = 20
@@ -43,13 +41,13 @@ def find_thing(
     rows = [_row(place, unit, words) for place in places]
     columns = len(header) if unit else len(header) - 1
     shown = [row[:columns] for row in rows[:MOST_ROWS]]
-    click.echo(format_text(shown, header=header[:columns], numeric=(*header[1:3], "cost")))
+    print_text(format_text(shown, header=header[:columns], numeric=(*header[1:3], "cost")))
     if len(rows) > MOST_ROWS:
         print_note(f"… and {len(rows) - MOST_ROWS:,} less likely rooms; --json prints all")
     somewhere = _percent(seen.anywhere(thing))
-    click.echo(f"somewhere in the building: {somewhere}, by the model {seen.asked(thing)}")
+    print_text(f"somewhere in the building: {somewhere}, by the model {seen.asked(thing)}")
     goes = "no room is left to search" if first is None else f"go first to {_name(first, places)}"
-    click.echo(goes)
+    print_text(goes)
 
 
 def _row(place: bsg_models.Place, unit: str | None, words: Mapping[str, str]) -> tuple[Any, ...]:

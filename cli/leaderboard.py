@@ -25,7 +25,15 @@ from bsg_cli.options import (
     split_names,
     workers_option,
 )
-from bsg_cli.terminal import Command, Workers, print_json, print_note, progress_bar, worker_pool
+from bsg_cli.terminal import (
+    Command,
+    Workers,
+    print_json,
+    print_note,
+    print_text,
+    progress_bar,
+    worker_pool,
+)
 from bsg_data.tables import format_text
 
 # Models that need a package of an extra: name → package, extra.
@@ -106,9 +114,9 @@ def main(
         return
     for mask, results in board.results.items():
         header, rows = bsg_models.summary_rows(results)
-        click.echo(f"`{mask}` masks:\n{format_text(rows, header=header)}\n")
-    click.echo(f"table: {report.table}; every metric: {report.report}; figures:")
-    click.echo("\n".join(f"  {path}" for path in report.figures))
+        print_text(f"`{mask}` masks:\n{format_text(rows, header=header)}\n")
+    print_text(f"table: {report.table}; every metric: {report.report}; figures:")
+    print_text("\n".join(f"  {path}" for path in report.figures))
 
 
 def choose_models(models: str | None) -> dict[str, bsg_models.RunConfig]:

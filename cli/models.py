@@ -9,7 +9,7 @@ import click
 import bsg_models
 from bsg_cli.completion import complete_model
 from bsg_cli.options import PATH, json_option
-from bsg_cli.terminal import Command, CommandGroup, print_json, print_note
+from bsg_cli.terminal import Command, CommandGroup, print_json, print_note, print_text
 from bsg_data.tables import format_text
 
 
@@ -44,7 +44,7 @@ def list_models(as_json: bool) -> None:
     rows = [
         (m.name, m.classes, f"{m.bytes / 1e6:.1f}", m.data, m.licence, m.purpose) for m in models
     ]
-    click.echo(format_text(rows, header=header))
+    print_text(format_text(rows, header=header))
 
 
 @main.command(cls=Command)
@@ -69,8 +69,8 @@ def show(name: str, as_json: bool) -> None:
         ("sha256", model.sha256),
     ]
     # The front matter is for the hub; the card says the same in words.
-    click.echo(model.card.partition("\n---\n")[2].strip() + "\n")
-    click.echo(format_text(facts, header=("checkpoint", "")))
+    print_text(model.card.partition("\n---\n")[2].strip() + "\n")
+    print_text(format_text(facts, header=("checkpoint", "")))
 
 
 @main.command(cls=Command)
@@ -88,7 +88,7 @@ def check(paths: tuple[Path, ...]) -> None:
     """
     for path in paths:
         files = bsg_models.check_results(path)
-        click.echo(f"{path}: sound ({len(files)} files)" if len(files) > 1 else f"{path}: sound")
+        print_text(f"{path}: sound ({len(files)} files)" if len(files) > 1 else f"{path}: sound")
 
 
 @main.command(cls=Command)
@@ -101,4 +101,4 @@ def download(name: str) -> None:
       bsg-models download somebody/their-rooms
     """
     path = bsg_models.download(name)
-    click.echo(f"{name} is here now: bsg-belief graph.json --model {name} ({path})")
+    print_text(f"{name} is here now: bsg-belief graph.json --model {name} ({path})")

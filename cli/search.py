@@ -25,7 +25,15 @@ from bsg_cli.options import (
     workers_option,
 )
 from bsg_cli.search_tables import format_results
-from bsg_cli.terminal import Command, Workers, print_json, print_note, progress_bar, worker_pool
+from bsg_cli.terminal import (
+    Command,
+    Workers,
+    print_json,
+    print_note,
+    print_text,
+    progress_bar,
+    worker_pool,
+)
 
 
 class SearchNumber(click.ParamType[int | str]):
@@ -194,18 +202,18 @@ def main(
         return
     number = len(report.sought)
     sought = f"any of {number} classes" if number > 12 else ", ".join(report.sought)
-    click.echo(
+    print_text(
         f"artifacts: {sought}; {request.at_once} at once; beliefs of {report.model or 'nobody'}"
     )
     if request.truth == "posterior":
-        click.echo(
+        print_text(
             "artifacts were put where the model believes them: its belief is right, and only the "
             "oracle knows better"
         )
     for table in format_results(report.results, all_columns=all_columns):
-        click.echo("\n" + table)
+        print_text("\n" + table)
     written = "; ".join(f"{what}: {path}" for what, path in report.written.items())
-    click.echo(f"\nall of it: {report.report}; {written}")
+    print_text(f"\nall of it: {report.report}; {written}")
 
 
 def read_stops(text: str | None) -> tuple[float, ...]:

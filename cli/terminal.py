@@ -30,6 +30,7 @@ from bsg_cli.dataset_paths import require_datasets
 from bsg_data.errors import BSGError, RecipeError
 from bsg_data.files import encode_json
 from bsg_data.recipes import name_fault
+from bsg_data.tables import make_plain
 
 FAILED, WRONG_USAGE, INTERRUPTED, ENDED = 1, 2, 130, 143
 NO_MEMORY = "Error: not enough memory; give the command more, or fewer --workers where it has them"
@@ -69,24 +70,25 @@ class Command(click.Command):
             with _ended_in_order():
                 code = super().main(*args, **kwargs)
         except click.ClickException as error:
+            error.message = make_plain(error.message)  # type: ignore[misc]
             error.show()
             sys.exit(error.exit_code)
         except BSGError as error:
-            click.echo(f"Error: {error}", err=True)
+            print_note(f"Error: {error}")
             sys.exit(WRONG_USAGE if isinstance(error, RecipeError) else FAILED)
         except ValidationError as error:  # of a request, which says what it cannot be
-            click.echo(f"Error: {name_fault(error)}", err=True)
+            print_note(f"Error: {name_fault(error)}")
             sys.exit(WRONG_USAGE)
         except (click.Abort, KeyboardInterrupt) as error:  # click makes the one of the other
             asked = isinstance(error.__cause__ or error, AskedToEndError)
-            click.echo("asked to end" if asked else "interrupted", err=True)
+            print_note("asked to end" if asked else "interrupted")
             sys.exit(ENDED if asked else INTERRUPTED)
         except MemoryError:
-            click.echo(NO_MEMORY, err=True)
+            print_note(NO_MEMORY)
             sys.exit(FAILED)
         except OSError as error:
             where = f"{error.filename}: " if error.filename else ""
-            click.echo(f"Error: {where}{error.strerror or error}", err=True)
+            print_note(f"Error: {where}{error.strerror or error}")
             sys.exit(FAILED)
         sys.exit(code if isinstance(code, int) else 0)
 
@@ -132,7 +134,7 @@ def progress_bar(what: str, *, unit: str) -> Iterator[Progress]:
 
         def report(done: int, total: int, said: str = "") -> None:
             bar.total = total
-            bar.set_postfix_str(said, refresh=False)
+            bar.set_postfix_str(make_plain(said), refresh=False)
             bar.update(done - bar.n)
 
         yield report
@@ -225,6 +227,11 @@ def print_json(value: object) -> None:
     click.echo(encode_json(value, indent=1, ensure_ascii=False))
 
 
+def print_text(text: str, *, nl: bool = True) -> None:
+    """Print a result on stdout, without what a terminal would obey; see `make_plain`."""
+    click.echo(make_plain(text), nl=nl)
+
+
 def print_note(text: str) -> None:
     """Tell people something on stderr."""
-    click.echo(text, err=True)
+    click.echo(make_plain(text), err=True)

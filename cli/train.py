@@ -14,7 +14,7 @@ from bsg_cli.choices import MODELS
 from bsg_cli.completion import complete_names_or_files
 from bsg_cli.configurations import load_config
 from bsg_cli.options import PATH, data_option, force_option, json_option, out_option
-from bsg_cli.terminal import Command, print_json, print_note, progress_bar
+from bsg_cli.terminal import Command, print_json, print_note, print_text, progress_bar
 from bsg_data.errors import BSGError
 from bsg_data.tables import format_text
 
@@ -69,7 +69,7 @@ def main(
         settings = (*settings, f"seed={seed}")
     config = load_config(config_name, settings)
     if print_config:
-        click.echo(bsg_models.write_toml(config), nl=False)
+        print_text(bsg_models.write_toml(config), nl=False)
         return
     if dataset is None or out is None:
         raise click.UsageError("--data and --out are needed to train (or give --print-config)")
@@ -133,16 +133,16 @@ def _show(summary: bsg_models.RunSummary, *, as_json: bool) -> None:
     if not summary.trainings:
         print_note(f"{summary.run}: kept no log; it was trained by an earlier version")
         return
-    click.echo(
+    print_text(
         f"seed {summary.config.seed}; the same again: "
         f"bsg-train --config {summary.written_config} --data DATASET\n"
     )
     rows = [_training_row(begun, ended) for begun, ended in summary.trainings]
     header = ("begun", "ended", "how", "epochs", "seconds", "dataset", "version", "torch")
-    click.echo(format_text(rows, header=header))
+    print_text(format_text(rows, header=header))
     for _, ended in summary.trainings:
         if ended is not None and ended.error:
-            click.echo(f"failed: {ended.error}")
+            print_text(f"failed: {ended.error}")
 
 
 def _training_row(begun: bsg_models.Begun, ended: bsg_models.Ended | None) -> tuple[object, ...]:
@@ -162,16 +162,16 @@ def _training_row(begun: bsg_models.Begun, ended: bsg_models.Ended | None) -> tu
 def _print_summary(summary: bsg_models.RunSummary) -> None:
     best = summary.best
     if summary.members:
-        click.echo(f"ensemble of {', '.join(summary.members)}; their runs are in {summary.folder}")
-        click.echo(f"checkpoint {summary.checkpoint}")
+        print_text(f"ensemble of {', '.join(summary.members)}; their runs are in {summary.folder}")
+        print_text(f"checkpoint {summary.checkpoint}")
     elif best is None:
-        click.echo(f"{summary.model} fitted by counting; checkpoint {summary.checkpoint}")
+        print_text(f"{summary.model} fitted by counting; checkpoint {summary.checkpoint}")
     else:
-        click.echo(
+        print_text(
             f"{summary.model}: {summary.epochs} epochs in {summary.seconds:.1f} s; lowest "
             f"validation loss {best.val_loss:.4f} at epoch {best.epoch}"
         )
-        click.echo(f"checkpoint {summary.checkpoint}, learning curve {summary.curve}")
+        print_text(f"checkpoint {summary.checkpoint}, learning curve {summary.curve}")
     for note in summary.notes:
         print_note(note)
 

@@ -17,6 +17,7 @@ from click.testing import CliRunner
 from bsg_cli.registry import COMMANDS
 from bsg_data.dataset.card import column_table
 from bsg_data.dataset.schema import SPLITS, TABLES, pairs_schema
+from bsg_data.inputs.bounds import BOUNDS, GIB, KIB, MIB
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.tables import format_markdown
 from bsg_models.evaluation.catalogue import METRICS
@@ -60,6 +61,9 @@ def _generate(kind: str, name: str) -> str:
     if kind == "metrics":
         header = ("metric", "in tables", "better", "of", "what it is")
         return "\n".join(format_markdown([*map(_describe_metric, METRICS)], header=header))
+    if kind == "bounds":
+        rows = [(bound.what, _name_bytes(bound.bytes), bound.items or "–") for bound in BOUNDS]
+        return "\n".join(format_markdown(rows, header=("what", "bytes at most", "and")))
     if kind == "file":
         text = (DOCS / "docs" / name).read_text("utf-8").rstrip()
         return f"```{Path(name).suffix.removeprefix('.')}\n{text}\n```"
@@ -67,6 +71,12 @@ def _generate(kind: str, name: str) -> str:
         printed = _run(name, notes=kind == "run-with-notes")
         return f"```sh\n{name}\n```\n\n```text\n{printed}\n```"
     raise ValueError(f"no generated part of kind {kind!r}")
+
+
+def _name_bytes(number: int) -> str:
+    """Return a number of bytes in the largest unit that it is whole in."""
+    units = ((GIB, "GiB"), (MIB, "MiB"), (KIB, "KiB"))
+    return next(f"{number // unit} {name}" for unit, name in units if not number % unit)
 
 
 def _describe_planner(name: str) -> tuple[str, ...]:

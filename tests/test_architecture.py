@@ -21,6 +21,7 @@ HOUSE = (
     "bsg_data.arrays bsg_data.errors bsg_data.spelling bsg_data.tables",
     "bsg_data.exchange bsg_data.executors bsg_data.files bsg_data.lock bsg_data.recipes "
     "bsg_data.registry",
+    "bsg_data.inputs",
     "bsg_data.figure_file bsg_data.result_folder bsg_data.scene",
     "bsg_data.geometry bsg_data.seals",
     "bsg_data.sources",
@@ -50,6 +51,7 @@ THIRD_PARTY = {
         "pydantic",
         "scipy",
         "shapely",
+        "tomli",
         "trimesh",
         "yaml",
     },
@@ -69,7 +71,6 @@ THIRD_PARTY = {
         "safetensors",
         "spark_dsg",
         "scipy",
-        "tomli",
         "tomli_w",
         "torch",
         "torch_geometric",

@@ -38,7 +38,6 @@ PROVED_ELSEWHERE = {
     "bsg_data/recipes.py": "bsg_data/observation/test_pairs.py",
     "bsg_data/scene/mesh_coverage.py": "bsg_data/geometry/test_placement.py",
     "bsg_data/sources/assembly.py": "bsg_data/sources/test_hm3d.py",
-    "bsg_data/sources/plain_yaml.py": "bsg_data/sources/test_label_space.py",
     "bsg_data/sources/synthetic.py": "bsg_data/sources/test_catalogue.py",
     "bsg_models/belief/consistency.py": "bsg_models/belief/test_tables.py",
     "bsg_models/belief/header.py": "bsg_models/belief/test_document.py",

@@ -8,12 +8,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from bsg_data.checks.faults import Fault
 from bsg_data.dataset.manifest import FileEntry, Manifest
 from bsg_data.dataset.shards import check_file_metadata, schema_of, to_current
-from bsg_data.errors import BSGError
+from bsg_data.errors import BSGError, DatasetError
+from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.inputs.bounds import DATASET_TABLE
+from bsg_data.inputs.parquet import DAMAGE, reading_parquet
 
 
 @dataclass(eq=False)
@@ -45,7 +47,7 @@ class FileReader:
             return None
         try:
             return to_current(self.dataset / entry.path, table, self.manifest)
-        except (OSError, pa.ArrowInvalid):  # of format 1, whose scenes say what an edge joins
+        except (*DAMAGE, BSGError):  # of format 1, whose scenes say what an edge joins
             return None  # their own file is a fault
 
     def _parse(self, entry: FileEntry, faults: list[Fault]) -> pa.Table | None:
@@ -54,15 +56,14 @@ class FileReader:
             faults.append(Fault(entry.path, "is in the manifest but not there"))
             return None
         try:
-            data = path.read_bytes()
+            data = read_bytes(path, DATASET_TABLE, error=DatasetError)
             faults += _compare_bytes(entry, data)
-            file = pq.ParquetFile(pa.BufferReader(data))
-            check_file_metadata(path, file.schema_arrow, self.manifest)
-            table = file.read(use_threads=False)
+            with reading_parquet(path, data=data, rows=entry.rows, error=DatasetError) as file:
+                check_file_metadata(path, file.schema_arrow, self.manifest)
+                table = file.read(use_threads=False)
+                table.validate(full=True)
         except BSGError as error:
             faults.append(Fault(entry.path, str(error)))
-        except (OSError, pa.ArrowInvalid) as error:
-            faults.append(Fault(entry.path, f"is not readable parquet: {error}"))
         else:
             faults += _compare_columns(entry, table, schema_of(table_of(entry), self.manifest))
             return table
@@ -90,10 +91,7 @@ def _compare_bytes(entry: FileEntry, data: bytes) -> list[Fault]:
 def _compare_columns(entry: FileEntry, table: pa.Table, expected: pa.Schema) -> list[Fault]:
     if not table.schema.equals(expected, check_metadata=False):
         return [Fault(entry.path, f"expected the columns\n{expected}\nfound\n{table.schema}")]
-    faults = []
-    if len(table) != entry.rows:
-        faults.append(Fault(entry.path, f"expected {entry.rows} rows, found {len(table)}"))
-    return faults + [
+    return [
         Fault(entry.path, f"column {field.name} has nulls and must not")
         for field in expected
         if not field.nullable and table[field.name].null_count

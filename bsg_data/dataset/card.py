@@ -13,7 +13,7 @@ from bsg_data.dataset.manifest import Manifest
 from bsg_data.dataset.schema import SPLITS, TABLES, describe_fields, pairs_schema
 from bsg_data.files import encode_json
 from bsg_data.sources.source import LICENCE_REF, Terms
-from bsg_data.tables import format_markdown
+from bsg_data.tables import escape_markdown, format_markdown
 
 _UNKNOWN = "unknown terms: ask whoever made it"  # of a source that is no row of the catalogue
 _MEANINGS = {
@@ -56,7 +56,7 @@ def write_card(manifest: Manifest) -> str:
         "",
         *_describe_terms(manifest),
         f"Classes of `{manifest.class_space.name}`, in the order of every histogram: "
-        + ", ".join(manifest.class_space.classes)
+        + ", ".join(map(escape_markdown, manifest.class_space.classes))
         + ".",
         "",
     ]
@@ -123,7 +123,7 @@ def _source_table(manifest: Manifest) -> list[str]:
     rows = [
         (
             source.kind,
-            source.version or "",
+            escape_markdown(source.version or ""),
             f"`{source.class_map.version}`",
             f"[{source.terms.licence}]({source.terms.licence_url})" if source.terms else "unknown",
             f"<{source.terms.homepage}>" if source.terms else "",

@@ -18,6 +18,9 @@ from pydantic import Field, ValidationError, model_validator
 from bsg_data.dataset.schema import FORMAT_VERSION, SPLIT_NAME
 from bsg_data.dataset.version_1 import convert_manifest
 from bsg_data.errors import DatasetError, MismatchError, SourceError
+from bsg_data.inputs.bounded_file import hash_bounded, read_bytes
+from bsg_data.inputs.bounds import MANIFEST_FILE
+from bsg_data.inputs.documents import parse_json, read_json
 from bsg_data.recipes import PairsRecipe, Record, SplitRecipe, name_fault
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.class_space import ClassSpace, hash_classes
@@ -250,20 +253,16 @@ def read_hashed_manifest(dataset: Path) -> tuple[Manifest, str]:
         MismatchError: if it is of another format version.
     """
     path = dataset / MANIFEST
-    try:
-        data = path.read_bytes()
-        text = data.decode()  # line ends as they are: the seal covers them
-    except FileNotFoundError as error:
+    if not path.is_file():
         if not dataset.is_dir():
-            raise DatasetError(f"{dataset}: no such folder") from error
+            raise DatasetError(f"{dataset}: no such folder")
         raise DatasetError(
             f"{dataset}: no {MANIFEST} there, so it is not a finished dataset; "
             "make one with `bsg-data build --out DATASET`"
-        ) from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise DatasetError(f"{path}: cannot be read ({error})") from error
+        )
+    data = read_bytes(path, MANIFEST_FILE, error=DatasetError)
     try:
-        said = json.loads(text)
+        said = parse_json(data)
         found = said.get("format_version")
         if type(found) is not int or found not in (1, FORMAT_VERSION):
             raise MismatchError(
@@ -271,15 +270,13 @@ def read_hashed_manifest(dataset: Path) -> tuple[Manifest, str]:
                 "build the dataset again, or use the program that made it"
             )
         if SEAL in said:
-            _require_seal(path, text)
+            _require_seal(path, data.decode())
             del said[SEAL]
         if found == 1:
             said = convert_manifest(said)
         # Strict about types, as JSON is: a list is a tuple there, and nothing else is guessed.
         text = json.dumps(said)  # noqa: TID251
         return Manifest.model_validate_json(text), hashlib.sha256(data).hexdigest()
-    except (json.JSONDecodeError, AttributeError, RecursionError) as error:
-        raise DatasetError(f"{path}: not JSON ({error}); build the dataset again") from error
     except ValidationError as error:
         raise DatasetError(
             f"{path}: {name_fault(error)} ({error.error_count()} faults in all); "
@@ -287,6 +284,8 @@ def read_hashed_manifest(dataset: Path) -> tuple[Manifest, str]:
         ) from error
     except SourceError as error:
         raise DatasetError(f"{path}: the terms of a source: {error}") from error
+    except (ValueError, TypeError, AttributeError, LookupError) as error:
+        raise DatasetError(f"{path}: not JSON ({error}); build the dataset again") from error
 
 
 def encode_manifest(manifest: Manifest) -> bytes:
@@ -314,7 +313,7 @@ def read_card_hashes(dataset: Path) -> dict[str, str]:
         DatasetError: if there is no manifest, or it is damaged.
     """
     read_manifest(dataset)
-    hashes = json.loads((dataset / MANIFEST).read_bytes()).get(SEAL, {})
+    hashes = read_json(dataset / MANIFEST, MANIFEST_FILE, error=DatasetError).get(SEAL, {})
     return {name: sha256 for name, sha256 in hashes.items() if name != MANIFEST}
 
 
@@ -329,8 +328,12 @@ def _require_seal(path: Path, text: str) -> None:
 
 
 def hash_manifest(dataset: Path) -> str:
-    """Return the sha256 of `dataset.json`, which stands for the whole dataset."""
-    return hashlib.sha256((dataset / MANIFEST).read_bytes()).hexdigest()
+    """Return the sha256 of `dataset.json`, which stands for the whole dataset.
+
+    Raises:
+        OSError: if it cannot be read.
+    """
+    return hash_bounded(dataset / MANIFEST, MANIFEST_FILE)
 
 
 def require_class_space(manifest: Manifest, other: ClassSpaceEntry, *, what: str) -> None:

@@ -19,6 +19,9 @@ from bsg_data.dataset.schema import FORMAT_VERSION, SPLITS, TABLES, pairs_schema
 from bsg_data.dataset.version_1 import TABLES_1, convert_table
 from bsg_data.errors import DatasetError, MismatchError
 from bsg_data.files import encode_json, hash_file, open_beside
+from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.inputs.bounds import DATASET_TABLE
+from bsg_data.inputs.parquet import reading_parquet, words_of
 from bsg_data.scene.scene_graph import SceneGraph, is_scene_id
 
 
@@ -86,6 +89,7 @@ def read_file(
             table = table if columns is None else table.select(columns)
         else:
             table = file.read(columns=columns, use_threads=False)
+        table.validate(full=True)
     if entry.path.startswith("scenes/") and "scene_id" in table.column_names:
         _require_scene_ids(dataset / entry.path, table["scene_id"].to_pylist())
     return table
@@ -100,19 +104,18 @@ def open_listed(dataset: Path, entry: FileEntry, *, manifest: Manifest) -> Itera
         MismatchError: if it is of another class space or format than the manifest.
     """
     path = dataset / entry.path
-    try:
-        data = path.read_bytes()
-        if len(data) != entry.bytes or hashlib.sha256(data).hexdigest() != entry.sha256:
-            raise DatasetError(f"{path}: is not what the manifest says; `bsg-data check` says more")
-        with pq.ParquetFile(pa.BufferReader(data)) as file:
-            check_file_metadata(path, file.schema_arrow, manifest)
-            yield file
-    except FileNotFoundError as error:
-        raise DatasetError(f"{path}: in the manifest but not there; build again") from error
-    except (OSError, pa.ArrowInvalid, KeyError) as error:
-        raise DatasetError(
-            f"{path}: not readable as this dataset's parquet ({error}); `bsg-data check` says more"
-        ) from error
+    if not path.is_file():
+        raise DatasetError(f"{path}: in the manifest but not there; build again")
+    data = read_bytes(path, DATASET_TABLE, error=_refuse)
+    if len(data) != entry.bytes or hashlib.sha256(data).hexdigest() != entry.sha256:
+        raise DatasetError(f"{path}: is not what the manifest says; `bsg-data check` says more")
+    with reading_parquet(path, data=data, rows=entry.rows, error=_refuse) as file:
+        check_file_metadata(path, file.schema_arrow, manifest)
+        yield file
+
+
+def _refuse(said: str) -> DatasetError:
+    return DatasetError(f"{said}; `bsg-data check` says more")
 
 
 def to_current(path: Path, table: pa.Table, manifest: Manifest) -> pa.Table:
@@ -122,7 +125,8 @@ def to_current(path: Path, table: pa.Table, manifest: Manifest) -> pa.Table:
 
     def read_sizes() -> pa.Table:
         scenes = path.parent.parent / "scenes" / path.name  # part k of all tables goes together
-        return pq.ParquetFile(scenes).read(columns=["scene_id", "num_rooms"])
+        with reading_parquet(scenes, error=DatasetError) as file:
+            return file.read(columns=["scene_id", "num_rooms"], use_threads=False)
 
     return convert_table(
         table,
@@ -199,7 +203,7 @@ def check_file_metadata(path: Path, schema: pa.Schema, manifest: Manifest) -> No
     Raises:
         MismatchError: naming what the file says and what the manifest says.
     """
-    words = {k.decode(): v.decode() for k, v in (schema.metadata or {}).items()}
+    words = words_of(schema)
     if manifest.format_version == 1:
         what, ours = "class_map", manifest.sources[0].class_map
         name, sha256 = ours.version, ours.sha256

@@ -9,7 +9,6 @@ the file with one mesh a primitive: `merge_primitives` would drop the textures.
 from __future__ import annotations
 
 import io
-import json
 import logging
 import os
 import struct
@@ -24,6 +23,7 @@ import numpy.typing as npt
 from PIL import Image
 
 from bsg_data.errors import SourceError
+from bsg_data.inputs.documents import parse_json
 
 Floats = npt.NDArray[np.float64]
 
@@ -185,7 +185,7 @@ def _read_header(file: IO[bytes], path: Path) -> dict[str, Any]:
         raise MeshError(f"{path}: {what}: it says {length:,} bytes and has {size:,}")
     if text_length > min(size - 20, MAX_JSON):
         raise MeshError(f"{path}: its JSON says {text_length:,} bytes, which cannot be")
-    tree: dict[str, Any] = json.loads(file.read(text_length))
+    tree: dict[str, Any] = parse_json(file.read(text_length), once=False)
     rest = file.read(8)
     binary, kind = struct.unpack("<I4s", rest) if len(rest) == 8 else (0, _BIN)
     if kind != _BIN or binary > size - file.tell():

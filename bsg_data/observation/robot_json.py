@@ -23,7 +23,6 @@ docs/belief.md says more.
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -35,6 +34,8 @@ from pydantic import AfterValidator, Field, PlainValidator, ValidationError
 from bsg_data.dataset.manifest import ClassSpaceEntry
 from bsg_data.errors import RecipeError, SourceError
 from bsg_data.geometry.floor_area import find_floor_area
+from bsg_data.inputs.bounds import ROBOT
+from bsg_data.inputs.documents import read_json
 from bsg_data.observation.hidden_share import VAGUE
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_data.observation.robot_faults import explain_fault
@@ -50,7 +51,6 @@ from bsg_data.scene.surroundings import (
 )
 from bsg_data.spelling import SHOWN
 
-MAX_BYTES = 64 * 2**20
 Id = Annotated[str, Field(min_length=1, max_length=500)]
 Text = Annotated[str, Field(max_length=500)]
 Metres = Annotated[float, Field(ge=-1e6, le=1e6)]
@@ -138,23 +138,8 @@ def read_robot_graph(path: Path, *, class_map: str | ClassMap = DEFAULT_CLASS_MA
     Raises:
         RobotGraphError: naming the file, the entry, and what was expected there.
     """
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise RobotGraphError(f"{path}: more than {MAX_BYTES:,} bytes")
-        said = json.loads(path.read_text("utf-8-sig"), object_pairs_hook=_once)
-    except OSError as error:
-        raise RobotGraphError(f"{path}: cannot be read ({error.strerror})") from error
-    except (ValueError, RecursionError) as error:
-        raise RobotGraphError(f"{path}: no JSON ({error})") from error
+    said = read_json(path, ROBOT, error=RobotGraphError)
     return parse_robot_graph(said, path=path, class_map=class_map)
-
-
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    table = dict(pairs)
-    if len(table) < len(pairs):
-        keys = [key for key, _ in pairs]
-        raise ValueError(f"the key {max(keys, key=keys.count)!r} twice")
-    return table
 
 
 def parse_robot_graph(

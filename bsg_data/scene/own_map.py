@@ -10,10 +10,11 @@ from pathlib import Path
 
 from bsg_data.errors import ClassMapError
 from bsg_data.files import write_bytes
+from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.inputs.bounds import CLASS_MAP
 from bsg_data.recipes import Record
 
 SUFFIX, CLASSES, STRUCTURE = ".csv", ".classes.csv", ".structure.csv"
-MAX_BYTES = 16 * 2**20  # of each file; HM3D's map has 0.1 MB
 
 
 class OwnMap(Record):
@@ -75,11 +76,4 @@ def _read_beside(path: Path, suffix: str) -> bytes | None:
 
 
 def _read(path: Path) -> bytes:
-    try:
-        with path.open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise ClassMapError(f"{path}: cannot be read ({error.strerror})") from error
-    if len(data) > MAX_BYTES:
-        raise ClassMapError(f"{path}: more than {MAX_BYTES:,} bytes, so it is no class map")
-    return data
+    return read_bytes(path, CLASS_MAP, error=ClassMapError)

@@ -1,19 +1,17 @@
-"""Files of annotations: found below a folder, told apart by a hash, read within a bound."""
+"""Files of annotations: found below a folder, told apart by a hash."""
 
 from __future__ import annotations
 
-import gzip
 import hashlib
-import io
 import os
-import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
 from bsg_data.errors import AnnotationError, SourceChangedError, SourceError, find_io_error
+from bsg_data.inputs.bounded_file import hash_bounded, read_packed, unpack
+from bsg_data.inputs.bounds import Bound
 from bsg_data.sources.source import SkippedScene
 
-PACKED = ".gz"
 TOO_LARGE = "too large"
 
 
@@ -85,28 +83,28 @@ def _why_not(path: Path) -> str | None:
     return None
 
 
-def fingerprint(path: Path, *, most: int) -> str:
+def fingerprint(path: Path, bound: Bound) -> str:
     """Hash a file; one that may not be read, or is far too large, is reported when it is read.
 
     Raises:
         SourceChangedError: if it is gone, or cannot be read now.
     """
     try:
-        if path.stat().st_size > most:
-            return TOO_LARGE
-        return hashlib.sha256(path.read_bytes()).hexdigest()
+        return hash_bounded(path, bound)
     except OSError as error:
         if find_io_error(error):
             raise SourceChangedError(f"{path}: cannot be read ({error.strerror})") from error
         return f"unreadable: {error.strerror}"
+    except ValueError:
+        return TOO_LARGE
 
 
-def read_bytes(path: Path, *, most: int, expected: str | None = None) -> bytes:
-    """Read a file, unpacked if its name ends in `.gz`.
+def read_listed(path: Path, bound: Bound, *, expected: str | None = None) -> bytes:
+    """Read a file that was listed, unpacked if its name ends in `.gz`.
 
     Args:
         path: of the file.
-        most: bytes that it may have, packed and unpacked.
+        bound: that it must keep, packed and unpacked.
         expected: its fingerprint when it was listed, which these very bytes must have.
 
     Raises:
@@ -114,25 +112,15 @@ def read_bytes(path: Path, *, most: int, expected: str | None = None) -> bytes:
         SourceChangedError: if it is not what it was when it was listed.
     """
     try:
-        size = path.stat().st_size
-        if size > most:
-            require_fingerprint(path, TOO_LARGE, expected)
-            raise SourceError(f"{path}: {size:,} bytes; expected at most {most:,}")
-        data = path.read_bytes()
-        if expected is not None:
-            require_fingerprint(path, hashlib.sha256(data).hexdigest(), expected)
-        if not path.name.endswith(PACKED):
-            return data
-        with gzip.open(io.BytesIO(data)) as file:
-            data = file.read(most + 1)
-    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
-        raise SourceError(f"{path}: not a readable gzip file ({error})") from error
-    except OSError as error:
-        require_fingerprint(path, f"unreadable: {error.strerror}", expected)
-        raise SourceError(f"{path}: cannot be read ({error.strerror or error})") from error
-    if len(data) > most:
-        raise SourceError(f"{path}: unpacks to more than {most:,} bytes; expected at most these")
-    return data
+        data = read_packed(path, bound)
+    except SourceError as error:
+        cause = error.__cause__
+        found = f"unreadable: {cause.strerror}" if isinstance(cause, OSError) else TOO_LARGE
+        require_fingerprint(path, found, expected)
+        raise
+    if expected is not None:
+        require_fingerprint(path, hashlib.sha256(data).hexdigest(), expected)
+    return unpack(data, path, bound)
 
 
 def require_fingerprint(path: Path | str, found: str, expected: str | None) -> None:

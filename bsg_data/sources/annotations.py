@@ -14,11 +14,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bsg_data.errors import AnnotationError
+from bsg_data.inputs.bounds import ANNOTATION
 from bsg_data.scene.scene_graph import Box, Point
-from bsg_data.sources.annotation_files import decode, read_bytes
+from bsg_data.sources.annotation_files import decode, read_listed
 
 HEADER = "HM3D Semantic Annotations"
-MAX_BYTES = 64 * 2**20  # the largest real file is below 1 MiB
 _ROW = re.compile(r'([0-9]{1,9}),([0-9A-Fa-f]{1,6}),"(.*)",(-?[0-9]{1,9})')
 _EXPECTED = 'id,HEXRGB,"name",region (for example 12,0F3A9C,"chair",4)'
 
@@ -69,7 +69,7 @@ def read_annotation(path: Path, *, expected: str | None = None) -> Annotation:
         SourceChangedError: if it is not what it was when it was listed.
         AnnotationError: naming the first line that is malformed.
     """
-    data = read_bytes(path, most=MAX_BYTES, expected=expected)
+    data = read_listed(path, ANNOTATION, expected=expected)
     return Annotation(parse_annotation(data, path=path), hashlib.sha256(data).hexdigest())
 
 

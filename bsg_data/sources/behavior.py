@@ -22,6 +22,8 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from bsg_data.errors import SourceChangedError, SourceError
+from bsg_data.inputs.bounds import BEHAVIOR
+from bsg_data.inputs.documents import read_json
 from bsg_data.recipes import name_fault
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import Room, is_scene_id
@@ -38,7 +40,6 @@ from bsg_data.sources.source import (
 )
 
 FILE = "combined_room_object_list.json"
-MAX_BYTES = 64 * 2**20  # the real list has 300 kB
 MAX_OBJECTS = 10**6  # in a building; the largest real one has 7,020
 _FLOOR = re.compile(r"([A-Z][A-Za-z]*)(?:_([0-9]{1,3}))?_(?:int|garden)")
 _STOREY = re.compile(r"(house_double_floor)_(lower|upper)")
@@ -221,12 +222,8 @@ def _read_listing(path: Path, size: int, changed: int) -> Mapping[str, RoomLists
     """Read the list, once for each state of the file."""
     if path.is_dir():
         raise SourceError(f"{path}: is a folder; expected the file {FILE} of the package bddl")
-    if size > MAX_BYTES:
-        raise SourceError(f"{path}: {size} bytes; the list has at most {MAX_BYTES}")
     try:
-        scenes = _Listing.model_validate_json(path.read_bytes()).scenes
-    except OSError as error:
-        raise SourceError(f"{path}: cannot be read ({error.strerror})") from error
+        scenes = _Listing.model_validate(read_json(path, BEHAVIOR)).scenes
     except ValidationError as error:
         raise SourceError(
             f"{path}: {name_fault(error)}; expected scenes → room → category-model → number, as "

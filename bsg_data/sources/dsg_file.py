@@ -8,7 +8,6 @@ as it is; the mesh and all else of a file are left alone. Metres; the axes of th
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from collections.abc import Iterable, Mapping
@@ -22,6 +21,7 @@ import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from bsg_data.errors import SourceError
+from bsg_data.inputs.documents import parse_json
 from bsg_data.recipes import name_fault
 from bsg_data.scene.scene_graph import Box, Point
 
@@ -175,8 +175,8 @@ def parse_dsg(text: str, *, path: Path) -> DSGFile:
         SourceError: if it is none, naming the entry at fault.
     """
     try:
-        document = json.loads(text)
-    except (ValueError, RecursionError) as error:
+        document = parse_json(text, once=False)  # Hydra's own parser takes the last value
+    except ValueError as error:
         raise SourceError(
             f"{path}: expected a Spark-DSG graph, found no JSON ({str(error)[:200]})"
         ) from error

@@ -13,10 +13,11 @@ from bsg_data.geometry.adjacency import connect_rooms
 from bsg_data.geometry.gltf import MeshError
 from bsg_data.geometry.placement import place_scene
 from bsg_data.geometry.semantic_mesh import survey_mesh
+from bsg_data.inputs.bounds import ANNOTATION
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_id import split_scene_id
 from bsg_data.sources.annotation_files import fingerprint, require_fingerprint, walk_files
-from bsg_data.sources.annotations import MAX_BYTES, read_annotation
+from bsg_data.sources.annotations import read_annotation
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.hm3d_names import keep_one_copy, split_by_number, split_of_folder, version_of
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SkippedScene, SourceRow, Terms
@@ -134,7 +135,7 @@ class HM3DFolder:
         return SceneRef(
             scene_id=scene_id,
             location=relative.as_posix(),
-            fingerprint=fingerprint(path, most=MAX_BYTES),
+            fingerprint=fingerprint(path, ANNOTATION),
             source_split=_last(map(split_of_folder, folders)) or split_by_number(scene_id),
             source_version=_last(map(version_of, folders)),
             geometry=_mesh_mark(path) if self.meshes else None,

@@ -9,16 +9,15 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
-import lzma
 import re
-import zipfile
-import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 from bsg_data.errors import AnnotationError, SourceChangedError, SourceError
+from bsg_data.inputs.archive import read_member
+from bsg_data.inputs.bounds import STATISTICS
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.sources.annotation_files import require_fingerprint
 from bsg_data.sources.annotations import Annotation, Instance
@@ -37,7 +36,6 @@ HEADER = (
 )
 _WHOLE = re.compile(r"-?[0-9]{1,9}")
 _TOKEN = re.compile(r"(.*)_([0-9]{1,9})", re.DOTALL)
-MAX_BYTES = 256 * 2**20  # all of HM3DSem v0.2 is below 2 MiB
 
 
 @dataclass(frozen=True)
@@ -99,10 +97,11 @@ def read_scene_lines(path: Path) -> dict[str, list[tuple[int, str]]]:
         SourceError: if the zip or its member is missing, damaged, encrypted or far too large.
     """
     scenes: dict[str, list[tuple[int, str]]] = {}
-    lines = _read_member(path).split("\n")
-    if tuple(lines[0].split(",")[: len(HEADER)]) != HEADER:
-        raise AnnotationError(path / MEMBER, 1, lines[0], expected=",".join(HEADER))
-    for number, line in enumerate(lines[1:], start=2):
+    lines = _read_member(path)
+    header = next(lines, "")
+    if tuple(header.split(",")[: len(HEADER)]) != HEADER:
+        raise AnnotationError(path / MEMBER, 1, header, expected=",".join(HEADER))
+    for number, line in enumerate(lines, start=2):
         if line.strip():
             scenes.setdefault(line.split(",", 1)[0], []).append((number, line))
     return dict(sorted(scenes.items()))
@@ -160,22 +159,12 @@ def _parse_region(line: str, path: Path, number: int, seen: set[int]) -> Iterato
         yield Instance(int(match[2]), match[1], region)
 
 
-def _read_member(path: Path) -> str:
+def _read_member(path: Path) -> Iterator[str]:
+    """Yield the lines of the table, without the line feeds at their ends."""
+    data = read_member(path, MEMBER, STATISTICS)
     try:
-        with zipfile.ZipFile(path) as archive:
-            names = [n for n in archive.namelist() if n.rsplit("/", 1)[-1] == MEMBER]
-            if not names:
-                held = ", ".join(archive.namelist()[:5]) or "nothing"
-                raise SourceError(f"{path}: expected {MEMBER} inside, found {held}")
-            size = archive.getinfo(names[0]).file_size
-            if size > MAX_BYTES:
-                raise SourceError(f"{path}: {MEMBER} unpacks to {size} bytes, over {MAX_BYTES}")
-            with archive.open(names[0]) as member:
-                return io.TextIOWrapper(member, encoding="utf-8-sig").read()
-    except OSError as error:
-        raise SourceError(f"{path}: cannot be read ({error.strerror or error})") from error
-    except (zipfile.BadZipFile, zlib.error, lzma.LZMAError, RuntimeError, EOFError) as error:
-        raise SourceError(f"{path}: not a readable zip file ({error})") from error
+        for line in io.TextIOWrapper(io.BytesIO(data), encoding="utf-8-sig"):
+            yield line.removesuffix("\n")
     except UnicodeDecodeError as error:
         raise SourceError(f"{path}: {MEMBER} is not UTF-8 (byte {error.start})") from error
 

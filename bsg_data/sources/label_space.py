@@ -23,11 +23,12 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from bsg_data.errors import ClassMapError, SourceError
+from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.inputs.bounds import LABEL_SPACE
+from bsg_data.inputs.documents import parse_yaml
 from bsg_data.recipes import name_fault
-from bsg_data.sources.annotation_files import decode, read_bytes
-from bsg_data.sources.plain_yaml import parse_yaml
+from bsg_data.sources.annotation_files import decode
 
-MAX_BYTES = 2**22  # a list of ten thousand labels has a twentieth
 _PREFIX = "labels-"
 
 Name = Annotated[str, Field(max_length=200)]
@@ -114,7 +115,7 @@ def load_label_space(name: str) -> LabelSpace:
     path = Path(name)
     if path.suffix.casefold() not in (".yaml", ".yml", ".csv"):
         return _read_published(name)
-    data = read_bytes(path, most=MAX_BYTES)
+    data = read_bytes(path, LABEL_SPACE)
     labels = _parse_csv(data, path) if path.suffix.casefold() == ".csv" else _parse_yaml(data, path)
     names: dict[int, str] = {}
     for label in labels:

@@ -14,15 +14,16 @@ import numpy.typing as npt
 from bsg_data.errors import SourceError
 from bsg_data.geometry.adjacency import connect_rooms, measure_distance
 from bsg_data.geometry.placement import find_storeys, surround
+from bsg_data.inputs.bounded_file import PACKED
+from bsg_data.inputs.bounds import HOUSE
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import label_of
 from bsg_data.scene.scene_graph import Box, Edge, Point, Room, SceneGraph, SceneObject
-from bsg_data.sources.annotation_files import PACKED, decode, fingerprint, list_files, read_bytes
+from bsg_data.sources.annotation_files import decode, fingerprint, list_files, read_listed
 from bsg_data.sources.hm3d_names import keep_one_copy
 from bsg_data.sources.house_file import NOWHERE, House, HouseObject, HouseRegion, parse_house
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SkippedScene, SourceRow, Terms
 
-MAX_BYTES = 256 * 2**20  # the samples unpack to 5 MB
 _SUFFIXES = (".house", f".house{PACKED}")
 # The letters of regions, in the words of the format's description.
 REGION_LABELS = {
@@ -93,7 +94,7 @@ class MatterportHouses:
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one house; what no portal joins is left to the boxes of rooms and doors."""
         path = self.path if self.path.is_file() else self.path / ref.location
-        data = read_bytes(path, most=MAX_BYTES, expected=ref.fingerprint)
+        data = read_listed(path, HOUSE, expected=ref.fingerprint)
         house = parse_house(decode(data, path=path), path=path)
         return Reading(_assemble(house, ref, hashlib.sha256(data).hexdigest(), class_map))
 
@@ -103,7 +104,7 @@ class MatterportHouses:
         return SceneRef(
             scene_id=name,
             location=where,
-            fingerprint=fingerprint(path, most=MAX_BYTES),
+            fingerprint=fingerprint(path, HOUSE),
             source_split=None,
             source_version=None,
         )

@@ -11,23 +11,26 @@ Doors, windows and walls are no objects there, and so none here.
 
 from __future__ import annotations
 
-import gzip
 import hashlib
 import json
 import re
 import threading
-import zlib
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, BinaryIO, cast
+from typing import Annotated, BinaryIO
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from bsg_data.arrays import Floats
 from bsg_data.errors import SourceChangedError, SourceError
 from bsg_data.geometry.placement import find_storeys, surround
+from bsg_data.inputs.bounded_file import open_stream
+from bsg_data.inputs.bounds import MAX_HOUSE, MAX_HOUSE_ROOMS, PROCTHOR, PROCTHOR_LINES
+from bsg_data.inputs.documents import parse_json
 from bsg_data.recipes import name_fault
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import Box, Point, Room
@@ -38,8 +41,6 @@ from bsg_data.sources.hm3d_names import keep_one_copy
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow, Terms
 
 SUFFIXES = (".jsonl", ".jsonl.gz", ".json", ".json.gz")
-MAX_HOUSE = 16 * 2**20  # bytes; the largest of 150 real houses has 84 kB
-MAX_ARRAY = 2**30  # bytes: an array is read whole, a file of lines is not
 MAX_METRES = 10_000.0
 _NUMBERED = 10**5  # a scene id has five digits for the number of the house in its file
 _SPLITS = ("train", "val", "test")
@@ -88,7 +89,7 @@ class _Thing(_Entry):
 
 
 class _House(_Entry):
-    rooms: Annotated[tuple[_Room, ...], Field(min_length=1)]
+    rooms: Annotated[tuple[_Room, ...], Field(min_length=1, max_length=MAX_HOUSE_ROOMS)]
     doors: tuple[_Door, ...] = ()
     walls: tuple[_Wall, ...] = ()
     objects: tuple[_Thing, ...] = ()
@@ -194,15 +195,15 @@ def name_asset(asset: str) -> str:
 def _stream(file: Path) -> Iterator[tuple[int, bytes]]:
     """Yield the number, from 1, of the line or of the element, and the text of every house."""
     number = 0
-    try:
-        with _open(file) as opened:
-            lines = ".jsonl" in file.name
-            for number, text in _split_lines(opened, file) if lines else _split(opened, file):
-                yield number, text
-    except (OSError, EOFError, zlib.error) as error:
-        reason = getattr(error, "strerror", None) or error
-        where = f"{file}, after line {number}" if number else f"{file}"
-        raise SourceError(f"{where}: cannot be read ({reason})") from error
+
+    def refuse(said: str) -> SourceError:
+        after = f", after line {number}" if number else ""
+        return SourceError(f"{file}{after}{said.removeprefix(str(file))}")
+
+    is_lines = ".jsonl" in file.name
+    with open_stream(file, PROCTHOR_LINES if is_lines else PROCTHOR, error=refuse) as opened:
+        for number, text in _split_lines(opened, file) if is_lines else _split(opened, file):
+            yield number, text
 
 
 def _split_lines(opened: BinaryIO, file: Path) -> Iterator[tuple[int, bytes]]:
@@ -215,17 +216,10 @@ def _split_lines(opened: BinaryIO, file: Path) -> Iterator[tuple[int, bytes]]:
             yield number, line.strip()
 
 
-def _open(file: Path) -> BinaryIO:
-    return cast(BinaryIO, gzip.open(file)) if file.name.endswith(".gz") else file.open("rb")
-
-
 def _split(opened: BinaryIO, file: Path) -> Iterator[tuple[int, bytes]]:
     """Yield the houses of an array, or one house that has more than a line."""
-    data = opened.read(MAX_ARRAY + 1)
-    if len(data) > MAX_ARRAY:
-        raise SourceError(f"{file}: over {MAX_ARRAY:,} bytes; write a house a line, as .jsonl")
     try:
-        text = data.decode("utf-8-sig").strip()
+        text = opened.read().decode("utf-8-sig").strip()
         opening = text.startswith("[")
         if opening and not text.endswith("]"):
             raise SourceError(f"{file}: the array has no end; the file was cut off")
@@ -269,12 +263,13 @@ def _fetch(file: Path, number: int) -> bytes:
 
 def _parse(text: bytes, where: str) -> _House:
     try:
-        house = _House.model_validate_json(text)
+        house = _House.model_validate(parse_json(text))
     except ValidationError as error:
         raise SourceError(f"{where}: {name_fault(error)}; expected a house of ProcTHOR") from error
-    ids = [room.id for room in house.rooms]
-    if len(set(ids)) < len(ids):
-        twice = next(name for name in ids if ids.count(name) > 1)
+    except ValueError as error:
+        raise SourceError(f"{where}: no JSON ({error}); expected a house of ProcTHOR") from error
+    (twice, times), *_ = Counter(room.id for room in house.rooms).most_common(1)
+    if times > 1:
         raise SourceError(f"{where}: rooms: {twice!r} is there twice")
     return house
 
@@ -285,7 +280,10 @@ def _number_rooms(house: _House) -> dict[str, int]:
 
 def _list_instances(house: _House) -> Iterator[Instance]:
     """Yield the objects, each before its children; one of no room is the building's."""
-    rooms = _number_rooms(house)
+    floors = {
+        int(room.id.removeprefix("room|")): np.array([(at.x, at.z) for at in room.corners])
+        for room in house.rooms
+    }
     waiting = list(reversed(house.objects))
     count = 0
     while waiting:
@@ -293,15 +291,14 @@ def _list_instances(house: _House) -> Iterator[Instance]:
         waiting += reversed(thing.children)
         count += 1
         match = _OF_ROOM.search(thing.id)
-        named = match is not None and int(match[1]) in rooms.values()
-        region = int(match[1]) if match and named else _find_room(thing.position, house)
+        named = match is not None and int(match[1]) in floors
+        region = int(match[1]) if match and named else _find_room(thing.position, floors)
         yield Instance(count, name_asset(thing.asset), region, centroid=_upright(thing.position))
 
 
-def _find_room(place: _Place, house: _House) -> int:
+def _find_room(place: _Place, floors: Mapping[int, Floats]) -> int:
     """Return the room whose floor a place is above; -1, the null region, outside of all."""
-    for room, number in zip(house.rooms, _number_rooms(house).values(), strict=True):
-        corners = np.array([(corner.x, corner.z) for corner in room.corners])
+    for number, corners in floors.items():
         ahead = np.roll(corners, -1, axis=0)
         crossing = (corners[:, 1] > place.z) != (ahead[:, 1] > place.z)
         (x, y), (to_x, to_y) = corners[crossing].T, ahead[crossing].T

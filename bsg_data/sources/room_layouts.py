@@ -7,7 +7,6 @@ of their ids and counted from 1, that the annotation has; a layout may lack some
 
 from __future__ import annotations
 
-import hashlib
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,17 +18,18 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from bsg_data.errors import SourceChangedError, SourceError, find_io_error
 from bsg_data.geometry.adjacency import measure_distance
 from bsg_data.geometry.placement import find_storeys, measure_area
+from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.inputs.bounds import LAYOUT
+from bsg_data.inputs.documents import parse_yaml
 from bsg_data.recipes import name_fault
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import LAYOUTS, label_of
 from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph, is_scene_id
 from bsg_data.scene.scene_id import building_hash
-from bsg_data.sources.annotation_files import require_fingerprint
-from bsg_data.sources.plain_yaml import parse_yaml
+from bsg_data.sources.annotation_files import fingerprint, require_fingerprint
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SkippedScene, Source
 
 _LAYOUT = ", layout "  # before the hash of a layout, in what tells of a scene's geometry
-MAX_BYTES = 2**20  # the largest real layout is 20 kB
 MAX_METRES = 10_000.0
 _NAME = re.compile(r"room_([1-9][0-9]{0,5})")
 
@@ -90,11 +90,8 @@ def read_layout(path: Path) -> RoomLayout:
         LayoutError: naming the file, the entry, and what was expected there.
     """
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise LayoutError(f"{path}: more than {MAX_BYTES:,} bytes: no layout of a building")
-        parsed = _Layout.model_validate(parse_yaml(path.read_bytes()))
-    except OSError as error:
-        raise LayoutError(f"{path}: cannot be read ({error.strerror})") from error
+        data = read_bytes(path, LAYOUT, error=LayoutError)
+        parsed = _Layout.model_validate(parse_yaml(data))
     except ValidationError as error:
         raise LayoutError(f"{path}: {name_fault(error)}") from error
     except ValueError as error:
@@ -262,10 +259,4 @@ class WithLayouts:
         path = self._layout_of(ref)
         if path is None:
             return ref
-        try:
-            digest = hashlib.sha256(path.read_bytes()).hexdigest()
-        except OSError as error:
-            if find_io_error(error):
-                raise SourceChangedError(f"{path}: cannot be read ({error.strerror})") from error
-            digest = f"unreadable: {error.strerror}"
-        return replace(ref, geometry=f"{ref.geometry}{_LAYOUT}{digest}")
+        return replace(ref, geometry=f"{ref.geometry}{_LAYOUT}{fingerprint(path, LAYOUT)}")

@@ -10,16 +10,17 @@ from pathlib import Path
 from bsg_data.errors import SourceError
 from bsg_data.geometry.adjacency import measure_distance
 from bsg_data.geometry.placement import find_storeys
+from bsg_data.inputs.bounded_file import PACKED
+from bsg_data.inputs.bounds import SPARK_DSG
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import label_of
 from bsg_data.scene.scene_graph import Box, Edge, Point, Room, SceneGraph, SceneObject
-from bsg_data.sources.annotation_files import PACKED, decode, fingerprint, list_files, read_bytes
+from bsg_data.sources.annotation_files import decode, fingerprint, list_files, read_listed
 from bsg_data.sources.dsg_file import DSGFile, DSGNode, parse_dsg
 from bsg_data.sources.hm3d_names import keep_one_copy
 from bsg_data.sources.label_space import LabelSpace, load_label_space
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SkippedScene, SourceRow
 
-MAX_BYTES = 256 * 2**20  # a graph without its mesh is below 10 MB
 _SUFFIXES = (".json", f".json{PACKED}")
 _WITH_MESH = "_with_mesh"  # Hydra writes dsg.json and, with the mesh, dsg_with_mesh.json
 
@@ -69,7 +70,7 @@ class RobotGraphs:
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one graph; its mesh stays where it is."""
         path = self.path if self.path.is_file() else self.path / ref.location
-        data = read_bytes(path, most=MAX_BYTES, expected=ref.fingerprint)
+        data = read_listed(path, SPARK_DSG, expected=ref.fingerprint)
         graph = parse_dsg(decode(data, path=path), path=path)
         digest = hashlib.sha256(data).hexdigest()
         return Reading(_assemble(graph, ref, digest, self._space(), class_map))
@@ -85,7 +86,7 @@ class RobotGraphs:
         return SceneRef(
             scene_id="-".join(_stem(Path(where)).parts),
             location=where,
-            fingerprint=fingerprint(path, most=MAX_BYTES),
+            fingerprint=fingerprint(path, SPARK_DSG),
             source_split=None,
             source_version=None,
         )

@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 import csv
-import gzip
 import io
 import math
 import re
-import zlib
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
-import pyarrow.parquet as pq
-
 from bsg_data.errors import SourceError
+from bsg_data.inputs.bounded_file import open_stream
+from bsg_data.inputs.bounds import MAX_LINE, MAX_OBJECT_ROWS, TABLE
+from bsg_data.inputs.parquet import reading_parquet
 
 SUFFIXES = (".csv", ".csv.gz", ".tsv", ".tsv.gz", ".parquet")
-MAX_ROWS = 10**7  # a hundred times HM3D's objects
-MAX_LINE = 2**20  # characters
 _REAL = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 
 
@@ -109,7 +106,7 @@ def read_cells(file: Path, *, known: Sequence[str]) -> CellTable:
     except StopIteration:
         raise SourceError(f"{file}: is empty; expected a header with the columns' names") from None
     names = tuple(str(column).strip() for column in columns)
-    twice = {column for column in names if names.count(column) > 1}
+    twice = [column for column, times in Counter(names).items() if times > 1]
     if twice:
         raise SourceError(f"{file}: the column {min(twice)!r} is there twice")
     unread = tuple(column for column in names if column not in known)
@@ -118,8 +115,10 @@ def read_cells(file: Path, *, known: Sequence[str]) -> CellTable:
 
 def _name_cells(file: Path, names: tuple[str, ...], rows: Iterator[Any]) -> Iterator[Cells]:
     for count, (place, values) in enumerate(rows):
-        if count >= MAX_ROWS:
-            raise SourceError(f"{file}: over {MAX_ROWS:,} rows; split it into several tables")
+        if count >= MAX_OBJECT_ROWS:
+            raise SourceError(
+                f"{file}: over {MAX_OBJECT_ROWS:,} rows; split it into several tables"
+            )
         if isinstance(values, dict):
             yield Cells(file, place, values)
         elif len(values) == len(names):
@@ -134,10 +133,16 @@ def _name_cells(file: Path, names: tuple[str, ...], rows: Iterator[Any]) -> Iter
 def _read_csv(file: Path) -> Iterator[Any]:
     """Yield the header, then the place and the fields of every line that is not empty."""
     number = 0
+
+    def refuse(said: str) -> SourceError:
+        where = f", line {number + 1} or later" if number else ""
+        return SourceError(f"{file}{where}{said.removeprefix(str(file))}")
+
     try:
-        with _open(file) as opened:
+        with open_stream(file, TABLE, error=refuse) as opened:
+            text = io.TextIOWrapper(opened, encoding="utf-8-sig", newline="")
             reader = csv.reader(
-                _limit(opened, file),
+                _limit(text, file),
                 strict=True,
                 delimiter="\t" if ".tsv" in file.name.casefold() else ",",
             )
@@ -151,18 +156,10 @@ def _read_csv(file: Path) -> Iterator[Any]:
                     yield f"line {number}", fields
     except UnicodeDecodeError as error:
         raise SourceError(f"{file}, line {number + 1} or later: expected UTF-8 text") from error
-    except (csv.Error, EOFError, zlib.error) as error:
+    except csv.Error as error:
         raise SourceError(
             f"{file}, line {number + 1} or later: cannot be read ({error})"
         ) from error
-    except OSError as error:
-        raise SourceError(f"{file}: cannot be read ({error.strerror or error})") from error
-
-
-def _open(file: Path) -> io.TextIOWrapper:
-    if file.name.casefold().endswith(".gz"):
-        return gzip.open(file, "rt", encoding="utf-8-sig", newline="")
-    return file.open(encoding="utf-8-sig", newline="")
 
 
 def _limit(opened: io.TextIOWrapper, file: Path) -> Iterator[str]:
@@ -171,20 +168,19 @@ def _limit(opened: io.TextIOWrapper, file: Path) -> Iterator[str]:
         number += 1
         if len(line) > MAX_LINE:
             raise SourceError(f"{file}, line {number}: over {MAX_LINE:,} characters")
+        if number > 2 * MAX_OBJECT_ROWS:
+            raise SourceError(f"{file}: over {number:,} lines, most of them empty")
         yield line
 
 
 def _read_parquet(file: Path, known: Sequence[str]) -> Iterator[Any]:
     """Yield the names of the columns, then the place and the values of every row."""
-    try:
-        with pq.ParquetFile(file) as opened:
-            names = opened.schema_arrow.names
-            yield names
-            number = 0
-            for batch in opened.iter_batches(columns=[name for name in names if name in known]):
-                for row in batch.to_pylist():
-                    number += 1
-                    yield f"row {number}", row
-    except (pa.ArrowException, OSError) as error:
-        reason = getattr(error, "strerror", None) or str(error).splitlines()[0]
-        raise SourceError(f"{file}: no readable parquet file ({reason})") from error
+    with reading_parquet(file) as opened:
+        names = opened.schema_arrow.names
+        yield names
+        number = 0
+        for batch in opened.iter_batches(columns=[name for name in names if name in known]):
+            batch.validate(full=True)
+            for row in batch.to_pylist():
+                number += 1
+                yield f"row {number}", row

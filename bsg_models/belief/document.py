@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,6 +10,8 @@ from pydantic import Field, ValidationError
 
 from bsg_data.dataset.manifest import ClassSpaceEntry
 from bsg_data.files import encode_json, write_bytes
+from bsg_data.inputs.bounds import BELIEF
+from bsg_data.inputs.documents import read_json
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.observation.robot_json import encode_robot_graph
 from bsg_data.recipes import Record, name_fault
@@ -117,12 +118,7 @@ def read_document(path: Path) -> BeliefGraph:
     Raises:
         BeliefFileError: if it cannot be read.
     """
-    try:
-        document = json.loads(path.read_text("utf-8"))
-    except OSError as error:
-        raise BeliefFileError(f"{path}: cannot be read ({error.strerror})") from error
-    except (ValueError, RecursionError) as error:
-        raise BeliefFileError(f"{path}: no JSON ({error})") from error
+    document = read_json(path, BELIEF, error=BeliefFileError)
     return decode_belief(document, path=path)
 
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
 from bsg_data.errors import BSGError, RecipeError
+from bsg_data.inputs.bounds import ROBOT, SPARK_DSG
+from bsg_data.inputs.documents import parse_json
 from bsg_data.observation.partial_graph import PartialGraph
-from bsg_data.observation.robot_json import read_robot_graph
+from bsg_data.observation.robot_json import RobotGraphError, parse_robot_graph
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap
 from bsg_data.sources.dsg_file import is_dsg, parse_document
 from bsg_data.sources.label_space import load_label_space
@@ -52,12 +53,12 @@ def open_graph_file(
     if path == STANDARD_INPUT:
         with tempfile.TemporaryDirectory() as folder:
             copy = Path(folder, "standard input")
-            copy.write_bytes(sys.stdin.buffer.read())
+            copy.write_bytes(sys.stdin.buffer.read(SPARK_DSG.bytes + 1))
             return open_graph_file(copy, labels=labels, class_map=class_map)
     text = read_text(path)
     try:
-        document = json.loads(text.removeprefix(BOM))
-    except (ValueError, RecursionError) as error:
+        document = parse_json(text.removeprefix(BOM), once=False)
+    except ValueError as error:
         raise BSGError(f"{path}: no JSON ({str(error)[:200]})") from error
     if is_dsg(document):
         file = HydraFile(path, text, parse_document(document, path=path))
@@ -69,7 +70,13 @@ def open_graph_file(
         )
     if labels is not None:
         raise RecipeError(f"labels are for Hydra's graphs, and {path} is none")
-    return GraphFile(read_robot_graph(path, class_map=class_map))
+    if len(text) > ROBOT.bytes:
+        raise RobotGraphError(f"{path}: expected at most {ROBOT.bytes:,} bytes")
+    try:
+        said = parse_json(text.removeprefix(BOM))  # of ours a key is there once
+    except ValueError as error:
+        raise RobotGraphError(f"{path}: no JSON ({error})") from error
+    return GraphFile(parse_robot_graph(said, path=path, class_map=class_map))
 
 
 def read_graph(

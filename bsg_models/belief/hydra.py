@@ -7,11 +7,11 @@ another origin becomes a new file (`write_hydra`). `read_hydra_belief` reads bot
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 from bsg_data.files import encode_json, write_bytes
+from bsg_data.inputs.documents import parse_json
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap
 from bsg_data.sources.dsg_file import parse_dsg
@@ -120,7 +120,7 @@ def _read_numbered(file: HydraFile) -> BeliefGraph:
 
     `bsg` was the header in the graph, the node's attributes in a node, and its kind in an edge.
     """
-    document: Any = json.loads(file.text)
+    document: Any = parse_json(file.text, once=False)
     try:
         nodes = sorted(document["nodes"], key=lambda node: node["id"] & _BELOW)
         attributes = [node["attributes"]["metadata"]["bsg"] for node in nodes]

@@ -14,6 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from bsg_data.errors import SourceError
+from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.inputs.bounds import SPARK_DSG
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.observation.robot_json import (
     GRAPH_WORDS,
@@ -24,10 +26,10 @@ from bsg_data.observation.robot_json import (
 )
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap
 from bsg_data.scene.room_label import label_of
-from bsg_data.sources.annotation_files import decode, read_bytes
+from bsg_data.sources.annotation_files import decode
 from bsg_data.sources.dsg_file import DSGFile, DSGNode, parse_dsg
 from bsg_data.sources.label_space import LabelSpace
-from bsg_data.sources.spark_dsg import MAX_BYTES, name_object
+from bsg_data.sources.spark_dsg import name_object
 from bsg_models.belief.annotation import annotate, find_document
 from bsg_models.belief.belief_graph import BeliefGraph
 from bsg_models.belief.hydra_conversion import convert
@@ -140,12 +142,12 @@ def read_text(path: Path) -> str:
     """Return the JSON of a file, with its byte order mark; of a binary one, what spark_dsg makes.
 
     Raises:
-        SourceError: if it cannot be read, or is larger than `MAX_BYTES`.
+        SourceError: if it cannot be read, or is larger than the bound.
         HydraError: if spark_dsg is missing, or cannot load it.
     """
     if path.suffix == BINARY:
         return convert(path)
-    data = read_bytes(path, most=MAX_BYTES)
+    data = read_bytes(path, SPARK_DSG)
     return (BOM if data.startswith(codecs.BOM_UTF8) else "") + decode(data, path=path)
 
 

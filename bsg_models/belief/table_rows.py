@@ -12,7 +12,10 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from bsg_data.errors import DatasetError
+from bsg_data.inputs.bounds import MAX_STREAMED_ROWS
+from bsg_data.inputs.parquet import open_parquet_file
 from bsg_data.seals import SEAL, replace_sealed, require_seal
+from bsg_models.errors import BeliefFileError
 
 ROWS_PER_GROUP = 65_536  # nodes
 _SEALED = b"bsg.seal"  # in the metadata of every table: its seal is a file beside it
@@ -146,6 +149,10 @@ def _copy_rows(source: Path, target: Path, schema: pa.Schema) -> None:
             writer.write_table(group.replace_schema_metadata(schema.metadata))
 
 
+def _open(path: Path) -> pq.ParquetFile:
+    return open_parquet_file(path, most=MAX_STREAMED_ROWS, error=BeliefFileError)
+
+
 class SceneRows:
     """The rows of each scene of a table, sorted.
 
@@ -159,7 +166,7 @@ class SceneRows:
     """
 
     def __init__(self, path: Path, name: str, scenes: Sequence[str]) -> None:
-        self._file, self._schema = pq.ParquetFile(path), SCHEMAS[name]
+        self._file, self._schema = _open(path), SCHEMAS[name]
         by = _SORTED_BY[name]
         keys = self._file.read(columns=["scene_id", *by], use_threads=False)
         numbers = pc.index_in(keys["scene_id"], value_set=pa.array(scenes, pa.string()))

@@ -8,7 +8,6 @@ rooms, objects and blind nodes. What is stated once of a belief graph is JSON in
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
@@ -18,11 +17,13 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet as pq
 
 from bsg_data.arrays import Floats
 from bsg_data.errors import DatasetError
 from bsg_data.files import encode_json
+from bsg_data.inputs.bounds import MAX_STREAMED_ROWS
+from bsg_data.inputs.documents import parse_json
+from bsg_data.inputs.parquet import open_parquet_file
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box
@@ -179,7 +180,9 @@ def read_tables(folder: Path) -> Iterator[BeliefGraph]:
         headers = _read_headers(folder)
         scenes = [header.partial.scene_id for header in headers]
         parts = {name: SceneRows(folder / f"{name}.parquet", name, scenes) for name in SCHEMAS}
-    except BeliefFileError:
+    except BeliefFileError as error:
+        if not all((folder / f"{name}.parquet").is_file() for name in SCHEMAS):
+            raise BeliefFileError(f"{folder}: no tables of belief graphs ({error})") from error
         raise
     except DatasetError as error:
         raise BeliefFileError(str(error)) from error
@@ -214,9 +217,11 @@ def _place(folder: Path, scene: str) -> Path:
 
 def _read_headers(folder: Path) -> list[Header]:
     """Return the headers in the order of their scene ids."""
-    metadata = pq.read_schema(folder / "nodes.parquet").metadata or {}
+    place = folder / "nodes.parquet"
+    with open_parquet_file(place, most=MAX_STREAMED_ROWS, error=BeliefFileError) as file:
+        metadata = file.schema_arrow.metadata or {}
     headers = []
-    for scene, entry in sorted(json.loads(metadata[_HEADERS]).items()):
+    for scene, entry in sorted(parse_json(metadata[_HEADERS]).items()):
         header = decode_whole_header(entry, path=_place(folder, scene))
         if header.partial.scene_id != scene:
             raise ValueError(f"the metadata has {header.partial.scene_id!r} under {scene!r}")

@@ -26,6 +26,8 @@ import pyarrow.parquet as pq
 
 from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.files import open_beside
+from bsg_data.inputs.bounds import MAX_STREAMED_ROWS
+from bsg_data.inputs.parquet import open_parquet_file, refusing_damage
 from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_models.belief.count_distribution import MIN_RATE
 from bsg_models.belief.expectation import Expectation
@@ -83,13 +85,12 @@ class PredictionFiles:
         for path, _ in self.files:
             file, start = _open(path), 0
             names = [*_NAMES, *_NUMBERS, *self.columns]
-            try:
+            with refusing_damage(path, error=PredictionError):
                 for batch in file.iter_batches(batch_size=PIECE, columns=names, use_threads=False):
+                    batch.validate(full=True)
                     table = pa.Table.from_batches([batch])
                     yield _read(path, table, self.columns, start=start)
                     start += len(table)
-            except (OSError, pa.ArrowException) as error:
-                raise PredictionError(f"{path}: not readable as parquet ({error})") from error
 
     def lay(self, cells: PairCells, *, elsewhere: frozenset[str] = frozenset()) -> LaidPredictions:
         """Lay all rows beside the pairs that are measured.
@@ -238,12 +239,9 @@ def _name_rows(numbers: Ints, names: tuple[str, ...]) -> pa.Array:
 
 
 def _open(path: Path) -> pq.ParquetFile:
-    try:
-        return pq.ParquetFile(path, read_dictionary=list(_NAMES))
-    except FileNotFoundError as error:
-        raise PredictionError(f"{path}: is not there") from error
-    except (OSError, pa.ArrowException) as error:
-        raise PredictionError(f"{path}: not readable as parquet ({error})") from error
+    return open_parquet_file(
+        path, most=MAX_STREAMED_ROWS, dictionaries=_NAMES, error=PredictionError
+    )
 
 
 def _read(path: Path, table: pa.Table, columns: Sequence[str], *, start: int) -> PredictedRows:

@@ -10,7 +10,9 @@ import numpy as np
 
 from bsg_data.arrays import Ints
 from bsg_data.observation.observation import Observation
+from bsg_models.errors import PredictionError
 
+MOST_PAIRS = 16_000_000  # of rooms that a network looks at together: 4,000 rooms of one building
 EdgeSet = Literal["up", "down", "adjacent", "complete"]
 
 
@@ -51,7 +53,12 @@ def edges_of(seen: Observation, edges: Sequence[EdgeSet]) -> Ints:
     """Return the directed edges of all buildings of an observation by row, `[2, E]`.
 
     Those of a building are together and sorted, in the order of the buildings.
+
+    Raises:
+        PredictionError: if there are too many of them.
     """
+    if "complete" in edges:
+        require_pairs(int((np.diff(seen.starts) ** 2).sum()))
     parts = []
     for number, first in enumerate(seen.starts[:-1].tolist()):
         nodes = int(seen.starts[number + 1]) - first
@@ -61,6 +68,19 @@ def edges_of(seen: Observation, edges: Sequence[EdgeSet]) -> Ints:
             pairs = tuple((a, b) for a, b in own)
         parts.append(first + _connect_once(nodes, tuple(edges), pairs))
     return np.concatenate([np.zeros((2, 0), dtype=np.int64), *parts], axis=1)
+
+
+def require_pairs(pairs: int) -> None:
+    """Refuse more pairs of rooms than memory holds, before it is taken.
+
+    Raises:
+        PredictionError: naming models that take any number of rooms.
+    """
+    if pairs > MOST_PAIRS:
+        raise PredictionError(
+            f"a model that looks at every pair of rooms takes at most {MOST_PAIRS:,} at "
+            f"once; found {pairs:,}. Ask `universal` or `ceci-sage`, which take any number of rooms"
+        )
 
 
 @lru_cache(maxsize=4096)

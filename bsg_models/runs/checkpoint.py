@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -23,6 +24,9 @@ from safetensors.torch import save
 from bsg_data.dataset.manifest import ClassSpaceEntry, Manifest, require_class_space
 from bsg_data.dataset.schema import FORMAT_VERSION
 from bsg_data.files import write_bytes
+from bsg_data.inputs.bounded_file import open_waiting_for_none
+from bsg_data.inputs.bounds import CHECKPOINT, CHECKPOINT_HEADER
+from bsg_data.inputs.documents import parse_json
 from bsg_data.recipes import Record, name_fault
 from bsg_data.scene.class_space import hash_classes
 from bsg_data.scene.own_map import OwnMap
@@ -37,6 +41,7 @@ UNTILTED_VERSIONS = (1, 2, 3)  # before counts were tilted and presence was cali
 MAPPED_VERSIONS = (1, 2)  # named a class map instead of its class space; still read
 UNSEALED_VERSION = 1  # before there were hashes
 _SEAL = ',"sha256":"'  # begins the hash of the header, which covers all text before it
+_SPARE = 2**24  # numbers that a model may make besides those of its file
 _AGAIN = "take another copy of it, or train again"
 
 
@@ -146,14 +151,36 @@ def load_checkpoint(path: Path) -> Checkpoint:
 
 @contextmanager
 def _open(path: Path) -> Iterator[Any]:
+    _require_bounded(path)
     try:
         with safe_open(path, framework="pt") as file:
             _require_plain_end(path)
             yield file
-    except FileNotFoundError as error:
-        raise CheckpointError(f"{path}: no checkpoint there; train one with `bsg-train`") from error
     except (SafetensorError, OSError) as error:
         raise CheckpointError(f"{path}: not a readable checkpoint ({error})") from error
+
+
+def _require_bounded(path: Path) -> None:
+    """Refuse a file whose bytes, or whose header, are more than a model of ours can have."""
+    try:
+        with open_waiting_for_none(path) as file:
+            size = os.fstat(file.fileno()).st_size
+            header = int.from_bytes(file.read(8), "little")
+    except FileNotFoundError as error:
+        raise CheckpointError(f"{path}: no checkpoint there; train one with `bsg-train`") from error
+    except OSError as error:
+        raise CheckpointError(f"{path}: not a readable checkpoint ({error})") from error
+    if not path.is_file():
+        raise CheckpointError(f"{path}: not a readable checkpoint (it is no file)")
+    for what, found, bound in (
+        ("", size, CHECKPOINT),
+        (" in its header", header, CHECKPOINT_HEADER),
+    ):
+        if found > bound.bytes:
+            raise CheckpointError(
+                f"{path}: not a readable checkpoint ({found:,} bytes{what}; expected at most "
+                f"{bound.bytes:,})"
+            )
 
 
 def _require_plain_end(path: Path) -> None:
@@ -162,8 +189,7 @@ def _require_plain_end(path: Path) -> None:
     They mean nothing and no hash covers them.
     """
     with path.open("rb") as file:
-        length = int.from_bytes(file.read(8), "little")
-        text = file.read(length)
+        text = file.read(int.from_bytes(file.read(8), "little"))
     if not text.rstrip(b" ").endswith(b"}"):
         raise CheckpointError(f"{path}: is damaged: its header does not end as one; {_AGAIN}")
 
@@ -171,7 +197,7 @@ def _require_plain_end(path: Path) -> None:
 def _parse_header(path: Path, file: Any) -> CheckpointHeader:
     text = str((file.metadata() or {}).get("bsg", "null"))
     try:
-        fields = json.loads(text)
+        fields = parse_json(text)
         version = fields["checkpoint_version"]
         if version not in (*UNTILTED_VERSIONS, CHECKPOINT_VERSION):
             raise CheckpointError(
@@ -230,6 +256,7 @@ def restore_model(path: Path, checkpoint: Checkpoint) -> BeliefModel:
         CheckpointError: if a tensor is missing, unknown or of another shape.
     """
     header = checkpoint.header
+    _require_size(path, checkpoint)
     try:
         model = make_model(
             header.config,
@@ -256,6 +283,40 @@ def restore_model(path: Path, checkpoint: Checkpoint) -> BeliefModel:
     model.load_state_dict(stored)
     model.origin = str(path)
     return model.eval()
+
+
+def _require_size(path: Path, checkpoint: Checkpoint) -> None:
+    """Refuse a configuration that asks for more than the file holds, before memory is taken.
+
+    The model is made without memory first. Its parameters have the shapes of the file's tensors;
+    buffers may have other sizes before they are filled, and are not much more than the file.
+    """
+    header, stored = checkpoint.header, checkpoint.state_of("model")
+    try:
+        with torch.device("meta"):
+            model = make_model(
+                header.config,
+                classes=len(header.class_space.classes),
+                vocabulary=header.vocabulary,
+                members=header.members,
+            )
+    except (NotImplementedError, RuntimeError):  # of a package, whose model needs real tensors
+        return
+    except (ConfigError, CheckpointError) as error:
+        raise CheckpointError(f"{path}: {error}") from error
+    for name, parameter in model.named_parameters():
+        ours = tuple(parameter.shape)
+        theirs = tuple(stored[name].shape) if name in stored else "no such tensor"
+        if ours != theirs:
+            raise CheckpointError(
+                f"{path}: {name}: its configuration needs {ours}, the file has {theirs}"
+            )
+    wanted = sum(buffer.numel() for buffer in model.buffers())
+    held = sum(tensor.numel() for tensor in stored.values())
+    if wanted > _SPARE + 4 * held:
+        raise CheckpointError(
+            f"{path}: its configuration needs {wanted:,} numbers, the file has {held:,}"
+        )
 
 
 def require_dataset(path: Path, header: CheckpointHeader, manifest: Manifest) -> None:

@@ -6,7 +6,6 @@ show, so that a card is read back.
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -18,8 +17,10 @@ from pydantic import Field, ValidationError
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.shards import read_table
 from bsg_data.errors import RecipeError
+from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.inputs.bounds import CARD, RUN_RECORD
+from bsg_data.inputs.documents import parse_yaml, read_json
 from bsg_data.recipes import Record, name_fault
-from bsg_data.sources.plain_yaml import parse_yaml
 from bsg_data.sources.source import LICENCE_REF
 from bsg_data.tables import format_markdown
 from bsg_models.errors import CheckpointError
@@ -209,7 +210,8 @@ def card_text(found: FoundModel, header: CheckpointHeader) -> str:
     if found.kind == "shipped":
         return read_shipped_card(found.name)
     if found.kind in ("hub", "hub folder") and beside.is_file():
-        return beside.read_text("utf-8", errors="replace")
+        data = read_bytes(beside, CARD, error=CheckpointError)
+        return data.decode("utf-8", errors="replace")
     purpose = f"A {header.config.name} that somebody trained."
     return write_card(ModelCard(name=found.name, purpose=purpose), header=header)
 
@@ -220,10 +222,7 @@ def read_figures(path: Path) -> dict[str, list[dict[str, _MEASURED]]]:
     Raises:
         RecipeError: if it is none.
     """
-    try:
-        found = json.loads(path.read_bytes())
-    except (OSError, ValueError, RecursionError) as error:
-        raise RecipeError(f"{path}: no JSON of figures ({error})") from error
+    found = read_json(path, RUN_RECORD, error=RecipeError)
     tables: dict[str, Any] = found if isinstance(found, dict) else {"the file": ""}
     for name, rows in tables.items():
         plain = isinstance(rows, list) and all(isinstance(row, dict) for row in rows)

@@ -23,6 +23,9 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.files import write_bytes
+from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.inputs.bounds import RUN_RECORD
+from bsg_data.inputs.documents import decode
 from bsg_data.recipes import Record, name_fault
 from bsg_models.errors import CheckpointError, TrainingError
 from bsg_models.runs.checkpoint import read_header
@@ -133,12 +136,13 @@ def read_log(run: Path) -> tuple[Begun | Ended, ...]:
     Raises:
         TrainingError: naming the line that is none.
     """
-    try:
-        lines = (run / LOG).read_text("utf-8").splitlines()
-    except FileNotFoundError:
+    path = run / LOG
+    if not path.is_file():
         return ()
-    except (OSError, UnicodeDecodeError) as error:
-        raise TrainingError(f"{run / LOG}: cannot be read ({error})") from error
+    try:
+        lines = decode(read_bytes(path, RUN_RECORD, error=TrainingError)).splitlines()
+    except ValueError as error:
+        raise TrainingError(f"{path}: cannot be read ({error})") from error
     return tuple(_parse(line, where=f"{run / LOG}, line {n}") for n, line in enumerate(lines, 1))
 
 

@@ -11,6 +11,9 @@ from importlib.resources import files
 from pathlib import Path
 
 from bsg_data.files import hash_file
+from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.inputs.bounds import CHECKSUMS
+from bsg_data.inputs.documents import decode
 from bsg_data.registry import require_known
 from bsg_data.spelling import ask_if_meant
 from bsg_models.errors import CheckpointError
@@ -114,11 +117,11 @@ def read_sums(folder: Path) -> dict[str, str]:
         CheckpointError: naming the line that is none.
     """
     path = folder / SUMS
-    try:
-        lines = path.read_text("utf-8").splitlines()
-    except FileNotFoundError:
+    if not path.is_file():
         return {}
-    except (OSError, UnicodeDecodeError) as error:
+    try:
+        lines = decode(read_bytes(path, CHECKSUMS, error=CheckpointError)).splitlines()
+    except ValueError as error:
         raise CheckpointError(f"{path}: cannot be read ({error}); {_AGAIN}") from error
     sums: dict[str, str] = {}
     for number, line in enumerate(lines, 1):

@@ -10,7 +10,6 @@ dataset are kept. All models meet the same masks of the same buildings, and the 
 
 from __future__ import annotations
 
-import json
 import shutil
 import time
 from collections.abc import Callable, Mapping
@@ -26,6 +25,8 @@ from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.executors import run_all
 from bsg_data.files import encode_json, hash_file, refuse_links, write_bytes
+from bsg_data.inputs.bounds import RUN_RECORD
+from bsg_data.inputs.documents import read_json
 from bsg_data.lock import hold
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
@@ -265,8 +266,8 @@ def _write_seconds(run: Path, seconds: float) -> None:
 
 def _read_seconds(run: Path) -> float:
     try:
-        return float(json.loads((run / SECONDS).read_text("utf-8"))["seconds"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        return float(read_json(run / SECONDS, RUN_RECORD, error=TrainingError)["seconds"])
+    except (ValueError, LookupError, TypeError, OverflowError, TrainingError) as error:
         raise TrainingError(f"{run / SECONDS}: cannot be read ({error}); remove {run}") from error
 
 

@@ -7,6 +7,9 @@ import io
 from dataclasses import dataclass
 from pathlib import Path
 
+from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.inputs.bounds import RUN_RECORD
+from bsg_data.inputs.documents import decode
 from bsg_models.errors import TrainingError
 
 
@@ -50,7 +53,8 @@ def read_metrics(path: Path) -> list[EpochReport]:
         TrainingError: if the file is missing or damaged.
     """
     try:
-        with path.open(encoding="utf-8", newline="") as file:
+        text = decode(read_bytes(path, RUN_RECORD, error=TrainingError))
+        with io.StringIO(text, newline="") as file:
             return [
                 EpochReport(
                     epoch=int(row["epoch"]),
@@ -62,5 +66,5 @@ def read_metrics(path: Path) -> list[EpochReport]:
                 )
                 for row in csv.DictReader(file)
             ]
-    except (OSError, KeyError, ValueError, TypeError) as error:
+    except (KeyError, ValueError, TypeError, OverflowError, csv.Error) as error:
         raise TrainingError(f"{path}: not the metrics of a run ({error})") from error

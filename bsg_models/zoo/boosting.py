@@ -10,7 +10,6 @@ which there are `bsg_models.zoo.masked_rooms.MOST_ROOMS` at most: of more it rea
 
 from __future__ import annotations
 
-import json
 import zlib
 from collections.abc import Mapping
 from typing import Any, Literal
@@ -22,6 +21,7 @@ from pydantic import Field
 from bsg_data.arrays import Floats
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.files import encode_json
+from bsg_data.inputs.documents import parse_json
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import MIN_RATE, CountDistribution, negative_binomial
 from bsg_models.errors import CheckpointError, TrainingError
@@ -140,7 +140,7 @@ class PoissonBoosting(CalibratedModel):
         lightgbm = _import_lightgbm()
         unpacking = zlib.decompressobj()
         try:
-            texts = json.loads(unpacking.decompress(packed, _MOST_BYTES))
+            texts = parse_json(unpacking.decompress(packed, _MOST_BYTES))
             grown = [
                 (float(one["start"]), _grow(lightgbm, one["trees"]) if one["trees"] else None)
                 for one in texts

@@ -7,7 +7,6 @@ unknown key, a wrong type or an impossible value is named with its path and the 
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -22,17 +21,14 @@ from pydantic import (
 )
 
 from bsg_data.errors import RecipeError
+from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.inputs.bounds import CONFIG
+from bsg_data.inputs.documents import parse_toml
 from bsg_data.recipes import Exploration, MaskRecipe, Record
 from bsg_data.spelling import ask_if_meant
 from bsg_models.errors import ConfigError
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.settings import DataConfig, ModelConfig, TrainingConfig
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib  # the same, from before it was in Python
-
 
 _LONGEST_NAME = 1_000  # characters; the zoo's longest has 24
 
@@ -105,10 +101,10 @@ def read_config(path: Path) -> dict[str, Any]:
         ConfigError: if it is missing or not TOML, with the line.
     """
     try:
-        return tomllib.loads(path.read_text("utf-8"))
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read ({error.strerror})") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        return parse_toml(read_bytes(path, CONFIG, error=ConfigError))
+    except ConfigError:
+        raise
+    except ValueError as error:
         raise ConfigError(f"{path}: not TOML ({error})") from error
 
 
@@ -193,8 +189,8 @@ _TABLES: Mapping[str, type[Record]] = {
 
 def _parse_value(text: str) -> Any:
     try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+        return parse_toml(f"value = {text}")["value"]
+    except ValueError:
         return text
 
 

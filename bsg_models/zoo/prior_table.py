@@ -17,9 +17,8 @@ the checkpoint from then on.
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import torch
@@ -28,6 +27,9 @@ from scipy.special import logit, logsumexp
 
 from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.errors import ClassMapError
+from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.inputs.bounds import PRIOR
+from bsg_data.inputs.documents import parse_json
 from bsg_data.observation.observation import Observation
 from bsg_data.recipes import Record, name_fault
 from bsg_data.scene.class_space import list_class_spaces, load_class_space, read_published
@@ -41,7 +43,6 @@ from bsg_models.zoo.settings import ModelConfig
 from bsg_models.zoo.training_recipes import VARIED
 
 HAND_TABLE = "hand-prior-v1.json"
-_MOST_BYTES = 2**24  # of a table; one of all labels and 256 classes is below a megabyte
 _LEAST = 0.01  # nobody knows that a thing is never, or always, in a room
 
 Probability = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
@@ -200,7 +201,7 @@ def read_prior_table(path: str, classes: tuple[str, ...]) -> PriorTable:
     """
     name, data = path or f"mappings/{HAND_TABLE}", _read_bytes(path)
     try:
-        json.loads(data, object_pairs_hook=_once)
+        parse_json(data)  # each key once
         table = PriorTable.model_validate_json(data, strict=True)
     except ConfigError as error:
         raise ConfigError(f"{name}: {error}; docs/prior-table.md has the format") from error
@@ -208,7 +209,7 @@ def read_prior_table(path: str, classes: tuple[str, ...]) -> PriorTable:
         raise ConfigError(
             f"{name}: {name_fault(error)}; docs/prior-table.md has the format"
         ) from error
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise ConfigError(
             f"{name}: is not JSON ({error}); docs/prior-table.md has the format"
         ) from error
@@ -238,29 +239,11 @@ def _read_bytes(path: str) -> bytes:
             return read_published(HAND_TABLE)
         except ClassMapError as error:
             raise ConfigError(str(error)) from error
-    try:
-        with Path(path).open("rb") as file:
-            data = file.read(_MOST_BYTES + 1)
-    except (OSError, ValueError) as error:  # the latter: a path with a null character
-        said = getattr(error, "strerror", None) or error
-        raise ConfigError(f"{path}: cannot be read ({said}); model.table is its path") from error
-    if len(data) > _MOST_BYTES:
-        raise ConfigError(f"{path}: expected a prior table of at most {_MOST_BYTES:,} bytes")
-    return data
+    return read_bytes(Path(path), PRIOR, error=_refuse)
 
 
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return the entries of a JSON object.
-
-    Raises:
-        ConfigError: if one is there twice.
-    """
-    found = dict(pairs)
-    if len(found) < len(pairs):
-        names = [name for name, _ in pairs]
-        twice = next(name for name in names if names.count(name) > 1)
-        raise ConfigError(f"{twice!r} is there twice")
-    return found
+def _refuse(said: str) -> ConfigError:
+    return ConfigError(f"{said}; model.table is the path of a prior table")
 
 
 def _require(name: str, known: tuple[str, ...] | list[str], *, where: str, what: str) -> None:

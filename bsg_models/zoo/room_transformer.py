@@ -10,6 +10,7 @@ from torch import nn
 from torch_geometric.data import Data
 from torch_geometric.utils import to_dense_batch
 
+from bsg_models.inputs.edges import require_pairs
 from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.count_network import CountNetwork
 from bsg_models.zoo.model import ModelInputs, building_numbers
@@ -52,7 +53,10 @@ class RoomTransformer(CountNetwork):
 
     def encode(self, features: torch.Tensor, graphs: Data) -> torch.Tensor:
         """Return every node's features after attention within its building."""
-        nodes, real = to_dense_batch(self.enter(features), building_numbers(graphs))
+        numbers = building_numbers(graphs)
+        sizes = torch.bincount(numbers)
+        require_pairs(len(sizes) * int(sizes.max()) ** 2)  # all are filled up to the largest
+        nodes, real = to_dense_batch(self.enter(features), numbers)
         encoded: torch.Tensor = self.layers(nodes, src_key_padding_mask=~real)[real]
         return encoded
 

@@ -20,7 +20,15 @@ from bsg_cli.options import (
     source_map_option,
     workers_option,
 )
-from bsg_cli.terminal import Command, Workers, print_json, print_note, progress_bar, worker_pool
+from bsg_cli.terminal import (
+    Command,
+    Workers,
+    print_json,
+    print_note,
+    print_text,
+    progress_bar,
+    worker_pool,
+)
 from bsg_data.errors import BSGError
 from bsg_data.sources.catalogue import SOURCES, parse_options
 
@@ -157,9 +165,9 @@ def command(
     if as_json:
         print_json(manifest.model_dump(mode="json", exclude={"files"}))
         return
-    click.echo(format_totals(manifest))
-    click.echo(format_losses(manifest))
-    click.echo(f"dataset in {out}")
+    print_text(format_totals(manifest))
+    print_text(format_losses(manifest))
+    print_text(f"dataset in {out}")
 
 
 def _tell_part(
@@ -172,10 +180,10 @@ def _tell_part(
         return
     shards, left = len(built.shards), len(built.missing)
     made = f"{shards:,} shard{'s' * (shards != 1)}, {built.scenes:,} scenes"
-    click.echo(f"part {number} of {of}: {made}")
+    print_text(f"part {number} of {of}: {made}")
     missing = f"{left:,} shard{'s are' if left > 1 else ' is'} missing yet"
     then = missing if left else "all shards are there"
-    click.echo(f"{then}; when no part is left: bsg-data finalise {out}")
+    print_text(f"{then}; when no part is left: bsg-data finalise {out}")
 
 
 def _choose_source(

@@ -8,7 +8,7 @@ import click
 
 import bsg_data
 from bsg_cli.options import dataset_argument, json_option
-from bsg_cli.terminal import Command, print_json, print_note, progress_bar
+from bsg_cli.terminal import Command, print_json, print_note, print_text, progress_bar
 
 
 @click.command("check", cls=Command)
@@ -28,9 +28,9 @@ def command(dataset: Path, as_json: bool) -> None:
             {"sound": not faults, "faults": [{"where": f.where, "what": f.what} for f in faults]}
         )
     elif faults:
-        click.echo("\n".join(f"{fault.where}: {fault.what}" for fault in faults))
+        print_text("\n".join(f"{fault.where}: {fault.what}" for fault in faults))
     else:
-        click.echo(f"{dataset}: sound")
+        print_text(f"{dataset}: sound")
     if faults:
         print_note(f"faults: {len(faults)}; what a command made, it makes again with --force")
         raise click.exceptions.Exit(1)

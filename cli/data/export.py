@@ -15,7 +15,7 @@ from bsg_cli.options import (
     json_option,
     out_option,
 )
-from bsg_cli.terminal import Command, print_json, progress_bar
+from bsg_cli.terminal import Command, print_json, print_text, progress_bar
 from bsg_data.exports.catalogue import EXPORTS
 
 
@@ -39,9 +39,9 @@ def command(dataset: Path, to: str, out: Path, force: bool, as_json: bool) -> No
     if as_json:
         print_json({"out": str(out), "to": to, **asdict(done)})
         return
-    click.echo(f"{done.rooms:,} rooms of {done.scenes:,} scenes in {done.files:,} files in {out}")
+    print_text(f"{done.rooms:,} rooms of {done.scenes:,} scenes in {done.files:,} files in {out}")
     if done.rooms_left_out:
         scenes = f", and all of {len(done.left_out):,} scenes" if done.left_out else ""
-        click.echo(f"rooms left out, for they have no box: {done.rooms_left_out:,}{scenes}")
+        print_text(f"rooms left out, for they have no box: {done.rooms_left_out:,}{scenes}")
     for note, scenes_of in done.notes.items():
-        click.echo(f"{note} ({scenes_of:,} scenes)")
+        print_text(f"{note} ({scenes_of:,} scenes)")

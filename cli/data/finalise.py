@@ -9,7 +9,7 @@ import click
 import bsg_data
 from bsg_cli.data.totals import format_losses, format_totals
 from bsg_cli.options import PATH, force_option, json_option
-from bsg_cli.terminal import Command, print_json, progress_bar
+from bsg_cli.terminal import Command, print_json, print_text, progress_bar
 
 
 @click.command("finalise", cls=Command)
@@ -31,6 +31,6 @@ def command(dataset: Path, force: bool, as_json: bool) -> None:
     if as_json:
         print_json(manifest.model_dump(mode="json", exclude={"files"}))
         return
-    click.echo(format_totals(manifest))
-    click.echo(format_losses(manifest))
-    click.echo(f"dataset in {dataset}")
+    print_text(format_totals(manifest))
+    print_text(format_losses(manifest))
+    print_text(f"dataset in {dataset}")

@@ -10,7 +10,7 @@ import click
 import bsg_data
 from bsg_cli.data.totals import format_hashes, format_losses, format_sources, format_totals
 from bsg_cli.options import PATH, dataset_argument, json_option
-from bsg_cli.terminal import Command, print_json, print_note
+from bsg_cli.terminal import Command, print_json, print_note, print_text
 from bsg_data.tables import format_text
 
 
@@ -42,24 +42,24 @@ def command(dataset: Path, figure: Path | None, force: bool, as_json: bool) -> N
         summary["masks_sha256"] = hashes
         print_json({**summary, "classes": frame.to_dict(orient="records")})
         return
-    click.echo(format_totals(manifest))
-    click.echo(f"format version {manifest.format_version}, class map {manifest.class_map_names}")
-    click.echo(format_losses(manifest))
-    click.echo(f"\n{format_sources(dataset)}\n")
+    print_text(format_totals(manifest))
+    print_text(f"format version {manifest.format_version}, class map {manifest.class_map_names}")
+    print_text(format_losses(manifest))
+    print_text(f"\n{format_sources(dataset)}\n")
     held = ", ".join(f"{name} {len(ids)}" for name, ids in sizes.items())
-    click.echo(f"splits: {held or 'none yet (bsg-data split)'}")
+    print_text(f"splits: {held or 'none yet (bsg-data split)'}")
     recipe = manifest.pairs
     if recipe is None:
-        click.echo("pairs: none yet (bsg-data pairs)")
+        print_text("pairs: none yet (bsg-data pairs)")
     else:
-        click.echo(f"pairs: {recipe.draws} draws of {recipe.mask}")
-        click.echo(format_hashes(hashes))
+        print_text(f"pairs: {recipe.draws} draws of {recipe.mask}")
+        print_text(format_hashes(hashes))
     most = max(1, int(frame["instances"].max()))
     rows = [
         (row["class"], row["instances"], row["rooms"], row["scenes"], _bar(row["instances"] / most))
         for row in frame.to_dict(orient="records")
     ]
-    click.echo("\n" + format_text(rows, header=("class", "instances", "rooms", "scenes", "")))
+    print_text("\n" + format_text(rows, header=("class", "instances", "rooms", "scenes", "")))
     if figure is not None:
         print_note(f"figure in {figure}")
 

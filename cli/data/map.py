@@ -9,7 +9,7 @@ import click
 import bsg_data
 from bsg_cli.completion import complete_class_map
 from bsg_cli.options import class_map_option, dataset_argument, json_option
-from bsg_cli.terminal import CommandGroup, print_json, print_note
+from bsg_cli.terminal import CommandGroup, print_json, print_note, print_text
 from bsg_data.tables import format_text
 
 
@@ -54,7 +54,7 @@ def map_list(as_json: bool) -> None:
         for row, m in maps
     ]
     header = ("class map", "class space", "classes", "words of", "spellings", "sha256")
-    click.echo(format_text(cells, header=header))
+    print_text(format_text(cells, header=header))
 
 
 @command.command("show")
@@ -91,13 +91,13 @@ def map_show(category: str, class_map: str, as_json: bool) -> None:
         rule = f" (by the rule {known.rule!r})" if known.rule else ""
         structure = " (part of the building)" if known.role == "structure" else ""
         what = name or f"none{structure}"
-        click.echo(f"name {category!r} → corrected {known.category!r}{rule} → class {what}")
+        print_text(f"name {category!r} → corrected {known.category!r}{rule} → class {what}")
     elif index is None:
         near = ", ".join(loaded.nearest(category)) or "nothing like it"
-        click.echo(f"{category!r} is not in {loaded.version}; nearest: {near}")
+        print_text(f"{category!r} is not in {loaded.version}; nearest: {near}")
     if index is not None and not as_json:
-        click.echo(f"class {index}, {category}: {loaded.space.definitions[index]}")
-        click.echo(f"{len(spellings)} spellings: {', '.join(map(repr, spellings))}")
+        print_text(f"class {index}, {category}: {loaded.space.definitions[index]}")
+        print_text(f"{len(spellings)} spellings: {', '.join(map(repr, spellings))}")
     if not mapped and index is None:
         raise click.exceptions.Exit(1)
 
@@ -126,10 +126,10 @@ def map_coverage(dataset: Path, class_map: str | None, as_json: bool) -> None:
         return
     named = manifest.class_map_names if loaded is None else loaded.version
     rows = [(what, _show(value)) for what, value in _coverage_counts(coverage).items()]
-    click.echo(format_text(rows, header=("", named)))
+    print_text(format_text(rows, header=("", named)))
     left_out = [(name, f"{count:,}") for name, count in coverage.most_left_out]
     if left_out:
-        click.echo("\n" + format_text(left_out, header=("most frequent left out", "instances")))
+        print_text("\n" + format_text(left_out, header=("most frequent left out", "instances")))
 
 
 @command.command("compare")
@@ -172,7 +172,7 @@ def map_compare(dataset: Path, class_maps: tuple[str, ...], as_json: bool) -> No
         return
     header = ("", *(one.version for one in maps))
     rows = [(what, *(_show(one[what]) for one in coverages)) for what in coverages[0]]
-    click.echo(format_text(rows, header=header))
+    print_text(format_text(rows, header=header))
     classes = sorted({name for frame in frames for name in frame.index})
     header = (
         *("class", *(f"instances {one.version}" for one in maps)),
@@ -189,7 +189,7 @@ def map_compare(dataset: Path, class_maps: tuple[str, ...], as_json: bool) -> No
         )
         for name in classes
     ]
-    click.echo("\n" + format_text(cells, header=header))
+    print_text("\n" + format_text(cells, header=header))
 
 
 def _coverage_counts(coverage: bsg_data.Coverage) -> dict[str, int | float]:

@@ -10,7 +10,7 @@ import bsg_data
 from bsg_cli.data.totals import format_sources, format_totals
 from bsg_cli.dataset_paths import DatasetPath
 from bsg_cli.options import force_option, json_option, out_option
-from bsg_cli.terminal import Command, print_json, print_note, progress_bar
+from bsg_cli.terminal import Command, print_json, print_note, print_text, progress_bar
 
 
 @click.command("merge", cls=Command)
@@ -38,6 +38,6 @@ def command(datasets: tuple[Path, ...], out: Path, force: bool, as_json: bool) -
     if as_json:
         print_json(manifest.model_dump(mode="json", exclude={"files"}))
         return
-    click.echo(format_totals(manifest))
-    click.echo(f"\n{format_sources(out)}\n")
-    click.echo(f"dataset in {out}")
+    print_text(format_totals(manifest))
+    print_text(f"\n{format_sources(out)}\n")
+    print_text(f"dataset in {out}")

@@ -16,7 +16,15 @@ from bsg_cli.options import (
     seed_option,
     workers_option,
 )
-from bsg_cli.terminal import Command, Workers, print_json, print_note, progress_bar, worker_pool
+from bsg_cli.terminal import (
+    Command,
+    Workers,
+    print_json,
+    print_note,
+    print_text,
+    progress_bar,
+    worker_pool,
+)
 
 
 @click.command("pairs", cls=Command)
@@ -95,5 +103,5 @@ def command(
         }
         print_json(answer)
     else:
-        click.echo(f"{rows:,} pairs: {draws} draws of the mask {recipe.mask}")
-        click.echo(format_hashes(hashes))
+        print_text(f"{rows:,} pairs: {draws} draws of the mask {recipe.mask}")
+        print_text(format_hashes(hashes))

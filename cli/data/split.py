@@ -8,7 +8,7 @@ import click
 
 import bsg_data
 from bsg_cli.options import dataset_argument, force_option, json_option, seed_option
-from bsg_cli.terminal import Command, print_json
+from bsg_cli.terminal import Command, print_json, print_text
 
 
 @click.command("split", cls=Command)
@@ -53,7 +53,7 @@ def command(
     if as_json:
         print_json({"recipe": manifest.model_dump(mode="json")["split"], "scenes": sizes})
     else:
-        click.echo(", ".join(f"{name} {size}" for name, size in sizes.items()) + " buildings")
+        print_text(", ".join(f"{name} {size}" for name, size in sizes.items()) + " buildings")
 
 
 def _recipe(

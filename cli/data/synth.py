@@ -9,7 +9,14 @@ import click
 import bsg_data
 from bsg_cli.choices import MESH_SIZES, MOST_OBJECTS, MOST_ROOMS, MOST_SCENES
 from bsg_cli.options import force_option, json_option, out_option, seed_option, workers_option
-from bsg_cli.terminal import Command, Workers, print_json, progress_bar, worker_pool
+from bsg_cli.terminal import (
+    Command,
+    Workers,
+    print_json,
+    print_text,
+    progress_bar,
+    worker_pool,
+)
 
 
 @click.command("synth", cls=Command)
@@ -100,4 +107,4 @@ def command(
     if as_json:
         print_json({"out": str(out), "scenes": scenes, "seed": seed, "geometry": geometry})
     else:
-        click.echo(f"{scenes} synthetic buildings{' with meshes' * geometry} in {out}")
+        print_text(f"{scenes} synthetic buildings{' with meshes' * geometry} in {out}")

@@ -8,7 +8,7 @@ import click
 
 import bsg_data
 from bsg_cli.options import dataset_argument, json_option
-from bsg_cli.terminal import Command, print_json, progress_bar
+from bsg_cli.terminal import Command, print_json, print_text, progress_bar
 
 
 @click.command("upgrade", cls=Command)
@@ -31,6 +31,6 @@ def command(dataset: Path, as_json: bool) -> None:
     if as_json:
         print_json({"before": before, "now": now})
     elif before == now:
-        click.echo(f"{dataset}: is of format version {now} already")
+        print_text(f"{dataset}: is of format version {now} already")
     else:
-        click.echo(f"{dataset}: format version {before} became {now}")
+        print_text(f"{dataset}: format version {before} became {now}")

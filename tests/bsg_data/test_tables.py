@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bsg_data import tables
-from bsg_data.tables import format_markdown, format_text
+from bsg_data.tables import escape_markdown, format_markdown, format_text, make_plain
 
 
 def test_doctests() -> None:
@@ -35,3 +35,20 @@ def test_markdown_has_as_many_cells_as_columns(rows: list[tuple[str, str]]) -> N
     for line in lines:
         assert "\n" not in line
         assert line.replace("\\|", "").count("|") == 3
+
+
+def test_what_a_terminal_would_obey_has_a_mark_and_words_of_any_language_stay() -> None:
+    mark = "\N{REPLACEMENT CHARACTER}"
+    bad = "\x1b[2J\x9b\r\x08\x7f\N{RIGHT-TO-LEFT OVERRIDE}\N{ZERO WIDTH SPACE}\N{LINE SEPARATOR}"
+    assert make_plain(f"a{bad}b") == f"a{mark}[2J{mark * 7}b"
+    fine = "Küche\t台所\nمطبخ 1\N{NO-BREAK SPACE}m²"
+    assert make_plain(fine) == fine
+
+
+def test_a_name_is_no_markup() -> None:
+    name = "<img src=x onerror=alert(1)> `code` [a](b) *c* |\n# d"
+    escaped = escape_markdown(name)
+    assert "<" not in escaped
+    assert "\n" not in escaped
+    assert all(f"\\{sign}" in escaped for sign in "`[]*|")
+    assert escape_markdown("arm chair, 2") == "arm chair, 2"

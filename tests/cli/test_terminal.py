@@ -11,8 +11,10 @@ from pathlib import Path
 import click
 import pytest
 from click.testing import CliRunner
+from conftest import REPOSITORY
 
-from bsg_cli.terminal import Command, progress_bar, tell_now_and_then
+from bsg_cli.terminal import Command, print_text, progress_bar, tell_now_and_then
+from bsg_data.errors import BSGError
 
 SCRIPT = """
 import os, time
@@ -143,3 +145,29 @@ def test_a_lack_of_memory_is_said_in_a_line() -> None:
     assert result.exit_code == 1
     assert result.stderr.startswith("Error: not enough memory")
     assert result.stderr.count("\n") == 1
+
+
+def test_nothing_that_a_command_prints_is_obeyed_by_a_terminal() -> None:
+    bad = "\x1b]0;evil\x07\x9b2J\N{RIGHT-TO-LEFT OVERRIDE}"
+
+    @click.command(cls=Command)
+    @click.argument("how")
+    def command(how: str) -> None:
+        if how == "error":
+            raise BSGError(bad)
+        if how == "usage":
+            raise click.UsageError(bad)
+        if how == "file":
+            Path(f"/none/{bad}").read_text("utf-8")
+        print_text(bad)
+
+    for how in ("text", "error", "usage", "file"):
+        output = CliRunner().invoke(command, [how]).output
+        assert "evil" in output
+        assert not {"\x1b", "\x07", "\x9b", "\N{RIGHT-TO-LEFT OVERRIDE}"} & set(output), how
+
+
+def test_only_the_terminal_prints() -> None:
+    for path in (REPOSITORY / "cli").rglob("*.py"):
+        if path.name not in ("terminal.py", "cluster.py"):
+            assert "click.echo" not in path.read_text("utf-8"), path

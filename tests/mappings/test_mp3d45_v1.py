@@ -9,10 +9,11 @@ from importlib.resources import files
 import pytest
 from conftest import REPOSITORY
 
+from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.inputs.bounds import HOUSE as HOUSE_BOUND
 from bsg_data.scene.class_map import load_class_map
-from bsg_data.sources.annotation_files import decode, read_bytes
+from bsg_data.sources.annotation_files import decode
 from bsg_data.sources.house_file import parse_house
-from bsg_data.sources.mp3d import MAX_BYTES
 
 HOUSE = REPOSITORY.parent / "shared" / "sources" / "17DRP5sb8fy.house.gz"
 OURS, HM3D = load_class_map("mp3d45-v1"), load_class_map("hm3d45-v2")
@@ -65,7 +66,7 @@ def test_names_that_only_matterport3d_has(name: str, category: str, class_name: 
 
 @pytest.mark.skipif(not HOUSE.is_file(), reason="no samples here")
 def test_every_name_of_a_house_has_a_row() -> None:
-    house = parse_house(decode(read_bytes(HOUSE, most=MAX_BYTES), path=HOUSE), path=HOUSE)
+    house = parse_house(decode(read_bytes(HOUSE, HOUSE_BOUND), path=HOUSE), path=HOUSE)
     names = [category.name for category in house.categories]
     with files("bsg_mappings").joinpath("mp3d45-v1.csv").open(encoding="utf-8") as file:
         listed = [row["raw_category"] for row in csv.DictReader(file)]

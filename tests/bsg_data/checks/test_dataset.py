@@ -7,6 +7,7 @@ import shutil
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import pandas as pd
@@ -23,6 +24,7 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import encode_manifest, read_manifest
 from bsg_data.dataset.shards import describe_file
 from bsg_data.dataset.splits import split_dataset
+from bsg_data.inputs import bounded_file
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import PairsRecipe, SplitRecipe
 from bsg_data.sources.hm3d import HM3DFolder
@@ -148,7 +150,7 @@ def test_files_that_changed_vanished_or_appeared_are_named(dataset: Path) -> Non
     (dataset / "README.md").unlink()
     found = {fault.where: fault.what for fault in check_dataset(dataset)}
     assert found[ROOMS] == "is in the manifest but not there"
-    assert "was changed" in found[OBJECTS] or "not readable parquet" in found[OBJECTS]
+    assert "was changed" in found[OBJECTS] or "not readable as parquet" in found[OBJECTS]
     assert "is not in the manifest" in found["pairs/notes.txt"]
     assert "is missing" in found["README.md"]
 
@@ -275,13 +277,13 @@ def test_every_file_is_read_once_and_what_pairs_are_of_again(
     in_parts: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     read: Counter[str] = Counter()
-    whole = Path.read_bytes
+    really = bounded_file.open_waiting_for_none
 
-    def read_bytes(path: Path) -> bytes:
+    def count(path: Path) -> BinaryIO:
         read[path.relative_to(in_parts).as_posix()] += 1
-        return whole(path)
+        return really(path)
 
-    monkeypatch.setattr(Path, "read_bytes", read_bytes)
+    monkeypatch.setattr(bounded_file, "open_waiting_for_none", count)
     done: list[tuple[int, int]] = []
     assert check_dataset(in_parts, progress=lambda *counts: done.append(counts)) == ()
     files = [entry.path for entry in read_manifest(in_parts).files]

@@ -1,14 +1,14 @@
-"""Files of annotations: walked without loops, read within a bound, packed or not."""
+"""Files of annotations: walked without loops, told apart by a hash."""
 
 from __future__ import annotations
 
-import gzip
 from pathlib import Path
 
 import pytest
 
 from bsg_data.errors import AnnotationError, SourceChangedError, SourceError
-from bsg_data.sources.annotation_files import decode, fingerprint, read_bytes, walk_files
+from bsg_data.inputs.bounds import Bound
+from bsg_data.sources.annotation_files import decode, fingerprint, read_listed, walk_files
 from bsg_data.sources.source import SkippedScene
 
 
@@ -26,27 +26,30 @@ def test_a_walk_follows_links_and_ends(tmp_path: Path) -> None:
     ]
 
 
-def test_reading_is_bounded_packed_or_not(tmp_path: Path) -> None:
-    plain, packed = tmp_path / "a.txt", tmp_path / "a.txt.gz"
-    plain.write_bytes(b"x" * 100)
-    packed.write_bytes(gzip.compress(b"x" * 100))
-    assert read_bytes(plain, most=100) == read_bytes(packed, most=100) == b"x" * 100
-    with pytest.raises(SourceError, match=r"a\.txt: 100 bytes; expected at most 99"):
-        read_bytes(plain, most=99)
-    with pytest.raises(SourceError, match=r"a\.txt\.gz: unpacks to more than 99 bytes"):
-        read_bytes(packed, most=99)
-    with pytest.raises(SourceError, match=r"nothing: cannot be read \(No such file"):
-        read_bytes(tmp_path / "nothing", most=1)
-
-
 def test_a_fingerprint_tells_files_apart(tmp_path: Path) -> None:
     (tmp_path / "a").write_text("1")
     (tmp_path / "b").write_text("2")
-    marks = [fingerprint(tmp_path / name, most=9) for name in ("a", "b")]
+    marks = [fingerprint(tmp_path / name, Bound("", 9)) for name in ("a", "b")]
     assert len(set(marks)) == 2
     with pytest.raises(SourceChangedError, match=r"c: cannot be read \(No such file"):
-        fingerprint(tmp_path / "c", most=9)
-    assert fingerprint(tmp_path / "a", most=0) == "too large"
+        fingerprint(tmp_path / "c", Bound("", 9))
+    assert fingerprint(tmp_path / "a", Bound("", 0)) == "too large"
+
+
+def test_a_file_is_what_it_was_when_it_was_listed(tmp_path: Path) -> None:
+    path, bound = tmp_path / "a", Bound("", 9)
+    path.write_text("1")
+    known = fingerprint(path, bound)
+    assert read_listed(path, bound, expected=known) == read_listed(path, bound) == b"1"
+    for content in ("2", "far too large"):
+        path.write_text(content)
+        with pytest.raises(SourceChangedError, match="is not what it was"):
+            read_listed(path, bound, expected=known)
+    with pytest.raises(SourceError, match="expected at most 9"):
+        read_listed(path, bound, expected=fingerprint(path, bound))
+    path.unlink()
+    with pytest.raises(SourceChangedError, match="No such file"):
+        read_listed(path, bound, expected=known)
 
 
 def test_the_line_that_is_no_text_is_named() -> None:

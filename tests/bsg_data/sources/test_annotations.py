@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bsg_data.errors import AnnotationError, SourceError
+from bsg_data.inputs.bounds import Bound
 from bsg_data.sources.annotations import HEADER, Instance, parse_annotation, read_annotation
 
 FILE = Path("scene.semantic.txt")
@@ -81,7 +82,7 @@ def test_a_missing_and_a_huge_file_are_refused(
         read_annotation(tmp_path / "none.semantic.txt")
     path = tmp_path / "huge.semantic.txt"
     path.write_bytes(HEADER.encode())
-    monkeypatch.setattr("bsg_data.sources.annotations.MAX_BYTES", 10)
+    monkeypatch.setattr("bsg_data.sources.annotations.ANNOTATION", Bound("", 10))
     with pytest.raises(SourceError, match="at most 10"):
         read_annotation(path)
 

@@ -9,6 +9,7 @@ import pytest
 from conftest import SHARED
 
 from bsg_data.errors import SourceError
+from bsg_data.inputs.bounds import Bound
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import SceneGraph
 from bsg_data.sources.behavior import (
@@ -132,7 +133,7 @@ def test_where_a_scene_belongs(scene: str, floor: Floor, kind: str | None) -> No
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("", "expected scenes"),
+        ("", "no JSON"),
         ("[]", "expected scenes"),
         ('{"rooms": {}}', "scenes: Field required"),
         ('{"scenes": {}}', "at least 1 item"),
@@ -170,7 +171,7 @@ def test_a_folder_and_a_list_that_is_far_too_large(
     with pytest.raises(SourceError, match=f"is a folder; expected the file {FILE}"):
         BehaviorRooms(tmp_path).find()
     path = write_list(tmp_path)
-    monkeypatch.setattr("bsg_data.sources.behavior.MAX_BYTES", 100)
+    monkeypatch.setattr("bsg_data.sources.behavior.BEHAVIOR", Bound("", 100))
     with pytest.raises(SourceError, match="at most 100"):
         BehaviorRooms(path).find()
 

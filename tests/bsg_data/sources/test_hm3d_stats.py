@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from bsg_data.errors import AnnotationError, SourceError
+from bsg_data.inputs.bounds import Bound
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.sources.annotations import Instance
 from bsg_data.sources.hm3d_stats import MEMBER, HM3DStatistics, parse_scene_lines, read_scene_lines
@@ -79,9 +80,9 @@ def test_damaged_and_foreign_zips_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_zip_bomb_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = write_zip(tmp_path / "bomb.zip", "s,0,1,1,chair_1")
-    monkeypatch.setattr("bsg_data.sources.hm3d_stats.MAX_BYTES", 20)
-    with pytest.raises(SourceError, match="unpacks to"):
+    path = write_zip(tmp_path / "bomb.zip", *["s,0,1,1,chair_1"] * 400)
+    monkeypatch.setattr("bsg_data.sources.hm3d_stats.STATISTICS", Bound("", 2000))
+    with pytest.raises(SourceError, match="expected at most 2,000"):
         read_scene_lines(path)
 
 

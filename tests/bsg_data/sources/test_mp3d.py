@@ -11,6 +11,7 @@ from conftest import REPOSITORY
 from house_files import HOUSE, change
 
 from bsg_data.errors import SourceError
+from bsg_data.inputs.bounds import Bound
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box, SceneGraph
 from bsg_data.sources.catalogue import SOURCES
@@ -130,7 +131,7 @@ def test_a_file_that_unpacks_to_too_much_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = write_house(tmp_path / "a.house.gz")
-    monkeypatch.setattr("bsg_data.sources.mp3d.MAX_BYTES", len(HOUSE) - 1)
+    monkeypatch.setattr("bsg_data.sources.mp3d.HOUSE", Bound("", len(HOUSE) - 1))
     with pytest.raises(SourceError, match="unpacks to more than"):
         read(path)
 

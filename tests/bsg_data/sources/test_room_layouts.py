@@ -94,7 +94,7 @@ def test_a_layout_joins_its_scene(hm3d_folder: Path, layouts: Path, tmp_path: Pa
         (LAYOUT.replace("x: 1.0", "x: 2024-13-45"), "rooms.room_1.centroid.x"),
         (LAYOUT.replace("x: 1.0", "x: " + "9" * 5000), "rooms.room_1.centroid.x"),
         (LAYOUT.replace("x: 1.0", "x: !!timestamp abc"), "rooms.room_1.centroid.x"),
-        (LAYOUT.replace("label: kitchen", 'label: "\\ud800"'), "rooms.room_1.label"),
+        (LAYOUT.replace("label: kitchen", 'label: "\\ud800"'), "no YAML"),
         (LAYOUT.replace("[2, 1]", "[true, 1]"), "connections.1.0"),
         (LAYOUT.replace("[2, 1]", "[2, 2]"), "room_2 with itself"),
         ("rooms: {}", "rooms: Dictionary should have at least 1 item"),

@@ -73,13 +73,13 @@ def test_files_that_are_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     with pytest.raises(SourceError, match=r"ends in \.csv"):
         read(tmp_path / "t.xlsx")
     (tmp_path / "t.parquet").write_bytes(b"PAR1")
-    with pytest.raises(SourceError, match="no readable parquet file"):
+    with pytest.raises(SourceError, match="not readable as parquet"):
         read(tmp_path / "t.parquet")
     whole = gzip.compress(b"room,x\n" + b"1,2\n" * 9999)
     (tmp_path / "t.csv.gz").write_bytes(whole[:-9])
     with pytest.raises(SourceError, match=r"line \d+ or later: cannot be read"):
         read(tmp_path / "t.csv.gz")
-    monkeypatch.setattr(table_rows, "MAX_ROWS", 3)
+    monkeypatch.setattr(table_rows, "MAX_OBJECT_ROWS", 3)
     (tmp_path / "t.csv").write_text("room\n1\n2\n3\n4\n")
     with pytest.raises(SourceError, match="over 3 rows"):
         read(tmp_path / "t.csv")

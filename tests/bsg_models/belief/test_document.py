@@ -90,7 +90,7 @@ def test_version_3_is_sure_of_every_share_and_is_read() -> None:
             "presence",
         ),
         (lambda d: d["expected"][1].__setitem__(0, -5), "expected.1.0"),
-        (lambda d: d["expected"][1].__setitem__(0, float("inf")), "expected.1.0"),
+        (lambda d: d["expected"][1].__setitem__(0, float("inf")), "Infinity, which is no number"),
         (lambda d: d["presence"][1].__setitem__(0, 7), "presence.1.0"),
         (lambda d: d["expected"][1].pop(), "expected histograms"),
         (lambda d: d["class_space"].update(sha256="1" * 64), "is not that of its classes"),

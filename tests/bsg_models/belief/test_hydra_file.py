@@ -117,7 +117,7 @@ def test_packed_files_and_a_byte_order_mark_are_read(tmp_path: Path) -> None:
     assert open_hydra(marked).text == "\ufeff" + text
     assert open_hydra(packed).partial() == open_hydra(marked).partial()
     packed.write_bytes(gzip.compress(text.encode())[:-9])
-    with pytest.raises(HydraError, match=r"flat\.json\.gz: not a readable gzip file"):
+    with pytest.raises(HydraError, match=r"flat\.json\.gz: .*not a readable gzip file"):
         open_hydra(packed)
 
 

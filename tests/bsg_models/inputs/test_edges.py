@@ -7,8 +7,9 @@ import pytest
 from one_building import observe_building
 
 from bsg_data.observation.observation import stack
+from bsg_models.errors import PredictionError
 from bsg_models.inputs import edges as edges_module
-from bsg_models.inputs.edges import EdgeSet, connect, edges_of
+from bsg_models.inputs.edges import MOST_PAIRS, EdgeSet, connect, edges_of, require_pairs
 
 
 def test_doctests() -> None:
@@ -68,3 +69,9 @@ def test_a_building_has_the_same_edges_alone_and_among_others(edges: tuple[EdgeS
     assert edges_of(backwards.take([4, 3, 2, 1, 0]), edges).tolist() == (
         edges_of(together, edges).tolist()
     )
+
+
+def test_more_pairs_of_rooms_than_memory_holds_are_refused() -> None:
+    require_pairs(MOST_PAIRS)
+    with pytest.raises(PredictionError, match=r"found 16,000,001\. Ask `universal`"):
+        require_pairs(MOST_PAIRS + 1)

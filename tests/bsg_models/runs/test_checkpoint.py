@@ -27,12 +27,14 @@ from bsg_models.evaluation.measurement import predict_all
 from bsg_models.inputs.graphs import read_split
 from bsg_models.runs import checkpoint as checkpoint_module
 from bsg_models.runs.checkpoint import (
+    Checkpoint,
     hash_tensors,
     load_checkpoint,
     read_header,
     restore_model,
     save_checkpoint,
 )
+from bsg_models.runs.found_model import find_model
 from bsg_models.runs.predictor import Predictor
 from bsg_models.runs.run_folder import BEST, is_finished
 from bsg_models.training.training import train_run
@@ -196,3 +198,14 @@ def test_an_answer_that_is_not_finite_is_an_error(
     assert "is not finite" in done.stderr
     assert done.stdout == ""
     assert not out.exists()
+
+
+def test_a_configuration_larger_than_its_file_is_refused_without_memory(tmp_path: Path) -> None:
+    """The tensors are those of a small network; the header asks for one of gigabytes."""
+    loaded = load_checkpoint(find_model("universal").path)
+    config = loaded.header.config
+    large = config.model.model_copy(update={"width": 4096, "depth": 64})
+    header = loaded.header.model_copy(update={"config": config.model_copy(update={"model": large})})
+    forged = Checkpoint(header, loaded.tensors)
+    with pytest.raises(CheckpointError, match="its configuration needs"):
+        restore_model(tmp_path / "x", forged)

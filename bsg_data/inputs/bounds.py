@@ -1,0 +1,85 @@
+"""How much is read of every kind of file, once: `docs/limits.md` has this table.
+
+A file of a stranger is read by `bsg_data.inputs.bounded_file` within one of these bounds. They are
+far above everything real, and low enough for a machine with 2 GB.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+KIB, MIB, GIB = 2**10, 2**20, 2**30
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """How much of a file is read.
+
+    Attributes:
+        what: the kind of file, in words.
+        bytes: that it may have, packed and unpacked.
+        items: what else is counted, in words; empty where bytes say all.
+    """
+
+    what: str
+    bytes: int
+    items: str = ""
+
+
+MAX_ROWS = 10_000_000  # of a parquet file
+MAX_STREAMED_ROWS = 100_000_000  # of a parquet file that is read by row groups
+MAX_OBJECT_ROWS = 2_500_000  # of a table that is a source: 25 times HM3D's objects
+MAX_VALUES = 500_000_000  # of a parquet file: rows times columns, entries of lists counted each
+MAX_MEMBERS = 10_000  # of a zip
+MAX_NESTING = 100  # of lists and mappings in JSON, YAML and TOML
+MAX_LINE = MIB  # characters of a line of CSV
+MAX_RATIO = 200  # of a packed stream that is read piece by piece; text is packed to a tenth
+
+_HOUSES = "a house of 4 MiB and 1,000 rooms"
+_NESTED = f"nested {MAX_NESTING} deep; a key once"
+
+ANNOTATION = Bound("annotation of HM3DSem, `*.semantic.txt`", 64 * MIB)
+STATISTICS = Bound(
+    "zip of HM3DSem's statistics", 16 * MIB, f"{MAX_MEMBERS:,} members, each name once"
+)
+LAYOUT = Bound("room layout, YAML", MIB, _NESTED)
+LABEL_SPACE = Bound("label space, YAML or CSV", 4 * MIB, _NESTED)
+MESH = Bound(
+    "mesh, GLB", 512 * MIB, "10,000,000 triangles, 8,192 texels a side, 32 MiB of JSON; its own"
+)
+HOUSE = Bound("house of Matterport3D, `.house`", 256 * MIB)
+MAX_HOUSE = 4 * MIB  # of ProcTHOR; the largest of 150 real houses has 84 kB
+MAX_HOUSE_ROOMS = 1_000
+PROCTHOR = Bound("houses of ProcTHOR, a JSON array", 512 * MIB, _HOUSES)
+PROCTHOR_LINES = Bound(
+    "houses of ProcTHOR, JSON lines", 16 * GIB, f"{_HOUSES}; packed {MAX_RATIO} to 1 at most"
+)
+BEHAVIOR = Bound("list of BEHAVIOR's rooms, JSON", 64 * MIB, f"{_NESTED}; 1,000,000 objects")
+TABLE = Bound(
+    "table of objects, CSV or parquet",
+    4 * GIB,
+    f"{MAX_OBJECT_ROWS:,} rows; lines of {MAX_LINE:,} characters; packed {MAX_RATIO} to 1 at most",
+)
+ROBOT = Bound("robot's graph, JSON", 64 * MIB, _NESTED)
+SPARK_DSG = Bound("Spark-DSG graph, JSON or binary", 256 * MIB, _NESTED)
+BELIEF = Bound("belief graph, JSON", 256 * MIB, _NESTED)
+CLASS_MAP = Bound("class map, each CSV file", 16 * MIB, "256 classes")
+MANIFEST_FILE = Bound("manifest, plan and reports of a dataset, JSON", 64 * MIB, _NESTED)
+DATASET_TABLE = Bound(
+    "parquet file of a dataset, of beliefs or of predictions",
+    4 * GIB,
+    f"the rows that the manifest says; {MAX_ROWS:,} rows, {MAX_VALUES:,} values",
+)
+CONFIG = Bound("configuration, TOML", 64 * KIB, f"nested {MAX_NESTING} deep")
+CHECKPOINT = Bound(
+    "checkpoint, safetensors",
+    4 * GIB,
+    "16 MiB of header; no network larger than its tensors is made",
+)
+CHECKPOINT_HEADER = Bound("header of a checkpoint", 16 * MIB)
+PRIOR = Bound("prior table, JSON", 16 * MIB, _NESTED)
+RUN_RECORD = Bound("log, metrics, seconds and figures of a run", 16 * MIB, _NESTED)
+CARD = Bound("card of a model, Markdown with YAML", MIB, _NESTED)
+CHECKSUMS = Bound("list of checksums, `SHA256SUMS`", MIB)
+
+BOUNDS = tuple(value for value in list(globals().values()) if isinstance(value, Bound))

@@ -1,0 +1,165 @@
+"""Small files that ask for much: each is one clear error, in little memory and time.
+
+Every file is made here and opened by the reader that a command uses, in a process of its own that
+may take 2 GiB of memory beyond what its imports took, and 20 seconds of the processor.
+"""
+
+from __future__ import annotations
+
+import gzip
+import io
+import json
+import os
+import resource
+import subprocess
+import sys
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from tally import Tally
+
+SECONDS, BYTES = 20, 2 * 2**30
+READ = """
+import resource, sys
+from pathlib import Path
+{imports}
+from bsg_data.errors import BSGError
+used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+resource.setrlimit(resource.RLIMIT_AS, (used + {most}, used + {most}))
+path = Path(sys.argv[1])
+try:
+    {read}
+except BSGError as error:
+    print("refused:", str(error)[:300])
+"""
+ROBOT = ("from bsg_data.observation.robot_json import read_robot_graph", "read_robot_graph(path)")
+LAYOUT = ("from bsg_data.sources.room_layouts import read_layout", "read_layout(path)")
+LABELS = (
+    "from bsg_data.sources.label_space import load_label_space",
+    "load_label_space(str(path))",
+)
+ZIP = (
+    "from bsg_data.sources.hm3d_stats import read_scene_lines",
+    "read_scene_lines(path)",
+)
+TABLE = (
+    "from bsg_data.sources.table_rows import read_cells",
+    "list(read_cells(path, known=('room', 'category')).rows)",
+)
+MANIFEST = ("from bsg_data.dataset.manifest import read_manifest", "read_manifest(path.parent)")
+PROCTHOR = (
+    "from bsg_data.sources.procthor import ProcTHORHouses",
+    "ProcTHORHouses(path).find()",
+)
+CLASS_MAP = ("from bsg_data.scene.own_map import read_own_map", "read_own_map(path)")
+
+
+def make_zip(path: Path) -> None:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
+        file.writestr("Per_Scene_Region_Neighborhoods.csv", b"\n" * (250 * 2**20))
+
+
+def make_rows(path: Path) -> None:
+    """Write some kilobytes that say 240 million rows."""
+    column = pa.array([0] * 2_000_000, pa.int8())
+    table = pa.table({"room": column, "category": column})
+    with pq.ParquetWriter(path, table.schema, compression="zstd") as writer:
+        for _ in range(120):
+            writer.write_table(table)
+
+
+def make_long_word(path: Path) -> None:
+    """Write some kilobytes that say a word of a megabyte ten thousand times."""
+    words = pa.DictionaryArray.from_arrays(pa.array([0] * 10_000, pa.int32()), ["w" * 2**20])
+    pq.write_table(pa.table({"room": words, "category": words}), path, store_schema=False)
+
+
+def make_packed_lines(path: Path) -> None:
+    block = b"\n" * 2**20
+    buffer = io.BytesIO()
+    with gzip.open(buffer, "wb", compresslevel=1) as file:
+        for _ in range(300):
+            file.write(block)
+    path.write_bytes(buffer.getvalue())
+
+
+def text(what: str) -> Callable[[Path], None]:
+    return lambda path: path.write_text(what, "utf-8") and None
+
+
+def link(target: str) -> Callable[[Path], None]:
+    return lambda path: path.symlink_to(target)
+
+
+TWICE = json.dumps({str(n): 0 for n in range(300_000)})[:-1] + ', "7": 1}'
+BOMBS = {
+    # name: what makes the file, its name, what reads it
+    "zip of line feeds": (make_zip, "a.zip", ZIP),
+    "zip without an end": (link("/dev/zero"), "a.zip", ZIP),
+    "YAML of 100,000 keys": (text("".join(f"k{n}: 0\n" for n in range(90_000))), "a.yaml", LAYOUT),
+    "YAML of 100,000 brackets": (text("[" * 100_000), "a.yaml", LABELS),
+    "YAML of aliases": (text("a: &a [x]\nb: *a\n"), "a.yaml", LABELS),
+    "JSON of 300,000 keys, one twice": (text(TWICE), "a.json", ROBOT),
+    "JSON of 1,000,000 brackets": (text("[" * 1_000_000), "a.json", ROBOT),
+    "JSON of 10,000,000 digits": (text("1" * 10_000_000), "a.json", ROBOT),
+    "JSON that is 5": (text("5"), "a.json", ROBOT),
+    "JSON that is null": (text("null"), "a.json", ROBOT),
+    "JSON of half a character": (text('{"scene_id": "\\ud800", "rooms": []}'), "a.json", ROBOT),
+    "JSON without an end": (link("/dev/zero"), "a.json", ROBOT),
+    "JSON from a pipe that nobody fills": (os.mkfifo, "a.json", ROBOT),
+    "manifest of brackets": (text('{"a":' * 100_000), "dataset.json", MANIFEST),
+    "manifest of digits": (text('{"a":' + "1" * 5_000 + "}"), "dataset.json", MANIFEST),
+    "240 million rows": (make_rows, "a.parquet", TABLE),
+    "one long word": (make_long_word, "a.parquet", TABLE),
+    "CSV of packed line feeds": (make_packed_lines, "a.csv.gz", TABLE),
+    "CSV without an end": (link("/dev/zero"), "a.csv", TABLE),
+    "houses of packed line feeds": (make_packed_lines, "a.jsonl.gz", PROCTHOR),
+    "class map without an end": (link("/dev/zero"), "a.csv", CLASS_MAP),
+}
+
+
+def limit_seconds() -> None:
+    resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
+
+
+def open_bomb(name: str, folder: Path) -> str:
+    """Return what is wrong with how a file is read; nothing if it is refused in a line."""
+    make, file, (imports, read) = BOMBS[name]
+    path = folder / file
+    make(path)
+    code = READ.format(imports=imports, read=read, most=BYTES)
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(path)],
+        capture_output=True,
+        text=True,
+        check=False,
+        preexec_fn=limit_seconds,
+    )
+    refused = done.returncode == 0 and done.stdout.startswith("refused:") and not done.stderr
+    return (
+        "" if refused else f"{name}: exit {done.returncode}, {(done.stderr or done.stdout)[-200:]}"
+    )
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits of memory are Linux's")
+def test_every_bomb_is_refused_in_little_memory_and_time(
+    tmp_path: Path, tally: Tally, full: bool
+) -> None:
+    names = list(BOMBS) if full else list(BOMBS)[::3]
+    misses = []
+    for number, name in enumerate(names):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        misses += filter(None, [open_bomb(name, folder)])
+    tally(
+        test="bombs: small files that ask for much",
+        command="the reader of each",
+        tried=len(names),
+        survived=len(names) - len(misses),
+        misses=tuple(misses),
+    )
+    assert not misses
