@@ -1,0 +1,106 @@
+"""Two commands on one run or one folder of results: one wins, the other waits or says so.
+
+The second one starts at a known moment of the first: while it works, or when it is done.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from tally import Tally
+
+from bsg_data.errors import BSGError, DatasetError
+from bsg_data.recipes import MaskRecipe
+from bsg_models.studies.belief_report import BeliefRequest, MaskedScenes, report_beliefs
+from bsg_models.studies.evaluation_report import EvaluationRequest, report_evaluation
+from bsg_models.studies.leaderboard import make_leaderboard
+from bsg_models.studies.leaderboard_runs import LeaderboardRecipe
+from bsg_models.studies.sealed_results import check_results
+from bsg_models.studies.search_report import SearchRequest, report_search
+from bsg_models.training.training import train_run
+from bsg_models.zoo.config import find_config, override, validate_config
+
+Work = Callable[[Callable[..., None]], object]
+
+
+def commands(dataset: Path, run: Path, out: Path) -> dict[str, Work]:
+    """Return what writes into one folder, each with what it calls while it works."""
+    masked = MaskedScenes(dataset=dataset, split="test", mask=MaskRecipe())
+    return {
+        "evaluate": lambda during: report_evaluation(
+            EvaluationRequest(runs=(run,), dataset=dataset, out=out, resamples=0, force=True),
+            progress=during,
+        ),
+        "search": lambda during: report_search(
+            SearchRequest(
+                dataset=dataset,
+                out=out,
+                planners=("nearest",),
+                worlds=("star:1-10",),
+                episodes=1,
+                masks=1,
+                resamples=0,
+                force=True,
+            ),
+            progress=during,
+        ),
+        "tables": lambda during: report_beliefs(
+            BeliefRequest(run=run, scenes=masked, tables=out, force=True), progress=during
+        ),
+    }
+
+
+@pytest.mark.parametrize("first", ["evaluate", "search", "tables"])
+@pytest.mark.parametrize("second", ["evaluate", "search", "tables"])
+def test_two_commands_into_one_folder(
+    dataset: Path, run: Path, tmp_path: Path, first: str, second: str, full: bool, tally: Tally
+) -> None:
+    if not full and (first, second) != ("tables", "search"):
+        pytest.skip("the other pairs are tried by `make faults`")
+    out = tmp_path / "out"
+    works = commands(dataset, run, out)
+    refused: list[str] = []
+
+    def interrupt(*_: object) -> None:
+        try:
+            works[second](lambda *_: None)
+        except DatasetError as error:
+            refused.append(str(error))
+
+    works[first](interrupt)
+    said = [one for one in refused if "another command is writing there" in one]
+    sound = bool(said) and said == refused and bool(check_results(out))
+    names = f"{first} and {second} into one folder"
+    tally(test="two at once", command=names, tried=1, survived=int(sound))
+    assert sound
+
+
+def test_a_training_that_comes_second_replaces_nothing(dataset: Path, tmp_path: Path) -> None:
+    small = ["model.width=4", "training.epochs=2"]
+    tables = override(find_config("ceci-gcn").model_dump(mode="json"), small)
+    config = validate_config(tables, source="test")
+    first = train_run(config, dataset, tmp_path / "run")
+    next(first)
+    for force in (False, True):
+        with pytest.raises(BSGError, match=r"holds a run already|another command is writing"):
+            list(train_run(config, dataset, tmp_path / "run", force=force))
+    list(first)
+    assert "last.safetensors" in check_results(tmp_path / "run")
+
+
+def test_a_leaderboard_and_its_dataset_lie_apart(dataset: Path, tmp_path: Path) -> None:
+    models, recipe = {"gamma-poisson": find_config("gamma-poisson")}, LeaderboardRecipe(folds=3)
+    before = sorted(dataset.rglob("*"))
+    (tmp_path / "link").symlink_to(dataset)
+    for out in (dataset / "board", dataset, dataset.parent, tmp_path / "link" / "board"):
+        with pytest.raises(DatasetError, match="one inside the other"):
+            make_leaderboard(dataset, out, models, recipe)
+    assert sorted(dataset.rglob("*")) == before
+    (tmp_path / "board").mkdir()
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "board" / "uniform").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(DatasetError, match="is a link"):
+        make_leaderboard(dataset, tmp_path / "board", models, recipe)
+    assert not list((tmp_path / "elsewhere").iterdir())
