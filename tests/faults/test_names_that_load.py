@@ -91,7 +91,7 @@ def list_uses(tree: ast.AST) -> Iterator[tuple[int, str]]:
     """Yield every dotted name of a file that is imported or used, with its line; aliases spelt out.
 
     >>> [name for _, name in list_uses(ast.parse("import numpy as np; np.load"))]
-    ['numpy', 'numpy.load']
+    ['numpy', 'numpy.load', 'numpy']
     """
     known: dict[str, str] = {}
     for node in ast.walk(tree):
