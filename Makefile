@@ -18,15 +18,18 @@ help: ## Say what each target does.
 
 # What requirements.lock fits is installed by its hashes; what it lacks, such as CUDA's packages where
 # torch comes from the package index, and all of it on another system, by constraints.txt alone.
+# Of torch, the build for the processor alone is taken where pip finds it; else, also by hash, the index's.
+LOCKED = $(BIN)/python -m pip install --quiet --require-hashes --no-deps --requirement
 IS_LOCKED = import platform, sys; sys.exit(not ((3, 11) <= sys.version_info[:2] <= (3, 12) and platform.system() == "Linux" and platform.machine() == "x86_64"))
 
-$(INSTALLED): pyproject.toml constraints.txt requirements.lock setup.py
+$(INSTALLED): pyproject.toml constraints.txt requirements.lock requirements-torch.lock requirements-torch-cpu.lock setup.py
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo "Python 3.11 or later is needed; name it as in: make PYTHON=/path/to/python3.11 $(MAKECMDGOALS)" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 	@echo "installing into $(VENV); the first time takes a few minutes"
 	@if $(PYTHON) -c '$(IS_LOCKED)'; then \
-	  $(BIN)/python -m pip install --quiet --require-hashes --no-deps --requirement requirements.lock; \
+	  { $(LOCKED) requirements-torch-cpu.lock 2>/dev/null || $(LOCKED) requirements-torch.lock; } && \
+	  $(LOCKED) requirements.lock; \
 	else \
 	  echo "requirements.lock is not for this system: what is installed has no hashes"; \
 	  $(BIN)/python -m pip install --quiet --constraint constraints.txt torch; \
@@ -93,7 +96,7 @@ bench: $(INSTALLED) ## Measure how fast the main jobs are, each beside something
 audit: ## Ask pip-audit for known weaknesses of what is locked; needs the network.
 	$(PYTHON) -m venv $(VENV)/audit
 	$(VENV)/audit/bin/python -m pip install --quiet 'pip-audit>=2.7,<3'
-	$(VENV)/audit/bin/pip-audit --strict --disable-pip --require-hashes --requirement requirements.lock
+	$(VENV)/audit/bin/pip-audit --strict --disable-pip --require-hashes --requirement requirements.lock --requirement requirements-torch.lock
 
 clean: ## Remove the environment, the demo and all caches.
 	rm -rf $(VENV) $(DEMO) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks

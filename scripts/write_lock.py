@@ -1,9 +1,10 @@
-"""Write `requirements.lock`: what `make` installs, each file by its sha256.
+"""Write `requirements*.lock`: what `make` installs, each file by its sha256.
 
     pip install uv; python scripts/write_lock.py
 
 It takes the versions of `constraints.txt`. Of torch there are two builds, that of the package index
-and the one for the processor alone, which pip takes where it is offered: both are listed.
+and the one for the processor alone. Each has a file of its own: of two builds in one file pip takes
+the one of the index, which brings gigabytes for CUDA.
 """
 
 from __future__ import annotations
@@ -16,6 +17,8 @@ import click
 
 REPOSITORY = Path(__file__).parents[1]
 LOCK = REPOSITORY / "requirements.lock"
+CPU_TORCH = REPOSITORY / "requirements-torch-cpu.lock"
+TORCH = REPOSITORY / "requirements-torch.lock"
 HEAD = """\
 # What `make` installs on Linux, x86-64, with Python 3.11 or 3.12: every file by its sha256.
 # scripts/write_lock.py makes it of the versions in constraints.txt; see docs/dependencies.md.
@@ -25,7 +28,7 @@ _COMPILE = (
     *("--no-emit-index-url", "--no-emit-find-links", "--index-strategy", "unsafe-best-match"),
     *("--constraint", "constraints.txt", "--python-version", "3.11"),
 )
-_TORCH = re.compile(r"^torch==\S+ \\\n((?:    --hash=\S+(?: \\)?\n)+)", re.MULTILINE)
+_TORCH = re.compile(r"^torch==\S+ \\\n(?:    --hash=\S+(?: \\)?\n)+", re.MULTILINE)
 
 
 @click.command(help=__doc__, context_settings={"help_option_names": ["-h", "--help"]})
@@ -34,8 +37,12 @@ def main(folder: str | None) -> None:
     """Write the lock."""
     links = ("--find-links", folder) if folder else ()
     text = compile_lock("pyproject.toml", "--extra", "test", *links)
+    rest, torch = split_torch(text)
     indexed = compile_lock("-", "--no-deps", given="torch\n")
-    LOCK.write_text(HEAD + join_torch(text, indexed), "utf-8")
+    said = "by its sha256; see requirements.lock.\n"
+    LOCK.write_text(HEAD + rest, "utf-8")
+    CPU_TORCH.write_text(f"# torch for the processor alone, {said}{torch}", "utf-8")
+    TORCH.write_text(f"# torch as the package index has it, {said}{indexed}", "utf-8")
 
 
 def compile_lock(*words: str, given: str | None = None) -> str:
@@ -46,20 +53,9 @@ def compile_lock(*words: str, given: str | None = None) -> str:
     return done.stdout
 
 
-def join_torch(lock: str, indexed: str) -> str:
-    """Return a lock that allows torch as it stands there and as the index has it.
-
-    A version without a build, `==2.13.0`, takes a build of it, `2.13.0+cpu`, too.
-    """
-    hashes = [
-        found.strip(" \\")
-        for text in (lock, indexed)
-        for block in _TORCH.findall(text)
-        for found in block.splitlines()
-    ]
-    version = re.findall(r"^torch==([0-9.]+)", indexed, re.MULTILINE)[0]
-    lines = " \\\n    ".join((f"torch=={version}", *sorted(set(hashes))))
-    return _TORCH.sub(lambda _: f"{lines}\n", lock)
+def split_torch(lock: str) -> tuple[str, str]:
+    """Return what a lock has besides torch, and torch."""
+    return _TORCH.sub("", lock), "".join(_TORCH.findall(lock))
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from conftest import REPOSITORY, load_script, tomllib
 
+LOCKS = ("requirements.lock", "requirements-torch.lock", "requirements-torch-cpu.lock")
 PINNED = re.compile(
     r"^([a-z0-9-]+)==([0-9][\w.+]*)((?: \\\n    --hash=sha256:[0-9a-f]{64})+)$", re.M
 )
@@ -27,6 +28,10 @@ def read_pins(name: str) -> dict[str, str]:
     return dict(re.findall(r"^([A-Za-z0-9-]+)==([^\s\\]+)", text, re.MULTILINE))
 
 
+def read_lock() -> dict[str, str]:
+    return read_pins("requirements.lock") | read_pins("requirements-torch.lock")
+
+
 def test_every_requirement_has_both_bounds() -> None:
     listed = list(requirements())
     assert len(listed) > 40
@@ -37,7 +42,7 @@ def test_every_requirement_has_both_bounds() -> None:
 
 
 def test_every_file_of_the_lock_has_a_hash() -> None:
-    text = (REPOSITORY / "requirements.lock").read_text("utf-8")
+    text = "".join((REPOSITORY / name).read_text("utf-8") for name in LOCKS)
     body = "".join(line for line in text.splitlines(True) if not line.startswith("#"))
     pinned = PINNED.findall(body)
     assert len(pinned) > 100
@@ -46,9 +51,10 @@ def test_every_file_of_the_lock_has_a_hash() -> None:
 
 
 def test_the_lock_has_the_versions_of_the_constraints() -> None:
-    locked, constrained = read_pins("requirements.lock"), read_pins("constraints.txt")
+    locked, constrained = read_lock(), read_pins("constraints.txt")
+    assert read_pins("requirements-torch-cpu.lock")["torch"].partition("+")[0] == locked["torch"]
     fuzz = {"atheris"}  # is of the extra `fuzz`, which `make install` does not need
-    assert constrained.keys() - locked.keys() <= fuzz, "make lock"
+    assert constrained.keys() - locked.keys() <= fuzz, "scripts/write_lock.py makes it"
     assert {name: locked[name] for name in constrained.keys() - fuzz} == {
         name: version for name, version in constrained.items() if name not in fuzz
     }
@@ -70,13 +76,12 @@ def test_the_lock_holds_all_that_the_tests_ask_for() -> None:
     needed = {
         re.split(r"[<>=\[; ]", line)[0] for line in wanted if "python_version < '3.11'" not in line
     }
-    assert needed <= read_pins("requirements.lock").keys(), "make lock"
+    assert needed <= read_lock().keys(), "scripts/write_lock.py makes it"
 
 
-def test_both_builds_of_torch_are_in_a_lock_that_is_made() -> None:
-    one, two = (f"--hash=sha256:{digit * 64}" for digit in "12")
-    lock = f"a==1 \\\n    {two}\ntorch==2.13.0+cpu \\\n    {two}\nz==3 \\\n    {one}\n"
-    made = load_script("write_lock").join_torch(lock, f"torch==2.13.0 \\\n    {one}\n")
-    assert made == (
-        f"a==1 \\\n    {two}\ntorch==2.13.0 \\\n    {one} \\\n    {two}\nz==3 \\\n    {one}\n"
-    )
+def test_torch_is_kept_apart_from_the_rest() -> None:
+    one, two = (f"    --hash=sha256:{digit * 64}" for digit in "12")
+    torch, rest = f"torch==2.13.0+cpu \\\n{one} \\\n{two}\n", f"torch-geometric==3 \\\n{one}\n"
+    split = load_script("write_lock").split_torch(f"a==1 \\\n{two}\n{torch}{rest}")
+    assert split == (f"a==1 \\\n{two}\n{rest}", torch)
+    assert "torch" not in read_pins("requirements.lock")
