@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
@@ -98,11 +99,13 @@ def refuse_links(root: Path, path: Path) -> None:
 
 
 def hash_file(path: Path) -> str:
-    """Return the sha256 of a file, in hexadecimal digits.
+    """Return the sha256 of a file on a disk, in hexadecimal digits.
 
     Raises:
-        OSError: if it cannot be read.
+        OSError: if it cannot be read, or is a pipe or a device, which may have no end.
     """
+    if not path.is_file() and path.exists():
+        raise OSError(errno.EINVAL, "is no file on a disk", str(path))
     digest = hashlib.sha256()
     with path.open("rb") as file:
         while block := file.read(_BLOCK):

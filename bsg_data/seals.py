@@ -13,13 +13,14 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from bsg_data.errors import DatasetError
-from bsg_data.files import hash_file, write_bytes
+from bsg_data.files import hash_file, refuse_links, write_bytes
+from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.inputs.bounds import CHECKSUMS
 from bsg_data.lock import hold
 from bsg_data.result_folder import stage_files
 
 SEAL = "SHA256SUMS"
 _LINE = re.compile(r"(?P<sha256>[0-9a-f]{64})  (?P<name>(?!/)[^\\\x00-\x1f]+)")
-_MOST_BYTES = 1 << 20  # of a list of files
 
 
 @contextmanager
@@ -48,7 +49,8 @@ def replace_sealed(folder: Path) -> Iterator[Path]:
             names = sorted(path.relative_to(staged).as_posix() for path in files)
             write_seal(staged, names)
         for name in before.keys() - set(names):
-            with suppress(OSError):
+            with suppress(OSError, DatasetError):  # no seal speaks of what is behind a link
+                refuse_links(folder, folder / name)
                 if hash_file(folder / name) == before[name]:
                     (folder / name).unlink()
 
@@ -73,16 +75,15 @@ def read_seal(folder: Path) -> dict[str, str] | None:
         DatasetError: naming the line that is none.
     """
     path = folder / SEAL
-    try:
-        with path.open("rb") as file:
-            data = file.read(_MOST_BYTES + 1)
-        text = data.decode()
-    except FileNotFoundError:
+    if not path.is_symlink() and not path.exists():
         return None
-    except (OSError, UnicodeDecodeError) as error:
-        raise DatasetError(f"{path}: cannot be read ({error})") from error
-    if len(data) > _MOST_BYTES or not text.endswith("\n"):
-        raise DatasetError(f"{path}: is damaged: expected lines, 1 MiB of them at most")
+    data = read_bytes(path, CHECKSUMS, error=DatasetError)
+    try:
+        text = data.decode()
+    except UnicodeDecodeError as error:
+        raise DatasetError(f"{path}: is damaged: no text ({error})") from error
+    if not text.endswith("\n"):
+        raise DatasetError(f"{path}: is damaged: its last line has no end")
     sums = {}
     for number, line in enumerate(text[:-1].split("\n"), 1):
         found = _LINE.fullmatch(line)
@@ -105,6 +106,7 @@ def require_seal(folder: Path) -> dict[str, str] | None:
     for name, expected in (sums or {}).items():
         path = folder / name
         try:
+            refuse_links(folder, path)
             found = hash_file(path)
         except OSError as error:
             raise DatasetError(

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import torch
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.kept_maps import read_class_maps
+from bsg_data.errors import DatasetError
+from bsg_data.files import hash_file
 from bsg_data.lock import hold
-from bsg_data.seals import SEAL, require_seal, write_seal
+from bsg_data.seals import SEAL, read_seal, require_seal, write_seal
 from bsg_models.errors import CheckpointError, TrainingError
 from bsg_models.runs.checkpoint import CheckpointHeader, read_header, save_checkpoint
 from bsg_models.zoo.config import RunConfig
@@ -53,8 +55,8 @@ def open_run(run: Path, *, resume: bool = False, force: bool = True) -> Iterator
         refuse_overwriting(run, resume=resume, force=force)
         if resume:
             require_seal(run)
-        (run / SEAL).unlink(missing_ok=True)  # until all files are what they will be
-        yield
+        with _unsealed(run):
+            yield
         seal_run(run)
 
 
@@ -68,10 +70,24 @@ def reseal(run: Path) -> Iterator[None]:
     """Hold the lock of a run while a file is added to it, and seal it again if it was sealed."""
     with hold(run, wait=_SECONDS_TO_WAIT):
         sealed = require_seal(run) is not None
-        (run / SEAL).unlink(missing_ok=True)
-        yield
+        with _unsealed(run):
+            yield
         if sealed:
             seal_run(run)
+
+
+@contextmanager
+def _unsealed(run: Path) -> Iterator[None]:
+    """Take the seal off while files change; put it back if that fails before any has changed."""
+    before = read_seal(run)
+    (run / SEAL).unlink(missing_ok=True)
+    try:
+        yield
+    except BaseException:
+        with suppress(DatasetError, OSError):
+            if before and all(hash_file(run / name) == before[name] for name in before):
+                write_seal(run, before)
+        raise
 
 
 def refuse_overwriting(run: Path, *, resume: bool, force: bool) -> None:

@@ -123,7 +123,10 @@ def report_evaluation(
     with ExitStack() as held:
         staged = held.enter_context(replace_sealed(request.folder))
         _refuse_done(request)  # of another command that was first
-        own = None if into is None else held.enter_context(replace_files(into, last=None))
+        own = None
+        if into is not None:
+            beside = into.resolve() != request.folder.resolve()  # which is held already
+            own = held.enter_context(replace_files(into, last=None)) if beside else staged
         with ExitStack() as open_files:
             comparison = compare_runs(
                 request.runs,
