@@ -61,6 +61,7 @@ def stage_files(folder: Path, *, last: str | None) -> Iterator[Path]:
     """Do what `replace_files` does for somebody who holds the folder's lock already."""
     unfinished = folder / UNFINISHED
     made = not folder.exists()
+    _refuse_foreign(unfinished)
     try:
         folder.mkdir(exist_ok=True)
         _remove(unfinished)  # of a killed command
@@ -157,6 +158,14 @@ def _keep(folder: Path, paths: Sequence[str], old: Path) -> set[str]:
 def _flush_folders(folder: Path, paths: Sequence[str]) -> None:
     for inner in {(folder / path).parent for path in paths}:
         flush_folder(inner)
+
+
+def _refuse_foreign(unfinished: Path) -> None:
+    """Refuse to remove what no command of ours makes in its folder."""
+    if unfinished.is_dir() and not unfinished.is_symlink():
+        for path in sorted(unfinished.iterdir()):
+            if path.name not in ("new", "old"):
+                raise DatasetError(f"{path}: was not written by these commands; move it away")
 
 
 def _remove(unfinished: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import re
 from collections.abc import Iterable
 from typing import Any
 
@@ -46,7 +47,8 @@ def write_card(manifest: Manifest) -> str:
         "",
         f"{totals.scenes:,} buildings, {totals.rooms:,} rooms, {totals.objects:,} objects, "
         f"{totals.classified:,} of them in one of {len(manifest.class_space.classes)} classes. "
-        f"Built by {manifest.generator}. {len(manifest.skipped)} scenes were skipped and "
+        f"Built by {escape_markdown(manifest.generator)}. "
+        f"{len(manifest.skipped)} scenes were skipped and "
         f"{totals.unmapped:,} objects had a name that no class map knows; `dataset.json` lists "
         "both, with the hash of every file. Metres, Z up, right-handed.",
         "",
@@ -55,7 +57,7 @@ def write_card(manifest: Manifest) -> str:
         *_source_table(manifest),
         "",
         *_describe_terms(manifest),
-        f"Classes of `{manifest.class_space.name}`, in the order of every histogram: "
+        f"Classes of {_code(manifest.class_space.name)}, in the order of every histogram: "
         + ", ".join(map(escape_markdown, manifest.class_space.classes))
         + ".",
         "",
@@ -122,9 +124,9 @@ def _source_table(manifest: Manifest) -> list[str]:
     """Return the sources, their class maps and terms as the lines of a Markdown table."""
     rows = [
         (
-            source.kind,
+            escape_markdown(source.kind),
             escape_markdown(source.version or ""),
-            f"`{source.class_map.version}`",
+            _code(source.class_map.version),
             f"[{source.terms.licence}]({source.terms.licence_url})" if source.terms else "unknown",
             f"<{source.terms.homepage}>" if source.terms else "",
         )
@@ -133,15 +135,20 @@ def _source_table(manifest: Manifest) -> list[str]:
     return format_markdown(rows, header=("source", "version", "class map", "licence", "homepage"))
 
 
+def _code(name: str) -> str:
+    """Return a name in the type of code, in which nothing but a backtick is markup."""
+    return escape_markdown(name) if re.search(r"[^\w.-]", name) else f"`{name}`"
+
+
 def _describe_terms(manifest: Manifest) -> list[str]:
     """Return what a user has to know of each source's terms, and how to cite it."""
     lines = []
     for source in manifest.sources:
         if source.terms is None:
-            lines += [f"{source.kind}: the source is of {_UNKNOWN}.", ""]
+            lines += [f"{escape_markdown(source.kind)}: the source is of {_UNKNOWN}.", ""]
         else:
             said = f"{source.terms.sentence} Cite: {source.terms.citation}."
-            lines += [f"{source.kind}: {html.escape(said, quote=False)}", ""]
+            lines += [f"{escape_markdown(source.kind)}: {html.escape(said, quote=False)}", ""]
     return lines
 
 

@@ -32,11 +32,12 @@ MAX_OBJECT_ROWS = 2_500_000  # of a table that is a source: 25 times HM3D's obje
 MAX_VALUES = 500_000_000  # of a parquet file: rows times columns, entries of lists counted each
 MAX_MEMBERS = 10_000  # of a zip
 MAX_NESTING = 100  # of lists and mappings in JSON, YAML and TOML
+MAX_CONTAINERS = 5_000_000  # lists and mappings in JSON, which take the most memory a byte
 MAX_LINE = MIB  # characters of a line of CSV
 MAX_RATIO = 200  # of a packed stream that is read piece by piece; text is packed to a tenth
 
 _HOUSES = "a house of 4 MiB and 1,000 rooms"
-_NESTED = f"nested {MAX_NESTING} deep; a key once"
+_NESTED = f"{MAX_CONTAINERS:,} lists and mappings, nested {MAX_NESTING} deep; a key once"
 
 ANNOTATION = Bound("annotation of HM3DSem, `*.semantic.txt`", 64 * MIB)
 STATISTICS = Bound(

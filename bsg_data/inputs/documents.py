@@ -18,7 +18,7 @@ import yaml
 
 from bsg_data.errors import SourceError
 from bsg_data.inputs.bounded_file import Refusal, read_bytes
-from bsg_data.inputs.bounds import MAX_NESTING, Bound
+from bsg_data.inputs.bounds import MAX_CONTAINERS, MAX_NESTING, Bound
 from bsg_data.spelling import SHOWN
 
 if sys.version_info >= (3, 11):
@@ -59,6 +59,8 @@ def parse_json(data: bytes | str, *, once: bool = True) -> Any:
             has thousands of digits, half a character, or is nested beyond reason.
     """
     text = decode(data)
+    if text.count("[") + text.count("{") > MAX_CONTAINERS:  # those in words, too
+        raise ValueError(f"more than {MAX_CONTAINERS:,} lists and mappings")
     try:
         document = json.loads(
             text, object_pairs_hook=_once if once else None, parse_constant=_refuse_constant
@@ -84,6 +86,8 @@ def parse_yaml(data: bytes) -> Any:
     Raises:
         ValueError: if it is none, has an alias or a key twice, or is nested beyond reason.
     """
+    if re.search(rb"^%", data, re.MULTILINE):  # libyaml compares each directive with all others
+        raise ValueError("no plain YAML (a line begins with %, as a directive does)")
     try:
         return _compose(yaml.parse(data, Loader=_LOADER))
     except (yaml.YAMLError, ValueError, RecursionError) as error:

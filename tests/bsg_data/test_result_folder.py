@@ -173,3 +173,16 @@ def test_a_place_is_vacant_with_what_a_killed_command_left(tmp_path: Path) -> No
     (out / "mine").write_text("")
     assert not is_vacant(out)
     assert not is_vacant(out / "mine")
+
+
+def test_what_a_user_put_where_files_grow_is_named_and_stays(tmp_path: Path) -> None:
+    notes = tmp_path / UNFINISHED / "notes.txt"
+    notes.parent.mkdir()
+    notes.write_text("mine")
+    with (
+        pytest.raises(DatasetError, match=r"notes\.txt: was not written by these commands"),
+        replace_files(tmp_path, last=None) as staged,
+    ):
+        (staged / "a").write_text("new")
+    assert notes.read_text() == "mine"
+    assert not (tmp_path / "a").exists()

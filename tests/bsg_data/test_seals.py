@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 from pathlib import Path
 
@@ -86,8 +87,33 @@ def test_a_file_that_is_gone_or_changed_is_named(tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match="cannot be sealed"):
         write_seal(tmp_path, ["a"])
     (tmp_path / SEAL).write_bytes(b"\xff\n")
-    with pytest.raises(DatasetError, match="cannot be read"):
+    with pytest.raises(DatasetError, match="is damaged: no text"):
         read_seal(tmp_path)
     (tmp_path / SEAL).write_text("no end of a line")
     with pytest.raises(DatasetError, match="is damaged"):
         read_seal(tmp_path)
+
+
+def test_a_seal_speaks_of_nothing_behind_a_link(tmp_path: Path) -> None:
+    out, victim = tmp_path / "out", tmp_path / "victim"
+    victim.mkdir()
+    (victim / "thesis.txt").write_text("years")
+    out.mkdir()
+    (out / "sub").symlink_to(victim)
+    write_seal(out, ["sub/thesis.txt"])
+    with pytest.raises(DatasetError, match="is a link"):
+        require_seal(out)
+    write(out, a="1")
+    assert (victim / "thesis.txt").read_text() == "years"
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes with a name")
+def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "a")
+    (tmp_path / SEAL).write_text(f"{'0' * 64}  a\n")
+    with pytest.raises(DatasetError, match="is no file on a disk"):
+        require_seal(tmp_path)
+    (tmp_path / SEAL).unlink()
+    os.mkfifo(tmp_path / SEAL)
+    with pytest.raises(DatasetError, match="is damaged"):
+        require_seal(tmp_path)

@@ -10,6 +10,7 @@ import mlcroissant
 import pytest
 
 from bsg_data.build import build_dataset
+from bsg_data.dataset.card import write_card
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.synthetic.buildings import write_synthetic
@@ -60,6 +61,19 @@ def test_the_card_says_what_the_manifest_says(dataset: Path) -> None:
     assert "license_name: matterport-academic" in card
     assert "Split by building: ratios 0.8 / 0.1 / 0.1, seed 0." in card
     assert "Pairs: 4 draws of the mask uniform, fraction 0.5, seed 0." in card
+
+
+def test_names_of_a_hostile_manifest_are_no_markup(dataset: Path) -> None:
+    evil = "<script>alert(1)</script>`|[x](y)"
+    manifest = read_manifest(dataset)
+    source = manifest.sources[0].model_copy(update={"kind": evil, "version": evil, "terms": None})
+    space = manifest.class_space.model_copy(update={"name": evil})
+    said = {"sources": (source,), "generator": evil, "class_space": space}
+    card = write_card(manifest.model_copy(update=said))
+    body = card.partition("\n---\n")[2]
+    assert "&lt;script" in body
+    assert "<script" not in body
+    assert "](y)" not in body.replace("\\](y)", "")
 
 
 def test_synthetic_buildings_are_not_matterports(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bsg_data.errors import DatasetError
+from bsg_data.inputs import documents
 from bsg_data.inputs.bounds import MAX_NESTING, Bound
 from bsg_data.inputs.documents import parse_json, parse_toml, parse_yaml, read_json
 
@@ -99,6 +100,23 @@ def test_yaml_is_what_the_library_reads_as_text(tree: Any, flow: bool) -> None:
 def test_what_is_no_plain_yaml_is_one_error(text: str | bytes, said: str) -> None:
     with pytest.raises(ValueError, match=said):
         parse_yaml(text if isinstance(text, bytes) else text.encode())
+
+
+def test_directives_are_refused_before_they_are_compared() -> None:
+    """libyaml compares each with all before it: half a megabyte took half a minute."""
+    lines = "".join(f"%TAG !a{number}! b\n" for number in range(40_000))
+    with pytest.raises(ValueError, match="a line begins with %"):
+        parse_yaml(f"{lines}--- x\n".encode())
+    assert parse_yaml(b"a: 5%\nb: 'x %'\n") == {"a": "5%", "b": "x %"}
+
+
+def test_lists_without_end_are_refused_before_they_are_made(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(documents, "MAX_CONTAINERS", 3)
+    assert parse_json("[[], {}]") == [[], {}]
+    with pytest.raises(ValueError, match="more than 3 lists and mappings"):
+        parse_json("[[], {}, []]")
 
 
 def test_yaml_of_nothing_and_of_tags() -> None:
