@@ -176,6 +176,7 @@ COMMANDS = (
         "--set model.iterations=3",
         {"dataset": "paired"},
         ("run",),
+        again="--resume",
         growing=("run/",),
         varying=("run/log.jsonl",),
         resumes=True,
@@ -196,14 +197,14 @@ COMMANDS = (
         "--write-predictions predicted",
         {"dataset": "paired", "run": "run"},
         ("results", "page.html", "predicted"),
-        most=25,
+        most=8,
     ),
     Command(
         "evaluate --predictions",
         "bsg-evaluate --predictions predicted --data dataset --resamples 3 --out results",
         {"dataset": "paired", "predicted": "predicted"},
         ("results",),
-        most=15,
+        most=8,
     ),
     Command(
         "leaderboard",
@@ -214,7 +215,7 @@ COMMANDS = (
         growing=("board/",),
         varying=("log.jsonl", "metrics.csv", "seconds.json"),
         resumes=True,
-        most=50,
+        most=10,
     ),
     Command(
         "search",
@@ -222,7 +223,7 @@ COMMANDS = (
         "--masks 1 --resamples 2 --workers 1 --trace --animation found.gif --out found",
         {"dataset": "paired", "run": "run"},
         ("found", "found.gif"),
-        most=15,
+        most=8,
     ),
     Command(
         "belief",
