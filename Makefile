@@ -69,6 +69,8 @@ coverage: $(INSTALLED) ## Run all tests, and list the lines that none of them ru
 faults: $(INSTALLED) ## Try every fault in full, about an hour: docs/results/reliability.md.
 	rm -f build/faults.jsonl && mkdir -p build
 	-$(PYTEST) --full --tally build/faults.jsonl tests/faults
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[fuzz]'
+	-$(BIN)/python scripts/faults/fuzz.py --minutes 25 --jobs 2 --tally build/faults.jsonl
 	-$(BIN)/python scripts/faults/mutants.py --tally build/faults.jsonl
 	$(BIN)/python scripts/faults/report.py --tally build/faults.jsonl --out docs/results/reliability.md
 

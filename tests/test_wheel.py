@@ -133,11 +133,11 @@ def test_the_bill_of_materials_lists_what_is_asked_for(wheel: Path) -> None:
     assert len({part["bom-ref"] for part in bill["components"]}) == len(listed)
 
 
-def spell(asked: tuple[str, str]) -> tuple[str, str, frozenset[str]]:
+def spell(asked: tuple[str, str]) -> tuple[str, str, tuple[str, ...]]:
     """Return an extra, the name of what it asks for, and the rest in any order and quotes."""
     extra, line = asked
     name, *rest = re.findall(r"[A-Za-z0-9_.*\[\]-]+|[<>=!~]+", line)
-    return extra, name, frozenset(rest)
+    return extra, name, tuple(sorted(rest))
 
 
 @pytest.mark.slow

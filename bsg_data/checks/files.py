@@ -11,7 +11,7 @@ import pyarrow as pa
 
 from bsg_data.checks.faults import Fault
 from bsg_data.dataset.manifest import FileEntry, Manifest
-from bsg_data.dataset.shards import check_file_metadata, schema_of, to_current
+from bsg_data.dataset.shards import check_file_metadata, schema_of, table_of, to_current
 from bsg_data.errors import BSGError, DatasetError
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import DATASET_TABLE
@@ -68,11 +68,6 @@ class FileReader:
             faults += _compare_columns(entry, table, schema_of(table_of(entry), self.manifest))
             return table
         return None
-
-
-def table_of(entry: FileEntry) -> str:
-    """Return the table that a file is of: `rooms/part-00000.parquet` → `rooms`."""
-    return entry.path.split("/")[0].removesuffix(".parquet")
 
 
 def _compare_bytes(entry: FileEntry, data: bytes) -> list[Fault]:

@@ -111,6 +111,7 @@ def open_listed(dataset: Path, entry: FileEntry, *, manifest: Manifest) -> Itera
         raise DatasetError(f"{path}: is not what the manifest says; `bsg-data check` says more")
     with reading_parquet(path, data=data, rows=entry.rows, error=_refuse) as file:
         check_file_metadata(path, file.schema_arrow, manifest)
+        _require_columns(path, file.schema_arrow, schema_of(table_of(entry), manifest))
         yield file
 
 
@@ -144,6 +145,20 @@ def schema_of(table: str, manifest: Manifest) -> pa.Schema:
         told = manifest.format_version != 1
         return pairs_schema(len(manifest.class_space.classes), told=told)
     return TABLES_1[table] if manifest.format_version == 1 else TABLES[table]
+
+
+def table_of(entry: FileEntry) -> str:
+    """Return the table that a file is of: `rooms/part-00000.parquet` → `rooms`."""
+    return entry.path.split("/")[0].removesuffix(".parquet")
+
+
+def _require_columns(path: Path, found: pa.Schema, expected: pa.Schema) -> None:
+    if not found.equals(expected, check_metadata=False):
+        plain = [{field.remove_metadata() for field in schema} for schema in (found, expected)]
+        names = ", ".join(sorted({field.name for field in plain[0] ^ plain[1]})) or "their order"
+        raise DatasetError(
+            f"{path}: other columns than the format has ({names}); `bsg-data check` says more"
+        )
 
 
 def _require_scene_ids(path: Path, names: Sequence[object]) -> None:

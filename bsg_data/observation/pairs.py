@@ -168,6 +168,7 @@ def _read_groups(dataset: Path, entry: FileEntry, manifest: Manifest) -> Iterato
         rest: pa.Table | None = None
         for number in range(file.num_row_groups):
             table = file.read_row_group(number, use_threads=False)
+            table.validate(full=True)
             table = table if rest is None else pa.concat_tables([rest, table])
             starts = np.flatnonzero(table["node_index"].to_numpy() == 0)
             last = int(starts[-1]) if len(starts) else 0

@@ -207,5 +207,8 @@ def measure_masks(
 
 
 def hash_unsplit(data: Dataset) -> str:
-    """Return the sha256 of a dataset as it was before it was split, which names what is in it."""
+    """Return the sha256 of a dataset's manifest before it was split, which names what is in it.
+
+    Without the seal, so that it is the one that programs from before there were seals found.
+    """
     return hashlib.sha256(encode_manifest(data.manifest.without_split())).hexdigest()

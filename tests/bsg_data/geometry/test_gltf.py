@@ -192,8 +192,14 @@ def test_a_tree_that_lies_is_refused_with_the_reason(
         (lambda data: data + b"more", "goes on after its end"),
         (lambda data: data[:4] + struct.pack("<I", 1) + data[8:], "only GLTF 2 is supported"),
         (lambda data: data[:12] + struct.pack("<I", 2**31) + data[16:], "which cannot be"),
-        (lambda data: data[:20] + b"\xff" + data[21:], r"not readable as glTF \(Unicode"),
-        (lambda data: data[:20] + b"}" + data[21:], r"not readable as glTF \(JSON"),
+        (
+            lambda data: data[:20] + b"\xff" + data[21:],
+            r"not readable as glTF \(ValueError: .* not UTF-8",
+        ),
+        (
+            lambda data: data[:20] + b"}" + data[21:],
+            r"not readable as glTF \(ValueError: .* Expecting",
+        ),
         (lambda data: data[:16] + b"NOSJ" + data[20:], "not readable as glTF"),
     ],
 )
@@ -219,10 +225,12 @@ def test_a_texture_too_large_is_refused_before_it_is_unpacked(tmp_path: Path) ->
 
 
 def test_a_vertex_that_is_not_finite_is_refused(tmp_path: Path) -> None:
-    mesh = textured(RED)
-    mesh.vertices = np.where(SQUARE == 1, np.nan, SQUARE)
+    path = write_glb(tmp_path / "nan.glb", textured(RED))
+    vertex = np.float32(SQUARE[1]).tobytes()
+    assert vertex in path.read_bytes()
+    path.write_bytes(path.read_bytes().replace(vertex, np.full(3, np.nan, "f4").tobytes()))
     with pytest.raises(MeshError, match="not finite"):
-        list(read_parts(write_glb(tmp_path / "nan.glb", mesh)))
+        list(read_parts(path))
 
 
 def test_a_face_beyond_the_vertices_is_refused(glb: Path) -> None:

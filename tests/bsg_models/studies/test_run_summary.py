@@ -4,6 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from bsg_data.errors import DatasetError
+from bsg_data.seals import SEAL
 from bsg_models.errors import CheckpointError, TrainingError
 from bsg_models.runs.run_folder import CONFIG, LOG
 from bsg_models.studies.run_summary import plot_run, summarise_run
@@ -35,8 +37,8 @@ def test_members_of_an_ensemble_are_kept(tmp_path: Path) -> None:
 
 def test_a_run_of_an_earlier_version_is_told_by_its_checkpoint(run: Path) -> None:
     before = summarise_run(run)
-    (run / CONFIG).unlink()
-    (run / LOG).unlink()
+    for name in (CONFIG, LOG, SEAL):
+        (run / name).unlink()
     after = summarise_run(run)
     assert after.config == before.config
     assert (len(before.trainings), after.trainings) == (1, ())
@@ -45,6 +47,7 @@ def test_a_run_of_an_earlier_version_is_told_by_its_checkpoint(run: Path) -> Non
 def test_a_training_that_did_not_end_has_no_end(run: Path) -> None:
     lines = (run / LOG).read_text("utf-8").splitlines(keepends=True)
     (run / LOG).write_text(lines[0] + "".join(lines), "utf-8")
+    (run / SEAL).unlink()
     (killed, no_end), (begun, ended) = summarise_run(run).trainings
     assert killed == begun
     assert no_end is None
@@ -56,5 +59,8 @@ def test_what_is_no_run_is_said(tmp_path: Path, run: Path) -> None:
     with pytest.raises(CheckpointError, match="no run there"):
         summarise_run(tmp_path)
     (run / LOG).write_text("{}\n", "utf-8")
+    with pytest.raises(DatasetError, match=r"log\.jsonl: was changed"):
+        summarise_run(run)
+    (run / SEAL).unlink()
     with pytest.raises(TrainingError, match=r"log\.jsonl, line 1: is none of a log of ours"):
         summarise_run(run)

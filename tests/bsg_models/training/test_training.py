@@ -223,6 +223,9 @@ def test_a_run_that_lost_a_part_is_not_resumed(dataset: Path, tmp_path: Path) ->
     list(train_run(configure(), dataset, run))
     whole = (run / METRICS).read_text()
     (run / METRICS).write_text("nonsense\n1\n")
+    with pytest.raises(DatasetError, match=r"metrics\.csv: was changed"):
+        list(train_run(longer, dataset, run, resume=True))
+    (run / "SHA256SUMS").unlink()  # as of a run that was stopped
     with pytest.raises(TrainingError, match="not the metrics of a run"):
         list(train_run(longer, dataset, run, resume=True))
     (run / METRICS).write_text(whole)
@@ -254,6 +257,7 @@ def test_a_diverging_run_says_so_and_keeps_what_it_had(dataset: Path, tmp_path: 
     hot = header.config.training.model_copy(update={"learning_rate": 1e30})
     config = header.config.model_copy(update={"training": hot})
     rewrite(run / LAST, weights(run / LAST), config=config)
+    (run / "SHA256SUMS").unlink()  # as of a run that was stopped
     before = {name: (run / name).read_bytes() for name in (BEST, LAST, METRICS)}
     longer = config.model_copy(update={"training": hot.model_copy(update={"epochs": 9})})
     with pytest.raises(TrainingError, match=r"is not finite.*lower training\.learning_rate"):

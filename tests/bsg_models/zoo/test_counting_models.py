@@ -16,6 +16,7 @@ from safetensors.torch import load_file
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.masked_buildings import stack_masked
+from bsg_data.seals import SEAL
 from bsg_models.belief.count_distribution import negative_binomial
 from bsg_models.errors import CheckpointError, ConfigError, TrainingError
 from bsg_models.inputs.edges import edges_of
@@ -126,7 +127,7 @@ def spoil(texts: list[dict[str, Any]], how: str) -> bytes:
     [
         ("cut", "trees are damaged"),
         ("few", "trees are of another model"),
-        ("not finite", "a start is not finite"),
+        ("not finite", "trees are damaged .*NaN"),
         ("no text", "trees are damaged"),
         ("no list", "trees are damaged"),
     ],
@@ -173,7 +174,7 @@ def test_an_ensemble_replaces_a_run_whole(dataset: Path, tmp_path: Path) -> None
     members = 'model.members=["train-mean","gamma-poisson"]'
     list(train_run(configure("ensemble", members), dataset, tmp_path / "run", force=True))
     left = {path.name for path in (tmp_path / "run").iterdir()}
-    assert left == {BEST, MEMBERS, CONFIG, LOG}
+    assert left == {BEST, MEMBERS, CONFIG, LOG, SEAL}
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 
+from bsg_data.seals import write_seal
 from bsg_models.belief.formats import read_beliefs
 from bsg_models.belief.table_rows import SCHEMAS
 from bsg_models.belief.tables import write_tables
@@ -52,6 +53,7 @@ def read(folder: Path, data: bytes) -> object:
     else:
         name = NAMES[data[0] % len(NAMES) if data else 0]
         (place / f"{name}.parquet").write_bytes(data[1:])
+    write_seal(place, [f"{name}.parquet" for name in NAMES])  # as an attacker would
     return read_beliefs(place)
 
 

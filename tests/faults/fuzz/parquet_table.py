@@ -45,7 +45,12 @@ def write_document(document: Any, path: Path, *, schema: pa.Schema | None = None
             key.encode("utf-8", "surrogatepass"): value.encode("utf-8", "surrogatepass")
             for key, value in (document.get("metadata") or {}).items()
         }
-        table = pa.table(arrays).replace_schema_metadata(metadata)
+        known = {} if schema is None else {field.name: field for field in schema}
+        fields = [
+            known.get(name, pa.field(name, array.type)).with_type(array.type)
+            for name, array in arrays.items()
+        ]
+        table = pa.Table.from_arrays(list(arrays.values()), schema=pa.schema(fields, metadata))
         pq.write_table(table, path, compression="none", use_dictionary=False)
     except (pa.ArrowException, ArithmeticError, LookupError, *_ODD) as error:
         raise NoFileError(f"no table: {error}") from error
