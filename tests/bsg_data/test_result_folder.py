@@ -127,12 +127,13 @@ def replace_all(root: Path, version: str, *, found: dict[str, str] | None = None
 
 @pytest.mark.parametrize("has_old", [False, True])
 def test_what_is_killed_anywhere_is_undone_by_the_next_command(
-    tmp_path: Path, *, has_old: bool
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, has_old: bool
 ) -> None:
     """Die at the n-th change, and so does who comes next: there is all of before, or all of after.
 
     Where nothing was there before, nothing of the killed command is in the way of the same one.
     """
+    monkeypatch.setattr(os, "fsync", lambda _: None)  # which takes most of the time
     died = 0
     for number in range(200):
         root = tmp_path / str(number)

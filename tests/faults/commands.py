@@ -31,7 +31,8 @@ class Command:
         again: what is added to the line to go on after it was killed.
         then: a command that follows it when it is through.
         growing: names of files that are there before the command is through, whole at each time.
-        varying: names of files whose bytes differ between two unbroken runs.
+        varying: names of files whose bytes differ between two unbroken runs; a seal is then held
+            against the files that it lists.
         resumes: whether what it has made so far stays when it is stopped.
         most: trials of one kind in full, where each takes seconds; None for all.
     """
@@ -178,7 +179,7 @@ COMMANDS = (
         ("run",),
         again="--resume",
         growing=("run/",),
-        varying=("run/log.jsonl",),
+        varying=("run/log.jsonl", "run/SHA256SUMS"),
         resumes=True,
     ),
     Command(
@@ -188,7 +189,7 @@ COMMANDS = (
         ("run",),
         again="--resume",
         growing=("run/",),
-        varying=("run/log.jsonl", "run/metrics.csv"),
+        varying=("run/log.jsonl", "run/metrics.csv", "run/SHA256SUMS"),
         resumes=True,
     ),
     Command(
@@ -213,7 +214,10 @@ COMMANDS = (
         {"dataset": "paired"},
         ("board",),
         growing=("board/",),
-        varying=("log.jsonl", "metrics.csv", "seconds.json"),
+        varying=(
+            *("log.jsonl", "metrics.csv", "seconds.json", "SHA256SUMS"),
+            *("board/leaderboard.json", "board/leaderboard.md"),  # which tell of seconds
+        ),
         resumes=True,
         most=10,
     ),
