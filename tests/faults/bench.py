@@ -188,7 +188,8 @@ class Trial:
         if ended.code is None:
             self.wrong.append("it hangs")
         if ended.code == 0 and not command.then:
-            self.wrong += compare(command, whole.after, self.now)
+            after, now = self._without_work(whole.after), self._without_work(self.now)
+            self.wrong += compare(command, after, now)
 
     def find_left(self) -> None:
         """Find fault with files that are neither all those of before nor all those of after.

@@ -6,7 +6,7 @@ What commands are given is made once, in a folder with a subfolder for each of `
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -61,6 +61,11 @@ class Command:
     def limit(self, number: int) -> int:
         """Return a number of trials, or fewer where each takes seconds."""
         return number if self.most is None else min(number, self.most)
+
+    def spread(self, sizes: Sequence[int]) -> list[int]:
+        """Return sizes, or fewer of them, from the first to the last, where each takes seconds."""
+        number = self.limit(len(sizes))
+        return [sizes[i * (len(sizes) - 1) // max(number - 1, 1)] for i in range(number)]
 
 
 COMMANDS = (
