@@ -149,9 +149,8 @@ def stage_files(
     except OSError as error:
         raise _explain(places[0], error, "written") from error
     finally:
-        with suppress(OSError):
-            if not _is_begun(places):  # else it could not be undone: the next command does it
-                _clear(places)
+        if not _is_begun(places):  # else it could not be undone: the next command does it
+            _clear(places, ignore_errors=True)
         for folder in reversed(made):
             with suppress(OSError):  # it holds files
                 folder.rmdir()
@@ -325,12 +324,16 @@ def _flush_folders(files: Sequence[_Path]) -> None:
         flush_folder(folder)
 
 
-def _clear(places: Sequence[Place]) -> None:
+def _clear(places: Sequence[Place], *, ignore_errors: bool = False) -> None:
     """Remove what is unfinished, that of the first place last, for it is what tells of the others.
+
+    Args:
+        places: of the results.
+        ignore_errors: leave what cannot be removed to the next command.
 
     Raises:
         OSError: if it cannot be removed, or is no folder.
     """
     for place in reversed(places):
         if place.unfinished.is_symlink() or place.unfinished.exists():
-            shutil.rmtree(place.unfinished)  # which refuses a link and a file
+            shutil.rmtree(place.unfinished, ignore_errors)  # which refuses a link and a file

@@ -204,7 +204,12 @@ class Trial:
             self.wrong += [f"stopped, {fault}" for fault in before]
 
     def _without_work(self, tree: Tree) -> Tree:
-        if self.struck is None or self.struck.kind != "remove":
+        struck = self.struck
+        if (
+            struck is None
+            or not is_unfinished(struck.path)
+            or struck.kind not in ("remove", "open")
+        ):
             return tree
         return {path: digest for path, digest in tree.items() if not is_unfinished(path)}
 
