@@ -1,22 +1,26 @@
-"""A folder of results whose files change together: none is seen before all are whole.
+"""Results that change together: folders and files of which none is seen before all are whole.
 
-`replace_files` is the one way to write several files that belong together into a folder that may
-hold other things. New files are written into a folder of their own inside it, and flushed; only
-renames are left then. A killed command leaves one of these, and the next one removes the rest:
+`replace_together` is the one way to write several files that belong together, into a folder that
+may hold other things, into several folders, or beside each other. New files are written into a
+hidden folder beside their place, and flushed; only renames are left then:
 
     while files are written    the old files, and `.bsg-unfinished` beside them
     while files are renamed    no `last` file, so that no mix of old and new is taken for results
     after the last rename      the new files, and `.bsg-unfinished` with the old ones
 
-Whatever stops a command in another way is undone.
+Whatever stops a command is undone: by the command itself, or, if it was killed, by the next one for
+the same places, before it looks whether anything is in its way. Until its renames are through there
+is a folder `own` in what is unfinished of the first place, where the new files have second names.
+By them the next command knows which files it may take away again, and removes nobody else's.
 """
 
 from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 from bsg_data.errors import DatasetError
@@ -24,6 +28,43 @@ from bsg_data.files import flush_file, flush_folder
 from bsg_data.lock import hold
 
 UNFINISHED = ".bsg-unfinished"
+_NEW, _OLD, _OWN = "new", "old", "own"  # folders in it: what was there has second names in `old`
+_DECIDED = ("done", "undone")  # what `own` is called when it is over
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where results go.
+
+    Attributes:
+        path: of a folder, or of a file.
+        is_file: which of the two.
+        last: of a folder: the file that says that results are there, which has to be written. It is
+            removed before any other file is replaced, and comes to its place after all others.
+            None where each file stands for itself.
+    """
+
+    path: Path
+    is_file: bool = False
+    last: str | None = None
+
+    @property
+    def folder(self) -> Path:
+        """The folder that the files are put into."""
+        return self.path.parent if self.is_file else self.path
+
+    @property
+    def unfinished(self) -> Path:
+        """The hidden folder with what is not in its place yet, or not any more."""
+        return self.folder / (f".{self.path.name}{UNFINISHED}" if self.is_file else UNFINISHED)
+
+    @property
+    def staged(self) -> Path:
+        """What is written: the new file, or the folder of the new files."""
+        return self.unfinished / _NEW / self.path.name if self.is_file else self.unfinished / _NEW
+
+
+_Path = tuple[Place, str]  # a file: its place, and its path below the folder of that
 
 
 @contextmanager
@@ -34,9 +75,7 @@ def replace_files(folder: Path, *, last: str | None, wait: float = 0.0) -> Itera
 
     Args:
         folder: of the results; through a link, what it leads to.
-        last: the file that says that results are there, which the block has to write: removed
-            before any other is replaced, and renamed to its place after all others. None where
-            each file stands for itself.
+        last: as of a `Place`.
         wait: seconds to wait for whoever holds the lock.
 
     Yields:
@@ -47,35 +86,85 @@ def replace_files(folder: Path, *, last: str | None, wait: float = 0.0) -> Itera
             file cannot be written; what was there stays.
         ValueError: if the block does not write `last`.
     """
-    folder = folder.resolve()
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise DatasetError(f"{folder}: cannot be made ({error.strerror or error})") from error
-    with hold(folder, wait=wait), stage_files(folder, last=last) as staged:
+    with replace_together([Place(folder.resolve(), last=last)], wait=wait) as (staged,):
         yield staged
 
 
 @contextmanager
-def stage_files(folder: Path, *, last: str | None) -> Iterator[Path]:
-    """Do what `replace_files` does for somebody who holds the folder's lock already."""
-    unfinished = folder / UNFINISHED
-    made = not folder.exists()
-    _refuse_foreign(unfinished)
+def replace_together(
+    places: Sequence[Place], *, refuse: Callable[[], None] | None = None, wait: float = 0.0
+) -> Iterator[tuple[Path, ...]]:
+    """Hold the locks of places, yield where to write, and put all files in place at the end.
+
+    Args:
+        places: the first decides: another command with the same first place, and no other, undoes
+            what one that was killed had begun.
+        refuse: called when the locks are held and nothing of a killed command is left, to raise if
+            anything is in the way.
+        wait: seconds to wait for whoever holds a lock.
+
+    Yields:
+        for each place an empty folder to write into, or the path of the file to write; a file that
+        is not written is not replaced.
+
+    Raises:
+        DatasetError: as `replace_files` does.
+        ValueError: if the block does not write `last`.
+    """
+    with ExitStack() as held:
+        hold_places(held, places, wait=wait)
+        with stage_files(places, refuse=refuse) as staged:
+            yield staged
+
+
+def hold_places(held: ExitStack, places: Sequence[Place], *, wait: float = 0.0) -> None:
+    """Hold the locks of places until a stack is left; the folders above them are made.
+
+    Raises:
+        DatasetError: if somebody else holds one, or a folder cannot be made.
+    """
+    for place in places:
+        try:
+            place.path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise _explain(place, error, "made") from error
+        held.enter_context(hold(place.path, wait=wait))
+
+
+@contextmanager
+def stage_files(
+    places: Sequence[Place], *, refuse: Callable[[], None] | None = None
+) -> Iterator[tuple[Path, ...]]:
+    """Do what `replace_together` does for somebody who holds the locks already."""
+    made = [place.path for place in places if not place.is_file and not place.path.exists()]
+    for place in places:
+        _refuse_foreign(place.unfinished)
     try:
-        folder.mkdir(exist_ok=True)
-        _remove(unfinished)  # of a killed command
-        (unfinished / "new").mkdir(parents=True)
-        yield unfinished / "new"
-        _put_in_place(unfinished, folder, last=last)
+        for folder in made:
+            folder.mkdir(exist_ok=True)
+        _recover(places)
+        if refuse is not None:
+            refuse()
+        for place in places:
+            (place.unfinished / _NEW).mkdir(parents=True)
+        yield tuple(place.staged for place in places)
+        _put_in_place(places)
     except OSError as error:
-        raise DatasetError(f"{folder}: cannot be written ({error.strerror or error})") from error
+        raise _explain(places[0], error, "written") from error
     finally:
-        with suppress(OSError):
-            _remove(unfinished)
-        if made:
+        if not _is_begun(places):  # else it could not be undone: the next command does it
+            _clear(places, ignore_errors=True)
+        for folder in reversed(made):
             with suppress(OSError):  # it holds files
                 folder.rmdir()
+
+
+def _refuse_foreign(unfinished: Path) -> None:
+    """Refuse to remove what no command of ours makes in its folder."""
+    if unfinished.is_dir() and not unfinished.is_symlink():
+        for path in sorted(unfinished.iterdir()):
+            if path.name not in (_NEW, _OLD, _OWN, *_DECIDED):
+                raise DatasetError(f"{path}: was not written by these commands; move it away")
 
 
 def is_vacant(folder: Path) -> bool:
@@ -85,35 +174,108 @@ def is_vacant(folder: Path) -> bool:
     return folder.is_dir() and {path.name for path in folder.iterdir()} <= {UNFINISHED}
 
 
-def _put_in_place(unfinished: Path, folder: Path, *, last: str | None) -> None:
-    new, old = unfinished / "new", unfinished / "old"
-    paths = _list_files(new)
-    if last is not None and last not in paths:
-        raise ValueError(f"{folder}: {last}, which says that the files are whole, was not written")
-    paths.sort(key=lambda path: path == last)
-    _refuse_what_is_in_the_way(folder, paths)
-    for path in paths:
-        flush_file(new / path)
-    kept = _keep(folder, paths, old)
-    done: list[str] = []
+def _explain(place: Place, error: OSError, what: str) -> DatasetError:
+    return DatasetError(f"{place.path}: cannot be {what} ({error.strerror or error})")
+
+
+def _put_in_place(places: Sequence[Place]) -> None:
+    files: list[_Path] = []
+    for place in places:
+        paths = _list_files(place.unfinished / _NEW)
+        if place.last is not None and place.last not in paths:
+            raise ValueError(
+                f"{place.path}: {place.last}, which says that the files are whole, was not written"
+            )
+        _refuse_what_is_in_the_way(place.folder, paths)
+        files += [(place, path) for path in paths]
+    files.sort(key=_is_last)
+    for place, path in files:
+        flush_file(place.unfinished / _NEW / path)
+    _keep(places, files)
+    done: list[_Path] = []
     try:
-        if last is not None:
-            (folder / last).unlink(missing_ok=True)
-            flush_folder(folder)
-        for path in paths:
-            (folder / path).parent.mkdir(parents=True, exist_ok=True)
-            if path == last:
-                _flush_folders(folder, paths)  # whatever `last` speaks of is there before it is
-            (new / path).replace(folder / path)
-            done.append(path)
-        _flush_folders(folder, paths)
+        for place in places:
+            if place.last is not None:
+                (place.folder / place.last).unlink(missing_ok=True)
+                flush_folder(place.folder)
+        for place, path in files:
+            (place.folder / path).parent.mkdir(parents=True, exist_ok=True)
+            if _is_last((place, path)):
+                _flush_folders(files)  # whatever `last` speaks of is there before it is
+            (place.unfinished / _NEW / path).replace(place.folder / path)
+            done.append((place, path))
+        _flush_folders(files)
+        _decide(places, "done")
     except BaseException:
-        for path in {*done, *kept}:
-            if path in kept:
-                (old / path).replace(folder / path)
-            else:
-                (folder / path).unlink(missing_ok=True)
+        _undo(places, files, done)
         raise
+
+
+def _is_last(file: _Path) -> bool:
+    return file[1] == file[0].last
+
+
+def _decide(places: Sequence[Place], how: str) -> None:
+    """Let what is begun be over: from now on the next command undoes nothing."""
+    with suppress(FileNotFoundError):
+        (places[0].unfinished / _OWN).rename(places[0].unfinished / how)
+
+
+def _is_begun(places: Sequence[Place]) -> bool:
+    """Say whether files may have been renamed, and not all."""
+    return (places[0].unfinished / _OWN).is_dir()
+
+
+def _recover(places: Sequence[Place]) -> None:
+    """Undo what a killed command had begun, and remove what it left.
+
+    Raises:
+        OSError: if it cannot be removed, or is no folder.
+        DatasetError: if a link is in the way.
+    """
+    if not places[0].unfinished.is_symlink() and _is_begun(places):
+        files: list[_Path] = []
+        for place in places:
+            if not place.unfinished.is_symlink():
+                paths = _list_files(place.unfinished / _OWN)
+                for folder in (place.folder, place.unfinished / _OLD):
+                    _refuse_what_is_in_the_way(folder, paths)
+                files += [(place, path) for path in paths]
+        _undo(places, sorted(files, key=_is_last))
+    _clear(places)
+
+
+def _undo(places: Sequence[Place], files: Sequence[_Path], done: Collection[_Path] = ()) -> None:
+    """Put back what was there; whatever is in a place and is neither old nor new stays."""
+    ours = {file for file in files if file in done or _is_own(*file)}
+    for place, path in filter(_is_last, ours):  # before its files are no more what it speaks of
+        (place.folder / path).unlink(missing_ok=True)
+    for place, path in files:
+        old, target = place.unfinished / _OLD / path, place.folder / path
+        if os.path.lexists(old) and ((place, path) in ours or not os.path.lexists(target)):
+            old.replace(target)
+        elif (place, path) in ours:
+            target.unlink(missing_ok=True)
+            _remove_empty(target.parent, place.folder)
+    _flush_folders(files)
+    _decide(places, "undone")
+
+
+def _is_own(place: Place, path: str) -> bool:
+    """Say whether a file in its place is the one that was put there: it has a second name."""
+    with suppress(OSError):
+        return os.path.samestat(
+            (place.unfinished / _OWN / path).lstat(), (place.folder / path).lstat()
+        )
+    return False
+
+
+def _remove_empty(folder: Path, root: Path) -> None:
+    """Remove folders that hold nothing, from one up to the one that is given."""
+    with suppress(OSError):
+        while folder != root:
+            folder.rmdir()
+            folder = folder.parent
 
 
 def _list_files(new: Path) -> list[str]:
@@ -141,38 +303,48 @@ def _refuse_what_is_in_the_way(folder: Path, paths: Sequence[str]) -> None:
             way = way.parent
 
 
-def _keep(folder: Path, paths: Sequence[str], old: Path) -> set[str]:
-    """Give the files that will be replaced a second name, so that they can be put back."""
-    kept = set()
-    for path in paths:
-        if (folder / path).is_symlink() or (folder / path).exists():
-            (old / path).parent.mkdir(parents=True, exist_ok=True)
-            try:
-                os.link(folder / path, old / path, follow_symlinks=False)
-            except (OSError, NotImplementedError):  # not on every file system
-                shutil.copy2(folder / path, old / path, follow_symlinks=False)
-            kept.add(path)
-    return kept
+def _keep(places: Sequence[Place], files: Sequence[_Path]) -> None:
+    """Give the files that will be replaced, and those that replace them, a second name."""
+    (places[0].unfinished / _OWN).mkdir()
+    for place, path in files:
+        target, unfinished = place.folder / path, place.unfinished
+        if os.path.lexists(target):
+            _link_or_copy(target, unfinished / _OLD / path)
+        (unfinished / _OWN / path).parent.mkdir(parents=True, exist_ok=True)
+        with suppress(OSError, NotImplementedError):  # a copy would not say which file is ours
+            os.link(unfinished / _NEW / path, unfinished / _OWN / path)
 
 
-def _flush_folders(folder: Path, paths: Sequence[str]) -> None:
-    for inner in {(folder / path).parent for path in paths}:
-        flush_folder(inner)
+def _link_or_copy(source: Path, target: Path) -> None:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        os.link(source, target, follow_symlinks=False)
+    except (OSError, NotImplementedError):  # not on every file system
+        shutil.copy2(source, target, follow_symlinks=False)
 
 
-def _refuse_foreign(unfinished: Path) -> None:
-    """Refuse to remove what no command of ours makes in its folder."""
-    if unfinished.is_dir() and not unfinished.is_symlink():
-        for path in sorted(unfinished.iterdir()):
-            if path.name not in ("new", "old"):
-                raise DatasetError(f"{path}: was not written by these commands; move it away")
+def _flush_folders(files: Sequence[_Path]) -> None:
+    """Have the names of files, and of the folders that were made for them, reach the disk."""
+    folders: dict[Path, None] = {}
+    for place, path in files:
+        for folder in (place.folder / path).parents:
+            folders[folder] = None
+            if folder == place.folder.parent:
+                break
+    for folder in folders:
+        flush_folder(folder)
 
 
-def _remove(unfinished: Path) -> None:
-    """Remove what a command left.
+def _clear(places: Sequence[Place], *, ignore_errors: bool = False) -> None:
+    """Remove what is unfinished, that of the first place last, for it is what tells of the others.
+
+    Args:
+        places: of the results.
+        ignore_errors: leave what cannot be removed to the next command.
 
     Raises:
         OSError: if it cannot be removed, or is no folder.
     """
-    if unfinished.is_symlink() or unfinished.exists():
-        shutil.rmtree(unfinished)  # which refuses a link and a file
+    for place in reversed(places):
+        if place.unfinished.is_symlink() or place.unfinished.exists():
+            shutil.rmtree(place.unfinished, ignore_errors)  # which refuses a link and a file

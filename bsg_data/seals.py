@@ -8,51 +8,62 @@ of it.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from bsg_data.errors import DatasetError
 from bsg_data.files import hash_file, refuse_links, write_bytes
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import CHECKSUMS
-from bsg_data.lock import hold
-from bsg_data.result_folder import stage_files
+from bsg_data.result_folder import Place, hold_places, stage_files
 
 SEAL = "SHA256SUMS"
 _LINE = re.compile(r"(?P<sha256>[0-9a-f]{64})  (?P<name>(?!/)[^\\\x00-\x1f]+)")
 
 
 @contextmanager
-def replace_sealed(folder: Path) -> Iterator[Path]:
+def replace_sealed(
+    folder: Path, *, beside: Sequence[Place] = (), refuse: Callable[[], None] | None = None
+) -> Iterator[tuple[Path, ...]]:
     """Hold the lock of a folder, yield one to write into, and put its files in place, sealed.
 
     What the seal before listed and the new one does not is removed, unless somebody changed it; all
-    other files stay. The new ones are put in place as `stage_files` does.
+    other files stay. The new ones are put in place as `replace_together` does.
+
+    Args:
+        folder: of the results.
+        beside: other places that change together with it.
+        refuse: as of `replace_together`.
+
+    Yields:
+        the folder to write into, then where to write what goes to the other places.
 
     Raises:
         DatasetError: if another command is writing there, or a file cannot be written; what was
             there stays.
     """
-    folder = folder.resolve()
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise DatasetError(f"{folder}: cannot be made ({error.strerror or error})") from error
-    with hold(folder):
+    place = Place(folder.resolve(), last=SEAL)
+    with ExitStack() as held:
+        hold_places(held, [place, *beside])
         before: dict[str, str] = {}
-        with suppress(DatasetError):  # what a damaged seal lists is nobody's any more
-            before = read_seal(folder) or {}
-        with stage_files(folder, last=SEAL) as staged:
+
+        def look() -> None:
+            with suppress(DatasetError):  # what a damaged seal lists is nobody's any more
+                before.update(read_seal(place.path) or {})
+            if refuse is not None:
+                refuse()
+
+        with stage_files([place, *beside], refuse=look) as staged:
             yield staged
-            files = (path for path in staged.rglob("*") if path.is_file())
-            names = sorted(path.relative_to(staged).as_posix() for path in files)
-            write_seal(staged, names)
+            files = (path for path in staged[0].rglob("*") if path.is_file())
+            names = sorted(path.relative_to(staged[0]).as_posix() for path in files)
+            write_seal(staged[0], names)
         for name in before.keys() - set(names):
             with suppress(OSError, DatasetError):  # no seal speaks of what is behind a link
-                refuse_links(folder, folder / name)
-                if hash_file(folder / name) == before[name]:
-                    (folder / name).unlink()
+                refuse_links(place.path, place.path / name)
+                if hash_file(place.path / name) == before[name]:
+                    (place.path / name).unlink()
 
 
 def write_seal(folder: Path, names: Iterable[str]) -> None:

@@ -16,6 +16,7 @@ from bsg_cli.configurations import load_config
 from bsg_cli.options import PATH, data_option, force_option, json_option, out_option
 from bsg_cli.terminal import Command, print_json, print_note, print_text, progress_bar
 from bsg_data.errors import BSGError
+from bsg_data.seals import SEAL
 from bsg_data.tables import format_text
 
 
@@ -78,6 +79,7 @@ def main(
             pass
         return
     _note_other_mask(config, dataset)
+    finished = resume and (out / SEAL).is_file()
     try:
         with _board(out if tensorboard else None) as log, _bar(config) as draw:
             trained = 0
@@ -88,7 +90,7 @@ def main(
     except KeyboardInterrupt:
         _note_stopped(out)
         raise
-    if resume and not trained:
+    if finished and not trained:
         print_note(f"{out}: is finished already; nothing was trained")
     bsg_models.plot_run(out)
     summary = bsg_models.summarise_run(out)

@@ -25,9 +25,10 @@ from bsg_data.observation.partial_graph import PartialGraph, list_withheld, mask
 from bsg_data.observation.robot_json import list_unmapped
 from bsg_data.observation.said_share import Share
 from bsg_data.recipes import MaskRecipe, Record
-from bsg_data.result_folder import is_vacant
+from bsg_data.result_folder import Place, is_vacant, replace_together
 from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.scene.surroundings import KNOWN_SOURCES
+from bsg_data.seals import SEAL
 from bsg_models.belief.belief_graph import BeliefGraph, Mode, believe, rank_unseen
 from bsg_models.belief.formats import choose_format, write_beliefs
 from bsg_models.belief.graph_file import open_graph_file
@@ -98,7 +99,13 @@ class BeliefRequest(Record):
     @property
     def results(self) -> tuple[Path, ...]:
         """The files to write."""
-        return tuple(filter(None, (self.out, self.hydra, self.tables, self.html)))
+        return tuple(self.named_results.values())
+
+    @property
+    def named_results(self) -> dict[str, Path]:
+        """Attribute → file to write; the tables first, for they are most."""
+        named = {name: getattr(self, name) for name in ("tables", "out", "hydra", "html")}
+        return {name: path for name, path in named.items() if path is not None}
 
 
 class UnseenClass(NamedTuple):
@@ -169,8 +176,20 @@ def report_beliefs(
         BSGError: if a graph cannot be read.
         CheckpointError: if the run cannot be loaded.
     """
+    _check_names(request)
+    if not request.results:
+        return _report(request, progress=progress)
+    places = {name: _place(name, path) for name, path in request.named_results.items()}
+    with replace_together(
+        list(places.values()), refuse=lambda: _refuse_replacing(request)
+    ) as staged:
+        inside = dict(zip(places, staged, strict=True))
+        return _report(request.model_copy(update=inside), progress=progress)
+
+
+def _report(request: BeliefRequest, *, progress: Callable[[int, int], None] | None) -> BeliefReport:
+    """Do what `report_beliefs` does for somebody who sees to the places of the files."""
     wanted = _choose(request.scenes) if request.scenes else frozenset()
-    _check_paths(request)
     predictor = Predictor(request.run)
     class_map = predictor.class_map if request.graphs else load_class_map()
     files = {
@@ -286,11 +305,20 @@ def _choose(scenes: MaskedScenes) -> frozenset[str]:
     return frozenset([scenes.scene])
 
 
-def _check_paths(request: BeliefRequest) -> None:
-    """Refuse files that are named twice or are there already."""
+def _check_names(request: BeliefRequest) -> None:
+    """Refuse files that are named twice."""
     paths = [path.absolute() for path in (*request.results, *request.graphs)]
     if len(set(paths)) < len(paths):
         raise RecipeError("one file is named twice")
+
+
+def _place(name: str, path: Path) -> Place:
+    """Return where one of the results goes."""
+    return Place(path.resolve(), last=SEAL) if name == "tables" else Place(path, is_file=True)
+
+
+def _refuse_replacing(request: BeliefRequest) -> None:
+    """Refuse to replace files without being told to."""
     for path in request.results:
         if not (is_vacant(path) or request.force):
             raise DatasetError(f"{path}: is there already; --force replaces it")

@@ -22,7 +22,7 @@ from bsg_data.errors import DatasetError
 from bsg_data.files import encode_json, write_bytes
 from bsg_data.observation.partial_graph import list_withheld, mask_dataset
 from bsg_data.recipes import MaskRecipe, Record
-from bsg_data.result_folder import replace_files
+from bsg_data.result_folder import Place
 from bsg_data.seals import replace_sealed
 from bsg_models.belief.belief_graph import believe
 from bsg_models.evaluation.prediction_files import PredictionWriter
@@ -118,15 +118,13 @@ def report_evaluation(
         MismatchError: if a run is of another class map.
         PredictionError: if predictions cannot be read, or do not fit the pairs.
     """
-    report, into = request.folder / REPORT, request.write_predictions
-    _refuse_done(request)
-    with ExitStack() as held:
-        staged = held.enter_context(replace_sealed(request.folder))
-        _refuse_done(request)  # of another command that was first
-        own = None
-        if into is not None:
-            beside = into.resolve() != request.folder.resolve()  # which is held already
-            own = held.enter_context(replace_files(into, last=None)) if beside else staged
+    pages = [Place(path, is_file=True) for path in [request.html] if path is not None]
+    into = request.write_predictions
+    beside = into is not None and into.resolve() != request.folder.resolve()  # held already
+    folders = [Place(into.resolve())] if into is not None and beside else []
+    with replace_sealed(
+        request.folder, beside=[*pages, *folders], refuse=lambda: _refuse_done(request)
+    ) as (staged, *others):
         with ExitStack() as open_files:
             comparison = compare_runs(
                 request.runs,
@@ -136,17 +134,21 @@ def report_evaluation(
                 fold=request.fold,
                 resamples=request.resamples,
                 seed=request.seed,
-                write=None if own is None else _begin_entries(request, own, open_files),
+                write=None
+                if into is None
+                else _begin_entries(request, others[-1] if folders else staged, open_files),
                 progress=progress,
             )
         summary = encode_comparison(comparison)
         figures = _plot(comparison, staged)
         write_bytes(staged / CLASSES, comparison.classes.to_csv(index=False).encode())
         write_bytes(staged / REPORT, (encode_json(summary, indent=1) + "\n").encode())
+        if pages:
+            _write_page(others[0], comparison, request, figures)
     figures = {what: request.folder / path.name for what, path in figures.items()}
-    if request.html is not None:
-        _write_page(request.html, comparison, request, figures)
-    return EvaluationReport(comparison, summary, report, request.folder / CLASSES, figures)
+    return EvaluationReport(
+        comparison, summary, request.folder / REPORT, request.folder / CLASSES, figures
+    )
 
 
 def _refuse_done(request: EvaluationRequest) -> None:

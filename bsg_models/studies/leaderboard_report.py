@@ -60,7 +60,7 @@ def refuse_finished(out: Path, *, force: bool) -> None:
 def report_leaderboard(board: Leaderboard, out: Path) -> LeaderboardReport:
     """Write the files of a leaderboard."""
     summary = write_json(board)
-    with replace_sealed(out) as staged:
+    with replace_sealed(out) as (staged,):
         for mask, results in board.results.items():
             _plot(results, staged / f"{mask}.png", mask)
         write_bytes(staged / TABLE, write_markdown(board).encode())

@@ -21,6 +21,7 @@ from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.files import encode_json, write_bytes
 from bsg_data.recipes import Record, Share
 from bsg_data.registry import require_known
+from bsg_data.result_folder import Place
 from bsg_data.seals import replace_sealed
 from bsg_models.evaluation.bootstrap import LEAST_BUILDINGS
 from bsg_models.inputs.folds import scenes_of
@@ -161,17 +162,22 @@ def report_search(
         CheckpointError: if a run cannot be loaded.
     """
     report = request.folder / REPORT
-    _refuse_done(report, force=request.force)
-    with replace_sealed(request.folder) as staged:
-        _refuse_done(report, force=request.force)  # of another command that was first
-        made = _search_into(staged, request, executor=executor, progress=progress)
-    written = {what: _place(path, staged, request.folder) for what, path in made.written.items()}
+    pictures = [Place(path, is_file=True) for path in [request.animation] if path is not None]
+    with replace_sealed(
+        request.folder,
+        beside=pictures,
+        refuse=lambda: _refuse_done(report, force=request.force),
+    ) as (staged, *others):
+        picture = others[0] if pictures else None
+        made = _search_into(staged, request, picture, executor=executor, progress=progress)
+    written = {what: _place(path, staged, request) for what, path in made.written.items()}
     return made._replace(report=report, written=written)
 
 
 def _search_into(
     staged: Path,
     request: SearchRequest,
+    picture: Path | None,
     *,
     executor: Executor | None,
     progress: Callable[[int, int], None] | None,
@@ -193,7 +199,9 @@ def _search_into(
     if _plot(study, staged / FIGURE, model):
         written["box plot over buildings"] = staged / FIGURE
     if keep is not None:
-        written |= _write_replay(request, study, results, model, page=staged / TRACE)
+        written |= _write_replay(
+            request, study, results, model, page=staged / TRACE, picture=picture
+        )
     facts = {
         "dataset": str(request.dataset),
         "runs": [name_run(run) for run in runs],
@@ -220,9 +228,11 @@ def _refuse_done(report: Path, *, force: bool) -> None:
         )
 
 
-def _place(path: Path, staged: Path, out: Path) -> Path:
-    """Return where a file is once all are in place; one that was written elsewhere is there."""
-    return out / path.relative_to(staged) if path.is_relative_to(staged) else path
+def _place(path: Path, staged: Path, request: SearchRequest) -> Path:
+    """Return where a file is once all are in place."""
+    if path.is_relative_to(staged):
+        return request.folder / path.relative_to(staged)
+    return path if request.animation is None else request.animation
 
 
 def choose_default_run(
@@ -407,6 +417,7 @@ def _write_replay(
     model: str | None,
     *,
     page: Path,
+    picture: Path | None,
 ) -> dict[str, Path]:
     """Replay a kept search as a page and, if asked for, as a picture; return what is where."""
     named = request.trace != "auto"
@@ -416,7 +427,7 @@ def _write_replay(
     which = (
         f"search {kept.episode} of {kept.scene_id} in {kept.world}, {kept.task}, by {kept.planner}"
     )
-    if request.animation is None:
+    if picture is None:
         return {which: page}
-    write_animation(replay, request.animation)
-    return {which: page, "the same as a picture": request.animation}
+    write_animation(replay, picture)
+    return {which: page, "the same as a picture": picture}

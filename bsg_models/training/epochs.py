@@ -250,14 +250,18 @@ def _restore(model: Network, optimiser: torch.optim.Optimizer, run: Path) -> Che
     return checkpoint.header
 
 
-def require_same_training(config: RunConfig, data: Dataset, run: Path) -> None:
+def require_same_training(config: RunConfig, data: Dataset, path: Path) -> None:
     """Refuse to go on with a run of another dataset or configuration; epochs and device may differ.
+
+    Args:
+        config: of the run.
+        data: an open dataset.
+        path: of the checkpoint to go on from, which need not be there.
 
     Raises:
         TrainingError: naming what differs.
-        CheckpointError: if the last checkpoint is damaged.
+        CheckpointError: if the checkpoint is damaged.
     """
-    path = run / LAST
     if not path.exists():
         return
     header = read_header(path)

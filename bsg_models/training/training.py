@@ -13,6 +13,7 @@ import torch
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.files import refuse_links
 from bsg_data.observation.masked_buildings import MaskedBuildings
+from bsg_data.seals import require_seal
 from bsg_models.belief.count_distribution import CountDistribution, concatenate
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of, vocabulary_of
@@ -65,7 +66,8 @@ def train_run(
         dataset: that is split and has pairs.
         run: folder for `best.safetensors`, `last.safetensors`, `metrics.csv`, `config.toml`, which
             says what is trained, and `log.jsonl`, which says when and how it ended.
-        resume: go on from `last.safetensors`; without it, start.
+        resume: go on from `last.safetensors`, or from the members of an ensemble that are finished;
+            what is fitted by counting starts again, unless it is finished. Without it, start.
         force: replace a run that is there.
 
     Several processes that torchrun started train one network together: one of them writes.
@@ -91,16 +93,24 @@ def train_run(
             yield from _train_network(steps, config, data, run, ranks, resume=resume, force=force)
             return
         _refuse_several(ranks, f"{config.model.family} is fitted by counting")
-        if resume:
-            raise TrainingError(
-                f"{config.model.family} is fitted by counting: there is nothing to resume"
-            )
-        _fit_by_counting(model, config, data, run, force=force)
+        if not (resume and _is_fitted(config, data, run)):
+            _fit_by_counting(model, config, data, run, force=force or resume)
 
 
 def _refuse_several(ranks: Ranks, why: str) -> None:
     if ranks.size > 1:
         raise TrainingError(f"{why}: train it by one process, without torchrun")
+
+
+def _is_fitted(config: RunConfig, data: Dataset, run: Path) -> bool:
+    """Say whether a run is finished that has one checkpoint; one that was stopped starts again.
+
+    Raises:
+        TrainingError: if it is of another dataset or configuration.
+        DatasetError: if it is not what its seal says.
+    """
+    require_same_training(config, data, run / BEST)
+    return (run / BEST).is_file() and require_seal(run) is not None
 
 
 def _fit_by_counting(
@@ -135,7 +145,7 @@ def _train_network(
         if ranks.leads:
             held.enter_context(open_run(run, resume=resume, force=force))
             if resume:
-                require_same_training(config, data, run)
+                require_same_training(config, data, run / LAST)
             else:
                 clear_run(run)
             notes = held.enter_context(keep_log(run, config, data))
@@ -237,6 +247,8 @@ def _train_ensemble(
     for folder in members.values():
         refuse_links(run, folder)
     new_model(config, data)  # a configuration that cannot be made fails before anything is replaced
+    if resume and _is_fitted(config, data, run):
+        return
     with open_run(run, resume=resume, force=force):
         if not resume:
             clear_run(run)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from bsg_data.errors import DatasetError
-from bsg_data.result_folder import UNFINISHED, is_vacant, replace_files
+from bsg_data.result_folder import UNFINISHED, Place, is_vacant, replace_files, replace_together
 
 FILES = {"report.json": "json", "table.csv": "table", "pictures/one.png": "picture"}
 
@@ -102,6 +102,90 @@ def test_killed_anywhere_no_mix_has_the_last_file(tmp_path: Path) -> None:
         write(out, "new")
         assert read(out) == expected("new")
     assert died >= 8
+
+
+def replace_all(root: Path, version: str, *, found: dict[str, str] | None = None) -> None:
+    """Write a folder of results, a folder beside it and a page; note what was there before."""
+
+    def look() -> None:
+        if found is not None:
+            now = read(root)
+            found.update({name: now[name] for name in now if not name.endswith(".lock")})
+
+    places = [
+        Place(root / "out", last="report.json"),
+        Place(root / "other"),
+        Place(root / "page.html", is_file=True),
+    ]
+    with replace_together(places, refuse=look) as (out, other, page):
+        for folder in (out, other):
+            (folder / "report.json").write_text(version)
+            (folder / "pictures").mkdir()
+            (folder / "pictures" / "one.png").write_text(version)
+        page.write_text(version)
+
+
+@pytest.mark.parametrize("has_old", [False, True])
+def test_what_is_killed_anywhere_is_undone_by_the_next_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, has_old: bool
+) -> None:
+    """Die at the n-th change, and so does who comes next: there is all of before, or all of after.
+
+    Where nothing was there before, nothing of the killed command is in the way of the same one.
+    """
+    monkeypatch.setattr(os, "fsync", lambda _: None)  # which takes most of the time
+    died = 0
+    for number in range(200):
+        root = tmp_path / str(number)
+        root.mkdir()
+        if has_old:
+            replace_all(root, "old")
+        before = read(root)
+        if _run_and_die(root, number):
+            break
+        died += 1
+        _run_and_die(root, number % 7)  # while it undoes what the first had begun
+        found: dict[str, str] = {}
+        replace_all(root, "newer", found=found)
+        after = dict.fromkeys(read(root), "new")
+        assert found in (before, after)
+        assert read(root) == dict.fromkeys(after, "newer")
+        assert sorted(path.name for path in root.iterdir()) == ["other", "out", "page.html"]
+    assert died >= 20
+
+
+def _run_and_die(root: Path, number: int) -> bool:
+    """Write all in another process that dies at a change; say whether it got through."""
+    child = os.fork()
+    if not child:
+        _die_at(number)
+        replace_all(root, "new")
+        os._exit(0)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+
+
+def test_undoing_takes_away_nothing_that_another_put_there(tmp_path: Path) -> None:
+    """A folder from elsewhere may say that something was begun; whose the files are is seen."""
+    begun = tmp_path / "out" / UNFINISHED / "own"
+    begun.mkdir(parents=True)
+    (begun / "report.json").write_text("mine")
+    (tmp_path / "out" / "report.json").write_text("mine")
+    found: dict[str, str] = {}
+    replace_all(tmp_path, "new", found=found)
+    assert found == {"out/report.json": "mine"}
+
+
+def test_undoing_follows_no_link(tmp_path: Path) -> None:
+    victim = tmp_path / "victim"
+    victim.mkdir()
+    for name in ("own", "old"):
+        folder = tmp_path / "out" / UNFINISHED / name / "pictures"
+        folder.mkdir(parents=True)
+        (folder / "one.png").write_text("")
+    (tmp_path / "out" / "pictures").symlink_to(victim)
+    with pytest.raises(DatasetError, match="pictures: is no folder, where files go"):
+        replace_all(tmp_path, "new")
+    assert list(victim.iterdir()) == []
 
 
 def _die_at(number: int) -> None:

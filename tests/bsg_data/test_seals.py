@@ -14,7 +14,7 @@ from bsg_data.seals import SEAL, read_seal, replace_sealed, require_seal, write_
 
 
 def write(folder: Path, **files: str) -> None:
-    with replace_sealed(folder) as staged:
+    with replace_sealed(folder) as (staged,):
         for name, text in files.items():
             (staged / name).write_text(text)
 
@@ -44,7 +44,7 @@ def test_what_fails_leaves_the_old(tmp_path: Path) -> None:
     write(out, a="1")
 
     def fail() -> None:
-        with replace_sealed(out) as staged:
+        with replace_sealed(out) as (staged,):
             (staged / "a").write_text("2")
             raise RuntimeError
 

@@ -184,11 +184,12 @@ class Trial:
             call = f" ({self.struck})" if self.struck else ""
             self.title += f", {fault.deed} at call {fault.at}{lasting}{call}"
         self.wrong = find_half_written(command, whole, self.now) + find_unlisted(folder)
-        self.wrong += find_traceback(ended.said)
+        self.wrong += find_traceback(ended.said) + find_unsealed(folder, self.now)
         if ended.code is None:
             self.wrong.append("it hangs")
         if ended.code == 0 and not command.then:
-            self.wrong += compare(command, whole.after, self.now)
+            after, now = self._without_work(whole.after), self._without_work(self.now)
+            self.wrong += compare(command, after, now)
 
     def find_left(self) -> None:
         """Find fault with files that are neither all those of before nor all those of after.
@@ -203,7 +204,12 @@ class Trial:
             self.wrong += [f"stopped, {fault}" for fault in before]
 
     def _without_work(self, tree: Tree) -> Tree:
-        if self.struck is None or self.struck.kind != "remove":
+        struck = self.struck
+        if (
+            struck is None
+            or not is_unfinished(struck.path)
+            or struck.kind not in ("remove", "open")
+        ):
             return tree
         return {path: digest for path, digest in tree.items() if not is_unfinished(path)}
 
@@ -230,7 +236,8 @@ class Trial:
         again = self.bench.run(self.command.words_again, self.folder)
         if again.code == 0:
             again = self.bench.follow(self.command, self.folder) or again
-        differing = compare(self.command, self.whole.after, read_tree(self.folder))
+        end = read_tree(self.folder)
+        differing = compare(self.command, self.whole.after, end) + find_unsealed(self.folder, end)
         self.wrong += find_traceback(again.said)
         if again.code != 0 and differing:
             self.wrong.append(f"again it says {again.said.strip()!r}")
@@ -284,6 +291,18 @@ def find_unlisted(folder: Path) -> list[str]:
                 faults.append(f"{path.relative_to(folder)} is listed and is not there")
             elif hashlib.sha256(path.read_bytes()).hexdigest() != entry["sha256"]:
                 faults.append(f"{path.relative_to(folder)} has another hash than is listed")
+    return faults
+
+
+def find_unsealed(folder: Path, now: Tree) -> list[str]:
+    """Return the files that a seal lists and that are not what it says."""
+    faults = []
+    for seal in [path for path in now if path.endswith("/SHA256SUMS") and not is_unfinished(path)]:
+        for line in (folder / seal).read_text("utf-8").splitlines():
+            digest, _, name = line.partition("  ")
+            path = f"{seal.removesuffix('SHA256SUMS')}{name}"
+            if now.get(path) != digest:
+                faults.append(f"{path} is not what {seal} says")
     return faults
 
 

@@ -6,7 +6,7 @@ What commands are given is made once, in a folder with a subfolder for each of `
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -31,7 +31,8 @@ class Command:
         again: what is added to the line to go on after it was killed.
         then: a command that follows it when it is through.
         growing: names of files that are there before the command is through, whole at each time.
-        varying: names of files whose bytes differ between two unbroken runs.
+        varying: names of files whose bytes differ between two unbroken runs; a seal is then held
+            against the files that it lists.
         resumes: whether what it has made so far stays when it is stopped.
         most: trials of one kind in full, where each takes seconds; None for all.
     """
@@ -60,6 +61,11 @@ class Command:
     def limit(self, number: int) -> int:
         """Return a number of trials, or fewer where each takes seconds."""
         return number if self.most is None else min(number, self.most)
+
+    def spread(self, sizes: Sequence[int]) -> list[int]:
+        """Return sizes, or fewer of them, from the first to the last, where each takes seconds."""
+        number = self.limit(len(sizes))
+        return [sizes[i * (len(sizes) - 1) // max(number - 1, 1)] for i in range(number)]
 
 
 COMMANDS = (
@@ -176,8 +182,9 @@ COMMANDS = (
         "--set model.iterations=3",
         {"dataset": "paired"},
         ("run",),
+        again="--resume",
         growing=("run/",),
-        varying=("run/log.jsonl",),
+        varying=("run/log.jsonl", "run/SHA256SUMS"),
         resumes=True,
     ),
     Command(
@@ -187,7 +194,7 @@ COMMANDS = (
         ("run",),
         again="--resume",
         growing=("run/",),
-        varying=("run/log.jsonl", "run/metrics.csv"),
+        varying=("run/log.jsonl", "run/metrics.csv", "run/SHA256SUMS"),
         resumes=True,
     ),
     Command(
@@ -196,14 +203,14 @@ COMMANDS = (
         "--write-predictions predicted",
         {"dataset": "paired", "run": "run"},
         ("results", "page.html", "predicted"),
-        most=25,
+        most=8,
     ),
     Command(
         "evaluate --predictions",
         "bsg-evaluate --predictions predicted --data dataset --resamples 3 --out results",
         {"dataset": "paired", "predicted": "predicted"},
         ("results",),
-        most=15,
+        most=8,
     ),
     Command(
         "leaderboard",
@@ -212,9 +219,12 @@ COMMANDS = (
         {"dataset": "paired"},
         ("board",),
         growing=("board/",),
-        varying=("log.jsonl", "metrics.csv", "seconds.json"),
+        varying=(
+            *("log.jsonl", "metrics.csv", "seconds.json", "SHA256SUMS"),
+            *("board/leaderboard.json", "board/leaderboard.md"),  # which tell of seconds
+        ),
         resumes=True,
-        most=50,
+        most=10,
     ),
     Command(
         "search",
@@ -222,7 +232,7 @@ COMMANDS = (
         "--masks 1 --resamples 2 --workers 1 --trace --animation found.gif --out found",
         {"dataset": "paired", "run": "run"},
         ("found", "found.gif"),
-        most=15,
+        most=8,
     ),
     Command(
         "belief",

@@ -129,20 +129,24 @@ def serve() -> None:
 
 def _serve_one(asked: dict[str, Any]) -> dict[str, Any]:
     folder = Path(asked["folder"])
-    said = folder.with_name(f"{folder.name}.stderr")
+    imports = folder.with_name(f"{folder.name}.imports")
+    said = os.memfd_create("stderr")  # no file, for its disk may be full
     fault = None if asked["fault"] is None else Fault(**asked["fault"])
     ours, theirs = socket.socketpair()
     child = os.fork()
     if child == 0:
         ours.close()
-        _be_command(asked, folder, said, fault, theirs)
+        _be_command(asked, folder, imports, said, fault, theirs)
     theirs.close()
     code, watch = _wait_for(child, folder, fault, ours)
     ours.close()
-    _import_as_well(said.with_suffix(".imports"))
+    _import_as_well(imports)
+    with os.fdopen(said, "rb") as file:
+        file.seek(0)
+        text = file.read().decode("utf-8", errors="replace")
     return {
         "code": code,
-        "said": said.read_text("utf-8", errors="replace"),
+        "said": text,
         "calls": [] if watch is None else [(c.kind, c.path, c.target) for c in watch.seen],
         "struck": watch is not None and watch.struck,
     }
@@ -159,16 +163,20 @@ def _import_as_well(listed: Path) -> None:
 
 
 def _be_command(
-    asked: dict[str, Any], folder: Path, said: Path, fault: Fault | None, theirs: socket.socket
+    asked: dict[str, Any],
+    folder: Path,
+    imports: Path,
+    said: int,
+    fault: Fault | None,
+    theirs: socket.socket,
 ) -> None:
     """Become the command; never return."""
     code = 1
     try:
         os.setsid()
         os.chdir(folder)
-        sink = os.open(said, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
         null = os.open(os.devnull, os.O_RDWR)
-        for source, target in ((null, 0), (null, 1), (sink, 2)):
+        for source, target in ((null, 0), (null, 1), (said, 2)):
             os.dup2(source, target)
         if asked["memory"] is not None:
             pages = int(Path("/proc/self/statm").read_text().split()[0])
@@ -193,7 +201,7 @@ def _be_command(
     finally:
         with suppress(BaseException):
             if code == 0 and fault is None and asked["memory"] is asked["chance"] is None:
-                said.with_suffix(".imports").write_text("\n".join(sys.modules))
+                imports.write_text("\n".join(sys.modules))
             atexit._run_exitfuncs()
             sys.stderr.flush()
         os._exit(code)

@@ -67,7 +67,7 @@ def test_disk_full(command: Command, bench: Bench, disk: Path, full: bool, tally
     """It is told; what was there is there still; with room, the same command ends as it must."""
     need = measure_need(command, bench, disk)
     step = STEP if full else need // (SAMPLED[command.name] + 1) + 1
-    sizes = range(0 if full else step, need, step)
+    sizes = command.spread(range(0 if full else step, need, step))
     misses = []
     for room in sizes:
         with mounted(disk):

@@ -24,7 +24,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 def test_memory_limit(command: Command, bench: Bench, full: bool, tally: Tally) -> None:
     """It is told in a line, and nothing half-written is visible; or the memory was enough."""
-    sizes = SIZES if full else SAMPLED[command.name]
+    sizes = command.spread(SIZES if full else SAMPLED[command.name])
     bench.warm(command)  # imports are not ours: they fail as they like
     misses = []
     for size in sizes:

@@ -16,6 +16,7 @@ from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError, MismatchError
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import PairsRecipe, SplitRecipe
+from bsg_data.seals import SEAL
 from bsg_models.errors import CheckpointError, TrainingError
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.runs.checkpoint import (
@@ -155,6 +156,21 @@ def test_a_run_can_be_made_longer(dataset: Path, tmp_path: Path) -> None:
     assert same(weights(tmp_path / "long" / LAST), weights(tmp_path / "short" / LAST))
 
 
+def test_what_is_fitted_by_counting_starts_again_unless_it_is_finished(
+    dataset: Path, tmp_path: Path
+) -> None:
+    """A job that is restarted has the same command line: nothing may be there, half, or all."""
+    run, config = tmp_path / "run", configure(name="gamma-poisson")
+    list(train_run(config, dataset, run, resume=True))
+    saved = (run / BEST).read_bytes()
+    (run / SEAL).unlink()  # as if it had been killed before it was through
+    list(train_run(config, dataset, run, resume=True))
+    assert (run / BEST).read_bytes() == saved
+    before = {path.name: path.stat().st_mtime_ns for path in run.iterdir()}
+    list(train_run(config, dataset, run, resume=True))
+    assert {path.name: path.stat().st_mtime_ns for path in run.iterdir()} == before
+
+
 def test_what_cannot_be_resumed_is_refused(dataset: Path, tmp_path: Path) -> None:
     run = tmp_path / "run"
     list(train_run(configure(), dataset, run))
@@ -166,7 +182,9 @@ def test_what_cannot_be_resumed_is_refused(dataset: Path, tmp_path: Path) -> Non
         list(train_run(configure("model.dropout=0.1"), dataset, run, resume=True))
     with pytest.raises(TrainingError, match=r"model\.dropout: 0\.5 → 0\.1"):
         list(train_run(configure("model.dropout=0.1"), dataset, run, resume=True))
-    with pytest.raises(TrainingError, match="nothing to resume"):
+    with pytest.raises(
+        TrainingError, match=r"another configuration .*model\.family: ceci-gcn → doub"
+    ):
         list(train_run(configure(name="doubled"), dataset, run, resume=True))
     split_dataset(dataset, SplitRecipe(seed=5), force=True)
     before = {path.name: path.read_bytes() for path in run.iterdir()}
