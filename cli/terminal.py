@@ -88,9 +88,15 @@ class Command(click.Command):
             sys.exit(FAILED)
         except OSError as error:
             where = f"{error.filename}: " if error.filename else ""
-            print_note(f"Error: {where}{error.strerror or error}")
+            print_note(f"Error: {where}{error.strerror or error}{_hint_at(error)}")
             sys.exit(FAILED)
         sys.exit(code if isinstance(code, int) else 0)
+
+
+def _hint_at(error: OSError) -> str:
+    """Return what to do about an error whose words do not say it."""
+    lacks_folder = "temporary directory" in (error.strerror or "")  # Python's, of `tempfile`
+    return "; set TMPDIR to a folder that can be written" if lacks_folder else ""
 
 
 class CommandGroup(Command, click.Group):

@@ -7,7 +7,6 @@ one name apart, so that merging copies folders.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 
@@ -24,7 +23,6 @@ from bsg_data.scene.own_map import (
 )
 
 KEPT = "class_maps"
-_SAFE = re.compile(r"[0-9a-f]{64} [^/\\\0]+")  # no manifest leads out of its folder
 
 
 def keep_class_map(own: OwnMap, entry: ClassMapEntry, dataset: Path) -> Path:
@@ -76,8 +74,7 @@ def _list_entries(manifest: Manifest) -> tuple[ClassMapEntry, ...]:
 
 
 def _is_own(entry: ClassMapEntry) -> bool:
-    named = f"{entry.sha256} {entry.version}"
-    return entry.version not in published_maps() and _SAFE.fullmatch(named) is not None
+    return entry.version not in published_maps()
 
 
 def _path_of(entry: ClassMapEntry) -> PurePosixPath:

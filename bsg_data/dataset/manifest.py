@@ -72,10 +72,13 @@ class ClassSpaceEntry(Record):
 
 
 class ClassMapEntry(Record):
-    """The class map that the names of a source were read with."""
+    """The class map that the names of a source were read with.
 
-    version: str
-    sha256: str
+    Its version is the stem of a file where a dataset keeps the map, so that none leads elsewhere.
+    """
+
+    version: str = Field(pattern=r"^[^/\\\x00-\x1f]+$", max_length=250)
+    sha256: str = Field(pattern=r"^[0-9a-f]{64}$")
 
     @classmethod
     def of(cls, class_map: ClassMap) -> ClassMapEntry:

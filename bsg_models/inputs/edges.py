@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from typing import Literal
 
@@ -13,6 +13,7 @@ from bsg_data.observation.observation import Observation
 from bsg_models.errors import PredictionError
 
 MOST_PAIRS = 16_000_000  # of rooms that a network looks at together: 4,000 rooms of one building
+MOST_BYTES = 512 * 2**20  # of what a network works out for all edges at once, several times over
 EdgeSet = Literal["up", "down", "adjacent", "complete"]
 
 
@@ -81,6 +82,51 @@ def require_pairs(pairs: int) -> None:
             f"a model that looks at every pair of rooms takes at most {MOST_PAIRS:,} at "
             f"once; found {pairs:,}. Ask `universal` or `ceci-sage`, which take any number of rooms"
         )
+
+
+def count_edges(seen: Observation, edges: Sequence[EdgeSet]) -> Ints:
+    """Return how many directed edges each building of an observation has at most, `[B]`."""
+    rooms = np.diff(seen.starts) - 1
+    number = rooms * (("up" in edges) + ("down" in edges))
+    if "complete" in edges:
+        number = number + rooms * (rooms - 1)
+    if "adjacent" in edges:
+        of_pairs = seen.building[seen.connections.pairs[:, 0]]
+        number = number + 2 * np.bincount(of_pairs, minlength=len(seen))
+    return number
+
+
+def split_within(
+    seen: Observation, number: Ints, *, bytes_each: int, model: str, filled: bool = False
+) -> Iterator[Observation]:
+    """Yield the buildings of an observation in their order, as many at once as memory holds.
+
+    Args:
+        seen: of one building or more.
+        number: `[B]` of the pairs of nodes that a model looks at in each.
+        bytes_each: that it works out for a pair.
+        model: its name, for the error.
+        filled: whether it fills all buildings up to the largest.
+
+    Raises:
+        PredictionError: if one building is too large, before its pairs are listed.
+    """
+    most = min(MOST_BYTES // bytes_each, MOST_PAIRS)
+    largest = int(number.argmax())
+    if number[largest] > most:
+        rooms = int(seen.starts[largest + 1] - seen.starts[largest]) - 1
+        raise PredictionError(
+            f"{model}: looks at {number[largest]:,} pairs of rooms in a building of {rooms:,} "
+            f"rooms, and takes at most {most:,} at once, for want of memory. Ask `universal` or "
+            "`ceci-sage`, which take any number of rooms"
+        )
+    first = total = widest = 0
+    for last, pairs in enumerate(number.tolist()):
+        total, widest = total + pairs, max(widest, pairs)
+        if (widest * (last + 1 - first) if filled else total) > most:
+            yield seen.take(range(first, last))
+            first, total, widest = last, pairs, pairs
+    yield seen if not first else seen.take(range(first, len(seen)))
 
 
 @lru_cache(maxsize=4096)

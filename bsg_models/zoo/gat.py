@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 from torch_geometric.nn import GATv2Conv
 
 from bsg_models.zoo.catalogue import ZooRow
-from bsg_models.zoo.message_passing import MessagePassing
+from bsg_models.zoo.message_passing import MessagePassing, WritesNoFile
 from bsg_models.zoo.model import ModelInputs
 from bsg_models.zoo.node_features import NetworkConfig
 from bsg_models.zoo.training_recipes import CONNECTED, COUNTS
@@ -27,6 +27,10 @@ class GATConfig(NetworkConfig):
         return self
 
 
+class AttentionConv(WritesNoFile, GATv2Conv):  # type: ignore[misc]
+    """PyG's attention over neighbours."""
+
+
 class CECIGAT(MessagePassing):
     """h ← Σ of the neighbours' features by attention (GATv2, Brody et al., 2022)."""
 
@@ -34,7 +38,9 @@ class CECIGAT(MessagePassing):
         super().__init__(
             config,
             inputs,
-            convolution=lambda width: GATv2Conv(width, width // config.heads, heads=config.heads),
+            convolution=lambda width: AttentionConv(
+                width, width // config.heads, heads=config.heads
+            ),
         )
 
 

@@ -14,13 +14,13 @@ import torch
 from pydantic import Field
 from torch import nn
 from torch_geometric.data import Data
-from torch_geometric.nn import GCNConv
 from torch_geometric.nn.conv.gcn_conv import gcn_norm
 
 from bsg_data.arrays import Floats
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.expectation import Expectation, from_totals
 from bsg_models.zoo.catalogue import ZooRow
+from bsg_models.zoo.message_passing import NormalisedConv
 from bsg_models.zoo.model import ModelInputs, Network, to_array
 from bsg_models.zoo.settings import ModelConfig
 
@@ -50,10 +50,11 @@ class CECIGCN(Network):
 
     def __init__(self, config: GCNConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
+        self.edge_bytes = 4 * max(config.width, inputs.classes)
         hidden = [config.width] * (config.depth - 1)
         widths = [inputs.classes, *hidden, inputs.classes]
         self.convolutions = nn.ModuleList(
-            GCNConv(before, after, normalize=False) for before, after in pairwise(widths)
+            NormalisedConv(before, after, normalize=False) for before, after in pairwise(widths)
         )
         blocks = config.depth if config.last_layer == "block" else config.depth - 1
         self.blocks = nn.ModuleList(
@@ -83,7 +84,8 @@ class CECIGCN(Network):
 
     def predict(self, seen: Observation) -> Expectation:
         """Return the totals, not below 0, and what they leave hidden."""
-        totals = self._predict_totals(self.graph_of(seen))
+        parts = [self._predict_totals(self.graph_of(part)) for part in self.in_bounds(seen)]
+        totals = parts[0] if len(parts) == 1 else np.concatenate(parts)
         return from_totals(seen.inputs.astype(np.float64), totals)
 
     def _predict_totals(self, graphs: Data) -> Floats:

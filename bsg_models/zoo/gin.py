@@ -8,7 +8,7 @@ from torch import nn
 from torch_geometric.nn import GINConv
 
 from bsg_models.zoo.catalogue import ZooRow
-from bsg_models.zoo.message_passing import MessagePassing
+from bsg_models.zoo.message_passing import MessagePassing, WritesNoFile
 from bsg_models.zoo.model import ModelInputs
 from bsg_models.zoo.node_features import NetworkConfig
 from bsg_models.zoo.training_recipes import COUNTS, VARIED
@@ -18,6 +18,10 @@ class GINConfig(NetworkConfig):
     """Graph isomorphism network between building and rooms."""
 
     family: Literal["ceci-gin"] = "ceci-gin"
+
+
+class SumConv(WritesNoFile, GINConv):  # type: ignore[misc]
+    """PyG's sum over neighbours, through dense layers."""
 
 
 class CECIGIN(MessagePassing):
@@ -32,7 +36,7 @@ def _convolution(width: int) -> nn.Module:
     layers = nn.Sequential(
         nn.LayerNorm(width), nn.Linear(width, width), nn.SiLU(), nn.Linear(width, width)
     )
-    convolution: nn.Module = GINConv(layers, train_eps=True)
+    convolution: nn.Module = SumConv(layers, train_eps=True)
     return convolution
 
 

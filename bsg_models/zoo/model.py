@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,7 +18,7 @@ from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import PredictionError
-from bsg_models.inputs.edges import EdgeSet
+from bsg_models.inputs.edges import EdgeSet, count_edges, split_within
 from bsg_models.inputs.graphs import Nodes, to_graph
 from bsg_models.zoo.settings import DataConfig, ModelConfig
 from bsg_models.zoo.threads import one_thread
@@ -124,7 +124,29 @@ class BeliefModel(torch.nn.Module, ABC):
 
 
 class Network(BeliefModel):
-    """A model that is trained by the gradient of its loss on graphs."""
+    """A model that is trained by the gradient of its loss on graphs.
+
+    Attributes:
+        edge_bytes: that it works out for every edge at once; 0 for one that lists no edges.
+    """
+
+    edge_bytes = 0
+
+    def in_bounds(self, seen: Observation) -> Iterator[Observation]:
+        """Yield the buildings of an observation, as many at once as memory holds.
+
+        Raises:
+            PredictionError: if one building is too large.
+        """
+        if not self.edge_bytes:
+            return iter((seen,))
+        number = count_edges(seen, self.inputs.edges)
+        return split_within(seen, number, bytes_each=self.edge_bytes, model=self.label)
+
+    @property
+    def label(self) -> str:
+        """What errors call it: the checkpoint that it is from, or its family."""
+        return self.origin or self.config.family
 
     def graph_of(self, seen: Observation, targets: Counts | None = None) -> Data:
         """Return an observation as the graph that the network reads, with its own edges."""

@@ -10,10 +10,8 @@ from __future__ import annotations
 
 from typing import Literal
 
-from torch_geometric.nn import GCNConv
-
 from bsg_models.zoo.catalogue import ZooRow
-from bsg_models.zoo.message_passing import MessagePassing
+from bsg_models.zoo.message_passing import MessagePassing, NormalisedConv
 from bsg_models.zoo.model import ModelInputs
 from bsg_models.zoo.node_features import NetworkConfig
 from bsg_models.zoo.training_recipes import COUNTS, VARIED
@@ -29,7 +27,7 @@ class ResidualGCN(MessagePassing):
     """h ← D^-½ (A + I) D^-½ h W (Kipf and Welling, 2017), added to h."""
 
     def __init__(self, config: ResidualGCNConfig, inputs: ModelInputs) -> None:
-        super().__init__(config, inputs, convolution=lambda width: GCNConv(width, width))
+        super().__init__(config, inputs, convolution=lambda width: NormalisedConv(width, width))
 
 
 CECI_GCN_RESIDUAL = ZooRow(ResidualGCNConfig(), ResidualGCN, data=VARIED, training=COUNTS)

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Literal
 
+import numpy as np
 import torch
 from pydantic import Field, model_validator
 from torch import nn
 from torch_geometric.data import Data
 from torch_geometric.utils import to_dense_batch
 
-from bsg_models.inputs.edges import require_pairs
+from bsg_data.observation.observation import Observation
+from bsg_models.inputs.edges import require_pairs, split_within
 from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.count_network import CountNetwork
 from bsg_models.zoo.model import ModelInputs, building_numbers
@@ -50,6 +53,12 @@ class RoomTransformer(CountNetwork):
             norm_first=True,
         )
         self.layers = nn.TransformerEncoder(layer, config.depth, enable_nested_tensor=False)
+        self.edge_bytes = 4 * config.heads
+
+    def in_bounds(self, seen: Observation) -> Iterator[Observation]:
+        """Yield buildings that all fit when they are filled up to the largest of them."""
+        number = np.diff(seen.starts) ** 2
+        return split_within(seen, number, bytes_each=self.edge_bytes, model=self.label, filled=True)
 
     def encode(self, features: torch.Tensor, graphs: Data) -> torch.Tensor:
         """Return every node's features after attention within its building."""

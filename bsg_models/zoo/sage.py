@@ -11,7 +11,7 @@ from torch_geometric.nn import SAGEConv
 from bsg_data.observation.observation import Observation
 from bsg_models.inputs.graphs import Nodes, to_nodes
 from bsg_models.zoo.catalogue import ZooRow
-from bsg_models.zoo.message_passing import MessagePassing
+from bsg_models.zoo.message_passing import MessagePassing, WritesNoFile
 from bsg_models.zoo.model import ModelInputs
 from bsg_models.zoo.neighbours import ListedNeighbours, Neighbours
 from bsg_models.zoo.node_features import NetworkConfig
@@ -24,7 +24,7 @@ class SAGEConfig(NetworkConfig):
     family: Literal["ceci-sage"] = "ceci-sage"
 
 
-class MeanConv(SAGEConv):  # type: ignore[misc]
+class MeanConv(WritesNoFile, SAGEConv):  # type: ignore[misc]
     """PyG's convolution, which also takes what gives means in the place of a list of edges."""
 
     def forward(
@@ -47,6 +47,7 @@ class CECISAGE(MessagePassing):
 
     def __init__(self, config: SAGEConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs, convolution=lambda width: MeanConv(width, width))
+        self.edge_bytes = 0  # it is asked with `Neighbours`
 
     def edges_of(self, graphs: Data) -> Neighbours | ListedNeighbours:
         """Return who is whose neighbour, for all rounds."""

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -171,3 +172,18 @@ def test_only_the_terminal_prints() -> None:
     for path in (REPOSITORY / "cli").rglob("*.py"):
         if path.name not in ("terminal.py", "cluster.py"):
             assert "click.echo" not in path.read_text("utf-8"), path
+
+
+def test_no_writable_temporary_directory_says_what_to_set(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    @click.command(cls=Command)
+    def command() -> None:
+        tempfile.gettempdir()
+
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    monkeypatch.setattr(tempfile, "_candidate_tempdir_list", lambda: ["/nonexistent"])
+    result = CliRunner().invoke(command)
+    assert result.exit_code == 1
+    assert result.output.startswith("Error: No usable temporary directory found in")
+    assert result.output.endswith("; set TMPDIR to a folder that can be written\n")
