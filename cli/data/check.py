@@ -32,5 +32,8 @@ def command(dataset: Path, as_json: bool) -> None:
     else:
         print_text(f"{dataset}: sound")
     if faults:
-        print_note(f"faults: {len(faults)}; what a command made, it makes again with --force")
+        print_note(
+            f"faults: {len(faults)}; what a stopped command left goes when it runs again; a "
+            "damaged file comes from another copy, or from its command with --force"
+        )
         raise click.exceptions.Exit(1)
