@@ -68,7 +68,7 @@ def make_plain(text: str) -> str:
     """
     if text.isascii() and text.isprintable():
         return text
-    return "".join(_MARK if _is_obeyed(c) else c for c in text)
+    return "".join(_MARK if is_obeyed(c) else c for c in text)
 
 
 def escape_markdown(text: str) -> str:
@@ -81,7 +81,8 @@ def escape_markdown(text: str) -> str:
     return re.sub(r"([\\`*\[\]|])", r"\\\1", escaped)
 
 
-def _is_obeyed(character: str) -> bool:
+def is_obeyed(character: str) -> bool:
+    """Say whether a terminal would obey a character, and not show it; see `make_plain`."""
     kept = character.isprintable() or character in "\n\t"
     return not kept and unicodedata.category(character) != "Zs"  # spaces of other widths
 

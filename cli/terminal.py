@@ -30,7 +30,7 @@ from bsg_cli.dataset_paths import require_datasets
 from bsg_data.errors import BSGError, RecipeError
 from bsg_data.files import encode_json
 from bsg_data.recipes import name_fault
-from bsg_data.tables import make_plain
+from bsg_data.tables import is_obeyed, make_plain
 
 FAILED, WRONG_USAGE, INTERRUPTED, ENDED = 1, 2, 130, 143
 NO_MEMORY = "Error: not enough memory; give the command more, or fewer --workers where it has them"
@@ -229,8 +229,10 @@ def end_with_parent() -> None:
 
 
 def print_json(value: object) -> None:
-    """Print one JSON document on stdout."""
-    click.echo(encode_json(value, indent=1, ensure_ascii=False))
+    """Print one JSON document on stdout; what a terminal would obey in it is spelled as `\\u`."""
+    text = encode_json(value, indent=1, ensure_ascii=False)
+    obeyed = {ord(c): encode_json(c)[1:-1] for c in set(text) if is_obeyed(c)}
+    click.echo(text.translate(obeyed))
 
 
 def print_text(text: str, *, nl: bool = True) -> None:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import io
+import json
 import os
 import signal
 import subprocess
@@ -14,7 +15,7 @@ import pytest
 from click.testing import CliRunner
 from conftest import REPOSITORY
 
-from bsg_cli.terminal import Command, print_text, progress_bar, tell_now_and_then
+from bsg_cli.terminal import Command, print_json, print_text, progress_bar, tell_now_and_then
 from bsg_data.errors import BSGError
 
 SCRIPT = """
@@ -187,3 +188,14 @@ def test_no_writable_temporary_directory_says_what_to_set(
     assert result.exit_code == 1
     assert result.output.startswith("Error: No usable temporary directory found in")
     assert result.output.endswith("; set TMPDIR to a folder that can be written\n")
+
+
+def test_json_says_what_a_terminal_would_obey_as_escapes(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    name = "\x9b2J \u202elive \u2028 \x7f \U000e0001 é 🛏 \t\n"
+    print_json({name: [name]})
+    said = capsys.readouterr().out
+    assert not any(c in said for c in "\x9b\u202e\u2028\x7f\U000e0001")
+    assert "é 🛏" in said
+    assert json.loads(said) == {name: [name]}
