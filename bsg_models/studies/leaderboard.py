@@ -24,7 +24,7 @@ from bsg_data.dataset.publication import publish
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.executors import run_all
-from bsg_data.files import encode_json, hash_file, refuse_links, write_bytes
+from bsg_data.files import encode_json, flush_folder, hash_file, refuse_links, write_bytes
 from bsg_data.inputs.bounds import RUN_RECORD
 from bsg_data.inputs.documents import read_json
 from bsg_data.lock import hold
@@ -201,6 +201,7 @@ def prepare_dataset(source: Path, copy: Path, recipe: LeaderboardRecipe, *, mask
             copy_class_maps(source, manifest, partial)
             publish(partial, manifest.without_split())
             partial.rename(copy)
+            flush_folder(copy.parent)
         except OSError as error:
             raise DatasetError(f"{copy}: cannot be written ({error})") from error
     there = read_manifest(copy)

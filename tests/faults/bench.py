@@ -205,11 +205,9 @@ class Trial:
 
     def _without_work(self, tree: Tree) -> Tree:
         struck = self.struck
-        if (
-            struck is None
-            or not is_unfinished(struck.path)
-            or struck.kind not in ("remove", "open")
-        ):
+        if struck is None:
+            return tree
+        if struck.kind != "remove" and not (struck.kind == "open" and is_unfinished(struck.path)):
             return tree
         return {path: digest for path, digest in tree.items() if not is_unfinished(path)}
 
