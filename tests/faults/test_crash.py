@@ -61,7 +61,8 @@ def test_every_name_reaches_the_disk(command: Command, bench: Bench) -> None:
         if call.kind != "rename":
             continue
         moved = [name for name in unsynced if f"{name}/".startswith(f"{call.path}/")]
-        wrong += [f"{unsynced.pop(name)}, then {call}" for name in moved if "/." not in name]
+        if not is_unfinished(call.target):  # else nobody relies on it yet
+            wrong += [f"{unsynced.pop(name)}, then {call}" for name in moved if "/." not in name]
         if not PurePosixPath(call.target).name.startswith("."):
             unsynced[PurePosixPath(call.target).parent.as_posix()] = call
     wrong += [str(call) for folder, call in unsynced.items() if not is_unfinished(folder)]
