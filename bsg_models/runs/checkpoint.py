@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from pydantic import Field, ValidationError
+from pydantic import BaseModel, Field, ValidationError
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
@@ -80,6 +80,30 @@ class CheckpointHeader(Record):
     best_epoch: int = 0
     best_loss: float | None = None
     tensors_sha256: str | None = None
+
+
+class _OldModel(BaseModel):
+    family: str
+
+
+class _OldConfig(BaseModel):
+    model: _OldModel
+
+
+class _OldMap(BaseModel):
+    version: str
+    classes: list[str]
+
+
+class _OldHeader(BaseModel):
+    """What is converted of a header of an older version; all else stays as it is."""
+
+    config: _OldConfig
+    members: dict[str, _OldConfig] = Field(default_factory=dict)
+
+
+class _MappedHeader(_OldHeader):
+    class_map: _OldMap
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,13 +236,10 @@ def _parse_header(path: Path, file: Any) -> CheckpointHeader:
                 )
             del fields["sha256"]
         if version in MAPPED_VERSIONS:
-            named = fields.pop("class_map")
-            fields["class_space"] = {
-                "name": named["version"],
-                "sha256": hash_classes(named["classes"]),
-                "classes": named["classes"],
-            }
+            _MappedHeader.model_validate(fields, strict=True)
+            _name_class_space(fields)
         if version in UNTILTED_VERSIONS:
+            _OldHeader.model_validate(fields, strict=True)
             _add_untilted(fields)
         header = CheckpointHeader.model_validate(fields)
     except ValidationError as error:  # also for a model of a package that is not installed
@@ -235,6 +256,16 @@ def _parse_header(path: Path, file: Any) -> CheckpointHeader:
             f"sha256 of the tensors; {_AGAIN}"
         )
     return header
+
+
+def _name_class_space(fields: dict[str, Any]) -> None:
+    """Say in the header of an older version its class space, where it named a class map."""
+    named = fields.pop("class_map")
+    fields["class_space"] = {
+        "name": named["version"],
+        "sha256": hash_classes(named["classes"]),
+        "classes": named["classes"],
+    }
 
 
 def _add_untilted(fields: dict[str, Any]) -> None:

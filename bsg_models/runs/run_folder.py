@@ -61,8 +61,15 @@ def open_run(run: Path, *, resume: bool = False, force: bool = True) -> Iterator
 
 
 def seal_run(run: Path) -> None:
-    """Write the seal of a finished run: the hashes of all its own files that are there."""
-    write_seal(run, [name for name in sorted(FILES) if (run / name).is_file()])
+    """Write the seal of a finished run: the hashes of all its own files that are there.
+
+    Those of an ensemble are also its members', but for their curves: one may be plotted later,
+    and a member has a seal of its own.
+    """
+    members = read_header(run / BEST).members if (run / BEST).is_file() else ()
+    trained = [file for file in FILES if file != CURVE]
+    names = [*FILES, *(f"{MEMBERS}/{name}/{file}" for name in members for file in trained)]
+    write_seal(run, [name for name in sorted(names) if (run / name).is_file()])
 
 
 @contextmanager

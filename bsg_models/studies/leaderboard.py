@@ -20,6 +20,7 @@ from pathlib import Path
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.kept_maps import copy_class_maps
 from bsg_data.dataset.manifest import MANIFEST, FileEntry, Manifest, read_manifest
+from bsg_data.dataset.own_files import remove_own
 from bsg_data.dataset.publication import publish
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
@@ -182,7 +183,7 @@ def prepare_dataset(source: Path, copy: Path, recipe: LeaderboardRecipe, *, mask
     """Copy a dataset, split it into folds and draw its pairs, unless that is done.
 
     Raises:
-        DatasetError: if another dataset is there.
+        DatasetError: if another dataset, or a file that is not ours, is there.
     """
     manifest = read_manifest(source)
     split = SplitRecipe(method="folds", ratios=None, folds=recipe.folds, seed=recipe.seed)
@@ -194,7 +195,8 @@ def prepare_dataset(source: Path, copy: Path, recipe: LeaderboardRecipe, *, mask
     for path in (copy.parent, copy, partial):
         _refuse_link(path)
     if not (copy / MANIFEST).is_file():
-        shutil.rmtree(partial, ignore_errors=True)
+        if partial.exists():  # of a leaderboard that was stopped
+            remove_own(partial)
         try:
             for entry in manifest.without_split().files:
                 _copy_listed(source / entry.path, entry, partial / entry.path)

@@ -38,6 +38,8 @@ def check_results(path: Path) -> tuple[str, ...]:
             f"{path}: has no {SEAL}, or an empty one: its command was stopped, or is of an earlier "
             "version, or it is no folder of results; nothing can be told of it"
         )
+    for folder in {(path / name).parent for name in sums} - {path}:
+        require_seal(folder)  # of an ensemble's member
     for name in sums:
         if name.endswith(_WEIGHTS):
             restore_model(path / name, load_checkpoint(path / name))

@@ -21,6 +21,7 @@ from pydantic import Field
 from bsg_data.arrays import Floats
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.files import encode_json
+from bsg_data.inputs.bounds import MAX_RATIO
 from bsg_data.inputs.documents import parse_json
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import MIN_RATE, CountDistribution, negative_binomial
@@ -36,6 +37,9 @@ from bsg_models.zoo.training_recipes import VARIED
 from bsg_models.zoo.tree_text import prove_trees
 
 _MOST_BYTES = 2**28  # of unpacked trees; the recipe's are some megabytes
+# What LightGBM writes at most, so that a small file cannot ask for more:
+_HEAD_BYTES, _FEATURE_BYTES = 2**16, 2**7  # of a class, once and for each feature; a tenth is usual
+_TREE_BYTES, _LEAF_BYTES = 2**10, 2**9
 
 
 TreeReading = Literal["mask", "building", "categories"]
@@ -140,19 +144,36 @@ class PoissonBoosting(CalibratedModel):
         lightgbm = _import_lightgbm()
         unpacking = zlib.decompressobj()
         try:
-            texts = parse_json(unpacking.decompress(packed, _MOST_BYTES))
+            most = self._most_bytes(len(packed))
+            text = unpacking.decompress(packed, most)
+            if unpacking.unconsumed_tail:
+                raise ValueError(f"they unpack to more than {most:,} bytes, which no such trees do")
+            texts = parse_json(text)
+            if len(texts) != len(self.dispersions):
+                raise CheckpointError("the trees are of another model")
             grown = [
-                (float(one["start"]), _grow(lightgbm, one["trees"]) if one["trees"] else None)
+                (float(one["start"]), self._grow(lightgbm, one["trees"]) if one["trees"] else None)
                 for one in texts
             ]
         except (zlib.error, ValueError, KeyError, TypeError, lightgbm.basic.LightGBMError) as error:
             raise CheckpointError(f"the trees are damaged ({error})") from error
-        widths = {booster.num_feature() for _, booster in grown if booster} | {self._width()}
-        if len(grown) != len(self.dispersions) or len(widths) > 1:
-            raise CheckpointError("the trees are of another model")
         if not np.isfinite([start for start, _ in grown]).all():
             raise CheckpointError("the trees are damaged (a start is not finite)")
         return grown
+
+    def _grow(self, lightgbm: Any, text: object) -> Any:
+        if not isinstance(text, str):
+            raise TypeError("trees are text")
+        trees, leaves = self.config.trees, self.config.leaves
+        proven = prove_trees(text, trees=trees, leaves=leaves, features=self._width())
+        return lightgbm.Booster(model_str=proven)
+
+    def _most_bytes(self, packed: int) -> int:
+        """Return how much text the trees may unpack to: by what is configured, and by the file."""
+        classes, trees = len(self.dispersions), self.config.trees
+        heads = classes * (_HEAD_BYTES + _FEATURE_BYTES * self._width())
+        grown = classes * trees * (_TREE_BYTES + _LEAF_BYTES * self.config.leaves)
+        return min(heads + min(grown, MAX_RATIO * packed), _MOST_BYTES)
 
     def _width(self) -> int:
         """Return F, what the trees read of every node."""
@@ -195,12 +216,6 @@ class PoissonBoosting(CalibratedModel):
             "seed": torch.initial_seed() % 2**31,  # of the run, see bsg_models.training.training
             "verbosity": -1,
         }
-
-
-def _grow(lightgbm: Any, text: object) -> Any:
-    if not isinstance(text, str):
-        raise TypeError("trees are text")
-    return lightgbm.Booster(model_str=prove_trees(text))
 
 
 def _import_lightgbm() -> Any:

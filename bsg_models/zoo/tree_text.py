@@ -14,52 +14,56 @@ from collections.abc import Iterator, Mapping, Sequence
 
 _WHOLE = re.compile(r"-?[0-9]{1,9}")
 _REAL = re.compile(r"-?[0-9]{1,400}(?:\.[0-9]{1,400})?(?:e[+-]?[0-9]{1,3})?")
-_MAX_LEAVES = 100_000
-_MAX_FEATURES = 1_000_000
 _DECISIONS = range(0, 12, 2)  # by numbers, not by categories; what is missing goes left or right
 _TREE = "Tree="
 _END = "end of trees"
 
 
-def prove_trees(text: str) -> str:
+def prove_trees(text: str, *, trees: int, leaves: int, features: int) -> str:
     """Return the text of the same trees, written anew.
 
     Args:
         text: as LightGBM wrote it.
+        trees: that there may be: as many as were asked for; fewer where growing ended early.
+        leaves: that each may have.
+        features: that they read.
 
     Raises:
         ValueError: naming what makes them no trees.
     """
+    found = text.count(f"\n{_TREE}")
+    if found > trees:
+        raise ValueError(f"expected {trees:,} trees at most, as configured; found {found:,}")
     head, *blocks = text.partition(f"\n{_END}")[0].split(f"\n{_TREE}")
     said = _read_lines(head)
     if (said.get("num_class"), said.get("num_tree_per_iteration")) != ("1", "1"):
         raise ValueError("expected trees of one value")
-    (last,) = _whole_numbers(said, "max_feature_idx", 1, range(_MAX_FEATURES))
-    trees = [
-        "\n".join((f"{_TREE}{number}", *_prove(block, last + 1), "", ""))
+    _whole_numbers(said, "max_feature_idx", 1, range(features - 1, features))
+    proven = [
+        "\n".join((f"{_TREE}{number}", *_prove(block, leaves, features), "", ""))
         for number, block in enumerate(blocks)
     ]
     lines = (
         *("tree", "version=v4", "num_class=1", "num_tree_per_iteration=1", "label_index=0"),
-        *(f"max_feature_idx={last}", "objective=poisson"),
-        "feature_names=" + " ".join(f"Column_{number}" for number in range(last + 1)),
-        "feature_infos=" + " ".join(["none"] * (last + 1)),
-        "tree_sizes=" + " ".join(str(len(tree)) for tree in trees),
+        *(f"max_feature_idx={features - 1}", "objective=poisson"),
+        "feature_names=" + " ".join(f"Column_{number}" for number in range(features)),
+        "feature_infos=" + " ".join(["none"] * features),
+        "tree_sizes=" + " ".join(str(len(tree)) for tree in proven),
     )
-    return "\n".join(lines) + "\n\n" + "".join(trees) + f"{_END}\n"
+    return "\n".join(lines) + "\n\n" + "".join(proven) + f"{_END}\n"
 
 
 def _read_lines(text: str) -> dict[str, str]:
     return dict(line.split("=", 1) for line in text.split("\n") if "=" in line)
 
 
-def _prove(block: str, features: int) -> Iterator[str]:
+def _prove(block: str, most: int, features: int) -> Iterator[str]:
     """Yield the lines of one tree."""
     said = _read_lines(block)
     for key in ("num_cat", "is_linear"):
         if said.get(key, "0") != "0":
             raise ValueError(f"{key} is {said[key][:40]!r}, which no tree of ours has")
-    (leaves,) = _whole_numbers(said, "num_leaves", 1, range(1, _MAX_LEAVES + 1))
+    (leaves,) = _whole_numbers(said, "num_leaves", 1, range(1, most + 1))
     splits = leaves - 1
     yield f"num_leaves={leaves}"
     yield "num_cat=0"

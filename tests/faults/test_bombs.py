@@ -14,7 +14,9 @@ import resource
 import subprocess
 import sys
 import zipfile
+import zlib
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pyarrow as pa
@@ -55,6 +57,10 @@ PROCTHOR = (
     "from bsg_data.sources.procthor import ProcTHORHouses",
     "ProcTHORHouses(path).find()",
 )
+CHECKPOINT = (
+    "import lightgbm\nfrom bsg_models.runs.checkpoint import load_checkpoint, restore_model",
+    "restore_model(path, load_checkpoint(path))",
+)
 CLASS_MAP = ("from bsg_data.scene.own_map import read_own_map", "read_own_map(path)")
 
 
@@ -85,6 +91,31 @@ def make_packed_lines(path: Path) -> None:
         for _ in range(300):
             file.write(block)
     path.write_bytes(buffer.getvalue())
+
+
+def make_trees(path: Path, *, classes: int, trees: int, configured: int) -> None:
+    """Write a whole checkpoint, in some kilobytes, of very many trees of one leaf."""
+    import torch
+
+    from bsg_data.dataset.manifest import ClassSpaceEntry
+    from bsg_data.scene.class_space import hash_classes
+    from bsg_models.runs.checkpoint import CheckpointHeader, save_checkpoint
+    from bsg_models.zoo.config import find_config, override, validate_config
+    from bsg_models.zoo.construction import make_model
+
+    settings = [f"model.trees={configured}", "model.leaves=1024", 'model.reads=["mask"]']
+    tables = override(find_config("poisson-boosting").model_dump(mode="json"), settings)
+    config = validate_config(tables, source="test")
+    names = tuple(f"class {number}" for number in range(classes))
+    space = ClassSpaceEntry(name="many", sha256=hash_classes(names), classes=names)
+    head = f"tree\nnum_class=1\nnum_tree_per_iteration=1\nmax_feature_idx={classes + 2}\n"
+    grown = head + "\nTree=0\nnum_leaves=1\nleaf_value=1\n" * trees + "\nend of trees\n"
+    packed = zlib.compress(json.dumps([{"start": 0.0, "trees": grown}] * classes).encode(), 9)
+    model = make_model(config, classes=classes, vocabulary=())
+    state = {f"model.{name}": tensor for name, tensor in model.state_dict().items()}
+    state["model.trees"] = torch.frombuffer(bytearray(packed), dtype=torch.uint8)
+    header = CheckpointHeader(config=config, class_space=space, dataset_sha256="0" * 64)
+    save_checkpoint(path, header, state)
 
 
 def text(what: str) -> Callable[[Path], None]:
@@ -119,6 +150,16 @@ BOMBS = {
     "CSV without an end": (link("/dev/zero"), "a.csv", TABLE),
     "houses of packed line feeds": (make_packed_lines, "a.jsonl.gz", PROCTHOR),
     "class map without an end": (link("/dev/zero"), "a.csv", CLASS_MAP),
+    "200,000 trees, 80 configured": (
+        partial(make_trees, classes=1, trees=200_000, configured=80),
+        "a.safetensors",
+        CHECKPOINT,
+    ),
+    "400,000 trees, as configured": (
+        partial(make_trees, classes=40, trees=10_000, configured=10_000),
+        "a.safetensors",
+        CHECKPOINT,
+    ),
 }
 
 

@@ -35,6 +35,8 @@ SMALL = {
     "mixture": ("model.types=2", "model.iterations=2"),
     "ceci-gcn": ("model.width=4", "training.epochs=1"),
     "ceci-sage": ("model.width=4", "training.epochs=1"),
+    "poisson-boosting": ("model.trees=3", "model.draws=2"),
+    "ensemble": ('model.members=["gamma-poisson","naive-bayes"]', "model.calibrate=false"),
 }
 
 
@@ -86,6 +88,8 @@ def test_in_a_checkpoint(
 ) -> None:
     if not (full or family in IN_SHORT):
         pytest.skip("families besides these are tried by `make faults`")
+    if family == "poisson-boosting":
+        pytest.importorskip("lightgbm")
     run = train(family, dataset, tmp_path / "trained")
     alone = tmp_path / "alone"
     alone.mkdir()
@@ -111,6 +115,19 @@ def test_in_a_run(dataset: Path, tmp_path: Path, full: bool, tally: Tally) -> No
 
     assert not look()
     try_flips(run, look, what="bsg-models check RUN", full=full, tally=tally)
+
+
+def test_in_a_run_of_an_ensemble(dataset: Path, tmp_path: Path, full: bool, tally: Tally) -> None:
+    run = train("ensemble", dataset, tmp_path / "run")
+    sealed = check_results(run)
+    for member in ("gamma-poisson", "naive-bayes"):
+        assert f"members/{member}/best.safetensors" in sealed
+
+    def look() -> bool:
+        return not check_results(run)
+
+    assert not look()
+    try_flips(run, look, what="bsg-models check ENSEMBLE", full=full, tally=tally)
 
 
 def test_in_belief_tables(run: Path, tmp_path: Path, full: bool, tally: Tally) -> None:

@@ -172,6 +172,36 @@ def test_headers_that_python_cannot_take_are_refused(path: Path, text: str) -> N
         read_header(path)
 
 
+@pytest.mark.parametrize("version", [1, 2, 3])
+@pytest.mark.parametrize(
+    ("key", "odd"),
+    [
+        ("members", [1]),
+        ("members", {"a": 1}),
+        ("members", {"a": {"model": []}}),
+        ("members", None),
+        ("config", 5),
+        ("config", {"model": ["family"]}),
+        ("config", {"model": {"family": ["x"]}}),
+        ("config", {"model": {"family": {}}}),
+        ("class_map", "hm3d45-v1"),
+        ("class_map", {"version": 1, "classes": 5}),
+        ("class_map", {"version": "x", "classes": [[1]]}),
+    ],
+)
+def test_an_old_header_of_an_odd_shape_is_one_error(
+    path: Path, version: int, key: str, odd: object
+) -> None:
+    fields = fields_of_version(path, version)
+    del fields["sha256"]
+    text = json.dumps({**fields, key: odd}).removesuffix("}")
+    seal = hashlib.sha256(text.encode()).hexdigest()
+    text += "}" if version == 1 else f',"sha256":"{seal}"}}'
+    save_file({"x": torch.zeros(1)}, path, metadata={"bsg": text})
+    with pytest.raises(CheckpointError, match="its header is not a checkpoint's"):
+        read_header(path)
+
+
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_an_answer_that_is_not_finite_is_an_error(
     path: Path, dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bad: float

@@ -14,7 +14,7 @@ from bsg_data.lock import hold
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_models.runs.checkpoint import load_checkpoint
 from bsg_models.runs.run_folder import BEST
-from bsg_models.studies.leaderboard import make_leaderboard
+from bsg_models.studies.leaderboard import make_leaderboard, prepare_dataset
 from bsg_models.studies.leaderboard_runs import LeaderboardRecipe, run_of
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
 
@@ -105,6 +105,23 @@ def test_a_copy_of_another_dataset_is_refused(
     # A dataset that is split and has pairs serves too: its own are not used.
     board = make_leaderboard(dataset, tmp_path / "third", models, recipe)
     assert board.results["uniform"]["train-mean"].metrics.point["rooms/hidden_nll"] > 0
+
+
+def test_what_a_stopped_copy_left_goes_and_a_file_of_somebody_stays(
+    unsplit: Path, tmp_path: Path
+) -> None:
+    partial = tmp_path / "board" / "uniform" / "dataset.partial"
+    partial.mkdir(parents=True)
+    (partial / "dataset.json").write_text("{}")
+    (partial / "mine.txt").write_text("mine")
+    copy = partial.with_name("dataset")
+    with pytest.raises(DatasetError, match=r"dataset\.partial: holds mine\.txt"):
+        prepare_dataset(unsplit, copy, RECIPE, mask="uniform")
+    assert (partial / "mine.txt").read_text() == "mine"
+    (partial / "mine.txt").unlink()
+    prepare_dataset(unsplit, copy, RECIPE, mask="uniform")
+    assert not partial.exists()
+    assert read_manifest(copy).pairs is not None
 
 
 @pytest.mark.slow

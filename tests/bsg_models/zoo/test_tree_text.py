@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bsg_models.zoo.tree_text import prove_trees
+from bsg_models.zoo import tree_text
 
 lightgbm = pytest.importorskip("lightgbm")
 RNG = np.random.default_rng(0)
@@ -16,6 +16,10 @@ def text() -> str:
     counts = RNG.poisson(1 + FEATURES[:, 0])
     recipe = {"objective": "poisson", "num_leaves": 4, "verbosity": -1, "num_threads": 1}
     return str(lightgbm.train(recipe, lightgbm.Dataset(FEATURES, counts), 3).model_to_string())
+
+
+def prove_trees(text: str, *, trees: int = 3, leaves: int = 4, features: int = 6) -> str:
+    return tree_text.prove_trees(text, trees=trees, leaves=leaves, features=features)
 
 
 def answer(text: str) -> list[float]:
@@ -35,6 +39,16 @@ def test_trees_of_one_leaf_are_read() -> None:
     recipe = {"objective": "poisson", "verbosity": -1, "num_threads": 1}
     text = lightgbm.train(recipe, constant, 2).model_to_string()
     assert answer(prove_trees(text)) == answer(text)
+
+
+def test_more_trees_leaves_or_features_than_configured_are_refused(text: str) -> None:
+    with pytest.raises(ValueError, match="expected 2 trees at most, as configured; found 3"):
+        prove_trees(text, trees=2)
+    with pytest.raises(ValueError, match="num_leaves: expected numbers of 1 to 3"):
+        prove_trees(text, leaves=3)
+    for features in (5, 7):
+        with pytest.raises(ValueError, match="max_feature_idx: expected"):
+            prove_trees(text, features=features)
 
 
 @pytest.mark.parametrize(

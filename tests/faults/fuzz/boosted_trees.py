@@ -50,12 +50,12 @@ def read(folder: Path, data: bytes) -> object:
     import lightgbm
 
     try:
-        proven = prove_trees(data.decode("utf-8", "surrogateescape"))
+        proven = prove_trees(
+            data.decode("utf-8", "surrogateescape"), trees=100, leaves=1_024, features=3
+        )
     except ValueError as error:
         raise NoFileError(str(error)) from error
     booster = lightgbm.Booster(model_str=proven)
-    if booster.num_feature() > 1_000:
-        return None
     features = np.linspace(-1, 1, 4 * booster.num_feature()).reshape(4, -1)
     answers = booster.predict(features, raw_score=True, num_threads=1)
     assert np.isfinite(answers).all()
