@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 from pathlib import Path
 
@@ -91,3 +92,11 @@ def test_a_file_that_is_gone_or_changed_is_named(tmp_path: Path) -> None:
     (tmp_path / SEAL).write_text("no end of a line")
     with pytest.raises(DatasetError, match="is damaged"):
         read_seal(tmp_path)
+
+
+def test_a_sealed_file_that_grew_without_end_is_not_read(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    write(out, a="1")
+    os.truncate(out / "a", 300 * 2**30)
+    with pytest.raises(DatasetError, match="322,122,547,200 bytes; expected at most"):
+        require_seal(out)
