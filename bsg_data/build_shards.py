@@ -181,6 +181,8 @@ def read_report(folder: Path, part: int) -> ShardReport | None:
         data = read_bytes(folder / _name_report(part), MANIFEST_FILE, error=DatasetError)
         report = ShardReport.model_validate_json(data)
         for entry in report.files:
+            if (folder / entry.path).stat().st_size != entry.bytes:
+                return None
             if describe_file(folder, entry.path, rows=entry.rows) != entry:
                 return None
     except (DatasetError, OSError, ValidationError):

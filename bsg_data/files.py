@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import errno
-import hashlib
 import json
 import os
 import re
@@ -13,8 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from bsg_data.errors import DatasetError
-
-_BLOCK = 2**20  # bytes that are hashed at a time
 
 
 @contextmanager
@@ -96,21 +92,6 @@ def refuse_links(root: Path, path: Path) -> None:
             return
         if place.is_symlink():
             raise DatasetError(f"{place}: is a link, and nothing is written through one; remove it")
-
-
-def hash_file(path: Path) -> str:
-    """Return the sha256 of a file on a disk, in hexadecimal digits.
-
-    Raises:
-        OSError: if it cannot be read, or is a pipe or a device, which may have no end.
-    """
-    if not path.is_file() and path.exists():
-        raise OSError(errno.EINVAL, "is no file on a disk", str(path))
-    digest = hashlib.sha256()
-    with path.open("rb") as file:
-        while block := file.read(_BLOCK):
-            digest.update(block)
-    return digest.hexdigest()
 
 
 def flush_file(path: Path) -> None:

@@ -13,8 +13,8 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from bsg_data.errors import DatasetError
-from bsg_data.files import hash_file, refuse_links, write_bytes
-from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.files import refuse_links, write_bytes
+from bsg_data.inputs.bounded_file import hash_file, read_bytes
 from bsg_data.inputs.bounds import CHECKSUMS
 from bsg_data.result_folder import Place, hold_places, stage_files
 

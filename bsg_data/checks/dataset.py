@@ -37,7 +37,8 @@ from bsg_data.dataset.publication import CARD, CROISSANT, REPLACES, list_strays
 from bsg_data.dataset.replacement import find_replaced
 from bsg_data.dataset.schema import TABLES
 from bsg_data.errors import ClassMapError
-from bsg_data.files import hash_file
+from bsg_data.inputs.bounded_file import hash_file
+from bsg_data.inputs.bounds import DATASET_CARD
 from bsg_data.observation.pairs import split_of_file
 from bsg_data.scene.class_map import load_class_map, published_maps
 from bsg_data.scene.class_space import list_class_spaces, load_class_space
@@ -194,6 +195,12 @@ def _check_strays(dataset: Path, manifest: Manifest) -> Iterator[Fault]:
         if not (dataset / name).is_file():
             yield Fault(name, "is missing; any of build, split or pairs writes it again")
     for name, expected in read_card_hashes(dataset).items():
-        found = hash_file(dataset / name) if (dataset / name).is_file() else expected
+        if not (dataset / name).is_file():
+            continue
+        try:
+            found = hash_file(dataset / name, DATASET_CARD)
+        except OSError as error:
+            yield Fault(name, f"cannot be read ({error.strerror or error})")
+            continue
         if found != expected:
             yield Fault(name, f"was changed: expected sha256 {expected[:12]}…, found {found[:12]}…")

@@ -13,6 +13,8 @@ from bsg_data.dataset.publication import PLAN, RECIPE, REPORTS, list_paths, list
 from bsg_data.dataset.replacement import name_growing, put_in_place, restore, settle
 from bsg_data.errors import DatasetError
 from bsg_data.files import write_bytes
+from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.inputs.bounds import MANIFEST_FILE
 from bsg_data.lock import hold
 from bsg_data.recipes import Record
 
@@ -161,7 +163,11 @@ def _encode(recipe: Record) -> bytes:
 
 
 def _read(path: Path) -> bytes | None:
-    return path.read_bytes() if path.is_file() else None
+    return read_bytes(path, MANIFEST_FILE, error=_refuse) if path.is_file() else None
+
+
+def _refuse(said: str) -> DatasetError:
+    return DatasetError(f"{said}; no build of ours wrote it: move it away")
 
 
 def _is_bare(partial: Path) -> bool:

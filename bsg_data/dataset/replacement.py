@@ -22,6 +22,8 @@ from bsg_data.dataset.publication import RECIPE, REPLACES, REPORTS, list_paths
 from bsg_data.errors import DatasetError
 from bsg_data.exchange import exchange
 from bsg_data.files import flush_folder, write_bytes
+from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.inputs.bounds import MANIFEST_FILE
 
 
 def name_growing(out: Path) -> Path:
@@ -118,6 +120,7 @@ def _rename_or_put_back(growing: Path, out: Path, replaced: Path) -> None:
 def _is_replaced(old: Path, *, by: Path) -> bool:
     """Say whether a folder holds the dataset that another one takes the place of."""
     try:
-        return hash_manifest(old).encode() == (by / REPLACES).read_bytes()
+        told = read_bytes(by / REPLACES, MANIFEST_FILE, error=OSError)
+        return hash_manifest(old).encode() == told
     except OSError:
         return False

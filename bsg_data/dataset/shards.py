@@ -18,8 +18,8 @@ from bsg_data.dataset.scene_tables import assemble_graphs, collect_columns
 from bsg_data.dataset.schema import FORMAT_VERSION, SPLITS, TABLES, pairs_schema
 from bsg_data.dataset.version_1 import TABLES_1, convert_table
 from bsg_data.errors import DatasetError, MismatchError
-from bsg_data.files import encode_json, hash_file, open_beside
-from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.files import encode_json, open_beside
+from bsg_data.inputs.bounded_file import hash_file, read_bytes
 from bsg_data.inputs.bounds import DATASET_TABLE
 from bsg_data.inputs.parquet import reading_parquet, words_of
 from bsg_data.scene.scene_graph import SceneGraph, is_scene_id

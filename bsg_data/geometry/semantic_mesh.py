@@ -16,7 +16,6 @@ from pathlib import Path
 import numpy as np
 
 from bsg_data.arrays import Floats, Ints
-from bsg_data.files import hash_file
 from bsg_data.geometry.colour_labels import BLACK, FIRST, UNLISTED, ColourLabels, Labels
 from bsg_data.geometry.gltf import MeshError, MeshPart, read_parts
 from bsg_data.geometry.label_sheet import LabelSheet
@@ -30,6 +29,7 @@ from bsg_data.geometry.triangles import (
     split_corners,
     take_corners,
 )
+from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.scene.mesh_coverage import MeshCoverage
 
 _FINE = 4.0  # samples a texel where a face straddles instances

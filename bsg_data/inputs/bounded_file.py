@@ -6,6 +6,7 @@ than its bound is held, and one that never ends is refused once the bound was re
 
 from __future__ import annotations
 
+import errno
 import gzip
 import hashlib
 import io
@@ -17,12 +18,16 @@ from pathlib import Path
 from typing import BinaryIO, cast
 
 from bsg_data.errors import SourceError
-from bsg_data.inputs.bounds import MAX_RATIO, MIB, Bound
+from bsg_data.inputs.bounds import DATASET_TABLE, MAX_RATIO, MIB, Bound
 
 PACKED = ".gz"
 Refusal = Callable[[str], Exception]
 _BLOCK = MIB
 _UNSUSPICIOUS = 16 * MIB  # unpacked, before a ratio is judged
+
+
+class TooLargeError(OSError):
+    """Report a file that is not hashed, for it is larger than its bound."""
 
 
 def read_bytes(path: Path, bound: Bound, *, error: Refusal = SourceError) -> bytes:
@@ -82,16 +87,33 @@ def hash_bounded(path: Path, bound: Bound) -> str:
 
     Raises:
         OSError: if it cannot be read.
-        ValueError: if it is larger.
+        TooLargeError: if it is larger; one on a disk is not read then.
     """
     digest, left = hashlib.sha256(), bound.bytes
     with open_waiting_for_none(path) as file:
+        _require_size(file, path, bound, TooLargeError)
         while block := file.read(_BLOCK):
             left -= len(block)
             if left < 0:
-                raise ValueError(f"{path}: more than {bound.bytes:,} bytes")
+                raise TooLargeError(f"{path}: more than {bound.bytes:,} bytes")
             digest.update(block)
     return digest.hexdigest()
+
+
+def hash_file(path: Path, bound: Bound = DATASET_TABLE) -> str:
+    """Return the sha256 of a file on a disk, in hexadecimal digits.
+
+    Args:
+        path: of the file.
+        bound: that it must keep; no kind of file that we write may be larger than the usual one.
+
+    Raises:
+        OSError: if it cannot be read, or is a pipe or a device, which may have no end.
+        TooLargeError: if it is larger.
+    """
+    if not path.is_file() and path.exists():
+        raise OSError(errno.EINVAL, "is no file on a disk", str(path))
+    return hash_bounded(path, bound)
 
 
 def open_waiting_for_none(path: Path) -> BinaryIO:

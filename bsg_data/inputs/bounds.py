@@ -66,6 +66,7 @@ SPARK_DSG = Bound("Spark-DSG graph, JSON or binary", 256 * MIB, _NESTED)
 BELIEF = Bound("belief graph, JSON", 256 * MIB, _NESTED)
 CLASS_MAP = Bound("class map, each CSV file", 16 * MIB, "256 classes")
 MANIFEST_FILE = Bound("manifest, plan and reports of a dataset, JSON", 64 * MIB, _NESTED)
+DATASET_CARD = Bound("card and description of a dataset, Markdown and JSON", 256 * MIB)
 DATASET_TABLE = Bound(
     "parquet file of a dataset, of beliefs or of predictions",
     4 * GIB,

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from bsg_data.errors import AnnotationError, SourceChangedError, SourceError, find_io_error
-from bsg_data.inputs.bounded_file import hash_bounded, read_packed, unpack
+from bsg_data.inputs.bounded_file import TooLargeError, hash_bounded, read_packed, unpack
 from bsg_data.inputs.bounds import Bound
 from bsg_data.sources.source import SkippedScene
 
@@ -91,12 +91,12 @@ def fingerprint(path: Path, bound: Bound) -> str:
     """
     try:
         return hash_bounded(path, bound)
+    except TooLargeError:
+        return TOO_LARGE
     except OSError as error:
         if find_io_error(error):
             raise SourceChangedError(f"{path}: cannot be read ({error.strerror})") from error
         return f"unreadable: {error.strerror}"
-    except ValueError:
-        return TOO_LARGE
 
 
 def read_listed(path: Path, bound: Bound, *, expected: str | None = None) -> bytes:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from bsg_data.files import hash_file
+from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.recipes import Record
 from bsg_models.runs.checkpoint import read_header
 from bsg_models.runs.found_model import FoundModel, Kind, find_model

@@ -11,7 +11,7 @@ import torch
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.kept_maps import read_class_maps
 from bsg_data.errors import DatasetError
-from bsg_data.files import hash_file
+from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.lock import hold
 from bsg_data.seals import SEAL, read_seal, require_seal, write_seal
 from bsg_models.errors import CheckpointError, TrainingError

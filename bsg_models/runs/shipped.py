@@ -10,8 +10,7 @@ import re
 from importlib.resources import files
 from pathlib import Path
 
-from bsg_data.files import hash_file
-from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.inputs.bounded_file import hash_file, read_bytes
 from bsg_data.inputs.bounds import CHECKSUMS
 from bsg_data.inputs.documents import decode
 from bsg_data.registry import require_known
@@ -149,7 +148,9 @@ def _find_file(name: str) -> Path:
     try:
         found = hash_file(path)
     except OSError as error:
-        raise CheckpointError(f"{path}: cannot be read ({error.strerror}); {_AGAIN}") from error
+        raise CheckpointError(
+            f"{path}: cannot be read ({error.strerror or error}); {_AGAIN}"
+        ) from error
     if found != listed:
         raise CheckpointError(
             f"{path}: is not what was shipped (expected sha256 {listed[:12]}…, found "

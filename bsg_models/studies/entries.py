@@ -12,7 +12,8 @@ from typing import Any
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError
-from bsg_data.files import hash_file, stem_of
+from bsg_data.files import stem_of
+from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.observation.mask_hash import hash_masks, hash_splits
 from bsg_models.errors import PredictionError
 from bsg_models.evaluation.prediction_files import (

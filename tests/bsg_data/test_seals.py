@@ -117,3 +117,11 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / SEAL)
     with pytest.raises(DatasetError, match="is damaged"):
         require_seal(tmp_path)
+
+
+def test_a_sealed_file_that_grew_without_end_is_not_read(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    write(out, a="1")
+    os.truncate(out / "a", 300 * 2**30)
+    with pytest.raises(DatasetError, match="322,122,547,200 bytes; expected at most"):
+        require_seal(out)

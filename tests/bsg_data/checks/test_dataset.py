@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from collections import Counter
 from collections.abc import Callable
@@ -368,3 +369,11 @@ def test_a_file_that_says_other_rows_than_it_has_is_named(dataset: Path) -> None
     (dataset / "dataset.json").write_bytes(text)
     found = [fault.what for fault in check_dataset(dataset)]
     assert any("expected 1 rows, found" in what for what in found)
+
+
+@pytest.mark.parametrize("name", ["README.md", "croissant.json"])
+def test_a_card_larger_than_any_is_a_fault_and_not_read(dataset: Path, name: str) -> None:
+    os.truncate(dataset / name, 300 * 2**30)
+    (fault,) = check_dataset(dataset)
+    assert fault.file == name
+    assert "322,122,547,200 bytes; expected at most" in fault.what

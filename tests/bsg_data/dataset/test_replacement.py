@@ -16,8 +16,14 @@ from bsg_data.checks.dataset import check_dataset
 from bsg_data.dataset import replacement
 from bsg_data.dataset.growth import finish, open_partial, recall
 from bsg_data.dataset.manifest import read_manifest
-from bsg_data.dataset.publication import RECIPE
-from bsg_data.dataset.replacement import find_replaced, is_settled, name_growing, settle
+from bsg_data.dataset.publication import RECIPE, REPLACES
+from bsg_data.dataset.replacement import (
+    find_replaced,
+    is_settled,
+    name_growing,
+    name_replaced,
+    settle,
+)
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.recipes import SplitRecipe
@@ -189,3 +195,30 @@ def test_a_rename_that_fails_leaves_the_old_dataset(
     with pytest.raises(DatasetError, match=r"the finished dataset is .*out\.partial"):
         finish(out, read_manifest(other), force=True)
     assert all_bytes(out) == all_bytes(dataset)
+
+
+def test_a_pipe_in_the_place_of_a_report_is_not_waited_for(dataset: Path) -> None:
+    shutil.copytree(dataset, name_growing(dataset))
+    (dataset / REPLACES).parent.mkdir()
+    os.mkfifo(dataset / REPLACES)
+    assert find_replaced(dataset) is None
+    assert [fault.file for fault in check_dataset(dataset)] == [REPLACES]
+
+
+def test_a_manifest_larger_than_any_is_of_nothing_replaced(dataset: Path) -> None:
+    old = name_replaced(dataset)
+    old.mkdir()
+    (old / "dataset.json").touch()
+    os.truncate(old / "dataset.json", 65 * 2**20)
+    (name_growing(dataset) / REPLACES).parent.mkdir(parents=True)
+    (name_growing(dataset) / REPLACES).write_text("0" * 64)
+    assert is_settled(dataset)
+
+
+def test_a_recipe_larger_than_any_is_refused(dataset: Path) -> None:
+    recipe = name_growing(dataset) / RECIPE
+    recipe.parent.mkdir(parents=True)
+    recipe.touch()
+    os.truncate(recipe, 100 * 2**30)
+    with pytest.raises(DatasetError, match=r"recipe\.json: 107,374,182,400 bytes; .* move it away"):
+        open_partial(dataset, NEW)

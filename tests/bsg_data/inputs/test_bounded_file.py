@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import hashlib
 import os
 from pathlib import Path
 
@@ -10,7 +11,13 @@ import pytest
 
 from bsg_data.errors import DatasetError, SourceError
 from bsg_data.inputs import bounded_file
-from bsg_data.inputs.bounded_file import hash_bounded, open_stream, read_bytes
+from bsg_data.inputs.bounded_file import (
+    TooLargeError,
+    hash_bounded,
+    hash_file,
+    open_stream,
+    read_bytes,
+)
 from bsg_data.inputs.bounds import Bound
 
 
@@ -32,7 +39,7 @@ def test_a_file_without_an_end_is_refused_once_its_bound_is_read() -> None:
     zero, bound = Path("/dev/zero"), Bound("", 10_000_000)
     with pytest.raises(SourceError, match="more than 10,000,000 bytes"):
         read_bytes(zero, bound)
-    with pytest.raises(ValueError, match="more than 10,000,000 bytes"):
+    with pytest.raises(TooLargeError, match="more than 10,000,000 bytes"):
         hash_bounded(zero, bound)
     with (
         pytest.raises(SourceError, match="more than 10,000,000 bytes"),
@@ -87,3 +94,15 @@ def test_whatever_cannot_be_read_is_one_error_of_the_readers_choice(
         open_stream(tmp_path / name, Bound("", 999), error=DatasetError) as file,
     ):
         file.read()
+
+
+def test_a_file_that_is_too_large_is_hashed_by_nobody(tmp_path: Path) -> None:
+    path = tmp_path / "sparse"
+    path.write_bytes(b"one")
+    assert hash_file(path) == hashlib.sha256(b"one").hexdigest()
+    os.truncate(path, 300 * 2**30)  # no byte of it is read, or this test would take minutes
+    with pytest.raises(TooLargeError, match="322,122,547,200 bytes; expected at most"):
+        hash_file(path)
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(OSError, match="is no file on a disk"):
+        hash_file(tmp_path / "pipe")

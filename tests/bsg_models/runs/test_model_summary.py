@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from bsg_data.files import hash_file
+from bsg_data.inputs.bounded_file import hash_file
 from bsg_models.errors import CheckpointError
 from bsg_models.runs.model_summary import describe_model, list_shipped, summarise_model
 
