@@ -27,6 +27,8 @@ def hold(folder: Path, *, wait: float = 0.0) -> Iterator[None]:
         DatasetError: if anybody holds it still, this process too, or if it cannot be made.
     """
     folder = folder.resolve()  # a link and what it leads to have one lock
+    if not folder.name:
+        raise DatasetError(f"{folder}: is no place to write; choose a folder below it")
     path = folder.with_name(f".{folder.name}.lock")
     if not path.parent.is_dir():  # filelock would make it
         raise DatasetError(f"{path.parent}: no such folder")

@@ -28,6 +28,8 @@ from bsg_data.inputs.bounds import MANIFEST_FILE
 
 def name_growing(out: Path) -> Path:
     """Return the folder that a dataset grows in."""
+    if not out.name:
+        raise DatasetError(f"{out}: is no place for a dataset; choose a folder below it")
     return out.with_name(f"{out.name}.partial")
 
 

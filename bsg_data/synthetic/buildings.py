@@ -10,7 +10,6 @@ docs/synthetic.md has the model, and how close it is.
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import ExitStack, suppress
@@ -24,6 +23,7 @@ import numpy.typing as npt
 from bsg_data.errors import DatasetError
 from bsg_data.executors import run_in_order
 from bsg_data.files import encode_json, write_bytes
+from bsg_data.inputs.documents import parse_json
 from bsg_data.lock import hold
 from bsg_data.sources.annotations import HEADER, Instance
 from bsg_data.sources.hm3d import SYNTHETIC_MARK
@@ -377,7 +377,7 @@ def _list_own(out: Path, mark: bytes) -> Iterator[Path]:
         DatasetError: naming whatever else is in their folders.
     """
     try:
-        said = json.loads(mark)
+        said = parse_json(mark)
         seed, scenes = int(said["seed"]), int(said["scenes"])
         size = BuildingSize(**said.get("size", {}))
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:

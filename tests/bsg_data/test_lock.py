@@ -57,3 +57,8 @@ def test_what_is_in_the_way_is_named_and_stays(tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match="cannot be locked"):
         hold(tmp_path / "third").__enter__()
     assert not (tmp_path / "victim").exists()
+
+
+def test_the_root_of_a_disk_is_no_place() -> None:
+    with pytest.raises(DatasetError, match="is no place to write"), hold(Path("/")):
+        pass
