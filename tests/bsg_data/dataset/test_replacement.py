@@ -202,7 +202,7 @@ def test_a_pipe_in_the_place_of_a_report_is_not_waited_for(dataset: Path) -> Non
     (dataset / REPLACES).parent.mkdir()
     os.mkfifo(dataset / REPLACES)
     assert find_replaced(dataset) is None
-    assert [fault.file for fault in check_dataset(dataset)] == [REPLACES]
+    assert [fault.where for fault in check_dataset(dataset)] == [REPLACES]
 
 
 def test_a_manifest_larger_than_any_is_of_nothing_replaced(dataset: Path) -> None:
