@@ -22,8 +22,9 @@ def open_beside(path: Path) -> Iterator[Path]:
     function returns.
 
     Raises:
-        DatasetError: if the file cannot be written.
+        DatasetError: if the file cannot be written, or its place is no file's, as `/dev/null`.
     """
+    refuse_devices(path)
     partial = path.with_name(f".{path.name}.partial")
     try:
         try:
@@ -92,6 +93,16 @@ def refuse_links(root: Path, path: Path) -> None:
             return
         if place.is_symlink():
             raise DatasetError(f"{place}: is a link, and nothing is written through one; remove it")
+
+
+def refuse_devices(path: Path) -> None:
+    """Refuse a place that holds a device, a pipe or a socket: a rename would put an end to it.
+
+    Raises:
+        DatasetError: naming it.
+    """
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise DatasetError(f"{path}: is a device or a pipe, and only a file is replaced")
 
 
 def flush_file(path: Path) -> None:

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bsg_data.errors import DatasetError
-from bsg_data.files import flush_file, flush_folder
+from bsg_data.files import flush_file, flush_folder, refuse_devices
 from bsg_data.lock import hold
 
 UNFINISHED = ".bsg-unfinished"
@@ -296,6 +296,7 @@ def _refuse_what_is_in_the_way(folder: Path, paths: Sequence[str]) -> None:
     for path in paths:
         if (folder / path).is_dir() and not (folder / path).is_symlink():
             raise DatasetError(f"{folder / path}: is a folder, where a file goes; move it away")
+        refuse_devices(folder / path)
         way = (folder / path).parent
         while way != folder:
             if way.is_symlink() or (way.exists() and not way.is_dir()):

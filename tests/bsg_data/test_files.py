@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -80,3 +81,10 @@ def test_a_place_that_a_link_leads_to_is_refused(tmp_path: Path) -> None:
     (root / "a").symlink_to(tmp_path, target_is_directory=True)
     with pytest.raises(DatasetError, match="root/a: is a link"):
         refuse_links(root, root / "a" / "b")
+
+
+def test_a_device_is_not_replaced(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(DatasetError, match="pipe: is a device or a pipe"):
+        write_bytes(tmp_path / "pipe", b"")
+    assert (tmp_path / "pipe").is_fifo()

@@ -232,6 +232,10 @@ def test_links_and_folders_in_the_way_are_refused(tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match=r"report\.json: is a folder, where a file goes"):
         write(out, "new")
     (out / "report.json").rmdir()
+    os.mkfifo(out / "report.json")  # as /dev/null and /dev/stdout
+    with pytest.raises(DatasetError, match=r"report\.json: is a device or a pipe"):
+        write(out, "new")
+    (out / "report.json").unlink()
     (out / UNFINISHED).symlink_to(victim)
     with pytest.raises(DatasetError, match="cannot be written"):
         write(out, "new")
