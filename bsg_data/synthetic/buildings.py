@@ -380,7 +380,7 @@ def _list_own(out: Path, mark: bytes) -> Iterator[Path]:
         said = parse_json(mark)
         seed, scenes = int(said["seed"]), int(said["scenes"])
         size = BuildingSize(**said.get("size", {}))
-    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError) as error:
         raise DatasetError(
             f"{out / SYNTHETIC_MARK}: does not say which buildings are synthetic; move {out} away"
         ) from error

@@ -375,5 +375,5 @@ def test_a_file_that_says_other_rows_than_it_has_is_named(dataset: Path) -> None
 def test_a_card_larger_than_any_is_a_fault_and_not_read(dataset: Path, name: str) -> None:
     os.truncate(dataset / name, 300 * 2**30)
     (fault,) = check_dataset(dataset)
-    assert fault.file == name
+    assert fault.where == name
     assert "322,122,547,200 bytes; expected at most" in fault.what
