@@ -87,7 +87,11 @@ def test_a_variant_is_compared_with_its_base(board: Path, tmp_path: Path) -> Non
 def test_a_page_of_the_docs_names_a_command_that_exists(path: Path) -> None:
     text = path.read_text("utf-8")
     commands = re.findall(r"^python (scripts/(?:measure|bench)/\w+\.py)", text, re.MULTILINE)
-    assert commands, f"{path.name}: names no command that makes it"
+    targets = re.findall(r"^make (\w+)$", text, re.MULTILINE)
+    assert commands or targets, f"{path.name}: names no command that makes it"
+    for target in targets:
+        makefile = (REPOSITORY / "Makefile").read_text("utf-8")
+        assert f"\n{target}: " in makefile, f"{path.name}: the Makefile makes no {target}"
     for command in commands:
         assert (REPOSITORY / command).is_file(), f"{path.name}: {command} is not there"
 
