@@ -8,8 +8,8 @@ feature and leaf is there, every value is finite.
 
 from __future__ import annotations
 
-import math
 import re
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 
 _WHOLE = re.compile(r"-?[0-9]{1,9}")
@@ -96,9 +96,16 @@ def _real_numbers(said: Mapping[str, str], key: str, count: int) -> list[str]:
     words = said.get(key, "").split()
     if len(words) != count or not all(map(_REAL.fullmatch, words)):
         raise ValueError(f"{key}: expected {count} numbers")
-    if not all(math.isfinite(float(word)) for word in words):
-        raise ValueError(f"{key}: expected finite numbers")
+    if not all(map(_is_normal, words)):
+        raise ValueError(f"{key}: expected finite numbers, zero or not too small for 64 bits")
     return words
+
+
+def _is_normal(word: str) -> bool:
+    """Say whether a number is zero or a normal float64: LightGBM warns of one that is too small."""
+    if not re.search("[1-9]", word.partition("e")[0]):
+        return True
+    return sys.float_info.min <= abs(float(word)) <= sys.float_info.max
 
 
 def _join(key: str, numbers: Sequence[int | str]) -> str:

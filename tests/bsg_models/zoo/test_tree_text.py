@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -79,6 +81,19 @@ def test_what_would_crash_or_hang_it_is_refused(text: str, line: str, other: str
     assert line in text
     with pytest.raises(ValueError, match=r"expected|before its parent|no tree of ours"):
         prove_trees(text.replace(line, other, 1))
+
+
+@pytest.mark.parametrize("number", ["1e400", "-1e309", "1e-400", "0180025895e-350", "-4e-310"])
+def test_a_number_that_64_bits_do_not_hold_is_refused(text: str, number: str) -> None:
+    changed = re.sub("threshold=[^ ]+", f"threshold={number}", text, count=1)
+    with pytest.raises(ValueError, match="threshold: expected finite numbers"):
+        prove_trees(changed)
+
+
+@pytest.mark.parametrize("number", ["0", "-0.0", "0e-999", "1e-307", "1.0000000180025095e-35"])
+def test_a_number_that_they_hold_is_kept_as_it_is(text: str, number: str) -> None:
+    changed = re.sub("threshold=[^ ]+", f"threshold={number}", text, count=1)
+    assert f"threshold={number} " in prove_trees(changed)
 
 
 @pytest.mark.parametrize("line", ["tree_sizes=99999999 1 1", "feature_infos=[9", "shrinkage=x"])
