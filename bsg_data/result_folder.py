@@ -310,13 +310,14 @@ def _keep(places: Sequence[Place], files: Sequence[_Path]) -> None:
     for place, path in files:
         target, unfinished = place.folder / path, place.unfinished
         if os.path.lexists(target):
-            _link_or_copy(target, unfinished / _OLD / path)
+            link_or_copy(target, unfinished / _OLD / path)
         (unfinished / _OWN / path).parent.mkdir(parents=True, exist_ok=True)
         with suppress(OSError, NotImplementedError):  # a copy would not say which file is ours
             os.link(unfinished / _NEW / path, unfinished / _OWN / path)
 
 
-def _link_or_copy(source: Path, target: Path) -> None:
+def link_or_copy(source: Path, target: Path) -> None:
+    """Give a file a second name, or copy it where a file has only one; folders above are made."""
     target.parent.mkdir(parents=True, exist_ok=True)
     try:
         os.link(source, target, follow_symlinks=False)

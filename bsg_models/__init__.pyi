@@ -33,6 +33,7 @@ from .robot.ways import Ways
 from .robot.words import Meaning
 from .runs.checkpoint import Checkpoint, load_checkpoint, restore_model
 from .runs.found_model import FoundModel, find_model, locate_run
+from .runs.growth import growing_run
 from .runs.hub import HubModel
 from .runs.hub_files import download
 from .runs.model_summary import ModelSummary, describe_model, list_shipped, summarise_model
@@ -167,6 +168,7 @@ __all__ = [
     "find_config",
     "find_model",
     "from_networkx",
+    "growing_run",
     "headline_rows",
     "leads_training",
     "list_shipped",

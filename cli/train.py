@@ -120,9 +120,13 @@ def _note_other_mask(config: bsg_models.RunConfig, dataset: Path) -> None:
 
 def _note_stopped(run: Path) -> None:
     """Say what a training that was stopped has saved, if it began."""
+    growing = bsg_models.growing_run(run)
+    if growing == run and (run / SEAL).is_file():
+        print_note(f"{run}: is the run that it was before")
+        return
     with suppress(BSGError):
-        bsg_models.plot_run(run)
-        summary = bsg_models.summarise_run(run)
+        bsg_models.plot_run(growing)
+        summary = bsg_models.summarise_run(growing)
         print_note(f"{run}: {summary.saved}; the same command {summary.again}")
 
 

@@ -1,8 +1,9 @@
-"""The folder of a run: what lies in it, who may write there, and whether it is finished."""
+"""The folder of a run: what lies in it, and whether it is one, sealed and finished."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import os
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -11,7 +12,8 @@ import torch
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.kept_maps import read_class_maps
 from bsg_data.errors import DatasetError
-from bsg_data.inputs.bounded_file import hash_file
+from bsg_data.inputs.bounded_file import hash_file, open_stream
+from bsg_data.inputs.bounds import RUN_RECORD
 from bsg_data.lock import hold
 from bsg_data.seals import SEAL, read_seal, require_seal, write_seal
 from bsg_models.errors import CheckpointError, TrainingError
@@ -23,6 +25,7 @@ BEST, LAST = "best.safetensors", "last.safetensors"
 METRICS, CURVE = "metrics.csv", "curve.png"
 CONFIG, LOG = "config.toml", "log.jsonl"
 FILES = (BEST, LAST, METRICS, CURVE, CONFIG, LOG)
+_BEGUN = b'{"event":"begun",'  # how the log of every run begins
 _SECONDS_TO_WAIT = 10.0  # for whoever adds a file to a run, which takes no time
 MEMBERS = "members"  # the runs of an ensemble's members
 
@@ -30,34 +33,6 @@ MEMBERS = "members"  # the runs of an ensemble's members
 def checkpoint_of(run: Path) -> Path:
     """Return the best checkpoint of a run; a file is taken to be one."""
     return run / BEST if run.is_dir() else run
-
-
-@contextmanager
-def open_run(run: Path, *, resume: bool = False, force: bool = True) -> Iterator[None]:
-    """Make the folder of a run, hold its lock and seal it at the end, if that is well.
-
-    Two trainings never write into one: the second finds the lock, or what the first has made.
-
-    Args:
-        run: its folder.
-        resume: whether to go on with a run that is there; it has to be what its seal says.
-        force: whether to replace one.
-
-    Raises:
-        TrainingError: if a run is in the way.
-        DatasetError: if another command holds the lock, or what is gone on with was changed.
-    """
-    try:
-        run.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise TrainingError(f"{run}: cannot be made ({error.strerror})") from error
-    with hold(run):
-        refuse_overwriting(run, resume=resume, force=force)
-        if resume:
-            require_seal(run)
-        with _unsealed(run):
-            yield
-        seal_run(run)
 
 
 def seal_run(run: Path) -> None:
@@ -77,14 +52,14 @@ def reseal(run: Path) -> Iterator[None]:
     """Hold the lock of a run while a file is added to it, and seal it again if it was sealed."""
     with hold(run, wait=_SECONDS_TO_WAIT):
         sealed = require_seal(run) is not None
-        with _unsealed(run):
+        with unsealed(run):
             yield
         if sealed:
             seal_run(run)
 
 
 @contextmanager
-def _unsealed(run: Path) -> Iterator[None]:
+def unsealed(run: Path) -> Iterator[None]:
     """Take the seal off while files change; put it back if that fails before any has changed."""
     before = read_seal(run)
     (run / SEAL).unlink(missing_ok=True)
@@ -97,18 +72,68 @@ def _unsealed(run: Path) -> Iterator[None]:
         raise
 
 
-def refuse_overwriting(run: Path, *, resume: bool, force: bool) -> None:
-    """Refuse a folder that holds a run, unless it is to go on or to be replaced."""
-    if run.exists() and not run.is_dir():
-        raise TrainingError(f"{run}: is a file; a run is a folder")
-    if any((run / name).exists() for name in (BEST, LAST, METRICS)) and not (resume or force):
-        raise TrainingError(f"{run}: holds a run already; --resume goes on, --force replaces it")
+def is_run(folder: Path) -> bool:
+    """Say whether a folder is one that a training of ours began: its log or a checkpoint says so.
+
+    Runs of early versions kept no log.
+    """
+    return _has_log(folder) or _has_header(folder / BEST) or _has_header(folder / LAST)
+
+
+def _has_log(folder: Path) -> bool:
+    try:
+        with open_stream(folder / LOG, RUN_RECORD, error=TrainingError) as log:
+            return log.read(len(_BEGUN)) == _BEGUN
+    except TrainingError:
+        return False
+
+
+def _has_header(path: Path) -> bool:
+    try:
+        read_header(path)
+    except CheckpointError:
+        return False
+    return True
+
+
+def has_checkpoint(run: Path) -> bool:
+    """Say whether a run, or a member of it, has saved anything that a training can go on with."""
+    return any(Path(name).name in (BEST, LAST, METRICS) for name in list_run(run))
+
+
+def list_run(run: Path) -> list[str]:
+    """Return the files of a run and of its members that are there, as paths below its folder.
+
+    The log of each comes last: what has a log is a run, so that whoever removes them all and is
+    stopped leaves a run behind.
+    """
+    found = [name for name in (SEAL, *FILES) if os.path.lexists(run / name)]
+    members = run / MEMBERS
+    if members.is_symlink() or not members.is_dir():
+        return found
+    return [
+        *(
+            f"{MEMBERS}/{member.name}/{name}"
+            for member in sorted(members.iterdir())
+            if member.is_dir() and not member.is_symlink() and is_run(member)
+            for name in list_run(member)
+        ),
+        *found,
+    ]
 
 
 def clear_run(run: Path) -> None:
-    """Remove the files of a run."""
-    for name in (SEAL, *FILES):
-        (run / name).unlink(missing_ok=True)
+    """Remove the files of a run and of its members, and the folders in it that are empty then."""
+    remove_files(run, list_run(run))
+
+
+def remove_files(folder: Path, names: Sequence[str]) -> None:
+    """Remove files of a folder, and the folders in it that are empty then."""
+    for name in names:
+        (folder / name).unlink(missing_ok=True)
+    for above in sorted({path for name in names for path in Path(name).parents}, reverse=True):
+        if above.parts and (folder / above).is_dir() and not any((folder / above).iterdir()):
+            (folder / above).rmdir()
 
 
 def make_header(

@@ -96,7 +96,6 @@ def keep_log(run: Path, config: RunConfig, data: Dataset) -> Iterator[list[str]]
     Yields:
         the notes of the training, for the block to add to.
     """
-    write_bytes(run / CONFIG, write_toml(config).encode())
     began = time.perf_counter()
     _add(
         run,
@@ -110,6 +109,7 @@ def keep_log(run: Path, config: RunConfig, data: Dataset) -> Iterator[list[str]]
             | {"python": platform.python_version()},
         ),
     )
+    write_bytes(run / CONFIG, write_toml(config).encode())
     how: Literal["finished", "stopped", "failed"] = "finished"
     said = None
     notes: list[str] = []

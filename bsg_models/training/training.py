@@ -15,9 +15,10 @@ from bsg_data.files import refuse_links
 from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_data.seals import require_seal
 from bsg_models.belief.count_distribution import CountDistribution, concatenate
-from bsg_models.errors import TrainingError
+from bsg_models.errors import CheckpointError, TrainingError
 from bsg_models.inputs.folds import scenes_of, vocabulary_of
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model, save_checkpoint
+from bsg_models.runs.growth import growing_run, open_run, refuse_overwriting, settle_run
 from bsg_models.runs.run_folder import (
     BEST,
     LAST,
@@ -25,8 +26,6 @@ from bsg_models.runs.run_folder import (
     clear_run,
     is_finished,
     name_tensors,
-    open_run,
-    refuse_overwriting,
     save_fitted,
 )
 from bsg_models.runs.run_log import keep_log
@@ -68,7 +67,8 @@ def train_run(
             says what is trained, and `log.jsonl`, which says when and how it ended.
         resume: go on from `last.safetensors`, or from the members of an ensemble that are finished;
             what is fitted by counting starts again, unless it is finished. Without it, start.
-        force: replace a run that is there.
+        force: replace a run that is there; it stays until the new one is whole. With `resume`, one
+            of another training alone is replaced.
 
     Several processes that torchrun started train one network together: one of them writes.
 
@@ -82,7 +82,9 @@ def train_run(
     data, device = Dataset.open(dataset), find_device(config.training.device)
     with join_ranks(device) as ranks:
         if ranks.leads:
+            settle_run(run)
             refuse_overwriting(run, resume=resume, force=force)
+            resume = resume and not (force and _is_other_training(config, data, growing_run(run)))
         if isinstance(config.model, EnsembleConfig):
             _refuse_several(ranks, "an ensemble trains one member after another")
             yield from _train_ensemble(config, config.model, data, run, resume=resume, force=force)
@@ -109,20 +111,19 @@ def _is_fitted(config: RunConfig, data: Dataset, run: Path) -> bool:
         TrainingError: if it is of another dataset or configuration.
         DatasetError: if it is not what its seal says.
     """
-    require_same_training(config, data, run / BEST)
-    return (run / BEST).is_file() and require_seal(run) is not None
+    place = growing_run(run)
+    require_same_training(config, data, place / BEST)
+    return (place / BEST).is_file() and require_seal(place) is not None
 
 
 def _fit_by_counting(
     model: BeliefModel, config: RunConfig, data: Dataset, run: Path, *, force: bool
 ) -> None:
-    with open_run(run, force=force), one_thread():
-        clear_run(run)
-        with keep_log(run, config, data) as notes:
-            model.fit(data, config.data)
-            calibrated = calibrate_if_wanted(model, config, data)
-            save_fitted(model, config, data, run, calibrated=calibrated)
-            notes += model.notes
+    with open_run(run, force=force) as place, one_thread(), keep_log(place, config, data) as notes:
+        model.fit(data, config.data)
+        calibrated = calibrate_if_wanted(model, config, data)
+        save_fitted(model, config, data, place, calibrated=calibrated)
+        notes += model.notes
 
 
 def _train_network(
@@ -143,18 +144,31 @@ def _train_network(
     notes: list[str] = []
     with ExitStack() as held:
         if ranks.leads:
-            held.enter_context(open_run(run, resume=resume, force=force))
-            if resume:
-                require_same_training(config, data, run / LAST)
-            else:
-                clear_run(run)
-            notes = held.enter_context(keep_log(run, config, data))
+            place = held.enter_context(open_run(run, resume=resume, force=force))
+            _require_resumable(config, data, place)
+            notes = held.enter_context(keep_log(place, config, data))
         ranks.wait()  # until the folder is as the training begins with it
+        place = growing_run(run)
         held.enter_context(one_thread())
         model.fit(data, config.data)
-        yield from train_epochs(steps, config, data, run, buildings, validation)
+        yield from train_epochs(steps, config, data, place, buildings, validation)
         if ranks.leads:
-            notes += calibrate_run(config, data, run)
+            notes += calibrate_run(config, data, place)
+
+
+def _is_other_training(config: RunConfig, data: Dataset, run: Path) -> bool:
+    """Say whether a run cannot be gone on with, as it is of another training or damaged."""
+    try:
+        _require_resumable(config, data, run)
+    except (TrainingError, CheckpointError):
+        return True
+    return False
+
+
+def _require_resumable(config: RunConfig, data: Dataset, run: Path) -> None:
+    """Refuse to go on with a run of another training, a model that counts too: it has no last."""
+    last = run / LAST
+    require_same_training(config, data, last if last.is_file() else run / BEST)
 
 
 def new_model(config: RunConfig, data: Dataset) -> BeliefModel:
@@ -243,23 +257,21 @@ def _train_ensemble(
     force: bool,
 ) -> Iterator[EpochReport]:
     """Train the members into `members/NAME` of the run, one after another, then mix them."""
-    members = {name: run / MEMBERS / name for name in ensemble.members}
-    for folder in members.values():
-        refuse_links(run, folder)
     new_model(config, data)  # a configuration that cannot be made fails before anything is replaced
     if resume and _is_fitted(config, data, run):
         return
-    with open_run(run, resume=resume, force=force):
-        if not resume:
-            clear_run(run)
-        with keep_log(run, config, data) as notes:
-            for name, folder in members.items():
-                member = member_config(config, name)
-                if resume and is_finished(folder, member, data):
-                    continue
-                again = resume and (folder / LAST).is_file()
-                yield from train_run(member, data.path, folder, resume=again, force=force or resume)
-            notes += _combine(config, data, members, run)
+    with open_run(run, resume=resume, force=force) as place, keep_log(place, config, data) as notes:
+        members = {name: place / MEMBERS / name for name in ensemble.members}
+        for name, folder in members.items():
+            refuse_links(place, folder)
+            member = member_config(config, name)
+            if is_finished(folder, member, data):
+                continue
+            again = (folder / LAST).is_file()
+            if not again:
+                clear_run(folder)
+            yield from train_run(member, data.path, folder, resume=again)
+        notes += _combine(config, data, members, place)
 
 
 def member_config(config: RunConfig, name: str) -> RunConfig:
@@ -279,8 +291,8 @@ def combine_runs(config: RunConfig, data: Dataset, members: Mapping[str, Path], 
         members: name in the zoo → folder of its run.
         run: folder of the ensemble.
     """
-    with open_run(run), keep_log(run, config, data) as notes:
-        notes += _combine(config, data, members, run)
+    with open_run(run) as place, keep_log(place, config, data) as notes:
+        notes += _combine(config, data, members, place)
 
 
 def _combine(

@@ -198,6 +198,22 @@ COMMANDS = (
         resumes=True,
     ),
     Command(
+        "train --force, counting",
+        "bsg-train --config train-mean --data dataset --out run --force",
+        {"dataset": "paired", "run": "run"},
+        ("run",),
+        varying=("run/log.jsonl", "run/SHA256SUMS"),
+    ),
+    Command(
+        "train --force, a network",
+        f"bsg-train --config ceci-gcn --data dataset --out run {TINY} --force",
+        {"dataset": "paired", "run": "run"},
+        ("run",),
+        again="--resume",
+        varying=("run/log.jsonl", "run/metrics.csv", "run/SHA256SUMS"),
+        resumes=True,
+    ),
+    Command(
         "evaluate",
         "bsg-evaluate run --data dataset --resamples 3 --out results --html page.html "
         "--write-predictions predicted",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from bsg_data.sources.behavior import BehaviorRooms
@@ -30,7 +31,7 @@ def read(folder: Path, data: bytes) -> object:
     that is in the bounds of the reader, and would slow the fuzzer down.
     """
     path, class_map = put(folder, ".json", data), load_map("behavior45-v1")
-    if any(len(word) > 3 and word.isdigit() for word in data.replace(b":", b",").split(b",")):
+    if re.search(rb"[0-9]{4}", data):
         BehaviorRooms(path).find()
         return
     read_source(BehaviorRooms(path), class_map)

@@ -1,0 +1,152 @@
+"""Where a run grows: in its folder, or inside it, if it replaces another run.
+
+    RUN/best.safetensors, …                    the old run, which stays until the new one is whole
+    RUN/.bsg-replacement/best.safetensors, …   the new one, which `--resume` goes on with
+
+The seal of the new one says that it is whole. Then its files take the place of the old ones. Where
+a command is killed meanwhile, the next training brings that to its end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from bsg_data.errors import DatasetError
+from bsg_data.files import refuse_links
+from bsg_data.lock import hold
+from bsg_data.result_folder import Place, link_or_copy, stage_files
+from bsg_data.seals import SEAL, require_seal
+from bsg_models.errors import TrainingError
+from bsg_models.runs.run_folder import (
+    FILES,
+    clear_run,
+    has_checkpoint,
+    is_run,
+    list_run,
+    remove_files,
+    seal_run,
+    unsealed,
+)
+
+REPLACEMENT = ".bsg-replacement"
+
+
+@contextmanager
+def open_run(run: Path, *, resume: bool = False, force: bool = True) -> Iterator[Path]:
+    """Hold the lock of a run, yield the folder to train into, and seal it at the end.
+
+    Two trainings never write into one: the second finds the lock, or what the first has made. A run
+    that is replaced stays as it is until the new one is whole.
+
+    Args:
+        run: its folder, which is made.
+        resume: whether to go on with what is there; it has to be what its seal says.
+        force: whether to replace a run.
+
+    Yields:
+        the folder of the run that grows, as `growing_run` says it; empty of a run unless `resume`.
+
+    Raises:
+        TrainingError: if a run, or a file of somebody else's, is in the way.
+        DatasetError: if another command holds the lock, or what is gone on with was changed.
+    """
+    try:
+        run.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise TrainingError(f"{run}: cannot be made ({error.strerror})") from error
+    with hold(run):
+        _settle(run)
+        refuse_overwriting(run, resume=resume, force=force)
+        place = growing_run(run) if resume else _begin(run)
+        if resume:
+            require_seal(place)
+        try:
+            with unsealed(place):
+                yield place
+            seal_run(place)
+        except BaseException:
+            if place != run and not has_checkpoint(place):  # nothing to go on with
+                _remove_replacement(run)
+            raise
+        _settle(run)
+
+
+def growing_run(run: Path) -> Path:
+    """Return the folder that a run grows in: its own, or that of a replacement that was begun."""
+    replacement = run / REPLACEMENT
+    return replacement if replacement.is_dir() and not replacement.is_symlink() else run
+
+
+def refuse_overwriting(run: Path, *, resume: bool, force: bool) -> None:
+    """Refuse a folder that holds a run, unless it is to go on or to be replaced.
+
+    Raises:
+        TrainingError: if a run is there, or a file that has a name of ours and is not ours.
+    """
+    if run.exists() and not run.is_dir():
+        raise TrainingError(f"{run}: is a file; a run is a folder")
+    if not is_run(run):
+        for name in (*FILES, SEAL):
+            if (run / name).exists() or (run / name).is_symlink():
+                raise TrainingError(
+                    f"{run / name}: was not written by bsg-train, which would replace it; move it "
+                    "away, or choose another folder"
+                )
+    holds = has_checkpoint(run) or has_checkpoint(growing_run(run))
+    if holds and not (resume or force):
+        raise TrainingError(f"{run}: holds a run already; --resume goes on, --force replaces it")
+
+
+def settle_run(run: Path) -> None:
+    """Put a replacement that is whole in its place, as a training that was killed would have.
+
+    Raises:
+        DatasetError: if another command holds the lock, or it cannot be put there.
+    """
+    if growing_run(run) != run:
+        with hold(run):
+            _settle(run)
+
+
+def _begin(run: Path) -> Path:
+    """Return an empty folder for a run that starts; a run that has saved anything stays."""
+    _remove_replacement(run)
+    if not has_checkpoint(run):
+        clear_run(run)
+        return run
+    (run / REPLACEMENT).mkdir()
+    return run / REPLACEMENT
+
+
+def _settle(run: Path) -> None:
+    """Put a replacement that is whole in its place; what only the old run has is removed."""
+    replacement = growing_run(run)
+    if replacement == run or require_seal(replacement) is None:
+        return
+    old, new = list_run(run), list_run(replacement)
+    with stage_files([Place(run.resolve(), last=SEAL)]) as (staged,):
+        for name in new:
+            link_or_copy(replacement / name, staged / name)
+    remove_files(run, [name for name in old if name not in new])
+    _remove_replacement(run)
+
+
+def _remove_replacement(run: Path) -> None:
+    """Remove a replacement, if there is one.
+
+    Raises:
+        DatasetError: if it is a link, or holds what no training has written.
+    """
+    replacement = run / REPLACEMENT
+    refuse_links(run, replacement)
+    if not replacement.is_dir():
+        return
+    clear_run(replacement)
+    try:
+        replacement.rmdir()
+    except OSError as error:
+        raise DatasetError(
+            f"{replacement}: holds what no training has written; move it away, and run again"
+        ) from error
