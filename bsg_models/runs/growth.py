@@ -9,6 +9,8 @@ a command is killed meanwhile, the next training brings that to its end.
 
 from __future__ import annotations
 
+import re
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,6 +23,7 @@ from bsg_data.seals import SEAL, require_seal
 from bsg_models.errors import TrainingError
 from bsg_models.runs.run_folder import (
     FILES,
+    MEMBERS,
     clear_run,
     has_checkpoint,
     is_run,
@@ -31,6 +34,9 @@ from bsg_models.runs.run_folder import (
 )
 
 REPLACEMENT = ".bsg-replacement"
+DISCARDED = ".bsg-discarded"  # what a replacement is called while it is removed
+_NAMES = "|".join(re.escape(name) for name in (*FILES, SEAL))
+_OWN = re.compile(rf"({MEMBERS}/[^/]+/)?(({_NAMES})|\.({_NAMES})\.partial)|{MEMBERS}/\.[^/]+\.lock")
 
 
 @contextmanager
@@ -105,7 +111,7 @@ def settle_run(run: Path) -> None:
     Raises:
         DatasetError: if another command holds the lock, or it cannot be put there.
     """
-    if growing_run(run) != run:
+    if (run / REPLACEMENT).is_dir() or (run / DISCARDED).is_dir():
         with hold(run):
             _settle(run)
 
@@ -123,7 +129,10 @@ def _begin(run: Path) -> Path:
 def _settle(run: Path) -> None:
     """Put a replacement that is whole in its place; what only the old run has is removed."""
     replacement = growing_run(run)
-    if replacement == run or require_seal(replacement) is None:
+    if replacement == run:
+        _remove_replacement(run)  # what is left of one
+        return
+    if require_seal(replacement) is None:
         return
     old, new = list_run(run), list_run(replacement)
     with stage_files([Place(run.resolve(), last=SEAL)]) as (staged,):
@@ -134,19 +143,25 @@ def _settle(run: Path) -> None:
 
 
 def _remove_replacement(run: Path) -> None:
-    """Remove a replacement, if there is one.
+    """Remove a replacement, if there is one, and what is left of one that was being removed.
+
+    It gets another name first, so that nobody takes half of it for a run to go on with.
 
     Raises:
         DatasetError: if it is a link, or holds what no training has written.
     """
-    replacement = run / REPLACEMENT
-    refuse_links(run, replacement)
-    if not replacement.is_dir():
-        return
-    clear_run(replacement)
-    try:
-        replacement.rmdir()
-    except OSError as error:
-        raise DatasetError(
-            f"{replacement}: holds what no training has written; move it away, and run again"
-        ) from error
+    discarded = run / DISCARDED
+    for folder in (discarded, run / REPLACEMENT):
+        refuse_links(run, folder)
+        if folder.is_dir():
+            _refuse_foreign(folder)
+            folder.replace(discarded)
+            shutil.rmtree(discarded)
+
+
+def _refuse_foreign(replacement: Path) -> None:
+    """Refuse to remove what no training has written."""
+    for path in sorted(replacement.rglob("*")):
+        place = path.relative_to(replacement).as_posix()
+        if path.is_symlink() or (_OWN.fullmatch(place) is None and not path.is_dir()):
+            raise DatasetError(f"{path}: was not written by bsg-train; move it away, and run again")

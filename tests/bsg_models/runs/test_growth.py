@@ -142,6 +142,18 @@ def test_a_replacement_killed_as_it_takes_its_place_is_put_there_by_the_next_tra
     assert not (run / REPLACEMENT).exists()
 
 
+def test_what_is_left_of_a_replacement_is_no_run(run: Path, dataset: Path) -> None:
+    """A command was killed while it removed one that had been put in its place."""
+    before = read(run)
+    left = run / ".bsg-discarded"
+    left.mkdir()
+    for name in (f".{LOG}.partial", LAST):
+        (left / name).write_bytes(b"half")
+    assert growing_run(run) == run
+    assert train(count(), dataset, run, resume=True) == []
+    assert read(run) == before
+
+
 @pytest.mark.parametrize("name", [*FILES, SEAL])
 @pytest.mark.parametrize("force", [False, True])
 def test_a_file_of_somebody_else_is_never_replaced(
@@ -200,6 +212,6 @@ def test_a_replacement_that_is_a_link_or_holds_files_of_others_is_refused(
     (run / REPLACEMENT).mkdir()
     (run / REPLACEMENT / "photo.png").write_text("mine")
     before = read(run)
-    with pytest.raises(DatasetError, match="holds what no training has written"):
+    with pytest.raises(DatasetError, match=r"photo\.png: was not written by bsg-train"):
         train(network(), dataset, run, force=True)
     assert read(run) == before
