@@ -24,7 +24,11 @@ _LINE = re.compile(r"(?P<sha256>[0-9a-f]{64})  (?P<name>(?!/)[^\\\x00-\x1f]+)")
 
 @contextmanager
 def replace_sealed(
-    folder: Path, *, beside: Sequence[Place] = (), refuse: Callable[[], None] | None = None
+    folder: Path,
+    record: str,
+    *,
+    beside: Sequence[Place] = (),
+    refuse: Callable[[], None] | None = None,
 ) -> Iterator[tuple[Path, ...]]:
     """Hold the lock of a folder, yield one to write into, and put its files in place, sealed.
 
@@ -33,6 +37,7 @@ def replace_sealed(
 
     Args:
         folder: of the results.
+        record: the file that all results of this kind have and no others; it has to be written.
         beside: other places that change together with it.
         refuse: as of `replace_together`.
 
@@ -40,8 +45,8 @@ def replace_sealed(
         the folder to write into, then where to write what goes to the other places.
 
     Raises:
-        DatasetError: if another command is writing there, or a file cannot be written; what was
-            there stays.
+        DatasetError: if another command is writing there, other results or somebody's own files are
+            in the way, or a file cannot be written; what was there stays.
     """
     place = Place(folder.resolve(), last=SEAL)
     with ExitStack() as held:
@@ -49,8 +54,7 @@ def replace_sealed(
         before: dict[str, str] = {}
 
         def look() -> None:
-            with suppress(DatasetError):  # what a damaged seal lists is nobody's any more
-                before.update(read_seal(place.path) or {})
+            before.update(require_kind(place.path, record))
             if refuse is not None:
                 refuse()
 
@@ -59,11 +63,44 @@ def replace_sealed(
             files = (path for path in staged[0].rglob("*") if path.is_file())
             names = sorted(path.relative_to(staged[0]).as_posix() for path in files)
             write_seal(staged[0], names)
+            if before or not (place.path / record).is_file():  # results may be older than seals
+                _refuse_replacing(place.path, {*names, SEAL} - before.keys(), sealed=bool(before))
         for name in before.keys() - set(names):
             with suppress(OSError, DatasetError):  # no seal speaks of what is behind a link
                 refuse_links(place.path, place.path / name)
                 if hash_file(place.path / name) == before[name]:
                     (place.path / name).unlink()
+
+
+def require_kind(folder: Path, record: str) -> dict[str, str]:
+    """Return the seal of a folder; of one that has none, or a damaged one, that of no files.
+
+    Args:
+        folder: of results, which need not be there.
+        record: the file that all results of the wanted kind have and no others.
+
+    Raises:
+        DatasetError: if it is the seal of other results.
+    """
+    sums: dict[str, str] = {}
+    with suppress(DatasetError):  # what a damaged seal lists is nobody's any more
+        sums = read_seal(folder) or {}
+    if sums and record not in sums:
+        raise DatasetError(
+            f"{folder}: holds other results: its {SEAL} lists {min(sums)} and no {record}; choose "
+            "another folder"
+        )
+    return sums
+
+
+def _refuse_replacing(folder: Path, names: set[str], *, sealed: bool) -> None:
+    """Refuse to replace files that no results of ours list."""
+    for name in sorted(names - {SEAL} if sealed else names):
+        if (folder / name).is_symlink() or (folder / name).exists():
+            raise DatasetError(
+                f"{folder / name}: belongs to no results of this command, which would replace it; "
+                "move it away, or choose another folder"
+            )
 
 
 def write_seal(folder: Path, names: Iterable[str]) -> None:

@@ -85,7 +85,7 @@ def write_rows(
         DatasetError: if they cannot be written.
     """
     try:
-        with replace_sealed(folder) as (staged,):
+        with replace_sealed(folder, "nodes.parquet") as (staged,):
             raw = staged.with_name("rows")
             raw.mkdir()
             places = {name: raw / name for name in SCHEMAS}

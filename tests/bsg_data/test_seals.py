@@ -14,7 +14,7 @@ from bsg_data.seals import SEAL, read_seal, replace_sealed, require_seal, write_
 
 
 def write(folder: Path, **files: str) -> None:
-    with replace_sealed(folder) as (staged,):
+    with replace_sealed(folder, "a") as (staged,):
         for name, text in files.items():
             (staged / name).write_text(text)
 
@@ -39,12 +39,49 @@ def test_what_is_no_longer_written_goes_and_what_is_not_ours_stays(tmp_path: Pat
     assert (out / "a").read_text() == "4"
 
 
+def test_results_of_another_kind_are_never_replaced(tmp_path: Path) -> None:
+    """An evaluation in the folder of a run would remove all that the seal of the run lists."""
+    out = tmp_path / "out"
+    write(out, a="1", b="2")
+    with (
+        pytest.raises(DatasetError, match="holds other results: its SHA256SUMS lists a and no z"),
+        replace_sealed(out, "z"),
+    ):
+        pass
+    assert require_seal(out) == read_seal(out)
+
+
+@pytest.mark.parametrize("name", ["a", "b", SEAL])
+def test_a_file_of_somebody_else_is_never_replaced(name: str, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / name).write_text("mine")
+    if name == "a":  # results from before there were seals have it
+        write(out, a="1", b="2")
+        assert require_seal(out)
+        return
+    with pytest.raises(DatasetError, match=f"{name}: belongs to no results of this command"):
+        write(out, a="1", b="2")
+    assert [path.read_text() for path in out.iterdir()] == ["mine"]
+
+
+def test_a_new_name_is_not_that_of_a_file_of_somebody_else(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    write(out, a="1")
+    (out / "b").write_text("mine")
+    with pytest.raises(DatasetError, match="b: belongs to no results"):
+        write(out, a="2", b="3")
+    assert (out / "b").read_text() == "mine"
+    assert (out / "a").read_text() == "1"
+    assert require_seal(out)
+
+
 def test_what_fails_leaves_the_old(tmp_path: Path) -> None:
     out = tmp_path / "out"
     write(out, a="1")
 
     def fail() -> None:
-        with replace_sealed(out) as (staged,):
+        with replace_sealed(out, "a") as (staged,):
             (staged / "a").write_text("2")
             raise RuntimeError
 
@@ -100,7 +137,8 @@ def test_a_seal_speaks_of_nothing_behind_a_link(tmp_path: Path) -> None:
     (victim / "thesis.txt").write_text("years")
     out.mkdir()
     (out / "sub").symlink_to(victim)
-    write_seal(out, ["sub/thesis.txt"])
+    (out / "a").write_text("0")
+    write_seal(out, ["a", "sub/thesis.txt"])
     with pytest.raises(DatasetError, match="is a link"):
         require_seal(out)
     write(out, a="1")
