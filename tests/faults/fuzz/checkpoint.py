@@ -54,8 +54,10 @@ def _pack(document: dict[str, Any]) -> bytes:
     names = {kind: name for name, kind in _KINDS.items()}
     try:
         for name, (kind, shape, byte) in sorted(document["tensors"].items()):
+            if not all(type(length) is int and 0 <= length <= _MOST for length in shape):
+                raise NoFileError("no shape of a tensor")  # as [[1], 10**12], whose product is huge
             size = _BYTES[kind] * math.prod(shape)
-            if not 0 <= size <= _MOST - len(data):
+            if size > _MOST - len(data):
                 raise NoFileError("too much")
             held = bytes([byte & 255]) * size
             entries[name] = {
