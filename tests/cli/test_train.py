@@ -138,7 +138,7 @@ def test_ctrl_c_leaves_a_run_that_resumes_to_the_same_weights(
     assert errors.endswith(b"interrupted\n")
     assert (growing / "curve.png").is_file()
     if force:
-        assert b"the run that was there stays until the new one is whole" in errors
+        assert b"the run that was there stays until this one is whole" in errors
         assert (stopped / "best.safetensors").read_bytes() == old
     run(*words, "--out", stopped, "--resume")
     for name in ("last.safetensors", "best.safetensors"):
