@@ -43,6 +43,7 @@ ANNOTATION = Bound("annotation of HM3DSem, `*.semantic.txt`", 64 * MIB)
 STATISTICS = Bound(
     "zip of HM3DSem's statistics", 16 * MIB, f"{MAX_MEMBERS:,} members, each name once"
 )
+SYNTHETIC = Bound("mark of synthetic buildings, `synthetic.json`", 64 * KIB, _NESTED)
 LAYOUT = Bound("room layout, YAML", MIB, _NESTED)
 LABEL_SPACE = Bound("label space, YAML or CSV", 4 * MIB, _NESTED)
 MESH = Bound(
