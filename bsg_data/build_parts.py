@@ -27,6 +27,7 @@ from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import MANIFEST_FILE
 from bsg_data.lock import hold
+from bsg_data.recipes import name_fault
 from bsg_data.sources.source import Source
 
 _MOST_NAMED = 20  # parts
@@ -92,6 +93,7 @@ def build_part(
     Raises:
         SourceError: if no scene is found; under `strict`, for any that cannot be read.
         UnmappedNameError: under `strict`, for a name that is not in the map.
+        RecipeError: for a number of scenes per part that cannot be.
         DatasetError: if parts of another build are there, or a file cannot be written.
     """
     out = out.resolve()
@@ -170,8 +172,9 @@ def _read_plan(growing: Path) -> BuildPlan:
     try:
         return BuildPlan.model_validate_json(read_bytes(path, MANIFEST_FILE, error=DatasetError))
     except (DatasetError, ValidationError) as error:
+        said = name_fault(error) if isinstance(error, ValidationError) else error
         raise DatasetError(
-            f"{growing / PLAN}: cannot be read ({error}); remove it and run any part again"
+            f"{path}: cannot be read ({said}); remove it and run any part again"
         ) from error
 
 

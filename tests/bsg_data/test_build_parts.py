@@ -12,6 +12,7 @@ from bsg_data import build_shards
 from bsg_data.build import build_dataset
 from bsg_data.build_parts import Part, build_part, finalise_dataset
 from bsg_data.checks.dataset import check_dataset
+from bsg_data.dataset.publication import PLAN
 from bsg_data.errors import DatasetError, RecipeError, SourceError
 from bsg_data.sources.hm3d import HM3DFolder
 
@@ -168,3 +169,14 @@ def test_a_part_that_is_late_makes_nothing_anew(
     assert check_dataset(out) == ()
     with pytest.raises(DatasetError, match="is finished already"):
         finalise_dataset(out, force=True)
+
+
+@pytest.mark.parametrize("shards", [-1, 100_001])
+def test_a_plan_of_parts_without_end_is_refused(
+    hm3d_folder: Path, tmp_path: Path, shards: int
+) -> None:
+    build(hm3d_folder, tmp_path / "out", 1, 1)
+    plan = tmp_path / "out.partial" / PLAN
+    plan.write_text(plan.read_text("utf-8").replace('"shards":6', f'"shards":{shards}'), "utf-8")
+    with pytest.raises(DatasetError, match=r"plan\.json: cannot be read .*remove it and run any"):
+        finalise_dataset(tmp_path / "out")
