@@ -15,6 +15,8 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
+from pydantic import Field
+
 from bsg_data.build_shards import ShardReport, enter_skip, make_shard
 from bsg_data.dataset.growth import (
     finish,
@@ -29,9 +31,11 @@ from bsg_data.dataset.manifest import (
     ClassMapEntry,
     ClassSpaceEntry,
     Manifest,
+    ScenesPerShard,
     SkipEntry,
     SourceEntry,
     Totals,
+    count_shards,
     describe_unmapped,
     list_resolved,
 )
@@ -39,6 +43,7 @@ from bsg_data.dataset.replacement import is_settled, name_growing
 from bsg_data.dataset.schema import FORMAT_VERSION
 from bsg_data.errors import SourceError
 from bsg_data.executors import run_all
+from bsg_data.inputs.bounds import MAX_PARTS
 from bsg_data.lock import hold
 from bsg_data.recipes import Record
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map, parse_own_map
@@ -56,7 +61,7 @@ class BuildRecipe(Record):
     generator: str
     source: SourceEntry
     class_space: ClassSpaceEntry
-    scenes_per_shard: int
+    scenes_per_shard: ScenesPerShard
 
 
 class BuildPlan(Record):
@@ -70,7 +75,7 @@ class BuildPlan(Record):
     """
 
     recipe: BuildRecipe
-    shards: int
+    shards: int = Field(ge=0, le=MAX_PARTS)
     not_read: tuple[SkipEntry, ...]
     unused: tuple[SkipEntry, ...]
 
@@ -143,6 +148,7 @@ def build_dataset(
     Raises:
         SourceError: if no scene is found or none can be read; under `strict`, for any.
         UnmappedNameError: under `strict`, for a name that is not in the map.
+        RecipeError: for a number of scenes per part that cannot be.
         DatasetError: if `out` is in the way or cannot be written.
     """
     out = out.resolve()  # a linked --out stays a link; what it leads to is replaced
@@ -176,6 +182,7 @@ def plan_build(
     Raises:
         SourceError: if no scene is found; under `strict`, if one is unreadable.
         ClassMapError: if there is no such class map.
+        RecipeError: for a number of scenes per part that cannot be.
     """
     chosen = class_map or name_class_map(source)
     own = read_own_map(Path(chosen)) if is_own_map(chosen) else None
@@ -184,9 +191,10 @@ def plan_build(
     if strict and listing.unreadable:
         skip = listing.unreadable[0]
         raise SourceError(f"{source.path / skip.location}: {skip.reason}")
+    shards = count_shards(len(listing.scenes), scenes_per_shard=scenes_per_shard)
     plan = BuildPlan(
         recipe=_recipe(source, listing, loaded, scenes_per_shard),
-        shards=-(-len(listing.scenes) // scenes_per_shard),
+        shards=shards,
         not_read=tuple(
             SkipEntry(scene_id=skip.scene_id, location=skip.location, reason=skip.reason)
             for skip in (*listing.duplicates, *listing.unreadable)

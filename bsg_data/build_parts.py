@@ -10,6 +10,7 @@ in: each shard is renamed there when it is whole, so that they need no lock and 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -27,10 +28,12 @@ from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import MANIFEST_FILE
 from bsg_data.lock import hold
+from bsg_data.recipes import name_fault
 from bsg_data.sources.source import Source
 
 _MOST_NAMED = 20  # parts
 _PARTS_OF = "parts-of-"
+_NUMBER = re.compile("[1-9][0-9]{0,17}")  # other marks are not ours
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +95,7 @@ def build_part(
     Raises:
         SourceError: if no scene is found; under `strict`, for any that cannot be read.
         UnmappedNameError: under `strict`, for a name that is not in the map.
+        RecipeError: for a number of scenes per part that cannot be.
         DatasetError: if parts of another build are there, or a file cannot be written.
     """
     out = out.resolve()
@@ -101,7 +105,7 @@ def build_part(
     )
     make_parent(out)
     growing = join_partial(out, planned.plan.recipe, planned.plan, prepare=planned.keep_map)
-    (growing / REPORTS / f"{_PARTS_OF}{part.of}").touch()
+    _leave_mark(growing, part)
     shards = tuple(range(part.number - 1, planned.plan.shards, part.of))
     reports = planned.make(shards, growing, executor=executor, progress=progress)
     every = range(planned.plan.shards)
@@ -156,6 +160,22 @@ def finalise_dataset(
         return finish_build(plan, reports, out, force=force, where=out)
 
 
+def _leave_mark(growing: Path, part: Part) -> None:
+    """Say in the growing dataset by how many parts it is made; the lock is given up by then.
+
+    Raises:
+        DatasetError: if somebody finished or removed it since, or the mark cannot be written.
+    """
+    mark = growing / REPORTS / f"{_PARTS_OF}{part.of}"
+    try:
+        mark.touch()
+    except OSError as error:
+        raise DatasetError(
+            f"{mark}: cannot be written ({error.strerror or error}); was the dataset finished "
+            "meanwhile? If not, run this part again"
+        ) from error
+
+
 def _refuse_finished(out: Path) -> None:
     if (out / MANIFEST).is_file() and not name_growing(out).exists():
         raise DatasetError(f"{out}: is finished already, and no parts are left to finish")
@@ -170,15 +190,17 @@ def _read_plan(growing: Path) -> BuildPlan:
     try:
         return BuildPlan.model_validate_json(read_bytes(path, MANIFEST_FILE, error=DatasetError))
     except (DatasetError, ValidationError) as error:
+        said = name_fault(error) if isinstance(error, ValidationError) else error
         raise DatasetError(
-            f"{growing / PLAN}: cannot be read ({error}); remove it and run any part again"
+            f"{path}: cannot be read ({said}); remove it and run any part again"
         ) from error
 
 
 def _tell_missing(growing: Path, missing: list[int], shards: int) -> str:
     """Say which parts are to be run again, by the finest division that anybody used."""
     marks = (growing / REPORTS).glob(f"{_PARTS_OF}*")
-    of = max((int(mark.name.removeprefix(_PARTS_OF)) for mark in marks), default=1)
+    said = (mark.name.removeprefix(_PARTS_OF) for mark in marks)
+    of = max((int(number) for number in said if _NUMBER.fullmatch(number)), default=1)
     parts = sorted({number % of + 1 for number in missing})
     named = ", ".join(f"{part}/{of}" for part in parts[:_MOST_NAMED])
     more = f" and {len(parts) - _MOST_NAMED:,} more" if len(parts) > _MOST_NAMED else ""

@@ -27,8 +27,10 @@ from bsg_data.dataset.manifest import (
     FileEntry,
     Manifest,
     ResolvedEntry,
+    ScenesPerShard,
     Totals,
     UnmappedEntry,
+    count_shards,
     read_hashed_manifest,
     read_manifest,
     require_class_space,
@@ -50,7 +52,7 @@ class MergeRecipe(Record):
 
     generator: str
     parts: tuple[str, ...]
-    scenes_per_shard: int
+    scenes_per_shard: ScenesPerShard
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +96,7 @@ def merge_datasets(
         progress: called with (scenes done, scenes in all).
 
     Raises:
-        RecipeError: for fewer than two datasets.
+        RecipeError: for fewer than two datasets, or a number of scenes per part that cannot be.
         MismatchError: if two are of different class spaces.
         DatasetError: if two hold the same building, one cannot be read, or `out` is in the way or
             cannot be written.
@@ -105,6 +107,8 @@ def merge_datasets(
     for part in parts:
         first = parts[0].manifest
         require_class_space(first, part.manifest.class_space, what=str(part.dataset))
+    scenes = sum(part.manifest.totals.scenes for part in parts)
+    count_shards(scenes, scenes_per_shard=scenes_per_shard)
     _refuse_shared_buildings(parts)
     merged = _combine([part.manifest for part in parts], scenes_per_shard=scenes_per_shard)
     out = out.resolve()

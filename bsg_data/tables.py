@@ -11,6 +11,7 @@ import unicodedata
 from collections.abc import Sequence
 
 _MARK = "\N{REPLACEMENT CHARACTER}"
+_ESCAPED_OR_END = re.compile(r"(\\.)|\|")  # what is escaped, or the end of a cell
 Rows = Sequence[Sequence[object]]
 
 
@@ -44,7 +45,8 @@ def format_markdown(rows: Rows, *, header: Sequence[str], numeric: Sequence[str]
     """Return rows as the lines of a Markdown table.
 
     Args:
-        rows: of cells; a `|` in a cell is escaped.
+        rows: of cells; a `|` in a cell is escaped, unless it is already. All other markup is taken
+            for what it is: names from a file go through `escape_markdown` or `mark_code` before.
         header: the names of the columns.
         numeric: names of the columns that are aligned to the right.
 
@@ -81,6 +83,15 @@ def escape_markdown(text: str) -> str:
     return re.sub(r"([\\`*\[\]|])", r"\\\1", escaped)
 
 
+def mark_code(name: str) -> str:
+    r"""Return a name in the type of code; one that could end it, as text that is no markup.
+
+    >>> print(mark_code("hm3d45-v2"), mark_code("a`b"))
+    `hm3d45-v2` a\`b
+    """
+    return f"`{name}`" if re.fullmatch(r"[\w.-]+", name) else escape_markdown(name)
+
+
 def is_obeyed(character: str) -> bool:
     """Say whether a terminal would obey a character, and not show it; see `make_plain`."""
     kept = character.isprintable() or character in "\n\t"
@@ -93,4 +104,5 @@ def _printable(cell: object) -> str:
 
 
 def _one_cell(cell: object) -> str:
-    return " ".join(str(cell).split("\n")).replace("|", "\\|")
+    r"""Return a cell on one line; a `|` that is escaped already stays as it is."""
+    return _ESCAPED_OR_END.sub(lambda m: m[1] or "\\|", " ".join(str(cell).splitlines()))

@@ -6,7 +6,6 @@ Tasks name files by their paths, so all machines must see the same files at the 
 from __future__ import annotations
 
 import asyncio
-import hashlib
 import os
 import tempfile
 import time
@@ -20,7 +19,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from bsg_data.errors import BSGError
-from bsg_data.inputs.bounds import RUN_RECORD
+from bsg_data.inputs.bounded_file import hash_bounded
+from bsg_data.inputs.bounds import MANIFEST_FILE, RUN_RECORD
 from bsg_data.inputs.documents import read_json
 
 if TYPE_CHECKING:
@@ -150,7 +150,10 @@ def _describe(path: Path) -> str:
         return "nothing"
     manifest = path / "dataset.json"
     if manifest.is_file():
-        return f"the dataset {hashlib.sha256(manifest.read_bytes()).hexdigest()[:12]}…"
+        try:
+            return f"the dataset {hash_bounded(manifest, MANIFEST_FILE)[:12]}…"
+        except OSError as error:
+            return f"a dataset that cannot be read ({error.strerror or error})"
     return f"a folder of {sum(1 for _ in path.iterdir()):,} things"
 
 

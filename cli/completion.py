@@ -14,6 +14,8 @@ from click.shell_completion import CompletionItem
 
 import bsg_models
 from bsg_data.errors import BSGError
+from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.inputs.bounds import MANIFEST_FILE
 from bsg_data.scene.class_map import list_class_maps
 from bsg_data.scene.class_space import DEFAULT_CLASS_SPACE, load_class_space
 
@@ -59,8 +61,9 @@ def classes_of_dataset(ctx: click.Context) -> tuple[str, ...]:
     """
     try:
         path = Path(ctx.params["dataset"]) / "dataset.json"
-        return tuple(map(str, json.loads(path.read_bytes())["class_space"]["classes"]))
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        data = read_bytes(path, MANIFEST_FILE)
+        return tuple(map(str, json.loads(data)["class_space"]["classes"]))
+    except (BSGError, ValueError, KeyError, TypeError, RecursionError):
         return load_class_space(DEFAULT_CLASS_SPACE).classes
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import re
 from collections.abc import Iterable
 from typing import Any
 
@@ -14,7 +13,7 @@ from bsg_data.dataset.manifest import Manifest
 from bsg_data.dataset.schema import SPLITS, TABLES, describe_fields, pairs_schema
 from bsg_data.files import encode_json
 from bsg_data.sources.source import LICENCE_REF, Terms
-from bsg_data.tables import escape_markdown, format_markdown
+from bsg_data.tables import escape_markdown, format_markdown, mark_code
 
 _UNKNOWN = "unknown terms: ask whoever made it"  # of a source that is no row of the catalogue
 _MEANINGS = {
@@ -57,7 +56,7 @@ def write_card(manifest: Manifest) -> str:
         *_source_table(manifest),
         "",
         *_describe_terms(manifest),
-        f"Classes of {_code(manifest.class_space.name)}, in the order of every histogram: "
+        f"Classes of {mark_code(manifest.class_space.name)}, in the order of every histogram: "
         + ", ".join(map(escape_markdown, manifest.class_space.classes))
         + ".",
         "",
@@ -126,18 +125,13 @@ def _source_table(manifest: Manifest) -> list[str]:
         (
             escape_markdown(source.kind),
             escape_markdown(source.version or ""),
-            _code(source.class_map.version),
+            mark_code(source.class_map.version),
             f"[{source.terms.licence}]({source.terms.licence_url})" if source.terms else "unknown",
             f"<{source.terms.homepage}>" if source.terms else "",
         )
         for source in manifest.sources
     ]
     return format_markdown(rows, header=("source", "version", "class map", "licence", "homepage"))
-
-
-def _code(name: str) -> str:
-    """Return a name in the type of code, in which nothing but a backtick is markup."""
-    return escape_markdown(name) if re.search(r"[^\w.-]", name) else f"`{name}`"
 
 
 def _describe_terms(manifest: Manifest) -> list[str]:

@@ -11,15 +11,15 @@ import json
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
 from bsg_data.dataset.schema import FORMAT_VERSION, SPLIT_NAME
 from bsg_data.dataset.version_1 import convert_manifest
-from bsg_data.errors import DatasetError, MismatchError, SourceError
+from bsg_data.errors import DatasetError, MismatchError, RecipeError, SourceError
 from bsg_data.inputs.bounded_file import hash_bounded, read_bytes
-from bsg_data.inputs.bounds import MANIFEST_FILE
+from bsg_data.inputs.bounds import MANIFEST_FILE, MAX_PARTS, MAX_ROWS
 from bsg_data.inputs.documents import parse_json, read_json
 from bsg_data.recipes import PairsRecipe, Record, SplitRecipe, name_fault
 from bsg_data.scene.class_map import ClassMap
@@ -31,6 +31,8 @@ from bsg_data.sources.source import Terms
 MANIFEST = "dataset.json"
 SEAL = "seal"  # key of the hashes at its end; what was written before there were any has none
 
+# The table of scenes has a row for each, and no file of more rows is read.
+ScenesPerShard = Annotated[int, Field(ge=1, le=MAX_ROWS)]
 
 # Exactly the paths that the format has: a manifest edited by hand cannot point elsewhere.
 FILE_PATH = re.compile(
@@ -183,6 +185,24 @@ class SourceEntry(Record):
     terms: Terms | None = None
 
 
+def count_shards(scenes: int, *, scenes_per_shard: int) -> int:
+    """Return how many parts each table of a dataset has.
+
+    Raises:
+        RecipeError: if a part cannot have so many scenes, or there would be more parts than the
+            format can number.
+    """
+    if not 1 <= scenes_per_shard <= MAX_ROWS:
+        raise RecipeError(f"scenes_per_shard: expected 1 to {MAX_ROWS:,}, found {scenes_per_shard}")
+    shards = -(-scenes // scenes_per_shard)
+    if shards > MAX_PARTS:
+        raise RecipeError(
+            f"{scenes:,} scenes, {scenes_per_shard:,} a part, make {shards:,} parts; expected at "
+            f"most {MAX_PARTS:,}: take scenes_per_shard={-(-scenes // MAX_PARTS):,} or more"
+        )
+    return shards
+
+
 class Manifest(Record):
     """Everything that `dataset.json` says.
 
@@ -194,7 +214,7 @@ class Manifest(Record):
     generator: str
     class_space: ClassSpaceEntry
     sources: tuple[SourceEntry, ...] = Field(min_length=1)
-    scenes_per_shard: int = Field(ge=1)
+    scenes_per_shard: ScenesPerShard
     totals: Totals
     files: tuple[FileEntry, ...]
     skipped: tuple[SkipEntry, ...] = ()

@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import pyarrow as pa
@@ -19,7 +20,7 @@ from bsg_data.dataset.schema import FORMAT_VERSION, SPLITS, TABLES, pairs_schema
 from bsg_data.dataset.version_1 import TABLES_1, convert_table
 from bsg_data.errors import DatasetError, MismatchError
 from bsg_data.files import encode_json, open_beside
-from bsg_data.inputs.bounded_file import hash_file, read_bytes
+from bsg_data.inputs.bounded_file import Refusal, hash_file, read_bytes
 from bsg_data.inputs.bounds import DATASET_TABLE
 from bsg_data.inputs.parquet import reading_parquet, words_of
 from bsg_data.scene.scene_graph import SceneGraph, is_scene_id
@@ -106,13 +107,29 @@ def open_listed(dataset: Path, entry: FileEntry, *, manifest: Manifest) -> Itera
     path = dataset / entry.path
     if not path.is_file():
         raise DatasetError(f"{path}: in the manifest but not there; build again")
-    data = read_bytes(path, DATASET_TABLE, error=_refuse)
-    if len(data) != entry.bytes or hashlib.sha256(data).hexdigest() != entry.sha256:
+    data = read_listed(path, entry, error=_refuse)
+    if hashlib.sha256(data).hexdigest() != entry.sha256:
         raise DatasetError(f"{path}: is not what the manifest says; `bsg-data check` says more")
     with reading_parquet(path, data=data, rows=entry.rows, error=_refuse) as file:
         check_file_metadata(path, file.schema_arrow, manifest)
         _require_columns(path, file.schema_arrow, schema_of(table_of(entry), manifest))
         yield file
+
+
+def read_listed(path: Path, entry: FileEntry, *, error: Refusal) -> bytes:
+    """Return the bytes of a file that a manifest lists; nothing is read if it has not as many.
+
+    Raises:
+        DatasetError: or what `error` makes, if it cannot be read, or has another size.
+    """
+    try:
+        size = path.stat().st_size
+    except OSError as fault:
+        raise error(f"{path}: cannot be read ({fault.strerror or fault})") from fault
+    if size != entry.bytes:
+        raise error(f"{path}: is not what the manifest says, {entry.bytes} bytes; found {size}")
+    most = min(size, DATASET_TABLE.bytes)
+    return read_bytes(path, replace(DATASET_TABLE, bytes=most), error=error)  # it may grow
 
 
 def _refuse(said: str) -> DatasetError:

@@ -30,6 +30,7 @@ MAX_ROWS = 10_000_000  # of a parquet file
 MAX_STREAMED_ROWS = 100_000_000  # of a parquet file that is read by row groups
 MAX_OBJECT_ROWS = 2_500_000  # of a table that is a source: 25 times HM3D's objects
 MAX_VALUES = 500_000_000  # of a parquet file: rows times columns, entries of lists counted each
+MAX_PARTS = 100_000  # of a table of a dataset; the names of the files number no more
 MAX_MEMBERS = 10_000  # of a zip
 MAX_NESTING = 100  # of lists and mappings in JSON, YAML and TOML
 MAX_CONTAINERS = 5_000_000  # lists and mappings in JSON, which take the most memory a byte
@@ -43,6 +44,7 @@ ANNOTATION = Bound("annotation of HM3DSem, `*.semantic.txt`", 64 * MIB)
 STATISTICS = Bound(
     "zip of HM3DSem's statistics", 16 * MIB, f"{MAX_MEMBERS:,} members, each name once"
 )
+SYNTHETIC = Bound("mark of synthetic buildings, `synthetic.json`", 64 * KIB, _NESTED)
 LAYOUT = Bound("room layout, YAML", MIB, _NESTED)
 LABEL_SPACE = Bound("label space, YAML or CSV", 4 * MIB, _NESTED)
 MESH = Bound(
@@ -65,7 +67,11 @@ ROBOT = Bound("robot's graph, JSON", 64 * MIB, _NESTED)
 SPARK_DSG = Bound("Spark-DSG graph, JSON or binary", 256 * MIB, _NESTED)
 BELIEF = Bound("belief graph, JSON", 256 * MIB, _NESTED)
 CLASS_MAP = Bound("class map, each CSV file", 16 * MIB, "256 classes")
-MANIFEST_FILE = Bound("manifest, plan and reports of a dataset, JSON", 64 * MIB, _NESTED)
+MANIFEST_FILE = Bound(
+    "manifest, plan and reports of a dataset, JSON",
+    64 * MIB,
+    f"{_NESTED}; {MAX_PARTS:,} parts of {MAX_ROWS:,} scenes",
+)
 DATASET_CARD = Bound("card and description of a dataset, Markdown and JSON", 256 * MIB)
 DATASET_TABLE = Bound(
     "parquet file of a dataset, of beliefs or of predictions",

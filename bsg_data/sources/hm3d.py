@@ -13,7 +13,8 @@ from bsg_data.geometry.adjacency import connect_rooms
 from bsg_data.geometry.gltf import MeshError
 from bsg_data.geometry.placement import place_scene
 from bsg_data.geometry.semantic_mesh import survey_mesh
-from bsg_data.inputs.bounds import ANNOTATION
+from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.inputs.bounds import ANNOTATION, SYNTHETIC
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_id import split_scene_id
 from bsg_data.sources.annotation_files import fingerprint, require_fingerprint, walk_files
@@ -122,7 +123,7 @@ class HM3DFolder:
                     f"{self.path}: holds synthetic buildings in {mark.parent}; point --hm3d at "
                     "these or at the real ones alone"
                 )
-            if b'"finished": true' not in mark.read_bytes():
+            if b'"finished": true' not in read_bytes(mark, SYNTHETIC):
                 raise SourceError(f"{mark.parent}: `bsg-data synth` was stopped; run it again")
 
     def _refer(self, path: Path) -> SceneRef:

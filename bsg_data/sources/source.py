@@ -149,11 +149,16 @@ class Terms:
                 f"{LICENCE_REF}NAME for a licence that SPDX does not list"
             )
         for name in ("licence_url", "homepage"):
-            if not re.fullmatch(r"https?://[^\s<>()\[\]|\"]+", getattr(self, name)):
+            if not is_address(getattr(self, name)):
                 raise SourceError(f"{name}: expected an address, found {getattr(self, name)!r}")
         for name in ("citation", "sentence"):
             if not getattr(self, name).strip() or "\n" in getattr(self, name):
                 raise SourceError(f"{name}: expected one line, found {getattr(self, name)!r}")
+
+
+def is_address(text: str) -> bool:
+    """Say whether a text is an address of the web, without any sign that could end a link."""
+    return re.fullmatch(r"https?://[^\s<>()\[\]|\"]+", text) is not None
 
 
 @runtime_checkable

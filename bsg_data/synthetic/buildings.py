@@ -23,6 +23,8 @@ import numpy.typing as npt
 from bsg_data.errors import DatasetError
 from bsg_data.executors import run_in_order
 from bsg_data.files import encode_json, write_bytes
+from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.inputs.bounds import SYNTHETIC
 from bsg_data.inputs.documents import parse_json
 from bsg_data.lock import hold
 from bsg_data.sources.annotations import HEADER, Instance
@@ -357,7 +359,7 @@ def _clear(out: Path, *, force: bool) -> None:
     mark = out / SYNTHETIC_MARK
     if not mark.is_file():
         raise DatasetError(f"{out}: holds something else and is left alone; choose another --out")
-    said = mark.read_bytes()
+    said = read_bytes(mark, SYNTHETIC, error=DatasetError)
     if not force and _FINISHED in said:
         raise DatasetError(f"{out}: holds synthetic buildings; --force replaces them")
     ours = list(_list_own(out, said))

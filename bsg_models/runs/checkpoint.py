@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -24,13 +23,12 @@ from safetensors.torch import save
 from bsg_data.dataset.manifest import ClassSpaceEntry, Manifest, require_class_space
 from bsg_data.dataset.schema import FORMAT_VERSION
 from bsg_data.files import write_bytes
-from bsg_data.inputs.bounded_file import open_waiting_for_none
-from bsg_data.inputs.bounds import CHECKPOINT, CHECKPOINT_HEADER
 from bsg_data.inputs.documents import parse_json
 from bsg_data.recipes import Record, name_fault
 from bsg_data.scene.class_space import hash_classes
 from bsg_data.scene.own_map import OwnMap
 from bsg_models.errors import CheckpointError, ConfigError
+from bsg_models.runs.checkpoint_file import require_safetensors
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.construction import make_model
@@ -175,36 +173,13 @@ def load_checkpoint(path: Path) -> Checkpoint:
 
 @contextmanager
 def _open(path: Path) -> Iterator[Any]:
-    _require_bounded(path)
+    require_safetensors(path)
     try:
         with safe_open(path, framework="pt") as file:
             _require_plain_end(path)
             yield file
     except (SafetensorError, OSError) as error:
         raise CheckpointError(f"{path}: not a readable checkpoint ({error})") from error
-
-
-def _require_bounded(path: Path) -> None:
-    """Refuse a file whose bytes, or whose header, are more than a model of ours can have."""
-    try:
-        with open_waiting_for_none(path) as file:
-            size = os.fstat(file.fileno()).st_size
-            header = int.from_bytes(file.read(8), "little")
-    except FileNotFoundError as error:
-        raise CheckpointError(f"{path}: no checkpoint there; train one with `bsg-train`") from error
-    except OSError as error:
-        raise CheckpointError(f"{path}: not a readable checkpoint ({error})") from error
-    if not path.is_file():
-        raise CheckpointError(f"{path}: not a readable checkpoint (it is no file)")
-    for what, found, bound in (
-        ("", size, CHECKPOINT),
-        (" in its header", header, CHECKPOINT_HEADER),
-    ):
-        if found > bound.bytes:
-            raise CheckpointError(
-                f"{path}: not a readable checkpoint ({found:,} bytes{what}; expected at most "
-                f"{bound.bytes:,})"
-            )
 
 
 def _require_plain_end(path: Path) -> None:

@@ -6,6 +6,7 @@ show, so that a card is read back.
 
 from __future__ import annotations
 
+import shlex
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -21,8 +22,8 @@ from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import CARD, RUN_RECORD
 from bsg_data.inputs.documents import parse_yaml, read_json
 from bsg_data.recipes import Record, name_fault
-from bsg_data.sources.source import LICENCE_REF
-from bsg_data.tables import format_markdown
+from bsg_data.sources.source import LICENCE_REF, is_address
+from bsg_data.tables import escape_markdown, format_markdown, make_plain, mark_code
 from bsg_models.errors import CheckpointError
 from bsg_models.runs.checkpoint import CheckpointHeader
 from bsg_models.runs.disclosure import Disclosure, Membership
@@ -150,14 +151,15 @@ def write_card(
     space = header.class_space
     lines = [
         f"---\n{yaml.safe_dump(_front_matter(card), sort_keys=False, allow_unicode=True)}---",
-        f"# {card.name}",
+        f"# {escape_markdown(card.name)}",
         "",
-        f"{card.purpose} Belief Scene Graphs ([paper]({PAPER})): what a robot that has seen part "
-        "of a building has not seen there, as the distribution of hidden objects of "
+        f"{escape_markdown(card.purpose)} Belief Scene Graphs ([paper]({PAPER})): what a robot "
+        "that has seen part of a building has not seen there, as the distribution of hidden "
+        "objects of "
         f"{len(space.classes)} classes in every room.",
         "",
         "```sh",
-        f"bsg-belief graph.json --model {card.name} --html belief.html",
+        f"bsg-belief graph.json --model {_quote(card.name)} --html belief.html",
         "```",
         "",
         "## What it learned from",
@@ -254,31 +256,49 @@ def _describe_sources(card: ModelCard) -> list[str]:
         return ["Nobody said: ask whoever trained it, and under which terms.", ""]
     rows = [
         (
-            one.source,
+            escape_markdown(one.source),
             one.buildings,
-            f"[{one.licence}]({one.licence_url})" if one.licence_url else one.licence,
-            one.citation,
+            _link(one.licence, one.licence_url),
+            escape_markdown(one.citation),
         )
         for one in card.trained_on
     ]
     table = format_markdown(rows, header=("source", "buildings", "licence", "cite"))
     lines = [*table, ""]
-    lines += [f"{one.source}: {one.sentence}\n" for one in card.trained_on if one.sentence]
+    lines += [
+        f"{escape_markdown(one.source)}: {escape_markdown(one.sentence)}\n"
+        for one in card.trained_on
+        if one.sentence
+    ]
     restricted = any(name.startswith(LICENCE_REF) for name, _ in card.licences)
     lines.append(
         "**The weights are for non-commercial research**, as the data that they were learned from "
         "are; the code that asks them is under Apache-2.0.\n"
         if restricted
-        else f"The weights are under the terms of their sources: {card.licence}.\n"
+        else f"The weights are under the terms of their sources: {escape_markdown(card.licence)}.\n"
     )
     return lines
+
+
+def _link(text: str, address: str) -> str:
+    """Return a link; the text alone where the address is none that a card may lead to."""
+    escaped = escape_markdown(text)
+    return f"[{escaped}]({address})" if is_address(address) else escaped
+
+
+def _quote(name: str) -> str:
+    """Return a name as a shell takes it, on one line."""
+    return shlex.quote(" ".join(make_plain(name).split()))
 
 
 def _list_facts(header: CheckpointHeader) -> list[tuple[str, str]]:
     config = header.config
     facts = [
-        ("model of the zoo", f"`{config.name}`"),
-        ("class space", f"`{header.class_space.name}`, {len(header.class_space.classes)} classes"),
+        ("model of the zoo", mark_code(config.name)),
+        (
+            "class space",
+            f"{mark_code(header.class_space.name)}, {len(header.class_space.classes)} classes",
+        ),
         ("sha256 of the classes", f"`{header.class_space.sha256}`"),
         ("other categories that it reads", f"{len(header.vocabulary):,}"),
         ("masks that it was trained on", str(config.data.fresh_mask)),

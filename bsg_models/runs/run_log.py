@@ -156,7 +156,7 @@ def _parse(line: str, *, where: str) -> Begun | Ended:
 def _add(run: Path, line: Begun | Ended) -> None:
     """Add a line; one that a killed process left behind is never half a line."""
     path = run / LOG
-    before = path.read_bytes() if path.is_file() else b""
+    before = read_bytes(path, RUN_RECORD, error=TrainingError) if path.is_file() else b""
     write_bytes(path, before + line.model_dump_json().encode() + b"\n")
 
 

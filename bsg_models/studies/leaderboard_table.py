@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from bsg_data.tables import format_markdown
+from bsg_data.tables import escape_markdown, format_markdown, mark_code
 from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.evaluation.catalogue import find_value, head_value, label_value
 from bsg_models.evaluation.measurement import EVALUATOR_VERSION
@@ -81,8 +81,9 @@ def write_markdown(board: Leaderboard) -> str:
         "# Leaderboard",
         "",
         f"{totals.scenes} buildings, {totals.rooms:,} rooms, class map "
-        f"{board.manifest.class_space.name}; {recipe.folds} folds by building, {recipe.draws} "
-        f"masks of every test building that hide {100 * recipe.fraction:g} %, seed {recipe.seed}. "
+        f"{escape_markdown(board.manifest.class_space.name)}; {recipe.folds} folds by building, "
+        f"{recipe.draws} masks of every test building that hide {100 * recipe.fraction:g} %, "
+        f"seed {recipe.seed}. "
         "Means over the folds, also of the training times; ± is half the 95 % interval over "
         "buildings. In bold the best of a column and what its paired interval does not tell from "
         "it. docs/evaluation.md says what the metrics are.",
@@ -90,9 +91,14 @@ def write_markdown(board: Leaderboard) -> str:
         *_own_masks(board),
     ]
     for mask, results in board.results.items():
-        lines += [f"## Masks: {mask}", "", *_headline_tables(results), *_moments(results)]
+        lines += [
+            f"## Masks: {escape_markdown(mask)}",
+            "",
+            *_headline_tables(results),
+            *_moments(results),
+        ]
     for mask, results in board.results.items():
-        lines += [f"## Every metric, masks {mask}", "", *_everything(results)]
+        lines += [f"## Every metric, masks {escape_markdown(mask)}", "", *_everything(results)]
     return "\n".join(lines)
 
 
@@ -105,7 +111,10 @@ def _own_masks(board: Leaderboard) -> Iterator[str]:
         if result.trained_on
     }
     for name, mask in own.items():
-        yield f"`{name}` was trained once, on `{mask}` masks, and is the same model in every table."
+        yield (
+            f"{mark_code(name)} was trained once, on {mark_code(mask)} masks, and is the same "
+            "model in every table."
+        )
         yield ""
 
 
@@ -171,8 +180,11 @@ def _moments(results: Mapping[str, ModelResult]) -> Iterator[str]:
 def _everything(results: Mapping[str, ModelResult]) -> Iterator[str]:
     estimates = {name: results[name].metrics.estimates() for name in rank_models(results)}
     metrics = next(iter(estimates.values()))
-    rows = {f"`{metric}`": [_cell(one[metric]) for one in estimates.values()] for metric in metrics}
-    yield from _table(rows, ["metric", *estimates])
+    rows = [
+        [f"`{metric}`", *(_cell(one[metric]) for one in estimates.values())] for metric in metrics
+    ]
+    yield from format_markdown(rows, header=["metric", *map(escape_markdown, estimates)])
+    yield ""
 
 
 def _mark_best(
@@ -217,5 +229,7 @@ def _plain(estimate: Estimate | None) -> dict[str, float | int | None] | None:
 
 
 def _table(rows: Mapping[str, list[str]], header: list[str]) -> Iterator[str]:
-    yield from format_markdown([[name, *cells] for name, cells in rows.items()], header=header)
+    """Yield a table with a row for each model."""
+    named = [[escape_markdown(name), *cells] for name, cells in rows.items()]
+    yield from format_markdown(named, header=header)
     yield ""

@@ -19,7 +19,7 @@ import torch
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError
 from bsg_data.files import write_bytes
-from bsg_data.tables import format_markdown
+from bsg_data.tables import escape_markdown, format_markdown
 from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.studies.fold_models import hash_unsplit
 
@@ -98,7 +98,7 @@ def format_page(page: ResultsPage) -> str:
     facts = [f"{made.date}, with {versions}."]
     if made.dataset_sha256:
         facts.append(
-            f"{made.buildings} buildings, class space {made.class_space}, dataset "
+            f"{made.buildings} buildings, class space {escape_markdown(made.class_space)}, dataset "
             f"`{made.dataset_sha256[:16]}` (sha256 of its `dataset.json` before it was split)."
         )
     if made.machine:

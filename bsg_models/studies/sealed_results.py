@@ -7,8 +7,7 @@ from pathlib import Path
 
 from bsg_data.errors import DatasetError
 from bsg_data.seals import SEAL, require_seal
-from bsg_models.belief.tables import read_tables
-from bsg_models.runs.checkpoint import load_checkpoint, restore_model
+from bsg_models.runs.checkpoint_file import require_safetensors
 
 _WEIGHTS, _NODES = ".safetensors", "nodes.parquet"
 
@@ -28,7 +27,7 @@ def check_results(path: Path) -> tuple[str, ...]:
         BeliefFileError: if belief tables are.
     """
     if path.is_file():
-        restore_model(path, load_checkpoint(path))
+        _load(path)
         return (path.name,)
     if not path.is_dir():
         raise DatasetError(f"{path}: no such folder or file")
@@ -42,7 +41,20 @@ def check_results(path: Path) -> tuple[str, ...]:
         require_seal(folder)  # of an ensemble's member
     for name in sums:
         if name.endswith(_WEIGHTS):
-            restore_model(path / name, load_checkpoint(path / name))
+            _load(path / name)
     if _NODES in sums:
+        from bsg_models.belief.tables import read_tables
+
         deque(read_tables(path), maxlen=0)
     return tuple(sums)
+
+
+def _load(path: Path) -> None:
+    """Make the model of a checkpoint, to see that it is one.
+
+    What makes models takes seconds to import, and a file that is no checkpoint is refused before.
+    """
+    require_safetensors(path)
+    from bsg_models.runs.checkpoint import load_checkpoint, restore_model
+
+    restore_model(path, load_checkpoint(path))

@@ -15,16 +15,18 @@ from conftest import KITCHEN, REPOSITORY, annotation_text, write_scene
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
 from bsg_data.dataset.coverage import measure_coverage
-from bsg_data.dataset.manifest import encode_manifest, read_manifest
+from bsg_data.dataset.manifest import count_shards, encode_manifest, read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import (
     AnnotationError,
     ClassMapError,
     DatasetError,
+    RecipeError,
     SourceError,
     UnmappedNameError,
 )
+from bsg_data.merge import merge_datasets
 from bsg_data.recipes import SplitRecipe
 from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.sources.hm3d import HM3DFolder
@@ -273,6 +275,24 @@ def test_an_unknown_class_map_is_named_before_anything_is_written(
     with pytest.raises(ClassMapError, match="hm3d45-v9"):
         build_dataset(HM3DFolder(hm3d_folder), tmp_path / "out", class_map="hm3d45-v9")
     assert not (tmp_path / "out.partial").exists()
+
+
+@pytest.mark.parametrize("scenes_per_shard", [0, -1, 10_000_001])
+def test_a_part_of_a_number_of_scenes_that_cannot_be_is_refused_at_once(
+    hm3d_folder: Path, tmp_path: Path, dataset: Path, scenes_per_shard: int
+) -> None:
+    said = f"scenes_per_shard: expected 1 to 10,000,000, found {scenes_per_shard}"
+    with pytest.raises(RecipeError, match=said):
+        build_dataset(HM3DFolder(hm3d_folder), tmp_path / "out", scenes_per_shard=scenes_per_shard)
+    with pytest.raises(RecipeError, match=said):
+        merge_datasets([dataset, dataset], tmp_path / "out", scenes_per_shard=scenes_per_shard)
+    assert not list(tmp_path.glob("*out*"))
+
+
+def test_more_parts_than_the_format_numbers_are_refused_with_what_would_do() -> None:
+    assert count_shards(1_600_000, scenes_per_shard=16) == 100_000
+    with pytest.raises(RecipeError, match=r"make 100,001 parts.*take scenes_per_shard=17 or more"):
+        count_shards(1_600_001, scenes_per_shard=16)
 
 
 def _limit_file_size() -> None:

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bsg_data import tables
-from bsg_data.tables import escape_markdown, format_markdown, format_text, make_plain
+from bsg_data.tables import escape_markdown, format_markdown, format_text, make_plain, mark_code
 
 
 def test_doctests() -> None:
@@ -52,3 +52,21 @@ def test_a_name_is_no_markup() -> None:
     assert "\n" not in escaped
     assert all(f"\\{sign}" in escaped for sign in "`[]*|")
     assert escape_markdown("arm chair, 2") == "arm chair, 2"
+
+
+@given(st.lists(st.text(alphabet="a|\\\\`\r\n"), min_size=1, max_size=3))
+def test_a_name_in_a_cell_is_escaped_once_and_ends_no_cell(names: list[str]) -> None:
+    escaped = [escape_markdown(name) for name in names]
+    *_, line = format_markdown([escaped], header=names)
+    assert line == f"| {' | '.join(escaped)} |"
+    assert len(format_markdown([names], header=names)) == 3
+
+
+def test_a_cell_of_plain_text_has_its_ends_escaped() -> None:
+    *_, line = format_markdown([("a|b", r"c\|d", r"e\\|f")], header=("x", "y", "z"))
+    assert line == r"| a\|b | c\|d | e\\\|f |"
+
+
+def test_a_name_is_code_unless_it_could_end_it() -> None:
+    assert mark_code("hm3d45-v2") == "`hm3d45-v2`"
+    assert mark_code("a`<b>") == r"a\`&lt;b&gt;"

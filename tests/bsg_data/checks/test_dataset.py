@@ -40,9 +40,14 @@ def edit(dataset: Path, file: str, change: Callable[[pd.DataFrame], pd.DataFrame
     frame = change(table.to_pandas())
     edited = pa.Table.from_pandas(frame, schema=table.schema, preserve_index=False)
     pq.write_table(edited.replace_schema_metadata(table.schema.metadata), path)
+    list_again(dataset, file, rows=len(frame))
+
+
+def list_again(dataset: Path, file: str, *, rows: int) -> None:
+    """Make the manifest agree with a file."""
     manifest = read_manifest(dataset)
     files = tuple(
-        describe_file(dataset, file, rows=len(frame)) if entry.path == file else entry
+        describe_file(dataset, file, rows=rows) if entry.path == file else entry
         for entry in manifest.files
     )
     (dataset / "dataset.json").write_bytes(
@@ -156,10 +161,19 @@ def test_files_that_changed_vanished_or_appeared_are_named(dataset: Path) -> Non
     assert "is missing" in found["README.md"]
 
 
+def test_a_file_of_another_size_is_named_and_not_read(dataset: Path) -> None:
+    with (dataset / OBJECTS).open("ab") as file:
+        file.truncate(2**40)
+    found = {fault.where: fault.what for fault in check_dataset(dataset)}
+    assert "is not what the manifest says, " in found[OBJECTS]
+    assert "bytes; found 1099511627776" in found[OBJECTS]
+
+
 def test_another_schema_and_nulls_are_named(dataset: Path) -> None:
     path = dataset / SCENES
     table = pq.read_table(path)
     pq.write_table(table.drop_columns(["up_axis"]), path)
+    list_again(dataset, SCENES, rows=len(table))
     assert any("expected the columns" in fault.what for fault in check_dataset(dataset))
 
 

@@ -28,6 +28,8 @@ from bsg_data.dataset.shards import (
 )
 from bsg_data.errors import DatasetError, MismatchError
 from bsg_data.files import write_bytes
+from bsg_data.inputs.bounded_file import Refusal, read_bytes
+from bsg_data.inputs.bounds import Bound
 from bsg_data.scene.class_map import Role, load_class_map
 from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph, SceneObject
 
@@ -142,6 +144,29 @@ def test_a_missing_cut_or_foreign_file_is_refused(dataset: Path) -> None:
         read_file(dataset, entry, manifest=manifest)
 
 
+def test_a_file_of_another_size_is_not_read(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with (dataset / "rooms" / "part-00001.parquet").open("ab") as file:
+        file.truncate(2**40)
+    monkeypatch.setattr("bsg_data.dataset.shards.read_bytes", lambda *_, **__: pytest.fail("read"))
+    said = r"part-00001\.parquet: is not what the manifest says, \d+ bytes; found 1099511627776"
+    manifest = read_manifest(dataset)
+    with pytest.raises(DatasetError, match=said):
+        read_file(dataset, manifest.files_of("rooms")[1], manifest=manifest)
+
+
+def test_a_file_that_grows_while_it_is_read_is_refused(
+    dataset: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def grow_and_read(path: Path, *bounds: Bound, error: Refusal) -> bytes:
+        with path.open("ab") as file:
+            file.write(b"more")
+        return read_bytes(path, *bounds, error=error)
+
+    monkeypatch.setattr("bsg_data.dataset.shards.read_bytes", grow_and_read)
+    with pytest.raises(DatasetError, match=r"part-00000\.parquet: .* bytes; expected at most"):
+        read_table(dataset, "rooms")
+
+
 def test_a_folder_without_manifest_is_no_dataset(tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match="not a finished dataset"):
         read_table(tmp_path, "rooms")
@@ -152,6 +177,7 @@ def test_a_folder_without_manifest_is_no_dataset(tmp_path: Path) -> None:
     [
         ('"format_version": 2', '"format_version": 99', "format version 99"),
         ('"totals"', '"total"', "totals: Field required"),
+        ('"scenes_per_shard": ', '"scenes_per_shard": 90000000', "scenes_per_shard: .* 10000000"),
         ('"rows": ', '"rows": -', "files.0.rows"),
         ('"path": "', '"path": "../../etc/', "files.0.path"),
         ("{", "", "not JSON"),

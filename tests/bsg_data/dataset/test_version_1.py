@@ -47,4 +47,4 @@ def test_damage_to_version_1_is_found(dataset: Path) -> None:
         1, table.schema.field("source"), pa.array([9] * len(table), pa.int32())
     )
     pq.write_table(swapped, path)
-    assert any("was changed" in fault.what for fault in check_dataset(dataset))
+    assert any("is not what the manifest says" in fault.what for fault in check_dataset(dataset))

@@ -7,6 +7,7 @@ import pytest
 from conftest import KITCHEN, annotation_text, write_scene
 
 from bsg_data.errors import SourceError
+from bsg_data.inputs.bounds import SYNTHETIC
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Edge, Room
 from bsg_data.sources.hm3d import HM3DFolder
@@ -153,6 +154,14 @@ def test_synthetic_buildings_are_never_taken_for_real_ones(tmp_path: Path) -> No
         HM3DFolder(tmp_path / "half").find()
     stream.close()  # which ends its lock
     assert len(list(write_synthetic(tmp_path / "half", scenes=2, seed=0))) == 2
+
+
+def test_a_mark_of_synthetic_buildings_has_a_bound(tmp_path: Path) -> None:
+    list(write_synthetic(tmp_path, scenes=1, seed=0))
+    mark = tmp_path / "synthetic.json"
+    mark.write_text(mark.read_text("utf-8") + " " * SYNTHETIC.bytes, "utf-8")
+    with pytest.raises(SourceError, match=r"synthetic\.json: .* bytes; expected at most 65,536"):
+        HM3DFolder(tmp_path).find()
 
 
 def test_hidden_files_of_archives_are_no_scenes(tmp_path: Path) -> None:

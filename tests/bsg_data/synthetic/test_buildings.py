@@ -15,6 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bsg_data.errors import DatasetError
+from bsg_data.inputs.bounds import SYNTHETIC
 from bsg_data.synthetic import buildings as buildings_module
 from bsg_data.synthetic.buildings import (
     MAX_SCENES,
@@ -157,6 +158,15 @@ def test_two_sets_into_one_folder_do_not_meet(tmp_path: Path) -> None:
     write_synthetic(out, scenes=2, seed=1, force=True)  # nobody asks for a building
     write_synthetic(out, scenes=2, seed=1)
     assert [path.name for path in tmp_path.iterdir()] == ["buildings"]
+
+
+def test_a_mark_that_is_too_large_is_not_read_and_nothing_is_removed(tmp_path: Path) -> None:
+    paths = list(write_synthetic(tmp_path, scenes=1, seed=0))
+    mark = tmp_path / "synthetic.json"
+    mark.write_text(mark.read_text("utf-8") + " " * SYNTHETIC.bytes, "utf-8")
+    with pytest.raises(DatasetError, match=r"synthetic\.json: .* bytes; expected at most 65,536"):
+        write_synthetic(tmp_path, scenes=1, seed=0, force=True)
+    assert all(path.is_file() for path in paths)
 
 
 def test_a_folder_that_a_killed_command_just_made_is_taken(tmp_path: Path) -> None:

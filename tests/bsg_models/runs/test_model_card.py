@@ -65,6 +65,33 @@ def test_the_more_restrictive_terms_are_those_of_the_weights(
     assert ("**The weights are for non-commercial research**" in text) == ("Ref" in licence)
 
 
+def test_names_of_a_hostile_model_are_no_markup(run: Path) -> None:
+    evil = "<b>`|[x](y)\n```\n# z"
+    header = read_header(run / "best.safetensors")
+    space = header.class_space.model_copy(update={"name": evil})
+    source = TrainedOn(
+        source=evil,
+        buildings=1,
+        licence=evil,
+        licence_url="javascript:alert(1)",
+        sentence=evil,
+        citation=evil,
+    )
+    text = write_card(
+        ModelCard(name=evil, purpose=evil, trained_on=(source,)),
+        header=header.model_copy(update={"class_space": space}),
+    )
+    body = text.partition("\n---\n")[2]
+    escaped = r"&lt;b&gt;\`\|\[x\](y) \`\`\` # z"
+    command = "bsg-belief graph.json --model '<b>`|[x](y) ``` # z' --html belief.html"
+    assert command in body.splitlines()
+    plain = body.replace(command, "")
+    assert plain.count(escaped) == 9
+    assert "<b>" not in plain
+    assert "javascript" not in plain
+    assert "[x](y)" not in plain.replace(escaped, "")
+
+
 def test_a_card_has_figures_and_what_the_weights_tell(run: Path) -> None:
     card = ModelCard(name="rooms", purpose="For all.", trained_on=(HM3D,))
     text = write_card(

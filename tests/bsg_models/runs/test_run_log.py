@@ -8,6 +8,8 @@ import pytest
 from conftest import tomllib
 
 from bsg_data.dataset.dataset import Dataset
+from bsg_data.inputs.bounds import RUN_RECORD
+from bsg_models.errors import TrainingError
 from bsg_models.runs.run_folder import CONFIG, LOG
 from bsg_models.runs.run_log import Begun, Ended, keep_log, read_log
 from bsg_models.training.training import train_run
@@ -84,3 +86,13 @@ def test_a_run_without_a_log_says_nothing(tmp_path: Path) -> None:
     assert read_log(tmp_path) == ()
     (tmp_path / LOG).write_bytes(b"")
     assert read_log(tmp_path) == ()
+
+
+def test_a_log_that_is_too_large_is_not_read_to_add_to_it(dataset: Path, tmp_path: Path) -> None:
+    with (tmp_path / "log.jsonl").open("wb") as file:
+        file.truncate(RUN_RECORD.bytes + 1)
+    with (
+        pytest.raises(TrainingError, match=r"log\.jsonl: .* expected at most 16,777,216"),
+        keep_log(tmp_path, configure(), Dataset.open(dataset)),
+    ):
+        raise AssertionError("nothing is trained")

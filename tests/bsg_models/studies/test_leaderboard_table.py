@@ -89,6 +89,26 @@ def test_the_documents_say_what_a_model_was_trained_on() -> None:
     )
 
 
+def test_a_model_of_a_hostile_name_is_no_markup() -> None:
+    evil = "<b>`|[x](y)"
+    made = board({"train-mean": 0.5, evil: 0.3})
+    made.results["rooms"][evil] = replace(made.results["rooms"][evil], trained_on=evil)
+    space = made.manifest.class_space.model_copy(update={"name": evil})
+    text = write_markdown(
+        replace(
+            made,
+            manifest=made.manifest.model_copy(update={"class_space": space}),
+            results={evil: made.results["rooms"]},
+        )
+    )
+    escaped = r"&lt;b&gt;\`\|\[x\](y)"
+    assert text.count(escaped) > 5
+    assert "<b>" not in text
+    assert "[x](y)" not in text.replace(escaped, "")
+    assert f"## Masks: {escaped}" in text
+    assert f"| {escaped} | " in text
+
+
 def test_the_documents_say_the_same_as_the_board(tmp_path: Path) -> None:
     made = board({"train-mean": 0.5, "gamma-poisson": 0.4, "ours": 0.3})
     text = write_markdown(made)

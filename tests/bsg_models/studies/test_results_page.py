@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -51,6 +52,8 @@ python x.py
 
 def test_a_page_has_conclusions_tables_and_how_it_was_made(tmp_path: Path) -> None:
     assert format_page(PAGE) == TEXT
+    evil = replace(PAGE, provenance=replace(PAGE.provenance, class_space="<b>|[x](y)"))
+    assert r"class space &lt;b&gt;\|\[x\](y), dataset" in format_page(evil)
     write_page(PAGE, tmp_path / "results" / "beds.md")
     assert (tmp_path / "results" / "beds.md").read_text("utf-8") == TEXT
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -35,3 +37,25 @@ def test_what_was_changed_or_has_no_seal_is_refused(run: Path, tmp_path: Path) -
         check_results(tmp_path / "nothing")
     with pytest.raises(CheckpointError, match="not a readable checkpoint"):
         check_results(run / "log.jsonl")
+
+
+def test_a_file_that_is_no_checkpoint_is_refused_before_torch_is_imported(tmp_path: Path) -> None:
+    graph = tmp_path / "graph.json"
+    graph.write_text('{"rooms": []}')
+    code = (
+        "import sys\n"
+        "from pathlib import Path\n"
+        "from bsg_models import CheckpointError, check_results\n"
+        "try:\n"
+        "    check_results(Path(sys.argv[1]))\n"
+        "except CheckpointError as error:\n"
+        "    print(error)\n"
+        "print(sorted({'torch', 'numba', 'pandas'} & sys.modules.keys()))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code, str(graph)], capture_output=True, text=True)
+    assert done.stderr == ""
+    assert done.stdout.splitlines() == [
+        f"{graph}: not a readable checkpoint (it is cut off, or no safetensors: those begin with "
+        "the length of their header)",
+        "[]",
+    ]

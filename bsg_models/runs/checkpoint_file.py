@@ -1,0 +1,45 @@
+"""What can be told of a checkpoint by its first bytes, before anything slow is imported."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from bsg_data.inputs.bounded_file import open_waiting_for_none
+from bsg_data.inputs.bounds import CHECKPOINT, CHECKPOINT_HEADER
+from bsg_models.errors import CheckpointError
+
+_LENGTH = 8  # bytes that say how long the header is
+
+
+def require_safetensors(path: Path) -> None:
+    """Refuse a file that is no safetensors, or larger than a model of ours can be.
+
+    Raises:
+        CheckpointError: saying what is wrong with it.
+    """
+    try:
+        with open_waiting_for_none(path) as file:
+            size = os.fstat(file.fileno()).st_size
+            header = int.from_bytes(file.read(_LENGTH), "little")
+    except FileNotFoundError as error:
+        raise CheckpointError(f"{path}: no checkpoint there; train one with `bsg-train`") from error
+    except OSError as error:
+        raise CheckpointError(f"{path}: not a readable checkpoint ({error})") from error
+    if not path.is_file():
+        raise CheckpointError(f"{path}: not a readable checkpoint (it is no file)")
+    if size > CHECKPOINT.bytes:
+        raise _refuse(path, size, "", CHECKPOINT.bytes)
+    if header > size - _LENGTH:
+        raise CheckpointError(
+            f"{path}: not a readable checkpoint (it is cut off, or no safetensors: those begin "
+            "with the length of their header)"
+        )
+    if header > CHECKPOINT_HEADER.bytes:
+        raise _refuse(path, header, " in its header", CHECKPOINT_HEADER.bytes)
+
+
+def _refuse(path: Path, found: int, where: str, most: int) -> CheckpointError:
+    return CheckpointError(
+        f"{path}: not a readable checkpoint ({found:,} bytes{where}; expected at most {most:,})"
+    )
