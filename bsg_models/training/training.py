@@ -152,7 +152,8 @@ def _train_network(
         ranks.wait()  # until the folder is as the training begins with it
         held.enter_context(one_thread())
         model.fit(data, config.data)
-        yield from train_epochs(steps, config, data, run, buildings, validation)
+        with steps.join():
+            yield from train_epochs(steps, config, data, run, buildings, validation)
         if ranks.leads:
             notes += calibrate_run(config, data, run)
 
