@@ -128,8 +128,6 @@ def _note_stopped(run: Path) -> None:
         bsg_models.plot_run(growing)
         summary = bsg_models.summarise_run(growing)
         stays = "" if growing == run else "; the run that was there stays until this one is whole"
-            "" if growing == run else "; the run that was there stays until the new one is whole"
-        )
         print_note(f"{run}: {summary.saved}; the same command {summary.again}{stays}")
 
 

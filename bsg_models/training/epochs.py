@@ -8,9 +8,12 @@ was stopped therefore goes on to the same weights as one that was not.
 from __future__ import annotations
 
 import copy
+import gc
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from traceback import clear_frames
 from typing import Any
 
 import numpy as np
@@ -100,10 +103,26 @@ class GradientSteps:
         self._config, self._device, self._ranks = config, device, ranks
         self._loss: Callable[[Data], torch.Tensor] = model.loss
 
-    def join(self) -> None:
-        """Begin with the weights of the process that leads, and share gradients from now on."""
-        if self._ranks.size > 1:
-            self._loss = DistributedDataParallel(_LossModule(self.model))
+    @contextmanager
+    def join(self) -> Iterator[None]:
+        """Begin with the weights of the process that leads, and share gradients for the while.
+
+        What shares them is gone at the end, whatever a traceback held of it: if it held the last
+        reference to torch's group of processes, the end of that would hold Python's lock and wait
+        for a thread that waits for this lock.
+        """
+        if self._ranks.size == 1:
+            yield
+            return
+        self._loss = DistributedDataParallel(_LossModule(self.model))
+        try:
+            yield
+        except BaseException as error:
+            clear_frames(error.__traceback__)
+            raise
+        finally:
+            self._loss = self.model.loss
+            gc.collect()  # its parts hold one another
 
     def train_epoch(self, buildings: TrainingBuildings, epoch: int) -> float:
         """Take the steps of an epoch; return the mean of their losses."""
@@ -169,7 +188,8 @@ def train_epochs(
     """Train a model from its last checkpoint, or from the start, into the folder of a run.
 
     Args:
-        steps: of a model that is new, or of any weights if the run has a last checkpoint.
+        steps: of a model that is new, or of any weights if the run has a last checkpoint; its
+            processes have joined.
         config: of the run.
         data: an open dataset.
         run: folder, which the caller holds; what it has is of `require_same_training`.
@@ -190,7 +210,6 @@ def train_epochs(
         header = _restore(steps.model, steps.optimiser, run)
         start, best_epoch, best_loss = header.epoch, header.best_epoch, header.best_loss or 0.0
         rows = [row for row in read_metrics(run / METRICS) if row.epoch <= start]
-    steps.join()
     for epoch in range(start + 1, training.epochs + 1):
         began = time.perf_counter()
         train_loss = steps.train_epoch(buildings, epoch)

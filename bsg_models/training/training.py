@@ -151,7 +151,8 @@ def _train_network(
         place = growing_run(run)
         held.enter_context(one_thread())
         model.fit(data, config.data)
-        yield from train_epochs(steps, config, data, place, buildings, validation)
+        with steps.join():
+            yield from train_epochs(steps, config, data, place, buildings, validation)
         if ranks.leads:
             notes += calibrate_run(config, data, place)
 

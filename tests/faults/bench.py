@@ -62,6 +62,7 @@ class Bench:
         self._numbers = count()
         self._servers: dict[bool, ForkServer] = {}
         self._random: ForkServer | None = None
+        self._warm_at_random: set[str] = set()
         self._given = Given(self.server_of, folder / "given")
         self._unbroken: dict[str, Unbroken] = {}
 
@@ -143,7 +144,11 @@ class Bench:
         """Run a command whose calls fail at random in a folder of its own."""
         folder = self.lay_out(command)
         whole = self.unbroken(command)
-        ended = self.random_server().run(command.words, folder, chance=chance)
+        server = self.random_server()
+        if command.name not in self._warm_at_random:  # imports are not ours: they fail as they like
+            server.run(command.words, self.lay_out(command))
+            self._warm_at_random.add(command.name)
+        ended = server.run(command.words, folder, chance=chance)
         trial = Trial(self, command, whole, folder, ended, None)
         trial.title = f"{command.name}, {chance.probability} of the calls fail, {chance.seed}"
         return trial
@@ -237,7 +242,9 @@ class Trial:
         end = read_tree(self.folder)
         differing = compare(self.command, self.whole.after, end) + find_unsealed(self.folder, end)
         self.wrong += find_traceback(again.said)
-        if again.code != 0 and differing:
+        if again.code is None:
+            self.wrong.append("again it hangs")
+        elif again.code != 0 and differing:
             self.wrong.append(f"again it says {again.said.strip()!r}")
         shutil.rmtree(self.folder)
         return [f"{self.title}: {fault}" for fault in (*self.wrong, *differing)]

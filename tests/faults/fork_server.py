@@ -28,9 +28,11 @@ from typing import Any
 
 from system_calls import Call, Fault, Watch, send_calls
 
+_DIE_WITH_PARENT = 1  # of prctl
 FOLDER = str(Path(__file__).resolve().parent)
 START = f"import sys; sys.path.insert(0, {FOLDER!r}); import fork_server; fork_server.serve()"
 SECONDS = 120.0  # after which a command hangs
+SECONDS_BESIDE = 60.0  # more, after which the process that runs commands hangs itself
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,23 +61,68 @@ class Chance:
     seed: int
 
 
-class ForkServer:
-    """A process that has imported our commands."""
+class HangError(Exception):
+    """The process that imports our commands did not come so far as to run one."""
 
-    def __init__(self, modules: Sequence[str], *, under: Sequence[str] = ()) -> None:
+
+class ForkServer:
+    """A process that has imported our commands; one that hangs is killed, and the next begins."""
+
+    def __init__(
+        self,
+        modules: Sequence[str],
+        *,
+        under: Sequence[str] = (),
+        seconds: float = SECONDS,
+        seconds_beside: float = SECONDS_BESIDE,
+    ) -> None:
         """Start it.
 
         Args:
             modules: what it imports.
             under: words of a program that starts it, as `fiu-run -x`.
+            seconds: after which a command hangs.
+            seconds_beside: more, after which this process itself hangs.
+        """
+        self._seconds, self._patience = seconds, seconds + seconds_beside
+        self._modules, self._under = tuple(modules), tuple(under)
+        self._begin()
+
+    def _begin(self) -> None:
+        """Start the process, and wait until everything is imported.
+
+        Raises:
+            HangError: if it is not.
         """
         threads = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL")}
+        # A thread that starts while Arrow is loaded waits for the loader, holding libfiu's lock,
+        # for which the loader waits: of Arrow's allocator there is to be none.
+        quiet = {"JE_ARROW_MALLOC_CONF": "background_thread:false"}
         self._process = subprocess.Popen(
-            [*under, sys.executable, "-c", START, *modules],
+            [*self._under, sys.executable, "-c", START, *self._modules],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            env={**os.environ, **threads, "MPLBACKEND": "agg"},
+            bufsize=0,
+            env={**os.environ, **threads, **quiet, "MPLBACKEND": "agg"},
         )
+        if self._hear(self._patience) is None:
+            self.close()
+            raise HangError(f"{self._modules} were not imported in time; nothing was tried")
+
+    def _hear(self, seconds: float) -> dict[str, Any] | None:
+        """Return what the process says next; None if it says nothing for so long, or is dead."""
+        assert self._process.stdout is not None
+        said, deadline = b"", time.monotonic() + seconds
+        while not said.endswith(b"\n"):
+            left = max(deadline - time.monotonic(), 0)
+            if not select.select([self._process.stdout], [], [], left)[0]:
+                return None
+            block = self._process.stdout.read(2**16)
+            if not block:
+                return None
+            said += block
+        told: dict[str, Any] = json.loads(said)
+        return told
 
     def close(self) -> None:
         """End it."""
@@ -105,13 +152,17 @@ class ForkServer:
             "folder": str(folder),
             "fault": None if fault is None else asdict(fault),
             "memory": memory,
+            "seconds": self._seconds,
             "chance": None if chance is None else asdict(chance),
         }
+        if self._process.poll() is not None:  # the one before hung
+            self._begin()
         assert self._process.stdin is not None
-        assert self._process.stdout is not None
         self._process.stdin.write(json.dumps(asked).encode() + b"\n")
-        self._process.stdin.flush()
-        told = json.loads(self._process.stdout.readline())
+        told = self._hear(self._patience)
+        if told is None:
+            self.close()
+            return Ended(None, "the process that runs commands hung with it, or died")
         calls = tuple(Call(*call) for call in told["calls"])
         return Ended(told["code"], told["said"], calls, told["struck"])
 
@@ -122,6 +173,8 @@ def serve() -> None:
     os.dup2(2, 1)
     for module in sys.argv[1:]:
         importlib.import_module(module)
+    answers.write(b"{}\n")  # everything is imported
+    answers.flush()
     while line := sys.stdin.buffer.readline():
         answers.write(json.dumps(_serve_one(json.loads(line))).encode() + b"\n")
         answers.flush()
@@ -138,7 +191,7 @@ def _serve_one(asked: dict[str, Any]) -> dict[str, Any]:
         ours.close()
         _be_command(asked, folder, imports, said, fault, theirs)
     theirs.close()
-    code, watch = _wait_for(child, folder, fault, ours)
+    code, watch = _wait_for(child, folder, fault, ours, seconds=asked["seconds"])
     ours.close()
     _import_as_well(imports)
     with os.fdopen(said, "rb") as file:
@@ -174,6 +227,7 @@ def _be_command(
     code = 1
     try:
         os.setsid()
+        ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL)
         os.chdir(folder)
         null = os.open(os.devnull, os.O_RDWR)
         for source, target in ((null, 0), (null, 1), (said, 2)):
@@ -187,10 +241,10 @@ def _be_command(
             socket.send_fds(theirs, [b"!"], [listener])
             os.close(listener)
         theirs.close()
-        if asked["chance"] is not None:
-            _fail_at_random(Chance(**asked["chance"]))
         sys.argv = asked["words"]
         main = importlib.import_module(f"bsg_cli.{sys.argv[0].removeprefix('bsg-')}").main
+        if asked["chance"] is not None:
+            _fail_at_random(Chance(**asked["chance"]))
         main()
         code = 0
     except SystemExit as error:
@@ -226,14 +280,14 @@ def _fail_at_random(chance: Chance) -> None:
 
 
 def _wait_for(
-    child: int, folder: Path, fault: Fault | None, ours: socket.socket
+    child: int, folder: Path, fault: Fault | None, ours: socket.socket, *, seconds: float
 ) -> tuple[int | None, Watch | None]:
     """Answer the calls of a command until it ends; return its exit code."""
     watch, end = None, os.pidfd_open(child)
-    if fault is not None:
-        _, received, _, _ = socket.recv_fds(ours, 1, 1)
-        watch = Watch(received[0], str(folder), fault, group=child)
-    deadline = time.monotonic() + SECONDS
+    listener = None if fault is None else _receive(ours)
+    if fault is not None and listener is not None:
+        watch = Watch(listener, str(folder), fault, group=child)
+    deadline = time.monotonic() + seconds
     while time.monotonic() < deadline:
         asked = select.poll()
         asked.register(end, select.POLLIN)
@@ -247,8 +301,18 @@ def _wait_for(
     hung = time.monotonic() >= deadline
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(child, signal.SIGKILL)  # workers that live on, or all of it
+    signal.pidfd_send_signal(end, signal.SIGKILL)  # if it was no group of its own yet
     _, status = os.waitpid(child, 0)
     os.close(end)
     if watch is not None:
         os.close(watch.listener)
     return (None if hung else os.waitstatus_to_exitcode(status)), watch
+
+
+def _receive(ours: socket.socket) -> int | None:
+    """Return who hears the calls of a command; None if it ended, or hangs, before it said so."""
+    ours.settimeout(SECONDS_BESIDE)
+    with suppress(TimeoutError):
+        _, received, _, _ = socket.recv_fds(ours, 1, 1)
+        return received[0] if received else None
+    return None
