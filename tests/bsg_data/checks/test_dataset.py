@@ -17,6 +17,7 @@ import pyarrow.parquet as pq
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from version_1_files import write_version_1
 
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
@@ -26,8 +27,9 @@ from bsg_data.dataset.manifest import encode_manifest, read_manifest
 from bsg_data.dataset.shards import describe_file
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.inputs import bounded_file
+from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.observation.pairs import write_pairs
-from bsg_data.recipes import PairsRecipe, SplitRecipe
+from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.synthetic.buildings import write_synthetic
 from bsg_data.synthetic.geometry import GeometryOptions
@@ -142,6 +144,64 @@ def test_a_mask_that_hides_another_number_is_found(dataset: Path) -> None:
 
     edit(dataset, PAIRS, unhide)
     assert any("is not the mask of its recipe" in f.what for f in check_dataset(dataset))
+
+
+# Pairs of format 1, which tell nothing of the view but which rooms were visited
+
+
+def edit_format_1(
+    dataset: Path, change: Callable[[pd.DataFrame], pd.DataFrame], **recipe: object
+) -> None:
+    """Change the pairs of a dataset of format 1, or their mask, so that only the rows can tell."""
+    path = dataset / PAIRS
+    table = pq.read_table(path)
+    edited = pa.Table.from_pandas(change(table.to_pandas()), schema=table.schema)
+    pq.write_table(edited, path)
+    said = json.loads((dataset / "dataset.json").read_text("utf-8"))
+    entry = next(one for one in said["files"] if one["path"] == PAIRS)
+    entry.update(bytes=path.stat().st_size, sha256=hash_file(path))
+    said["pairs"]["mask"].update(recipe)
+    (dataset / "dataset.json").write_text(json.dumps(said), "utf-8")
+
+
+def unhide(frame: pd.DataFrame) -> pd.DataFrame:
+    """Show everything in the last draw of the first scene."""
+    last = (frame["scene_id"] == frame["scene_id"][0]) & (frame["draw"] == frame["draw"].max())
+    return frame.assign(input=frame["input"].where(~last, frame["target"]))
+
+
+def enter_another_room(frame: pd.DataFrame) -> pd.DataFrame:
+    """Visit a room that was not, in the first draw that left one out; what is seen stays."""
+    row = int(np.flatnonzero(~frame["visited"])[0])
+    return setting("visited", True, row)(frame)
+
+
+def unchanged(frame: pd.DataFrame) -> pd.DataFrame:
+    return frame
+
+
+@pytest.mark.parametrize(
+    ("strategy", "change", "recipe"),
+    [
+        ("uniform", unchanged, {"seed": 4}),
+        ("uniform", unchanged, {"fraction": 0.5}),
+        ("uniform", unhide, {}),
+        ("frontier", unchanged, {"seed": 4}),
+        ("rooms", enter_another_room, {}),
+    ],
+)
+def test_pairs_of_format_1_are_the_masks_of_their_recipe(
+    dataset: Path,
+    strategy: str,
+    change: Callable[[pd.DataFrame], pd.DataFrame],
+    recipe: dict[str, object],
+) -> None:
+    write_version_1(dataset, mask=MaskRecipe(strategy=strategy, fraction=0.4, seed=3))
+    assert check_dataset(dataset) == ()
+    edit_format_1(dataset, change, **recipe)
+    assert {fault.what for fault in check_dataset(dataset)} == {
+        "is not the mask of its recipe (or another NumPy drew it)"
+    }
 
 
 def test_files_that_changed_vanished_or_appeared_are_named(dataset: Path) -> None:
