@@ -31,6 +31,7 @@ from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.sources.hm3d import HM3DFolder
+from bsg_data.sources.table import ObjectTable
 from bsg_data.synthetic.buildings import write_synthetic
 from bsg_data.synthetic.geometry import GeometryOptions
 
@@ -70,6 +71,7 @@ ROOMS = "rooms/part-00000.parquet"
 SCENES = "scenes/part-00000.parquet"
 EDGES = "edges/part-00000.parquet"
 PAIRS = "pairs/train-00000.parquet"
+PLACES = ("scenes", "rooms", "objects", "edges", "splits", "pairs", "dataset.json")
 
 
 @pytest.mark.parametrize(
@@ -130,8 +132,10 @@ def test_damage_is_found(
     dataset: Path, file: str, change: Callable[[pd.DataFrame], pd.DataFrame], expected: str
 ) -> None:
     edit(dataset, file, change)
-    found = [f"{fault.where}: {fault.what}" for fault in check_dataset(dataset)]
+    faults = check_dataset(dataset)
+    found = [f"{fault.where}: {fault.what}" for fault in faults]
     assert any(expected in line for line in found), found
+    assert all(fault.where.startswith(PLACES) for fault in faults), found
 
 
 def test_a_mask_that_hides_another_number_is_found(dataset: Path) -> None:
@@ -263,6 +267,11 @@ def with_a_box(column: str, value: object) -> Callable[[pd.DataFrame], pd.DataFr
     return change
 
 
+def without_an_end(frame: pd.DataFrame) -> pd.DataFrame:
+    """Make a box of all x; where its middle is, nobody can say."""
+    return with_a_box("box_max_x", np.inf)(with_a_box("box_min_x", -np.inf)(frame))
+
+
 @pytest.mark.parametrize(
     ("file", "change", "expected"),
     [
@@ -278,6 +287,7 @@ def with_a_box(column: str, value: object) -> Callable[[pd.DataFrame], pd.DataFr
         (ROOMS, with_a_box("footprint", [1.0, 2.0, 3.0]), "its geometry is impossible"),
         (ROOMS, with_a_box("floor_index", -1), "its geometry is impossible"),
         (ROOMS, with_a_box("box_max_x", np.inf), "its geometry is impossible"),
+        (ROOMS, without_an_end, "its geometry is impossible"),
         (ROOMS, with_a_box("box_max_x", 900.0), "its geometry is impossible"),
         (ROOMS, with_a_box("footprint", [0.0, 0, 900, 0, 0, 900]), "its geometry is impossible"),
         (OBJECTS, with_a_box("box_max_x", np.inf), "its geometry is not finite"),
@@ -300,6 +310,20 @@ def test_damaged_geometry_is_found(
     edit(placed, file, change)
     found = [f"{fault.where}: {fault.what}" for fault in check_dataset(placed)]
     assert any(expected in line for line in found), found
+
+
+def test_connected_rooms_without_a_place_are_sound(tmp_path: Path) -> None:
+    """How far apart they are is not known, and masks explore along what connects them."""
+    table = tmp_path / "objects.csv"
+    rows = [f"flat{k},{r},bed,{r + 1 if r < 5 else ''}" for k in range(10) for r in range(1, 6)]
+    table.write_text("\n".join(["scene,room,category,connected", *rows]), "utf-8")
+    dataset = tmp_path / "dataset"
+    build_dataset(ObjectTable(table), dataset)
+    split_dataset(dataset, SplitRecipe())
+    write_pairs(dataset, PairsRecipe(mask=MaskRecipe(strategy="explore"), draws=2))
+    edges = pq.read_table(dataset / EDGES, columns=["kind"])["kind"].to_pylist()
+    assert edges.count("adjacent") == 40  # the five rooms of each flat are in a row
+    assert check_dataset(dataset) == ()
 
 
 def test_a_coverage_that_does_not_add_up_is_found(placed: Path) -> None:
