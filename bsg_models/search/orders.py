@@ -158,25 +158,32 @@ def _order(ways, miss, single, exact, kicks):  # type: ignore[no-untyped-def]
     if len(miss) <= exact:
         return order_exactly(ways, miss, single)
     composes = _composes(miss, single)
-    best, best_cost = np.arange(len(miss)), np.inf
-    for start in range(3):
-        order = _begin(ways, miss, start)
-        cost = _improve(ways, miss, single, order, composes)
-        if cost < best_cost:
-            best, best_cost = order, cost
-    state = 1
-    for _ in range(kicks):
-        order = best.copy()
-        for _ in range(3):  # exchange rooms at random, always the same way
-            state = (state * 1103515245 + 12345) % 2147483648
-            i = state // 65536 % len(order)
-            state = (state * 1103515245 + 12345) % 2147483648
-            j = state // 65536 % len(order)
-            order[i], order[j] = order[j], order[i]
+    best, best_cost, state = np.arange(len(miss)), np.inf, 1
+    for turn in range(3 + kicks):
+        if turn < 3:
+            order = _begin(ways, miss, turn)
+        else:
+            order, state = _disturb(best, state)
         cost = _improve(ways, miss, single, order, composes)
         if cost < best_cost:
             best, best_cost = order, cost
     return best
+
+
+@njit(cache=True)
+def _disturb(order, state):  # type: ignore[no-untyped-def]
+    """Return an order with rooms exchanged at random, always the same way, and the next state.
+
+    The random numbers are those of the example of `rand` in the standard of C.
+    """
+    order = order.copy()
+    for _ in range(3):
+        state = (state * 1103515245 + 12345) % 2147483648
+        i = state // 65536 % len(order)
+        state = (state * 1103515245 + 12345) % 2147483648
+        j = state // 65536 % len(order)
+        order[i], order[j] = order[j], order[i]
+    return order, state
 
 
 @njit(cache=True)

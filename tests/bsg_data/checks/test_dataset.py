@@ -17,6 +17,7 @@ import pyarrow.parquet as pq
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from version_1_files import write_version_1
 
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
@@ -26,9 +27,11 @@ from bsg_data.dataset.manifest import encode_manifest, read_manifest
 from bsg_data.dataset.shards import describe_file
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.inputs import bounded_file
+from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.observation.pairs import write_pairs
-from bsg_data.recipes import PairsRecipe, SplitRecipe
+from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.sources.hm3d import HM3DFolder
+from bsg_data.sources.table import ObjectTable
 from bsg_data.synthetic.buildings import write_synthetic
 from bsg_data.synthetic.geometry import GeometryOptions
 
@@ -73,6 +76,7 @@ ROOMS = "rooms/part-00000.parquet"
 SCENES = "scenes/part-00000.parquet"
 EDGES = "edges/part-00000.parquet"
 PAIRS = "pairs/train-00000.parquet"
+PLACES = ("scenes", "rooms", "objects", "edges", "splits", "pairs", "dataset.json")
 
 
 @pytest.mark.parametrize(
@@ -133,8 +137,10 @@ def test_damage_is_found(
     dataset: Path, file: str, change: Callable[[pd.DataFrame], pd.DataFrame], expected: str
 ) -> None:
     edit(dataset, file, change)
-    found = [f"{fault.where}: {fault.what}" for fault in check_dataset(dataset)]
+    faults = check_dataset(dataset)
+    found = [f"{fault.where}: {fault.what}" for fault in faults]
     assert any(expected in line for line in found), found
+    assert all(fault.where.startswith(PLACES) for fault in faults), found
 
 
 def test_a_mask_that_hides_another_number_is_found(dataset: Path) -> None:
@@ -147,6 +153,64 @@ def test_a_mask_that_hides_another_number_is_found(dataset: Path) -> None:
 
     edit(dataset, PAIRS, unhide)
     assert any("is not the mask of its recipe" in f.what for f in check_dataset(dataset))
+
+
+# Pairs of format 1, which tell nothing of the view but which rooms were visited
+
+
+def edit_format_1(
+    dataset: Path, change: Callable[[pd.DataFrame], pd.DataFrame], **recipe: object
+) -> None:
+    """Change the pairs of a dataset of format 1, or their mask, so that only the rows can tell."""
+    path = dataset / PAIRS
+    table = pq.read_table(path)
+    edited = pa.Table.from_pandas(change(table.to_pandas()), schema=table.schema)
+    pq.write_table(edited, path)
+    said = json.loads((dataset / "dataset.json").read_text("utf-8"))
+    entry = next(one for one in said["files"] if one["path"] == PAIRS)
+    entry.update(bytes=path.stat().st_size, sha256=hash_file(path))
+    said["pairs"]["mask"].update(recipe)
+    (dataset / "dataset.json").write_text(json.dumps(said), "utf-8")
+
+
+def unhide(frame: pd.DataFrame) -> pd.DataFrame:
+    """Show everything in the last draw of the first scene."""
+    last = (frame["scene_id"] == frame["scene_id"][0]) & (frame["draw"] == frame["draw"].max())
+    return frame.assign(input=frame["input"].where(~last, frame["target"]))
+
+
+def enter_another_room(frame: pd.DataFrame) -> pd.DataFrame:
+    """Visit a room that was not, in the first draw that left one out; what is seen stays."""
+    row = int(np.flatnonzero(~frame["visited"])[0])
+    return setting("visited", True, row)(frame)
+
+
+def unchanged(frame: pd.DataFrame) -> pd.DataFrame:
+    return frame
+
+
+@pytest.mark.parametrize(
+    ("strategy", "change", "recipe"),
+    [
+        ("uniform", unchanged, {"seed": 4}),
+        ("uniform", unchanged, {"fraction": 0.5}),
+        ("uniform", unhide, {}),
+        ("frontier", unchanged, {"seed": 4}),
+        ("rooms", enter_another_room, {}),
+    ],
+)
+def test_pairs_of_format_1_are_the_masks_of_their_recipe(
+    dataset: Path,
+    strategy: str,
+    change: Callable[[pd.DataFrame], pd.DataFrame],
+    recipe: dict[str, object],
+) -> None:
+    write_version_1(dataset, mask=MaskRecipe(strategy=strategy, fraction=0.4, seed=3))
+    assert check_dataset(dataset) == ()
+    edit_format_1(dataset, change, **recipe)
+    assert {fault.what for fault in check_dataset(dataset)} == {
+        "is not the mask of its recipe (or another NumPy drew it)"
+    }
 
 
 def test_files_that_changed_vanished_or_appeared_are_named(dataset: Path) -> None:
@@ -217,6 +281,11 @@ def with_a_box(column: str, value: object) -> Callable[[pd.DataFrame], pd.DataFr
     return change
 
 
+def without_an_end(frame: pd.DataFrame) -> pd.DataFrame:
+    """Make a box of all x; where its middle is, nobody can say."""
+    return with_a_box("box_max_x", np.inf)(with_a_box("box_min_x", -np.inf)(frame))
+
+
 @pytest.mark.parametrize(
     ("file", "change", "expected"),
     [
@@ -232,6 +301,7 @@ def with_a_box(column: str, value: object) -> Callable[[pd.DataFrame], pd.DataFr
         (ROOMS, with_a_box("footprint", [1.0, 2.0, 3.0]), "its geometry is impossible"),
         (ROOMS, with_a_box("floor_index", -1), "its geometry is impossible"),
         (ROOMS, with_a_box("box_max_x", np.inf), "its geometry is impossible"),
+        (ROOMS, without_an_end, "its geometry is impossible"),
         (ROOMS, with_a_box("box_max_x", 900.0), "its geometry is impossible"),
         (ROOMS, with_a_box("footprint", [0.0, 0, 900, 0, 0, 900]), "its geometry is impossible"),
         (OBJECTS, with_a_box("box_max_x", np.inf), "its geometry is not finite"),
@@ -254,6 +324,20 @@ def test_damaged_geometry_is_found(
     edit(placed, file, change)
     found = [f"{fault.where}: {fault.what}" for fault in check_dataset(placed)]
     assert any(expected in line for line in found), found
+
+
+def test_connected_rooms_without_a_place_are_sound(tmp_path: Path) -> None:
+    """How far apart they are is not known, and masks explore along what connects them."""
+    table = tmp_path / "objects.csv"
+    rows = [f"flat{k},{r},bed,{r + 1 if r < 5 else ''}" for k in range(10) for r in range(1, 6)]
+    table.write_text("\n".join(["scene,room,category,connected", *rows]), "utf-8")
+    dataset = tmp_path / "dataset"
+    build_dataset(ObjectTable(table), dataset)
+    split_dataset(dataset, SplitRecipe())
+    write_pairs(dataset, PairsRecipe(mask=MaskRecipe(strategy="explore"), draws=2))
+    edges = pq.read_table(dataset / EDGES, columns=["kind"])["kind"].to_pylist()
+    assert edges.count("adjacent") == 40  # the five rooms of each flat are in a row
+    assert check_dataset(dataset) == ()
 
 
 def test_a_coverage_that_does_not_add_up_is_found(placed: Path) -> None:

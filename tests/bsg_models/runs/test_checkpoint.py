@@ -37,18 +37,15 @@ from bsg_models.runs.checkpoint import (
 from bsg_models.runs.found_model import find_model
 from bsg_models.runs.predictor import Predictor
 from bsg_models.runs.run_folder import BEST, is_finished
-from bsg_models.training.training import train_run
-from bsg_models.zoo.config import find_config
 from bsg_models.zoo.gamma_poisson import GammaPoissonModel
 
 OFFICE = REPOSITORY / "docs" / "office.json"
 
 
 @pytest.fixture
-def path(dataset: Path, tmp_path: Path) -> Path:
-    """The checkpoint of a small model."""
-    list(train_run(find_config("gamma-poisson"), dataset, tmp_path / "run"))
-    return tmp_path / "run" / BEST
+def path(run: Path) -> Path:
+    """The checkpoint of a small model, which was trained once for all tests."""
+    return run / BEST
 
 
 def header_text(path: Path) -> str:
@@ -113,9 +110,10 @@ def test_the_hash_of_tensors_tells_names_types_and_shapes_apart() -> None:
     )
 
 
-def test_a_header_is_read_without_its_tensors(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    header = load_checkpoint(path).header
-    data = Dataset.open(path.parent.parent / "dataset")
+def test_a_header_is_read_without_its_tensors(
+    path: Path, dataset: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    header, data = load_checkpoint(path).header, Dataset.open(dataset)
 
     def refuse(tensors: dict[str, torch.Tensor]) -> str:
         raise AssertionError

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bsg_models.search import orders
 from bsg_models.search.orders import (
     choose_cover,
     choose_rooms,
@@ -151,6 +152,18 @@ def test_the_search_for_orders_of_many_rooms_is_nearly_exact(single: bool) -> No
     excess = np.array(found) / np.array(best) - 1
     assert excess.min() > -1e-9
     assert excess.mean() < 0.005
+
+
+def test_orders_are_disturbed_by_the_numbers_of_the_standard_of_c() -> None:
+    """Its example of `rand` begins with 16838, 5758, 10113, 17515, 31051, 5627, 23010."""
+    order = np.arange(10)
+    disturbed, state = orders._disturb(order, 1)
+    # Place 8 is exchanged with 8, then 3 with 5, then 1 with 7.
+    assert disturbed.tolist() == [0, 7, 2, 5, 4, 3, 6, 1, 8, 9]
+    assert order.tolist() == list(range(10))
+    assert state // 65536 == 5627
+    again, _ = orders._disturb(np.arange(100_000), state)
+    assert again[23010] != 23010
 
 
 @pytest.mark.parametrize("single", [True, False])
