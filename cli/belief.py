@@ -213,7 +213,7 @@ def read_shares(said: Sequence[str], dataset: Path | None) -> dict[str, Any]:
     """Return the shares of all rooms and of single ones: `0.4`, `kitchen=0.2`."""
     if said and dataset is not None:
         raise click.UsageError("--hidden-share is for GRAPHs; --mask says what --data hides")
-    every, rooms = None, {}
+    told: dict[str, float] = {}  # by room; of all others under an empty name
     for word in said:
         room, _, number = word.rpartition("=")
         try:
@@ -225,11 +225,13 @@ def read_shares(said: Sequence[str], dataset: Path | None) -> dict[str, Any]:
                 f"--hidden-share {word}: expected [ROOM=]SHARE with a share of 0 to 1, such as 0.4 "
                 "or kitchen=0.2"
             )
-        if room:
-            rooms[room] = share
-        else:
-            every = share
-    return {"hidden_share": every, "hidden_shares": rooms}
+        if told.setdefault(room, share) != share:
+            of = f"of {room}" if room else "of all rooms"
+            raise click.UsageError(
+                f"--hidden-share says {told[room]:g} and {share:g} {of}; give one of them"
+            )
+    every = told.pop("", None)
+    return {"hidden_share": every, "hidden_shares": told}
 
 
 def encode_room(room: bsg_models.RoomBelief) -> dict[str, Any]:

@@ -82,6 +82,11 @@ def test_shares_are_told(dataset: Path, run: Path, tmp_path: Path) -> None:
         refused = call(path, "--run", run, "--hidden-share", wrong)
         assert refused.exit_code == 2
         assert f"--hidden-share {wrong}: expected [ROOM=]SHARE" in refused.stderr
+    for room, what in (("", "of all rooms"), ("R(0)=", "of R(0)")):
+        twice = ("--hidden-share", f"{room}0.5", "--hidden-share", f"{room}0.2")
+        refused = call(path, "--run", run, *twice)
+        assert refused.exit_code == 2
+        assert f"--hidden-share says 0.5 and 0.2 {what}; give one of them" in refused.stderr
     lost = call(path, "--run", run, "--hidden-share", "attic=0.5")
     assert lost.exit_code == 2
     assert "no room 'attic'" in lost.stderr
