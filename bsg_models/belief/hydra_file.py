@@ -30,6 +30,7 @@ from bsg_data.sources.annotation_files import decode
 from bsg_data.sources.dsg_file import DSGFile, DSGNode, parse_dsg
 from bsg_data.sources.label_space import LabelSpace
 from bsg_data.sources.spark_dsg import name_object
+from bsg_data.spelling import SHOWN, ask_if_meant
 from bsg_models.belief.annotation import annotate, find_document
 from bsg_models.belief.belief_graph import BeliefGraph
 from bsg_models.belief.hydra_conversion import convert
@@ -38,6 +39,7 @@ from bsg_models.errors import HydraError
 BINARY = ".sparkdsg"
 BOM = "\ufeff"
 _SHOWN = 10  # labels in a note
+_OURS = ("belief", "partial")  # what `annotate` puts there, and what a graph says of the whole
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,19 +60,26 @@ class HydraFile:
         self, *, labels: LabelSpace | None = None, class_map: str | ClassMap = DEFAULT_CLASS_MAP
     ) -> PartialGraph:
         """Return what the robot has seen; see `read_hydra`."""
+        try:
+            document = self._describe(labels)
+        except RobotGraphError as error:
+            raise HydraError(f"{self.path}: {error} (in metadata, under `bsg`)") from error
+        try:
+            return parse_robot_graph(document, path=self.path, class_map=class_map)
+        except RobotGraphError as error:
+            raise HydraError(f"{error} (in metadata, under `bsg`)") from error
+
+    def _describe(self, labels: LabelSpace | None) -> dict[str, Any]:
+        """Return the document of a robot's JSON that says the same."""
         rooms = [_describe_room(room) for room in self.graph.rooms]
         names = [room["id"] for room in rooms]
-        document = {
+        return {
             "scene_id": self._scene_id(),
             **select_words(self.graph.said.get("partial"), GRAPH_WORDS),
             "rooms": rooms,
             "objects": [_describe_object(obj, names, labels) for obj in self.graph.objects],
             "adjacency": [[names[a], names[b]] for a, b in self.graph.adjacency],
         }
-        try:
-            return parse_robot_graph(document, path=self.path, class_map=class_map)
-        except RobotGraphError as error:
-            raise HydraError(f"{error} (in metadata, under `bsg`)") from error
 
     @property
     def is_numbered(self) -> bool:
@@ -134,8 +143,20 @@ def open_hydra(path: Path) -> HydraFile:
 
 
 def select_words(said: Any, words: Collection[str]) -> dict[str, Any]:
-    """Return those of the entries of metadata that are words of a robot's JSON."""
-    return {word: said[word] for word in words if word in said} if isinstance(said, dict) else {}
+    """Return those of the entries of metadata that are words of a robot's JSON.
+
+    Others are a user's own and stay, unless they look like a word that was misspelt.
+
+    Raises:
+        RobotGraphError: naming the first such entry, and what it looks like.
+    """
+    if not isinstance(said, dict):
+        return {}
+    for key in said:
+        hint = "" if key in words or key in _OURS else ask_if_meant(key, words)
+        if hint:
+            raise RobotGraphError(f"{key[:SHOWN]!r} is no key; {hint}")
+    return {word: said[word] for word in words if word in said}
 
 
 def read_text(path: Path) -> str:
@@ -165,7 +186,7 @@ def _describe_room(node: DSGNode) -> dict[str, Any]:
         "room_type": label_of("spark-dsg", called),
         "position": node.position,
         "box": None if node.box is None else (node.box.minimum, node.box.maximum),
-        **select_words(node.said, ROOM_WORDS),
+        **_read_said(node, "room", ROOM_WORDS),
     }
 
 
@@ -177,8 +198,16 @@ def _describe_object(
         "room": None if node.room is None else rooms[node.room],
         "category": name_object(node, labels),
         "position": node.position,
-        **select_words(node.said, OBJECT_WORDS),
+        **_read_said(node, "object", OBJECT_WORDS),
     }
+
+
+def _read_said(node: DSGNode, what: str, words: Collection[str]) -> dict[str, Any]:
+    """Return what a node's metadata say; an error names the node."""
+    try:
+        return select_words(node.said, words)
+    except RobotGraphError as error:
+        raise RobotGraphError(f"{what} {node.symbol!r}: {error}") from error
 
 
 def _note_labels(objects: Sequence[DSGNode], labels: LabelSpace | None) -> Iterator[str]:
