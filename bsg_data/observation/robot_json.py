@@ -237,8 +237,8 @@ def _find(name: str, index: Mapping[str, int], where: str, path: Path) -> int:
         known = ", ".join(room[:SHOWN] for room in list(index)[:_MOST_ROOMS]) or "none"
         more = f" and {len(index) - _MOST_ROOMS:,} more" if len(index) > _MOST_ROOMS else ""
         raise RobotGraphError(
-            f"{path}: {where}: expected the id of a room, found no room {name[:SHOWN]!r}; rooms are "
-            f"{known}{more}: name one of these, or add the room to `rooms`"
+            f"{path}: {where}: expected the id of a room, found no room {name[:SHOWN]!r}; rooms "
+            f"are {known}{more}: name one of these, or add the room to `rooms`"
         )
     return index[name]
 

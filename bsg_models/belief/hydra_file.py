@@ -40,6 +40,7 @@ BINARY = ".sparkdsg"
 BOM = "\ufeff"
 _SHOWN = 10  # labels in a note
 _OURS = ("belief", "partial")  # what `annotate` puts there, and what a graph says of the whole
+_TELLING = 5  # letters of a word that another is not near by chance
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +76,7 @@ class HydraFile:
         names = [room["id"] for room in rooms]
         return {
             "scene_id": self._scene_id(),
-            **select_words(self.graph.said.get("partial"), GRAPH_WORDS),
+            **_read_said(self.graph.said.get("partial"), GRAPH_WORDS, of="partial"),
             "rooms": rooms,
             "objects": [_describe_object(obj, names, labels) for obj in self.graph.objects],
             "adjacency": [[names[a], names[b]] for a, b in self.graph.adjacency],
@@ -143,20 +144,8 @@ def open_hydra(path: Path) -> HydraFile:
 
 
 def select_words(said: Any, words: Collection[str]) -> dict[str, Any]:
-    """Return those of the entries of metadata that are words of a robot's JSON.
-
-    Others are a user's own and stay, unless they look like a word that was misspelt.
-
-    Raises:
-        RobotGraphError: naming the first such entry, and what it looks like.
-    """
-    if not isinstance(said, dict):
-        return {}
-    for key in said:
-        hint = "" if key in words or key in _OURS else ask_if_meant(key, words)
-        if hint:
-            raise RobotGraphError(f"{key[:SHOWN]!r} is no key; {hint}")
-    return {word: said[word] for word in words if word in said}
+    """Return those of the entries of metadata that are words of a robot's JSON."""
+    return {word: said[word] for word in words if word in said} if isinstance(said, dict) else {}
 
 
 def read_text(path: Path) -> str:
@@ -186,7 +175,7 @@ def _describe_room(node: DSGNode) -> dict[str, Any]:
         "room_type": label_of("spark-dsg", called),
         "position": node.position,
         "box": None if node.box is None else (node.box.minimum, node.box.maximum),
-        **_read_said(node, "room", ROOM_WORDS),
+        **_read_said(node.said, ROOM_WORDS, of=f"room {node.symbol!r}"),
     }
 
 
@@ -198,16 +187,22 @@ def _describe_object(
         "room": None if node.room is None else rooms[node.room],
         "category": name_object(node, labels),
         "position": node.position,
-        **_read_said(node, "object", OBJECT_WORDS),
+        **_read_said(node.said, OBJECT_WORDS, of=f"object {node.symbol!r}"),
     }
 
 
-def _read_said(node: DSGNode, what: str, words: Collection[str]) -> dict[str, Any]:
-    """Return what a node's metadata say; an error names the node."""
-    try:
-        return select_words(node.said, words)
-    except RobotGraphError as error:
-        raise RobotGraphError(f"{what} {node.symbol!r}: {error}") from error
+def _read_said(said: Any, words: Collection[str], *, of: str) -> dict[str, Any]:
+    """Return the words of a robot's JSON in metadata; other keys are a user's own, and stay there.
+
+    Raises:
+        RobotGraphError: for one that looks like a word that was misspelt.
+    """
+    for key in said if isinstance(said, dict) else ():
+        if key in words or key in _OURS:
+            continue
+        if hint := ask_if_meant(key, [word for word in words if len(word) >= _TELLING]):
+            raise RobotGraphError(f"{of}: {key[:SHOWN]!r} is no key; {hint}")
+    return select_words(said, words)
 
 
 def _note_labels(objects: Sequence[DSGNode], labels: LabelSpace | None) -> Iterator[str]:

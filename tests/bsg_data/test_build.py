@@ -287,7 +287,7 @@ def test_a_stopped_build_is_told_of_where_its_dataset_is_looked_for(
         )
     with pytest.raises(DatasetError, match=r"no such folder; .*out\.partial .* same command again"):
         check_dataset(out)
-    with pytest.raises(DatasetError, match="no such folder$"):
+    with pytest.raises(DatasetError, match=r"no such folder$"):
         check_dataset(tmp_path / "other")
 
 
@@ -295,7 +295,7 @@ def test_a_stopped_build_is_told_of_where_its_dataset_is_looked_for(
 def test_a_part_of_a_number_of_scenes_that_cannot_be_is_refused_at_once(
     hm3d_folder: Path, tmp_path: Path, dataset: Path, scenes_per_shard: int
 ) -> None:
-    said = f"scenes_per_shard: expected 1 to 10,000,000, found {scenes_per_shard}"
+    said = rf"scenes_per_shard: expected 1 to 10,000,000, found {scenes_per_shard}"
     with pytest.raises(RecipeError, match=said):
         build_dataset(HM3DFolder(hm3d_folder), tmp_path / "out", scenes_per_shard=scenes_per_shard)
     with pytest.raises(RecipeError, match=said):
