@@ -94,9 +94,7 @@ def main(
         raise click.UsageError("--from says where the robot is that looks for --find THING")
     require_files(options["graphs"])
     named = read_model(options.pop("model"), options.pop("run"))
-    if named is None:
-        print_note(f"model: {bsg_models.describe_model()}")
-    else:
+    if named is not None:
         options["run"] = named
     options |= read_shares(options.pop("shares"), dataset)
     if find is not None:
@@ -106,6 +104,7 @@ def main(
     request = read_request(dataset, options)
     with progress_bar("belief", unit="graph") as progress:
         report = bsg_models.report_beliefs(request, progress=progress)
+    note_model(options)
     for path, names in report.unmapped.items():
         note_unmapped(path, names)
     for path, rules in report.resolved.items():
@@ -151,6 +150,7 @@ def open_seen(options: dict[str, Any]) -> bsg_models.SeenBuilding:
     model = options.get("run", bsg_models.DEFAULT_MODEL)
     told = {name: options[name] for name in ("labels", "hidden_share", "hidden_shares")}
     seen = bsg_models.open_graph(graphs[0], model=model, **told)
+    note_model(options)
     if seen.unmapped:
         note_unmapped(graphs[0], seen.unmapped)
     note_reading(graphs[0], seen.notes)
@@ -167,6 +167,12 @@ def require_files(graphs: Sequence[Path]) -> None:
     for path in graphs:
         if str(path) != "-" and not path.exists():
             raise bsg_data.BSGError(f"{path}: cannot be read (No such file or directory)")
+
+
+def note_model(options: dict[str, Any]) -> None:
+    """Tell which model was asked, if none was named; not before the graphs were read."""
+    if "run" not in options:
+        print_note(f"model: {bsg_models.describe_model()}")
 
 
 def note_unmapped(path: Path, names: Sequence[bsg_data.UnmappedEntry]) -> None:

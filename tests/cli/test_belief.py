@@ -162,6 +162,18 @@ def test_a_damaged_run_is_an_error(run: Path) -> None:
 
 
 @pytest.mark.usefixtures("shipped")
+@pytest.mark.parametrize("words", [(), ("--find", "bed")])
+def test_no_model_is_announced_where_a_graph_is_refused(
+    tmp_path: Path, words: tuple[str, ...]
+) -> None:
+    (tmp_path / "graph.json").write_text("{}")
+    refused = call(tmp_path / "graph.json", *words)
+    assert refused.exit_code != 0
+    assert "graph.json" in refused.stderr
+    assert "model:" not in refused.stderr
+
+
+@pytest.mark.usefixtures("shipped")
 def test_a_model_that_is_not_named_is_the_shipped_one(run: Path) -> None:
     asked = call(OFFICE, "--json")
     assert asked.exit_code == 0, asked.output
