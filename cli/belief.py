@@ -94,9 +94,7 @@ def main(
         raise click.UsageError("--from says where the robot is that looks for --find THING")
     require_files(options["graphs"])
     named = read_model(options.pop("model"), options.pop("run"))
-    if named is None:
-        print_note(f"model: {bsg_models.describe_model()}")
-    else:
+    if named is not None:
         options["run"] = named
     options |= read_shares(options.pop("shares"), dataset)
     if find is not None:
@@ -106,6 +104,7 @@ def main(
     request = read_request(dataset, options)
     with progress_bar("belief", unit="graph") as progress:
         report = bsg_models.report_beliefs(request, progress=progress)
+    note_model(options)
     for path, names in report.unmapped.items():
         note_unmapped(path, names)
     for path, rules in report.resolved.items():
@@ -151,6 +150,7 @@ def open_seen(options: dict[str, Any]) -> bsg_models.SeenBuilding:
     model = options.get("run", bsg_models.DEFAULT_MODEL)
     told = {name: options[name] for name in ("labels", "hidden_share", "hidden_shares")}
     seen = bsg_models.open_graph(graphs[0], model=model, **told)
+    note_model(options)
     if seen.unmapped:
         note_unmapped(graphs[0], seen.unmapped)
     note_reading(graphs[0], seen.notes)
@@ -167,6 +167,12 @@ def require_files(graphs: Sequence[Path]) -> None:
     for path in graphs:
         if str(path) != "-" and not path.exists():
             raise bsg_data.BSGError(f"{path}: cannot be read (No such file or directory)")
+
+
+def note_model(options: dict[str, Any]) -> None:
+    """Tell which model was asked, if none was named; not before the graphs were read."""
+    if "run" not in options:
+        print_note(f"model: {bsg_models.describe_model()}")
 
 
 def note_unmapped(path: Path, names: Sequence[bsg_data.UnmappedEntry]) -> None:
@@ -213,7 +219,7 @@ def read_shares(said: Sequence[str], dataset: Path | None) -> dict[str, Any]:
     """Return the shares of all rooms and of single ones: `0.4`, `kitchen=0.2`."""
     if said and dataset is not None:
         raise click.UsageError("--hidden-share is for GRAPHs; --mask says what --data hides")
-    every, rooms = None, {}
+    told: dict[str, float] = {}  # by room; of all others under an empty name
     for word in said:
         room, _, number = word.rpartition("=")
         try:
@@ -225,11 +231,13 @@ def read_shares(said: Sequence[str], dataset: Path | None) -> dict[str, Any]:
                 f"--hidden-share {word}: expected [ROOM=]SHARE with a share of 0 to 1, such as 0.4 "
                 "or kitchen=0.2"
             )
-        if room:
-            rooms[room] = share
-        else:
-            every = share
-    return {"hidden_share": every, "hidden_shares": rooms}
+        if told.setdefault(room, share) != share:
+            of = f"of {room}" if room else "of all rooms"
+            raise click.UsageError(
+                f"--hidden-share says {told[room]:g} and {share:g} {of}; give one of them"
+            )
+    every = told.pop("", None)
+    return {"hidden_share": every, "hidden_shares": told}
 
 
 def encode_room(room: bsg_models.RoomBelief) -> dict[str, Any]:

@@ -40,11 +40,14 @@ def list_models(as_json: bool) -> None:
     if not models:
         print_note("no models are shipped with this build")
         return
-    header = ("name", "classes", "MB", "trained on", "licence", "for")
-    rows = [
-        (m.name, m.classes, f"{m.bytes / 1e6:.1f}", m.data, m.licence, m.purpose) for m in models
-    ]
-    print_text(format_text(rows, header=header))
+    header = ("name", "classes", "size", "trained on", "licence", "for")
+    rows = [(m.name, m.classes, _name_size(m.bytes), m.data, m.licence, m.purpose) for m in models]
+    print_text(format_text(rows, header=header, numeric=("size",)))
+
+
+def _name_size(number: int) -> str:
+    """Return a number of bytes in MB, or in kB where there are few."""
+    return f"{number / 1e6:.1f} MB" if number >= 100_000 else f"{number / 1e3:.0f} kB"
 
 
 @main.command(cls=Command)

@@ -278,7 +278,7 @@ def read_hashed_manifest(dataset: Path) -> tuple[Manifest, str]:
     path = dataset / MANIFEST
     if not path.is_file():
         if not dataset.is_dir():
-            raise DatasetError(f"{dataset}: no such folder")
+            raise DatasetError(f"{dataset}: no such folder{_tell_growing(dataset)}")
         raise DatasetError(
             f"{dataset}: no {MANIFEST} there, so it is not a finished dataset; "
             "make one with `bsg-data build --out DATASET`"
@@ -309,6 +309,17 @@ def read_hashed_manifest(dataset: Path) -> tuple[Manifest, str]:
         raise DatasetError(f"{path}: the terms of a source: {error}") from error
     except (ValueError, TypeError, AttributeError, LookupError) as error:
         raise DatasetError(f"{path}: not JSON ({error}); build the dataset again") from error
+
+
+def _tell_growing(dataset: Path) -> str:
+    """Say what lies beside the place of a dataset that a command was stopped at."""
+    growing = dataset.with_name(f"{dataset.name}.partial") if dataset.name else dataset
+    if not growing.is_dir():
+        return ""
+    return (
+        f"; {growing} beside it is of a command that still runs or was stopped: run the same "
+        "command again, which goes on from there; what was built by parts, `bsg-data finalise` ends"
+    )
 
 
 def encode_manifest(manifest: Manifest) -> bytes:

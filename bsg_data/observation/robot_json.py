@@ -51,6 +51,7 @@ from bsg_data.scene.surroundings import (
 )
 from bsg_data.spelling import SHOWN
 
+_MOST_ROOMS = 5  # that an error names
 Id = Annotated[str, Field(min_length=1, max_length=500)]
 Text = Annotated[str, Field(max_length=500)]
 Metres = Annotated[float, Field(ge=-1e6, le=1e6)]
@@ -196,12 +197,16 @@ def _assemble(
     rooms = tuple(_know(room, path) for room in document.rooms)
     objects = []
     for obj in document.objects:
-        room = _find(obj.room, index, f"objects: {obj.id}", path) if obj.room is not None else 0
+        called = f"object {obj.id[:SHOWN]!r} ({obj.category[:SHOWN]})"
+        room = _find(obj.room, index, called, path) if obj.room is not None else 0
         category, class_index = classify(obj, f"objects: {obj.id}")
         objects.append(SeenObject(obj.id, room, obj.category, category, class_index, obj.position))
     adjacency = set()
     for ends in document.adjacency:
-        a, b = (_find(end, index, "adjacency", path) for end in ends)
+        a, b = (
+            _find(end, index, f"adjacency of {ends[0][:SHOWN]!r} and {ends[1][:SHOWN]!r}", path)
+            for end in ends
+        )
         if a == b:
             raise RobotGraphError(f"{path}: adjacency: {ends[0]!r} with itself")
         adjacency.add((min(a, b), max(a, b)))
@@ -229,8 +234,12 @@ def _number(ids: list[str], what: str, path: Path) -> dict[str, int]:
 
 def _find(name: str, index: Mapping[str, int], where: str, path: Path) -> int:
     if name not in index:
-        known = ", ".join(list(index)[:5]) or "none"
-        raise RobotGraphError(f"{path}: {where}: no room {name!r}; there are {known}")
+        known = ", ".join(room[:SHOWN] for room in list(index)[:_MOST_ROOMS]) or "none"
+        more = f" and {len(index) - _MOST_ROOMS:,} more" if len(index) > _MOST_ROOMS else ""
+        raise RobotGraphError(
+            f"{path}: {where}: expected the id of a room, found no room {name[:SHOWN]!r}; rooms "
+            f"are {known}{more}: name one of these, or add the room to `rooms`"
+        )
     return index[name]
 
 

@@ -193,6 +193,11 @@ def parse_document(document: Any, *, path: Path) -> DSGFile:
         graph = _Graph.model_validate(document)
     except ValidationError as error:
         raise SourceError(f"{path}: expected a Spark-DSG graph; {name_fault(error)}") from error
+    if not (graph.nodes or graph.layer_names or graph.layer_ids or graph.layer_keys):
+        raise SourceError(
+            f"{path}: expected a robot's graph, found neither nodes nor layers: a Spark-DSG graph "
+            "lists its layers, also one without nodes; our JSON has `rooms`"
+        )
     if len({node.id for node in graph.nodes}) < len(graph.nodes):
         raise SourceError(f"{path}: expected nodes with an id each, found an id twice")
     rooms, objects = (_nodes_of(graph, name) for name in ("ROOMS", "OBJECTS"))

@@ -30,6 +30,7 @@ from bsg_data.sources.annotation_files import decode
 from bsg_data.sources.dsg_file import DSGFile, DSGNode, parse_dsg
 from bsg_data.sources.label_space import LabelSpace
 from bsg_data.sources.spark_dsg import name_object
+from bsg_data.spelling import SHOWN, ask_if_meant
 from bsg_models.belief.annotation import annotate, find_document
 from bsg_models.belief.belief_graph import BeliefGraph
 from bsg_models.belief.hydra_conversion import convert
@@ -38,6 +39,8 @@ from bsg_models.errors import HydraError
 BINARY = ".sparkdsg"
 BOM = "\ufeff"
 _SHOWN = 10  # labels in a note
+_OURS = ("belief", "partial")  # what `annotate` puts there, and what a graph says of the whole
+_TELLING = 5  # letters of a word that another is not near by chance
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,19 +61,26 @@ class HydraFile:
         self, *, labels: LabelSpace | None = None, class_map: str | ClassMap = DEFAULT_CLASS_MAP
     ) -> PartialGraph:
         """Return what the robot has seen; see `read_hydra`."""
-        rooms = [_describe_room(room) for room in self.graph.rooms]
-        names = [room["id"] for room in rooms]
-        document = {
-            "scene_id": self._scene_id(),
-            **select_words(self.graph.said.get("partial"), GRAPH_WORDS),
-            "rooms": rooms,
-            "objects": [_describe_object(obj, names, labels) for obj in self.graph.objects],
-            "adjacency": [[names[a], names[b]] for a, b in self.graph.adjacency],
-        }
+        try:
+            document = self._describe(labels)
+        except RobotGraphError as error:
+            raise HydraError(f"{self.path}: {error} (in metadata, under `bsg`)") from error
         try:
             return parse_robot_graph(document, path=self.path, class_map=class_map)
         except RobotGraphError as error:
             raise HydraError(f"{error} (in metadata, under `bsg`)") from error
+
+    def _describe(self, labels: LabelSpace | None) -> dict[str, Any]:
+        """Return the document of a robot's JSON that says the same."""
+        rooms = [_describe_room(room) for room in self.graph.rooms]
+        names = [room["id"] for room in rooms]
+        return {
+            "scene_id": self._scene_id(),
+            **_read_said(self.graph.said.get("partial"), GRAPH_WORDS, of="partial"),
+            "rooms": rooms,
+            "objects": [_describe_object(obj, names, labels) for obj in self.graph.objects],
+            "adjacency": [[names[a], names[b]] for a, b in self.graph.adjacency],
+        }
 
     @property
     def is_numbered(self) -> bool:
@@ -165,7 +175,7 @@ def _describe_room(node: DSGNode) -> dict[str, Any]:
         "room_type": label_of("spark-dsg", called),
         "position": node.position,
         "box": None if node.box is None else (node.box.minimum, node.box.maximum),
-        **select_words(node.said, ROOM_WORDS),
+        **_read_said(node.said, ROOM_WORDS, of=f"room {node.symbol!r}"),
     }
 
 
@@ -177,8 +187,22 @@ def _describe_object(
         "room": None if node.room is None else rooms[node.room],
         "category": name_object(node, labels),
         "position": node.position,
-        **select_words(node.said, OBJECT_WORDS),
+        **_read_said(node.said, OBJECT_WORDS, of=f"object {node.symbol!r}"),
     }
+
+
+def _read_said(said: Any, words: Collection[str], *, of: str) -> dict[str, Any]:
+    """Return the words of a robot's JSON in metadata; other keys are a user's own, and stay there.
+
+    Raises:
+        RobotGraphError: for one that looks like a word that was misspelt.
+    """
+    for key in said if isinstance(said, dict) else ():
+        if key in words or key in _OURS:
+            continue
+        if hint := ask_if_meant(key, [word for word in words if len(word) >= _TELLING]):
+            raise RobotGraphError(f"{of}: {key[:SHOWN]!r} is no key; {hint}")
+    return select_words(said, words)
 
 
 def _note_labels(objects: Sequence[DSGNode], labels: LabelSpace | None) -> Iterator[str]:

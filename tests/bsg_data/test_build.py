@@ -277,11 +277,25 @@ def test_an_unknown_class_map_is_named_before_anything_is_written(
     assert not (tmp_path / "out.partial").exists()
 
 
+def test_a_stopped_build_is_told_of_where_its_dataset_is_looked_for(
+    hm3d_folder: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        build_dataset(
+            HM3DFolder(hm3d_folder), out, scenes_per_shard=2, executor=StoppingExecutor(3)
+        )
+    with pytest.raises(DatasetError, match=r"no such folder; .*out\.partial .* same command again"):
+        check_dataset(out)
+    with pytest.raises(DatasetError, match=r"no such folder$"):
+        check_dataset(tmp_path / "other")
+
+
 @pytest.mark.parametrize("scenes_per_shard", [0, -1, 10_000_001])
 def test_a_part_of_a_number_of_scenes_that_cannot_be_is_refused_at_once(
     hm3d_folder: Path, tmp_path: Path, dataset: Path, scenes_per_shard: int
 ) -> None:
-    said = f"scenes_per_shard: expected 1 to 10,000,000, found {scenes_per_shard}"
+    said = rf"scenes_per_shard: expected 1 to 10,000,000, found {scenes_per_shard}"
     with pytest.raises(RecipeError, match=said):
         build_dataset(HM3DFolder(hm3d_folder), tmp_path / "out", scenes_per_shard=scenes_per_shard)
     with pytest.raises(RecipeError, match=said):

@@ -82,6 +82,11 @@ def test_shares_are_told(dataset: Path, run: Path, tmp_path: Path) -> None:
         refused = call(path, "--run", run, "--hidden-share", wrong)
         assert refused.exit_code == 2
         assert f"--hidden-share {wrong}: expected [ROOM=]SHARE" in refused.stderr
+    for room, what in (("", "of all rooms"), ("R(0)=", "of R(0)")):
+        twice = ("--hidden-share", f"{room}0.5", "--hidden-share", f"{room}0.2")
+        refused = call(path, "--run", run, *twice)
+        assert refused.exit_code == 2
+        assert f"--hidden-share says 0.5 and 0.2 {what}; give one of them" in refused.stderr
     lost = call(path, "--run", run, "--hidden-share", "attic=0.5")
     assert lost.exit_code == 2
     assert "no room 'attic'" in lost.stderr
@@ -154,6 +159,18 @@ def test_a_run_that_is_none_is_an_error(tmp_path: Path) -> None:
 def test_a_damaged_run_is_an_error(run: Path) -> None:
     shutil.copy(OFFICE, run / "best.safetensors")
     assert "not a readable checkpoint" in call(OFFICE, "--run", run).output
+
+
+@pytest.mark.usefixtures("shipped")
+@pytest.mark.parametrize("words", [(), ("--find", "bed")])
+def test_no_model_is_announced_where_a_graph_is_refused(
+    tmp_path: Path, words: tuple[str, ...]
+) -> None:
+    (tmp_path / "graph.json").write_text("{}")
+    refused = call(tmp_path / "graph.json", *words)
+    assert refused.exit_code != 0
+    assert "graph.json" in refused.stderr
+    assert "model:" not in refused.stderr
 
 
 @pytest.mark.usefixtures("shipped")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -22,6 +23,8 @@ def test_models_are_listed_and_shown() -> None:
     assert listed.exit_code == 0, listed.output
     assert "universal" in listed.stdout
     assert "12 buildings of synthetic" in listed.stdout
+    assert re.search(r"[1-9]\d* kB|\d+\.\d MB", listed.stdout)
+    assert "0.0 MB" not in listed.stdout
     rows = json.loads(call("list", "--json").stdout)
     assert [row["name"] for row in rows] == ["universal", "other"]
     shown = call("show", "other")

@@ -140,10 +140,14 @@ def room(**values: Any) -> str:
         (changed(adjacency=[["hall", "kitchen"], ["hall", 5]]), "the 2nd pair of adjacency: 1: "),
         (room(room_type={}), "'kitchen': room_type: .*at least, found none"),
         (changed(**{"x" * 10_000: 1}), r"graph.json: 'x{80}' is no key; known are format"),
-        (changed(objects=[{"id": "1", "room": "attic", "category": "bed"}]), "no room 'attic'"),
+        (
+            changed(objects=[{"id": "1", "room": "attic", "category": "bed"}]),
+            r"object '1' \(bed\): expected the id of a room, found no room 'attic'; rooms are "
+            "kitchen, hall.*: name one of these, or add the room to `rooms`",
+        ),
         (changed(objects=[{"id": "1", "room": "kitchen"}]), "object '1': category"),
         (changed(adjacency=[["hall", "hall"]]), "'hall' with itself"),
-        (changed(adjacency=[["hall", "attic"]]), "no room 'attic'"),
+        (changed(adjacency=[["hall", "attic"]]), "'hall' and 'attic': .*no room 'attic'"),
         (changed(version=4), "version"),
         (room(hidden_share=0.5, hidden_share_sd=0.5), "'kitchen': .*less than 0.5, found 0.5"),
         (room(hidden_share=0, hidden_share_sd=0.1), "'kitchen': .*of a hidden share of 0"),

@@ -14,7 +14,7 @@ from dsg_files import Graph, box, node, robot_graph, symbol
 
 from bsg_data.errors import SourceError
 from bsg_data.scene.scene_graph import Box
-from bsg_data.sources.dsg_file import DSGFile, name_symbol, parse_dsg
+from bsg_data.sources.dsg_file import DSGFile, name_symbol, parse_document, parse_dsg
 
 SAMPLE = REPOSITORY.parent / "shared" / "sources" / "hydra_apartment_dsg.json.gz"
 PATH = Path("dsg.json")
@@ -153,6 +153,16 @@ def test_a_damaged_graph_is_named(damage: Callable[[Graph], None], expected: str
 def test_what_is_no_graph_is_a_source_error(damaged: str) -> None:
     with pytest.raises(SourceError, match=r"dsg\.json"):
         parse_dsg(damaged, path=PATH)
+
+
+def test_a_graph_of_neither_nodes_nor_layers_is_none() -> None:
+    empty: Graph = {"nodes": [], "edges": []}
+    with pytest.raises(
+        SourceError, match=r"found neither nodes nor layers: .*our JSON has `rooms`"
+    ):
+        parse_document(empty, path=Path("a.json"))
+    layers = {"layer_names": {"ROOMS": {"layer": 4, "partition": 0}}}
+    assert parse_document({**empty, **layers}, path=Path("a.json")).rooms == ()
 
 
 def test_what_spark_dsg_writes_is_read_as_it_reads_it(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import gzip
 import json
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from dsg_files import Graph, node, robot_graph, write_graph
@@ -91,6 +92,33 @@ def test_labels_without_names(
     found = [obj.raw_category for obj in file.partial(labels=space).objects]
     assert found[:3] == [*expected, "chair"], "a name of one's own comes before a number's"
     assert any(told in note for note in file.notes(space))
+
+
+@pytest.mark.parametrize(
+    ("place", "said", "message"),
+    [
+        (1, {"hiden_share": 0.5}, r"room 'R\(0\)': 'hiden_share' is no key; did you mean hidden_s"),
+        (5, {"categry": "bed"}, r"object 'O\(2\)': 'categry' is no key; did you mean category"),
+        (None, {"partial": {"buildng_kind": "home"}}, r"partial: 'buildng_kind' is no"),
+    ],
+)
+def test_a_misspelt_key_in_metadata_is_refused(
+    tmp_path: Path, place: int | None, said: dict[str, Any], message: str
+) -> None:
+    graph = robot_graph()
+    held = graph if place is None else graph["nodes"][place]["attributes"]
+    held["metadata"] = {"bsg": said}
+    file = open_hydra(write_graph(tmp_path / "a.json", graph))
+    with pytest.raises(HydraError, match=message):
+        file.partial()
+
+
+def test_keys_of_ones_own_in_metadata_are_left_alone(tmp_path: Path) -> None:
+    graph = robot_graph()
+    graph["metadata"] = {"bsg": {"mine": 1, "partial": {"notes": "x"}}}
+    graph["nodes"][1]["attributes"]["metadata"] = {"bsg": {"mine": 1, "hidden_share": 0.5}}
+    kitchen = open_hydra(write_graph(tmp_path / "a.json", graph)).partial().rooms[0]
+    assert kitchen.hidden_share == 0.5
 
 
 def test_notes_tell_what_is_odd(tmp_path: Path) -> None:
