@@ -46,6 +46,7 @@ def improve(ways, miss, single, order):  # type: ignore[no-untyped-def]
     products = np.ones((n + 1, classes))
     sum_legs(ways, miss, single, order, products, legs)
     _sum_terms(factors, single, order, around)
+    facts = ways, weights, factors, order, around, legs, single
     improved = True
     while improved:
         improved = False
@@ -53,9 +54,7 @@ def improve(ways, miss, single, order):  # type: ignore[no-untyped-def]
             for i in range(n - max(length, 1) + 1):
                 j = -1
                 while j < n:  # the next move of place i that helps; none after the last
-                    j, low, high = _find_move(
-                        ways, weights, factors, order, around, legs, single, length, i, j + 1
-                    )
+                    j, low, high = _find_move(facts, length, i, j + 1)
                     if j == n:
                         continue
                     trial = order.copy()
@@ -87,9 +86,8 @@ def _move(order, trial, length, i, j):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _find_move(ways, weights, factors, order, around, legs, single, length, i, least):  # type: ignore[no-untyped-def]
+def _find_move(facts, length, i, least):  # type: ignore[no-untyped-def]
     """Return the first j from `least` on for which a move helps, and what it changes; n if none."""
-    facts = ways, weights, factors, order, around, legs, single
     if length == 0:
         j = _find_turn(facts, i, max(least, i + 1))
         return j, i, j

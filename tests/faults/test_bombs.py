@@ -73,7 +73,8 @@ def make_rows(path: Path) -> None:
     """Write some kilobytes that say 240 million rows."""
     column = pa.array([0] * 2_000_000, pa.int8())
     table = pa.table({"room": column, "category": column})
-    with pq.ParquetWriter(path, table.schema, compression="zstd") as writer:
+    plain = {"use_dictionary": False, "write_statistics": False}  # the quickest to write
+    with pq.ParquetWriter(path, table.schema, compression="zstd", **plain) as writer:
         for _ in range(120):
             writer.write_table(table)
 
@@ -210,7 +211,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="limits of memor
 def test_every_bomb_is_refused_in_little_memory_and_time(
     tmp_path: Path, tally: Tally, full: bool
 ) -> None:
-    try_bombs(list(BOMBS) if full else list(BOMBS)[::3], tmp_path, tally)
+    try_bombs(list(BOMBS) if full else list(BOMBS)[::4], tmp_path, tally)
 
 
 def test_very_many_trees_are_refused_in_little_memory_and_time(

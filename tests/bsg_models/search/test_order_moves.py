@@ -75,11 +75,11 @@ def find_by_parts(ways: Floats, miss: Floats, single: bool, order: Ints) -> set[
     known, found = (ways, weights, factors, order, around, legs, single), set()
     for length in range(min(LONGEST, n - 1) + 1):
         for i in range(n - max(length, 1) + 1):
-            j, low, high = _find_move(*known, length, i, 0)
+            j, low, high = _find_move(known, length, i, 0)
             while j < n:
                 found.add((length, i, j))
                 assert (low, high) == (min(i, j), max(i, j) + max(length, 1) - 1)
-                j, low, high = _find_move(*known, length, i, j + 1)
+                j, low, high = _find_move(known, length, i, j + 1)
     return found
 
 

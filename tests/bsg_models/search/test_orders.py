@@ -154,6 +154,30 @@ def test_the_search_for_orders_of_many_rooms_is_nearly_exact(single: bool) -> No
     assert excess.mean() < 0.005
 
 
+def test_of_two_classes_the_rare_one_decides_where_to_go_by_hand() -> None:
+    """Either room may hold the first class, and only the far one is likely to hold the second."""
+    costs = np.array([[0.0, 3.0, 0.0], [3.0, 0.0, 0.0], [1.0, 2.0, 0.0]])  # 1 to the left, 2 right
+    miss = np.array([[0.5, 0.99], [0.5, 0.01]])
+    # Far first: 2 + 3 · (1 − (1 − 1/3) (1 − 0.0001)) = 3.0002; near first: 3.98.
+    # Of the first class alone, near first is better: 1 + 3 · 1/3 = 2 and not 2 + 3 · 1/3 = 3.
+    for exact in (2, 1):
+        order = order_rooms(costs, 2, miss, single=True, exact=exact)
+        assert order.tolist() == [1, 0]
+    assert order_rooms(costs, 2, miss[:, :1], single=True, exact=1).tolist() == [0, 1]
+
+
+@pytest.mark.parametrize("classes", [1, 2])
+def test_an_order_that_is_improved_is_nearly_the_best(classes: int) -> None:
+    """Of five rooms two classes are priced by parts, which four terms make."""
+    for seed in range(10):
+        costs, miss = sample_case(seed, 5, classes)
+        found, best = (
+            expected_cost(costs, 5, miss, order, single=True)
+            for order in (order_rooms(costs, 5, miss, single=True, exact=exact) for exact in (1, 5))
+        )
+        assert best <= found * (1 + 1e-9) <= 1.1 * best
+
+
 def test_orders_are_disturbed_by_the_numbers_of_the_standard_of_c() -> None:
     """Its example of `rand` begins with 16838, 5758, 10113, 17515, 31051, 5627, 23010."""
     order = np.arange(10)
