@@ -24,6 +24,7 @@ from bsg_data.dataset.manifest import FILE_PATH, MANIFEST, Manifest, read_manife
 from bsg_data.dataset.own_files import remove_own
 from bsg_data.dataset.publication import CARD, CROISSANT, REVISION, publish
 from bsg_data.dataset.replacement import settle
+from bsg_data.dataset.schema import TABLES
 from bsg_data.errors import DatasetError
 from bsg_data.files import flush_folder
 from bsg_data.lock import hold
@@ -82,9 +83,15 @@ def _swap(dataset: Path, old: Manifest, new: Manifest, staged: Path) -> None:
             target.rename(source)
         _take(staged / "old", dataset)
         raise
-    for folder in {(dataset / path).parent for path in leaving} - {dataset}:
+    finally:
+        _remove_empty(dataset)
+
+
+def _remove_empty(dataset: Path) -> None:
+    """Remove the folders of tables that have no file: this change emptied them, or a killed one."""
+    for name in (*TABLES, "pairs"):
         with suppress(OSError):
-            folder.rmdir()  # unless anything is in it
+            (dataset / name).rmdir()  # unless anything is in it
 
 
 def _list_leaving(dataset: Path, new: Manifest, arriving: Sequence[str]) -> list[str]:

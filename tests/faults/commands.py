@@ -97,6 +97,7 @@ COMMANDS = (
         {"buildings": "buildings"},
         ("dataset",),
         resumes=True,
+        most=60,
     ),
     Command(
         "build --workers 2",
@@ -112,6 +113,7 @@ COMMANDS = (
         {"buildings": "others", "dataset": "paired"},
         ("dataset",),
         resumes=True,
+        most=60,
     ),
     Command(
         "build --parts",
@@ -120,6 +122,7 @@ COMMANDS = (
         ("dataset",),
         then="bsg-data finalise dataset",
         resumes=True,
+        most=60,
     ),
     Command(
         "finalise",
@@ -161,8 +164,9 @@ COMMANDS = (
         "bsg-data merge one two --out dataset",
         {"one": "built", "two": "other"},
         ("dataset",),
+        most=40,
     ),
-    Command("upgrade", "bsg-data upgrade dataset", {"dataset": "version-1"}, ("dataset",)),
+    Command("upgrade", "bsg-data upgrade dataset", {"dataset": "version-1"}, ("dataset",), most=60),
     Command(
         "export",
         "bsg-data export dataset --to habitat --out regions",

@@ -263,3 +263,26 @@ def test_a_revision_needs_a_dataset(tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match="no such folder"):
         revise(tmp_path / "none", lambda manifest, folder: manifest)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_a_killed_command_emptied_goes_with_the_next(dataset: Path) -> None:
+    """Killed between the last file of the pairs and the end, a new split left their folder."""
+    for path in (dataset / "pairs").iterdir():
+        path.unlink()
+    split_anew(dataset)
+    assert not (dataset / "pairs").exists()
+
+
+def test_a_folder_that_was_made_in_vain_goes(
+    dataset: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The pairs of a dataset that had none could not be put in place."""
+    split_anew(dataset)
+
+    def fail(path: Path, target: Path) -> Path:
+        raise OSError(28, f"no room for {target}")
+
+    monkeypatch.setattr(Path, "rename", fail)
+    with pytest.raises(DatasetError, match="no room"):
+        write_pairs(dataset, PairsRecipe(draws=2))
+    assert not (dataset / "pairs").exists()
