@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import select
 import signal
 import sys
+import time
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,6 +16,7 @@ from bsg_data.errors import BSGError
 
 # What Python tells of before it does it: each argument may be a path.
 CHANGES = ("open", "os.mkdir", "os.remove", "os.rename", "os.rmdir", "os.truncate", "os.link")
+SECONDS = 120.0  # after which a process hangs
 WRITES = os.O_WRONLY | os.O_RDWR
 
 
@@ -60,12 +63,21 @@ def start(work: Callable[[], object], *, inside: Path, kill_at: int | None) -> t
 
 
 def wait_for(process: int, receive: int) -> Ended:
-    """Return how a process ended that `start` began."""
-    said = b""
-    while block := os.read(receive, 65_536):
+    """Return how a process ended that `start` began; one that hangs is killed, and has failed."""
+    said, hangs, deadline = b"", False, time.monotonic() + SECONDS
+    while not hangs:
+        left = max(deadline - time.monotonic(), 0)
+        hangs = not select.select([receive], [], [], left)[0]
+        block = b"" if hangs else os.read(receive, 65_536)
+        if not block:
+            break
         said += block
     os.close(receive)
+    if hangs:
+        os.kill(process, signal.SIGKILL)
     _, status = os.waitpid(process, 0)
+    if hangs:
+        return Ended("failed", f"it hangs: {SECONDS:g} s")
     if os.WIFSIGNALED(status):
         return Ended("killed" if os.WTERMSIG(status) == signal.SIGKILL else "failed", str(status))
     how, _, message = said.decode().partition("\n")

@@ -391,7 +391,7 @@ def test_any_commands_in_any_order(
         run_state_machine_as_test(
             House,
             settings=settings(
-                max_examples=200 if full else 6,
+                max_examples=150 if full else 6,
                 stateful_step_count=30 if full else 10,
                 suppress_health_check=list(HealthCheck),
                 derandomize=not full,
