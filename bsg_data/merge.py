@@ -9,6 +9,7 @@ from __future__ import annotations
 import heapq
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import version
 from itertools import islice
@@ -21,9 +22,11 @@ from bsg_data.dataset.growth import (
     open_partial,
     recall,
     refuse_overwriting,
+    remove_growing,
 )
 from bsg_data.dataset.kept_maps import copy_class_maps
 from bsg_data.dataset.manifest import (
+    MANIFEST,
     FileEntry,
     Manifest,
     ResolvedEntry,
@@ -229,18 +232,35 @@ def _rewrite(
         return done
     refuse_overwriting(out, force=force)
     growing = open_partial(out, recipe)
+    try:
+        files = _write_tables(parts, growing, manifest, progress=progress)
+        written = manifest.model_copy(update={"files": files})
+        finish(out, written, force=force)
+    except BaseException:
+        if not (growing / MANIFEST).is_file():  # the next merge begins anew
+            with suppress(DatasetError):
+                remove_growing(out)
+        raise
+    return written
+
+
+def _write_tables(
+    parts: Sequence[MergedPart],
+    folder: Path,
+    manifest: Manifest,
+    *,
+    progress: Callable[[int, int], None] | None,
+) -> tuple[FileEntry, ...]:
+    """Write class maps, scenes, split and pairs; return the entries of the files, by path."""
     for part in parts:
-        copy_class_maps(part.dataset, part.manifest, growing)
-    files = _write_scenes(parts, growing, manifest, progress=progress)
+        copy_class_maps(part.dataset, part.manifest, folder)
+    files = _write_scenes(parts, folder, manifest, progress=progress)
     first = parts[0]
     if manifest.split is not None:
-        files += write_splits(first.dataset, growing, manifest, old=first.manifest)
+        files += write_splits(first.dataset, folder, manifest, old=first.manifest)
     if manifest.pairs is not None:
-        files += rewrite_pairs(first.dataset, growing, manifest, old=first.manifest)
-    ordered = tuple(sorted(files, key=lambda entry: entry.path))
-    written = manifest.model_copy(update={"files": ordered})
-    finish(out, written, force=force)
-    return written
+        files += rewrite_pairs(first.dataset, folder, manifest, old=first.manifest)
+    return tuple(sorted(files, key=lambda entry: entry.path))
 
 
 def _write_scenes(

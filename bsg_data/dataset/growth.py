@@ -5,6 +5,7 @@ from __future__ import annotations
 import glob
 import shutil
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 from bsg_data.dataset.manifest import MANIFEST, Manifest, read_manifest
@@ -85,7 +86,13 @@ def open_partial(out: Path, recipe: Record) -> Path:
         if not path.is_file() and not _is_bare(partial):
             raise DatasetError(f"{partial}: is in the way and no build of ours; move it away")
         remove_growing(out)  # of a build that was stopped and is not this one
-    write_bytes(path, _encode(recipe))
+    try:
+        write_bytes(path, _encode(recipe))
+    except BaseException:
+        with suppress(OSError):
+            path.parent.rmdir()
+            partial.rmdir()
+        raise
     return partial
 
 

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import errno
 import json
 import shutil
 from pathlib import Path
@@ -9,8 +10,10 @@ import yaml
 from conftest import BEDROOM, KITCHEN, annotation_text, write_scene
 from version_1_files import write_version_1
 
+from bsg_data import merge
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
+from bsg_data.dataset import growth
 from bsg_data.dataset.composition import count_sources
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
@@ -71,6 +74,23 @@ def test_the_order_of_the_parts_and_a_stopped_merge_do_not_matter(
     assert not (tmp_path / "second").exists()
     merge_datasets([synthetic, dataset], tmp_path / "second")
     assert files_of(tmp_path / "first") == files_of(tmp_path / "second")
+
+
+def test_a_merge_that_fails_leaves_nothing(
+    dataset: Path, synthetic: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = files_of(tmp_path)
+
+    def fill_the_disk(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    for module, call in ((merge, "write_shards"), (growth, "write_bytes")):
+        with monkeypatch.context() as broken:
+            broken.setattr(module, call, fill_the_disk)
+            with pytest.raises((OSError, DatasetError)):
+                merge_datasets([dataset, synthetic], tmp_path / "both")
+        assert files_of(tmp_path) == before
+        assert not list(tmp_path.glob("*both*"))
 
 
 def test_each_source_has_its_share_of_every_split(
