@@ -105,6 +105,12 @@ def test_a_zero_inflated_poisson_has_the_presence_and_mean_that_it_was_given(
     assert 0 <= distribution.weights[1, 0, 0] <= 1
 
 
+def test_a_zero_inflated_poisson_is_never_certain() -> None:
+    """P(none) is a millionth at least, of which a Poisson has the mean ln 10⁶ = 13.8."""
+    distribution = zero_inflated(np.ones((1, 1)), np.full((1, 1), 3.0))
+    np.testing.assert_allclose(distribution.mean, np.log(1e6), rtol=1e-6)
+
+
 def test_nothing_present_is_a_distribution() -> None:
     distribution = zero_inflated(np.zeros((1, 2)), np.zeros((1, 2)))
     assert distribution.presence.tolist() == [[0.0, 0.0]]
