@@ -19,12 +19,17 @@ from bsg_data.inputs.bounds import CHECKSUMS
 from bsg_data.result_folder import Place, hold_places, stage_files
 
 SEAL = "SHA256SUMS"
+_OF_RUNS = ("best.safetensors", "last.safetensors", "log.jsonl")  # also of one that has no seal yet
 _LINE = re.compile(r"(?P<sha256>[0-9a-f]{64})  (?P<name>(?!/)[^\\\x00-\x1f]+)")
 
 
 @contextmanager
 def replace_sealed(
-    folder: Path, *, beside: Sequence[Place] = (), refuse: Callable[[], None] | None = None
+    folder: Path,
+    *,
+    report: str,
+    beside: Sequence[Place] = (),
+    refuse: Callable[[], None] | None = None,
 ) -> Iterator[tuple[Path, ...]]:
     """Hold the lock of a folder, yield one to write into, and put its files in place, sealed.
 
@@ -32,7 +37,8 @@ def replace_sealed(
     other files stay. The new ones are put in place as `replace_together` does.
 
     Args:
-        folder: of the results.
+        folder: of the results; one that holds another kind of results is refused.
+        report: the file that is among all results of this kind, and of no other.
         beside: other places that change together with it.
         refuse: as of `replace_together`.
 
@@ -40,8 +46,8 @@ def replace_sealed(
         the folder to write into, then where to write what goes to the other places.
 
     Raises:
-        DatasetError: if another command is writing there, or a file cannot be written; what was
-            there stays.
+        DatasetError: if another command is writing there, other results are, a file beside them is
+            one of them, or one cannot be written; what was there stays.
     """
     place = Place(folder.resolve(), last=SEAL)
     with ExitStack() as held:
@@ -49,8 +55,11 @@ def replace_sealed(
         before: dict[str, str] = {}
 
         def look() -> None:
-            with suppress(DatasetError):  # what a damaged seal lists is nobody's any more
-                before.update(read_seal(place.path) or {})
+            refuse_other_results(place.path, report)
+            for other in beside:
+                if other.is_file:
+                    refuse_sealed_file(other.path)
+            before.update(_list_sealed(place.path))
             if refuse is not None:
                 refuse()
 
@@ -58,12 +67,60 @@ def replace_sealed(
             yield staged
             files = (path for path in staged[0].rglob("*") if path.is_file())
             names = sorted(path.relative_to(staged[0]).as_posix() for path in files)
+            for other in beside:
+                _refuse_twice(other, place.path, names)
             write_seal(staged[0], names)
         for name in before.keys() - set(names):
             with suppress(OSError, DatasetError):  # no seal speaks of what is behind a link
                 refuse_links(place.path, place.path / name)
                 if hash_file(place.path / name) == before[name]:
                     (place.path / name).unlink()
+
+
+def refuse_other_results(folder: Path, report: str) -> None:
+    """Refuse a folder with results of another kind, or with a run: they would lose their seal.
+
+    Args:
+        folder: where results are to be written.
+        report: the file that is among all results of their kind, and of no other.
+
+    Raises:
+        DatasetError: naming what is there.
+    """
+    sealed = _list_sealed(folder)
+    if report in sealed:
+        return
+    there = next((name for name in (*sealed, *_OF_RUNS) if (folder / name).exists()), None)
+    if there is not None:
+        raise DatasetError(
+            f"{folder}: holds other results ({there}), which would not be whole any more; choose "
+            "another folder"
+        )
+
+
+def refuse_sealed_file(path: Path) -> None:
+    """Refuse to replace a file of sealed results by something else.
+
+    Raises:
+        DatasetError: if the folder of the file has a seal that lists it.
+    """
+    if path.name == SEAL or path.name in _list_sealed(path.parent):
+        raise DatasetError(f"{path}: is one of the results that {SEAL} lists; name another file")
+
+
+def _list_sealed(folder: Path) -> dict[str, str]:
+    """Return what the seal of a folder lists; what a damaged one lists is nobody's any more."""
+    try:
+        return read_seal(folder) or {}
+    except DatasetError:
+        return {}
+
+
+def _refuse_twice(other: Place, folder: Path, names: Sequence[str]) -> None:
+    """Refuse a file beside results that goes where one of them goes."""
+    path = other.path.resolve()
+    if other.is_file and path.parent == folder and path.name in names:
+        raise DatasetError(f"{other.path}: is one of the results themselves; name another file")
 
 
 def write_seal(folder: Path, names: Iterable[str]) -> None:

@@ -7,10 +7,11 @@ from pathlib import Path
 
 from bsg_data.errors import DatasetError
 from bsg_data.seals import SEAL, require_seal
+from bsg_models.belief.table_rows import NODES
 from bsg_models.belief.tables import read_tables
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 
-_WEIGHTS, _NODES = ".safetensors", "nodes.parquet"
+_WEIGHTS = ".safetensors"
 
 
 def check_results(path: Path) -> tuple[str, ...]:
@@ -43,6 +44,6 @@ def check_results(path: Path) -> tuple[str, ...]:
     for name in sums:
         if name.endswith(_WEIGHTS):
             restore_model(path / name, load_checkpoint(path / name))
-    if _NODES in sums:
+    if NODES in sums:
         deque(read_tables(path), maxlen=0)
     return tuple(sums)
