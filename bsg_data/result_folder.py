@@ -27,6 +27,7 @@ from bsg_data.errors import DatasetError
 from bsg_data.files import flush_file, flush_folder, refuse_devices
 from bsg_data.lock import hold
 
+_DATASET = "dataset.json"  # the file by which a dataset is known
 UNFINISHED = ".bsg-unfinished"
 _NEW, _OLD, _OWN = "new", "old", "own"  # folders in it: what was there has second names in `old`
 _DECIDED = ("done", "undone")  # what `own` is called when it is over
@@ -121,14 +122,23 @@ def hold_places(held: ExitStack, places: Sequence[Place], *, wait: float = 0.0) 
     """Hold the locks of places until a stack is left; the folders above them are made.
 
     Raises:
-        DatasetError: if somebody else holds one, or a folder cannot be made.
+        DatasetError: if somebody else holds one, it is in a dataset, or a folder cannot be made.
     """
     for place in places:
+        _refuse_datasets(place)
         try:
             place.path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise _explain(place, error, "made") from error
         held.enter_context(hold(place.path, wait=wait))
+
+
+def _refuse_datasets(place: Place) -> None:
+    """Refuse a place in a dataset, all of whose files are listed and hashed."""
+    folder = place.folder.resolve()
+    for outer in (folder, *folder.parents):
+        if (outer / _DATASET).is_file():
+            raise DatasetError(f"{place.path}: is in the dataset {outer}; choose another place")
 
 
 @contextmanager

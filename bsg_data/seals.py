@@ -19,14 +19,15 @@ from bsg_data.inputs.bounds import CHECKSUMS
 from bsg_data.result_folder import Place, hold_places, stage_files
 
 SEAL = "SHA256SUMS"
+_OF_RUNS = ("best.safetensors", "last.safetensors", "log.jsonl")  # also of one that has no seal yet
 _LINE = re.compile(r"(?P<sha256>[0-9a-f]{64})  (?P<name>(?!/)[^\\\x00-\x1f]+)")
 
 
 @contextmanager
 def replace_sealed(
     folder: Path,
-    record: str,
     *,
+    report: str,
     beside: Sequence[Place] = (),
     refuse: Callable[[], None] | None = None,
 ) -> Iterator[tuple[Path, ...]]:
@@ -36,8 +37,8 @@ def replace_sealed(
     other files stay. The new ones are put in place as `replace_together` does.
 
     Args:
-        folder: of the results.
-        record: the file that all results of this kind have and no others; it has to be written.
+        folder: of the results; one that holds another kind of results is refused.
+        report: the file that is among all results of this kind, and of no other.
         beside: other places that change together with it.
         refuse: as of `replace_together`.
 
@@ -45,8 +46,8 @@ def replace_sealed(
         the folder to write into, then where to write what goes to the other places.
 
     Raises:
-        DatasetError: if another command is writing there, other results or somebody's own files are
-            in the way, or a file cannot be written; what was there stays.
+        DatasetError: if another command is writing there, other results or somebody's own files
+            are, a file beside them is one of them, or one cannot be written; what was there stays.
     """
     place = Place(folder.resolve(), last=SEAL)
     with ExitStack() as held:
@@ -54,7 +55,11 @@ def replace_sealed(
         before: dict[str, str] = {}
 
         def look() -> None:
-            before.update(require_kind(place.path, record))
+            refuse_other_results(place.path, report)
+            for other in beside:
+                if other.is_file:
+                    refuse_sealed_file(other.path)
+            before.update(_list_sealed(place.path))
             if refuse is not None:
                 refuse()
 
@@ -62,9 +67,13 @@ def replace_sealed(
             yield staged
             files = (path for path in staged[0].rglob("*") if path.is_file())
             names = sorted(path.relative_to(staged[0]).as_posix() for path in files)
+            for other in beside:
+                _refuse_twice(other, place.path, names)
             write_seal(staged[0], names)
-            if before or not (place.path / record).is_file():  # results may be older than seals
-                _refuse_replacing(place.path, {*names, SEAL} - before.keys(), sealed=bool(before))
+            if before:
+                _refuse_replacing(place.path, set(names) - before.keys())
+            elif not (place.path / report).is_file():  # else they are from before there were seals
+                _refuse_replacing(place.path, {*names, SEAL})
         for name in before.keys() - set(names):
             with suppress(OSError, DatasetError):  # no seal speaks of what is behind a link
                 refuse_links(place.path, place.path / name)
@@ -72,35 +81,60 @@ def replace_sealed(
                     (place.path / name).unlink()
 
 
-def require_kind(folder: Path, record: str) -> dict[str, str]:
-    """Return the seal of a folder; of one that has none, or a damaged one, that of no files.
+def refuse_other_results(folder: Path, report: str) -> None:
+    """Refuse a folder with results of another kind, or with a run: they would lose their seal.
 
     Args:
-        folder: of results, which need not be there.
-        record: the file that all results of the wanted kind have and no others.
+        folder: where results are to be written.
+        report: the file that is among all results of their kind, and of no other.
 
     Raises:
-        DatasetError: if it is the seal of other results.
+        DatasetError: naming what is there.
     """
-    sums: dict[str, str] = {}
-    with suppress(DatasetError):  # what a damaged seal lists is nobody's any more
-        sums = read_seal(folder) or {}
-    if sums and record not in sums:
+    sealed = _list_sealed(folder)
+    if report in sealed:
+        return
+    there = next((name for name in (*sealed, *_OF_RUNS) if (folder / name).exists()), None)
+    if there is not None:
         raise DatasetError(
-            f"{folder}: holds other results: its {SEAL} lists {min(sums)} and no {record}; choose "
+            f"{folder}: holds other results ({there}), which would not be whole any more; choose "
             "another folder"
         )
-    return sums
 
 
-def _refuse_replacing(folder: Path, names: set[str], *, sealed: bool) -> None:
+def refuse_sealed_file(path: Path) -> None:
+    """Refuse to replace a file of sealed results by something else.
+
+    Raises:
+        DatasetError: if the folder of the file has a seal that lists it.
+    """
+    if path.name == SEAL or path.name in _list_sealed(path.parent):
+        raise DatasetError(f"{path}: is one of the results that {SEAL} lists; name another file")
+
+
+def _list_sealed(folder: Path) -> dict[str, str]:
+    """Return what the seal of a folder lists; what a damaged one lists is nobody's any more."""
+    try:
+        return read_seal(folder) or {}
+    except DatasetError:
+        return {}
+
+
+def _refuse_replacing(folder: Path, names: set[str]) -> None:
     """Refuse to replace files that no results of ours list."""
-    for name in sorted(names - {SEAL} if sealed else names):
+    for name in sorted(names):
         if (folder / name).is_symlink() or (folder / name).exists():
             raise DatasetError(
                 f"{folder / name}: belongs to no results of this command, which would replace it; "
                 "move it away, or choose another folder"
             )
+
+
+def _refuse_twice(other: Place, folder: Path, names: Sequence[str]) -> None:
+    """Refuse a file beside results that goes where one of them goes."""
+    path = other.path.resolve()
+    if other.is_file and path.parent == folder and path.name in names:
+        raise DatasetError(f"{other.path}: is one of the results themselves; name another file")
 
 
 def write_seal(folder: Path, names: Iterable[str]) -> None:

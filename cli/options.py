@@ -54,6 +54,7 @@ class RegistryChoice(click.Choice[str]):
 
 
 PATH = click.Path(path_type=Path)
+MOST_WORKERS = 1024  # far more than a machine does well with, and each is a process
 json_option = click.option("as_json", "--json", is_flag=True, help="Print JSON on stdout.")
 force_option = click.option("--force", is_flag=True, help="Replace a finished result.")
 
@@ -63,7 +64,7 @@ def workers_option(function: Function) -> Function:
 
     @click.option(
         "--workers",
-        type=click.IntRange(min=1),
+        type=click.IntRange(1, MOST_WORKERS),
         show_default="all cores",
         help="Processes to use; the result does not depend on it.",
     )

@@ -28,14 +28,18 @@ from bsg_data.inputs.bounds import MANIFEST_FILE
 
 def name_growing(out: Path) -> Path:
     """Return the folder that a dataset grows in."""
-    if not out.name:
-        raise DatasetError(f"{out}: is no place for a dataset; choose a folder below it")
-    return out.with_name(f"{out.name}.partial")
+    return out.with_name(f"{_name_of(out)}.partial")
 
 
 def name_replaced(out: Path) -> Path:
     """Return where an old dataset is until it is removed."""
-    return out.with_name(f".{out.name}.replaced")
+    return out.with_name(f".{_name_of(out)}.replaced")
+
+
+def _name_of(out: Path) -> str:
+    if not out.name:
+        raise DatasetError(f"{out}: is no place for a dataset; choose a folder below it")
+    return out.name
 
 
 def put_in_place(out: Path) -> None:

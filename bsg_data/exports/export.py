@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from bsg_data.dataset.manifest import MANIFEST, Manifest, read_manifest
+from bsg_data.dataset.manifest import Manifest, read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import DatasetError
 from bsg_data.exports.catalogue import EXPORTS, ExportRow
@@ -63,9 +63,6 @@ def export_dataset(
     """
     row, manifest = EXPORTS[to], read_manifest(dataset)
     out = out.resolve()
-    for folder in (out, *out.parents):
-        if (folder / MANIFEST).is_file():
-            raise DatasetError(f"{out}: is in the dataset {folder}; choose another --out")
     with replace_files(out, last=None) as growing:
         done = _encode_all(dataset, manifest, growing, row, progress=progress)
         if not done.scenes:

@@ -28,12 +28,13 @@ from bsg_data.recipes import MaskRecipe, Record
 from bsg_data.result_folder import Place, is_vacant, replace_together
 from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.scene.surroundings import KNOWN_SOURCES
-from bsg_data.seals import SEAL
+from bsg_data.seals import SEAL, refuse_other_results, refuse_sealed_file
 from bsg_models.belief.belief_graph import BeliefGraph, Mode, believe, rank_unseen
 from bsg_models.belief.formats import choose_format, write_beliefs
 from bsg_models.belief.graph_file import open_graph_file
 from bsg_models.belief.hydra import SPARK_DSG, annotate_hydra, write_hydra
 from bsg_models.belief.hydra_file import HydraFile
+from bsg_models.belief.table_rows import NODES
 from bsg_models.belief.tables import read_tables, write_tables
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.rendering.explorer import View, write_explorer
@@ -318,8 +319,12 @@ def _place(name: str, path: Path) -> Place:
 
 
 def _refuse_replacing(request: BeliefRequest) -> None:
-    """Refuse to replace files without being told to."""
-    for path in request.results:
+    """Refuse to replace files without being told to, and any that belong to other results."""
+    for name, path in request.named_results.items():
+        if name == "tables":
+            refuse_other_results(path, NODES)
+        else:
+            refuse_sealed_file(path)
         if not (is_vacant(path) or request.force):
             raise DatasetError(f"{path}: is there already; --force replaces it")
 

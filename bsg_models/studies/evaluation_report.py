@@ -123,7 +123,10 @@ def report_evaluation(
     beside = into is not None and into.resolve() != request.folder.resolve()  # held already
     folders = [Place(into.resolve())] if into is not None and beside else []
     with replace_sealed(
-        request.folder, REPORT, beside=[*pages, *folders], refuse=lambda: _refuse_done(request)
+        request.folder,
+        report=REPORT,
+        beside=[*pages, *folders],
+        refuse=lambda: _refuse_done(request),
     ) as (staged, *others):
         with ExitStack() as open_files:
             comparison = compare_runs(

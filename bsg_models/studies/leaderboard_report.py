@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from bsg_data.errors import DatasetError
 from bsg_data.files import encode_json, write_bytes
-from bsg_data.seals import replace_sealed, require_kind
+from bsg_data.seals import refuse_other_results, replace_sealed
 from bsg_models.evaluation.catalogue import head_value
 from bsg_models.rendering.figures import plot_leaderboard
 from bsg_models.studies.leaderboard import Leaderboard, ModelResult
@@ -46,12 +46,12 @@ class LeaderboardReport(NamedTuple):
 
 
 def refuse_finished(out: Path, *, force: bool) -> None:
-    """Refuse a folder with a finished leaderboard, unless it is to be replaced.
+    """Refuse a folder with a finished leaderboard, unless it is to be replaced, or other results.
 
     Raises:
         DatasetError: if there is one, or results of another command.
     """
-    require_kind(out, REPORT)
+    refuse_other_results(out, REPORT)
     if (out / REPORT).exists() and not force:
         raise DatasetError(
             f"{out / REPORT}: is there already; --force replaces it, --out puts it elsewhere"
@@ -61,7 +61,7 @@ def refuse_finished(out: Path, *, force: bool) -> None:
 def report_leaderboard(board: Leaderboard, out: Path) -> LeaderboardReport:
     """Write the files of a leaderboard."""
     summary = write_json(board)
-    with replace_sealed(out, REPORT) as (staged,):
+    with replace_sealed(out, report=REPORT) as (staged,):
         for mask, results in board.results.items():
             _plot(results, staged / f"{mask}.png", mask)
         write_bytes(staged / TABLE, write_markdown(board).encode())

@@ -165,7 +165,7 @@ def report_search(
     pictures = [Place(path, is_file=True) for path in [request.animation] if path is not None]
     with replace_sealed(
         request.folder,
-        REPORT,
+        report=REPORT,
         beside=pictures,
         refuse=lambda: _refuse_done(report, force=request.force),
     ) as (staged, *others):

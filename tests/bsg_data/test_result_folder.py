@@ -253,6 +253,20 @@ def test_links_and_folders_in_the_way_are_refused(tmp_path: Path) -> None:
         link()
 
 
+@pytest.mark.parametrize("name", ["", "pairs", "pairs/new"])
+def test_nothing_goes_into_a_dataset(tmp_path: Path, name: str) -> None:
+    (tmp_path / "dataset.json").write_text("{}")
+    (tmp_path / "pairs").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "pairs")
+    for place in (tmp_path / name, tmp_path / "link"):
+        with pytest.raises(DatasetError, match="is in the dataset"):
+            write(place, "new")
+    file = Place(tmp_path / "dataset.json", is_file=True)
+    with pytest.raises(DatasetError, match="is in the dataset"), replace_together([file]):
+        pytest.fail("is never reached")
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["dataset.json", "link", "pairs"]
+
+
 def test_a_place_is_vacant_with_what_a_killed_command_left(tmp_path: Path) -> None:
     out = tmp_path / "out"
     assert is_vacant(out)

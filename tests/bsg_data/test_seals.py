@@ -10,11 +10,12 @@ import pytest
 
 from bsg_data.errors import DatasetError
 from bsg_data.lock import hold
+from bsg_data.result_folder import Place
 from bsg_data.seals import SEAL, read_seal, replace_sealed, require_seal, write_seal
 
 
 def write(folder: Path, **files: str) -> None:
-    with replace_sealed(folder, "a") as (staged,):
+    with replace_sealed(folder, report="a") as (staged,):
         for name, text in files.items():
             (staged / name).write_text(text)
 
@@ -44,8 +45,8 @@ def test_results_of_another_kind_are_never_replaced(tmp_path: Path) -> None:
     out = tmp_path / "out"
     write(out, a="1", b="2")
     with (
-        pytest.raises(DatasetError, match="holds other results: its SHA256SUMS lists a and no z"),
-        replace_sealed(out, "z"),
+        pytest.raises(DatasetError, match=r"holds other results \(a\)"),
+        replace_sealed(out, report="z"),
     ):
         pass
     assert require_seal(out) == read_seal(out)
@@ -81,7 +82,7 @@ def test_what_fails_leaves_the_old(tmp_path: Path) -> None:
     write(out, a="1")
 
     def fail() -> None:
-        with replace_sealed(out, "a") as (staged,):
+        with replace_sealed(out, report="a") as (staged,):
             (staged / "a").write_text("2")
             raise RuntimeError
 
@@ -89,6 +90,35 @@ def test_what_fails_leaves_the_old(tmp_path: Path) -> None:
         fail()
     assert require_seal(out)
     assert (out / "a").read_text() == "1"
+
+
+@pytest.mark.parametrize("there", ["b", "best.safetensors", "log.jsonl"])
+def test_other_results_and_runs_without_a_seal_stay(tmp_path: Path, there: str) -> None:
+    (tmp_path / there).write_text("1")
+    if there == "b":
+        write_seal(tmp_path, ["b"])
+    with pytest.raises(DatasetError, match=f"holds other results .{there}"):
+        write(tmp_path, a="1")
+    assert (tmp_path / there).read_text() == "1"
+    assert not (tmp_path / "a").exists()
+
+
+@pytest.mark.parametrize("name", ["a", SEAL, "b"])
+def test_a_file_beside_results_is_none_of_them(tmp_path: Path, name: str) -> None:
+    write(tmp_path, a="1")
+    before = (tmp_path / SEAL).read_bytes()
+    beside = [Place(tmp_path / name, is_file=True)]
+
+    def write_more() -> None:
+        with replace_sealed(tmp_path, report="a", beside=beside) as (staged, other):
+            (staged / "a").write_text("2")
+            (staged / "b").write_text("2")
+            other.write_text("3")
+
+    with pytest.raises(DatasetError, match="is one of the results"):
+        write_more()
+    assert (tmp_path / SEAL).read_bytes() == before
+    assert require_seal(tmp_path)
 
 
 def test_one_at_a_time(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ The second one starts at a known moment of the first: while it works, or when it
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -75,6 +76,25 @@ def test_two_commands_into_one_folder(
     names = f"{first} and {second} into one folder"
     tally(test="two at once", command=names, tried=1, survived=int(sound))
     assert sound
+
+
+@pytest.mark.parametrize("work", ["evaluate", "search", "tables"])
+def test_other_results_and_runs_are_left_alone(
+    dataset: Path, run: Path, tmp_path: Path, work: str
+) -> None:
+    other = "evaluate" if work != "evaluate" else "tables"
+    commands(dataset, run, tmp_path / "results")[other](lambda *_: None)
+    unsealed = tmp_path / "unsealed"
+    shutil.copytree(run, unsealed)
+    (unsealed / "SHA256SUMS").unlink()
+    for place in (tmp_path / "results", run, unsealed):
+        before = {path: path.read_bytes() for path in place.rglob("*") if path.is_file()}
+        with pytest.raises(DatasetError, match="holds other results"):
+            commands(dataset, run, place)[work](lambda *_: None)
+        assert {path: path.read_bytes() for path in place.rglob("*") if path.is_file()} == before
+    for place in (dataset, dataset / "pairs"):
+        with pytest.raises(DatasetError, match="is in the dataset"):
+            commands(dataset, run, place)[work](lambda *_: None)
 
 
 def test_a_training_that_comes_second_replaces_nothing(dataset: Path, tmp_path: Path) -> None:

@@ -197,6 +197,12 @@ def test_a_rename_that_fails_leaves_the_old_dataset(
     assert all_bytes(out) == all_bytes(dataset)
 
 
+def test_the_root_of_the_file_system_is_no_place() -> None:
+    for name in (name_growing, name_replaced):
+        with pytest.raises(DatasetError, match="is no place for a dataset"):
+            name(Path("/"))
+
+
 def test_a_pipe_in_the_place_of_a_report_is_not_waited_for(dataset: Path) -> None:
     shutil.copytree(dataset, name_growing(dataset))
     (dataset / REPLACES).parent.mkdir()

@@ -33,6 +33,15 @@ def test_files_are_refused_before_the_run_is_loaded(tmp_path: Path) -> None:
         report_beliefs(BeliefRequest(run=tmp_path, graphs=(OFFICE,), out=tmp_path / "b.json"))
 
 
+def test_files_of_a_run_are_not_replaced(run: Path) -> None:
+    weights = run / "best.safetensors"
+    before = weights.read_bytes()
+    asked = BeliefRequest(run=run, graphs=(OFFICE,), html=weights, force=True)
+    with pytest.raises(DatasetError, match="is one of the results that SHA256SUMS lists"):
+        report_beliefs(asked)
+    assert weights.read_bytes() == before
+
+
 @pytest.fixture
 def old_run(tmp_path: Path) -> Path:
     """A run on the twelve buildings by the first class map."""
