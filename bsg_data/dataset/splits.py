@@ -194,17 +194,16 @@ def _deal(strata: Sequence[list[str]], recipe: SplitRecipe) -> dict[str, str]:
     One stratum follows the other, so that the sizes in each differ by at most one, too.
     """
     shuffled = [scene for ids in strata for scene in _shuffle(ids, recipe.seed)]
-    folds = recipe.folds or 0
-    if not 2 <= folds <= len(shuffled):
+    if recipe.folds is None or not 2 <= recipe.folds <= len(shuffled):
         raise RecipeError(
-            f"folds must be 2 to the number of scenes, {len(shuffled)}; found {folds}"
+            f"folds must be 2 to the number of scenes, {len(shuffled)}; found {recipe.folds}"
         )
-    return {scene: f"fold-{i % folds}" for i, scene in enumerate(shuffled)}
+    return {scene: f"fold-{i % recipe.folds}" for i, scene in enumerate(shuffled)}
 
 
 def _cut(strata: Sequence[list[str]], recipe: SplitRecipe) -> dict[str, str]:
     """Cut the shuffled scenes of each stratum by the ratios, apportioned by largest remainder."""
-    ratios = np.array(recipe.ratios or (0.0, 0.0, 0.0))
+    ratios = np.array(recipe.ratios or ())
     if not np.isfinite(ratios).all() or (ratios < 0).any() or abs(ratios.sum() - 1) > 1e-9:
         raise RecipeError(
             f"ratios must be three numbers of 0 or more that add up to 1; found {recipe.ratios}"

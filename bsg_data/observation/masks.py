@@ -208,9 +208,8 @@ class SearchMask(Mask):
             alone=recipe.fraction,
         )
         rooms = np.zeros(nodes, dtype=bool)
-        if nodes > 1:
-            number = int(rng.integers((nodes - 1) // 2 + 1))
-            rooms[1 + rng.permutation(nodes - 1)[:number]] = True
+        number = int(rng.integers((nodes - 1) // 2 + 1))
+        rooms[1 + rng.permutation(nodes - 1)[:number]] = True
         return half_seen.search(rooms)
 
 

@@ -3,13 +3,17 @@ from __future__ import annotations
 from collections import Counter
 from pathlib import Path
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from bsg_data.checks.dataset import check_dataset
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.manifest import read_manifest
+from bsg_data.dataset.manifest import Manifest, read_manifest
+from bsg_data.dataset.revision import revise
+from bsg_data.dataset.shards import describe_file
 from bsg_data.dataset.splits import (
     assign_folds,
     assign_splits,
@@ -113,7 +117,9 @@ def test_official_holds_the_sources_val_out() -> None:
         (20, SplitRecipe(ratios=(0.5, 0.1, 0.1)), "add up to 1"),
         (20, SplitRecipe(ratios=(1.5, -0.5, 0.0)), "0 or more"),
         (20, SplitRecipe(ratios=(float("nan"), 0.5, 0.5)), "add up to 1"),
+        (20, SplitRecipe(ratios=None), "add up to 1; found None"),
         (3, SplitRecipe(method="folds", ratios=None, folds=4), "folds must be 2 to"),
+        (20, SplitRecipe(method="folds", ratios=None), "folds must be 2 to .* 20; found None"),
     ],
 )
 def test_an_impossible_split_is_refused(number: int, recipe: SplitRecipe, message: str) -> None:
@@ -157,6 +163,23 @@ def test_splits_are_read_train_first_and_folds_by_number(dataset: Path) -> None:
     folds = {scene: k for k, scene in enumerate(Dataset.open(dataset).scene_ids)}
     assign_folds(dataset, folds, number=len(folds))
     assert list(read_splits(dataset)) == [f"fold-{k}" for k in range(12)]  # 2 before 10
+
+
+@pytest.mark.parametrize("name", ["", "fold-", "fold--1", "fold-1.5", "training", "../train"])
+def test_a_split_of_another_name_is_refused(name: str, dataset: Path) -> None:
+    def write(manifest: Manifest, folder: Path) -> Manifest:
+        table = pq.read_table(dataset / "splits.parquet")
+        scenes, (_, *names) = table["scene_id"].to_pylist(), table["split"].to_pylist()
+        columns = {"scene_id": scenes, "split": [name, *names]}
+        folder.mkdir(parents=True)
+        renamed = pa.Table.from_pydict(columns, schema=table.schema)
+        pq.write_table(renamed, folder / "splits.parquet")
+        entry = describe_file(folder, "splits.parquet", rows=len(table))
+        return manifest.with_table("splits", (entry,), split=manifest.split)
+
+    revise(dataset, write)
+    with pytest.raises(DatasetError, match=r"is in split .*; expected train, val, test or fold-N"):
+        read_splits(dataset)
 
 
 def test_splits_are_copied_as_they_are(dataset: Path, tmp_path: Path) -> None:
