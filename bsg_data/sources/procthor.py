@@ -227,6 +227,8 @@ def _split(opened: BinaryIO, file: Path) -> Iterator[tuple[int, bytes]]:
         number = 0
         while (start := _BETWEEN.match(text, start, end).end()) < end:  # type: ignore[union-attr]
             _, stop = _DECODER.raw_decode(text, start)
+            if stop > end:  # the bracket at the end is the last house's, as in `[[]`
+                raise SourceError(f"{file}: the array has no end; the file was cut off")
             number += 1
             yield number, text[start:stop].encode()
             start = stop

@@ -214,7 +214,12 @@ class Trial:
             return tree
         if struck.kind != "remove" and not (struck.kind == "open" and is_unfinished(struck.path)):
             return tree
-        return {path: digest for path, digest in tree.items() if not is_unfinished(path)}
+        empty = f"{struck.path}/"  # a folder that could not be removed
+        return {
+            path: digest
+            for path, digest in tree.items()
+            if not is_unfinished(path) and path != empty
+        }
 
     @property
     def struck(self) -> Call | None:

@@ -230,9 +230,10 @@ def test_files_that_are_cut_off_or_none(tmp_path: Path, monkeypatch: pytest.Monk
     plain.write_bytes(b"{}\n")
     with pytest.raises(SourceError, match="cannot be read"):
         ProcTHORHouses(plain).find()
-    (tmp_path / "open.json").write_text('[{"rooms": []}, {')
-    with pytest.raises(SourceError, match="the array has no end"):
-        ProcTHORHouses(tmp_path / "open.json").find()
+    for text in ('[{"rooms": []}, {', "[[]", '[{"rooms": []}, []'):
+        (tmp_path / "open.json").write_text(text)
+        with pytest.raises(SourceError, match="the array has no end"):
+            ProcTHORHouses(tmp_path / "open.json").find()
     (tmp_path / "bad.json").write_bytes(b'[{"rooms": \xff}]')
     with pytest.raises(SourceError, match="no JSON"):
         ProcTHORHouses(tmp_path / "bad.json").find()
