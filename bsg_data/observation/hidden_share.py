@@ -58,6 +58,8 @@ class ShareBelief:
                 f"standard deviation of a hidden share of {self.mean:g}: expected 0, or less than "
                 f"{most:.3g}, found {self.sd:g}"
             )
+        for name in ("mean", "sd"):  # numpy's numbers do as Python's, and are not JSON
+            object.__setattr__(self, name, float(getattr(self, name)))
 
     def __str__(self) -> str:
         """Say it as a person would.

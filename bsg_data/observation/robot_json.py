@@ -25,8 +25,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 from pydantic import AfterValidator, Field, PlainValidator, ValidationError
@@ -52,6 +53,7 @@ from bsg_data.scene.surroundings import (
 from bsg_data.spelling import SHOWN
 
 _MOST_ROOMS = 5  # that an error names
+AnyRecord = TypeVar("AnyRecord", bound=Record)
 Id = Annotated[str, Field(min_length=1, max_length=500)]
 Text = Annotated[str, Field(max_length=500)]
 Metres = Annotated[float, Field(ge=-1e6, le=1e6)]
@@ -313,29 +315,32 @@ def _name_class(graph: PartialGraph, obj: SeenObject) -> str | None:
     return None if obj.class_index is None else graph.class_space.classes[obj.class_index]
 
 
-def check_object(seen: SeenObject) -> None:
-    """Refuse an object that no file of a robot's graph could hold.
+def check_object(seen: SeenObject) -> SeenObject:
+    """Return an object with plain numbers, as of numpy's, and refuse what no file could hold.
 
     Raises:
         RecipeError: naming what is wrong with it.
     """
     said = {"id": seen.name, "category": seen.raw_category, "position": seen.position}
-    _check(_Object, said, f"object {str(seen.name)[:SHOWN]!r}")
+    found = _check(_Object, said, f"object {str(seen.name)[:SHOWN]!r}")
+    return replace(seen, name=found.id, raw_category=found.category, position=found.position)
 
 
-def check_room(room: KnownRoom) -> None:
-    """Refuse a room that no file of a robot's graph could hold.
+def check_room(room: KnownRoom) -> KnownRoom:
+    """Return a room with plain numbers, as of numpy's, and refuse what no file could hold.
 
     Raises:
         RecipeError: naming what is wrong with it.
     """
     said = {"id": room.name, "position": room.position, "floor_area": room.floor_area}
-    _check(_Room, said, f"room {str(room.name)[:SHOWN]!r}")
+    found = _check(_Room, said, f"room {str(room.name)[:SHOWN]!r}")
+    area = None if found.floor_area is None else float(found.floor_area)
+    return replace(room, name=found.id, position=found.position, floor_area=area)
 
 
-def _check(kind: type[Record], said: dict[str, Any], what: str) -> None:
+def _check(kind: type[AnyRecord], said: dict[str, Any], what: str) -> AnyRecord:
     try:
-        kind.model_validate(said)
+        return kind.model_validate(said)
     except ValidationError as error:
         raise RecipeError(f"{what}: {name_fault(error)}") from error
 

@@ -19,6 +19,7 @@ from bsg_data.arrays import Floats
 from bsg_models.belief.negative_binomial import TINY, first_counts, log_none
 
 MIN_RATE = 1e-3  # no model may call a hidden object impossible: log 0 would swallow all the rest
+_MOST_TILT = 600.0  # that is multiplied out: e^709 is the largest number
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +81,7 @@ class CountDistribution:
     def _log_normaliser(self) -> Floats:
         if self.tilts is None:
             return np.zeros(self.means.shape)
-        return _log_normaliser(self._first, self.tilts)
+        return _log_normaliser(self._first, self.tilts, self._untilted_none)
 
     @property
     def is_finite(self) -> bool:
@@ -120,7 +121,7 @@ class CountDistribution:
         normaliser: Floats | float = 0.0
         if self.tilts is not None:
             first = _first_counts(len(self.tilts), np.exp(each), means, self.dispersions)
-            normaliser = _log_normaliser(first, self.tilts)
+            normaliser = _log_normaliser(first, self.tilts, each)
         some = counts > 0  # most counts are 0, and need no more
         some_r = np.broadcast_to(self.dispersions, means.shape)[:, some]
         each[:, some] += _log_beyond_nones(counts[some], means[:, some], some_r)
@@ -341,7 +342,18 @@ def _first_counts(number: int, none: Floats, mean: Floats, dispersion: Floats) -
     return probabilities
 
 
-def _log_normaliser(first: Sequence[Floats], tilts: Floats) -> Floats:
-    """Return log Z of every component, `[K, N, C]`, from its untilted first counts."""
-    gained = sum(p * np.expm1(tilt) for p, tilt in zip(first, tilts, strict=True))
+def _log_normaliser(first: Sequence[Floats], tilts: Floats, log_none: Floats) -> Floats:
+    """Return log Z of every component, `[K, N, C]`.
+
+    Args:
+        first: its untilted first counts.
+        tilts: of them.
+        log_none: log of the first one. Of a large building it is too small to be a number, and what
+            it is tilted by too large.
+    """
+    large = tilts[0] > _MOST_TILT
+    rest = [np.where(large, 0.0, tilts[0]), *tilts[1:]]
+    gained = sum(p * np.expm1(tilt) for p, tilt in zip(first, rest, strict=True))
+    if large.any():
+        gained = gained + large * np.exp(np.where(large, log_none + tilts[0], 0.0))
     return np.asarray(np.log(np.maximum(1 + gained, TINY)))

@@ -197,9 +197,9 @@ class SeenBuilding:
         name = self._free_id() if object_id is None else object_id
         found = self._class_maps[0].classify(thing)
         seen = SeenObject(name, index, thing, found.category, found.class_index, position)
-        check_object(seen)
+        seen = check_object(seen)
         self._change(see_object(self._graph, seen))
-        return name
+        return seen.name
 
     @_alone
     def entered(
@@ -279,7 +279,7 @@ class SeenBuilding:
             room_type=check_room_type(room_type),
         )
         others = [beside] if isinstance(beside, str) else beside
-        check_room(new)
+        new = check_room(new)
         neighbours = [find_room(self._graph, other) for other in others]
         self._change(discover(self._graph, new, beside=neighbours))
 

@@ -172,6 +172,20 @@ def test_tilts_say_how_much_likelier_first_counts_are() -> None:
     np.testing.assert_allclose(q[2] / q[0], p[2] / p[0])
 
 
+@pytest.mark.parametrize("mean", [500.0, 650.0, 5000.0])
+def test_none_of_very_many_is_as_likely_as_its_tilt_says(mean: float) -> None:
+    """A building of thousands of rooms whose presence is what its rooms say."""
+    plain = poisson(np.array([[mean, 1.0]]))
+    tilts = np.zeros((2, 1, 1, 2))
+    tilts[0, 0, 0, 0] = mean  # what e^-mean is tilted by to be 1, as likely as all else
+    one = replace(plain, tilts=tilts)
+    assert one.is_finite
+    np.testing.assert_allclose(one.presence, [[0.5, -np.expm1(-1.0)]], rtol=1e-9)
+    np.testing.assert_allclose(one.mean, [[mean / 2, 1.0]], rtol=1e-9)
+    log_none = one.log_probability(np.zeros((1, 2)))
+    np.testing.assert_allclose(log_none, [[np.log(0.5), -1.0]], rtol=1e-9)
+
+
 @pytest.mark.parametrize("distribution", [tilted(), mixture()])
 def test_none_gets_likelier_by_the_odds_that_are_asked_for(distribution: CountDistribution) -> None:
     shift = np.random.default_rng(3).normal(0, 1, distribution.means.shape[1:])

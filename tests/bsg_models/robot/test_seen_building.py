@@ -12,7 +12,7 @@ from conftest import REPOSITORY
 from bsg_data.errors import RecipeError
 from bsg_data.observation.hidden_share import estimate_hidden_share
 from bsg_data.observation.partial_graph import reclassify
-from bsg_data.observation.robot_json import read_robot_graph
+from bsg_data.observation.robot_json import encode_robot_graph, read_robot_graph
 from bsg_data.scene.class_map import load_class_map
 from bsg_models.belief.belief_graph import believe
 from bsg_models.robot.seen_building import SeenBuilding, open_graph
@@ -117,6 +117,20 @@ def test_what_cannot_be_is_refused_and_changes_nothing(
     with pytest.raises(RecipeError):
         tell(seen)
     assert seen.graph is before
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_numbers_of_numpy_are_told_and_written(seen: SeenBuilding, kind: type) -> None:
+    """As a robot's poses are: what is told can be written ever after."""
+    place: Any = np.array([1, 2, 3], dtype=kind)
+    first = seen.rooms[0]
+    seen.saw(first, "chair", position=place)
+    seen.saw(first, "chair", position=tuple(place))
+    seen.entered(first, hidden_share=kind(0.5))
+    seen.discovered("attic", position=place, floor_area=kind(9), beside=first)
+    words = json.dumps(encode_robot_graph(seen.graph))
+    assert '"floor_area": 9.0' in words
+    assert words.count("[1.0, 2.0, 3.0]") == 3
 
 
 def test_threads_may_tell_and_ask_at_once(seen: SeenBuilding) -> None:
