@@ -63,8 +63,7 @@ def replace_sealed(
             files = (path for path in staged[0].rglob("*") if path.is_file())
             names = sorted(path.relative_to(staged[0]).as_posix() for path in files)
             write_seal(staged[0], names)
-            if before or not (place.path / record).is_file():  # results may be older than seals
-                _refuse_replacing(place.path, {*names, SEAL} - before.keys(), sealed=bool(before))
+            refuse_replacing(place.path, record, names)
         for name in before.keys() - set(names):
             with suppress(OSError, DatasetError):  # no seal speaks of what is behind a link
                 refuse_links(place.path, place.path / name)
@@ -93,9 +92,21 @@ def require_kind(folder: Path, record: str) -> dict[str, str]:
     return sums
 
 
-def _refuse_replacing(folder: Path, names: set[str], *, sealed: bool) -> None:
-    """Refuse to replace files that no results of ours list."""
-    for name in sorted(names - {SEAL} if sealed else names):
+def refuse_replacing(folder: Path, record: str, names: Iterable[str]) -> None:
+    """Refuse to replace files of a folder that no results of the same kind list.
+
+    Args:
+        folder: of results, which need not be there.
+        record: as of `require_kind`; results that have it and no seal may be older than seals.
+        names: of the files to be replaced, the seal aside.
+
+    Raises:
+        DatasetError: naming such a file, or if the folder holds other results.
+    """
+    before = require_kind(folder, record)
+    if not before and (folder / record).is_file():
+        return
+    for name in sorted({*names} - before.keys() if before else {*names, SEAL}):
         if (folder / name).is_symlink() or (folder / name).exists():
             raise DatasetError(
                 f"{folder / name}: belongs to no results of this command, which would replace it; "

@@ -63,6 +63,8 @@ SCHEMAS = {
         ]
     ),
 }
+FILES = tuple(f"{name}.parquet" for name in SCHEMAS)
+RECORD = "nodes.parquet"  # what other results have not
 # Columns of nodes that came later: `corrected` in version 2, the next two in 3, the last in 4.
 _NEW = frozenset({"corrected", "floor_area", "room_type", "hidden_share_sd"})
 _SORTED_BY = {"nodes": ("node",), "edges": ("source", "target"), "histograms": ("node",)}
@@ -85,7 +87,7 @@ def write_rows(
         DatasetError: if they cannot be written.
     """
     try:
-        with replace_sealed(folder, "nodes.parquet") as (staged,):
+        with replace_sealed(folder, RECORD) as (staged,):
             raw = staged.with_name("rows")
             raw.mkdir()
             places = {name: raw / name for name in SCHEMAS}
