@@ -19,7 +19,6 @@ from bsg_data.inputs.bounds import CHECKSUMS
 from bsg_data.result_folder import Place, hold_places, stage_files
 
 SEAL = "SHA256SUMS"
-_OF_RUNS = ("best.safetensors", "last.safetensors", "log.jsonl")  # also of one that has no seal yet
 _LINE = re.compile(r"(?P<sha256>[0-9a-f]{64})  (?P<name>(?!/)[^\\\x00-\x1f]+)")
 
 
@@ -70,10 +69,7 @@ def replace_sealed(
             for other in beside:
                 _refuse_twice(other, place.path, names)
             write_seal(staged[0], names)
-            if before:
-                _refuse_replacing(place.path, set(names) - before.keys())
-            elif not (place.path / report).is_file():  # else they are from before there were seals
-                _refuse_replacing(place.path, {*names, SEAL})
+            refuse_replacing(place.path, report, names)
         for name in before.keys() - set(names):
             with suppress(OSError, DatasetError):  # no seal speaks of what is behind a link
                 refuse_links(place.path, place.path / name)
@@ -82,7 +78,7 @@ def replace_sealed(
 
 
 def refuse_other_results(folder: Path, report: str) -> None:
-    """Refuse a folder with results of another kind, or with a run: they would lose their seal.
+    """Refuse a folder with results of another kind: they would lose their seal.
 
     Args:
         folder: where results are to be written.
@@ -92,13 +88,10 @@ def refuse_other_results(folder: Path, report: str) -> None:
         DatasetError: naming what is there.
     """
     sealed = _list_sealed(folder)
-    if report in sealed:
-        return
-    there = next((name for name in (*sealed, *_OF_RUNS) if (folder / name).exists()), None)
-    if there is not None:
+    if sealed and report not in sealed:
         raise DatasetError(
-            f"{folder}: holds other results ({there}), which would not be whole any more; choose "
-            "another folder"
+            f"{folder}: holds other results ({min(sealed)}), which would not be whole any more; "
+            "choose another folder"
         )
 
 
@@ -120,9 +113,21 @@ def _list_sealed(folder: Path) -> dict[str, str]:
         return {}
 
 
-def _refuse_replacing(folder: Path, names: set[str]) -> None:
-    """Refuse to replace files that no results of ours list."""
-    for name in sorted(names):
+def refuse_replacing(folder: Path, report: str, names: Iterable[str]) -> None:
+    """Refuse to replace files of a folder that no results of the same kind list.
+
+    Args:
+        folder: of results, which need not be there.
+        report: as of `refuse_other_results`; results with it and no seal may be older than seals.
+        names: of the files to be replaced, the seal aside.
+
+    Raises:
+        DatasetError: naming such a file.
+    """
+    before = _list_sealed(folder)
+    if not before and (folder / report).is_file():
+        return
+    for name in sorted({*names} - before.keys() if before else {*names, SEAL}):
         if (folder / name).is_symlink() or (folder / name).exists():
             raise DatasetError(
                 f"{folder / name}: belongs to no results of this command, which would replace it; "

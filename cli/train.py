@@ -16,7 +16,7 @@ from bsg_cli.configurations import load_config
 from bsg_cli.options import PATH, data_option, force_option, json_option, out_option
 from bsg_cli.terminal import Command, print_json, print_note, print_text, progress_bar
 from bsg_data.errors import BSGError
-from bsg_data.seals import SEAL
+from bsg_data.seals import SEAL, read_seal
 from bsg_data.tables import format_text
 
 
@@ -79,7 +79,7 @@ def main(
             pass
         return
     _note_other_mask(config, dataset)
-    finished = resume and (out / SEAL).is_file()
+    before = _seal_of(out) if resume else None
     try:
         with _board(out if tensorboard else None) as log, _bar(config) as draw:
             trained = 0
@@ -90,7 +90,7 @@ def main(
     except KeyboardInterrupt:
         _note_stopped(out)
         raise
-    if finished and not trained:
+    if before and not trained and _seal_of(out) == before:
         print_note(f"{out}: is finished already; nothing was trained")
     bsg_models.plot_run(out)
     summary = bsg_models.summarise_run(out)
@@ -116,6 +116,13 @@ def _note_other_mask(config: bsg_models.RunConfig, dataset: Path) -> None:
             f"trains on masks {fresh} (data.mask of the configuration); the pairs of {dataset}, on "
             f"which it is validated, are of {stored}"
         )
+
+
+def _seal_of(run: Path) -> dict[str, str] | None:
+    """Return the seal of a run; None if it has none that can be read."""
+    with suppress(BSGError):
+        return read_seal(run)
+    return None
 
 
 def _note_stopped(run: Path) -> None:

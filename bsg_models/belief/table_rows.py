@@ -63,6 +63,7 @@ SCHEMAS = {
         ]
     ),
 }
+FILES = tuple(f"{name}.parquet" for name in SCHEMAS)
 # Columns of nodes that came later: `corrected` in version 2, the next two in 3, the last in 4.
 _NEW = frozenset({"corrected", "floor_area", "room_type", "hidden_share_sd"})
 NODES = "nodes.parquet"  # the file by which belief tables are known

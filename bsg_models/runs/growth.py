@@ -19,9 +19,10 @@ from bsg_data.errors import DatasetError
 from bsg_data.files import refuse_links
 from bsg_data.lock import hold
 from bsg_data.result_folder import Place, link_or_copy, stage_files
-from bsg_data.seals import SEAL, require_seal
+from bsg_data.seals import SEAL, refuse_other_results, require_seal
 from bsg_models.errors import TrainingError
 from bsg_models.runs.run_folder import (
+    BEST,
     FILES,
     MEMBERS,
     clear_run,
@@ -63,7 +64,7 @@ def open_run(run: Path, *, resume: bool = False, force: bool = True) -> Iterator
     except OSError as error:
         raise TrainingError(f"{run}: cannot be made ({error.strerror})") from error
     with hold(run):
-        _settle(run)
+        _settle(run, drop=force and not resume)
         refuse_overwriting(run, resume=resume, force=force)
         place = growing_run(run) if resume else _begin(run)
         if resume:
@@ -90,30 +91,49 @@ def refuse_overwriting(run: Path, *, resume: bool, force: bool) -> None:
 
     Raises:
         TrainingError: if a run is there, or a file that has a name of ours and is not ours.
+        DatasetError: if results of another command are.
     """
-    if run.exists() and not run.is_dir():
-        raise TrainingError(f"{run}: is a file; a run is a folder")
-    if not is_run(run):
-        for name in (*FILES, SEAL):
-            if (run / name).exists() or (run / name).is_symlink():
-                raise TrainingError(
-                    f"{run / name}: was not written by bsg-train, which would replace it; move it "
-                    "away, or choose another folder"
-                )
+    refuse_foreign_files(run)
     holds = has_checkpoint(run) or has_checkpoint(growing_run(run))
     if holds and not (resume or force):
         raise TrainingError(f"{run}: holds a run already; --resume goes on, --force replaces it")
 
 
-def settle_run(run: Path) -> None:
+def refuse_foreign_files(run: Path) -> None:
+    """Refuse a folder where files that are no run's have the names of a run's.
+
+    Raises:
+        TrainingError: naming the first of them.
+        DatasetError: if results of another command are there.
+    """
+    if run.exists() and not run.is_dir():
+        raise TrainingError(f"{run}: is a file; a run is a folder")
+    refuse_other_results(run, BEST)
+    if is_run(run):
+        return
+    for name in (*FILES, SEAL):
+        if (run / name).exists() or (run / name).is_symlink():
+            raise TrainingError(
+                f"{run / name}: was not written by bsg-train, which would replace it; move it "
+                "away, or choose another folder"
+            )
+
+
+def settle_run(run: Path, *, drop: bool = False) -> None:
     """Put a replacement that is whole in its place, as a training that was killed would have.
+
+    One that has saved nothing is removed, so that nothing takes the run for it.
+
+    Args:
+        run: its folder.
+        drop: whether a replacement that was changed since it was whole is to be removed.
 
     Raises:
         DatasetError: if another command holds the lock, or it cannot be put there.
     """
     if (run / REPLACEMENT).is_dir() or (run / DISCARDED).is_dir():
         with hold(run):
-            _settle(run)
+            _settle(run, drop=drop)
 
 
 def _begin(run: Path) -> Path:
@@ -126,13 +146,22 @@ def _begin(run: Path) -> Path:
     return run / REPLACEMENT
 
 
-def _settle(run: Path) -> None:
+def _settle(run: Path, *, drop: bool = False) -> None:
     """Put a replacement that is whole in its place; what only the old run has is removed."""
     replacement = growing_run(run)
     if replacement == run:
         _remove_replacement(run)  # what is left of one
         return
-    if require_seal(replacement) is None:
+    if not has_checkpoint(replacement):  # killed before there was anything to go on with
+        _remove_replacement(run)
+        return
+    try:
+        if require_seal(replacement) is None:
+            return
+    except DatasetError:
+        if not drop:
+            raise
+        _remove_replacement(run)
         return
     old, new = list_run(run), list_run(replacement)
     with stage_files([Place(run.resolve(), last=SEAL)]) as (staged,):
@@ -153,6 +182,8 @@ def _remove_replacement(run: Path) -> None:
     discarded = run / DISCARDED
     for folder in (discarded, run / REPLACEMENT):
         refuse_links(run, folder)
+        if folder.exists() and not folder.is_dir():
+            raise DatasetError(f"{folder}: was not written by bsg-train; move it away")
         if folder.is_dir():
             _refuse_foreign(folder)
             folder.replace(discarded)

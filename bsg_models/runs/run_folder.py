@@ -80,6 +80,16 @@ def is_run(folder: Path) -> bool:
     return _has_log(folder) or _has_header(folder / BEST) or _has_header(folder / LAST)
 
 
+def refuse_run(folder: Path) -> None:
+    """Refuse to put other results into a run; one that was stopped has no seal to tell by.
+
+    Raises:
+        DatasetError: if it is a run.
+    """
+    if is_run(folder):
+        raise DatasetError(f"{folder}: is a run of bsg-train; choose another folder")
+
+
 def _has_log(folder: Path) -> bool:
     try:
         with open_stream(folder / LOG, RUN_RECORD, error=TrainingError) as log:
@@ -107,7 +117,7 @@ def list_run(run: Path) -> list[str]:
     The log of each comes last: what has a log is a run, so that whoever removes them all and is
     stopped leaves a run behind.
     """
-    found = [name for name in (SEAL, *FILES) if os.path.lexists(run / name)]
+    found = [name for name in (SEAL, *FILES) if _is_file(run / name)]
     members = run / MEMBERS
     if members.is_symlink() or not members.is_dir():
         return found
@@ -120,6 +130,10 @@ def list_run(run: Path) -> list[str]:
         ),
         *found,
     ]
+
+
+def _is_file(path: Path) -> bool:
+    return path.is_symlink() or (os.path.lexists(path) and not path.is_dir())
 
 
 def clear_run(run: Path) -> None:

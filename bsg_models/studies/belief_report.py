@@ -28,18 +28,19 @@ from bsg_data.recipes import MaskRecipe, Record
 from bsg_data.result_folder import Place, is_vacant, replace_together
 from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.scene.surroundings import KNOWN_SOURCES
-from bsg_data.seals import SEAL, refuse_other_results, refuse_sealed_file
+from bsg_data.seals import SEAL, refuse_other_results, refuse_replacing, refuse_sealed_file
 from bsg_models.belief.belief_graph import BeliefGraph, Mode, believe, rank_unseen
 from bsg_models.belief.formats import choose_format, write_beliefs
 from bsg_models.belief.graph_file import open_graph_file
 from bsg_models.belief.hydra import SPARK_DSG, annotate_hydra, write_hydra
 from bsg_models.belief.hydra_file import HydraFile
-from bsg_models.belief.table_rows import NODES
+from bsg_models.belief.table_rows import FILES, NODES
 from bsg_models.belief.tables import read_tables, write_tables
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.rendering.explorer import View, write_explorer
 from bsg_models.robot.told_shares import tell_shares
 from bsg_models.runs.predictor import Predictor
+from bsg_models.runs.run_folder import refuse_run
 from bsg_models.runs.shipped import DEFAULT_MODEL
 
 MOST_HELD = 200  # belief graphs that are held, and on a page; tables take any number
@@ -327,6 +328,10 @@ def _refuse_replacing(request: BeliefRequest) -> None:
             refuse_sealed_file(path)
         if not (is_vacant(path) or request.force):
             raise DatasetError(f"{path}: is there already; --force replaces it")
+    for folder in (request.tables, request.out):
+        if folder is not None and folder.is_dir():
+            refuse_run(folder)
+            refuse_replacing(folder, NODES, FILES)
 
 
 def _write_all(request: BeliefRequest, beliefs: Iterator[BeliefGraph]) -> None:

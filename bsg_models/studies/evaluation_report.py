@@ -31,6 +31,7 @@ from bsg_models.rendering.explorer import View, explorer_page
 from bsg_models.rendering.figures import plot_evaluation
 from bsg_models.rendering.report import Table, write_report
 from bsg_models.runs.predictor import Predictor
+from bsg_models.runs.run_folder import refuse_run
 from bsg_models.studies.comparison import Comparison, compare_runs
 from bsg_models.studies.comparison_table import encode_comparison, headline_rows, metric_rows
 from bsg_models.studies.entries import open_entry
@@ -157,6 +158,7 @@ def report_evaluation(
 def _refuse_done(request: EvaluationRequest) -> None:
     """Refuse to replace results without being told to."""
     report = request.folder / REPORT
+    refuse_run(request.folder)
     if report.exists() and not request.force:
         raise DatasetError(
             f"{report}: is there already; --force replaces it, --out puts it elsewhere"

@@ -16,6 +16,7 @@ from bsg_data.files import encode_json, write_bytes
 from bsg_data.seals import refuse_other_results, replace_sealed
 from bsg_models.evaluation.catalogue import head_value
 from bsg_models.rendering.figures import plot_leaderboard
+from bsg_models.runs.run_folder import refuse_run
 from bsg_models.studies.leaderboard import Leaderboard, ModelResult
 from bsg_models.studies.leaderboard_table import (
     HIDDEN,
@@ -52,6 +53,7 @@ def refuse_finished(out: Path, *, force: bool) -> None:
         DatasetError: if there is one, or results of another command.
     """
     refuse_other_results(out, REPORT)
+    refuse_run(out)
     if (out / REPORT).exists() and not force:
         raise DatasetError(
             f"{out / REPORT}: is there already; --force replaces it, --out puts it elsewhere"

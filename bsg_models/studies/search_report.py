@@ -31,7 +31,7 @@ from bsg_models.rendering.replay import write_replay
 from bsg_models.runs.checkpoint import read_header
 from bsg_models.runs.found_model import locate_run
 from bsg_models.runs.model_summary import describe_model
-from bsg_models.runs.run_folder import checkpoint_of
+from bsg_models.runs.run_folder import checkpoint_of, refuse_run
 from bsg_models.runs.shipped import DEFAULT_MODEL, name_run, shipped_names
 from bsg_models.search.catalogue import PLANNERS
 from bsg_models.search.room_graphs import DEFAULT_WORLDS, WorldRecipe, parse_world
@@ -223,6 +223,7 @@ def _search_into(
 
 def _refuse_done(report: Path, *, force: bool) -> None:
     """Refuse to replace results without being told to."""
+    refuse_run(report.parent)
     if report.exists() and not force:
         raise DatasetError(
             f"{report}: is there already; --force replaces it, --out puts it elsewhere"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import cast
 
@@ -11,6 +11,7 @@ import numpy as np
 import torch
 
 from bsg_data.dataset.dataset import Dataset
+from bsg_data.errors import DatasetError
 from bsg_data.files import refuse_links
 from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_data.seals import require_seal
@@ -18,7 +19,13 @@ from bsg_models.belief.count_distribution import CountDistribution, concatenate
 from bsg_models.errors import CheckpointError, TrainingError
 from bsg_models.inputs.folds import scenes_of, vocabulary_of
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model, save_checkpoint
-from bsg_models.runs.growth import growing_run, open_run, refuse_overwriting, settle_run
+from bsg_models.runs.growth import (
+    growing_run,
+    open_run,
+    refuse_foreign_files,
+    refuse_overwriting,
+    settle_run,
+)
 from bsg_models.runs.run_folder import (
     BEST,
     LAST,
@@ -82,7 +89,7 @@ def train_run(
     data, device = Dataset.open(dataset), find_device(config.training.device)
     with join_ranks(device) as ranks:
         if ranks.leads:
-            settle_run(run)
+            settle_run(run, drop=force and not resume)
             refuse_overwriting(run, resume=resume, force=force)
             resume = resume and not (force and _is_other_training(config, data, growing_run(run)))
         if isinstance(config.model, EnsembleConfig):
@@ -161,15 +168,23 @@ def _is_other_training(config: RunConfig, data: Dataset, run: Path) -> bool:
     """Say whether a run cannot be gone on with, as it is of another training or damaged."""
     try:
         _require_resumable(config, data, run)
-    except (TrainingError, CheckpointError):
+        require_seal(run)
+    except (TrainingError, CheckpointError, DatasetError):
         return True
-    return False
+    return (run / LAST).is_file() and not (run / BEST).is_file()
 
 
 def _require_resumable(config: RunConfig, data: Dataset, run: Path) -> None:
-    """Refuse to go on with a run of another training, a model that counts too: it has no last."""
+    """Refuse to go on with a run of another training, a model that counts too: it has no last.
+
+    An ensemble that was stopped is known by its members.
+    """
     last = run / LAST
     require_same_training(config, data, last if last.is_file() else run / BEST)
+    if isinstance(config.model, EnsembleConfig):
+        for name in config.model.members:
+            with suppress(CheckpointError):  # a member that is damaged is made again
+                _require_resumable(member_config(config, name), data, run / MEMBERS / name)
 
 
 def new_model(config: RunConfig, data: Dataset) -> BeliefModel:
@@ -259,8 +274,15 @@ def _train_ensemble(
 ) -> Iterator[EpochReport]:
     """Train the members into `members/NAME` of the run, one after another, then mix them."""
     new_model(config, data)  # a configuration that cannot be made fails before anything is replaced
+    if (run / MEMBERS).exists() and not (run / MEMBERS).is_dir():
+        raise TrainingError(f"{run / MEMBERS}: is a file, where folders go; move it away")
+    for name in ensemble.members:
+        refuse_links(run, run / MEMBERS / name)
+        refuse_foreign_files(run / MEMBERS / name)
     if resume and _is_fitted(config, data, run):
         return
+    if resume:
+        _require_resumable(config, data, growing_run(run))
     with open_run(run, resume=resume, force=force) as place, keep_log(place, config, data) as notes:
         members = {name: place / MEMBERS / name for name in ensemble.members}
         for name, folder in members.items():

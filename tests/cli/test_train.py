@@ -145,3 +145,11 @@ def test_ctrl_c_leaves_a_run_that_resumes_to_the_same_weights(
         a, b = load_file(tmp_path / "whole" / name), load_file(stopped / name)
         assert a.keys() == b.keys()
         assert all(a[key].equal(b[key]) for key in a)
+
+
+def test_only_a_run_that_stays_as_it_is_is_finished_already(dataset: Path, tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    words = ("--data", dataset, "--out", out, "--resume", "--force")
+    run("--config", "train-mean", *words)
+    assert "is finished already" in run("--config", "train-mean", *words).stderr
+    assert "is finished already" not in run("--config", "doubled", *words).stderr

@@ -9,12 +9,22 @@ import pytest
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import BSGError, DatasetError
-from bsg_data.seals import SEAL, require_seal
+from bsg_data.seals import SEAL, read_seal, require_seal, write_seal
 from bsg_models.errors import TrainingError
 from bsg_models.runs import growth
 from bsg_models.runs.checkpoint import read_header
 from bsg_models.runs.growth import REPLACEMENT, growing_run
-from bsg_models.runs.run_folder import BEST, CONFIG, CURVE, FILES, LAST, LOG, MEMBERS, METRICS
+from bsg_models.runs.run_folder import (
+    BEST,
+    CONFIG,
+    CURVE,
+    FILES,
+    LAST,
+    LOG,
+    MEMBERS,
+    METRICS,
+    refuse_run,
+)
 from bsg_models.runs.run_log import keep_log
 from bsg_models.training import training
 from bsg_models.training.learning_curve import EpochReport
@@ -215,3 +225,124 @@ def test_a_replacement_that_is_a_link_or_holds_files_of_others_is_refused(
     with pytest.raises(DatasetError, match=r"photo\.png: was not written by bsg-train"):
         train(network(), dataset, run, force=True)
     assert read(run) == before
+
+
+def test_a_replacement_that_has_saved_nothing_is_not_gone_on_with(run: Path, dataset: Path) -> None:
+    """A command was killed before its first checkpoint: without --force the old run stays."""
+    (run / REPLACEMENT).mkdir()
+    (run / REPLACEMENT / LOG).write_bytes((run / LOG).read_bytes())
+    before = {path.name: path.read_bytes() for path in run.iterdir() if path.is_file()}
+    with pytest.raises(TrainingError, match="was trained with another configuration"):
+        train(network(), dataset, run, resume=True)
+    assert {path.name: path.read_bytes() for path in run.iterdir()} == before
+
+
+def test_a_whole_replacement_that_was_changed_is_dropped_by_force(run: Path, dataset: Path) -> None:
+    train(network(), dataset, run / REPLACEMENT)
+    (run / REPLACEMENT / METRICS).write_text("changed")
+    with pytest.raises(DatasetError, match=rf"{METRICS}: was changed"):
+        train(network(), dataset, run, resume=True, force=True)
+    train(count(), dataset, run, force=True)
+    assert read_header(run / BEST).config == count()
+    assert not (run / REPLACEMENT).exists()
+
+
+@pytest.mark.parametrize("name", [REPLACEMENT, ".bsg-discarded"])
+def test_a_file_where_a_replacement_goes_is_refused_before_anything_is_trained(
+    name: str, run: Path, dataset: Path
+) -> None:
+    (run / name).write_text("mine")
+    with pytest.raises(DatasetError, match=rf"{name}: was not written by bsg-train"):
+        train(network(), dataset, run, force=True)
+    assert (run / name).read_text() == "mine"
+
+
+def test_a_folder_that_has_the_name_of_a_file_of_a_run_stays(run: Path, dataset: Path) -> None:
+    (run / CURVE).mkdir()
+    (run / CURVE / "mine.txt").write_text("mine")
+    train(network(), dataset, run, force=True)
+    assert (run / CURVE / "mine.txt").read_text() == "mine"
+    assert not (run / REPLACEMENT).exists()
+
+
+def ensemble(*settings: str) -> RunConfig:
+    members = 'model.members=["train-mean", "ceci-gcn"]'
+    tables = find_config("ensemble").model_dump(mode="json")
+    return validate_config(override(tables, [members, *settings]), source="test")
+
+
+@pytest.mark.parametrize("over", ["nothing", "a run"])
+def test_files_of_somebody_else_where_a_member_goes_stay(
+    over: str, dataset: Path, tmp_path: Path
+) -> None:
+    """They were removed, and replaced, when the member began and when the ensemble was whole."""
+    run = tmp_path / "run"
+    if over == "a run":
+        train(count(), dataset, run)
+    mine = run / MEMBERS / "train-mean"
+    mine.mkdir(parents=True)
+    for name in (CONFIG, CURVE):
+        (mine / name).write_text("mine")
+    with pytest.raises(TrainingError, match=r"train-mean/.*was not written by bsg-train"):
+        train(ensemble(), dataset, run, force=True)
+    assert [path.read_text() for path in sorted(mine.iterdir())] == ["mine", "mine"]
+
+
+def test_members_that_are_no_folder_are_refused_before_anything_is_trained(
+    run: Path, dataset: Path
+) -> None:
+    (run / MEMBERS).write_text("mine")
+    with pytest.raises(TrainingError, match=f"{MEMBERS}: is a file"):
+        train(ensemble(), dataset, run, force=True)
+    assert not (run / REPLACEMENT).exists()
+
+
+def test_an_ensemble_that_was_stopped_is_known_by_its_members(
+    dataset: Path, tmp_path: Path
+) -> None:
+    run = tmp_path / "run"
+    stop(ensemble(), dataset, run, after=10)
+    before = read(run)
+    assert f"{MEMBERS}/ceci-gcn/{LAST}" in before
+    with pytest.raises(TrainingError, match=r"train-mean/.*\(seed: 0 → 5\)"):
+        train(ensemble("seed=5"), dataset, run, resume=True)
+    assert read(run) == before
+    stop(ensemble("seed=5"), dataset, run, after=10, resume=True, force=True)
+    assert read_header(run / REPLACEMENT / MEMBERS / "ceci-gcn" / LAST).config.seed == 5
+
+
+@pytest.mark.parametrize("damage", ["changed", "gone"])
+def test_resume_with_force_replaces_a_damaged_run(
+    damage: str, dataset: Path, tmp_path: Path
+) -> None:
+    run = tmp_path / "run"
+    train(network(), dataset, run)
+    if damage == "changed":
+        (run / METRICS).write_text("changed")
+    else:
+        (run / BEST).unlink()
+        (run / SEAL).unlink()
+    train(network(), dataset, run, resume=True, force=True)
+    assert require_seal(run) is not None
+    assert read_header(run / BEST).config == network()
+
+
+def test_results_of_another_command_in_a_run_that_was_stopped_are_told(
+    dataset: Path, tmp_path: Path
+) -> None:
+    run = tmp_path / "run"
+    stop(network(), dataset, run, after=3)
+    (run / "evaluation.json").write_text("{}")
+    write_seal(run, ["evaluation.json"])
+    with pytest.raises(DatasetError, match=r"lists evaluation\.json and no best\.safetensors"):
+        train(network(), dataset, run, resume=True)
+    assert read_seal(run) == require_seal(run)
+
+
+def test_no_other_results_go_into_a_run_that_was_stopped(dataset: Path, tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    stop(network(), dataset, run, after=3)
+    with pytest.raises(DatasetError, match="is a run of bsg-train"):
+        refuse_run(run)
+    refuse_run(tmp_path)
+    refuse_run(tmp_path / "absent")

@@ -10,6 +10,7 @@ from bsg_data.build import build_dataset
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError, MismatchError, RecipeError
 from bsg_data.recipes import SplitRecipe
+from bsg_data.seals import write_seal
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_models.belief.tables import read_tables
 from bsg_models.studies import belief_report
@@ -102,3 +103,27 @@ def test_any_number_of_beliefs_goes_to_tables_and_some_to_a_page(
     page = places["html"].read_text("utf-8")
     assert few.graphs[1].partial.scene_id in page
     assert whole.graphs[2].partial.scene_id not in page
+
+
+def test_tables_take_the_place_of_no_run_and_of_no_file_of_somebody_else(old_run: Path) -> None:
+    """With --force they replaced the seal of a run, which was then not checked any more."""
+    before = {path.name: path.read_bytes() for path in old_run.iterdir()}
+    into_run = BeliefRequest(run=old_run, graphs=(OFFICE,), tables=old_run, force=True)
+    with pytest.raises(DatasetError, match="is a run of bsg-train"):
+        report_beliefs(into_run)
+    assert {path.name: path.read_bytes() for path in old_run.iterdir()} == before
+    other = old_run.with_name("evaluated")
+    other.mkdir()
+    (other / "evaluation.json").write_text("{}")
+    write_seal(other, ["evaluation.json"])
+    with pytest.raises(DatasetError, match="holds other results"):
+        report_beliefs(into_run.model_copy(update={"tables": other}))
+    mine = old_run.with_name("mine")
+    mine.mkdir()
+    (mine / "edges.parquet").write_text("mine")
+    with pytest.raises(DatasetError, match=r"edges\.parquet: belongs to no results"):
+        report_beliefs(into_run.model_copy(update={"tables": mine}))
+    assert (mine / "edges.parquet").read_text() == "mine"
+    (mine / "edges.parquet").unlink()
+    for _ in range(2):  # over its own tables it writes
+        report_beliefs(into_run.model_copy(update={"tables": mine}))
