@@ -147,12 +147,10 @@ def stage_files(
 ) -> Iterator[tuple[Path, ...]]:
     """Do what `replace_together` does for somebody who holds the locks already."""
     made = [place.path for place in places if not place.is_file and not place.path.exists()]
-    for place in places:
-        _refuse_foreign(place.unfinished)
     try:
         for folder in made:
             folder.mkdir(exist_ok=True)
-        _recover(places)
+        recover(places)
         if refuse is not None:
             refuse()
         for place in places:
@@ -236,13 +234,15 @@ def _is_begun(places: Sequence[Place]) -> bool:
     return (places[0].unfinished / _OWN).is_dir()
 
 
-def _recover(places: Sequence[Place]) -> None:
-    """Undo what a killed command had begun, and remove what it left.
+def recover(places: Sequence[Place]) -> None:
+    """Undo what a killed command had begun, and remove what it left; the locks are held.
 
     Raises:
         OSError: if it cannot be removed, or is no folder.
-        DatasetError: if a link is in the way.
+        DatasetError: if a link or somebody's own file is in the way.
     """
+    for place in places:
+        _refuse_foreign(place.unfinished)
     if not places[0].unfinished.is_symlink() and _is_begun(places):
         files: list[_Path] = []
         for place in places:

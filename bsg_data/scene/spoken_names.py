@@ -24,7 +24,6 @@ RULES: Mapping[Rule, str] = {
 _PREPOSITION = re.compile(r"\s(?:with|without|for|of)\s")
 # A number of things is of the things' class (rule 3 of mappings/README.md).
 _COLLECTION = re.compile(r"^(?:an? )?(?:sets?|pairs?|piles?|stacks?|bunch|group|row) of ")
-_INSTANCE = re.compile(r"[ .#]*[0-9]*[ .]*$")  # chair 3, chair.003
 # (ending of the plural, ending of the singular)
 _ENDINGS = (("ies", "y"), ("ves", "f"), ("ves", "fe"), ("es", ""), ("s", ""))
 _MOST_WORDS = 12  # no name of a thing has more
@@ -43,7 +42,7 @@ def resolve(
         synonyms: normalised name → listed name, or the empty name.
         known: says whether a name is listed.
     """
-    words = _INSTANCE.sub("", re.sub(r"[-_]", " ", name)).split()[:_MOST_WORDS]
+    words = _drop_instance(re.sub(r"[-_]", " ", name)).split()[:_MOST_WORDS]
     whole = tuple(_explain(words, synonyms=synonyms, known=known))
     if whole or not words:
         yield from ((other, rule) for other, rule in whole if other)
@@ -53,6 +52,11 @@ def resolve(
         if found:
             yield from ((other, "head noun") for other, _ in found[:1] if other)
             return
+
+
+def _drop_instance(name: str) -> str:
+    """Return a name without the number at its end, as of `chair 3`, `chair #3` and `chair.003`."""
+    return name.rstrip(" .").rstrip("0123456789").rstrip(" .#")
 
 
 def _explain(

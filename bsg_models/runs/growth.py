@@ -18,16 +18,18 @@ from pathlib import Path
 from bsg_data.errors import DatasetError
 from bsg_data.files import refuse_links
 from bsg_data.lock import hold
-from bsg_data.result_folder import Place, link_or_copy, stage_files
+from bsg_data.result_folder import UNFINISHED, Place, link_or_copy, recover, stage_files
 from bsg_data.seals import SEAL, refuse_other_results, require_seal
 from bsg_models.errors import TrainingError
 from bsg_models.runs.run_folder import (
     BEST,
     FILES,
+    LAST,
     MEMBERS,
     clear_run,
     has_checkpoint,
     is_run,
+    list_half_written,
     list_run,
     remove_files,
     seal_run,
@@ -67,6 +69,7 @@ def open_run(run: Path, *, resume: bool = False, force: bool = True) -> Iterator
         _settle(run, drop=force and not resume)
         refuse_overwriting(run, resume=resume, force=force)
         place = growing_run(run) if resume else _begin(run)
+        remove_files(run, list_half_written(run))
         if resume:
             require_seal(place)
         try:
@@ -74,10 +77,10 @@ def open_run(run: Path, *, resume: bool = False, force: bool = True) -> Iterator
                 yield place
             seal_run(place)
         except BaseException:
-            if place != run and not has_checkpoint(place):  # nothing to go on with
+            if place != run and not _can_go_on(place):
                 _remove_replacement(run)
             raise
-        _settle(run)
+        _put_in_place(run)
 
 
 def growing_run(run: Path) -> Path:
@@ -131,7 +134,7 @@ def settle_run(run: Path, *, drop: bool = False) -> None:
     Raises:
         DatasetError: if another command holds the lock, or it cannot be put there.
     """
-    if (run / REPLACEMENT).is_dir() or (run / DISCARDED).is_dir():
+    if any((run / left).is_dir() for left in (REPLACEMENT, DISCARDED, UNFINISHED)):
         with hold(run):
             _settle(run, drop=drop)
 
@@ -146,9 +149,31 @@ def _begin(run: Path) -> Path:
     return run / REPLACEMENT
 
 
+def _can_go_on(run: Path) -> bool:
+    """Say whether a training that was stopped left what it can go on with."""
+    return any(Path(name).name == LAST or name.startswith(MEMBERS) for name in list_run(run))
+
+
+def _put_in_place(run: Path) -> None:
+    """Put a run that has just been sealed in its place, if it is a replacement."""
+    try:
+        _settle(run)
+    except (DatasetError, OSError) as error:
+        if growing_run(run) == run:
+            raise
+        raise TrainingError(
+            f"{error}; the finished run is {run / REPLACEMENT}, and the same command with --resume "
+            "puts it in its place"
+        ) from error
+
+
 def _settle(run: Path, *, drop: bool = False) -> None:
     """Put a replacement that is whole in its place; what only the old run has is removed."""
-    replacement = growing_run(run)
+    place, replacement = Place(run.resolve(), last=SEAL), growing_run(run)
+    try:
+        recover([place])
+    except OSError as error:
+        raise TrainingError(f"{run}: cannot be settled ({error.strerror or error})") from error
     if replacement == run:
         _remove_replacement(run)  # what is left of one
         return
@@ -164,7 +189,7 @@ def _settle(run: Path, *, drop: bool = False) -> None:
         _remove_replacement(run)
         return
     old, new = list_run(run), list_run(replacement)
-    with stage_files([Place(run.resolve(), last=SEAL)]) as (staged,):
+    with stage_files([place]) as (staged,):
         for name in new:
             link_or_copy(replacement / name, staged / name)
     remove_files(run, [name for name in old if name not in new])

@@ -136,6 +136,11 @@ def _is_file(path: Path) -> bool:
     return path.is_symlink() or (os.path.lexists(path) and not path.is_dir())
 
 
+def list_half_written(run: Path) -> list[str]:
+    """Return what a killed training left of files that it was writing, as paths below a run."""
+    return [path.name for name in (SEAL, *FILES) for path in run.glob(f".{name}.partial")]
+
+
 def clear_run(run: Path) -> None:
     """Remove the files of a run and of its members, and the folders in it that are empty then."""
     remove_files(run, list_run(run))

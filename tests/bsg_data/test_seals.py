@@ -92,17 +92,6 @@ def test_what_fails_leaves_the_old(tmp_path: Path) -> None:
     assert (out / "a").read_text() == "1"
 
 
-@pytest.mark.parametrize("there", ["b", "best.safetensors", "log.jsonl"])
-def test_other_results_and_runs_without_a_seal_stay(tmp_path: Path, there: str) -> None:
-    (tmp_path / there).write_text("1")
-    if there == "b":
-        write_seal(tmp_path, ["b"])
-    with pytest.raises(DatasetError, match=f"holds other results .{there}"):
-        write(tmp_path, a="1")
-    assert (tmp_path / there).read_text() == "1"
-    assert not (tmp_path / "a").exists()
-
-
 @pytest.mark.parametrize("name", ["a", SEAL, "b"])
 def test_a_file_beside_results_is_none_of_them(tmp_path: Path, name: str) -> None:
     write(tmp_path, a="1")

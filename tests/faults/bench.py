@@ -168,6 +168,9 @@ class Bench:
         )
 
 
+_WHOLE = ("/dataset.json", "/SHA256SUMS")  # written last
+
+
 class Trial:
     """A command that met a fault: what it left, what is wrong with it, and how it goes on."""
 
@@ -200,6 +203,7 @@ class Trial:
         """Find fault with files that are neither all those of before nor all those of after.
 
         Work that is not done is left where its removal is what failed: the next run removes it.
+        Work that is whole and could not be put in its place waits there: the next run puts it.
         """
         before, after = (
             compare(self.command, self._without_work(wanted), self._without_work(self.now))
@@ -212,7 +216,9 @@ class Trial:
         struck = self.struck
         if struck is None:
             return tree
-        if struck.kind != "remove" and not (struck.kind == "open" and is_unfinished(struck.path)):
+        waits = any(path.endswith(_WHOLE) and is_unfinished(path) for path in self.now)
+        removes = struck.kind == "remove" or (struck.kind == "open" and is_unfinished(struck.path))
+        if not (waits or removes):
             return tree
         empty = f"{struck.path}/"  # a folder that could not be removed
         return {

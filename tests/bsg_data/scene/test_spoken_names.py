@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import re
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -47,3 +49,16 @@ def test_any_text_has_a_head_and_only_listed_names_come_out(name: str) -> None:
     assert isinstance(find_head(name), str)
     for other, _ in resolve(name, synonyms=SYNONYMS, known=LISTED.__contains__):
         assert other in LISTED
+
+
+@given(st.text("a3 .#-", max_size=12))
+def test_the_number_at_the_end_is_what_a_regular_expression_says(name: str) -> None:
+    """The expression is the rule; on a long run of spaces it took a time that grows as its cube."""
+    words = re.sub(r"[ .#]*[0-9]*[ .]*$", "", name.replace("-", " ")).split()
+    found = resolve(name, synonyms={}, known=" ".join(words).__eq__)
+    assert (next(found, None) is not None) == bool(words)
+
+
+def test_a_name_of_many_spaces_is_resolved_at_once() -> None:
+    name = "chair" + " -" * 100_000
+    assert next(resolve(name, synonyms={}, known="chair".__eq__)) == ("chair", "separator")

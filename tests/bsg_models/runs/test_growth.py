@@ -334,7 +334,7 @@ def test_results_of_another_command_in_a_run_that_was_stopped_are_told(
     stop(network(), dataset, run, after=3)
     (run / "evaluation.json").write_text("{}")
     write_seal(run, ["evaluation.json"])
-    with pytest.raises(DatasetError, match=r"lists evaluation\.json and no best\.safetensors"):
+    with pytest.raises(DatasetError, match=r"holds other results \(evaluation\.json\)"):
         train(network(), dataset, run, resume=True)
     assert read_seal(run) == require_seal(run)
 
@@ -346,3 +346,46 @@ def test_no_other_results_go_into_a_run_that_was_stopped(dataset: Path, tmp_path
         refuse_run(run)
     refuse_run(tmp_path)
     refuse_run(tmp_path / "absent")
+
+
+def test_a_finished_run_that_cannot_be_put_in_its_place_waits(
+    run: Path, dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before, config = read(run), find_config("gamma-poisson")
+    train(config, dataset, tmp_path / "unbroken")
+
+    def fail(*_: object, **__: object) -> None:
+        raise OSError("no space left")
+
+    with monkeypatch.context() as broken:
+        broken.setattr(growth, "link_or_copy", fail)
+        with pytest.raises(TrainingError, match=r"no space left.*; the finished run is .*--resume"):
+            train(config, dataset, run, force=True)
+    kept = {name: data for name, data in read(run).items() if REPLACEMENT not in name}
+    assert kept == before
+    train(config, dataset, run, resume=True)
+    assert read(run) == {**read(tmp_path / "unbroken"), "notes.txt": b"mine"}
+
+
+def test_a_fit_by_counting_that_fails_at_its_end_leaves_nothing(
+    run: Path, dataset: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It cannot go on: of a replacement that has a checkpoint and no seal nothing is of use."""
+    before = read(run)
+
+    def fail(*_: object) -> None:
+        raise DatasetError("no space left")
+
+    monkeypatch.setattr(growth, "seal_run", fail)
+    with pytest.raises(DatasetError, match="no space left"):
+        train(find_config("gamma-poisson"), dataset, run, force=True)
+    assert read(run) == before
+
+
+def test_files_that_a_killed_training_was_writing_go(run: Path, dataset: Path) -> None:
+    before = read(run)
+    (run / f".{LOG}.partial").write_bytes(b"half")
+    (run / ".bsg-unfinished" / "new").mkdir(parents=True)  # killed while it put files in place
+    train(count(), dataset, run, force=True)
+    assert read(run) == before
+    assert not (run / ".bsg-unfinished").exists()
