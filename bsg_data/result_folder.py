@@ -147,6 +147,8 @@ def stage_files(
 ) -> Iterator[tuple[Path, ...]]:
     """Do what `replace_together` does for somebody who holds the locks already."""
     made = [place.path for place in places if not place.is_file and not place.path.exists()]
+    for place in places:
+        _refuse_foreign(place.unfinished)
     try:
         for folder in made:
             folder.mkdir(exist_ok=True)
