@@ -162,8 +162,12 @@ def _require_columns(path: Path, found: pa.Schema, expected: pa.Schema) -> None:
 
 
 def _require_scene_ids(path: Path, names: Sequence[object]) -> None:
-    """Refuse a scene whose id leads out of a folder; other tables are joined to these ids."""
+    """Refuse a scene whose id leads out of a folder, or is there twice; other tables join to it."""
+    known: set[object] = set()
     for name in names:
+        if name in known:
+            raise DatasetError(f"{path}: scene {name} is there twice; `bsg-data check` says more")
+        known.add(name)
         if not is_scene_id(name):
             raise DatasetError(f"{path}: {name!r} is no scene id: it must do as the name of a file")
 

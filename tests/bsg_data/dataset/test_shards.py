@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
 
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -135,6 +136,16 @@ def test_rows_that_do_not_go_together_are_refused(tmp_path: Path, change: dict[s
     publish(tmp_path, [replace(scene, **change)])
     with pytest.raises(DatasetError, match="00001-aaaaaaaaaaa: rooms, objects and edges do not"):
         list(read_scene_graphs(tmp_path))
+
+
+def test_a_scene_that_is_there_twice_is_refused(dataset: Path) -> None:
+    path = dataset / "scenes" / "part-00000.parquet"
+    table = pq.read_table(path)
+    pq.write_table(pa.concat_tables([table, table.slice(0, 1)]), path)
+    manifest = read_manifest(dataset)
+    entry = describe_file(dataset, "scenes/part-00000.parquet", rows=table.num_rows + 1)
+    with pytest.raises(DatasetError, match="is there twice"):
+        read_file(dataset, entry, manifest=manifest)
 
 
 def test_files_carry_schema_meaning_and_classes(dataset: Path) -> None:
