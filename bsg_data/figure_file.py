@@ -32,5 +32,5 @@ def write_figure(figure: Drawing, path: Path, **how: Any) -> None:
     try:
         with open_beside(path) as partial:
             figure.savefig(partial, format=path.suffix[1:], **how)
-    except ValueError as error:  # matplotlib lists the formats that it knows
+    except (ValueError, RuntimeError) as error:  # it lists what it knows; .pgf needs LaTeX
         raise BSGError(f"{path}: the figure cannot be written ({error})") from error

@@ -179,8 +179,12 @@ def _require_columns(path: Path, found: pa.Schema, expected: pa.Schema) -> None:
 
 
 def _require_scene_ids(path: Path, names: Sequence[object]) -> None:
-    """Refuse a scene whose id leads out of a folder; other tables are joined to these ids."""
+    """Refuse a scene whose id leads out of a folder, or is there twice; other tables join to it."""
+    known: set[object] = set()
     for name in names:
+        if name in known:
+            raise DatasetError(f"{path}: scene {name} is there twice; `bsg-data check` says more")
+        known.add(name)
         if not is_scene_id(name):
             raise DatasetError(f"{path}: {name!r} is no scene id: it must do as the name of a file")
 
@@ -194,7 +198,25 @@ def read_scene_graphs(dataset: Path, *, manifest: Manifest | None = None) -> Ite
             name: read_file(dataset, file, manifest=manifest)
             for name, file in zip(TABLES, files, strict=True)
         }
-        yield from assemble_graphs(tables)
+        for graph in assemble_graphs(tables):
+            _require_whole(dataset / files[0].path, graph)
+            yield graph
+
+
+def _require_whole(path: Path, graph: SceneGraph) -> None:
+    """Refuse a scene whose rows do not go together; the tables name rooms by their numbers."""
+    rooms = range(1, len(graph.rooms) + 1)
+    ends = [end for edge in graph.adjacency for end in (edge.source, edge.target)]
+    is_whole = (
+        [room.room_index for room in graph.rooms] == list(rooms)
+        and all(obj.room_index == 0 or obj.room_index in rooms for obj in graph.objects)
+        and all(end in rooms for end in ends)
+    )
+    if not is_whole:
+        raise DatasetError(
+            f"{path}: scene {graph.scene_id}: rooms, objects and edges do not go together; "
+            "`bsg-data check` says more"
+        )
 
 
 @contextmanager

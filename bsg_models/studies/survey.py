@@ -9,6 +9,7 @@ import numpy as np
 
 from bsg_data.arrays import Floats
 from bsg_data.dataset.dataset import Dataset
+from bsg_data.errors import DatasetError
 from bsg_data.observation.masked_buildings import BATCH, MaskedBuildings
 from bsg_models.evaluation.measurement import count_empty, read_truth
 from bsg_models.inputs.folds import Split
@@ -70,6 +71,8 @@ def survey_split(data: Dataset, split: Split, *, fold: int | None) -> Survey:
             counts[name] += nodes
         totals = masked.targets[masked.seen.starts[:-1]].sum(axis=1)
         sizes |= dict(zip(masked.seen.scene_ids, totals.astype(float).tolist(), strict=True))
+    if not sizes:  # those of too many objects have no pairs
+        raise DatasetError(f"{data.path}: no building of the split {split!r} has pairs")
     return Survey(tuple(sizes), np.array(list(sizes.values())), number, counts)
 
 

@@ -34,6 +34,17 @@ def test_what_was_there_stays_if_drawing_fails(tmp_path: Path) -> None:
     assert [entry.name for entry in tmp_path.iterdir()] == ["a.png"]
 
 
+def test_a_format_that_needs_a_program_is_refused(tmp_path: Path) -> None:
+    class Lacking:
+        """A figure as .pgf, where there is no LaTeX."""
+
+        def savefig(self, fname: Any, **how: Any) -> None:
+            raise RuntimeError("xelatex not found")
+
+    with pytest.raises(BSGError, match=r"a\.pgf: the figure cannot be written \(xelatex"):
+        write_figure(Lacking(), tmp_path / "a.pgf")
+
+
 @pytest.mark.parametrize(("name", "said"), [("a", "take .*a.png"), ("a.doc", "a.doc: the figure")])
 def test_a_suffix_that_names_no_format_is_refused(tmp_path: Path, name: str, said: str) -> None:
     with pytest.raises(BSGError, match=said):

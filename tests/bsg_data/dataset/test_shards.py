@@ -1,9 +1,11 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -108,6 +110,44 @@ def test_reading_is_the_inverse_of_writing(
 ) -> None:
     publish(tmp_path, [first, second])
     assert list(read_scene_graphs(tmp_path)) == [first, second]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"rooms": (Room(2, 0, None), Room(1, 1, None))},
+        {"rooms": ()},
+        {"objects": (SceneObject(1, 1, 3, "chair", "chair", 2, "classified", None),)},
+        {"adjacency": (Edge(0, 1, "adjacent", "layout"),)},
+    ],
+)
+def test_rows_that_do_not_go_together_are_refused(tmp_path: Path, change: dict[str, Any]) -> None:
+    scene = SceneGraph(
+        scene_id="00001-aaaaaaaaaaa",
+        source="hm3d",
+        source_version=None,
+        source_split=None,
+        annotation_sha256="0" * 64,
+        rooms=(Room(1, 0, None), Room(2, 1, None)),
+        objects=(SceneObject(1, 1, 2, "chair", "chair", 2, "classified", None),),
+        adjacency=(Edge(1, 2, "adjacent", "layout"),),
+        class_map="hm3d45-v1",
+    )
+    publish(tmp_path, [scene])
+    assert list(read_scene_graphs(tmp_path)) == [scene]
+    publish(tmp_path, [replace(scene, **change)])
+    with pytest.raises(DatasetError, match="00001-aaaaaaaaaaa: rooms, objects and edges do not"):
+        list(read_scene_graphs(tmp_path))
+
+
+def test_a_scene_that_is_there_twice_is_refused(dataset: Path) -> None:
+    path = dataset / "scenes" / "part-00000.parquet"
+    table = pq.read_table(path)
+    pq.write_table(pa.concat_tables([table, table.slice(0, 1)]), path)
+    manifest = read_manifest(dataset)
+    entry = describe_file(dataset, "scenes/part-00000.parquet", rows=table.num_rows + 1)
+    with pytest.raises(DatasetError, match="is there twice"):
+        read_file(dataset, entry, manifest=manifest)
 
 
 def test_files_carry_schema_meaning_and_classes(dataset: Path) -> None:
