@@ -60,6 +60,18 @@ def revise(dataset: Path, write: Callable[[Manifest, Path], Manifest]) -> Manife
     return new
 
 
+def remove_left(dataset: Path) -> None:
+    """Remove what a change that was killed has left in a dataset; mostly there is nothing.
+
+    Raises:
+        DatasetError: if another command is writing, or something that is not ours is there.
+    """
+    if (dataset / REVISION).exists():
+        with hold(dataset):
+            settle(dataset)
+            remove_own(dataset, below=REVISION)
+
+
 def _swap(dataset: Path, old: Manifest, new: Manifest, staged: Path) -> None:
     """Put the new files in the place of the old ones."""
     arriving = [entry.path for entry in new.files if (staged / "new" / entry.path).is_file()]

@@ -22,6 +22,7 @@ from bsg_data.dataset.kept_maps import copy_class_maps
 from bsg_data.dataset.manifest import MANIFEST, FileEntry, Manifest, read_manifest
 from bsg_data.dataset.own_files import remove_own
 from bsg_data.dataset.publication import publish
+from bsg_data.dataset.revision import remove_left
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.executors import run_all
@@ -216,6 +217,7 @@ def prepare_dataset(source: Path, copy: Path, recipe: LeaderboardRecipe, *, mask
         split_dataset(copy, split, force=True)
     if read_manifest(copy).pairs != pairs:
         write_pairs(copy, pairs, force=True)
+    remove_left(copy)
 
 
 def _train(folder: Path, name: str, config: RunConfig) -> None:

@@ -17,7 +17,7 @@ import pytest
 
 from bsg_data.checks.dataset import check_dataset
 from bsg_data.dataset.manifest import Manifest, encode_manifest, read_manifest
-from bsg_data.dataset.revision import revise
+from bsg_data.dataset.revision import remove_left, revise
 from bsg_data.dataset.schema import SPLITS
 from bsg_data.dataset.shards import describe_file, open_parquet
 from bsg_data.dataset.splits import read_splits, split_dataset
@@ -286,3 +286,17 @@ def test_a_folder_that_was_made_in_vain_goes(
     with pytest.raises(DatasetError, match="no room"):
         write_pairs(dataset, PairsRecipe(draws=2))
     assert not (dataset / "pairs").exists()
+
+
+def test_what_a_killed_change_left_is_removed_without_another_change(dataset: Path) -> None:
+    before = sorted(dataset.rglob("*"))
+    remove_left(dataset)
+    for name in ("new", "old", "rest"):
+        (dataset / ".revision" / name).mkdir(parents=True)
+    shutil.copy(dataset / "splits.parquet", dataset / ".revision" / "old")
+    remove_left(dataset)
+    assert sorted(dataset.rglob("*")) == before
+    (dataset / ".revision").mkdir()
+    (dataset / ".revision" / "mine.txt").write_text("mine")
+    with pytest.raises(DatasetError, match=r"mine\.txt, which no command of ours made"):
+        remove_left(dataset)
