@@ -125,7 +125,7 @@ def hold_places(held: ExitStack, places: Sequence[Place], *, wait: float = 0.0) 
         DatasetError: if somebody else holds one, it is in a dataset, or a folder cannot be made.
     """
     for place in places:
-        _refuse_datasets(place)
+        refuse_datasets(place)
         try:
             place.path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -133,8 +133,12 @@ def hold_places(held: ExitStack, places: Sequence[Place], *, wait: float = 0.0) 
         held.enter_context(hold(place.path, wait=wait))
 
 
-def _refuse_datasets(place: Place) -> None:
-    """Refuse a place in a dataset, all of whose files are listed and hashed."""
+def refuse_datasets(place: Place) -> None:
+    """Refuse a place in a dataset, all of whose files are listed and hashed.
+
+    Raises:
+        DatasetError: naming the dataset.
+    """
     folder = place.folder.resolve()
     for outer in (folder, *folder.parents):
         if (outer / _DATASET).is_file():

@@ -10,6 +10,7 @@ import bsg_models
 from bsg_cli.completion import complete_model
 from bsg_cli.options import PATH, json_option
 from bsg_cli.terminal import Command, CommandGroup, print_json, print_note, print_text
+from bsg_data.errors import BSGError
 from bsg_data.tables import format_text
 
 
@@ -89,9 +90,17 @@ def check(paths: tuple[Path, ...]) -> None:
       bsg-models check run
       bsg-models check beliefs run/evaluation
     """
+    faults = 0
     for path in paths:
-        files = bsg_models.check_results(path)
+        try:
+            files = bsg_models.check_results(path)
+        except BSGError as error:
+            print_note(f"Error: {error}")
+            faults += 1
+            continue
         print_text(f"{path}: sound ({len(files)} files)" if len(files) > 1 else f"{path}: sound")
+    if faults:
+        raise click.exceptions.Exit(1)
 
 
 @main.command(cls=Command)

@@ -18,7 +18,14 @@ from pathlib import Path
 from bsg_data.errors import DatasetError
 from bsg_data.files import refuse_links
 from bsg_data.lock import hold
-from bsg_data.result_folder import UNFINISHED, Place, link_or_copy, recover, stage_files
+from bsg_data.result_folder import (
+    UNFINISHED,
+    Place,
+    link_or_copy,
+    recover,
+    refuse_datasets,
+    stage_files,
+)
 from bsg_data.seals import SEAL, refuse_other_results, require_seal
 from bsg_models.errors import TrainingError
 from bsg_models.runs.run_folder import (
@@ -107,8 +114,9 @@ def refuse_foreign_files(run: Path) -> None:
 
     Raises:
         TrainingError: naming the first of them.
-        DatasetError: if results of another command are there.
+        DatasetError: if results of another command are there, or it is in a dataset.
     """
+    refuse_datasets(Place(run))
     if run.exists() and not run.is_dir():
         raise TrainingError(f"{run}: is a file; a run is a folder")
     refuse_other_results(run, BEST)

@@ -32,6 +32,8 @@ def check_results(path: Path) -> tuple[str, ...]:
     if not path.is_dir():
         raise DatasetError(f"{path}: no such folder or file")
     sums = require_seal(path)
+    if not sums and (path / "dataset.json").is_file():
+        raise DatasetError(f"{path}: is a dataset; `bsg-data check {path}` checks it")
     if not sums:
         raise DatasetError(
             f"{path}: has no {SEAL}, or an empty one: its command was stopped, or is of an earlier "

@@ -33,7 +33,7 @@ def command(dataset: Path, as_json: bool) -> None:
         print_text(f"{dataset}: sound")
     if faults:
         print_note(
-            f"faults: {len(faults)}; what a stopped command left goes when it runs again; a "
-            "damaged file comes from another copy, or from its command with --force"
+            f"faults: {len(faults)}; a command that was stopped removes what it left when it runs "
+            "again; take a damaged file from another copy, or make it again with --force"
         )
         raise click.exceptions.Exit(1)

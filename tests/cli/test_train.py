@@ -101,6 +101,20 @@ def test_errors_name_what_is_wrong(words: list[str], code: int, message: str) ->
     assert message in run(*words, code=code).stderr
 
 
+def test_what_replaces_a_finished_run_is_trained(dataset: Path, tmp_path: Path) -> None:
+    words = ["--data", dataset, "--out", tmp_path / "run", "--resume", "--force"]
+    run("--config", "train-mean", *words)
+    assert "nothing was trained" in run("--config", "train-mean", *words).stderr
+    assert "nothing was trained" not in run("--config", "gamma-poisson", *words).stderr
+
+
+def test_no_run_is_put_into_a_dataset(dataset: Path) -> None:
+    place = dataset / "run"
+    found = run("--config", "train-mean", "--data", dataset, "--out", place, code=1)
+    assert "is in the dataset" in found.stderr
+    assert not place.exists()
+
+
 # What runs in the background of a shell ignores Ctrl-C from its first moment on; this one must not.
 CHILD = """
 import signal
