@@ -31,6 +31,9 @@ _DATASET = "dataset.json"  # the file by which a dataset is known
 UNFINISHED = ".bsg-unfinished"
 _NEW, _OLD, _OWN = "new", "old", "own"  # folders in it: what was there has second names in `old`
 _DECIDED = ("done", "undone")  # what `own` is called when it is over
+SCRATCH = "scratch"  # a folder beside `new`, for what a command writes and reads again
+# With the lock of `new`, which a command holds that is called with a folder of another command.
+_OURS = (_NEW, _OLD, _OWN, *_DECIDED, SCRATCH, f".{_NEW}.lock")
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,7 +180,7 @@ def _refuse_foreign(unfinished: Path) -> None:
     """Refuse to remove what no command of ours makes in its folder."""
     if unfinished.is_dir() and not unfinished.is_symlink():
         for path in sorted(unfinished.iterdir()):
-            if path.name not in (_NEW, _OLD, _OWN, *_DECIDED):
+            if path.name not in _OURS:
                 raise DatasetError(f"{path}: was not written by these commands; move it away")
 
 

@@ -22,7 +22,7 @@ from bsg_data.dataset.publication import RECIPE, REPLACES, REPORTS, list_paths
 from bsg_data.errors import DatasetError
 from bsg_data.exchange import exchange
 from bsg_data.files import flush_folder, write_bytes
-from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.inputs.bounded_file import TooLargeError, read_bytes
 from bsg_data.inputs.bounds import MANIFEST_FILE
 
 
@@ -124,9 +124,17 @@ def _rename_or_put_back(growing: Path, out: Path, replaced: Path) -> None:
 
 
 def _is_replaced(old: Path, *, by: Path) -> bool:
-    """Say whether a folder holds the dataset that another one takes the place of."""
+    """Say whether a folder holds the dataset that another one takes the place of.
+
+    Raises:
+        DatasetError: if that cannot be read, so that nobody knows which of the two may go.
+    """
     try:
-        told = read_bytes(by / REPLACES, MANIFEST_FILE, error=OSError)
+        if not ((by / REPLACES).is_file() and (old / MANIFEST).is_file()):
+            return False
+        told = read_bytes(by / REPLACES, MANIFEST_FILE, error=DatasetError)
         return hash_manifest(old).encode() == told
-    except OSError:
+    except TooLargeError:  # no manifest of ours is
         return False
+    except OSError as error:
+        raise DatasetError(f"{old}: cannot be read ({error.strerror or error})") from error

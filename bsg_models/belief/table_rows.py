@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 from bsg_data.errors import DatasetError
 from bsg_data.inputs.bounds import MAX_STREAMED_ROWS
 from bsg_data.inputs.parquet import open_parquet_file
+from bsg_data.result_folder import SCRATCH
 from bsg_data.seals import SEAL, replace_sealed, require_seal
 from bsg_models.errors import BeliefFileError
 
@@ -88,7 +89,7 @@ def write_rows(
     """
     try:
         with replace_sealed(folder, report=NODES) as (staged,):
-            raw = staged.with_name("rows")
+            raw = staged.with_name(SCRATCH)
             raw.mkdir()
             places = {name: raw / name for name in SCHEMAS}
             with ExitStack() as stack:

@@ -288,3 +288,13 @@ def test_what_a_user_put_where_files_grow_is_named_and_stays(tmp_path: Path) -> 
         (staged / "a").write_text("new")
     assert notes.read_text() == "mine"
     assert not (tmp_path / "a").exists()
+
+
+def test_what_a_killed_command_within_another_left_is_removed(tmp_path: Path) -> None:
+    """Belief tables are written into what `bsg-belief` writes: the lock of `new` lies beside it."""
+    unfinished = tmp_path / UNFINISHED
+    (unfinished / "scratch").mkdir(parents=True)
+    (unfinished / ".new.lock").touch()
+    with replace_files(tmp_path, last=None) as staged:
+        (staged / "a").write_text("new")
+    assert [path.name for path in tmp_path.iterdir()] == ["a"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import sys
@@ -219,6 +220,28 @@ def test_a_manifest_larger_than_any_is_of_nothing_replaced(dataset: Path) -> Non
     (name_growing(dataset) / REPLACES).parent.mkdir(parents=True)
     (name_growing(dataset) / REPLACES).write_text("0" * 64)
     assert is_settled(dataset)
+
+
+def test_what_cannot_be_read_is_neither_removed_nor_forgotten(
+    dataset: Path, other: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A disk that fails for a moment: the next command still knows which dataset may go."""
+    out = grow(tmp_path / "here", dataset, other)
+
+    def fail(_: Path) -> str:
+        raise OSError(errno.EIO, "Input/output error")
+
+    with monkeypatch.context() as broken:
+        broken.setattr(replacement, "remove_own", lambda *_, **__: fail(out))
+        with pytest.raises(OSError, match="Input/output error"):
+            finish(out, read_manifest(other), force=True)
+    with monkeypatch.context() as broken:
+        broken.setattr(replacement, "hash_manifest", fail)
+        with pytest.raises(DatasetError, match=r"cannot be read .Input/output error"):
+            settle(out)
+    settle(out)
+    assert all_bytes(out) == all_bytes(other)
+    assert [path.name for path in out.parent.iterdir()] == ["out"]
 
 
 def test_a_recipe_larger_than_any_is_refused(dataset: Path) -> None:
