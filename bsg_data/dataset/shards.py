@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import hashlib
+import mmap
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -24,6 +25,8 @@ from bsg_data.inputs.bounded_file import Refusal, hash_file, read_bytes
 from bsg_data.inputs.bounds import DATASET_TABLE
 from bsg_data.inputs.parquet import reading_parquet, words_of
 from bsg_data.scene.scene_graph import SceneGraph, is_scene_id
+
+_ROOM = 32 * 2**20  # bytes; the encoders of a table of usual size take less
 
 
 def write_shards(
@@ -219,6 +222,20 @@ def _require_whole(path: Path, graph: SceneGraph) -> None:
         )
 
 
+def _require_memory() -> None:
+    """Ask for memory that is given back at once, and is not touched.
+
+    Arrow's encoder of dictionaries never ends where it gets none (seen with pyarrow 26).
+
+    Raises:
+        MemoryError: if there is not enough.
+    """
+    try:
+        mmap.mmap(-1, _ROOM).close()
+    except OSError as error:
+        raise MemoryError(f"no {_ROOM // 2**20} MiB to write a table with") from error
+
+
 @contextmanager
 def open_parquet(
     path: Path, schema: pa.Schema, *, table: str, class_space: ClassSpaceEntry, **extra: str
@@ -236,6 +253,7 @@ def open_parquet(
         "bsg.classes": encode_json(class_space.classes, ensure_ascii=False),
         **{f"bsg.{key}": value for key, value in extra.items()},
     }
+    _require_memory()
     with (
         open_beside(path) as partial,
         pq.ParquetWriter(

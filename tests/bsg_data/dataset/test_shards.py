@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+import errno
 import json
+import mmap
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
@@ -33,6 +35,7 @@ from bsg_data.files import write_bytes
 from bsg_data.inputs.bounded_file import Refusal, read_bytes
 from bsg_data.inputs.bounds import Bound
 from bsg_data.scene.class_map import Role, load_class_map
+from bsg_data.scene.class_space import hash_classes
 from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph, SceneObject
 
 CLASS_MAP = ClassMapEntry.of(load_class_map())
@@ -231,3 +234,16 @@ def test_a_manifest_changed_by_hand_is_refused(
     path.write_text(path.read_text("utf-8").replace(old, new, 1), "utf-8")
     with pytest.raises(DatasetError, match=message):
         read_manifest(dataset)
+
+
+def test_without_memory_nothing_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Arrow's encoders would never end, so that they are not begun."""
+
+    def fail(*_: int) -> None:
+        raise OSError(errno.ENOMEM, "Cannot allocate memory")
+
+    monkeypatch.setattr(mmap, "mmap", fail)
+    space = ClassSpaceEntry(name="one", sha256=hash_classes(("bed",)), classes=("bed",))
+    with pytest.raises(MemoryError, match="no 32 MiB to write a table with"):
+        write_shards([], tmp_path, part=0, class_space=space)
+    assert not any(path.is_file() for path in tmp_path.rglob("*"))
