@@ -92,7 +92,8 @@ def _swap(dataset: Path, old: Manifest, new: Manifest, staged: Path) -> None:
         _take(staged / "new", dataset)
     except BaseException:
         for source, target in reversed(moved):
-            target.rename(source)
+            if not source.exists():  # it was renamed, and not stopped just before that
+                target.rename(source)
         _take(staged / "old", dataset)
         raise
     finally:
@@ -136,11 +137,14 @@ def _refuse_links(dataset: Path, paths: Sequence[str]) -> None:
 
 
 def _move(paths: Sequence[str], source: Path, target: Path, moved: list[tuple[Path, Path]]) -> None:
-    """Rename files from one folder into another, and note each in `moved`."""
+    """Rename files from one folder into another, and note each in `moved`.
+
+    It is noted first: Ctrl-C may come when it is renamed, before anything else is done.
+    """
     for path in paths:
         (target / path).parent.mkdir(parents=True, exist_ok=True)
-        (source / path).rename(target / path)
         moved.append((source / path, target / path))
+        (source / path).rename(target / path)
     for folder in {(target / path).parent for path in paths}:
         flush_folder(folder)  # before a manifest speaks of what is there now
 
