@@ -26,6 +26,7 @@ from pathlib import Path
 from bsg_data.errors import DatasetError
 from bsg_data.files import flush_file, flush_folder, refuse_devices
 from bsg_data.lock import hold
+from bsg_data.signals import hold_signals
 
 _DATASET = "dataset.json"  # the file by which a dataset is known
 UNFINISHED = ".bsg-unfinished"
@@ -165,7 +166,8 @@ def stage_files(
         for place in places:
             (place.unfinished / _NEW).mkdir(parents=True)
         yield tuple(place.staged for place in places)
-        _put_in_place(places)
+        with hold_signals():
+            _put_in_place(places)
     except OSError as error:
         raise _explain(places[0], error, "written") from error
     finally:

@@ -203,9 +203,12 @@ def worker_pool(
     if workers.processes == 1:
         yield None
         return
-    with ProcessPoolExecutor(
-        workers.processes, mp_context=get_context("spawn"), initializer=end_with_parent
-    ) as pool:
+    with (
+        _importing_nothing_from_here(),
+        ProcessPoolExecutor(
+            workers.processes, mp_context=get_context("spawn"), initializer=end_with_parent
+        ) as pool,
+    ):
         # Ctrl-C is for this process alone. What is ignored here stays ignored in a process that
         # starts now, from its first moment on; so start them all now.
         handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -213,6 +216,22 @@ def worker_pool(
             pool.submit(os.getpid)
         signal.signal(signal.SIGINT, handler)
         yield pool
+
+
+@contextmanager
+def _importing_nothing_from_here() -> Iterator[None]:
+    """Let processes that start look for no module in the working folder, which may be a stranger's.
+
+    Python puts that folder first for `python -c`, by which `multiprocessing` starts its processes:
+    a file `random.py` there would be run. It knows this setting from 3.11 on.
+    """
+    before = os.environ.get("PYTHONSAFEPATH")
+    os.environ["PYTHONSAFEPATH"] = before or "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ["PYTHONSAFEPATH"]
 
 
 def end_with_parent() -> None:

@@ -24,6 +24,7 @@ from bsg_data.exchange import exchange
 from bsg_data.files import flush_folder, write_bytes
 from bsg_data.inputs.bounded_file import TooLargeError, read_bytes
 from bsg_data.inputs.bounds import MANIFEST_FILE
+from bsg_data.signals import hold_signals
 
 
 def name_growing(out: Path) -> Path:
@@ -45,9 +46,17 @@ def _name_of(out: Path) -> str:
 def put_in_place(out: Path) -> None:
     """Rename the finished dataset to its place; one that is there is removed after that.
 
+    Ctrl-C and SIGTERM wait until both are done.
+
     Raises:
         DatasetError: if it cannot be put there, or what was there cannot be removed.
     """
+    with hold_signals():
+        _rename(out)
+        settle(out)
+
+
+def _rename(out: Path) -> None:
     growing, replaced = name_growing(out), name_replaced(out)
     try:
         for folder in (*filter(Path.is_dir, growing.iterdir()), growing):
@@ -67,7 +76,6 @@ def put_in_place(out: Path) -> None:
             f"{out}: cannot be put in place ({error.strerror or error}); "
             f"the finished dataset is {growing}"
         ) from error
-    settle(out)
 
 
 def restore(out: Path) -> None:

@@ -28,6 +28,7 @@ from bsg_data.dataset.schema import TABLES
 from bsg_data.errors import DatasetError
 from bsg_data.files import flush_folder
 from bsg_data.lock import hold
+from bsg_data.signals import hold_signals
 
 _PUBLISHED = (CARD, CROISSANT, MANIFEST)  # in this order: the manifest last
 
@@ -52,7 +53,8 @@ def revise(dataset: Path, write: Callable[[Manifest, Path], Manifest]) -> Manife
         remove_own(dataset, below=REVISION)  # of a killed command
         try:
             new = write(old, staged / "new")
-            _swap(dataset, old, new, staged)
+            with hold_signals():
+                _swap(dataset, old, new, staged)
         except OSError as error:
             raise DatasetError(f"{dataset}: cannot be changed ({error})") from error
         finally:

@@ -63,8 +63,10 @@ TABLE = Bound(
     4 * GIB,
     f"{MAX_OBJECT_ROWS:,} rows; lines of {MAX_LINE:,} characters; packed {MAX_RATIO} to 1 at most",
 )
-ROBOT = Bound("robot's graph, JSON", 64 * MIB, _NESTED)
-SPARK_DSG = Bound("Spark-DSG graph, JSON or binary", 256 * MIB, _NESTED)
+MAX_ROBOT_ROOMS = 20_000  # a model takes about 100 kB for each where their shares are not known
+_ROOMS = f"{_NESTED}; {MAX_ROBOT_ROOMS:,} rooms"
+ROBOT = Bound("robot's graph, JSON", 64 * MIB, _ROOMS)
+SPARK_DSG = Bound("Spark-DSG graph, JSON or binary", 256 * MIB, _ROOMS)
 BELIEF = Bound("belief graph, JSON", 256 * MIB, _NESTED)
 CLASS_MAP = Bound("class map, each CSV file", 16 * MIB, "256 classes")
 MANIFEST_FILE = Bound(

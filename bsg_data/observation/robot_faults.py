@@ -28,10 +28,18 @@ def explain_fault(error: ValidationError, said: Any, *, keys: Mapping[str, Seque
     entry, path = _name_entry(fault["loc"], said)
     if fault["type"] != "extra_forbidden":
         where = ".".join(map(str, path)) or ("" if entry else "the whole file")
-        return ": ".join(filter(None, (entry, where, fault["msg"].removeprefix("Value error, "))))
+        return ": ".join(filter(None, (entry, where, _say(fault))))
     wrong, known = str(path[-1]), keys[str(fault["loc"][0]) if entry else ""]
     hint = ask_if_meant(wrong, known) or f"known are {', '.join(known)}"
     return ": ".join(filter(None, (entry, f"{wrong[:SHOWN]!r} is no key; {hint}")))
+
+
+def _say(fault: Mapping[str, Any]) -> str:
+    """Return what is wrong, in the words of pydantic but where they are of Python's types."""
+    if fault["type"] == "too_long":
+        size = fault["ctx"]
+        return f"expected at most {size['max_length']:,}, found {size['actual_length']:,}"
+    return str(fault["msg"]).removeprefix("Value error, ")
 
 
 def _name_entry(loc: tuple[int | str, ...], said: Any) -> tuple[str, tuple[int | str, ...]]:

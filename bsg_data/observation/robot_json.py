@@ -35,7 +35,7 @@ from pydantic import AfterValidator, Field, PlainValidator, ValidationError
 from bsg_data.dataset.manifest import ClassSpaceEntry
 from bsg_data.errors import RecipeError, SourceError
 from bsg_data.geometry.floor_area import find_floor_area
-from bsg_data.inputs.bounds import ROBOT
+from bsg_data.inputs.bounds import MAX_ROBOT_ROOMS, ROBOT
 from bsg_data.inputs.documents import read_json
 from bsg_data.observation.hidden_share import VAGUE
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
@@ -111,7 +111,7 @@ class _Graph(Record):
     hidden_share: Share | None = None
     building_kind: BuildingKind = None
     source: Id | None = None
-    rooms: tuple[_Room, ...]
+    rooms: Annotated[tuple[_Room, ...], Field(max_length=MAX_ROBOT_ROOMS)]
     objects: tuple[_Object, ...] = ()
     adjacency: tuple[tuple[Id, Id], ...] = ()
 

@@ -178,7 +178,7 @@ def _open(path: Path) -> Iterator[Any]:
         with safe_open(path, framework="pt") as file:
             _require_plain_end(path)
             yield file
-    except (SafetensorError, OSError) as error:
+    except (SafetensorError, OSError, RuntimeError) as error:  # the last is torch's, which maps it
         raise CheckpointError(f"{path}: not a readable checkpoint ({error})") from error
 
 

@@ -27,6 +27,7 @@ from bsg_data.result_folder import (
     stage_files,
 )
 from bsg_data.seals import SEAL, refuse_other_results, require_seal
+from bsg_data.signals import hold_signals
 from bsg_models.errors import TrainingError
 from bsg_models.runs.run_folder import (
     BEST,
@@ -75,16 +76,16 @@ def open_run(run: Path, *, resume: bool = False, force: bool = True) -> Iterator
     with hold(run):
         _settle(run, drop=force and not resume)
         refuse_overwriting(run, resume=resume, force=force)
-        place = growing_run(run) if resume else _begin(run)
         remove_files(run, list_half_written(run))
         if resume:
-            require_seal(place)
+            require_seal(growing_run(run))
         try:
+            place = growing_run(run) if resume else _begin(run)
             with unsealed(place):
                 yield place
             seal_run(place)
         except BaseException:
-            if place != run and not _can_go_on(place):
+            if not _can_go_on(growing_run(run)):
                 _remove_replacement(run)
             raise
         _put_in_place(run)
@@ -197,11 +198,12 @@ def _settle(run: Path, *, drop: bool = False) -> None:
         _remove_replacement(run)
         return
     old, new = list_run(run), list_run(replacement)
-    with stage_files([place]) as (staged,):
-        for name in new:
-            link_or_copy(replacement / name, staged / name)
-    remove_files(run, [name for name in old if name not in new])
-    _remove_replacement(run)
+    with hold_signals():
+        with stage_files([place]) as (staged,):
+            for name in new:
+                link_or_copy(replacement / name, staged / name)
+        remove_files(run, [name for name in old if name not in new])
+        _remove_replacement(run)
 
 
 def _remove_replacement(run: Path) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from bsg_data.seals import require_seal
-from bsg_models.errors import CheckpointError
+from bsg_models.errors import CheckpointError, ConfigError
 from bsg_models.rendering.figures import plot_learning_curve
 from bsg_models.runs.checkpoint import read_header
 from bsg_models.runs.run_folder import BEST, CONFIG, CURVE, MEMBERS, METRICS, reseal
@@ -144,7 +144,10 @@ def plot_run(run: Path) -> None:
 def _config_of(run: Path) -> RunConfig:
     """Return the configuration of a run; of one that kept none, what its checkpoint says."""
     if (run / CONFIG).is_file():
-        return validate_config(read_config(run / CONFIG), source=str(run / CONFIG))
+        try:
+            return validate_config(read_config(run / CONFIG), source=str(run / CONFIG))
+        except ConfigError as error:  # nothing that was asked for: the run was changed
+            raise CheckpointError(str(error)) from error
     if not (run / BEST).is_file():
         raise CheckpointError(f"{run}: no run there: it has no {CONFIG} and no {BEST}")
     return read_header(run / BEST).config

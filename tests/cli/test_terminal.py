@@ -57,6 +57,26 @@ def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
     assert not any(map(is_running, workers))
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(sys.version_info < (3, 11), reason="PYTHONSAFEPATH is of Python 3.11")
+def test_workers_import_nothing_from_the_working_folder(tmp_path: Path) -> None:
+    """`multiprocessing` starts them by `python -c`, for which Python looks there first."""
+    (tmp_path / "downloaded").mkdir()
+    for name in ("multiprocessing", "random", "bsg_data"):
+        (tmp_path / "downloaded" / f"{name}.py").write_text("open('it ran', 'w')", "utf-8")
+    script = tmp_path / "parent.py"
+    script.write_text(SCRIPT.replace("time.sleep(60)", ""), "utf-8")
+    ended = subprocess.run(
+        [sys.executable, str(script)],
+        cwd=tmp_path / "downloaded",
+        env={key: value for key, value in os.environ.items() if key != "PYTHONSAFEPATH"},
+        capture_output=True,
+        text=True,
+    )
+    assert ended.returncode == 0, ended.stderr
+    assert not (tmp_path / "downloaded" / "it ran").exists()
+
+
 def test_long_work_says_a_line_now_and_then_off_a_terminal(
     capsys: pytest.CaptureFixture[str],
 ) -> None:

@@ -12,6 +12,7 @@ from conftest import REPOSITORY
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bsg_data.inputs.bounds import MAX_ROBOT_ROOMS
 from bsg_data.observation.hidden_share import VAGUE, ShareBelief, estimate_hidden_share
 from bsg_data.observation.robot_json import (
     RobotGraphError,
@@ -198,6 +199,13 @@ def test_what_is_wrong_is_named(tmp_path: Path, text: str, expected: str) -> Non
     with pytest.raises(RobotGraphError, match=expected) as caught:
         read_robot_graph(path)
     assert str(path) in str(caught.value)
+
+
+def test_a_graph_has_a_bound_of_rooms() -> None:
+    """A small file would ask for more memory than a machine has."""
+    said = {"scene_id": "huge", "rooms": [{"id": f"r{i}"} for i in range(MAX_ROBOT_ROOMS + 1)]}
+    with pytest.raises(RobotGraphError, match="rooms: expected at most 20,000, found 20,001"):
+        parse_robot_graph(said, path=Path("huge.json"))
 
 
 def test_surroundings_by_hand() -> None:
