@@ -1,1 +1,1 @@
-"""Pages and figures for people: the explorer, figures, the evaluation report."""
+"""Make pages and figures: the explorer, the replay, the evaluation report, and plots."""

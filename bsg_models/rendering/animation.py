@@ -1,6 +1,6 @@
-"""A search as a picture that moves: one frame a room, two robots side by side.
+"""Draw a search as an animation: one frame per room, two robots side by side.
 
-Frames share one palette, so that the file is small. The same replay gives the same bytes.
+All frames share one palette, which keeps the file small. The same replay gives the same bytes.
 """
 
 from __future__ import annotations
@@ -25,38 +25,38 @@ from bsg_models.rendering.plan import PlannedRoom
 from bsg_models.rendering.replay import Replay, Stop, Walk, describe_share
 
 FORMATS = {".gif": "GIF", ".png": "PNG"}
-FRAME_MS, LAST_MS = 1200, 5000  # how long a frame is shown, and the last one
+FRAME_MS, LAST_MS = 1200, 5000  # milliseconds that a frame and the last frame are shown
 _WIDTH, _DPI = 10.0, 120  # inches
 _HEAD, _FOOT = 1.15, 0.95  # inches above and below the plans
 _COLOURS = 128
-# as in theme.css, light
+# the colours of theme.css, light
 _INK, _SOFT, _WALL, _PAPER = "#1d2330", "#566074", "#cf8dfd", "#ffffff"
 _LIKELY, _ENTERED, _HOLDS = "#a876de", "#eceef3", "#ff0000"
 _LEGEND = (
-    "Shade and %: how likely a room holds one. Grey: entered. Red outline: holds one, which no "
-    "robot knows. Numbers: the way; dotted: where it goes next."
+    "Shade and %: probability that a room holds one. Grey: entered. Red outline: holds one (hidden "
+    "from the robots). Numbers: rooms in the order entered; dotted: next room."
 )
 
 
 def require_suffix(path: Path) -> None:
-    """Refuse a picture whose format cannot move.
+    """Refuse a path whose format cannot hold an animation.
 
     Raises:
-        RecipeError: if its suffix is none of `FORMATS`.
+        RecipeError: if the suffix is not one of `FORMATS`.
     """
     if path.suffix.lower() not in FORMATS:
         raise RecipeError(f"{path}: expected a name that ends in {' or '.join(FORMATS)}")
 
 
 def write_animation(replay: Replay, path: Path) -> None:
-    """Write a search as a picture that moves, whole or not at all.
+    """Write a search as an animation. A failed write leaves no partial file.
 
     Args:
         replay: the search.
-        path: of the picture, `.gif` or `.png`, which is an animated PNG.
+        path: file to write, `.gif` or `.png` (an animated PNG).
 
     Raises:
-        RecipeError: if the format cannot move.
+        RecipeError: if the format cannot hold an animation.
     """
     require_suffix(path)
     first, *others = share_palette([draw_frame(replay, k) for k in range(replay.steps + 1)])
@@ -76,7 +76,7 @@ def write_animation(replay: Replay, path: Path) -> None:
 
 
 def share_palette(frames: Sequence[Image.Image]) -> list[Image.Image]:
-    """Return frames in the colours that serve all of them."""
+    """Return the frames in one palette that serves all of them."""
     width, height = frames[0].size
     strip = Image.new("RGB", (width, height * len(frames)))
     for k, frame in enumerate(frames):
@@ -85,9 +85,9 @@ def share_palette(frames: Sequence[Image.Image]) -> list[Image.Image]:
     return [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
 
 
-@rc_context({"text.parse_math": False})  # a $ in a name is a $
+@rc_context({"text.parse_math": False})  # show a $ in a name as a $
 def draw_frame(replay: Replay, step: int) -> Image.Image:
-    """Return the picture of a search after so many rooms; a robot that is done stays."""
+    """Return the picture after `step` rooms; a robot that is done stays in its last room."""
     plan = replay.plan
     wide = _WIDTH / len(replay.walks)
     deep = min(max(wide * plan.height / max(plan.width, 1e-9), 2.0), 0.9 * wide)
@@ -149,7 +149,7 @@ def _draw_plan(axes: Axes, replay: Replay, stops: Sequence[Stop]) -> None:
 def _draw_room(
     axes: Axes, room: PlannedRoom, likely: float | None, *, entered: bool, holds: bool
 ) -> None:
-    """Draw a room with its name, and how likely it holds an artifact."""
+    """Draw a room with its name and the probability that it holds an artifact."""
     axes.add_patch(Polygon(room.outline, facecolor=_ENTERED if entered else _PAPER))
     if likely and not entered:
         axes.add_patch(Polygon(room.outline, facecolor=_LIKELY, alpha=likely))
@@ -178,7 +178,7 @@ def _draw_room(
 
 
 def _draw_way(axes: Axes, replay: Replay, stops: Sequence[Stop]) -> None:
-    """Draw where a robot went, by number, and where it goes next."""
+    """Draw the numbered route of a robot and the next room."""
     find = replay.plan.find
     way = [stops[0].room, *(room for stop in stops[1:] for room in stop.way)]
     for a, b in pairwise(map(find, way)):
@@ -208,7 +208,7 @@ def _draw_way(axes: Axes, replay: Replay, stops: Sequence[Stop]) -> None:
 
 
 def _describe_all(replay: Replay) -> str:
-    """Return what all searches of the study came to, in a line."""
+    """Return the result of all searches of the study in one line."""
     told = "; ".join(
         f"{walk.planner} {replay.describe_cost(walk.mean_cost)}" for walk in replay.walks
     )
@@ -217,7 +217,7 @@ def _describe_all(replay: Replay) -> str:
 
 
 def _cut_name(name: str, letters: int) -> str:
-    """Cut a name, but for the number at its end: what tells two rooms apart stays."""
+    """Cut a name but keep a number at its end, which distinguishes rooms of one name."""
     head, _, number = name.rpartition(" ")
     if len(name) <= letters or not number.isdecimal():
         return _cut(name, letters)

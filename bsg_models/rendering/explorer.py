@@ -1,7 +1,7 @@
-"""The explorer: belief graphs as one self-contained HTML page, to look at without a server.
+"""Write the explorer: belief graphs as one self-contained HTML page that needs no server.
 
-The page is `explorer.html.jinja` with the beliefs written into it as JSON. Everything that comes
-from the data is put on the page as text, never as markup.
+`explorer.html.jinja` is filled with the beliefs as JSON. Everything that comes from the data is put
+on the page as text, never as markup.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ from bsg_models.rendering.shown_part import (
 )
 
 _DIGITS = 4
-_ONE_ROW = 1e9  # a page that wide has all storeys in one row
+_ONE_ROW = 1e9  # an aspect so wide that all storeys lie in one row
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """One belief graph to look at.
+    """One belief graph for the explorer.
 
     Attributes:
         belief: what was seen and what is believed.
-        truth: `[N, C]` what is there, the building first; None where nobody knows.
-        title: of the view; the scene id if empty.
+        truth: `[N, C]` true counts, the building first; None where unknown.
+        title: of the view; if empty, the scene id.
     """
 
     belief: BeliefGraph
@@ -48,14 +48,15 @@ class View:
 
 
 def write_explorer(views: Sequence[View], path: Path) -> None:
-    """Write the page, whole or not at all."""
+    """Write the explorer page of some belief graphs. A failed write leaves no partial file."""
     write_bytes(path, explorer_page(views).encode())
 
 
 def explorer_page(views: Sequence[View]) -> str:
-    """Return the page of some views, the first of them open.
+    """Return the explorer page of some views; the first is open.
 
-    It says at its top what it leaves out: of large buildings, and of many (`shown_part.py`).
+    The page says at its top what it leaves out: parts of large buildings, and buildings beyond the
+    limit of a page (`shown_part.py`).
     """
     parts = [choose_shown_part(view.belief) for view in views]
     shown = count_buildings(parts)
@@ -72,7 +73,7 @@ def _encode(view: View, part: ShownPart) -> dict[str, Any]:
     rooms = [partial.rooms[number - 1] for number in part.rooms]
     place = {number: node for node, number in enumerate(nodes)}
     names = [_name(room) for room in partial.rooms]
-    if len(rooms) < len(partial.rooms):  # rooms that are left out count in the numbers of names
+    if len(rooms) < len(partial.rooms):  # numbered names count the rooms that are left out, too
         names = list(number_alike(names))
     known = [
         KnownOutline(node, names[number - 1], outline_room(room, room.position), room.floor_index)
@@ -130,7 +131,7 @@ def _encode(view: View, part: ShownPart) -> dict[str, Any]:
 
 
 def _name(room: KnownRoom) -> str:
-    """Return what a room is called: its label, else its id."""
+    """Return the name of a room: its label, else its id."""
     return room.label or (f"room {room.name}" if room.name.isdecimal() else room.name)
 
 

@@ -1,4 +1,4 @@
-"""The paper's figures, for print: error per class, correlations, one building's histograms."""
+"""Draw figures for print: error per class, correlations, histograms, learning curves, savings."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def plot_class_errors(errors: Floats, classes: Sequence[str], path: Path, *, tit
     Args:
         errors: `[N, C]` predicted minus true counts.
         classes: `[C]` names.
-        path: of the image.
-        title: above it.
+        path: image file to write.
+        title: text above the plot.
     """
     figure = _figure(11, 4.2)
     axes = figure.subplots()
@@ -64,8 +64,8 @@ def plot_correlations(
         predicted: `[N, C]` counts.
         true: `[N, C]` counts.
         classes: `[C]` names.
-        path: of the image.
-        title: above it.
+        path: image file to write.
+        title: text above the plot.
     """
     figure = _figure(13, 6.6)
     left, right = figure.subplots(1, 2, sharey=True)
@@ -81,13 +81,13 @@ def plot_correlations(
 
 
 def plot_building(shown: ShownNodes, classes: Sequence[str], path: Path, *, title: str) -> None:
-    """Plot input, predicted and true histogram and distribution of the example.
+    """Plot the input, predicted and true histogram and the distribution of one building.
 
     Args:
-        shown: what a model expects of some nodes.
+        shown: nodes with what a model expects of them.
         classes: `[C]` names.
-        path: of the image.
-        title: above it.
+        path: image file to write.
+        title: text above the plot.
     """
     node = shown.example
     figure = _figure(11, 5.6)
@@ -115,13 +115,13 @@ def plot_building(shown: ShownNodes, classes: Sequence[str], path: Path, *, titl
 def plot_learning_curve(
     reports: Sequence[EpochReport], path: Path, *, title: str, loss: str
 ) -> None:
-    """Plot training and validation loss over epochs, with the epoch of the best checkpoint.
+    """Plot training and validation loss over epochs, and mark the epoch of the best checkpoint.
 
     Args:
-        reports: of a training.
-        path: of the image.
-        title: above it.
-        loss: what is lowered, as the label of the axis.
+        reports: one per epoch of a training.
+        path: image file to write.
+        title: text above the plot.
+        loss: name of the loss, the label of the axis.
     """
     figure = _figure(7, 4)
     axes = figure.subplots()
@@ -159,7 +159,7 @@ def plot_evaluation(
     classes: Sequence[str],
     building: str,
 ) -> Mapping[str, Path]:
-    """Plot the three figures of one model into a folder; return what each shows by its path."""
+    """Plot the three figures of one model into a folder; return caption → path."""
     rooms = ~shown.is_building
     errors = shown.totals - shown.targets
     stem = stem_of(name)
@@ -188,15 +188,15 @@ def plot_leaderboard(
     *,
     title: str,
 ) -> None:
-    """Plot one panel a metric, one row a model, with 95 % intervals.
+    """Plot one panel per metric and one row per model, with 95 % intervals.
 
-    A dashed line marks the best; a grey arrow stands for a model far beyond the others.
+    A dashed line marks the best model. A grey arrow stands for a model far outside the panel.
 
     Args:
-        standings: model → metric → estimate, from the top row to the bottom one.
+        standings: model → metric → estimate, from the top row to the bottom row.
         headlines: metric → label of its panel.
-        path: of the image.
-        title: above it.
+        path: image file to write.
+        title: text above the plot.
     """
     columns = min(len(headlines), 4)
     lines = -(-len(headlines) // columns)
@@ -220,7 +220,7 @@ def plot_leaderboard(
             axes.plot([one.low, one.high], [place, place], color=PREDICTED, linewidth=1.2)
             if left <= one.value <= right or np.isnan(one.value):
                 axes.plot(one.value, place, "o", color=PREDICTED, markersize=4)
-            else:  # beyond the panel, on the side that it points to
+            else:  # outside the panel: the arrow points to the value
                 edge, marker = (left, "<") if one.value < left else (right, ">")
                 axes.plot(edge, place, marker, color=INPUT, markersize=5, clip_on=False)
         axes.set_title(label, fontsize=9)
@@ -237,12 +237,12 @@ def plot_leaderboard(
 def plot_savings(
     savings: Mapping[str, Mapping[str, Floats]], path: Path, *, title: str, whole: str
 ) -> None:
-    """Plot a box plot of what planners save, one panel a world and task.
+    """Plot box plots of what planners save, one panel per world and task.
 
     Args:
-        savings: panel → planner → saving of every building, `[B]`.
-        path: of the image.
-        title: above it.
+        savings: panel → planner → saving in each building, `[B]`.
+        path: image file to write.
+        title: text above the plot.
         whole: planner that no other can beat, drawn in its own colour.
     """
     columns = min(len(savings), 2)
@@ -273,7 +273,7 @@ def plot_savings(
         axes.spines[["top", "right"]].set_visible(False)
     for axes in panels[len(savings) :]:
         axes.set_visible(False)
-    figure.supxlabel("cost saved beside `nearest` in each building, %", fontsize=8)
+    figure.supxlabel("cost saved compared with `nearest` in each building, %", fontsize=8)
     figure.suptitle(title, fontsize=10)
     _save(figure, path)
 

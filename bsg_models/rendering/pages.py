@@ -1,9 +1,9 @@
-"""Pages from templates: all text is escaped, and no script runs but those beside this file.
+"""Fill HTML templates: all text is escaped, and only the scripts beside this file run.
 
-A template, `*.html.jinja`, fills `page.html.jinja`. Each style sheet and script of a page is a file
-of ours, whole, in an element of its own, and the page's Content-Security-Policy has the hash of
-each such file: a browser runs nothing else, loads nothing, and makes no markup from text.
-`theme.css` and `theme.js` are of every page.
+A template, `*.html.jinja`, extends `page.html.jinja`. Each style sheet and script of this folder
+stands whole in its own element. The page's Content-Security-Policy lists the hash of each, so a
+browser runs nothing else, loads nothing, and makes no markup from text. Every page has `theme.css`
+and `theme.js`.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ _ELEMENTS = {".css": "style", ".js": "script"}
 
 
 def render_page(template: str, **values: Any) -> str:
-    """Return a page; what is missing from the values is an error.
+    """Fill a template; a missing value is an error.
 
     Args:
         template: name of a file beside this one, e.g. `report.html.jinja`.
-        values: which the template names.
+        values: values that the template names.
     """
     return _environment().get_template(template).render(values)
 
@@ -49,21 +49,23 @@ def _environment() -> Environment:
 
 
 def encode_for_script(value: Any) -> Markup:
-    """Return JSON that cannot end the script element that it stands in."""
+    """Return JSON that cannot close the script element around it."""
     text = encode_json(value, ensure_ascii=False, separators=(",", ":"))
     for sign in "<>&\u2028\u2029":
         text = text.replace(sign, f"\\u{ord(sign):04x}")
-    return Markup(text)  # noqa: S704 - the signs that could be markup are gone
+    return Markup(text)  # noqa: S704 - no sign is left that could be markup
 
 
 @cache
 def content_security_policy() -> str:
-    """Return what a page may do: run our scripts, use our style sheets, show pictures in it.
+    """Return the policy of every page: run our scripts, use our style sheets, show its pictures.
 
-    All pages have the same policy, since that of a report is also that of the explorer in it. The
-    hashes are those of the files beside this one, never of what a page came to hold. Styles that
-    depend on numbers are set by a script, which needs no permission; a `style` attribute has none.
-    No policy of Trusted Types is allowed, so that no script of ours makes markup from text.
+    All pages share one policy, because a report contains the explorer. The hashes are those of the
+    files beside this one and do not depend on what a page holds. Scripts set the styles that depend
+    on
+    numbers; the policy forbids `style` attributes. It also forbids every policy of Trusted Types,
+    so no
+    script can make markup from text.
     """
     hashes: dict[str, list[str]] = {element: [] for element in _ELEMENTS.values()}
     beside = resources.files("bsg_models.rendering").iterdir()
@@ -87,7 +89,7 @@ def content_security_policy() -> str:
 
 
 def _own_element(name: str) -> Markup:
-    """Return a style sheet or a script of ours in its element: it needs no escaping."""
+    """Return a style sheet or script of this folder in its element, unescaped."""
     element = _ELEMENTS[name[name.rfind(".") :]]
     return Markup(f"<{element}>{_read_own(name)}</{element}>")  # noqa: S704 - it lies beside this file
 

@@ -1,11 +1,11 @@
-/* What stands beside the picture: rooms ranked, what is likely in a room, every class; and the legend under it. */
+/* The panel beside the picture: ranked rooms, likely classes, every class; and the legend below the picture. */
 const Panel = (() => {
   "use strict";
   const { make } = Elements;
   const { ALL, amount, nodeName, percent, soughtName } = Beliefs;
   const FIRST = 10;  // rows of a ranking before it is folded
 
-  /* Show a node; `go` is called with the `{ node }` or `{ sought }` that somebody chose. */
+  /* Show a node; `go` gets the `{ node }` or `{ sought }` that the user chose. */
   function show(side, view, look, go) {
     side.replaceChildren();
     const { node, sought } = look;
@@ -23,7 +23,7 @@ const Panel = (() => {
     made.addEventListener("click", pressed);
     return made;
   }
-  /* A paragraph of words, of which those in arrays are bold. */
+  /* Make a paragraph; words in arrays are bold. */
   function paragraph(side, ...words) {
     const line = make("p", {}, side);
     for (const word of words) Array.isArray(word) ? make("b", {}, line, word[0]) : line.append(word);
@@ -32,12 +32,12 @@ const Panel = (() => {
   function summarize(side, view, node) {
     const of = Beliefs.numbers(view, node, ALL), room = node ? view.rooms[node - 1] : null;
     paragraph(side, [amount(of.seen)], " seen, ", [amount(of.more)], " more expected",
-      ...(of.unseen === null ? ["."] : ["; really there: ", [amount(of.unseen)], " more."]));
+      ...(of.unseen === null ? ["."] : ["; true: ", [amount(of.unseen)], " more."]));
     const bare = view.classless[node];
-    if (bare) paragraph(side, [amount(bare)], " seen besides, of no class.");
+    if (bare) paragraph(side, [amount(bare)], " seen that belong to no class.");
     const share = room ? room.share : view.hidden_share;
-    paragraph(side, room && !room.visited ? "Not visited yet: what is expected follows from the rest of the building, never from a room's name."
-      : share === 0 ? "All of it was searched." : "About " + percent(share) + " of its objects are taken to be unseen.");
+    paragraph(side, room && !room.visited ? "Not visited yet. The expectation follows from the rest of the building, never from the room's name."
+      : share === 0 ? "All of it was searched." : "About " + percent(share) + " of its objects are assumed to be unseen.");
     paragraph(side, "Expected by " + (view.model || "an unnamed model") + ".");
   }
 
@@ -47,29 +47,29 @@ const Panel = (() => {
   }
 
   function rankRooms(side, view, sought, go) {
-    make("h3", {}, side, sought === ALL ? "Rooms by how much more is expected" : "Rooms by the chance of at least one unseen " + soughtName(view, sought));
+    make("h3", {}, side, sought === ALL ? "Rooms by expected unseen objects" : "Rooms by the probability of at least one unseen " + soughtName(view, sought));
     if (sought !== ALL) make("p", { class: "answer" }, side, "In the whole building: " + Beliefs.sayLong(view, 0, sought) + ".");
     const most = sought === ALL ? Beliefs.mostWorth(view, ALL) : 1;
     rank(side, "rooms", Beliefs.rankRooms(view, sought).map((of) => ({
       name: nodeName(view, of.node), words: Beliefs.sayShort(of, sought) + mark(of, sought),
       share: Beliefs.worth(of, sought) / most, key: of.node, chosen: () => go({ node: of.node }),
     })));
-    if (view.truth && sought !== ALL) make("p", {}, side, "✓ one is there unseen, – none is.");
+    if (view.truth && sought !== ALL) make("p", {}, side, "✓ the truth has an unseen one here, – it has none.");
   }
   const mark = (of, sought) => of.unseen === null || sought === ALL ? "" : of.unseen > 0 ? " ✓" : " –";
 
   function rankClasses(side, view, { node, sought }, go) {
-    make("h3", {}, side, "Most likely, not seen " + (node ? "here" : "anywhere"));
+    make("h3", {}, side, "Most likely classes not seen " + (node ? "here" : "anywhere"));
     const ranked = Beliefs.rankClasses(view, node, 6);
-    if (!ranked.length) make("p", {}, side, "Nothing is likely.");
+    if (!ranked.length) make("p", {}, side, "No unseen class is likely.");
     rank(side, "classes", ranked.map((of) => ({
       name: view.classes[of.class], words: Beliefs.sayShort(of, of.class) + mark(of, of.class), share: of.chance,
       key: of.class, picked: of.class === sought, chosen: () => go({ sought: of.class }),
     })));
-    if (ranked.length && view.truth) make("p", {}, side, "✓ one is there unseen, – none is.");
+    if (ranked.length && view.truth) make("p", {}, side, "✓ the truth has an unseen one here, – it has none.");
   }
 
-  /* A list of buttons, each with its words and a bar; what comes after the first is folded. */
+  /* Make a list of buttons with words and a bar; rows after the first `FIRST` are folded. */
   function rank(side, kind, rows) {
     const list = (parent, some, start) => {
       const made = make("ol", { class: "rank " + kind, start }, parent);
@@ -95,14 +95,14 @@ const Panel = (() => {
       .filter((row) => row.most > 0.05).sort((a, b) => b.most - a.most || a.class - b.class);
     make("h3", {}, side, "Every class");
     const key = make("div", { class: "key" }, side);
-    for (const [name, text] of [["seen", "seen"], ["more", "more expected"], ...(truth ? [["true", "really there"]] : [])]) {
+    for (const [name, text] of [["seen", "seen"], ["more", "more expected"], ...(truth ? [["true", "true count"]] : [])]) {
       const item = make("span", {}, key);
       make("i", { class: name }, item);
       item.append(text);
     }
     const table = make("table", { class: "histogram" }, side);
     const head = make("tr", {}, make("thead", {}, table)), body = make("tbody", {}, table);
-    for (const text of ["class", "", "seen", "more expected", "at least one unseen", ...(truth ? ["really unseen"] : [])])
+    for (const text of ["class", "", "seen", "more expected", "at least one unseen", ...(truth ? ["truly unseen"] : [])])
       make(text ? "th" : "td", text ? { scope: "col" } : {}, head, text);
     const most = Math.max(1, ...expected, ...(truth || []));
     for (const { class: c } of rows) {
@@ -118,7 +118,7 @@ const Panel = (() => {
     }
   }
 
-  /* Say what colours and shades mean. */
+  /* Write the legend of colours and shades. */
   function explain(box, view, look) {
     box.replaceChildren();
     const most = Beliefs.mostWorth(view, look.sought);
@@ -126,7 +126,7 @@ const Panel = (() => {
     const entry = (kind, text) => { const item = make("span", {}, box); make("i", { class: kind }, item); item.append(text); };
     if (!look.plan) { entry("building", "building"); entry("room", "room"); }
     entry(one ? "sought" : "object", one ? "seen " + name : "seen object");
-    if (!one && view.classless[0]) entry("classless", "seen, of no class");
+    if (!one && view.classless[0]) entry("classless", "seen, belongs to no class");
     entry("blind", "blind node: expected, not seen (faint: unsure)");
     const scale = make("span", {}, box, one ? `at least one unseen ${name}: 0 %` : "more expected: 0");
     make("span", { class: "scale" }, scale);

@@ -158,7 +158,7 @@ const Picture = (() => {
     if (thing.presence !== undefined) return { class: "blind", "fill-opacity": (0.2 + 0.8 * thing.presence).toFixed(2),
       "data-say": "blind node, " + Beliefs.say(view, thing.room, thing.class) };
     const kind = thing.class === null ? " classless" : look.sought === Beliefs.ALL ? "" : " sought";
-    return { class: "object" + kind, "data-say": (thing.name || "an object") + ", seen" + (thing.class === null ? ", of no class" : "") };
+    return { class: "object" + kind, "data-say": (thing.name || "an object") + ", seen" + (thing.class === null ? ", belongs to no class" : "") };
   }
   return { show };
 })();

@@ -1,4 +1,4 @@
-"""A building from above, for a page: where each room is drawn, one storey beside another."""
+"""Place the rooms of a building, seen from above, on a page: one storey beside another."""
 
 from __future__ import annotations
 
@@ -13,38 +13,38 @@ from bsg_data.scene.scene_graph import Box, Point
 
 Spot = tuple[float, float]
 Outline = tuple[Spot, ...]
-HALF = 1.2  # metres: half a side of a room of which only the place is known
+HALF = 1.2  # metres: half a side of the square for a room whose position alone is known
 _GAP = 0.6  # metres between storeys
-_CAPTION = 0.9  # metres above a storey, where there are several
-_LETTERS = 0.3  # metres below the top of a room: about where its name stands
+_CAPTION = 0.9  # metres above a storey if there are several
+_LETTERS = 0.3  # metres from the top of a room to its name, roughly
 _DIGITS = 2
 
 
 class PlacedRoom(Protocol):
-    """What is read of a room; `Room` and `KnownRoom` have it."""
+    """What a plan reads of a room; `Room` and `KnownRoom` provide it."""
 
     @property
     def footprint(self) -> Outline | None:
-        """Corners (x, y) from above, metres; None where unknown."""
+        """Corners (x, y) from above, metres; None if unknown."""
 
     @property
     def box(self) -> Box | None:
-        """Around it, metres; None where unknown."""
+        """Axis-aligned box around the room, metres; None if unknown."""
 
     @property
     def floor_index(self) -> int | None:
-        """Its storey, from 0 at the bottom; None where unknown."""
+        """Storey, 0 at the bottom; None if unknown."""
 
 
 @dataclass(frozen=True, slots=True)
 class KnownOutline:
-    """A room as it is known, from above.
+    """The known outline of a room, from above.
 
     Attributes:
         number: of the room, 1..R.
         name: of the room.
-        outline: corners in metres, y up; None where unknown.
-        floor_index: storey, 0 at the bottom; None where unknown, which is drawn as the lowest.
+        outline: corners in metres, y up; None if unknown.
+        floor_index: storey, 0 at the bottom; None if unknown, and then drawn as the lowest.
     """
 
     number: int
@@ -59,10 +59,10 @@ class PlannedRoom:
 
     Attributes:
         number: of the room, 1..R.
-        name: that no other room of the plan has.
+        name: unique on the plan.
         outline: corners, metres.
-        part: number of the storey that it is drawn on, from 0.
-        name_x: where its name may begin: at its left, or beside what lies over that corner.
+        part: storey on which it is drawn, counted from 0.
+        name_x: x where its name may begin: the left edge, or beside a room that covers that corner.
     """
 
     number: int
@@ -73,39 +73,39 @@ class PlannedRoom:
 
     @property
     def left(self) -> float:
-        """Its least x."""
+        """Least x."""
         return min(x for x, _ in self.outline)
 
     @property
     def right(self) -> float:
-        """Its greatest x."""
+        """Greatest x."""
         return max(x for x, _ in self.outline)
 
     @property
     def top(self) -> float:
-        """Its least y."""
+        """Least y."""
         return min(y for _, y in self.outline)
 
     @property
     def bottom(self) -> float:
-        """Its greatest y."""
+        """Greatest y."""
         return max(y for _, y in self.outline)
 
     @property
     def centre(self) -> Spot:
-        """The middle of the box around it."""
+        """Middle of the box around the outline."""
         return (self.left + self.right) / 2, (self.top + self.bottom) / 2
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Where rooms are drawn, in metres: x to the right, y down, from 0.
+    """Positions of rooms on a page, in metres from 0: x to the right, y down.
 
     Attributes:
         rooms: large ones first, so that small ones are drawn over them.
-        captions: texts and where they begin; of storeys, where there are several.
-        width: of all.
-        height: of all.
+        captions: names of storeys and where they begin, if there are several storeys.
+        width: of the plan.
+        height: of the plan.
     """
 
     rooms: tuple[PlannedRoom, ...]
@@ -114,12 +114,12 @@ class Plan:
     height: float
 
     def find(self, number: int) -> PlannedRoom:
-        """Return the room of a number."""
+        """Return the room with this number."""
         return next(room for room in self.rooms if room.number == number)
 
 
 def outline_room(room: PlacedRoom, position: Point | None) -> Outline | None:
-    """Return a room from above: its footprint, else its box, else a square at its place."""
+    """Return a room from above: its footprint, else its box, else a square at its position."""
     if room.footprint is not None:
         return tuple(_round(x, y) for x, y in room.footprint)
     if room.box is not None:
@@ -135,12 +135,12 @@ def outline_room(room: PlacedRoom, position: Point | None) -> Outline | None:
 def draw_plan(rooms: Sequence[KnownOutline], *, aspect: float = 1.3) -> Plan:
     """Place rooms on a page of about the given shape, the highest storey first.
 
-    Rooms without an outline are drawn as squares of one size, apart from the others. Rooms of one
+    Rooms without an outline become squares of one size, apart from the others. Rooms that share a
     name are numbered.
 
     Args:
         rooms: of a building.
-        aspect: width of the page by its height.
+        aspect: width of the page divided by its height.
     """
     storeys: dict[int, list[KnownOutline]] = {}
     for room in sorted(rooms, key=lambda room: -(room.floor_index or 0)):
@@ -156,7 +156,7 @@ def draw_plan(rooms: Sequence[KnownOutline], *, aspect: float = 1.3) -> Plan:
 
 
 def number_alike(names: Sequence[str]) -> tuple[str, ...]:
-    """Return names each of which is another: those that are alike are numbered.
+    """Number names that occur more than once, so that each is unique.
 
     >>> number_alike(["bedroom", "hall", "bedroom"])
     ('bedroom 1', 'hall', 'bedroom 2')
@@ -171,7 +171,7 @@ def number_alike(names: Sequence[str]) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True)
 class _Block:
-    """Some rooms that lie together, by number, from (0, 0)."""
+    """Rooms that lie together, by number, from (0, 0)."""
 
     title: str
     outlines: dict[int, Outline]
@@ -180,7 +180,7 @@ class _Block:
 
 
 def _turn(title: str, rooms: Sequence[KnownOutline]) -> _Block:
-    """Return rooms of one storey with y down and the corner of all at (0, 0)."""
+    """Return rooms of one storey with y down and their common corner at (0, 0)."""
     outlines = {room.number: room.outline or () for room in rooms}
     xs, ys = zip(*chain.from_iterable(outlines.values()), strict=True)
     left, top = min(xs), max(ys)
@@ -189,7 +189,7 @@ def _turn(title: str, rooms: Sequence[KnownOutline]) -> _Block:
 
 
 def _line_up(title: str, numbers: Sequence[int], aspect: float) -> _Block:
-    """Return rooms of which no place is known as squares in rows."""
+    """Return rooms without a known position as squares in rows."""
     across = max(1, math.ceil(math.sqrt(len(numbers) * aspect)))
     side, pitch = 2 * HALF, 2 * HALF + _GAP
     outlines = {}
@@ -201,7 +201,7 @@ def _line_up(title: str, numbers: Sequence[int], aspect: float) -> _Block:
 
 
 def _pack(blocks: Sequence[_Block], names: Mapping[int, str], aspect: float) -> Plan:
-    """Return blocks in the number of columns in which they are largest on a page."""
+    """Arrange blocks in the number of columns that shows them largest on a page."""
     head = _CAPTION if len(blocks) > 1 else 0.0
     sizes = {}
     for columns in range(1, len(blocks) + 1):
@@ -224,7 +224,7 @@ def _pack(blocks: Sequence[_Block], names: Mapping[int, str], aspect: float) -> 
 
 
 def _find_name(room: PlannedRoom, over: Sequence[PlannedRoom]) -> float:
-    """Return where a name begins at the top of a room, clear of the rooms drawn over it."""
+    """Return the x where a name may begin at the top of a room, clear of rooms drawn over it."""
     x, y = room.left, room.top + _LETTERS
     for other in sorted(over, key=lambda other: other.left):
         if other.left <= x < other.right and other.top < y < other.bottom:
@@ -233,7 +233,7 @@ def _find_name(room: PlannedRoom, over: Sequence[PlannedRoom]) -> float:
 
 
 def _grid(blocks: Sequence[_Block], columns: int, head: float) -> tuple[list[float], list[float]]:
-    """Return the widths of the columns and the heights of the rows, gaps included."""
+    """Return the widths of the columns and the heights of the rows, including gaps."""
     widths = [
         max((b.width for b in blocks[k::columns]), default=0.0) + _GAP for k in range(columns)
     ]

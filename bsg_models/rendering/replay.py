@@ -1,7 +1,7 @@
-"""A search as it went, by two planners side by side: the record, and its page.
+"""Record a search by two planners side by side, and write its page.
 
-The page is `replay.html.jinja` with the record written into it as JSON. Everything that comes from
-the data is put on the page as text, never as markup.
+`replay.html.jinja` is filled with the record as JSON. Everything that comes from the data is put on
+the page as text, never as markup.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from bsg_models.rendering.plan import Plan
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """A room that a robot is in, and what it knows there.
+    """One room of a robot's route, and what the robot knows there.
 
     Attributes:
         room: 1..R.
-        way: rooms that it came through since the stop before, this one last; none at the start.
+        way: rooms passed since the previous stop, this room last; empty at the start.
         cost: travelled so far.
-        seen: class → how many of it are in the room: artifacts first, then the most.
+        seen: (class, number in the room): artifacts first, then the most frequent.
         found: artifacts that are in the room.
-        presence: `[R]` P(a room holds an artifact that is still sought), 0 for rooms that it has
-            entered: what its planner was given here or, once the search is over, was given last.
-            None for a planner without a belief.
-        target: room where it goes next; None at the end.
-        leg: what it costs to go there; None at the end.
+        presence: `[R]` P(a room holds an artifact that is still sought), 0 for entered rooms. It is
+            what the planner received here; once the search is over, what it received last. None
+            for a planner without a belief.
+        target: next room; None at the end.
+        leg: cost of the way to `target`; None at the end.
     """
 
     room: int
@@ -46,15 +46,15 @@ class Stop:
 
 @dataclass(frozen=True, slots=True)
 class Walk:
-    """A search by one planner, beside all searches of the study by it.
+    """One search by one planner, with the means over all searches of the study.
 
     Attributes:
         planner: its name.
-        model: whose beliefs it was given; None for a planner without a belief.
-        stops: where it began, then the rooms in the order in which they were entered.
-        mean_cost: of all searches.
-        mean_entered: rooms, of all searches.
-        mean_saved: by all searches, beside `nearest`.
+        model: whose beliefs it received; None for a planner without a belief.
+        stops: the start, then the rooms in the order entered.
+        mean_cost: over all searches.
+        mean_entered: rooms, over all searches.
+        mean_saved: saving over all searches, compared with `nearest`.
     """
 
     planner: str
@@ -66,29 +66,29 @@ class Walk:
 
     @property
     def cost(self) -> float:
-        """Of the whole search."""
+        """Cost of the whole search."""
         return self.stops[-1].cost
 
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """One search by one planner or by several: same start, artifacts and costs.
+    """One search by one or several planners: same start, artifacts and costs.
 
     Attributes:
         scene_id: of the building.
         episode: number of the search in its building.
         artifacts: names of the classes that are sought.
         task: when the search ends, `single` or `all`.
-        world: whose costs it travels at.
-        unit: of costs, `m`; empty where they are drawn.
+        world: name of the world, which sets the costs.
+        unit: of costs, `m`; empty if costs are drawn at random.
         plan: of the rooms that can be reached.
-        doors: pairs of rooms that connect; none where costs are drawn.
-        holds: rooms that hold an artifact, which no robot knows.
-        left_out: number of the rooms that cannot be reached, which are not drawn.
-        walks: the planner's, then that of what it is compared with.
-        searches: of the study, in this world and task.
-        buildings: of the same.
-        chosen: how this search came to be shown, in a sentence or two.
+        doors: pairs of connected rooms; empty if costs are drawn at random.
+        holds: rooms that hold an artifact (no robot knows them).
+        left_out: number of rooms that cannot be reached; they are not drawn.
+        walks: the planner's, then those it is compared with.
+        searches: number in the study, in this world and task.
+        buildings: number in the study, in this world and task.
+        chosen: why this search is shown, in a sentence or two.
     """
 
     scene_id: str
@@ -108,18 +108,18 @@ class Replay:
 
     @property
     def steps(self) -> int:
-        """Rooms that the robot enters which enters the most."""
+        """The largest number of rooms that one robot enters."""
         return max(len(walk.stops) for walk in self.walks) - 1
 
     @property
     def saved(self) -> str:
-        """What the first planner saves beside the second in this search, in per cent."""
+        """What the first planner saves compared with the second in this search, in per cent."""
         ours, base = (walk.cost for walk in self.walks)
         return f"{100 * (1 - ours / base):.0f} %" if base else "0 %"
 
     @property
     def mean_saved(self) -> str:
-        """What the first planner saves in all searches, in per cent with its interval."""
+        """What the first planner saves over all searches, in per cent, with its interval."""
         return describe_saving(self.walks[0].mean_saved)
 
     def describe_cost(self, cost: float) -> str:
@@ -128,7 +128,7 @@ class Replay:
 
 
 def write_replay(replay: Replay, path: Path) -> None:
-    """Write the page, whole or not at all."""
+    """Write the replay page of a search. A failed write leaves no partial file."""
     write_bytes(path, replay_page(replay).encode())
 
 
@@ -138,7 +138,7 @@ def replay_page(replay: Replay) -> str:
 
 
 def describe_share(share: float) -> str:
-    """Return a probability in per cent, whole ones; 0 and 100 only for exactly that.
+    """Format a probability in whole per cent; only exact 0 and 1 become 0 % and 100 %.
 
     >>> describe_share(0.004), describe_share(0.42), describe_share(0.999)
     ('< 1 %', '42 %', '> 99 %')
@@ -149,7 +149,7 @@ def describe_share(share: float) -> str:
 
 
 def describe_saving(saved: Estimate) -> str:
-    """Return a saving in per cent with its interval, if there is one.
+    """Format a saving in per cent, with its interval if there is one.
 
     >>> describe_saving(Estimate(0.4321, float("nan"), float("nan"), 10))
     '43 %'
@@ -160,7 +160,7 @@ def describe_saving(saved: Estimate) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Return nested values for JSON: tuples are lists, what is not known is null."""
+    """Return nested values for JSON: tuples become lists, unknown values null."""
     if isinstance(value, dict):
         return {key: _plain(inner) for key, inner in value.items()}
     if isinstance(value, list | tuple):

@@ -1,4 +1,4 @@
-"""An evaluation as one page: what was measured, the paper's figures, and buildings to look into."""
+"""Write an evaluation as one page: results, the paper's figures, and an explorer of buildings."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from bsg_models.rendering.pages import render_page
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table of the report: its caption, header and rows of text."""
+    """A table of the report: caption, header and rows of text."""
 
     caption: str
     header: Sequence[str]
@@ -30,15 +30,15 @@ def write_report(
     figures: Mapping[str, Path],
     explorer: str | None,
 ) -> None:
-    """Write the page, whole or not at all; everything is in it, and all text is escaped.
+    """Write the self-contained page with all text escaped. A failed write leaves no partial file.
 
     Args:
-        path: of the page.
+        path: file to write.
         title: its heading.
-        facts: what was measured on, a paragraph each.
-        findings: heading → verdict → what it is of.
+        facts: what was measured and on which buildings, a paragraph each.
+        findings: heading → verdict → the metrics with that verdict.
         tables: of metrics; those after the first are folded.
-        figures: caption → PNG.
+        figures: caption → PNG file.
         explorer: page of `explorer_page`, shown in a frame; None for none.
     """
     page = render_page(

@@ -1,7 +1,7 @@
-"""Which part of a large building a page shows, and what it says of the rest.
+"""Choose the part of a large building that a page shows, and say what is left out.
 
-A browser draws some thousands of dots fluently, and a page is to be sent by mail. The numbers of
-the building are always those of all of it.
+A browser draws a few thousand dots smoothly, and a page should fit into a mail. The numbers of a
+building always count all of it.
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ from bsg_data.arrays import Bools, Ints
 from bsg_models.belief.belief_graph import BeliefGraph
 
 MOST_ROOMS = 200  # of a building
-MOST_OBJECTS = 2_500  # of a building; so are blind nodes
-PAGE_ROOMS = 2_500  # of all buildings of a page, which is then below 8 MB
+MOST_OBJECTS = 2_500  # of a building; also the limit of its blind nodes
+PAGE_ROOMS = 2_500  # of all buildings of a page, which keeps it below 8 MB
 PAGE_OBJECTS = 25_000
-_LIKELIEST = 3  # rooms that are shown of every class
-ALL_OF_IT = "bsg-belief … --out beliefs.json writes all of it."
+_LIKELIEST = 3  # rooms shown for every class
+ALL_OF_IT = "`bsg-belief … --out beliefs.json` writes everything."
 
 
 @dataclass(frozen=True, slots=True)
 class ShownPart:
-    """What a page shows of a belief graph.
+    """The part of a belief graph that a page shows.
 
     Attributes:
         rooms: their numbers, 1..R, in order.
-        objects: places of seen objects in the partial graph, in order.
-        blind: places of blind nodes in the belief graph, in order.
-        left_out: what is left out, in words; empty if nothing is.
+        objects: indices of seen objects in the partial graph, in order.
+        blind: indices of blind nodes in the belief graph, in order.
+        left_out: sentence about what is left out; empty if nothing is.
     """
 
     rooms: tuple[int, ...]
@@ -41,12 +41,13 @@ class ShownPart:
 
 
 def choose_shown_part(belief: BeliefGraph) -> ShownPart:
-    """Choose what a page shows of a belief graph: all of it, unless it is very large.
+    """Choose what a page shows of a belief graph: everything, unless the building is very large.
 
-    Of more than `MOST_ROOMS` rooms those are shown in which a class is likeliest, three for every
-    class, then those with most that is expected and not seen. Of more than `MOST_OBJECTS` objects,
-    or blind nodes, in these every room shows as many as leave the same for others, those with a
-    class first.
+    Beyond `MOST_ROOMS` rooms, the three likeliest rooms of every class are shown, then the rooms
+    with
+    the largest expected number of hidden objects. Beyond `MOST_OBJECTS` objects or blind nodes,
+    every
+    room shows an equal number where it has that many; objects with a class come first.
     """
     partial = belief.partial
     rooms = _choose_rooms(belief)
@@ -68,7 +69,7 @@ def choose_shown_part(belief: BeliefGraph) -> ShownPart:
 def _say_left_out(
     *, rooms: tuple[int, int], objects: tuple[int, int], blind: tuple[int, int]
 ) -> str:
-    """Say how many of each kind are shown, of how many; empty if all are."""
+    """Return a sentence with the shown and total number of each kind; empty if all are shown."""
     kinds = {"rooms": rooms, "seen objects": objects, "blind nodes": blind}
     said = [f"{shown:,} of {number:,} {name}" for name, (shown, number) in kinds.items()]
     if all(shown == number for shown, number in kinds.values()):
@@ -76,17 +77,17 @@ def _say_left_out(
     rule = ""
     if rooms[0] < rooms[1]:
         rule = (
-            f" The rooms are the {_LIKELIEST} where each class is likeliest, then those where most "
-            "is expected."
+            f" The rooms are the {_LIKELIEST} likeliest for each class, then those with the most "
+            "expected unseen objects."
         )
     return (
-        f"This page shows {said[0]}, {said[1]} and {said[2]}.{rule} What it says of the building "
-        f"and of each room counts everything. {ALL_OF_IT}"
+        f"This page shows {said[0]}, {said[1]} and {said[2]}.{rule} The numbers of the building "
+        f"and of each room count everything. {ALL_OF_IT}"
     )
 
 
 def count_buildings(parts: Sequence[ShownPart]) -> int:
-    """Return how many buildings, the first ones, a page has room for: one at least."""
+    """Return how many buildings, counted from the first, fit on a page; at least one."""
     rooms = np.cumsum([len(part.rooms) for part in parts])
     objects = np.cumsum([len(part.objects) + len(part.blind) for part in parts])
     fits = (rooms <= PAGE_ROOMS) & (objects <= 2 * PAGE_OBJECTS)
@@ -104,9 +105,9 @@ def _choose_rooms(belief: BeliefGraph) -> tuple[int, ...]:
 
 
 def _take_evenly(room: Ints, is_shown: Bools, order: Ints) -> tuple[int, ...]:
-    """Return `MOST_OBJECTS` at most of some things, by the room of each, as even as can be.
+    """Return at most `MOST_OBJECTS` things, spread over the rooms as evenly as possible.
 
-    `order` has those of a room one after another, the most important first.
+    `order` lists the things of a room one after another, the most important first.
     """
     order = order[is_shown[room[order]]]
     counts = np.bincount(room[order], minlength=len(is_shown))

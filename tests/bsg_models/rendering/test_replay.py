@@ -26,7 +26,7 @@ def test_the_page_says_how_the_search_was_chosen_and_what_all_came_to() -> None:
         assert words in page
     assert "1 room cannot be reached and is not drawn." in page
     drawn = replay_page(replace(make_replay(), unit="", world="star:1-10", doors=(), left_out=0))
-    assert "costs are drawn (star:1-10)" in drawn
+    assert "costs are drawn at random (star:1-10)" in drawn
     assert "cannot be reached" not in drawn
 
 

@@ -67,7 +67,7 @@ def test_everything_is_there_as_text_and_in_order(report: Reader) -> None:
     assert texts(report, "title") == texts(report, "h1") == [f"Of {HOSTILE}"]
     facts = texts(report, "p")
     assert facts[:2] == ["4 buildings & more", HOSTILE]
-    assert facts[2].startswith("Orange is what the robot saw")
+    assert facts[2].startswith("Orange: objects that the robot saw")
     headings = ["Look into a building", "beside doubling", "In short", "Figures"]
     assert texts(report, "h2") == headings
     assert texts(report, "b") == ["better", "worse"]

@@ -98,6 +98,6 @@ def test_the_page_says_what_it_leaves_out(tmp_path: Path) -> None:
         assert "200 of 220 rooms" in page.locator("#left-out").inner_text()
         page.keyboard.press("Escape")
         without = sum(obj.class_index is None for obj in tower.partial.objects)
-        assert f"{without} seen besides" in page.locator("aside").inner_text()
+        assert f"{without} seen that belong to no class" in page.locator("aside").inner_text()
         page.select_option("#view", "1")
         assert not page.locator("#left-out").is_visible()
