@@ -1,6 +1,6 @@
-"""A page of measured results as Markdown.
+"""Write a page of measured results as Markdown.
 
-It has a title, the conclusions, the tables, and at the end how it was made: command, date,
+A page has a title, the conclusions, the tables, and "How it was made": the command, the date, the
 versions, and the dataset or the machine.
 """
 
@@ -31,10 +31,10 @@ class ResultsTable:
     """One table of a page.
 
     Attributes:
-        title: its heading; "" for none.
-        header: names of the columns; the first names the rows.
-        rows: of cells, each as long as the header.
-        reading: how to read it.
+        title: heading; "" for none.
+        header: names of the columns; the first column names the rows.
+        rows: cells, as many a row as the header has.
+        reading: text above the table that says how to read it.
     """
 
     title: str
@@ -48,13 +48,13 @@ class Provenance:
     """How a page was made.
 
     Attributes:
-        command: that makes it again.
-        date: of the measurement, YYYY-MM-DD.
+        command: the command that makes the page again.
+        date: day of the measurement, YYYY-MM-DD.
         versions: (package, version).
-        class_space: of the dataset; "" where there is none.
-        dataset_sha256: of the dataset before it was split; "" where there is none.
-        buildings: of the dataset; 0 where there is none.
-        machine: on which times were measured (`describe_machine`); "" where none were.
+        class_space: class space of the dataset; "" without a dataset.
+        dataset_sha256: hash of the dataset before it was split; "" without a dataset.
+        buildings: number of buildings in the dataset; 0 without a dataset.
+        machine: where times were measured (`describe_machine`); "" if the page has no times.
     """
 
     command: str
@@ -71,10 +71,10 @@ class ResultsPage:
     """A page of results.
 
     Attributes:
-        title: of the page.
-        conclusions: what was found, a sentence or a paragraph each.
-        tables: of the results.
-        provenance: how it was made.
+        title: heading of the page.
+        conclusions: paragraphs that say what was found.
+        tables: the results.
+        provenance: how the page was made.
     """
 
     title: str
@@ -95,15 +95,16 @@ def format_page(page: ResultsPage) -> str:
     made = page.provenance
     versions = ", ".join(f"{name} {number}" for name, number in made.versions)
     lines += ["## How it was made", "", "```sh", made.command, "```", ""]
-    facts = [f"{made.date}, with {versions}."]
+    lines += [f"- Date: {made.date}", f"- Versions: {versions}"]
     if made.dataset_sha256:
-        facts.append(
-            f"{made.buildings} buildings, class space {escape_markdown(made.class_space)}, dataset "
-            f"`{made.dataset_sha256[:16]}` (sha256 of its `dataset.json` before it was split)."
+        lines.append(
+            f"- Dataset: {made.buildings} buildings, class space "
+            f"{escape_markdown(made.class_space)}, `{made.dataset_sha256[:16]}` (start of the "
+            "sha256 of `dataset.json` before the split)"
         )
     if made.machine:
-        facts.append(f"On {made.machine}.")
-    lines += [" ".join(facts), ""]
+        lines.append(f"- Machine: {made.machine}")
+    lines.append("")
     return "\n".join(lines)
 
 
@@ -121,7 +122,7 @@ def write_page(page: ResultsPage, path: Path) -> None:
 
 
 def describe(data: Dataset, argv: Sequence[str], *, date: str) -> Provenance:
-    """Return how a page was made from a dataset by the command of these words."""
+    """Return how the command `argv` made a page from a dataset."""
     return replace(
         describe_run(argv, date=date),
         class_space=data.manifest.class_space.name,
@@ -131,7 +132,7 @@ def describe(data: Dataset, argv: Sequence[str], *, date: str) -> Provenance:
 
 
 def describe_run(argv: Sequence[str], *, date: str) -> Provenance:
-    """Return how a page was made by the command of these words, without a dataset."""
+    """Return how the command `argv` made a page without a dataset."""
     versions = (
         (PACKAGE, version(PACKAGE)),
         ("torch", str(torch.__version__)),
@@ -141,7 +142,7 @@ def describe_run(argv: Sequence[str], *, date: str) -> Provenance:
 
 
 def describe_machine() -> str:
-    """Return what times depend on, and not whose machine it is: cores, system, Python."""
+    """Return cores, system and Python of this machine, without its name."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     python = f"{platform.python_implementation()} {platform.python_version()}"
     return f"{cores} cores of {platform.machine()}, {platform.system()}, {python}"
@@ -150,8 +151,8 @@ def describe_machine() -> str:
 def format_command(argv: Sequence[str]) -> str:
     """Return a command as a reader would type it, without the folders of this machine.
 
-    A script is named from the repository on; of another path that begins at the root, or leads
-    upwards, the last name alone is kept.
+    A script keeps its path from `scripts/` on. A path that begins with `/`, `~` or `..` keeps its
+    last name only.
 
     >>> format_command(["/srv/bsg/scripts/measure/masks.py", "--leaderboard", "/srv/board"])
     'python scripts/measure/masks.py --leaderboard board'
@@ -172,7 +173,7 @@ def format_command(argv: Sequence[str]) -> str:
 
 
 def format_estimate(estimate: Estimate, *, digits: int = 4, signed: bool = False) -> str:
-    """Return a value with its interval; – where it is not defined.
+    """Return a value with its interval; – if it is not defined.
 
     >>> format_estimate(Estimate(-0.00123, -0.002, -0.0004, nodes=9), digits=4, signed=True)
     '-0.0012 (-0.0020 to -0.0004)'
@@ -187,5 +188,5 @@ def format_estimate(estimate: Estimate, *, digits: int = 4, signed: bool = False
 
 
 def is_told_apart(estimate: Estimate) -> bool:
-    """Say whether the interval of a difference does not hold 0."""
+    """Say whether the interval of a difference excludes 0."""
     return bool(estimate.low > 0 or estimate.high < 0)

@@ -4,7 +4,7 @@
 
 Ours: from a robot's graph to the presence of every class in every room, everything included.
 Theirs: one product for every matrix of the network, with as many rows as the building has nodes.
-Where hidden shares are not sure, ours asks the network twice, about several copies of the building.
+With uncertain hidden shares, ours asks the network twice, about several copies of the building.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def measure() -> Iterator[Speed]:
     for rooms in ROOMS:
         graph = parse_robot_graph(make_graph(rooms), path=Path("made up"))
         products = multiply_by(list_matrices(), nodes=rooms + 1)
-        for how, asked in (("sure", make_sure(graph)), ("not sure", graph)):
+        for how, asked in (("certain", make_sure(graph)), ("uncertain", graph)):
             belief = partial(find_presence, predictor, asked)
             ours, theirs = time_both(repeat(belief), repeat(products), repeats=REPEATS)
             what = f"one belief, {rooms} rooms, hidden shares {how}"

@@ -133,7 +133,7 @@ def measure_study(data: Dataset) -> Speed:
     np.testing.assert_allclose(np.array(together()), np.array(one_by_one()))
     ours, theirs = time_both(together, one_by_one, repeats=1)
     what = f"a search study, {len(cases)} buildings, {SEARCHES} searches, ensemble"
-    return Speed(what, "each planner asking of whole buildings", ours, theirs, 6, at_least=True)
+    return Speed(what, "each planner asking about whole buildings", ours, theirs, 6, at_least=True)
 
 
 def walk_networkx(episodes: Episodes) -> list[float]:

@@ -1,10 +1,10 @@
-"""Run every benchmark of speed, each beside what it is compared with, and write the page.
+"""Run every speed benchmark beside its comparison, and write the page.
 
     python scripts/bench/speed.py --out docs/results/speed.md
-    python scripts/bench/speed.py --only draws mesh     # prints the table of some
+    python scripts/bench/speed.py --only draws mesh     # prints the table of two
 
-A benchmark is a file of this folder whose `measure()` yields records of `Speed`. Each runs in a
-process of its own, with one thread a library, so that none disturbs another, and runs alone, too:
+A benchmark is a file of this folder whose `measure()` yields `Speed` records. Each runs in its own
+process, with one thread per library, so that none disturbs another. A benchmark also runs alone:
 `python scripts/bench/draws.py`. `make bench` writes the page.
 """
 
@@ -35,24 +35,24 @@ from bsg_models.studies.results_page import (
 
 FOLDER = Path(__file__).parent
 BENCHMARKS = ("training", "belief", "draws", "mesh", "search", "opening", "build")
-# Before the libraries start: threads of many wait for one another, and say nothing of our code.
+# Set before the libraries start: many threads wait for one another, which hides our own cost.
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
 def run_alone(name: str) -> tuple[Speed, ...]:
-    """Return what one benchmark measures, in a process of its own."""
+    """Return what one benchmark measures, in its own process."""
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
         return pool.submit(measure, name).result()
 
 
 def measure(name: str) -> tuple[Speed, ...]:
-    """Return what one benchmark measures; nothing, if it has no `measure()`."""
+    """Return what one benchmark measures; nothing if it has no `measure()`."""
     module = importlib.import_module(name)
     return tuple(module.measure()) if hasattr(module, "measure") else ()
 
 
 def run_all(names: Sequence[str]) -> dict[str, tuple[Speed, ...]]:
-    """Return what each benchmark measures, one after another; nothing for no file."""
+    """Return what each benchmark measures; nothing if its file is missing."""
     found: dict[str, tuple[Speed, ...]] = {}
     for name in names:
         began = time.perf_counter()
@@ -63,9 +63,14 @@ def run_all(names: Sequence[str]) -> dict[str, tuple[Speed, ...]]:
 
 
 def conclude(found: dict[str, tuple[Speed, ...]]) -> tuple[str, ...]:
-    """Return how many targets were met, and which benchmarks are missing."""
+    """Return how many targets are met, and which benchmarks are missing."""
     every = [speed for speeds in found.values() for speed in speeds]
-    sentences = [f"{sum(speed.is_met for speed in every)} of {len(every)} targets are met."]
+    met = [speed.what for speed in every if speed.is_met]
+    sentences = [f"{len(met)} of {len(every)} targets are met."]
+    missed = [speed.what for speed in every if not speed.is_met]
+    if met and missed:
+        how, few = min(("Met", met), ("Missed", missed), key=lambda one: len(one[1]))
+        sentences.append(f"{how}: {'; '.join(dict.fromkeys(few))}.")
     missing = [name for name, speeds in found.items() if not speeds]
     if missing:
         sentences.append(f"Not measured: {', '.join(missing)}.")
@@ -80,10 +85,11 @@ def tabulate(found: dict[str, tuple[Speed, ...]]) -> ResultsTable:
         for speed in speeds
     ]
     reading = (
-        "Both times of a row are of the same run and of the same work. A target “≥” is how many "
-        "times as fast ours is at least; “≤” how many times as long it takes at most, or how long."
+        "Both times of a row come from the same run and the same work. With target “≥”, ours must "
+        "be at least that many times as fast. With “≤”, ours may take at most that many times as "
+        "long, or at most that time."
     )
-    return ResultsTable("Speed", (*HEADER, "made by"), tuple(rows), reading)
+    return ResultsTable("Times and targets", (*HEADER, "made by"), tuple(rows), reading)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

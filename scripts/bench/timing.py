@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from bsg_data.tables import format_text
 
-HEADER = ("what", "against", "ours", "theirs", "ratio", "target", "met")
+HEADER = ("work", "compared with", "ours", "theirs", "ratio", "target", "met")
 
 
 @dataclass(frozen=True, slots=True)

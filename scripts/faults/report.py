@@ -1,8 +1,8 @@
-"""Turn what the tests of faults noted into the page docs/results/reliability.md.
+"""Write docs/results/reliability.md from the tally of the fault tests.
 
     python scripts/faults/report.py --tally build/faults.jsonl --out docs/results/reliability.md
 
-`make faults` runs the tests, the fuzzers and the mutants, and this at the end.
+`make faults` runs the tests, the fuzzers, the mutants, and then this script.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from bsg_models.studies.results_page import (
 
 
 class Trial(TypedDict):
-    """A line of the tally: see tests/faults/tally.py."""
+    """One line of the tally; tests/faults/tally.py describes the fields."""
 
     test: str
     command: str
@@ -36,10 +36,10 @@ class Trial(TypedDict):
 
 
 def read_tally(path: Path) -> list[Trial]:
-    """Return the trials, those of one test and command as one, in the order of their first lines.
+    """Return the trials: one for each test and command, tests in the order of the file.
 
     Raises:
-        SystemExit: if a line is no trial.
+        SystemExit: if a line is not a trial.
     """
     found: dict[tuple[str, str], Trial] = {}
     for number, line in enumerate(path.read_text("utf-8").splitlines(), 1):
@@ -55,42 +55,51 @@ def read_tally(path: Path) -> list[Trial]:
                 "misses": [*before["misses"], *trial["misses"]],
             }
         except (ValueError, TypeError, KeyError) as error:
-            sys.exit(f"{path}, line {number}: expected a trial, found {error!r}; run `make faults`")
+            sys.exit(
+                f"{path}, line {number}: expected a trial, found {error!r}; run `make faults` again"
+            )
     tests = list(dict.fromkeys(test for test, _ in found))
     return sorted(found.values(), key=lambda trial: (tests.index(trial["test"]), trial["command"]))
 
 
 def conclude(trials: Sequence[Trial]) -> tuple[str, ...]:
-    """Return how many tries survived: all of them, and those of each test."""
+    """Return the sentence that says how many tries survived."""
     tried = sum(trial["tried"] for trial in trials)
     survived = sum(trial["survived"] for trial in trials)
     return (f"{survived:,} of {tried:,} tries survived.",)
 
 
 def tabulate(trials: Iterable[Trial]) -> ResultsTable:
-    """Return the table of tests, commands, tries and survivors."""
+    """Return the table: one row for each test and command."""
     rows = tuple(
         (trial["test"], trial["command"], f"{trial['tried']:,}", f"{trial['survived']:,}")
         for trial in trials
     )
-    reading = "docs/reliability.md says what each test does and what it takes to survive it."
-    return ResultsTable("What was tried", ("test", "command", "tried", "survived"), rows, reading)
+    reading = (
+        "[Reliability](../reliability.md) says what each test does and when a try counts as "
+        "survived."
+    )
+    return ResultsTable(
+        "Tries by test and command", ("test", "command", "tried", "survived"), rows, reading
+    )
 
 
 def list_misses(trials: Iterable[Trial]) -> tuple[str, ...]:
-    """Return every miss as an item of a list; one item says that there is none."""
+    """Return the list of tries that did not survive, or the sentence that all did."""
     misses = [
         f"- {trial['test']}, {trial['command']}: {miss}"
         for trial in trials
         for miss in trial["misses"]
     ]
-    return ("Misses:\n\n" + "\n".join(misses),) if misses else ("There are no misses.",)
+    if not misses:
+        return ("There are no misses.",)
+    return ("These tries did not survive:\n\n" + "\n".join(misses),)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Write the page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--tally", type=Path, required=True, help="what the tests noted")
+    parser.add_argument("--tally", type=Path, required=True, help="file that the tests wrote")
     parser.add_argument("--out", type=Path, required=True, help="page to write")
     options = parser.parse_args(argv)
     trials = read_tally(options.tally)

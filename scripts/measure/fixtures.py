@@ -1,9 +1,9 @@
-"""Measure what models say of a second one: P(another | a room shows exactly one) beside the truth.
+"""Compare P(another one | a room shows exactly one) with the truth.
 
     python scripts/measure/fixtures.py --leaderboard leaderboard --out docs/results/fixtures.md
 
-A kitchen that shows a refrigerator seldom hides a second one; a bedroom that shows a nightstand
-often does. Under uniform masks, over all rooms that show exactly one of the class.
+A kitchen that shows a refrigerator seldom hides a second one. A bedroom that shows a nightstand
+often does. Masks are `uniform`; the mean is over all rooms that show exactly one of the class.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ SINGLE = (
     "microwave",
     "stove",
 )
-PAIRS = ("nightstand", "pillow", "washing machine")  # dryers are of that class, too
+PAIRS = ("nightstand", "pillow", "washing machine")  # this class includes dryers
 MASK = "uniform"
 
 
 def tabulate(found: dict[str, Bootstrap], classes: Sequence[str]) -> ResultsTable:
-    """Return a row a class: the rooms, what is true, and what each model says, in per cent."""
+    """Return a row a class: the rooms, the truth, and what each model predicts, in per cent."""
     first = next(iter(found.values()))
     rows = []
     for name in classes:
@@ -52,12 +52,10 @@ def tabulate(found: dict[str, Bootstrap], classes: Sequence[str]) -> ResultsTabl
         rows.append((name, str(first.nodes[f"true/{name}"]), true, *said))
     header = ("class", "rooms", "true", *(f"`{name}`" for name in found))
     reading = (
-        "P(at least one more is hidden), in per cent, over all rooms and masks that show exactly "
-        "one; the interval of the truth is over buildings."
+        "P(at least one more is hidden), in per cent. The mean is over all rooms and masks that "
+        "show exactly one object of the class. The true share has a 95 % interval over buildings."
     )
-    return ResultsTable(
-        "Single fixtures, and things that come in pairs", header, tuple(rows), reading
-    )
+    return ResultsTable("Probability of a second object", header, tuple(rows), reading)
 
 
 def scale(one: Bootstrap, name: str) -> Estimate:
@@ -66,14 +64,14 @@ def scale(one: Bootstrap, name: str) -> Estimate:
         100 * one.point[name],
         100 * one.resampled[name],
         nodes=one.nodes[name],
-        rule="percentile",  # which is never below 0
+        rule="percentile",  # never below 0
     )
 
 
 def conclude(found: dict[str, Bootstrap], classes: Sequence[str]) -> tuple[str, ...]:
-    """Return how far each model is from the truth, single fixtures apart from pairs."""
+    """Return how far each model is from the truth: single fixtures, then pairs."""
     sentences = []
-    for what, some in (("single fixtures", SINGLE), ("things that come in pairs", PAIRS)):
+    for what, some in (("single fixtures", SINGLE), ("objects that come in pairs", PAIRS)):
         known = [name for name in some if name in classes]
         if known:
             far = {
@@ -82,11 +80,11 @@ def conclude(found: dict[str, Bootstrap], classes: Sequence[str]) -> tuple[str, 
                 )
                 for model, one in found.items()
             }
-            best = min(far, key=lambda model: far[model])
-            others = ", ".join(f"`{m}` {100 * v:.1f}" for m, v in far.items() if m != best)
+            best, *others = sorted(far, key=lambda model: far[model])
+            rest = ", ".join(f"`{model}` {100 * far[model]:.1f}" for model in others)
             sentences.append(
-                f"Of {what}, `{best}` is nearest to the truth: {100 * far[best]:.1f} points off in "
-                f"the mean over classes{'; ' + others if others else ''}."
+                f"For {what}, `{best}` is closest to the truth: its mean error over the classes is "
+                f"{100 * far[best]:.1f} percentage points{f' ({rest})' if rest else ''}."
             )
     return tuple(sentences)
 
@@ -123,7 +121,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if not shown:
         raise DatasetError(f"{data.path}: no room shows exactly one of {', '.join(classes)}")
     page = ResultsPage(
-        "Is there another one?",
+        "Is there a second object of the class?",
         conclude(found, shown),
         (tabulate(found, shown),),
         describe(data, [__file__, *(argv or sys.argv[1:])], date=date.today().isoformat()),

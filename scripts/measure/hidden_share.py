@@ -1,10 +1,11 @@
-"""Measure what it costs not to know the hidden share, and what estimates of it are worth.
+"""Measure how much models lose without the true hidden share, and gain by estimates of it.
 
     python scripts/measure/hidden_share.py --data hm3d --models run --out PAGE
 
-Masks know the true share of every half-seen room. A model is asked about the same rooms with that
-share, with others, and with beliefs about it that it integrates over. What it says of the hidden
-objects is compared. `--look` is how sure an estimate from looking is: ν of its Beta distribution.
+A mask knows the true share of every half-seen room. The script asks a model about the same rooms
+with the true share, with one half, and with uncertain shares that the model integrates over. It
+compares the likelihood of the hidden objects. `--look` is ν of an estimate's Beta distribution: how
+sure the estimate is.
 """
 
 from __future__ import annotations
@@ -38,25 +39,25 @@ from bsg_models.studies.results_page import (
 )
 
 MASK = MaskRecipe(strategy="explore")
-LEARNED = "which the model has learned from"
-CALIBRATED = "of which the model knows val alone, by its calibration"
-LEAST = 1e-6  # a presence is at least this far from 0 and 1 where its logarithm is taken
-TRUE, NUMBER = "the true share", "a look's mean"
-UPDATED = "a look, updated by what was seen"
-WAYS = {  # how the share is told → what is told, and whether what was seen updates it
+LEARNED = "The model was trained on these buildings"
+CALIBRATED = "The model was calibrated on the val buildings and has not seen the test buildings"
+LEAST = 1e-6  # keeps a presence this far from 0 and 1 before the logarithm
+TRUE, NUMBER = "the true share", "an estimate, its mean only"
+UPDATED = "an estimate, updated by what was seen"
+WAYS = {  # row of the table → what the model is told, and whether what was seen updates it
     TRUE: ("true", False),
     "one half": ("half", False),
-    "anything, integrated over": ("vague", False),
-    "anything, updated by what was seen": ("vague", True),
+    "no estimate, integrated over": ("vague", False),
+    "no estimate, updated by what was seen": ("vague", True),
     NUMBER: ("mean", False),
-    "a look, integrated over": ("look", False),
+    "an estimate, integrated over": ("look", False),
     UPDATED: ("look", True),
 }
 MEANS = ("nll", "log_loss", "brier", "said", "true", "expected", "hidden")
 
 
 def tell(graph: PartialGraph, believe: Callable[[int, float], ShareBelief]) -> PartialGraph:
-    """Return a graph whose half-seen rooms hide what is believed: by number and true share."""
+    """Return the graph with `believe(number, true share)` as the share of each half-seen room."""
     rooms = []
     for number, room in enumerate(graph.rooms):
         share = room.share
@@ -68,13 +69,13 @@ def tell(graph: PartialGraph, believe: Callable[[int, float], ShareBelief]) -> P
 
 
 def look(rng: np.random.Generator, share: float, size: float) -> ShareBelief:
-    """Return a look's belief: a mean that errs as its own standard deviation says."""
+    """Return an estimate of a share whose error fits its own standard deviation."""
     mean = float(np.clip(rng.beta(size * share, size * (1 - share)), 0.02, 0.98))
     return ShareBelief(mean, (mean * (1 - mean) / (size + 1)) ** 0.5)
 
 
 def list_told(graph: PartialGraph, *, draw: int, size: float) -> dict[str, PartialGraph]:
-    """Return a graph as it is told in each way, before what was seen updates it."""
+    """Return the graph as a model is told it in each way, before any update."""
     rng = np.random.default_rng([draw, *graph.scene_id.encode()])
     looks = [look(rng, min(max(r.hidden_share, 0.02), 0.98), size) for r in graph.rooms]
     return {
@@ -87,7 +88,7 @@ def list_told(graph: PartialGraph, *, draw: int, size: float) -> dict[str, Parti
 
 
 def weigh(found: Expectation, hidden: Counts, rooms: Sequence[int]) -> dict[str, float]:
-    """Return the sums over the classes of some rooms that `MEANS` are of."""
+    """Return the sums of `MEANS` over the classes of some rooms."""
     said = np.clip(found.presence[rooms], LEAST, 1 - LEAST)
     there = hidden[rooms] > 0
     return {
@@ -104,7 +105,7 @@ def weigh(found: Expectation, hidden: Counts, rooms: Sequence[int]) -> dict[str,
 def measure(
     predictor: Predictor, cases: Sequence[tuple[int, PartialGraph, Counts]], *, size: float
 ) -> tuple[dict[str, Bootstrap], dict[str, Floats]]:
-    """Return the means of each way, and the errors of the shares' means `[rooms]`."""
+    """Return the means of each way, and the error of each share's mean `[rooms]`."""
     sums: dict[str, dict[str, list[dict[str, float]]]] = {way: {} for way in WAYS}
     cells: dict[str, float] = {}
     errors: dict[str, list[float]] = {way: [] for way in WAYS}
@@ -138,7 +139,7 @@ def measure(
 def tabulate(
     title: str, found: Mapping[str, Bootstrap], errors: Mapping[str, Floats], *, shipped: bool
 ) -> ResultsTable:
-    """Return the means, a row a way; a model that is shipped has learned from all buildings."""
+    """Return the means, a row a way; shipped models were trained on all buildings."""
     rows = []
     for way, means in found.items():
         gap = means.difference(found[TRUE], "nll")
@@ -158,35 +159,36 @@ def tabulate(
     known = LEARNED if shipped else CALIBRATED
     reading = (
         f"Means over {said:,} (room, class, mask) cells of half-seen rooms of the val and test "
-        f"buildings, {known}; masks by {MASK}. A difference is paired, with its 95 % interval over "
-        "buildings. The error of the share is that of its mean, root mean square."
+        f"buildings. {known}. Masks: {MASK}. Differences are paired, with 95 % intervals over "
+        "buildings. The error of the share is the root mean square error of its mean. "
+        "[Hidden share](../hidden-share.md) explains the estimates."
     )
     header = (
-        *("told", "error of the share", "−log P(hidden counts)", "more than the true share's"),
-        *("log-loss of presence", "Brier", "presence said / true", "counts expected / true"),
+        *("told", "error of the share", "−log P(hidden counts)", "difference from true share"),
+        *("log-loss of presence", "Brier", "presence predicted / true", "counts expected / true"),
     )
     return ResultsTable(title, header, tuple(rows), reading)
 
 
 def conclude(name: str, found: Mapping[str, Bootstrap]) -> str:
-    """Return what is lost without the true share."""
+    """Return how much worse the likelihood is without the true share."""
     lost = {
         way: 100 * means.difference(found[TRUE], "nll").value / found[TRUE].point["nll"]
         for way, means in found.items()
     }
-    best = min((way for way in lost if way.startswith("anything")), key=lost.__getitem__)
+    best = min((way for way in lost if way.startswith("no estimate")), key=lost.__getitem__)
     return (
-        f"`{name}` loses {lost['one half']:.1f} % of −log P of what is hidden where it is told one "
-        f"half instead of the true share, and {lost[best]:.1f} % where it is told nothing "
-        f"({best}). After a look it loses {lost[NUMBER]:.1f} % with the look's number, and "
-        f"{lost[UPDATED]:.1f} % where it knows how sure that is and counts what was seen."
+        f"`{name}`: −log P(hidden counts) is {lost['one half']:.1f} % higher when the model is "
+        f"told one half than with the true share. It is {lost[best]:.1f} % higher with {best}. "
+        f"It is {lost[NUMBER]:.1f} % higher with {NUMBER}, and {lost[UPDATED]:.1f} % higher with "
+        f"{UPDATED}."
     )
 
 
 def read_cases(
     data: Dataset, path: Path, *, draws: int
 ) -> Iterator[tuple[int, PartialGraph, Counts]]:
-    """Yield number of draw, masked graph and true histograms of val and test buildings."""
+    """Yield (draw, masked graph, true histograms) of every val and test building."""
     scenes = {scene for split in ("val", "test") for scene in scenes_of(data, split)}
     for draw in range(draws):
         for graph, truth in mask_dataset(path, scenes, MASK, draw=draw):
@@ -212,7 +214,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         tables.append(tabulate(predictor.name, found, errors, shipped=shipped))
         conclusions.append(conclude(predictor.name, found))
     page = ResultsPage(
-        "What the hidden share is worth",
+        "The cost of an unknown hidden share",
         tuple(conclusions),
         tuple(tables),
         describe(data, [__file__, *(argv or sys.argv[1:])], date=date.today().isoformat()),

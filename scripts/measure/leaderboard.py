@@ -1,9 +1,9 @@
-"""Write the leaderboard of the docs from a finished one.
+"""Write the leaderboard page of the docs from a finished leaderboard.
 
     bsg-leaderboard --data hm3d --masks uniform,rooms,explore --out board
     python scripts/measure/leaderboard.py --leaderboard board --out docs/results/leaderboard.md
 
-It reads `leaderboard.json`, and trains and measures nothing.
+It reads `leaderboard.json`. It trains and measures nothing.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def read_board(path: Path) -> dict[str, Any]:
     """Return a leaderboard's JSON.
 
     Raises:
-        DatasetError: if it is missing or no leaderboard.
+        DatasetError: if it is missing or not a leaderboard.
     """
     try:
         board = json.loads(path.read_text("utf-8"))
@@ -54,7 +54,7 @@ def read_board(path: Path) -> dict[str, Any]:
 
 
 def write_cell(value: dict[str, float | None] | None, *, digits: int = 4) -> str:
-    """Return a value and half of its interval; – where there is none."""
+    """Return a value and half of its interval; – if there is none."""
     if value is None or value["value"] is None:
         return "–"
     low, high = value.get("low"), value.get("high")
@@ -88,7 +88,7 @@ def write_difference(gap: dict[str, float | None] | None) -> str:
 
 
 def conclude(board: dict[str, Any]) -> tuple[str, ...]:
-    """Return the best model under each mask, and which are not told from it."""
+    """Return the best model of each mask, the models level with it, and the setup."""
     sentences = []
     for mask, models in board["masks"].items():
         best = min(models, key=lambda name: models[name]["metrics"][RANKED_BY]["value"])
@@ -100,23 +100,25 @@ def conclude(board: dict[str, Any]) -> tuple[str, ...]:
             and gap["low"] is not None
             and gap["low"] <= 0
         ]
-        also = f"; {', '.join(f'`{n}`' for n in level)} cannot be told from it" if level else ""
+        names = ", ".join(f"`{n}`" for n in level)
+        also = f"; not distinguishable from it: {names}" if level else ""
         nll = models[best]["metrics"][RANKED_BY]["value"]
         sentences.append(
-            f"- Under `{mask}` masks `{best}` has the least hidden NLL, {nll:.4f}{also}."
+            f"- Under `{mask}` masks, `{best}` has the lowest hidden NLL: {nll:.4f}{also}."
         )
     recipe = board["recipe"]
     how = (
-        f"{recipe['folds']} folds by building, {recipe['draws']} masks of every test building that "
-        f"hide {100 * recipe['fraction']:g} %, seed {recipe['seed']}. Means over the folds; ± is "
-        "half the 95 % interval over buildings, differences are paired. "
-        "[Evaluation](../evaluation.md) says what the metrics are."
+        f"Setup: {recipe['folds']} folds by building; {recipe['draws']} masks of every test "
+        f"building, each hides {100 * recipe['fraction']:g} %; seed {recipe['seed']}. Values are "
+        "means over the folds. ± is half the 95 % interval over buildings. “Behind the best” is a "
+        "paired difference of NLL; “÷ gamma-poisson” is the NLL divided by that of "
+        "`gamma-poisson`. [Evaluation](../evaluation.md) defines the metrics."
     )
     return "\n".join(sentences), how
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Read, and write the page."""
+    """Read the leaderboard and write the page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--leaderboard", type=Path, required=True, help="folder of bsg-leaderboard")
     parser.add_argument("--out", type=Path, required=True, help="page to write")

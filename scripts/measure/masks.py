@@ -1,10 +1,10 @@
-"""Measure each model of a leaderboard on every kind of view, whatever it was trained on.
+"""Measure each model of a leaderboard under every kind of mask.
 
     python scripts/measure/masks.py --leaderboard leaderboard --out docs/results/masks.md
 
-Rows are models with the mask that they were trained on, NAME@MASK. The page has their likelihood
-under each mask, what they say of half-seen, glimpsed and unvisited rooms beside what is true, and
-whether their beliefs improve as a robot searches room by room.
+A row is a model with the mask that it was trained on: NAME@MASK. The page shows three things: the
+likelihood under each mask, the calibration of half-seen, glimpsed and unvisited rooms, and whether
+beliefs improve as a robot searches room by room.
 """
 
 from __future__ import annotations
@@ -35,10 +35,14 @@ from bsg_models.studies.results_page import (
 from bsg_models.studies.searched_rooms import STARTS, STOPS, Start, measure_searched_folds
 
 TESTED = ("uniform", "rooms", "frontier", "explore", "search")
+BEGUN: dict[Start, str] = {
+    "nothing": "nothing was seen",
+    "half": "half of every room was seen",
+}
 
 
 def tabulate_likelihood(found: dict[str, dict[str, Bootstrap]]) -> ResultsTable:
-    """Return the NLL of every model under every mask; in bold what cannot be told from the best."""
+    """Return the NLL of every model under every mask; bold: not distinguishable from the best."""
     rows = []
     best = {mask: find_best(found, mask) for mask in TESTED}
     for name, by_mask in found.items():
@@ -49,17 +53,18 @@ def tabulate_likelihood(found: dict[str, dict[str, Bootstrap]]) -> ResultsTable:
             cells.append(cell if apart else f"**{cell}**")
         rows.append((f"`{name}`", *cells, f"{find_worst(found, name)[1]:+.4f}"))
     reading = (
-        "Hidden NLL over the classes of all rooms, mean over the folds; less is better. Columns "
-        "are the masks of the test buildings. In bold the best of a column and what its paired "
-        "95 % interval over buildings does not tell from it. The last column is how far a model is "
-        "behind the best of a column where it is furthest behind."
+        "Hidden NLL over the classes of all rooms, mean over the folds; less is better. A row is a "
+        "model and the mask it was trained on. A column is the mask of the test buildings. Bold "
+        "marks the best of a column, and every model whose paired 95 % interval over buildings "
+        "does not separate it from the best. “Largest gap” is the distance to the best of a "
+        "column, in the column where that distance is largest."
     )
-    header = ("trained as", *TESTED, "furthest behind")
-    return ResultsTable("Likelihood by training mask and test mask", header, tuple(rows), reading)
+    header = ("model@training mask", *TESTED, "largest gap")
+    return ResultsTable("NLL by training mask and test mask", header, tuple(rows), reading)
 
 
 def find_best(found: dict[str, dict[str, Bootstrap]], mask: str) -> str:
-    """Return the model with the least NLL under a mask."""
+    """Return the model with the lowest NLL under a mask."""
     return min(found, key=lambda name: found[name][mask].point["nll"])
 
 
@@ -74,7 +79,7 @@ def find_worst(found: dict[str, dict[str, Bootstrap]], name: str) -> tuple[str, 
 
 
 def tabulate_views(found: dict[str, dict[str, Bootstrap]]) -> ResultsTable:
-    """Return what models say of the three views of a room, minus what is true."""
+    """Return predicted minus true presence, and NLL, for the three views of a room."""
     names = [f"{what}/{view}" for view in VIEWS for what in ("gap", "nll")]
     rows = [
         (
@@ -86,18 +91,18 @@ def tabulate_views(found: dict[str, dict[str, Bootstrap]]) -> ResultsTable:
         )
         for name, by_mask in found.items()
     ]
-    heads = [f"{view}: {what}" for view in VIEWS for what in ("said − true", "NLL")]
+    heads = [f"{view}: {what}" for view in VIEWS for what in ("predicted − true", "NLL")]
     reading = (
-        "Presence as said minus as true, mean over the classes of the rooms of each view, and "
-        "their NLL; `explore` masks. 0 is calibrated, more than 0 promises too much."
+        "Predicted minus true presence, and NLL, under `explore` masks. Both are means over the "
+        "classes of the rooms of a view. 0 is calibrated; above 0, the model predicts too much. "
+        "[Evaluation](../evaluation.md) defines the views."
     )
-    return ResultsTable(
-        "Rooms by how much was seen of them", ("trained as", *heads), tuple(rows), reading
-    )
+    header = ("model@training mask", *heads)
+    return ResultsTable("Calibration and NLL by view of the room", header, tuple(rows), reading)
 
 
 def tabulate_searched(gains: dict[Start, dict[str, Bootstrap]]) -> list[ResultsTable]:
-    """Return how much less of a surprise the rooms that are left become."""
+    """Return how much the likelihood of the unsearched rooms improves, a table a start."""
     tables = []
     for start, by_name in gains.items():
         rows = [
@@ -105,27 +110,30 @@ def tabulate_searched(gains: dict[Start, dict[str, Bootstrap]]) -> list[ResultsT
             for name, g in by_name.items()
         ]
         reading = (
-            f"Gain in nats a room about the rooms that were not searched, after part of the rooms "
-            f"was; {start} was seen before. More is better, less than 0 is worse than not looking."
+            "Gain of log-likelihood in the rooms not yet searched, in nats per room. A column is "
+            f"the part of the rooms that was searched. At the start, {BEGUN[start]}. More is "
+            "better; below 0, searching made the belief worse."
         )
-        title = f"Do beliefs improve as rooms are searched? Begun with {start} seen"
-        tables.append(ResultsTable(title, ("trained as", *STOPS), tuple(rows), reading))
+        title = f"Gain by searching rooms, {start} seen at the start"
+        header = ("model@training mask", *STOPS)
+        tables.append(ResultsTable(title, header, tuple(rows), reading))
     return tables
 
 
 def conclude(found: dict[str, dict[str, Bootstrap]]) -> tuple[str, ...]:
-    """Return which model is least behind on any kind of view."""
+    """Return the model whose largest gap to the best is smallest, and the best of each mask."""
     steady = min(found, key=lambda name: find_worst(found, name)[1])
     mask, behind = find_worst(found, steady)
     wins = [mask for mask in TESTED if find_best(found, mask) == steady]
-    first = (
-        f"Whatever a robot has seen, `{steady}` is at most {behind:.4f} of NLL behind the best "
-        f"model for it (under `{mask}`)."
-        if behind
-        else f"Whatever a robot has seen, `{steady}` is the best model for it."
+    if not behind:
+        masks = ", ".join(f"`{one}`" for one in TESTED)
+        return (f"`{steady}` has the lowest NLL under all {len(TESTED)} masks: {masks}.",)
+    best = ", ".join(f"`{one}`: `{find_best(found, one)}`" for one in TESTED)
+    return (
+        f"Under every mask, the NLL of `{steady}` is at most {behind:.4f} above that of the best "
+        f"model (most under `{mask}`). It is the best under {len(wins)} of {len(TESTED)} masks. "
+        f"The best by mask: {best}.",
     )
-    of = ", ".join(f"`{mask}`: `{find_best(found, mask)}`" for mask in TESTED)
-    return first, f"It is the best under {len(wins)} of {len(TESTED)} masks. The best are {of}."
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -136,7 +144,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--models", nargs="*", help="NAME@MASK; default: all")
     parser.add_argument("--draws", type=int, default=5, help="masks of every building")
     parser.add_argument("--resamples", type=int, default=1000)
-    parser.add_argument("--orders", type=int, default=6, help="of the rooms of a building")
+    parser.add_argument(
+        "--orders",
+        type=int,
+        default=6,
+        help="random orders in which the rooms of a building are searched",
+    )
     options = parser.parse_args(argv)
     board = options.leaderboard
     found: dict[str, dict[str, Bootstrap]] = {}
@@ -158,7 +171,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"measured {name}", flush=True)
     data = open_dataset(board, next(iter(found)))
     page = ResultsPage(
-        "One model for whatever a robot has seen",
+        "One model for every kind of mask",
         conclude(found),
         (tabulate_likelihood(found), tabulate_views(found), *tabulate_searched(gains)),
         describe(data, [__file__, *(argv or sys.argv[1:])], date=date.today().isoformat()),

@@ -1,11 +1,11 @@
-"""Train the readings of the paper's CECI on several splits and write the tables of the docs.
+"""Train the readings of the paper's CECI on several splits and write their tables.
 
     python scripts/measure/reproduction.py --data DATASET --out FOLDER
 
 `DATASET` is built from HM3D. Every seed splits the buildings anew (80/10/10), trains every reading
-with that seed, and measures it on the test buildings of that split. One figure is the mean over the
-splits, its interval a bootstrap over buildings. Runs that are finished are kept, so that a stopped
-script goes on.
+with that seed, and measures it on the test buildings of that split. A value is the mean over the
+splits; its interval is a bootstrap over buildings. The script keeps finished runs, so a stopped
+script continues.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from bsg_models.training.training import train_run
 from bsg_models.zoo.catalogue import BASELINES, ZOO
 from bsg_models.zoo.config import find_config, override, validate_config
 
-# The open points of the paper, one reading a row; each differs from the first in what it names.
+# The open points of the paper, one reading a row. A reading changes the settings that it lists.
 READINGS: dict[str, tuple[str, ...]] = {
     "ceci-gcn": (),
     "decay as schedule": ("training.decay_as=learning-rate",),
@@ -72,7 +72,7 @@ def prepare(source: Path, out: Path, *, seed: int, draws: int) -> Path:
 
 
 def train(name: str, settings: tuple[str, ...], dataset: Path, run: Path) -> float:
-    """Train one reading unless it is there; return its seconds."""
+    """Train one reading unless it is finished; return its seconds."""
     done = run / "seconds.json"
     if not done.is_file():
         zoo_name = name if name in ZOO else "ceci-gcn"
@@ -88,7 +88,7 @@ def train(name: str, settings: tuple[str, ...], dataset: Path, run: Path) -> flo
 def measure(
     datasets: list[Path], runs: list[Path], resamples: int
 ) -> tuple[dict[str, Estimate], dict[str, float]]:
-    """Return the metrics of one model, and its absolute error per class and room."""
+    """Return the metrics of one model, and its mean absolute error in rooms for each class."""
     splits, errors = [], []
     for dataset, run in zip(datasets, runs, strict=True):
         checkpoint = load_checkpoint(run / BEST)
@@ -119,7 +119,7 @@ def cell(e: Estimate, digits: int = 3) -> str:
 
 
 def moments_table(found: dict[str, dict[str, Estimate]], nodes: str, reading: str) -> list[str]:
-    """Return the paper's Table I in its own four-column form, for one reading of the metric."""
+    """Return the paper's Table I in its four-column form, for one reading of the distances."""
     lines = [
         f"| {nodes} nodes, {reading} | W mean | variance | skewness | kurtosis "
         "| E mean | variance | skewness | kurtosis |",
@@ -145,7 +145,7 @@ def full_table(found: dict[str, dict[str, Estimate]], names: list[str]) -> list[
 
 
 def frobenius_table(found: dict[str, dict[str, Estimate]]) -> list[str]:
-    """Return the Frobenius norms and what matters, a row a reading."""
+    """Return the Frobenius norms and the other main metrics, a row a reading."""
     columns = {
         "Frobenius, rooms": "rooms/correlation_frobenius",
         "Frobenius, building": "building/correlation_frobenius",
@@ -166,8 +166,10 @@ def main() -> int:
     """Train, measure, and write `reproduction.md` and `reproduction.json`."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, required=True, help="dataset of bsg-data build")
-    parser.add_argument("--out", type=Path, required=True, help="folder for runs and tables")
-    parser.add_argument("--page", type=Path, help="to write; default: reproduction.md in OUT")
+    parser.add_argument(
+        "--out", type=Path, required=True, help="folder to write runs and tables to"
+    )
+    parser.add_argument("--page", type=Path, help="page to write; default: reproduction.md in OUT")
     parser.add_argument("--epochs", type=int, default=600)
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--draws", type=int, default=5, help="stored masks of every building")
@@ -219,9 +221,9 @@ def main() -> int:
     page = ResultsPage(
         "Readings of the paper's CECI",
         (
-            f"Every reading was trained on {options.seeds} splits of the buildings; a figure is "
-            "the mean over the splits, its interval over buildings. "
-            "[Reproduction](../reproduction.md) says what they tell.",
+            "[Reproduction](../reproduction.md) gives the conclusions from these tables. Every "
+            f"reading was trained on {options.seeds} splits of the buildings. A value is the mean "
+            "over the splits, with its 95 % interval over buildings.",
             "\n".join(lines),
         ),
         (),

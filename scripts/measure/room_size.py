@@ -1,9 +1,9 @@
-"""Measure what floor area and room label tell of rooms that nobody entered.
+"""Measure how much floor area and room label tell about unvisited rooms.
 
     python scripts/measure/room_size.py --leaderboard board --out docs/results/room_size.md
 
-Every model is asked about the same unvisited rooms three times: told neither, told the one, and
-told both. Rooms whose area (or label) is not known are left out.
+Every model is asked about the same unvisited rooms: with neither, with one, and with both. Rooms
+without a known floor area (or label) are left out.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ MASK = "rooms"
 
 
 def tabulate(found: dict[str, dict[str, Bootstrap]], evidence: str) -> ResultsTable:
-    """Return the loss without and with one piece of evidence, a row a model."""
+    """Return the loss with and without one piece of evidence, a row a model."""
     rows = []
     for name, by_told in found.items():
         nothing, alone, both = (by_told[told] for told in ("nothing", evidence, "both"))
@@ -64,15 +64,16 @@ def tabulate(found: dict[str, dict[str, Bootstrap]], evidence: str) -> ResultsTa
     what, other = EVIDENCE[evidence], EVIDENCE[OTHER[evidence]]
     reading = (
         f"Log-loss of presence, mean over {number:,} (room, class, mask) cells of unvisited rooms "
-        f"whose {what} is known; the difference is paired, with its 95 % interval over buildings, "
-        f"and less than 0 is what it tells where the {other} is not told."
+        f"with a known {what}. The difference compares the {what} alone with neither; the {other} "
+        "is not told. It is paired, with its 95 % interval over buildings. Below 0, the "
+        f"{what} helps."
     )
-    header = ("model", "told neither", f"told the {what}", "difference", "of the loss", "told both")
+    header = ("model", "told neither", f"told the {what}", "difference", "relative", "told both")
     return ResultsTable(what.capitalize(), header, tuple(rows), reading)
 
 
 def conclude(found: dict[str, dict[str, Bootstrap]], known: Sequence[str]) -> tuple[str, ...]:
-    """Return which models gain by which evidence."""
+    """Return which models improve with which evidence."""
     sentences = []
     for evidence in known:
         gains = {}
@@ -81,10 +82,8 @@ def conclude(found: dict[str, dict[str, Bootstrap]], known: Sequence[str]) -> tu
             if is_told_apart(gap) and gap.value < 0:
                 gains[name] = -100 * gap.value / by_told["nothing"].point[evidence]
         by = ", ".join(f"`{name}` by {gain:.1f} %" for name, gain in gains.items())
-        sentences.append(
-            f"{EVIDENCE[evidence].capitalize()} alone improves "
-            + (f"{by} of log-loss in unvisited rooms." if by else "no model by more than chance.")
-        )
+        effect = f"lowers the log-loss of {by}" if by else "improves no model by more than chance"
+        sentences.append(f"In unvisited rooms, the {EVIDENCE[evidence]} alone {effect}.")
     return tuple(sentences)
 
 
@@ -119,7 +118,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         raise DatasetError(f"{board}: no unvisited room has a known floor area or room label")
     data = open_dataset(board, next(iter(found)))
     page = ResultsPage(
-        "What a room's size and name tell of what is in it",
+        "What floor area and room label tell about a room",
         conclude(found, known),
         tuple(tabulate(found, evidence) for evidence in known),
         describe(data, [__file__, *(argv or sys.argv[1:])], date=date.today().isoformat()),

@@ -1,12 +1,11 @@
-"""Measure what every command takes a building, from a few buildings to a hundred thousand.
+"""Measure the time and memory of every command, from 30 buildings to a hundred thousand.
 
     python scripts/measure/scale.py --work scale --out docs/results/scale.md
 
-Buildings are synthetic. A command runs alone, in a process of its own with one thread, once for
-every number of buildings; its processor time and the most memory that it held are kept in
-`measured.jsonl` of the working folder, so that a measurement that was stopped goes on. What a
-command takes whatever the data, above all to import its libraries, is that of the smallest number
-of buildings, and is subtracted from the others.
+Buildings are synthetic. Each command runs alone, in its own process with one thread, once for every
+number of buildings. `measured.jsonl` of the working folder keeps its processor time and its peak
+memory, so a stopped measurement continues. The smallest number of buildings gives the fixed cost,
+mostly imports; the script subtracts it from the others.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import date
 from pathlib import Path
 
@@ -34,9 +33,9 @@ from bsg_models.studies.results_page import (
 
 SIZES = (30, 1_000, 10_000, 100_000)
 MEASURED = "measured.jsonl"
-MEMORY = 1.5e9  # bytes that each command may hold
-GROWTH = 1.15  # what a building may cost of many, against one of few
-# A small process starts each command, because what a process holds counts for those it starts, too.
+MEMORY = 1.5e9  # largest number of bytes that a command may hold
+GROWTH = 1.15  # largest growth of the cost per building, from few buildings to many
+# A small process starts each command: memory of a process counts for the processes it starts.
 LAUNCH = """
 import json, resource, subprocess, sys
 status = subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL).returncode
@@ -44,12 +43,12 @@ used = resource.getrusage(resource.RUSAGE_CHILDREN)
 print(json.dumps([status, used.ru_utime + used.ru_stime, used.ru_maxrss * 1024]))
 """
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-MANY = 1_000_000  # buildings, of which the plan speaks
+MANY = 1_000_000  # buildings of the estimate
 CORES = 64
-PRICE = 0.05  # dollars of a core for an hour, about what clouds ask
+PRICE = 0.05  # dollars per core hour, a usual cloud price
 PARALLEL = ("build", "pairs", "one epoch of universal")  # commands that use more than one core
-TOLD = 0.5  # milliseconds a building that are told apart from what a command takes to start
-TESTED = 0.1  # of the buildings, which `evaluate` reads
+TOLD = 0.5  # fewest milliseconds a building that differ clearly from the start of a command
+TESTED = 0.1  # share of the buildings that `evaluate` reads
 
 COMMANDS = {
     "synth": "bsg-data synth --out {buildings} --scenes {size} --seed 11 --force",
@@ -70,14 +69,14 @@ COMMANDS = {
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """What one command took.
+    """The cost of one command.
 
     Attributes:
         command: its name in `COMMANDS`.
         size: number of buildings in the dataset.
-        cpu_s: seconds of all processors.
-        wall_s: seconds that went by.
-        peak_bytes: most memory that its largest process held.
+        cpu_s: processor seconds, all cores.
+        wall_s: seconds by the clock.
+        peak_bytes: peak memory of its largest process.
     """
 
     command: str
@@ -88,15 +87,15 @@ class Cost:
 
     @property
     def handled(self) -> float:
-        """Number of buildings that the command goes through."""
+        """Number of buildings that the command reads."""
         return self.size * (TESTED if self.command == "evaluate" else 1)
 
 
 def measure(name: str, size: int, work: Path) -> Cost:
-    """Run a command once and return what it took.
+    """Run a command once and return its cost.
 
     Raises:
-        CalledProcessError: if it fails; what it says is on standard error.
+        CalledProcessError: if it fails; its message is on standard error.
     """
     places = {
         "buildings": work / str(size) / "buildings",
@@ -119,14 +118,14 @@ def measure(name: str, size: int, work: Path) -> Cost:
 
 
 def read_costs(work: Path) -> dict[tuple[str, int], Cost]:
-    """Return what was measured in a working folder so far, by command and size."""
+    """Return the costs measured in a working folder so far, by command and size."""
     path = work / MEASURED
     lines = path.read_text("utf-8").splitlines() if path.is_file() else []
     return {(cost.command, cost.size): cost for cost in (Cost(**json.loads(x)) for x in lines)}
 
 
 def measure_all(work: Path, sizes: Sequence[int]) -> Iterator[Cost]:
-    """Yield what every command takes of every size, measuring what was not yet."""
+    """Yield the cost of every command at every size; measure those that are missing."""
     known = read_costs(work)
     for size in sizes:
         (work / str(size)).mkdir(parents=True, exist_ok=True)
@@ -141,7 +140,7 @@ def measure_all(work: Path, sizes: Sequence[int]) -> Iterator[Cost]:
 
 
 def cost_a_building(cost: Cost, least: Cost) -> float:
-    """Return milliseconds of processor time a building, beyond what the fewest buildings take."""
+    """Return processor milliseconds a building, without the cost of the fewest buildings."""
     return 1000 * (cost.cpu_s - least.cpu_s) / (cost.handled - least.handled)
 
 
@@ -170,21 +169,22 @@ def tabulate(costs: Iterable[Cost]) -> ResultsTable:
     header = (
         "command",
         f"{sizes[0]} buildings, s",
-        *(f"ms each of {size:,}" for size in others),
+        *(f"ms per building of {size:,}" for size in others),
         f"{others[-1]:,} ÷ {others[0]:,}",
-        *(f"MB of {size:,}" for size in sizes),
+        *(f"MB with {size:,}" for size in sizes),
     )
     reading = (
-        "Seconds and milliseconds are of processor time. Milliseconds are those of one building "
-        f"more: what {sizes[0]} buildings take is subtracted. `evaluate` goes through the test "
-        "split, a tenth of the buildings, and its milliseconds are of one of those. MB are the "
-        "most that the process held at any time. – was not measured."
+        "Each command ran alone in its own process. Seconds and milliseconds are processor time. "
+        f"Milliseconds are the cost of one more building: the time of {sizes[0]} buildings is "
+        "subtracted. `evaluate` reads the test split, a tenth of the buildings; its milliseconds "
+        "are per building of that split. MB is the peak memory of the process. – means not "
+        "measured, or too quick to compare."
     )
-    return ResultsTable("", header, tuple(rows), reading)
+    return ResultsTable("Time and memory", header, tuple(rows), reading)
 
 
 def conclude(costs: Iterable[Cost]) -> tuple[str, ...]:
-    """Return which commands keep within the memory, and whose cost a building does not grow."""
+    """Return how many commands stay within the memory limit and the limit of growth."""
     found = {(cost.command, cost.size): cost for cost in costs}
     sizes = sorted({size for _, size in found})
     known = [name for name in COMMANDS if (name, sizes[-1]) in found]
@@ -200,19 +200,18 @@ def conclude(costs: Iterable[Cost]) -> tuple[str, ...]:
     told = len(known) - len(quick)
     missing = [name for name in COMMANDS if name not in known]
     return (
-        f"Of {sizes[-1]:,} buildings, {len(known) - len(large)} of {len(known)} commands "
-        f"stay under {MEMORY / 1e9:g} GB" + (f"; {', '.join(large)} do not." if large else "."),
-        f"From {sizes[1]:,} to {sizes[-1]:,} buildings, {told - len(growing)} of "
-        f"{told} cost at most {GROWTH - 1:.0%} more a building"
+        f"With {sizes[-1]:,} buildings, {len(known) - len(large)} of {len(known)} commands stay "
+        f"under {MEMORY / 1e9:g} GB of memory" + (f"; more: {', '.join(large)}." if large else "."),
+        f"From {sizes[1]:,} to {sizes[-1]:,} buildings, the cost per building grows by at most "
+        f"{GROWTH - 1:.0%} for {told - len(growing)} of {told} commands"
         + (f"; more: {', '.join(growing)}." if growing else ".")
-        + (f" Too quick to be told at {sizes[1]:,}: {', '.join(quick)}." if quick else ""),
+        + (f" Too quick to compare at {sizes[1]:,}: {', '.join(quick)}." if quick else ""),
         *([f"Not measured with {sizes[-1]:,}: {', '.join(missing)}."] if missing else []),
-        f"Measured on {describe_machine()}, one process a command.",
     )
 
 
 def plan(costs: Iterable[Cost]) -> ResultsTable:
-    """Return what a million buildings would take, each as at the largest size."""
+    """Return the estimate for a million buildings, from the cost at the largest size."""
     found = {(cost.command, cost.size): cost for cost in costs}
     sizes = sorted({size for _, size in found})
     rows = []
@@ -233,15 +232,16 @@ def plan(costs: Iterable[Cost]) -> ResultsTable:
         )
     header = ("command", "core hours", f"hours on {CORES} cores", "dollars", "GB")
     reading = (
-        "Not measured: the cost of a building in the largest dataset that was, times a million. "
-        f"Dollars are at {PRICE} for a core and an hour. GB are as if memory went on growing as it "
-        f"does from {sizes[0]} buildings to that dataset."
+        "This is an estimate: the cost per building in the largest measured dataset, times a "
+        f"million. A core hour costs {PRICE} dollars. GB assumes that memory keeps growing as it "
+        f"does from {sizes[0]} buildings to that dataset. “One core” means that the command uses "
+        "one core only."
     )
-    return ResultsTable(f"{MANY:,} buildings, from these slopes", header, tuple(rows), reading)
+    return ResultsTable(f"Estimate for {MANY:,} buildings", header, tuple(rows), reading)
 
 
 def weigh(work: Path, sizes: Sequence[int]) -> ResultsTable:
-    """Return the bytes on disk a building, by what they are."""
+    """Return the disk space a building, by kind of file."""
     rows = []
     for size in sizes:
         manifest = read_manifest(work / str(size) / "dataset")
@@ -254,27 +254,31 @@ def weigh(work: Path, sizes: Sequence[int]) -> ResultsTable:
         cells = (f"{count / size / 1e3:.1f}" for count in (annotations, tables, pairs, listed))
         rows.append((f"{size:,}", *cells))
     header = ("buildings", "annotation, kB", "tables, kB", "pairs of one draw, kB", "manifest, kB")
-    return ResultsTable("Disk, a building", header, tuple(rows))
+    return ResultsTable("Disk space per building", header, tuple(rows))
 
 
 def show_commands() -> ResultsTable:
-    """Return the commands of the rows as a reader would type them."""
+    """Return the command of each row as a reader would type it."""
     places = {"buildings": "buildings", "dataset": "dataset", "runs": "runs", "size": "N"}
     rows = [(name, f"`{words.format(**places)}`") for name, words in COMMANDS.items()]
     return ResultsTable("Commands", ("row", "command"), tuple(rows))
 
 
 def main() -> None:
-    """Measure what is missing, and write the page."""
+    """Measure the missing costs and write the page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--work", type=Path, required=True, help="folder of data and measurements")
-    parser.add_argument("--sizes", type=int, nargs="+", default=list(SIZES), help="of buildings")
-    parser.add_argument("--out", type=Path, help="the page; without it nothing is written")
-    parser.add_argument("--known", action="store_true", help="measure nothing more")
+    parser.add_argument("--work", type=Path, required=True, help="folder for data and measurements")
+    parser.add_argument(
+        "--sizes", type=int, nargs="+", default=list(SIZES), help="numbers of buildings"
+    )
+    parser.add_argument("--out", type=Path, help="page to write; default: no page")
+    parser.add_argument(
+        "--known", action="store_true", help="write the page from earlier measurements"
+    )
     options = parser.parse_args()
     sizes = sorted(set(options.sizes))
     if sizes[0] < 1 or (options.out is not None and len(sizes) < 3):
-        parser.error("--sizes: a page needs three numbers of buildings or more")
+        parser.error("--sizes: expected at least 1 building, and three sizes or more for a page")
     costs = list(
         (cost for cost in read_costs(options.work).values() if cost.size in sizes)
         if options.known
@@ -282,10 +286,12 @@ def main() -> None:
     )
     if options.out is not None:
         page = ResultsPage(
-            "What a building costs, from a few to a hundred thousand",
+            "Cost per building as datasets grow",
             conclude(costs),
             (tabulate(costs), weigh(options.work, sizes), plan(costs), show_commands()),
-            describe_run(sys.argv, date=date.today().isoformat()),
+            replace(
+                describe_run(sys.argv, date=date.today().isoformat()), machine=describe_machine()
+            ),
         )
         write_page(page, options.out)
 

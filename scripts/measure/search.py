@@ -1,9 +1,9 @@
-"""Measure what the beliefs of a leaderboard's models save in object search.
+"""Measure the cost that beliefs of a leaderboard's models save in object search.
 
     python scripts/measure/search.py --leaderboard board --out docs/results/search.md --brief
 
-Every building is searched with the beliefs of the model of its fold. `--brief` makes a quarter of
-the searches; docs/search.md says what planners and worlds are.
+Every building is searched with the beliefs of the model that was trained without its fold.
+`--brief` makes a quarter of the searches. docs/search.md describes planners and worlds.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from bsg_models.studies.search_report import SearchRequest, report_search
 
 WORLDS = ("star:1-10", "complete:5-10", "tree:1-10", "layout")
 PLANNERS = ("greedy-share", "expected-cost", "oracle")
+ENDS = {"single": "the first object of the class is", "all": "all objects of the class are"}
 
 
 def format_percent(estimate: Estimate) -> str:
@@ -37,7 +38,7 @@ def format_percent(estimate: Estimate) -> str:
 
 
 def tabulate(found: dict[str, list[WorldResult]], task: str) -> ResultsTable:
-    """Return the cost that each model and planner saves, a column a world."""
+    """Return the cost that each model and planner saves, a column a world, for one task."""
     worlds = list(dict.fromkeys(one.world for results in found.values() for one in results))
     rows = []
     for model, results in found.items():
@@ -50,25 +51,34 @@ def tabulate(found: dict[str, list[WorldResult]], task: str) -> ResultsTable:
             rows.append((who, f"`{planner}`", *cells))
     first = [one for one in next(iter(found.values())) if one.task == task]
     number = ", ".join(f"{one.buildings} of `{one.world}`" for one in first)
-    what = "the first instance of a class is" if task == "single" else "all of a class are"
     reading = (
-        f"Cost saved beside going to the nearest room, in per cent, with 95 % intervals over "
-        f"buildings, until {what} found. Buildings: {number}."
+        f"The search ends when {ENDS[task]} found. Values are the cost saved compared "
+        "with going to the nearest room, in per cent, with 95 % intervals over buildings. Below "
+        f"0, the planner costs more. Buildings: {number}."
     )
     return ResultsTable(f"Task `{task}`", ("belief of", "planner", *worlds), tuple(rows), reading)
 
 
 def conclude(found: dict[str, list[WorldResult]]) -> tuple[str, ...]:
-    """Return what `expected-cost` saves in each world, and with which model if there are more."""
-    sentences, most = [], "most " if len(found) > 1 else ""
-    for index, one in enumerate(next(iter(found.values()))):
-        saved = {m: results[index].savings["expected-cost"].saved for m, results in found.items()}
-        best = max(saved, key=lambda model: saved[model].value)
-        sentences.append(
-            f"- `{one.world}`, task `{one.task}`: `{best}` saves {most}with `expected-cost` "
-            f"{format_percent(saved[best])} %."
-        )
-    return ("\n".join(sentences),)
+    """Return the least and the most that `expected-cost` saves in a world, for each task."""
+    saved: dict[str, dict[str, list[float]]] = {}
+    for model, results in found.items():
+        for one in results:
+            value = 100 * one.savings["expected-cost"].saved.value
+            if value == value:  # not nan
+                saved.setdefault(one.task, {}).setdefault(model, []).append(value)
+    sentences = []
+    for task, by_model in saved.items():
+        parts = [
+            f"`{model}` saves {min(values):.1f} to {max(values):.1f} %"
+            for model, values in by_model.items()
+        ]
+        sentences.append(f"- Task `{task}`, until {ENDS[task]} found: {'; '.join(parts)}.")
+    lead = (
+        "Cost that the planner `expected-cost` saves compared with going to the nearest room, from "
+        "the worst to the best world:"
+    )
+    return ("\n".join([lead, "", *sentences]),)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

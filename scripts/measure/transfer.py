@@ -1,10 +1,10 @@
-"""Measure what a model that was trained on one source knows of another.
+"""Measure a model that was trained on one source on buildings of another.
 
     python scripts/measure/transfer.py --hm3d hm3d --behavior behavior --runs runs --out transfer.md
 
-Trains the model on HM3D, on BEHAVIOR and on both, in folds by building, and tests each on the
-buildings of a fold that it never saw: those of HM3D, BEHAVIOR's homes, and its other buildings.
-Buildings of BEHAVIOR that share copied rooms are in one fold. Finished runs are kept.
+The script trains the model on HM3D, on BEHAVIOR and on both, in folds by building. It tests each on
+the buildings of the held-out fold: those of HM3D, the homes of BEHAVIOR, and the other buildings of
+BEHAVIOR. Buildings of BEHAVIOR that share copied rooms are in one fold. Finished runs are kept.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ TRAINED = {HM3D: "hm3d", BEHAVIOR: "behavior", BOTH: "both"}  # → folder below
 
 
 def prepare(sources: dict[str, Path], runs: Path, *, folds: int, seed: int) -> dict[str, Dataset]:
-    """Return a copy of each source and both as one, all in the same folds, with stored pairs."""
+    """Return a copy of each source and of both merged, in the same folds, with stored pairs."""
     chosen: dict[str, int] = {}
     for name, source in sources.items():
         data = Dataset.open(source)
@@ -78,7 +78,7 @@ def prepare(sources: dict[str, Path], runs: Path, *, folds: int, seed: int) -> d
 
 
 def train(config: RunConfig, data: Dataset, folder: Path, *, fold: int) -> Path:
-    """Train a model without a fold unless that is done; return its run."""
+    """Train a model without one fold, unless the run is finished; return the run."""
     run = run_of(folder, config.name, fold)
     fitted = config.model_copy(
         update={"data": config.data.model_copy(update={"fold": fold})},
@@ -91,7 +91,7 @@ def train(config: RunConfig, data: Dataset, folder: Path, *, fold: int) -> Path:
 
 
 def find_parts(both: Dataset) -> dict[str, set[str]]:
-    """Return the scenes of each part that is tested on."""
+    """Return the scenes of each group of test buildings."""
     parts: dict[str, set[str]] = {HM3D: set(), "BEHAVIOR, homes": set(), "BEHAVIOR, others": set()}
     for scene in both.scene_ids:
         known = both.surroundings(scene)
@@ -103,7 +103,7 @@ def find_parts(both: Dataset) -> dict[str, set[str]]:
 def open_models(
     name: str, runs: Sequence[Path], both: Dataset, part: set[str]
 ) -> Iterator[FoldModel]:
-    """Yield the model of every fold with the scenes of a part that are in the fold."""
+    """Yield the model of every fold with those scenes of a group that are in the fold."""
     for fold, run in enumerate(runs):
         scenes = tuple(scene for scene in both.splits[f"fold-{fold}"] if scene in part)
         if scenes:
@@ -114,9 +114,9 @@ def open_models(
 def rank_unseen(
     folds: Sequence[FoldModel], mask: MaskRecipe, *, draws: int, resamples: int
 ) -> Bootstrap:
-    """Return how well models of several folds rank the classes that a room does not show.
+    """Return how well the models of several folds rank rooms by their unseen classes.
 
-    `auroc` is that of unseen classes, its mean over classes and then over folds.
+    `auroc` is the AUROC of unseen classes: its mean over classes, then over folds.
     """
     weights = SplitWeights([fold.scenes for fold in folds], resamples=resamples, seed=0)
     measured = []
@@ -132,8 +132,8 @@ def rank_unseen(
 
 
 def conclude(found: dict[str, dict[str, Bootstrap]]) -> tuple[str, ...]:
-    """Return what training on both changes for each part, beside HM3D alone."""
-    sentences = []
+    """Return what training on both changes in each group, compared with HM3D alone."""
+    sentences, better, worse = [], [], []
     for part in found[BOTH]:
         both, alone = found[BOTH][part], found[HM3D][part]
         changes = []
@@ -141,12 +141,21 @@ def conclude(found: dict[str, dict[str, Bootstrap]]) -> tuple[str, ...]:
             gap = both.difference(alone, name)
             told = "" if is_told_apart(gap) else ", not distinguishable from 0"
             changes.append(f"{what} {format_estimate(gap, signed=True)}{told}")
-        sentences.append(f"- {part}: training on both changes {'; '.join(changes)}.")
-    return ("Beside training on HM3D alone:\n\n" + "\n".join(sentences),)
+        sentences.append(f"- {part}: {'; '.join(changes)}.")
+        gap = both.difference(alone, "nll")
+        if is_told_apart(gap):
+            (better if gap.value < 0 else worse).append(part)
+    said = [
+        f"{how} the hidden NLL on {' and on '.join(parts)}"
+        for how, parts in (("lowers", better), ("raises", worse))
+        if parts
+    ] or ["does not change the hidden NLL by more than chance"]
+    first = f"Training on both sources instead of HM3D alone {' and '.join(said)}."
+    return (first, "The changes:\n\n" + "\n".join(sentences))
 
 
 def tabulate(found: dict[str, dict[str, Bootstrap]], name: str) -> tuple[tuple[str, ...], ...]:
-    """Return a row for each training, a column for each part."""
+    """Return a row for each training, a column for each group of test buildings."""
     return tuple(
         (trained, *(format_estimate(one.estimate(name)) for one in by_part.values()))
         for trained, by_part in found.items()
@@ -201,25 +210,26 @@ def main(argv: Sequence[str] | None = None) -> int:
             print(f"measured {name} on {part}", flush=True)
     header = ("trained on", *(f"{part} ({len(scenes)})" for part, scenes in parts.items()))
     tested = (
-        f"`{options.model}`, {options.draws} `{options.mask}` masks of every building, with 95 % "
-        "intervals over buildings. Columns are the buildings that are tested on, with their number."
+        f"Less is better. Model: `{options.model}`; {options.draws} `{options.mask}` masks of "
+        "every building; 95 % intervals over buildings. A column is a group of test buildings, "
+        "with their number."
     )
     tables = (
         ResultsTable(
-            "Hidden NLL, over the classes of all rooms: less is better",
+            "Hidden NLL over the classes of all rooms",
             header,
             tabulate(found, "nll"),
             tested,
         ),
         ResultsTable(
-            "AUROC of the classes that a room does not show: more is better",
+            "AUROC of the unseen classes of a room",
             header,
             tabulate(found, "auroc"),
-            "Mean over the classes, then over the folds.",
+            "More is better. Mean over the classes, then over the folds.",
         ),
     )
     page = ResultsPage(
-        "From one source to another",
+        "Training on one source, testing on another",
         conclude(found),
         tables,
         describe(data[BOTH], [__file__, *(argv or sys.argv[1:])], date=date.today().isoformat()),

@@ -49,7 +49,7 @@ def test_a_page_tells_what_was_met_and_what_is_missing(
         ("an order", "– | 50.0 ms | – | – | ≤ 50.0 ms | met | `scripts/bench/tiny.py`"),
     ]
     assert "python scripts/bench/speed.py --out=speed.md" in text
-    assert re.search(r"On \d+ cores of \w+, \w+, CPython 3\.", text)
+    assert re.search(r"Machine: \d+ cores of \w+, \w+, CPython 3\.", text)
     assert str(tmp_path) not in text
 
 

@@ -45,15 +45,17 @@ More is better.
 python x.py
 ```
 
-2026-01-02, with numpy 2.0. 145 buildings, class space hm3d45-v2, dataset `abababababababab` \
-(sha256 of its `dataset.json` before it was split).
+- Date: 2026-01-02
+- Versions: numpy 2.0
+- Dataset: 145 buildings, class space hm3d45-v2, `abababababababab` \
+(start of the sha256 of `dataset.json` before the split)
 """
 
 
 def test_a_page_has_conclusions_tables_and_how_it_was_made(tmp_path: Path) -> None:
     assert format_page(PAGE) == TEXT
     evil = replace(PAGE, provenance=replace(PAGE.provenance, class_space="<b>|[x](y)"))
-    assert r"class space &lt;b&gt;\|\[x\](y), dataset" in format_page(evil)
+    assert r"class space &lt;b&gt;\|\[x\](y), `abab" in format_page(evil)
     write_page(PAGE, tmp_path / "results" / "beds.md")
     assert (tmp_path / "results" / "beds.md").read_text("utf-8") == TEXT
 
