@@ -1,1 +1,1 @@
-"""The command line: thin commands over `bsg_data` and `bsg_models`."""
+"""The commands. Each parses its options and calls `bsg_data` or `bsg_models`."""

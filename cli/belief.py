@@ -1,4 +1,4 @@
-"""`bsg-belief`: what a trained model believes about a partial scene graph."""
+"""`bsg-belief`: say what a trained model expects in a partial graph."""
 
 from __future__ import annotations
 
@@ -36,49 +36,57 @@ MOST_NAMES = 10
 @click.command("bsg-belief", cls=Command)
 @click.argument("graphs", type=PATH, nargs=-1, metavar="[GRAPH]...")
 @model_option("A shipped model, a trained run, or a model of the hub.  [default: universal]")
-@data_option("Mask buildings of a dataset instead.", required=False)
-@split_option("With --data: whose buildings.", default="val")
-@click.option("--fold", type=click.IntRange(min=0), help="With --data of folds: the fold.")
-@click.option("--scene", help="With --data: this building alone.")
-@mask_options("With --data: how objects are hidden.", "With --data: share of the objects to hide.")
-@seed_option("With --data: of masks.")
-@click.option(
-    "--labels", metavar="SPACE", help="What Hydra's labels stand for: mpcat40, ade20k, or a file."
-)
+@data_option("Instead of GRAPHs: mask buildings of this dataset.", required=False)
+@split_option("With --data: the split.", default="val")
+@click.option("--fold", type=click.IntRange(min=0), help="With --data and folds: the fold.")
+@click.option("--scene", help="With --data: only this building.")
+@mask_options("With --data: how to hide objects.", "With --data: share of the objects to hide.")
+@seed_option("With --data: seed of the masks.")
+@click.option("--labels", metavar="SPACE", help="Label space of Hydra: mpcat40, ade20k, or a file.")
 @click.option(
     "--hidden-share",
     "shares",
     multiple=True,
     metavar="[ROOM=]SHARE",
-    help="Share of a room's objects that was not seen: 0 searched, 1 not entered.",
+    help="Share of a room's objects that the robot has not seen, from 0 (searched) to 1 (not "
+    "entered); without ROOM for all other rooms.",
 )
-@click.option("--find", metavar="THING", help="Say where one thing is; any word.")
-@click.option("--from", "here", metavar="ROOM", help="With --find: where the robot is.")
+@click.option("--find", metavar="THING", help="Say where one thing is. THING is any word.")
+@click.option("--from", "here", metavar="ROOM", help="With --find: the room of the robot.")
 @click.option(
     "--mode",
     type=click.Choice(["complete", "unseen"]),
     default="complete",
     show_default=True,
-    help="Which blind nodes: as many as are expected, or the top unseen classes.",
+    help="Blind nodes to add: as many as expected, or one for each top unseen class.",
 )
 @click.option(
-    "--top", type=click.IntRange(min=1), default=3, show_default=True, help="Unseen classes a room."
+    "--top",
+    type=click.IntRange(min=1),
+    default=3,
+    show_default=True,
+    help="Number of unseen classes per room.",
 )
-@out_option("Write belief graphs; the suffix names the format: .json, .tables, .dsg.json, .html.")
-@click.option("--hydra", type=PATH, help="Write one as Spark-DSG JSON; Hydra's own, annotated.")
-@click.option("--tables", type=PATH, help="Write all as parquet, a folder.")
-@click.option("--html", type=PATH, help="Write the explorer, one page.")
+@out_option(
+    "Write the belief graphs. The suffix sets the format: .json, .tables, .dsg.json or .html."
+)
+@click.option(
+    "--hydra",
+    type=PATH,
+    help="Write one graph as Spark-DSG JSON. A graph of Hydra keeps all that it had.",
+)
+@click.option("--tables", type=PATH, help="Write all graphs as a folder of parquet tables.")
+@click.option("--html", type=PATH, help="Write the explorer, one HTML page.")
 @force_option
 @json_option
 def main(
     dataset: Path | None, as_json: bool, find: str | None, here: str | None, **options: Any
 ) -> None:
-    """Say what is expected in rooms and was not seen there, or where one thing is.
+    """Say which unseen objects a model expects in each room, or where one thing is.
 
-    A GRAPH is a robot's partial scene graph, our JSON (docs/belief.md) or Spark-DSG's; `-` is
-    standard input. A model is a path that is there, a shipped model's name (`bsg-models list`), a
-    folder of that name, or an OWNER/NAME of the hub that `bsg-models download` brought, in this
-    order.
+    A GRAPH is a robot's partial graph: our JSON (docs/belief.md) or Spark-DSG JSON; `-` is
+    standard input. The model is looked up in this order: an existing path, a shipped model
+    (`bsg-models list`), a folder of that name, a downloaded OWNER/NAME (`bsg-models download`).
 
     \b
     Example:
@@ -89,9 +97,9 @@ def main(
       bsg-belief --data dataset --split val --model run --tables beliefs
     """
     if bool(options["graphs"]) == (dataset is not None):
-        raise click.UsageError("give GRAPHs, or --data DATASET")
+        raise click.UsageError("expected either GRAPHs or --data DATASET; give one of them")
     if here is not None and find is None:
-        raise click.UsageError("--from says where the robot is that looks for --find THING")
+        raise click.UsageError("--from needs --find THING; give both or neither")
     require_files(options["graphs"])
     named = read_model(options.pop("model"), options.pop("run"))
     if named is not None:
@@ -110,10 +118,10 @@ def main(
     for path, rules in report.resolved.items():
         made = ", ".join(f"{r.name!r} is {r.category!r} ({r.rule})" for r in rules[:MOST_NAMES])
         more = f", and {len(rules) - MOST_NAMES:,} more" if len(rules) > MOST_NAMES else ""
-        print_note(f"{path}: names that are not in the class map, by rule: {made}{more}")
+        print_note(f"{path}: names read by rule, for they are not in the class map: {made}{more}")
     for path, source in report.unknown_sources.items():
         known = ", ".join(bsg_data.KNOWN_SOURCES)
-        print_note(f"{path}: source {source!r} counts as unknown; models know {known}")
+        print_note(f"{path}: source {source!r} is read as unknown; models know {known}")
     for path, notes in report.notes.items():
         note_reading(path, notes)
     for path, graph in zip(request.graphs, report.graphs, strict=False):
@@ -130,23 +138,29 @@ def main(
     graphs_are = "1 belief graph" if number == 1 else f"{number:,} belief graphs"
     print_text(f"{graphs_are}, {report.blind:,} blind nodes, by {report.model}")
     if request.html and held < number:
-        print_note(f"{request.html}: shows the first {held:,} of {number:,}; --tables takes all")
+        print_note(
+            f"{request.html}: shows the first {held:,} of {number:,} graphs; --tables writes all"
+        )
     if written := request.results:
         print_text(f"written: {', '.join(map(str, written))}")
 
 
 def open_seen(options: dict[str, Any]) -> bsg_models.SeenBuilding:
-    """Return the one graph of the options, ready to be asked."""
+    """Return the one graph of the options with its model.
+
+    Raises:
+        click.UsageError: for several graphs, or an option that `--find` does not use.
+    """
     graphs: tuple[Path, ...] = options["graphs"]
     context = click.get_current_context()
     for name in ("mode", "top", "split", "fold", "scene", "force"):
         if context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
-            raise click.UsageError(f"--find answers a question, and reads no --{name}")
+            raise click.UsageError(f"--find does not use --{name}; leave one of them out")
     if len(graphs) != 1:
-        raise click.UsageError(f"--find takes one GRAPH, not {len(graphs) or '--data'}")
+        raise click.UsageError(f"--find: expected one GRAPH, found {len(graphs) or '--data'}")
     written = [name for name in ("out", "hydra", "tables", "html") if options[name]]
     if written:
-        raise click.UsageError(f"--find answers a question, and writes no --{written[0]}")
+        raise click.UsageError(f"--find writes no files; leave out --find or --{written[0]}")
     model = options.get("run", bsg_models.DEFAULT_MODEL)
     told = {name: options[name] for name in ("labels", "hidden_share", "hidden_shares")}
     seen = bsg_models.open_graph(graphs[0], model=model, **told)
@@ -159,10 +173,10 @@ def open_seen(options: dict[str, Any]) -> bsg_models.SeenBuilding:
 
 
 def require_files(graphs: Sequence[Path]) -> None:
-    """Refuse a graph that is not there, before a model is slowly imported.
+    """Refuse a missing graph before the models are imported, which is slow.
 
     Raises:
-        BSGError: naming the first.
+        BSGError: naming the first missing graph.
     """
     for path in graphs:
         if str(path) != "-" and not path.exists():
@@ -170,13 +184,13 @@ def require_files(graphs: Sequence[Path]) -> None:
 
 
 def note_model(options: dict[str, Any]) -> None:
-    """Tell which model was asked, if none was named; not before the graphs were read."""
+    """Print which model was used, if the user named none; call it after the graphs are read."""
     if "run" not in options:
         print_note(f"model: {bsg_models.describe_model()}")
 
 
 def note_unmapped(path: Path, names: Sequence[bsg_data.UnmappedEntry]) -> None:
-    """Tell which names of a graph no class map knows, with those that are near."""
+    """Print which names of a graph are not in the class map, with the nearest names."""
     what = "1 name is" if len(names) == 1 else f"{len(names):,} names are"
     shown = ", ".join(map(_describe_unmapped, names[:MOST_NAMES]))
     more = f", and {len(names) - MOST_NAMES:,} more" if len(names) > MOST_NAMES else ""
@@ -184,13 +198,13 @@ def note_unmapped(path: Path, names: Sequence[bsg_data.UnmappedEntry]) -> None:
 
 
 def note_reading(path: Path, notes: Sequence[str]) -> None:
-    """Tell what to know of how a graph was read."""
+    """Print the notes of reading a graph."""
     for note in notes:
         print_note(f"{path}: {note}")
 
 
 def note_shares(path: Path, graph: bsg_data.PartialGraph) -> None:
-    """Tell which hidden shares of a graph are not sure: what was estimated, or not said."""
+    """Print which hidden shares of a graph are estimated or not known."""
     unsure: dict[str, list[str]] = {}
     for room in graph.rooms:
         if not room.share.is_certain:
@@ -198,14 +212,13 @@ def note_shares(path: Path, graph: bsg_data.PartialGraph) -> None:
     for share, rooms in unsure.items():
         more = f" and {len(rooms) - MOST_NAMES:,} more" if len(rooms) > MOST_NAMES else ""
         print_note(
-            f"{path}: nobody is sure which share of the objects was not seen in "
-            f"{', '.join(rooms[:MOST_NAMES])}{more}: {share} is assumed; floor_in_view in the "
-            "graph, or --hidden-share, says better"
+            f"{path}: the hidden share is uncertain in {', '.join(rooms[:MOST_NAMES])}{more}: "
+            f"assumed {share}; give floor_in_view in the graph, or --hidden-share, to be exact"
         )
 
 
 def read_request(dataset: Path | None, options: dict[str, Any]) -> bsg_models.BeliefRequest:
-    """Return what the options ask for; those of masks are read with a dataset alone."""
+    """Return the request of the options; the options of masks count only with a dataset."""
     mask = {"strategy": options.pop("mask")}
     mask |= {name: options.pop(name) for name in ("fraction", "seed", "withhold", "parts")}
     scenes = {name: options.pop(name) for name in ("split", "fold", "scene")}
@@ -216,10 +229,10 @@ def read_request(dataset: Path | None, options: dict[str, Any]) -> bsg_models.Be
 
 
 def read_shares(said: Sequence[str], dataset: Path | None) -> dict[str, Any]:
-    """Return the shares of all rooms and of single ones: `0.4`, `kitchen=0.2`."""
+    """Return the hidden shares of `--hidden-share`: `0.4` for all rooms, `kitchen=0.2` for one."""
     if said and dataset is not None:
-        raise click.UsageError("--hidden-share is for GRAPHs; --mask says what --data hides")
-    told: dict[str, float] = {}  # by room; of all others under an empty name
+        raise click.UsageError("--hidden-share needs GRAPHs; with --data give --mask instead")
+    told: dict[str, float] = {}  # by room; the empty name stands for all other rooms
     for word in said:
         room, _, number = word.rpartition("=")
         try:
@@ -228,8 +241,8 @@ def read_shares(said: Sequence[str], dataset: Path | None) -> dict[str, Any]:
             share = math.nan
         if not 0 <= share <= 1:
             raise click.UsageError(
-                f"--hidden-share {word}: expected [ROOM=]SHARE with a share of 0 to 1, such as 0.4 "
-                "or kitchen=0.2"
+                f"--hidden-share {word}: expected [ROOM=]SHARE with a share from 0 to 1, such as "
+                "0.4 or kitchen=0.2"
             )
         if told.setdefault(room, share) != share:
             of = f"of {room}" if room else "of all rooms"
@@ -241,7 +254,7 @@ def read_shares(said: Sequence[str], dataset: Path | None) -> dict[str, Any]:
 
 
 def encode_room(room: bsg_models.RoomBelief) -> dict[str, Any]:
-    """Return what is believed of a room, ready for JSON."""
+    """Return the belief of a room, ready for JSON."""
     unseen = [
         {"class": one.name, "presence": one.presence, "expected": one.expected}
         for one in room.unseen

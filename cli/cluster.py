@@ -1,6 +1,6 @@
-"""Workers of other machines: Dask's executor, and what is asked of its workers before any task.
+"""Connect to a Dask cluster and check its workers before they get tasks.
 
-Tasks name files by their paths, so all machines must see the same files at the same paths.
+Tasks name files by path, so all machines must see the same files at the same paths.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from distributed import Client
 
 SECONDS_TO_CONNECT = 30.0
-SECONDS_TO_WAIT = 600  # for the first worker, which a batch system may start late
+SECONDS_TO_WAIT = 600  # for the first worker; a batch system may start it late
 _SECONDS_BETWEEN_LOOKS = 0.5
-_PACKAGES = ("belief-scene-graphs", "numpy", "pyarrow")  # whose versions bytes depend on
+_PACKAGES = ("belief-scene-graphs", "numpy", "pyarrow")  # their versions decide the bytes written
 
 
 @contextmanager
@@ -38,18 +38,17 @@ def connect(
 ) -> Iterator[Executor]:
     """Yield the workers of a Dask scheduler as an executor.
 
-    A task whose worker is lost is done again by another one, as often as the scheduler allows. On
-    an error the tasks under way are waited for, as a pool of processes does, so that none writes
-    when the command has ended.
+    If a worker is lost, another worker repeats its task, as often as the scheduler allows. After
+    an error this waits for the running tasks, so that no task writes after the command ended.
 
     Args:
         address: `host:port` of the scheduler, or the path of its `--scheduler-file`.
         reads: files and folders that tasks read.
-        writes: files and folders that tasks write, which need not exist yet.
+        writes: files and folders that tasks write; they need not exist yet.
 
     Raises:
-        BSGError: without `distributed`, a scheduler or a worker that can do the work; if a task
-            loses too many workers, or the scheduler is lost.
+        BSGError: if `distributed`, the scheduler or a suitable worker is missing, if a task loses
+            too many workers, or if the scheduler is lost.
     """
     try:
         from distributed import Client, KilledWorker
@@ -59,12 +58,12 @@ def connect(
         ) from error
     place = {"scheduler_file": address} if Path(address).is_file() else {"address": address}
     try:
-        # First a bare connection: a client that finds nobody takes another minute to be closed.
+        # Try a bare connection first: a client without a scheduler takes a minute to close.
         asyncio.run(_reach(_read_address(address)))
         client = Client(**place, timeout=SECONDS_TO_CONNECT, set_as_default=False)
     except (OSError, ValueError, KeyError) as error:
         raise BSGError(
-            f"--scheduler {address}: no Dask scheduler answers there ({error}); start one by "
+            f"--scheduler {address}: no Dask scheduler answers there ({error}); start one with "
             "`dask scheduler`, which prints its address"
         ) from error
     with client:
@@ -75,14 +74,14 @@ def connect(
         except KilledWorker as error:
             raise BSGError(
                 f"{error.allowed_failures + 1} workers died on one task, the last one "
-                f"{error.last_worker.address} (killed, or out of memory?); its log says more, and "
-                f"so does the scheduler's dashboard, {client.dashboard_link}. What is done is "
-                "kept: the same command goes on"
+                f"{error.last_worker.address} (killed, or out of memory?); read its log or the "
+                f"scheduler's dashboard, {client.dashboard_link}. Finished work is kept: run the "
+                "same command again to continue"
             ) from error
         except CancelledError as error:
             raise BSGError(
-                f"--scheduler {address}: is lost with the tasks that it had; its log says why. "
-                "The same command goes on from what is done"
+                f"--scheduler {address}: the scheduler is lost with its tasks; read its log. "
+                "Finished work is kept: run the same command again to continue"
             ) from error
         except BaseException:
             with suppress(OSError, TimeoutError):
@@ -91,22 +90,25 @@ def connect(
 
 
 def _read_address(address: str) -> str:
-    """Return an address, also from the file of a scheduler."""
+    """Return an address, or the address in a scheduler file."""
     path = Path(address)
     if not path.is_file():
         return address
     try:
         return str(read_json(path, RUN_RECORD, error=BSGError)["address"])
     except (KeyError, TypeError) as error:
-        raise BSGError(f"{path}: no file of a scheduler, which has an address") from error
+        raise BSGError(
+            f"{path}: no file of a scheduler: expected JSON with an address, as "
+            "`dask scheduler --scheduler-file` writes"
+        ) from error
 
 
 async def _reach(address: str) -> None:
-    """Connect to a scheduler, and let go.
+    """Connect to a scheduler and close the connection.
 
     Raises:
-        OSError: if nobody answers.
-        ValueError: for what is no address.
+        OSError: if no scheduler answers.
+        ValueError: if the address is invalid.
     """
     from distributed.comm import connect as reach
     from distributed.core import coerce_to_address
@@ -118,32 +120,32 @@ async def _reach(address: str) -> None:
 
 
 def _wait_for_worker(client: Client, address: str) -> None:
-    """Wait until there is a worker.
+    """Wait for the first worker.
 
     Raises:
-        BSGError: if none comes.
+        BSGError: if no worker connects in `SECONDS_TO_WAIT`.
     """
     if not client.nthreads():
-        note = f"waiting for a worker at {address}, {SECONDS_TO_WAIT} s at most"
+        note = f"waiting for a worker at {address}, for at most {SECONDS_TO_WAIT} s"
         click.echo(note, err=True)
     try:
         client.wait_for_workers(1, timeout=SECONDS_TO_WAIT)
     except TimeoutError as error:
         raise BSGError(
-            f"--scheduler {address}: has no worker after {SECONDS_TO_WAIT} s; start some by "
+            f"--scheduler {address}: has no worker after {SECONDS_TO_WAIT} s; start some with "
             f"`dask worker {address} --nthreads 1`"
         ) from error
 
 
 def look(paths: Sequence[str]) -> tuple[str, list[str]]:
-    """Return versions on a machine that bytes depend on, and what is there at some paths."""
+    """Return the package versions of a machine, and a description of what is at each path."""
     return ", ".join(f"{name} {version(name)}" for name in _PACKAGES), [
         _describe(Path(path)) for path in paths
     ]
 
 
 def _describe(path: Path) -> str:
-    """Say in words what is at a path, so that two machines that see the same say the same."""
+    """Describe what is at a path; machines that see the same files give the same words."""
     if path.is_file():
         return f"a file of {path.stat().st_size:,} bytes"
     if not path.is_dir():
@@ -158,36 +160,42 @@ def _describe(path: Path) -> str:
 
 
 def _require_alike(client: Client, *, reads: Sequence[Path], writes: Sequence[Path]) -> None:
-    """Refuse workers that are not like this process, or do not see what it sees.
+    """Refuse workers with other versions, several threads, or other files than this process.
 
     Raises:
-        BSGError: for the first, saying how it differs.
+        BSGError: for the first such worker; it says the difference.
     """
     for worker, threads in client.nthreads().items():
         if threads != 1:
             raise BSGError(
-                f"worker {worker}: does {threads} tasks at once in one process, which share one "
-                "state of chance; start workers by `dask worker ADDRESS --nthreads 1 --nworkers N`"
+                f"worker {worker}: does {threads} tasks at once in one process; expected 1, for "
+                "tasks of one process share the random state; start workers with "
+                "`dask worker ADDRESS --nthreads 1 --nworkers N`"
             )
     with _marks(writes) as marks:
         paths = [str(path.absolute()) for path in (*reads, *marks)]
         own_version, own = look(paths)
         for worker, found in client.run(look, paths, on_error="return").items():
             if isinstance(found, BaseException):
-                raise BSGError(f"worker {worker}: cannot run this package ({found!r}); install it")
+                raise BSGError(
+                    f"worker {worker}: cannot run this package ({found!r}); install it there"
+                )
             if found[0] != own_version:
-                raise BSGError(f"worker {worker}: has {found[0]}; here is {own_version}")
+                raise BSGError(
+                    f"worker {worker}: has {found[0]}; expected {own_version}, as on this machine; "
+                    "install the same versions there"
+                )
             for path, here, there in zip(paths, own, found[1], strict=True):
                 if here != there:
                     raise BSGError(
-                        f"worker {worker}: sees {there} at {path}, and here it is {here}; all "
-                        "machines need one file system, at the same path"
+                        f"worker {worker}: sees {there} at {path}; this machine sees {here} there; "
+                        "give all machines one file system at the same path"
                     )
 
 
 @contextmanager
 def _marks(writes: Sequence[Path]) -> Iterator[list[Path]]:
-    """Yield new files in the folders that are written into, by which a worker knows them again."""
+    """Yield new files in the folders that tasks write to; workers must see these files."""
     marks: list[Path] = []
     try:
         for path in writes:
@@ -202,7 +210,7 @@ def _marks(writes: Sequence[Path]) -> Iterator[list[Path]]:
 
 
 def _wait_for_tasks(client: Client) -> None:
-    """Wait until the tasks that workers are at now have ended; who is cancelled still goes on."""
+    """Wait for all tasks that run now; a cancelled task still runs to its end."""
     begun = _list_active(client)
     while begun & _list_active(client):
         time.sleep(_SECONDS_BETWEEN_LOOKS)

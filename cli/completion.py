@@ -1,4 +1,4 @@
-"""What a shell offers when the tab key is pressed: names of every kind, without a slow import.
+"""Complete names in a shell without slow imports.
 
 A list with commas is completed after its last comma.
 """
@@ -23,7 +23,7 @@ Complete = Callable[[click.Context, click.Parameter, str], list[CompletionItem]]
 
 
 def complete_list(names: Callable[[click.Context], Iterable[str]]) -> Complete:
-    """Return what completes the last name of a list; the options before it may say which names."""
+    """Return a completer for the last name of a list; earlier options may decide the names."""
 
     def complete(ctx: click.Context, _: click.Parameter, text: str) -> list[CompletionItem]:
         before, comma, begun = text.rpartition(",")
@@ -33,7 +33,7 @@ def complete_list(names: Callable[[click.Context], Iterable[str]]) -> Complete:
 
 
 def complete_names_or_files(names: Callable[[], Iterable[str]]) -> Complete:
-    """Return what completes one name, or a path where no name begins so."""
+    """Return a completer for one name or a path."""
 
     def complete(ctx: click.Context, _: click.Parameter, text: str) -> list[CompletionItem]:
         found = [CompletionItem(name) for name in _fitting(names(), text)]
@@ -43,7 +43,7 @@ def complete_names_or_files(names: Callable[[], Iterable[str]]) -> Complete:
 
 
 def shipped_models() -> tuple[str, ...]:
-    """Return the names of the shipped models; none, if their list is damaged."""
+    """Return the names of the shipped models; no names if their list is damaged."""
     try:
         return bsg_models.shipped_names()
     except BSGError:
@@ -55,9 +55,9 @@ complete_class_map = complete_names_or_files(list_class_maps)
 
 
 def classes_of_dataset(ctx: click.Context) -> tuple[str, ...]:
-    """Return the classes of the dataset that the command line names, or else the default ones.
+    """Return the classes of the dataset on the command line, or the default classes.
 
-    The manifest is read as plain JSON: what proves that it is one is slow to import.
+    The manifest is read as plain JSON because the code that validates it is slow to import.
     """
     try:
         path = Path(ctx.params["dataset"]) / "dataset.json"

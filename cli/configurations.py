@@ -1,4 +1,4 @@
-"""Configurations as commands name them: a model of the zoo, or a TOML file."""
+"""Load the configuration that a command names: a model of the zoo or a TOML file."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ def load_config(name: str, settings: tuple[str, ...] = ()) -> bsg_models.RunConf
     """Return the configuration of a zoo name or a TOML file, with its overrides.
 
     Raises:
-        click.UsageError: for a name that is neither.
-        ConfigError: for a file or an override that cannot be.
+        click.UsageError: if the name is neither.
+        ConfigError: if the file or an override is invalid.
     """
     if name in MODELS or not (name.endswith(".toml") or Path(name).is_file()):
         require_known("model", [name], MODELS)

@@ -1,4 +1,4 @@
-"""Datasets on a command line: a missing one is the first complaint, whatever else is wrong."""
+"""Report a missing dataset before any other error of a command line."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import click
 import bsg_data
 from bsg_data.spelling import nearest_names
 
-_GIVEN = (str, tuple, bool)  # click marks what is not given by an object of its own
+_GIVEN = (str, tuple, bool)  # click marks a missing value by an object of another type
 
 
 class DatasetPath(click.Path):
@@ -23,9 +23,9 @@ class DatasetPath(click.Path):
 
 
 def require_datasets(command: click.Command, ctx: click.Context, args: Sequence[str]) -> None:
-    """Refuse a dataset that is missing, before anything else is judged or slowly imported.
+    """Refuse a missing dataset before other options are checked and slow modules imported.
 
-    Nothing is refused where help or the version is asked for, or a shell completes.
+    Nothing is refused when the user asks for help or the version, or when a shell completes.
 
     Raises:
         DatasetError: for the first dataset that is missing or damaged.
@@ -45,10 +45,10 @@ def require_datasets(command: click.Command, ctx: click.Context, args: Sequence[
 def _parse_anyhow(
     command: click.Command, ctx: click.Context, args: Sequence[str]
 ) -> Mapping[str | None, Any]:
-    """Return parameter → what the words of a command line give it, before any value is judged.
+    """Return parameter → its value on a command line, before any value is checked.
 
-    An option that nobody knows is taken for the nearest one; an option that no other is near, or
-    that lacks its value, is passed over.
+    An unknown option is read as the nearest known one. It is skipped if no known option is near.
+    An option without its value is skipped too.
     """
     words = list(args)
     options = [name for param in command.get_params(ctx) for name in param.opts]
@@ -69,7 +69,7 @@ def _parse_anyhow(
 
 
 def _place_of(option: str, words: Sequence[str]) -> int:
-    """Return the place of an option: of `--name`, of `--name=value`, or of `-n` as in `-mn`."""
+    """Return the index of the word with an option: `--name`, `--name=value`, or `-n` in `-mn`."""
     if option.startswith("--"):
         return next(n for n, word in enumerate(words) if word.partition("=")[0] == option)
     return next(n for n, word in enumerate(words) if re.match(r"-[^-]", word) and option[1] in word)

@@ -1,4 +1,4 @@
-"""`bsg-evaluate`: every metric for one run or more, beside the baselines that keep it honest."""
+"""`bsg-evaluate`: measure runs and predictions with every metric, beside the baselines."""
 
 from __future__ import annotations
 
@@ -24,13 +24,14 @@ from bsg_data.tables import format_text
 
 
 class Evaluate(Command):
-    """The command, which says where the leaderboard went."""
+    """The command; it points users of the old `--leaderboard` to `bsg-leaderboard`."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Refuse the old spelling whatever options follow it."""
+        """Refuse `--leaderboard` before the other options are checked."""
         if "--leaderboard" in args:
             raise click.UsageError(
-                "the leaderboard is a command of its own: bsg-leaderboard, with the same options",
+                "--leaderboard is no option of bsg-evaluate; run bsg-leaderboard with the same "
+                "options",
                 ctx,
             )
         return super().parse_args(ctx, args)
@@ -39,30 +40,30 @@ class Evaluate(Command):
 @click.command("bsg-evaluate", cls=Evaluate)
 @click.argument("runs", nargs=-1, metavar="[RUN]...", shell_complete=complete_model)
 @data_option("Dataset, with pairs.")
-@split_option("What to measure on.", default="test")
+@split_option("Split to measure on.", default="test")
 @click.option(
     "--predictions",
     multiple=True,
     type=PATH,
-    help="Predictions of any program (docs/benchmark.md): a parquet file, or a folder of some.",
+    help="Predictions of any program (docs/benchmark.md): a parquet file or a folder of them.",
 )
 @click.option(
     "--fold",
     type=click.IntRange(min=0),
-    help="Measure one fold, where there is no RUN.  [default: all, one by one]",
+    help="Without a RUN: measure this fold.  [default: all folds]",
 )
-@click.option("--write-predictions", type=PATH, help="Folder for what the RUNs predict.")
+@click.option("--write-predictions", type=PATH, help="Folder for the predictions of the RUNs.")
 @out_option("Folder of the results.  [default: evaluation in the first RUN]")
 @resamples_option(200)
-@click.option("--html", type=PATH, help="All as one page, too.")
-@click.option("--all-metrics", is_flag=True, help="Print every metric, too.")
+@click.option("--html", type=PATH, help="Also write all results as one HTML page.")
+@click.option("--all-metrics", is_flag=True, help="Also print every metric.")
 @seed_option()
 @force_option
 @json_option
 def main(runs: tuple[str, ...], all_metrics: bool, as_json: bool, **options: Any) -> None:
     """Measure runs or predictions on a split, beside the baselines.
 
-    A RUN is a folder that is there, or a model as `bsg-belief --model` takes it.
+    A RUN is a folder, or any model that `bsg-belief --model` accepts.
 
     \b
     Example:
@@ -70,7 +71,7 @@ def main(runs: tuple[str, ...], all_metrics: bool, as_json: bool, **options: Any
       bsg-evaluate --predictions mine.parquet --data dataset
     """
     if not runs and not options["predictions"]:
-        raise click.UsageError("name a RUN, or --predictions FILE")
+        raise click.UsageError("nothing to measure; give a RUN or --predictions FILE")
     models = tuple(Path(run) if Path(run).exists() else run for run in runs)
     request = bsg_models.EvaluationRequest(runs=models, **options)
     with progress_bar("evaluate", unit="building") as progress:

@@ -1,4 +1,4 @@
-"""`bsg-belief --find`: in which room a thing is, and where to go first."""
+"""Answer `bsg-belief --find`: which room holds a thing, and where to go first."""
 
 from __future__ import annotations
 
@@ -16,7 +16,10 @@ MOST_ROWS = 20
 def find_thing(
     seen: bsg_models.SeenBuilding, thing: str, *, here: str | None, as_json: bool
 ) -> None:
-    """Print where a thing is, by what was seen of a building; with `as_json` ids, not labels."""
+    """Print where a thing probably is in a partly seen building.
+
+    JSON has room ids; text has labels as well.
+    """
     meaning, places = seen.understand(thing), seen.where(thing, here=here)
     first = seen.next_room(thing, here=here)
     unit = None if here is None else seen.ways().unit

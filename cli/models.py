@@ -1,4 +1,4 @@
-"""`bsg-models`: the models that are shipped, and those of the hub."""
+"""`bsg-models`: list, show, check and download models."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from bsg_data.tables import format_text
 
 @click.group("bsg-models", cls=CommandGroup)
 def main() -> None:
-    """Say which models are shipped, what each is, and fetch others from the hub.
+    """List the shipped models, check results, and download models from the hub.
 
     \b
     Example:
@@ -47,7 +47,7 @@ def list_models(as_json: bool) -> None:
 
 
 def _name_size(number: int) -> str:
-    """Return a number of bytes in MB, or in kB where there are few."""
+    """Return a number of bytes in MB, or in kB below 100,000."""
     return f"{number / 1e6:.1f} MB" if number >= 100_000 else f"{number / 1e3:.0f} kB"
 
 
@@ -55,7 +55,7 @@ def _name_size(number: int) -> str:
 @click.argument("name", metavar="NAME|FOLDER|HUB-ID", shell_complete=complete_model)
 @json_option
 def show(name: str, as_json: bool) -> None:
-    """Show the card of a model, and what its checkpoint says.
+    """Show the card and the checkpoint of a model.
 
     \b
     Example:
@@ -72,7 +72,7 @@ def show(name: str, as_json: bool) -> None:
         ("bytes", f"{model.bytes:,}"),
         ("sha256", model.sha256),
     ]
-    # The front matter is for the hub; the card says the same in words.
+    # The front matter is for the hub; the card repeats it in words.
     print_text(model.card.partition("\n---\n")[2].strip() + "\n")
     print_text(format_text(facts, header=("checkpoint", "")))
 
@@ -80,9 +80,9 @@ def show(name: str, as_json: bool) -> None:
 @main.command(cls=Command)
 @click.argument("paths", metavar="PATH...", type=PATH, nargs=-1, required=True)
 def check(paths: tuple[Path, ...]) -> None:
-    """Check that results are what was written, to the last byte.
+    """Check that no byte of a result changed after it was written.
 
-    A PATH is a run, belief tables, the folder of an evaluation, a search or a leaderboard, or one
+    A PATH is a run, a folder of belief tables, an evaluation, a search, a leaderboard, or a
     checkpoint.
 
     \b
@@ -106,11 +106,13 @@ def check(paths: tuple[Path, ...]) -> None:
 @main.command(cls=Command)
 @click.argument("name", metavar="OWNER/NAME")
 def download(name: str) -> None:
-    """Fetch a model from the Hugging Face hub; nothing else here uses a network.
+    """Download a model from the Hugging Face hub.
+
+    No other command downloads anything.
 
     \b
     Example:
       bsg-models download somebody/their-rooms
     """
     path = bsg_models.download(name)
-    print_text(f"{name} is here now: bsg-belief graph.json --model {name} ({path})")
+    print_text(f"{name} is in {path}; next: bsg-belief graph.json --model {name}")

@@ -1,4 +1,4 @@
-"""The options that several commands have, each defined once."""
+"""The options that several commands share."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Decorator = Callable[[Function], Function]
 
 
 class Fraction(click.FloatRange):
-    """A number from 0 to 1; `nan` is none, though no comparison would refuse it."""
+    """A number from 0 to 1; `nan` is refused."""
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
@@ -32,19 +32,19 @@ class Fraction(click.FloatRange):
         """Return the number, or refuse it."""
         number = super().convert(value, param, ctx)
         if math.isnan(number):
-            self.fail(f"{value} is no number", param, ctx)
+            self.fail(f"expected a number from 0 to 1, found {value}", param, ctx)
         return float(number)
 
 
 class RegistryChoice(click.Choice[str]):
-    """One of the names of a registry, which are read when a name is given."""
+    """One name of a registry; the names are read only when the option is used."""
 
     def __init__(self, registry: Registry[Any]) -> None:
         super().__init__(registry.names())
         self._registry = registry
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """Return the name, or refuse it with the nearest and those that are known."""
+        """Return the name, or refuse it and list the nearest and all known names."""
         self.choices = self._registry.names()
         try:
             self._registry.require([value])
@@ -54,31 +54,34 @@ class RegistryChoice(click.Choice[str]):
 
 
 PATH = click.Path(path_type=Path)
-MOST_WORKERS = 1024  # far more than a machine does well with, and each is a process
+MOST_WORKERS = 1024  # each is a process; one machine has no use for more
 json_option = click.option("as_json", "--json", is_flag=True, help="Print JSON on stdout.")
 force_option = click.option("--force", is_flag=True, help="Replace a finished result.")
 
 
 def workers_option(function: Function) -> Function:
-    """Give a command `--workers` and `--scheduler`; it gets both as `workers`, one `Workers`."""
+    """Add `--workers` and `--scheduler`; the command gets both as `workers`, a `Workers`."""
 
     @click.option(
         "--workers",
         type=click.IntRange(1, MOST_WORKERS),
         show_default="all cores",
-        help="Processes to use; the result does not depend on it.",
+        help="Number of processes. The result does not depend on it.",
     )
     @click.option(
         "--scheduler",
         metavar="ADDRESS|FILE",
-        help="Dask scheduler whose workers do the work; they see the same files at the same paths.",
+        help="Dask scheduler. Its workers must see the same files at the same paths.",
     )
     @wraps(function)
     def command(
         *args: Any, workers: int | None = None, scheduler: str | None = None, **options: Any
     ) -> Any:
         if workers is not None and scheduler is not None:
-            raise click.UsageError("--workers is of this machine: --scheduler excludes it")
+            raise click.UsageError(
+                "--workers and --scheduler exclude each other: --workers starts processes on this "
+                "machine; give one of them"
+            )
         chosen = Workers(workers or os.cpu_count() or 1, scheduler)
         return function(*args, workers=chosen, **options)
 
@@ -101,12 +104,12 @@ source_map_option = click.option(
 
 
 def data_option(text: str, *, required: bool = True) -> Decorator[Any]:
-    """Return `--data`, the dataset of a command that works with models."""
+    """Return `--data`, the dataset for a command that uses models."""
     return click.option("--data", "dataset", type=DatasetPath(), required=required, help=text)
 
 
 def model_option(text: str, *, multiple: bool = False) -> Decorator[Any]:
-    """Return `--model`, and `--run`, its older spelling, which takes a path alone."""
+    """Return `--model` and `--run`, an older spelling that takes only a path."""
 
     def decorate(function: Function) -> Function:
         model = click.option(
@@ -117,7 +120,7 @@ def model_option(text: str, *, multiple: bool = False) -> Decorator[Any]:
             shell_complete=complete_model,
         )
         run = click.option(
-            "--run", type=PATH, multiple=multiple, help="The folder of a run, whatever its name."
+            "--run", type=PATH, multiple=multiple, help="Folder of a run; always read as a path."
         )
         return model(run(function))
 
@@ -125,10 +128,10 @@ def model_option(text: str, *, multiple: bool = False) -> Decorator[Any]:
 
 
 def read_model(model: str | None, run: Path | None) -> Path | str | None:
-    """Return the model that is named by either spelling; None where neither is.
+    """Return the model that `--model` or `--run` names; None without both.
 
     Raises:
-        click.UsageError: for both.
+        click.UsageError: if both are given.
     """
     if model is not None and run is not None:
         raise click.UsageError("--run is another spelling of --model; give one of them")
@@ -136,11 +139,11 @@ def read_model(model: str | None, run: Path | None) -> Path | str | None:
 
 
 def out_option(text: str, *, required: bool = False) -> Decorator[Any]:
-    """Return `--out`, where the result is written."""
+    """Return `--out`, the path of the result."""
     return click.option("--out", type=PATH, required=required, help=text)
 
 
-def seed_option(text: str = "Seed of all chance.") -> Decorator[Any]:
+def seed_option(text: str = "Random seed.") -> Decorator[Any]:
     """Return `--seed`."""
     return click.option(
         "--seed", type=click.IntRange(min=0), default=0, show_default=True, help=text
@@ -148,13 +151,13 @@ def seed_option(text: str = "Seed of all chance.") -> Decorator[Any]:
 
 
 def split_option(text: str, *, default: str, more: tuple[str, ...] = ()) -> Decorator[Any]:
-    """Return `--split`, whose buildings a command works on."""
+    """Return `--split`, which selects the buildings."""
     names = click.Choice(["train", "val", "test", *more])
     return click.option("--split", type=names, default=default, show_default=True, help=text)
 
 
 def mask_options(how: str, how_much: str, *, min_open: bool = False) -> Decorator[Any]:
-    """Return `--mask`, `--fraction`, `--withhold` and `--parts`: how objects are hidden."""
+    """Return `--mask`, `--fraction`, `--withhold` and `--parts`, which say how to hide objects."""
 
     def decorate(function: Function) -> Function:
         fraction = click.option(
@@ -169,10 +172,12 @@ def mask_options(how: str, how_much: str, *, min_open: bool = False) -> Decorato
             type=Fraction(0, 1),
             default=0.0,
             show_default=True,
-            help="Share of the classes of which nothing is shown outside searched rooms.",
+            help="Share of the classes to hide everywhere except in searched rooms.",
         )
         parts = click.option(
-            "--parts", is_flag=True, help="Hide parts of a thing, as a curtain rod, with the thing."
+            "--parts",
+            is_flag=True,
+            help="Hide the parts of hidden objects: the curtain rod of a hidden curtain.",
         )
         mask = click.option(
             "--mask", type=RegistryChoice(MASKS), default="uniform", show_default=True, help=how
@@ -183,21 +188,21 @@ def mask_options(how: str, how_much: str, *, min_open: bool = False) -> Decorato
 
 
 def resamples_option(default: int) -> Decorator[Any]:
-    """Return `--resamples`, of the bootstrap."""
+    """Return `--resamples`, the number of bootstrap resamples."""
     return click.option(
         "--resamples",
         type=click.IntRange(min=0),
         default=default,
         show_default=True,
-        help="Bootstrap resamples of the buildings; 0 for no intervals.",
+        help="Bootstrap resamples of the buildings; 0: no intervals.",
     )
 
 
 def split_names(text: str | None, *, option: str) -> tuple[str, ...] | None:
-    """Return the names of a list with commas, each once; None where none is given."""
+    """Return the unique names of a list with commas; None if the option is not given."""
     if text is None:
         return None
     names = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
     if not names:
-        raise click.UsageError(f"{option} names nothing")
+        raise click.UsageError(f"{option} names nothing; expected names with commas between them")
     return names

@@ -1,4 +1,4 @@
-"""Every command line of the project, by the name that it is installed under."""
+"""All commands of the project, by their installed names."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`bsg-search`: look for objects in simulation, with and without a belief."""
+"""`bsg-search`: search for objects in simulation, with and without a belief."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from bsg_cli.terminal import (
 
 
 class SearchNumber(click.ParamType[int | str]):
-    """The number of a search, from 0, or `auto` for one that is worth watching."""
+    """The number of a search, from 0, or `auto` for an instructive one."""
 
     name = "search"
 
@@ -52,79 +52,78 @@ class SearchNumber(click.ParamType[int | str]):
 
 @click.command("bsg-search", cls=Command)
 @model_option(
-    "Of which the belief is; of a dataset of folds, one run for each fold that is searched.  "
-    "[default: universal, where it fits]",
+    "Model of the belief. For a dataset of folds, give one run per searched fold.  "
+    "[default: universal, if it fits]",
     multiple=True,
 )
 @click.option("--no-model", is_flag=True, help="Search without a belief.")
-@data_option("Dataset, split.")
-@split_option(
-    "Whose buildings are searched; `all` only without a model.", default="test", more=("all",)
-)
+@data_option("Dataset with a split.")
+@split_option("Split to search in; `all` only without a model.", default="test", more=("all",))
 @click.option(
     "--planners",
     shell_complete=complete_list(lambda ctx: PLANNERS),
-    help=f"Some of {', '.join(PLANNERS)}.  [default: all; without a model those without a belief]",
+    help=f"Planners, with commas: {', '.join(PLANNERS)}.  [default: all; without a model, all that "
+    "need no belief]",
 )
 @click.option(
     "--worlds",
     shell_complete=complete_list(lambda ctx: WORLDS),
-    help=f"Kinds of room graphs, KIND or KIND:LOW-HIGH: {', '.join(WORLDS[:5])} with random costs, "
-    f"{' or '.join(WORLDS[5:])} with distances.  [default: {','.join(DEFAULT_WORLDS)}, and "
-    f"{' or '.join(WORLDS[5:])} where known]",
+    help=f"Room graphs, with commas, each KIND or KIND:LOW-HIGH. Random costs: "
+    f"{', '.join(WORLDS[:5])}. Distances as costs: {', '.join(WORLDS[5:])}.  "
+    f"[default: {','.join(DEFAULT_WORLDS)}, and {' or '.join(WORLDS[5:])} if the dataset has it]",
 )
 @click.option(
     "--task",
     type=click.Choice(["single", "all", "both"]),
     default="both",
     show_default=True,
-    help="Find one instance of each class, or all.",
+    help="Find one instance of each class, find all instances, or do both tasks.",
 )
 @click.option(
     "--artifacts",
     shell_complete=complete_list(lambda ctx: ("every", "room-specific", *classes_of_dataset(ctx))),
     default="every",
     show_default=True,
-    help="Classes to search for, one a search: `every`, `room-specific`, or names with commas.",
+    help="Classes to search for: `every`, `room-specific`, or names with commas.",
 )
 @click.option(
     "--at-once",
     type=click.IntRange(min=1),
     default=1,
     show_default=True,
-    help="Classes that one search looks for.",
+    help="Number of classes per search.",
 )
 @click.option(
     "--episodes",
     type=click.IntRange(min=1),
     default=200,
     show_default=True,
-    help="Searches of every building in every world.",
+    help="Searches per building and world.",
 )
 @click.option(
     "--masks",
     type=click.IntRange(min=1),
     default=10,
     show_default=True,
-    help="Masks of every building, which the searches take in turn.",
+    help="Masks per building; the searches use them in turn.",
 )
 @mask_options(
-    "What the robot saw before it searches.",
-    "Share of the objects that a mask hides; the artifact is hidden wholly.",
+    "What the robot has seen before the search.",
+    "Share of the objects to hide; the artifact is always hidden.",
     min_open=True,
 )
 @click.option(
     "--stop",
     "stops",
-    help="Of `all`: let the robot stop by itself once it believes that anything is left with at "
-    "most this probability; several with commas.",
+    help="For the task `all`: the robot stops once it believes with at most this probability that "
+    "anything is left. Several values with commas.",
 )
 @click.option(
     "--truth",
     type=click.Choice(["real", "posterior"]),
     default="real",
     show_default=True,
-    help="Where the artifact is; `posterior` puts it where the model believes it at the start.",
+    help="Where the artifacts are; `posterior` draws their places from the model's first belief.",
 )
 @resamples_option(1000)
 @click.option(
@@ -133,16 +132,16 @@ class SearchNumber(click.ParamType[int | str]):
     metavar="[N]",
     is_flag=False,
     flag_value="auto",
-    help="Replay one search, room by room, beside the same by `nearest`, as a page: search N of "
-    "the first building; without N, one that is worth watching.",
+    help="Write one search as a page, beside the same search by `nearest`: search N of the first "
+    "building; without N, an instructive one.",
 )
 @click.option(
     "--animation",
     type=PATH,
     metavar="FILE.gif|FILE.png",
-    help="Draw the replay as a moving picture, too, a GIF or an animated PNG.",
+    help="Also draw the replay as an animation: GIF or animated PNG.",
 )
-@click.option("--scene", help="Search this building alone.")
+@click.option("--scene", help="Search only this building.")
 @out_option("Folder of the results.  [default: search in the first run, or search]")
 @click.option("--all-columns", is_flag=True, help="Print a longer table for each task.")
 @workers_option
@@ -164,8 +163,8 @@ def main(
 ) -> None:
     """Search buildings for objects with every planner, and say what each saves.
 
-    Every planner meets the same searches; what it saves is measured beside `nearest`, which goes to
-    the nearest unexplored room. docs/search.md says what each planner and world is.
+    All planners do the same searches. Savings are relative to `nearest`, which goes to the nearest
+    unexplored room. docs/search.md describes planners and worlds.
 
     \b
     Example:
@@ -183,7 +182,7 @@ def main(
     named: list[Path | str] = [*model, *run]
     runs = tuple(map(bsg_models.locate_run, named))
     if no_model and runs:
-        raise click.UsageError("--no-model leaves no use for a --model")
+        raise click.UsageError("--no-model excludes --model and --run; give one of them")
     if not runs and not no_model:
         runs, note = bsg_models.choose_default_run(
             options["dataset"], planners=lists["planners"], split=options["split"]
@@ -202,18 +201,16 @@ def main(
         return
     number = len(report.sought)
     sought = f"any of {number} classes" if number > 12 else ", ".join(report.sought)
-    print_text(
-        f"artifacts: {sought}; {request.at_once} at once; beliefs of {report.model or 'nobody'}"
-    )
+    print_text(f"artifacts: {sought}; {request.at_once} at once; model: {report.model or 'none'}")
     if request.truth == "posterior":
         print_text(
-            "artifacts were put where the model believes them: its belief is right, and only the "
+            "artifact places were drawn from the model's belief, so the belief is right; only the "
             "oracle knows better"
         )
     for table in format_results(report.results, all_columns=all_columns):
         print_text("\n" + table)
     written = "; ".join(f"{what}: {path}" for what, path in report.written.items())
-    print_text(f"\nall of it: {report.report}; {written}")
+    print_text(f"\nall results: {report.report}; {written}")
 
 
 def read_stops(text: str | None) -> tuple[float, ...]:
@@ -223,7 +220,9 @@ def read_stops(text: str | None) -> tuple[float, ...]:
     try:
         stops = tuple(float(part) for part in text.split(","))
     except ValueError as error:
-        raise click.UsageError(f"--stop: {text!r}: expected numbers") from error
+        raise click.UsageError(
+            f"--stop: expected numbers with commas between them, found {text!r}"
+        ) from error
     if not all(0 < stop < 1 for stop in stops):
-        raise click.UsageError(f"--stop: probabilities between 0 and 1, found {text}")
+        raise click.UsageError(f"--stop: expected probabilities between 0 and 1, found {text}")
     return stops

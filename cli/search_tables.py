@@ -1,4 +1,4 @@
-"""What a search study found, as tables: a short one a world, or a long one a world and task."""
+"""Format the results of a search study: a short table per world, or a long one per task."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from bsg_data.tables import format_text
 def format_results(
     results: Sequence[bsg_models.WorldResult], *, all_columns: bool = False
 ) -> Iterator[str]:
-    """Yield a table for each world, in 80 characters, or a longer one for each of its tasks.
+    """Yield a table of 80 characters for each world, or a wider one for each world and task.
 
     Args:
-        results: world by world.
-        all_columns: whether all that is known of a planner is told.
+        results: results, sorted by world.
+        all_columns: whether to show every figure of a planner.
     """
     for _, group in groupby(results, key=lambda one: one.world):
         tasks = list(group)
@@ -26,7 +26,7 @@ def format_results(
 
 
 def _format_short(tasks: Sequence[bsg_models.WorldResult]) -> str:
-    """Return one world: what each planner saves in each task, and how often it wins."""
+    """Return the table of one world: what each planner saves in each task, and its wins."""
     first = tasks[0]
     rows = [
         (name, *(cell for one in tasks for cell in _short_cells(one, one.savings[name])))
@@ -35,7 +35,7 @@ def _format_short(tasks: Sequence[bsg_models.WorldResult]) -> str:
     header = [cell for one in tasks for cell in (f"{one.task}: saved, %", "wins, %")]
     return "\n".join(
         [
-            f"{first.world}: {first.searches:,} searches of {first.buildings} buildings a task",
+            f"{first.world}: {first.searches:,} searches of {first.buildings} buildings per task",
             *_ranked_first(first),
             format_text(rows, header=["planner", *header]),
         ]
@@ -47,7 +47,7 @@ def _short_cells(one: bsg_models.WorldResult, saving: bsg_models.Saving) -> tupl
 
 
 def _format_long(one: bsg_models.WorldResult) -> str:
-    """Return one world and task with all that is known of each planner."""
+    """Return the table of one world and task with every figure of each planner."""
     header = (
         *("planner", "saved, %", "beyond routing", "of the oracle's", "mean", "median"),
         *("wins", "ties", "losses", "cost", "rooms"),
@@ -86,22 +86,23 @@ def _format_stops(one: bsg_models.WorldResult) -> str:
     ]
     header = ("stops at", "saved, %", "missed, %", "incomplete, %", "rooms")
     return (
-        f"{one.task}: expected-cost stops by itself, beside entering every room, nearest first\n"
-        + format_text(rows, header=header, numeric=header)
+        f"{one.task}: expected-cost stops by itself; compared with entering every room, nearest "
+        "first\n" + format_text(rows, header=header, numeric=header)
     )
 
 
 def _ranked_first(one: bsg_models.WorldResult) -> list[str]:
-    """Return how good the belief is at the start, as a line; none without a belief."""
+    """Return a line that says how good the first belief is; no line without a belief."""
     if math.isnan(one.ranked_first):
         return []
     return [
-        f"the likeliest room holds one in {one.ranked_first:.0%}, a random one in {one.chance:.0%}"
+        f"the likeliest room holds one in {one.ranked_first:.0%} of searches, a random room in "
+        f"{one.chance:.0%}"
     ]
 
 
 def _percent(value: bsg_models.Estimate, *, interval: bool = True) -> str:
-    """Return a share as per cent, with its interval in whole ones; a dash where it is unknown."""
+    """Return a share in per cent with its interval in whole per cent; a dash if unknown."""
     if math.isnan(value.value):
         return "-"
     text = f"{100 * value.value:.1f}"

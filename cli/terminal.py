@@ -1,6 +1,6 @@
-"""What all commands share: exit codes, errors, progress bars and the worker pool.
+"""Exit codes, errors, progress bars and the worker pool of all commands.
 
-A result goes to stdout, as text or with `--json` as JSON; progress, notes and errors go to stderr.
+Results go to stdout, as text or with `--json` as JSON. Progress, notes and errors go to stderr.
 Exit codes: 0 done, 1 failed or found faults, 2 wrong usage, 130 interrupted, 143 asked to end.
 """
 
@@ -33,37 +33,37 @@ from bsg_data.recipes import name_fault
 from bsg_data.tables import is_obeyed, make_plain
 
 FAILED, WRONG_USAGE, INTERRUPTED, ENDED = 1, 2, 130, 143
-NO_MEMORY = "Error: not enough memory; give the command more, or fewer --workers where it has them"
-SECONDS_BETWEEN_LINES = 30.0  # of progress, where stderr is no terminal
+NO_MEMORY = "Error: not enough memory; free some, or give the command fewer --workers if it has any"
+SECONDS_BETWEEN_LINES = 30.0  # of progress, if stderr is no terminal
 
 
 class AskedToEndError(KeyboardInterrupt):
-    """SIGTERM came: what a cluster or a shutdown sends undoes and keeps what Ctrl-C does."""
+    """SIGTERM came, as from a cluster or a shutdown; it is handled like Ctrl-C."""
 
 
 class Command(click.Command):
-    """A command with the manners of the house: its helps, its version, its exit codes."""
+    """A command with `-h`, `--version` and the exit codes of this project."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         click.version_option(package_name="belief-scene-graphs")(self)
 
     def get_help_option_names(self, ctx: click.Context) -> list[str]:
-        """Return the two spellings of help, whatever context asks."""
+        """Return the two spellings of help in every context."""
         return ["-h", "--help"]
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Parse a command line; a missing dataset is refused before its words are judged."""
+        """Parse a command line; a missing dataset is refused before any other error."""
         require_datasets(self, ctx, args)
         return super().parse_args(ctx, args)
 
     def main(self, *args: Any, **kwargs: Any) -> NoReturn:
-        """Run the command and leave the process with one of the five exit codes.
+        """Run the command and exit with one of the five exit codes.
 
-        What the libraries raise becomes a message.
+        Errors of the libraries become messages.
         """
         for stream in (sys.stdout, sys.stderr):
-            if isinstance(stream, TextIOWrapper):  # a terminal may lack a letter of some name
+            if isinstance(stream, TextIOWrapper):  # a terminal may lack a letter of a name
                 stream.reconfigure(errors="replace")
         try:
             kwargs["standalone_mode"] = False
@@ -76,10 +76,10 @@ class Command(click.Command):
         except BSGError as error:
             print_note(f"Error: {error}")
             sys.exit(WRONG_USAGE if isinstance(error, RecipeError) else FAILED)
-        except ValidationError as error:  # of a request, which says what it cannot be
+        except ValidationError as error:  # a request refuses its values
             print_note(f"Error: {name_fault(error)}")
             sys.exit(WRONG_USAGE)
-        except (click.Abort, KeyboardInterrupt) as error:  # click makes the one of the other
+        except (click.Abort, KeyboardInterrupt) as error:  # click turns Ctrl-C into Abort
             asked = isinstance(error.__cause__ or error, AskedToEndError)
             print_note("asked to end" if asked else "interrupted")
             sys.exit(ENDED if asked else INTERRUPTED)
@@ -94,26 +94,26 @@ class Command(click.Command):
 
 
 def _hint_at(error: OSError) -> str:
-    """Return what to do about an error whose words do not say it."""
-    lacks_folder = "temporary directory" in (error.strerror or "")  # Python's, of `tempfile`
+    """Return what the user can do about an error that does not say it."""
+    lacks_folder = "temporary directory" in (error.strerror or "")  # words of `tempfile`
     return "; set TMPDIR to a folder that can be written" if lacks_folder else ""
 
 
 class CommandGroup(Command, click.Group):
-    """A group of such commands."""
+    """A group of commands."""
 
     command_class = Command
 
 
 @contextmanager
 def _ended_in_order() -> Iterator[None]:
-    """Let SIGTERM end the block as Ctrl-C does; one that comes while that is done is ignored."""
+    """Let SIGTERM end the block like Ctrl-C; ignore further SIGTERM while it ends."""
 
     def end(number: int, frame: FrameType | None) -> None:
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
         raise AskedToEndError
 
-    if current_thread() is not main_thread():  # no other may say what a signal does
+    if current_thread() is not main_thread():  # only the main thread may set handlers
         yield
         return
     before = signal.signal(signal.SIGTERM, end)
@@ -124,15 +124,15 @@ def _ended_in_order() -> Iterator[None]:
 
 
 class Progress(Protocol):
-    """What is told how far some work is: units done, units in all, and a word about it."""
+    """A callback for progress."""
 
     def __call__(self, done: int, total: int, said: str = "") -> None:
-        """Take it in."""
+        """Take the units done, the units in all, and a few words about them."""
 
 
 @contextmanager
 def progress_bar(what: str, *, unit: str) -> Iterator[Progress]:
-    """Yield what draws a bar on stderr; where that is no terminal, it says a line now and then."""
+    """Yield a callback that draws a bar on stderr, or prints lines if that is no terminal."""
     if not sys.stderr.isatty():
         yield tell_now_and_then(what, unit=unit)
         return
@@ -149,9 +149,9 @@ def progress_bar(what: str, *, unit: str) -> Iterator[Progress]:
 def tell_now_and_then(
     what: str, *, unit: str, clock: Callable[[], float] = time.monotonic
 ) -> Progress:
-    """Return what says on stderr how far some work is, once in `SECONDS_BETWEEN_LINES`.
+    """Return a callback that prints the progress on stderr, once in `SECONDS_BETWEEN_LINES`.
 
-    Work that takes less says nothing.
+    Shorter work prints nothing.
     """
     told = clock()
     first: tuple[int, float] | None = None
@@ -174,11 +174,11 @@ def tell_now_and_then(
 
 @dataclass(frozen=True, slots=True)
 class Workers:
-    """Who does the parallel part of a command.
+    """The workers for the parallel part of a command.
 
     Attributes:
-        processes: of this machine.
-        scheduler: address of Dask's, whose workers take their place.
+        processes: number of processes on this machine.
+        scheduler: address of a Dask scheduler, whose workers replace the processes.
     """
 
     processes: int
@@ -189,11 +189,11 @@ class Workers:
 def worker_pool(
     workers: Workers, *, reads: Sequence[Path] = (), writes: Sequence[Path] = ()
 ) -> Iterator[Executor | None]:
-    """Yield what does tasks: a pool of processes, a cluster, or None for one worker: do them here.
+    """Yield a pool of processes or a cluster; None for one worker: do the tasks in this process.
 
     Args:
         workers: processes, or a scheduler.
-        reads: files and folders that tasks read; the workers of a cluster must see the same.
+        reads: files and folders that tasks read; workers of a cluster must see the same files.
         writes: files and folders that tasks write.
     """
     if workers.scheduler is not None:
@@ -209,8 +209,8 @@ def worker_pool(
             workers.processes, mp_context=get_context("spawn"), initializer=end_with_parent
         ) as pool,
     ):
-        # Ctrl-C is for this process alone. What is ignored here stays ignored in a process that
-        # starts now, from its first moment on; so start them all now.
+        # Only this process handles Ctrl-C. Processes that start while it is ignored here ignore it
+        # from their first moment on, so start all of them now.
         handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
         for _ in range(workers.processes):
             pool.submit(os.getpid)
@@ -220,10 +220,10 @@ def worker_pool(
 
 @contextmanager
 def _importing_nothing_from_here() -> Iterator[None]:
-    """Let processes that start look for no module in the working folder, which may be a stranger's.
+    """Keep new processes from importing modules of the working folder, which may be untrusted.
 
-    Python puts that folder first for `python -c`, by which `multiprocessing` starts its processes:
-    a file `random.py` there would be run. It knows this setting from 3.11 on.
+    `multiprocessing` starts processes with `python -c`, which searches that folder first and would
+    run a `random.py` there. Python 3.10 ignores this setting.
     """
     before = os.environ.get("PYTHONSAFEPATH")
     os.environ["PYTHONSAFEPATH"] = before or "1"
@@ -235,7 +235,7 @@ def _importing_nothing_from_here() -> Iterator[None]:
 
 
 def end_with_parent() -> None:
-    """Let this worker end when its parent is killed, which otherwise leaves it waiting for ever."""
+    """End this worker when its parent is killed; otherwise it would wait for ever."""
     parent = parent_process()
     if parent is None:
         return
@@ -248,17 +248,17 @@ def end_with_parent() -> None:
 
 
 def print_json(value: object) -> None:
-    """Print one JSON document on stdout; what a terminal would obey in it is spelled as `\\u`."""
+    """Print one JSON document on stdout; control characters are spelled as `\\u`."""
     text = encode_json(value, indent=1, ensure_ascii=False)
     obeyed = {ord(c): encode_json(c)[1:-1] for c in set(text) if is_obeyed(c)}
     click.echo(text.translate(obeyed))
 
 
 def print_text(text: str, *, nl: bool = True) -> None:
-    """Print a result on stdout, without what a terminal would obey; see `make_plain`."""
+    """Print a result on stdout, without control characters; see `make_plain`."""
     click.echo(make_plain(text), nl=nl)
 
 
 def print_note(text: str) -> None:
-    """Tell people something on stderr."""
+    """Print a note on stderr, without control characters."""
     click.echo(make_plain(text), err=True)

@@ -1,4 +1,4 @@
-"""`bsg-train`: one configuration, one dataset, one run."""
+"""`bsg-train`: train one model on one dataset, or show a run."""
 
 from __future__ import annotations
 
@@ -24,18 +24,24 @@ from bsg_data.tables import format_text
 @click.option(
     "--config",
     "config_name",
-    help=f"A TOML file, or one of {', '.join(MODELS)}.",
+    help=f"Model to train: a TOML file, or one of {', '.join(MODELS)}.",
     metavar="NAME|FILE",
     shell_complete=complete_names_or_files(lambda: MODELS),
 )
-@data_option("Dataset, split and with pairs.", required=False)
+@data_option("Dataset, with a split and pairs.", required=False)
 @out_option("Folder of the run.")
-@click.option("--set", "settings", multiple=True, metavar="PATH=VALUE", help="Override one value.")
+@click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="PATH=VALUE",
+    help="Override one value of the configuration; may be repeated.",
+)
 @click.option("--seed", type=click.IntRange(min=0), help="Short for --set seed=N.")
-@click.option("--print-config", is_flag=True, help="Print what would run, and stop.")
-@click.option("--show", type=PATH, metavar="RUN", help="Tell how a run was trained, and stop.")
-@click.option("--resume", is_flag=True, help="Go on with a run that was stopped.")
-@click.option("--tensorboard", is_flag=True, help="Log for TensorBoard into the run, too.")
+@click.option("--print-config", is_flag=True, help="Print the configuration and exit.")
+@click.option("--show", type=PATH, metavar="RUN", help="Show how a run was trained and exit.")
+@click.option("--resume", is_flag=True, help="Continue an interrupted run.")
+@click.option("--tensorboard", is_flag=True, help="Also log for TensorBoard, into the run.")
 @force_option
 @json_option
 def main(
@@ -53,7 +59,8 @@ def main(
 ) -> None:
     """Train a model of the zoo on a dataset.
 
-    Ctrl-C stops a training; the same command with --resume goes on to the same weights.
+    Ctrl-C stops the training. Run the same command with --resume to continue; the weights will be
+    the same as without the stop.
 
     \b
     Example:
@@ -65,7 +72,7 @@ def main(
         _show(bsg_models.summarise_run(show), as_json=as_json)
         return
     if config_name is None:
-        raise click.UsageError("give --config NAME|FILE, or --show RUN")
+        raise click.UsageError("nothing to train; give --config NAME|FILE, or --show RUN")
     if seed is not None:
         settings = (*settings, f"seed={seed}")
     config = load_config(config_name, settings)
@@ -74,7 +81,7 @@ def main(
         return
     if dataset is None or out is None:
         raise click.UsageError("--data and --out are needed to train (or give --print-config)")
-    if not bsg_models.leads_training():  # one of several that torchrun started: another tells
+    if not bsg_models.leads_training():  # torchrun started several; only the leader prints
         for _ in bsg_models.train_run(config, dataset, out, resume=resume, force=force):
             pass
         return
@@ -91,7 +98,7 @@ def main(
         _note_stopped(out)
         raise
     if before and not trained and _seal_of(out) == before:
-        print_note(f"{out}: is finished already; nothing was trained")
+        print_note(f"{out}: the run is finished already; nothing was trained")
     bsg_models.plot_run(out)
     summary = bsg_models.summarise_run(out)
     if as_json:
@@ -101,54 +108,54 @@ def main(
 
 
 def _note_other_mask(config: bsg_models.RunConfig, dataset: Path) -> None:
-    """Say so if a model trains under another mask than that of the stored pairs."""
+    """Print a note if a model trains under another mask than that of the stored pairs."""
     pairs, choice = bsg_data.read_manifest(dataset).pairs, config.data
     if pairs is None or choice.masks == "fixed" or choice.fractions is not None:
         return
     fresh, stored = choice.fresh_mask, pairs.mask
     if choice.needs_own_masks(stored):
         print_note(
-            f"trains and validates on fresh masks {fresh} (data.mask of the configuration); the "
-            f"pairs of {dataset}, on which it is tested, are of {stored}"
+            f"trains and validates on fresh masks {fresh} (data.mask of the configuration); tests "
+            f"on the pairs of {dataset}, with masks {stored}"
         )
     elif str(fresh) != str(stored):
         print_note(
-            f"trains on masks {fresh} (data.mask of the configuration); the pairs of {dataset}, on "
-            f"which it is validated, are of {stored}"
+            f"trains on masks {fresh} (data.mask of the configuration); validates on the pairs of "
+            f"{dataset}, with masks {stored}"
         )
 
 
 def _seal_of(run: Path) -> dict[str, str] | None:
-    """Return the seal of a run; None if it has none that can be read."""
+    """Return the seal of a run; None if it has no readable seal."""
     with suppress(BSGError):
         return read_seal(run)
     return None
 
 
 def _note_stopped(run: Path) -> None:
-    """Say what a training that was stopped has saved, if it began."""
+    """Print what an interrupted training has saved, if it began."""
     growing = bsg_models.growing_run(run)
     if growing == run and (run / SEAL).is_file():
-        print_note(f"{run}: is the run that it was before")
+        print_note(f"{run}: the earlier run is unchanged")
         return
     with suppress(BSGError):
         bsg_models.plot_run(growing)
         summary = bsg_models.summarise_run(growing)
-        stays = "" if growing == run else "; the run that was there stays until this one is whole"
+        stays = "" if growing == run else "; the earlier run stays until this one is complete"
         print_note(f"{run}: {summary.saved}; the same command {summary.again}{stays}")
 
 
 def _show(summary: bsg_models.RunSummary, *, as_json: bool) -> None:
-    """Tell what a run is and how each of its trainings went."""
+    """Print what a run is and how each of its trainings ended."""
     if as_json:
         print_json(summary.encode())
         return
     _print_summary(summary)
     if not summary.trainings:
-        print_note(f"{summary.run}: kept no log; it was trained by an earlier version")
+        print_note(f"{summary.run}: has no log, because an earlier version trained it")
         return
     print_text(
-        f"seed {summary.config.seed}; the same again: "
+        f"seed {summary.config.seed}; to train it again: "
         f"bsg-train --config {summary.written_config} --data DATASET\n"
     )
     rows = [_training_row(begun, ended) for begun, ended in summary.trainings]
@@ -192,7 +199,7 @@ def _print_summary(summary: bsg_models.RunSummary) -> None:
 
 @contextmanager
 def _bar(config: bsg_models.RunConfig) -> Iterator[Callable[[bsg_models.EpochReport], None]]:
-    """Yield what shows the epochs with their losses."""
+    """Yield a callback that draws a bar with epochs and losses."""
     with progress_bar(config.name, unit="epoch") as progress:
         val = "-"
 
@@ -208,7 +215,7 @@ def _bar(config: bsg_models.RunConfig) -> Iterator[Callable[[bsg_models.EpochRep
 
 @contextmanager
 def _board(run: Path | None) -> Iterator[Callable[[bsg_models.EpochReport], None]]:
-    """Yield what logs for TensorBoard, or nothing that does nothing."""
+    """Yield a callback that logs for TensorBoard; it does nothing without a run."""
     if run is None:
         yield lambda report: None
         return

@@ -1,4 +1,4 @@
-"""`bsg-data`: from annotations to shards, splits, pairs, and proof that they are sound."""
+"""`bsg-data`: build, split, mask, check and export datasets."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from bsg_cli.terminal import CommandGroup
 
 @click.group("bsg-data", cls=CommandGroup)
 def main() -> None:
-    """Turn HM3D's annotations into datasets of 3D scene graphs.
+    """Turn annotations of HM3D and other sources into datasets of 3D scene graphs.
 
     \b
     Example:

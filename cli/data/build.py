@@ -1,4 +1,4 @@
-"""`bsg-data build`: from a source to a dataset of scene graphs."""
+"""`bsg-data build`: build a dataset of scene graphs from a source."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from bsg_data.sources.catalogue import SOURCES, parse_options
 
 
 class PartNumber(click.ParamType[tuple[int, int]]):
-    """A part of a build, `I/N`."""
+    """The number of a part of a build, `I/N`."""
 
     name = "part"
 
@@ -44,38 +44,39 @@ class PartNumber(click.ParamType[tuple[int, int]]):
         """Return both numbers, or refuse them."""
         found = re.fullmatch(r"(\d+)/(\d+)", str(value), re.ASCII)
         if found is None or not 1 <= int(found[1]) <= int(found[2]):
-            self.fail(f"{value!r}: expected I/N with I from 1 to N, as 3/10", param, ctx)
+            self.fail(f"{value!r}: expected I/N with I from 1 to N, such as 3/10", param, ctx)
         return int(found[1]), int(found[2])
 
 
 @click.command("build", cls=Command)
-@click.option("--hm3d", type=PATH, help="Folder above HM3D's annotations.")
-@click.option("--hm3d-stats", type=PATH, help="The public HM3DSem-*.zip.")
+@click.option("--hm3d", type=PATH, help="Any folder above HM3D's annotations.")
+@click.option("--hm3d-stats", type=PATH, help="The public file HM3DSem-*.zip.")
 @click.option(
     "--source",
     "named",
     type=(str, PATH),
     metavar="NAME PATH",
     shell_complete=complete_names_or_files(lambda: SOURCES),
-    help=f"Any source by its name: {', '.join(SOURCES)}.",
+    help=f"Any source by name: {', '.join(SOURCES)}.",
 )
 @click.option(
     "--option",
     "words",
     multiple=True,
     metavar="NAME=VALUE",
-    help="An option of the source's own, e.g. as_listed=yes of behavior; again for another.",
+    help="Option of the source, such as as_listed=yes for behavior; may be repeated.",
 )
 @click.option(
     "--meshes/--no-meshes",
     default=True,
     show_default=True,
-    help="Read <hash>.semantic.glb beside an annotation.",
+    help="Read the mesh <hash>.semantic.glb beside each annotation.",
 )
 @click.option(
     "--snap-colours",
     type=click.IntRange(0, 255),
-    help="Read JPEG textures: a texel is the nearest listed colour's within N a channel, 8 say.",
+    help="Read JPEG textures: give each texel the nearest listed colour within N per channel, "
+    "such as 8.",
 )
 @click.option(
     "--room-layouts",
@@ -90,11 +91,13 @@ class PartNumber(click.ParamType[tuple[int, int]]):
     "part",
     type=PartNumber(),
     metavar="I/N",
-    help="Make part I of N alone, in any order, on any machine that sees --out; then "
-    "`bsg-data finalise`.",
+    help="Build only part I of N, in any order, on any machine that sees --out; run "
+    "`bsg-data finalise` at the end.",
 )
 @click.option(
-    "--strict", is_flag=True, help="Fail on a malformed scene, mesh or layout, or an unmapped name."
+    "--strict",
+    is_flag=True,
+    help="Fail on malformed scenes, meshes and layouts, and on unmapped names.",
 )
 @force_option
 @json_option
@@ -116,7 +119,7 @@ def command(
 ) -> None:
     """Build a dataset of scene graphs from one source.
 
-    A build that was stopped goes on where it was when the same command runs again.
+    After an interruption, run the same command again to continue.
 
     \b
     Example:
@@ -127,9 +130,13 @@ def command(
     name, path = _choose_source(hm3d, hm3d_stats, named)
     own = _split_words(words)
     if snap_colours is not None and not meshes:
-        raise click.UsageError("--snap-colours is of meshes: it excludes --no-meshes")
+        raise click.UsageError(
+            "--snap-colours needs meshes and --no-meshes leaves them out; give one of them"
+        )
     if name == "hm3d-stats" and (snap_colours is not None or not meshes):
-        raise click.UsageError("the statistics have no meshes: --snap-colours needs --hm3d")
+        raise click.UsageError(
+            "--hm3d-stats has no meshes: --snap-colours and --no-meshes need --hm3d"
+        )
     options = parse_options(name, own)
     if not meshes:
         options["meshes"] = False
@@ -137,12 +144,12 @@ def command(
         options["snap_colours"] = snap_colours
     reads = [path, *([] if room_layouts is None else [room_layouts])]
     if workers.scheduler is not None:
-        reads = [place.absolute() for place in reads]  # its workers stand elsewhere
+        reads = [place.absolute() for place in reads]  # workers run in other folders
     source = bsg_data.open_source(name, reads[0], **options)
     if room_layouts is not None:
         source = bsg_data.WithLayouts(source, reads[1])
     pool = worker_pool(workers, reads=reads, writes=[out])
-    left = 0  # shards that this very command has seen done, before it was stopped
+    left = 0  # shards that this command saw done before it was stopped
     try:
         with pool as executor, progress_bar("build", unit="shard") as report:
 
@@ -160,7 +167,9 @@ def command(
             manifest = bsg_data.build_dataset(source, out, **how)
     except (BSGError, KeyboardInterrupt):
         if left:
-            print_note(f"what is done is in {out}.partial; the same command goes on from there")
+            print_note(
+                f"finished shards are in {out}.partial; run the same command again to continue"
+            )
         raise
     if as_json:
         print_json(manifest.model_dump(mode="json", exclude={"files"}))
@@ -173,7 +182,7 @@ def command(
 def _tell_part(
     built: bsg_data.BuiltPart, part: tuple[int, int], out: Path, *, as_json: bool
 ) -> None:
-    """Print what a part made, and how much is missing yet."""
+    """Print what a part built and how many shards are still missing."""
     number, of = part
     if as_json:
         print_json({"part": number, "of": of, **asdict(built)})
@@ -181,26 +190,27 @@ def _tell_part(
     shards, left = len(built.shards), len(built.missing)
     made = f"{shards:,} shard{'s' * (shards != 1)}, {built.scenes:,} scenes"
     print_text(f"part {number} of {of}: {made}")
-    missing = f"{left:,} shard{'s are' if left > 1 else ' is'} missing yet"
-    then = missing if left else "all shards are there"
-    print_text(f"{then}; when no part is left: bsg-data finalise {out}")
+    missing = f"{left:,} shard{'s are' if left > 1 else ' is'} still missing"
+    then = missing if left else "all shards are built"
+    print_text(f"{then}; after the last part run: bsg-data finalise {out}")
 
 
 def _choose_source(
     hm3d: Path | None, hm3d_stats: Path | None, named: tuple[str, Path] | None
 ) -> tuple[str, Path]:
-    """Return name and path of the one source; `--hm3d PATH` is `--source hm3d PATH`."""
+    """Return name and path of the source; `--hm3d PATH` means `--source hm3d PATH`."""
     given = [("hm3d", hm3d), ("hm3d-stats", hm3d_stats), *([named] if named else [])]
     sources = [(name, path) for name, path in given if path is not None]
     if len(sources) != 1:
         raise click.UsageError(
-            "give one source: --hm3d PATH, --hm3d-stats ZIP or --source NAME PATH"
+            f"expected one source, found {len(sources)}; give one source: --hm3d PATH, "
+            "--hm3d-stats ZIP or --source NAME PATH"
         )
     return sources[0]
 
 
 def _split_words(words: tuple[str, ...]) -> dict[str, str]:
-    """Return name → value of `NAME=VALUE`, each name once."""
+    """Return name → value of words `NAME=VALUE` with unique names."""
     options: dict[str, str] = {}
     for word in words:
         name, equals, value = word.partition("=")
@@ -208,6 +218,6 @@ def _split_words(words: tuple[str, ...]) -> dict[str, str]:
         if not equals or not name:
             raise click.UsageError(f"--option {word!r}: expected NAME=VALUE")
         if name in options:
-            raise click.UsageError(f"--option {name} is there twice")
+            raise click.UsageError(f"--option {name} is there twice; give it once")
         options[name] = value
     return options

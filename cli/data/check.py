@@ -1,4 +1,4 @@
-"""`bsg-data check`: proof that a dataset is sound."""
+"""`bsg-data check`: check a dataset in full."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from bsg_cli.terminal import Command, print_json, print_note, print_text, progre
 @dataset_argument
 @json_option
 def command(dataset: Path, as_json: bool) -> None:
-    """Prove that a dataset is sound: hashes, schemas, keys, counts, splits, masks.
+    """Check hashes, schemas, keys, counts, splits and masks of a dataset.
 
     \b
     Example:
@@ -33,7 +33,7 @@ def command(dataset: Path, as_json: bool) -> None:
         print_text(f"{dataset}: sound")
     if faults:
         print_note(
-            f"faults: {len(faults)}; a command that was stopped removes what it left when it runs "
-            "again; take a damaged file from another copy, or make it again with --force"
+            f"faults: {len(faults)}; repair: run an interrupted command again, copy a damaged file "
+            "from another copy, or write it again with --force"
         )
         raise click.exceptions.Exit(1)

@@ -1,4 +1,4 @@
-"""`bsg-data export`: a dataset in the format of another program."""
+"""`bsg-data export`: write a dataset in the format of another program."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from bsg_data.exports.catalogue import EXPORTS
 
 @click.command("export", cls=Command)
 @dataset_argument
-@click.option("--to", type=RegistryChoice(EXPORTS), required=True, help="Whose format.")
-@out_option("Folder to write to; other files in it stay.", required=True)
+@click.option("--to", type=RegistryChoice(EXPORTS), required=True, help="Format to write.")
+@out_option("Folder to write to. Other files in it stay.", required=True)
 @force_option
 @json_option
 def command(dataset: Path, to: str, out: Path, force: bool, as_json: bool) -> None:
     """Write a dataset in the format of another program.
 
-    habitat: rooms as habitat-sim reads them, one <scene>.semantic_config.json a scene.
+    habitat: one <scene>.semantic_config.json per scene, with rooms for habitat-sim.
 
     \b
     Example:
@@ -42,6 +42,6 @@ def command(dataset: Path, to: str, out: Path, force: bool, as_json: bool) -> No
     print_text(f"{done.rooms:,} rooms of {done.scenes:,} scenes in {done.files:,} files in {out}")
     if done.rooms_left_out:
         scenes = f", and all of {len(done.left_out):,} scenes" if done.left_out else ""
-        print_text(f"rooms left out, for they have no box: {done.rooms_left_out:,}{scenes}")
+        print_text(f"rooms left out, because they have no box: {done.rooms_left_out:,}{scenes}")
     for note, scenes_of in done.notes.items():
         print_text(f"{note} ({scenes_of:,} scenes)")

@@ -1,4 +1,4 @@
-"""`bsg-data finalise`: a dataset that was built by parts, whole."""
+"""`bsg-data finalise`: finish a dataset that was built in parts."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from bsg_cli.terminal import Command, print_json, print_text, progress_bar
 @force_option
 @json_option
 def command(dataset: Path, force: bool, as_json: bool) -> None:
-    """Finish a dataset that `bsg-data build --parts` made.
+    """Finish a dataset that `bsg-data build --parts` built.
 
-    Every file is compared with the report of its part; what is missing or damaged is named by the
-    part that is to be run again. The bytes are those of a build at once.
+    Every file is compared with the report of its part. If a file is missing or damaged, the error
+    names the part to run again. The bytes equal those of a build without parts.
 
     \b
     Example:

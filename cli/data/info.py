@@ -1,4 +1,4 @@
-"""`bsg-data info`: what a dataset holds."""
+"""`bsg-data info`: describe a dataset."""
 
 from __future__ import annotations
 
@@ -16,11 +16,13 @@ from bsg_data.tables import format_text
 
 @click.command("info", cls=Command)
 @dataset_argument
-@click.option("--figure", type=PATH, help="Draw the frequencies as an image.")
-@click.option("--force", is_flag=True, help="Replace a file at --figure that is none of ours.")
+@click.option("--figure", type=PATH, help="Also draw the frequencies as an image.")
+@click.option(
+    "--force", is_flag=True, help="Replace a file at --figure that this program did not write."
+)
 @json_option
 def command(dataset: Path, figure: Path | None, force: bool, as_json: bool) -> None:
-    """Say what a dataset holds, with the frequency of every class.
+    """Describe a dataset, with the frequency of every class.
 
     \b
     Example:

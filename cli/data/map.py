@@ -1,4 +1,4 @@
-"""`bsg-data map`: what class maps make of names."""
+"""`bsg-data map`: list, show and compare class maps."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from bsg_data.tables import format_text
 
 @click.group("map", cls=CommandGroup)
 def command() -> None:
-    """Look into class maps.
+    """List, show, measure and compare class maps.
 
     \b
     Example:
@@ -62,7 +62,7 @@ def map_list(as_json: bool) -> None:
 @class_map_option
 @json_option
 def map_show(category: str, class_map: str, as_json: bool) -> None:
-    """Show what a category, or every spelling of a class, is mapped to.
+    """Show the class of a category, or all spellings of a class.
 
     \b
     Example:
@@ -107,7 +107,7 @@ def map_show(category: str, class_map: str, as_json: bool) -> None:
 @click.option(
     "--class-map",
     shell_complete=complete_class_map,
-    help="Another map than the dataset's own: a version, or your NAME.csv.",
+    help="Use this map instead of the dataset's own: a version, or your NAME.csv.",
 )
 @json_option
 def map_coverage(dataset: Path, class_map: str | None, as_json: bool) -> None:
@@ -140,14 +140,14 @@ def map_coverage(dataset: Path, class_map: str | None, as_json: bool) -> None:
     multiple=True,
     required=True,
     shell_complete=complete_class_map,
-    help="A published version, or your NAME.csv; give it for each map.",
+    help="A published version, or your NAME.csv; repeat it for each map.",
 )
 @json_option
 def map_compare(dataset: Path, class_maps: tuple[str, ...], as_json: bool) -> None:
-    """Compare what class maps make of the objects of a dataset.
+    """Compare class maps on the objects of a dataset.
 
-    Coverage, then for each class its instances, the rooms that hold one, and the rooms that hold
-    two or more.
+    The output has the coverage of each map. For each class it has the instances, the rooms with at
+    least one, and the rooms with two or more.
 
     \b
     Example:
@@ -157,8 +157,8 @@ def map_compare(dataset: Path, class_maps: tuple[str, ...], as_json: bool) -> No
     built = {source.class_map.version for source in bsg_data.read_manifest(dataset).sources}
     if len(built) > 1:
         print_note(
-            f"all objects are looked up in each map, also those that were read with one of "
-            f"{', '.join(sorted(built))}; `bsg-data map coverage` counts what was built"
+            f"each map looks up all objects, although the dataset was built with several maps "
+            f"({', '.join(sorted(built))}); `bsg-data map coverage` counts it as built"
         )
     coverages = [_coverage_counts(bsg_data.measure_coverage(dataset, one)) for one in maps]
     frames = [bsg_data.count_classes(dataset, one).set_index("class") for one in maps]

@@ -1,4 +1,4 @@
-"""`bsg-data merge`: one dataset of several."""
+"""`bsg-data merge`: merge datasets into one."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from bsg_cli.terminal import Command, print_json, print_note, print_text, progre
 def command(datasets: tuple[Path, ...], out: Path, force: bool, as_json: bool) -> None:
     """Merge datasets of one class space into one.
 
-    Rows keep their source. Splits and pairs are not taken over: make them anew.
+    Rows keep their source. Splits and pairs are not copied: make them again.
 
     \b
     Example:
       bsg-data merge hm3d behavior --out both
     """
     if len(datasets) < 2:
-        raise click.UsageError("a merge takes two datasets or more")
+        raise click.UsageError("expected two or more datasets, found 1")
     with progress_bar("merge", unit="scene") as report:
         manifest = bsg_data.merge_datasets(datasets, out, force=force, progress=report)
     if any(bsg_data.read_manifest(dataset).split is not None for dataset in datasets):
-        print_note(f"splits and pairs were not taken over; next: bsg-data split {out}")
+        print_note(f"splits and pairs were not copied; next: bsg-data split {out}")
     if as_json:
         print_json(manifest.model_dump(mode="json", exclude={"files"}))
         return

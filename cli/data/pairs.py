@@ -1,4 +1,4 @@
-"""`bsg-data pairs`: masks drawn, input and target histograms written."""
+"""`bsg-data pairs`: draw masks, and write input and target histograms."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ from bsg_cli.terminal import (
 
 @click.command("pairs", cls=Command)
 @dataset_argument
-@mask_options("How objects are hidden.", "Share of a building's objects to hide.")
+@mask_options("How to hide objects.", "Share of a building's objects to hide.")
 @click.option(
     "--draws",
     type=click.IntRange(min=1),
     default=10,
     show_default=True,
-    help="Masks of every building.",
+    help="Masks per building.",
 )
 @seed_option()
 @workers_option
@@ -82,16 +82,16 @@ def command(
     if left_out:
         buildings = "1 building gets" if len(left_out) == 1 else f"{len(left_out):,} buildings get"
         print_note(
-            f"{buildings} no pairs, which hold at most 65,535 objects of one class in a building: "
-            f"the first is {left_out[0]}"
+            f"{buildings} no pairs, because a class has more than 65,535 objects there; the first "
+            f"is {left_out[0]}"
         )
     rows = sum(entry.rows for entry in manifest.files_of("pairs"))
     if bsg_data.MASKS[mask].reads_connections:
         bare = bsg_data.Dataset.open(dataset).count_unconnected()
         if bare:
             print_note(
-                f"{bare:,} of {manifest.totals.scenes:,} scenes have no adjacency: there every "
-                "room neighbours every other"
+                f"{bare:,} of {manifest.totals.scenes:,} scenes have no adjacency; there all rooms "
+                "count as neighbours"
             )
     hashes = bsg_data.hash_splits(bsg_data.Dataset.open(dataset))
     if as_json:

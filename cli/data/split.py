@@ -1,4 +1,4 @@
-"""`bsg-data split`: every building to train, val or test, or to a fold."""
+"""`bsg-data split`: assign buildings to train, val and test, or to folds."""
 
 from __future__ import annotations
 
@@ -18,12 +18,14 @@ from bsg_cli.terminal import Command, print_json, print_text
     type=float,
     nargs=3,
     metavar="TRAIN VAL TEST",
-    help="Shares that add up to 1.  [default: 0.8 0.1 0.1]",
+    help="Three shares that add up to 1.  [default: 0.8 0.1 0.1]",
 )
 @click.option(
-    "--official", is_flag=True, help="The source's val as test; val carved from its train."
+    "--official",
+    is_flag=True,
+    help="Use the source's val split as test, and 10 % of its train split as val.",
 )
-@click.option("--folds", type=click.IntRange(min=3), help="K folds for cross-validation.")
+@click.option("--folds", type=click.IntRange(min=3), help="Number of folds, for cross-validation.")
 @seed_option()
 @force_option
 @json_option
@@ -43,7 +45,9 @@ def command(
       bsg-data split dataset --ratios 0.8 0.1 0.1 --seed 0
     """
     if (ratios is not None) + (folds is not None) + official > 1:
-        raise click.UsageError("--ratios, --official and --folds exclude each other")
+        raise click.UsageError(
+            "--ratios, --official and --folds exclude each other; give one of them"
+        )
     manifest = bsg_data.split_dataset(
         dataset, _recipe(ratios, official=official, folds=folds, seed=seed), force=force
     )

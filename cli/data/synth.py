@@ -1,4 +1,4 @@
-"""`bsg-data synth`: synthetic buildings in HM3D's own layout."""
+"""`bsg-data synth`: write synthetic buildings in the file layout of HM3D."""
 
 from __future__ import annotations
 
@@ -26,37 +26,37 @@ from bsg_cli.terminal import (
     type=click.IntRange(1, MOST_SCENES),
     default=20,
     show_default=True,
-    help="How many buildings.",
+    help="Number of buildings.",
 )
 @click.option(
     "--rooms",
     type=click.IntRange(1, MOST_ROOMS),
-    help="Rooms of each building, for tests of size.  [default: as HM3D's]",
+    help="Rooms per building, to test large buildings.  [default: as in HM3D]",
 )
 @click.option(
     "--objects",
     type=click.IntRange(1, MOST_OBJECTS),
-    help="Objects in the rooms of each building.  [default: as HM3D's]",
+    help="Objects in the rooms of each building.  [default: as in HM3D]",
 )
 @click.option(
     "--geometry",
     is_flag=True,
-    help="Write meshes too, with what is true of them in <hash>.truth.json.",
+    help="Also write meshes, and their true geometry in <hash>.truth.json.",
 )
 @click.option(
     "--size",
     type=click.Choice(MESH_SIZES),
-    help="With --geometry: how fine; full is as large as a real one.  [default: small]",
+    help="With --geometry: size of the mesh; full is as large as a real one.  [default: small]",
 )
 @click.option(
     "--coloured-by",
     type=click.Choice(["texture", "vertex", "both"]),
-    help="With --geometry: where the colours are.  [default: texture]",
+    help="With --geometry: where the mesh has its colours.  [default: texture]",
 )
 @click.option(
     "--up-axis",
     type=click.Choice(["y", "z"]),
-    help="With --geometry: which axis points up.  [default: y and z in turn]",
+    help="With --geometry: the axis that points up.  [default: y and z in turn]",
 )
 @seed_option()
 @workers_option
@@ -76,7 +76,7 @@ def command(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Write synthetic buildings in HM3D's own layout.
+    """Write synthetic buildings in the file layout of HM3D.
 
     \b
     Example:
@@ -90,7 +90,7 @@ def command(
         raise click.UsageError(f"--{next(iter(given)).replace('_', '-')} needs --geometry")
     options = bsg_data.GeometryOptions(**given) if geometry else None  # type: ignore[arg-type]
     if not (geometry or rooms or objects) and workers.scheduler is None:
-        workers = Workers(1)  # one process writes small ones more quickly
+        workers = Workers(1)  # for small buildings one process is faster
     pool = worker_pool(workers, writes=[out])
     with pool as executor, progress_bar("synth", unit="scene") as report:
         writing = bsg_data.write_synthetic(

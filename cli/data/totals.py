@@ -1,4 +1,4 @@
-"""How much a dataset holds and what it lost, as text."""
+"""Format the totals of a dataset, and what its build left out."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from bsg_data.tables import format_text
 
 
 def format_totals(manifest: bsg_data.Manifest) -> str:
-    """Return how much a dataset holds, as a line."""
+    """Return the totals of a dataset as one line."""
     t = manifest.totals
     placed = (
         f"; {t.placed:,} with geometry, {t.adjacent:,} pairs of adjacent rooms" if t.placed else ""
@@ -23,21 +23,21 @@ def format_totals(manifest: bsg_data.Manifest) -> str:
 
 
 def _name_maps(manifest: bsg_data.Manifest) -> str:
-    """Name the class maps that are not the space's own."""
+    """Name the class maps other than the one named like the class space."""
     names = {source.class_map.version for source in manifest.sources}
     others = sorted(names - {manifest.class_space.name})
     return f" by the class map {', '.join(others)}" if others else ""
 
 
 def format_hashes(hashes: Mapping[str, str]) -> str:
-    """Return the sha256 of the masks of each split, and of all of them, a line each."""
+    """Return a table with the sha256 of the masks of each split and of all splits."""
     return format_text(list(hashes.items()), header=("masks of", "sha256"))
 
 
 def format_sources(dataset: Path) -> str:
-    """Return what each source gives to a dataset, as a table.
+    """Return a table of what each source adds to a dataset.
 
-    The share is that of objects with a class in those that are no structure of the building.
+    The share divides the objects with a class by all objects that are not building structure.
     """
     rows = [
         (
@@ -59,7 +59,7 @@ def format_sources(dataset: Path) -> str:
 
 
 def format_losses(manifest: bsg_data.Manifest, *, most: int = 20) -> str:
-    """Return what was skipped, left out or not explained, as readable tables."""
+    """Return tables of skipped scenes, left-out geometry, unmapped names and resolved names."""
     left = manifest.left_out
     lines = [
         f"skipped scenes: {len(manifest.skipped):,}, unmapped objects: {manifest.totals.unmapped:,}"
@@ -85,7 +85,7 @@ def format_losses(manifest: bsg_data.Manifest, *, most: int = 20) -> str:
         lines.append(format_text(known, header=header))
     counts = (len(manifest.skipped), len(left), len(manifest.unmapped), len(manifest.resolved))
     if max(counts) > most:
-        lines.append("… dataset.json lists them all")
+        lines.append("… dataset.json has the full lists")
     return "\n".join(lines)
 
 
@@ -106,6 +106,6 @@ def _mesh_line(meshes: list[bsg_data.MeshCoverage]) -> str:
     listed = sum(m.listed_area for m in meshes) / max(area, 1e-9)
     missing = sum(m.without_geometry for m in meshes)
     return (
-        f"meshes: {len(meshes):,}; {pixels}{listed:.1%} of {area:,.0f} m² "
-        f"is listed; listed objects without a surface: {missing:,}"
+        f"meshes: {len(meshes):,}; {pixels}{listed:.1%} of {area:,.0f} m² is of listed objects; "
+        f"listed objects without a surface: {missing:,}"
     )

@@ -1,4 +1,4 @@
-"""`bsg-data upgrade`: a dataset of an earlier format in today's."""
+"""`bsg-data upgrade`: rewrite a dataset of an earlier format version."""
 
 from __future__ import annotations
 
@@ -17,8 +17,7 @@ from bsg_cli.terminal import Command, print_json, print_text, progress_bar
 def command(dataset: Path, as_json: bool) -> None:
     """Rewrite a dataset of format version 1 as version 2.
 
-    Its split and its pairs stay what they were, and the old dataset is there until the new one is
-    whole.
+    Split and pairs stay the same. The old dataset stays until the new one is complete.
 
     \b
     Example:
@@ -31,6 +30,6 @@ def command(dataset: Path, as_json: bool) -> None:
     if as_json:
         print_json({"before": before, "now": now})
     elif before == now:
-        print_text(f"{dataset}: is of format version {now} already")
+        print_text(f"{dataset}: is of format version {now} already; nothing to do")
     else:
-        print_text(f"{dataset}: format version {before} became {now}")
+        print_text(f"{dataset}: upgraded from format version {before} to {now}")

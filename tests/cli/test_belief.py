@@ -92,7 +92,7 @@ def test_shares_are_told(dataset: Path, run: Path, tmp_path: Path) -> None:
     assert "no room 'attic'" in lost.stderr
     masked = call("--data", dataset, "--run", run, "--hidden-share", "0.5")
     assert masked.exit_code == 2
-    assert "--hidden-share is for GRAPHs" in masked.stderr
+    assert "--hidden-share needs GRAPHs" in masked.stderr
 
 
 def test_masked_buildings_give_a_belief_graph_each(
@@ -120,13 +120,13 @@ def test_unmapped_names_are_reported(run: Path, tmp_path: Path) -> None:
     assert done.exit_code == 0
     assert "2 names are not in the class map: 'refrigeratorr' (2; nearest: refri" in done.stderr
     assert ", 'zzqx thing' (1)\n" in done.stderr
-    assert "source 'my robot' counts as unknown; models know hm3d, behavior" in done.stderr
+    assert "source 'my robot' is read as unknown; models know hm3d, behavior" in done.stderr
 
 
 @pytest.mark.parametrize(
     ("words", "code", "expected"),
     [
-        ((), 2, "give GRAPHs, or --data DATASET"),
+        ((), 2, "expected either GRAPHs or --data DATASET"),
         (("none.json",), 1, "none.json: cannot be read"),
         (("broken.json",), 1, "no JSON"),
         (("--data", "DATASET", "--scene", "nowhere"), 1, "has no scene 'nowhere'"),

@@ -118,7 +118,7 @@ def test_a_search_study(scheduler: str, dataset: Path, run: Path, tmp_path: Path
     found = []
     for out, where in (("one", ("--workers", 1)), ("many", ("--scheduler", scheduler))):
         result = run_command(search.main, *words, "--out", tmp_path / out, *where)
-        found.append((result.stdout.rpartition("all of it")[0], all_bytes(tmp_path / out)))
+        found.append((result.stdout.rpartition("all results")[0], all_bytes(tmp_path / out)))
     assert found[0] == found[1]
 
 
@@ -188,7 +188,10 @@ def test_a_manifest_without_end_is_not_read_to_compare_machines(tmp_path: Path) 
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--scheduler", "127.0.0.1:9", "--workers", 2), "--scheduler excludes it"),
+        (
+            ("--scheduler", "127.0.0.1:9", "--workers", 2),
+            "--workers and --scheduler exclude each other",
+        ),
         (("--scheduler", "127.0.0.1:9"), "no Dask scheduler answers there"),
     ],
 )

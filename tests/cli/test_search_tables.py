@@ -45,8 +45,8 @@ TASKS = [RESULT, dataclasses.replace(RESULT, task="all")]
 def test_a_world_by_hand() -> None:
     (table,) = format_results(TASKS)
     assert table.splitlines() == [
-        "tree:1-10: 200 searches of 10 buildings a task",
-        "the likeliest room holds one in 34%, a random one in 12%",
+        "tree:1-10: 200 searches of 10 buildings per task",
+        "the likeliest room holds one in 34% of searches, a random room in 12%",
         "planner  single: saved, %  wins, %  all: saved, %    wins, %",
         "nearest  0.0 (0 to 0)           75  0.0 (0 to 0)          75",
         "ratio    43.2 (39 to 47)        75  43.2 (39 to 47)       75",

@@ -54,7 +54,7 @@ def test_a_run_tells_how_it_was_trained(dataset: Path, tmp_path: Path) -> None:
     run(*words, "--out", out)
     before = {path.name: path.read_bytes() for path in out.iterdir()}
     shown = run("--show", out).stdout
-    assert "seed 7; the same again" in shown
+    assert "seed 7; to train it again" in shown
     assert "finished  0 to 4" in shown
     told = json.loads(run("--show", out, "--json").stdout)
     assert told["config"]["seed"] == 7
@@ -65,7 +65,7 @@ def test_a_run_tells_how_it_was_trained(dataset: Path, tmp_path: Path) -> None:
     assert (again / "last.safetensors").read_bytes() == before["last.safetensors"]
     for name in ("log.jsonl", "SHA256SUMS"):
         (out / name).unlink()
-    assert "kept no log" in run("--show", out).stderr
+    assert "has no log" in run("--show", out).stderr
     assert "no run there" in run("--show", tmp_path, code=1).stderr
 
 

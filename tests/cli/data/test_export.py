@@ -13,7 +13,7 @@ def test_rooms_are_written_and_counted(tmp_path: Path) -> None:
     out = tmp_path / "regions"
     done = run("export", tmp_path / "dataset", "--to", "habitat", "--out", out)
     assert f"1 rooms of 1 scenes in 1 files in {out}" in done.stdout
-    assert "rooms left out, for they have no box: 1" in done.stdout
+    assert "rooms left out, because they have no box: 1" in done.stdout
     assert json.loads((out / "a.semantic_config.json").read_text())["region_annotations"]
     again = run("export", tmp_path / "dataset", "--to", "habitat", "--out", out, code=1)
     assert "--force replaces such files" in again.stderr

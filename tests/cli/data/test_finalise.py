@@ -10,7 +10,7 @@ from data_commands import run
 def test_parts_and_then_the_whole(hm3d_folder: Path, tmp_path: Path) -> None:
     words = ("build", "--hm3d", hm3d_folder, "--out", tmp_path / "out", "--workers", 1)
     first = run(*words, "--parts", "2/2").stdout
-    assert first.startswith("part 2 of 2: 0 shards, 0 scenes\n1 shard is missing yet")
+    assert first.startswith("part 2 of 2: 0 shards, 0 scenes\n1 shard is still missing")
     refused = run("finalise", tmp_path / "out", code=1)
     assert "1 of 1 shards missing or damaged; run these again by --parts: 1/2" in refused.stderr
     second = json.loads(run(*words, "--parts", "1/2", "--json").stdout)

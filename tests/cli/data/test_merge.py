@@ -25,4 +25,4 @@ def test_two_datasets_become_one(dataset: Path, tmp_path: Path) -> None:
 def test_one_dataset_is_no_merge(tmp_path: Path) -> None:
     run("build", "--hm3d", write_twelve(tmp_path / "twelve"), "--out", tmp_path / "one")
     result = run("merge", tmp_path / "one", "--out", tmp_path / "both", code=2)
-    assert "two datasets or more" in result.stderr
+    assert "expected two or more datasets, found 1" in result.stderr
