@@ -1,6 +1,6 @@
-"""Facts: read, map, build, mask, split and store 3D scene graphs. Never imports torch.
+"""Read, build, mask, split, check and store datasets of 3D scene graphs; never imports torch.
 
-The public names are in `__init__.pyi`. Each is imported when it is first asked for.
+`__init__.pyi` lists the public names. Each is imported on first use.
 """
 
 import lazy_loader

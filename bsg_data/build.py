@@ -1,8 +1,8 @@
-"""Build a dataset: find the scenes of a source, make its shards, publish.
+"""Build a dataset: find the scenes of a source, make the shards, publish the dataset.
 
-The work grows in `<out>.partial` and becomes `<out>` by one rename. A shard that is done leaves a
-report there, so that a build which was stopped goes on where it was; the bytes are the same with
-one worker or many, stopped or not.
+The dataset grows in `<out>.partial`, and one rename moves it to `<out>`. Each finished shard leaves
+a report there, so an interrupted build can continue. The bytes depend neither on the number of
+workers nor on interruptions.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ SCENES_PER_SHARD = 16
 
 
 class BuildRecipe(Record):
-    """All that the bytes of a build depend on; a build resumes only its own recipe."""
+    """All settings that determine the bytes of a build; a build resumes only its own recipe."""
 
     format_version: int = FORMAT_VERSION
     generator: str
@@ -65,12 +65,12 @@ class BuildRecipe(Record):
 
 
 class BuildPlan(Record):
-    """All that a manifest says of a build besides the reports of its shards.
+    """What a manifest says of a build, apart from the reports of its shards.
 
     Attributes:
-        recipe: of the build.
-        shards: how many there are.
-        not_read: scenes that the source found and does not read, and why.
+        recipe: recipe of the build.
+        shards: number of shards.
+        not_read: scenes that the source found but does not read, with the reason.
         unused: files that belong to no scene.
     """
 
@@ -82,14 +82,14 @@ class BuildPlan(Record):
 
 @dataclass(frozen=True, slots=True)
 class PlannedBuild:
-    """A build that is about to be done.
+    """A build that is ready to run.
 
     Attributes:
-        source: whose scenes are read.
-        scenes: all of them.
-        plan: what is made of them.
-        own_map: one's own class map; None for a published one.
-        strict: fail on the first loss.
+        source: source of the scenes.
+        scenes: all scenes to read.
+        plan: plan of the build.
+        own_map: files of the user's own class map; None for a published map.
+        strict: whether to fail on the first malformed scene or unmapped name.
     """
 
     source: Source
@@ -99,7 +99,7 @@ class PlannedBuild:
     strict: bool
 
     def keep_map(self, growing: Path) -> None:
-        """Write one's own class map into the dataset that grows."""
+        """Write the user's own class map into the growing dataset."""
         if self.own_map is not None:
             keep_class_map(self.own_map, self.plan.recipe.source.class_map, growing)
 
@@ -111,7 +111,7 @@ class PlannedBuild:
         executor: Executor | None = None,
         progress: Callable[[int, int], None] | None = None,
     ) -> list[ShardReport]:
-        """Make some shards, by their numbers, and return their reports."""
+        """Build the shards with some numbers and return their reports."""
         size = self.plan.recipe.scenes_per_shard
         chosen = name_kept(self.plan.recipe.source.class_map, growing)
         tasks = [
@@ -135,30 +135,32 @@ def build_dataset(
     """Build the dataset of a source and return its manifest.
 
     Args:
-        source: an `HM3DFolder`, an `HM3DStatistics` or your own `Source`.
-        out: folder of the dataset; absent or empty, or a dataset to replace under `force`.
-        class_map: version of a published map, or the path of your own; None takes the map of the
-            source.
+        source: an `HM3DFolder`, an `HM3DStatistics` or any other `Source`.
+        out: folder of the dataset: absent, empty, or, with `force`, a dataset to replace.
+        class_map: version of a published map, or path of your own; None: the map of the source.
         strict: fail on the first malformed scene or unmapped name instead of reporting it.
         force: replace a finished dataset; it stays until the new one is finished.
-        scenes_per_shard: scenes found per part of each table.
-        executor: where shards are made; None makes them one after another here.
+        scenes_per_shard: number of scenes in each part of a table.
+        executor: runs the shards in parallel; None builds them one by one in this process.
         progress: called with (shards done, shards in all).
 
+    Returns:
+        The manifest of the finished dataset.
+
     Raises:
-        SourceError: if no scene is found or none can be read; under `strict`, for any.
-        UnmappedNameError: under `strict`, for a name that is not in the map.
-        RecipeError: for a number of scenes per part that cannot be.
-        DatasetError: if `out` is in the way or cannot be written.
+        SourceError: if no scene is found or readable; with `strict`, if any is unreadable.
+        UnmappedNameError: with `strict`, for a name that is not in the map.
+        RecipeError: if `scenes_per_shard` is impossible.
+        DatasetError: if `out` is taken or cannot be written.
     """
-    out = out.resolve()  # a linked --out stays a link; what it leads to is replaced
+    out = out.resolve()  # a linked --out stays a link; its target is replaced
     if is_settled(out):
         refuse_overwriting(out, force=force)
     planned = plan_build(
         source, class_map=class_map, strict=strict, scenes_per_shard=scenes_per_shard
     )
     make_parent(out)
-    with hold(out):  # against another build, and against split and pairs of what is replaced
+    with hold(out):  # keeps out other builds, and split and pairs of the old dataset
         done = recall(out, planned.plan.recipe)
         if done is not None:
             return done
@@ -177,12 +179,12 @@ def plan_build(
     strict: bool = False,
     scenes_per_shard: int = SCENES_PER_SHARD,
 ) -> PlannedBuild:
-    """Find the scenes of a source, and say what will be made of them; nothing is written.
+    """Find the scenes of a source and plan the build; write nothing.
 
     Raises:
-        SourceError: if no scene is found; under `strict`, if one is unreadable.
-        ClassMapError: if there is no such class map.
-        RecipeError: for a number of scenes per part that cannot be.
+        SourceError: if no scene is found; with `strict`, if one is unreadable.
+        ClassMapError: if the class map does not exist.
+        RecipeError: if `scenes_per_shard` is impossible.
     """
     chosen = class_map or name_class_map(source)
     own = read_own_map(Path(chosen)) if is_own_map(chosen) else None
@@ -212,18 +214,18 @@ def finish_build(
     force: bool,
     where: Path,
 ) -> Manifest:
-    """Publish a dataset all of whose shards are made, and return its manifest.
+    """Publish a dataset after all its shards are built, and return its manifest.
 
     Args:
-        plan: of the build.
-        reports: of all its shards.
-        out: its place.
+        plan: plan of the build.
+        reports: reports of all shards.
+        out: folder of the dataset.
         force: replace a finished dataset.
-        where: what an error names, the source if it is known.
+        where: path for error messages: the source, if it is known.
 
     Raises:
-        SourceError: if none of its scenes could be read; what has grown is removed.
-        DatasetError: if it cannot be put in its place.
+        SourceError: if no scene could be read; the growing dataset is removed.
+        DatasetError: if the dataset cannot be moved to `out`.
     """
     class_map = name_kept(plan.recipe.source.class_map, name_growing(out))
     manifest = _summarise(plan, reports, load_class_map(class_map))
@@ -235,13 +237,13 @@ def finish_build(
 
 
 def name_class_map(source: Source) -> str:
-    """Return the published class map of a source's words."""
+    """Return the name of the published class map for a source."""
     return SOURCES[source.kind].class_map if source.kind in SOURCES else DEFAULT_CLASS_MAP
 
 
 def _nothing_readable(where: Path, manifest: Manifest) -> str:
     reasons = "\n  ".join(f"{skip.location}: {skip.reason}" for skip in manifest.skipped[:5])
-    return f"{where}: scenes were found and none could be read:\n  {reasons}"
+    return f"{where}: no scene could be read. The first reasons:\n  {reasons}"
 
 
 def _recipe(

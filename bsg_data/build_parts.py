@@ -1,11 +1,11 @@
-"""Build a dataset by parts, in any order on any machines, and finish it when all are there.
+"""Build a dataset in parts, in any order on any machines, and finish it at the end.
 
-    DATASET.partial/.reports/plan.json          what is left for `finalise_dataset`
+    DATASET.partial/.reports/plan.json          the plan, for `finalise_dataset`
     DATASET.partial/.reports/part-00012.json    shard 12 is done
-    DATASET.partial/.reports/parts-of-10        some process was part i of 10
+    DATASET.partial/.reports/parts-of-10        a process built part i of 10
 
-Part i of n makes every n-th shard from the i-th on. Parts meet in the folder that the dataset grows
-in: each shard is renamed there when it is whole, so that they need no lock and one may run again.
+Part i of n builds every n-th shard, beginning with the i-th. All parts write into the folder of the
+growing dataset. A finished shard is renamed into it, so parts need no lock and can be repeated.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ _NUMBER = re.compile("[1-9][0-9]{0,17}")  # other marks are not ours
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """Part `number` of `of`, from 1; a build by parts needs all of them.
+    """Part `number` of `of` parts, from 1. A build needs all of them.
 
     Raises:
-        RecipeError: if there is no such part.
+        RecipeError: if `number` is not 1 to `of`.
     """
 
     number: int
@@ -54,12 +54,12 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class BuiltPart:
-    """What a part of a build made.
+    """What a part of a build built.
 
     Attributes:
-        shards: their numbers.
-        scenes: in them.
-        missing: numbers of the shards of the dataset that nobody has made yet.
+        shards: numbers of its shards.
+        scenes: number of scenes in them.
+        missing: numbers of the shards of the dataset that are still missing.
     """
 
     shards: tuple[int, ...]
@@ -79,23 +79,26 @@ def build_part(
     executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> BuiltPart:
-    """Make some of the shards of a dataset, beside other processes that make the others.
+    """Build one part of the shards of a dataset; other processes can build the other parts.
 
     Args:
-        source: as `build_dataset` takes it, and the same for all parts.
+        source: as in `build_dataset`; the same for all parts.
         out: folder of the dataset, on a file system that all parts see.
-        part: which shards.
+        part: the part to build.
         class_map: as in `build_dataset`.
         strict: as in `build_dataset`.
-        force: a finished dataset may be there; `finalise_dataset` will replace it.
-        scenes_per_shard: scenes found per part of each table.
-        executor: where shards are made; None makes them one after another here.
+        force: allow a finished dataset at `out`; `finalise_dataset` replaces it.
+        scenes_per_shard: number of scenes in each part of a table.
+        executor: runs the shards in parallel; None builds them one by one in this process.
         progress: called with (shards done, shards of this part).
 
+    Returns:
+        What the part built, and which shards are still missing.
+
     Raises:
-        SourceError: if no scene is found; under `strict`, for any that cannot be read.
-        UnmappedNameError: under `strict`, for a name that is not in the map.
-        RecipeError: for a number of scenes per part that cannot be.
+        SourceError: if no scene is found; with `strict`, if any is unreadable.
+        UnmappedNameError: with `strict`, for a name that is not in the map.
+        RecipeError: if `scenes_per_shard` is impossible.
         DatasetError: if parts of another build are there, or a file cannot be written.
     """
     out = out.resolve()
@@ -116,23 +119,25 @@ def build_part(
 def finalise_dataset(
     out: Path, *, force: bool = False, progress: Callable[[int, int], None] | None = None
 ) -> Manifest:
-    """Finish a dataset that was built by parts, and return its manifest; the bytes are one build's.
+    """Finish a dataset that was built in parts, and return its manifest.
+
+    The bytes equal those of `build_dataset`.
 
     Args:
-        out: folder of the dataset, as the parts were given it.
+        out: folder of the dataset, as in `build_part`.
         force: replace a finished dataset.
         progress: called with (shards verified, shards in all).
 
     Raises:
-        DatasetError: if there are no parts, a shard is missing or damaged, or `out` is in the way.
-        SourceError: if none of the scenes could be read.
+        DatasetError: if there are no parts, a shard is missing or damaged, or `out` is taken.
+        SourceError: if no scene could be read.
     """
     out = out.resolve()
     growing = name_growing(out)
     if (out / PLAN).is_file() and out.name.endswith(".partial"):
         dataset = out.with_name(out.name.removesuffix(".partial"))
         raise DatasetError(
-            f"{out}: is the folder that parts are made in; name the dataset: "
+            f"{out}: is the folder of the growing dataset; name the dataset itself: "
             f"bsg-data finalise {dataset}"
         )
     if is_settled(out):
@@ -161,31 +166,31 @@ def finalise_dataset(
 
 
 def _leave_mark(growing: Path, part: Part) -> None:
-    """Say in the growing dataset by how many parts it is made; the lock is given up by then.
+    """Note in the growing dataset into how many parts it is divided; this holds no lock.
 
     Raises:
-        DatasetError: if somebody finished or removed it since, or the mark cannot be written.
+        DatasetError: if the dataset was finished or removed, or the note cannot be written.
     """
     mark = growing / REPORTS / f"{_PARTS_OF}{part.of}"
     try:
         mark.touch()
     except OSError as error:
         raise DatasetError(
-            f"{mark}: cannot be written ({error.strerror or error}); was the dataset finished "
-            "meanwhile? If not, run this part again"
+            f"{mark}: cannot be written ({error.strerror or error}); if the dataset was not "
+            "finished meanwhile, run this part again"
         ) from error
 
 
 def _refuse_finished(out: Path) -> None:
     if (out / MANIFEST).is_file() and not name_growing(out).exists():
-        raise DatasetError(f"{out}: is finished already, and no parts are left to finish")
+        raise DatasetError(f"{out}: is finished already; there is no part left to finish")
 
 
 def _read_plan(growing: Path) -> BuildPlan:
     path = growing / PLAN
     if not path.is_file():
         raise DatasetError(
-            f"{growing}: no parts of a build are there; make them by `bsg-data build --parts I/N`"
+            f"{growing}: holds no part of a build; build parts with `bsg-data build --parts I/N`"
         )
     try:
         return BuildPlan.model_validate_json(read_bytes(path, MANIFEST_FILE, error=DatasetError))
@@ -197,7 +202,7 @@ def _read_plan(growing: Path) -> BuildPlan:
 
 
 def _tell_missing(growing: Path, missing: list[int], shards: int) -> str:
-    """Say which parts are to be run again, by the finest division that anybody used."""
+    """Return which parts to run again, in the finest division that was used."""
     marks = (growing / REPORTS).glob(f"{_PARTS_OF}*")
     said = (mark.name.removeprefix(_PARTS_OF) for mark in marks)
     of = max((int(number) for number in said if _NUMBER.fullmatch(number)), default=1)

@@ -1,7 +1,7 @@
-"""Make one shard of a build: read its scenes, write its files, and leave a report of them.
+"""Build one shard: read its scenes, write its files, and write a report of them.
 
-A shard depends on nothing but its arguments, so that any process on any machine may make it, and
-two that make the same one do no harm: each writes in a folder of its own, and renames whole files.
+A shard depends only on its arguments, so any process on any machine can build it. Two processes can
+build the same shard at once: each writes into its own folder and renames finished files.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ from bsg_data.scene.mesh_coverage import MeshCoverage
 from bsg_data.scene.scene_graph import SceneGraph, is_scene_id
 from bsg_data.sources.source import Reading, SceneRef, SkippedScene, Source
 
-_NOTHING_SKIPPED = "no scene was skipped for that: see to the source, then run the command again"
+_NOTHING_SKIPPED = "no scene was skipped; repair the source, then run the command again"
 
 
 class ShardReport(Record):
-    """What one shard holds and what was left out of it."""
+    """What one shard holds, and what was left out."""
 
     files: tuple[FileEntry, ...]
     totals: Totals
@@ -65,7 +65,7 @@ def make_shard(
     class_map: str,
     strict: bool,
 ) -> ShardReport:
-    """Make one shard, unless an earlier run of the same build did."""
+    """Build one shard, unless an earlier run of the same build did."""
     done = read_report(folder, part)
     if done is not None and not (strict and (done.skipped or done.left_out or done.unmapped)):
         return done
@@ -76,7 +76,9 @@ def make_shard(
     for ref in refs:
         try:
             if not is_scene_id(ref.scene_id):
-                raise SourceError(f"{ref.scene_id!r}: a scene id must do as the name of a file")
+                raise SourceError(
+                    f"{ref.scene_id!r}: is no scene id: it must be usable as a file name"
+                )
             reading = _read(source, ref, loaded)
         except SourceChangedError:
             raise
@@ -118,9 +120,9 @@ def make_shard(
 
 @contextmanager
 def _folder_of_its_own(folder: Path, part: int) -> Iterator[Path]:
-    """Yield a new folder beside another one, which is removed at the end.
+    """Yield a new folder beside another one, and remove it at the end.
 
-    Beside, so that a process that is late makes nothing anew where a dataset has been finished.
+    It is not inside the other folder, so a late process cannot add to a finished dataset.
 
     Raises:
         DatasetError: if a file cannot be written or renamed.
@@ -132,18 +134,18 @@ def _folder_of_its_own(folder: Path, part: int) -> Iterator[Path]:
             yield Path(own)
     except OSError as error:
         raise DatasetError(
-            f"{folder}: shard {part} cannot be put there ({error.strerror or error}); was the "
-            "dataset finished meanwhile?"
+            f"{folder}: shard {part} cannot be moved there ({error.strerror or error}); if the "
+            "dataset was not finished meanwhile, run the command again"
         ) from error
 
 
 def _read(source: Source, ref: SceneRef, class_map: ClassMap) -> Reading:
-    """Read one scene; an error that the source does not raise on purpose names the scene.
+    """Read one scene; unexpected errors of the source are raised again with the scene's name.
 
     Raises:
-        SourceError: if the scene cannot be read.
-        SourceChangedError: if that is no fault of the scene.
-        RuntimeError: for a bug in the code of the source.
+        SourceError: if the scene is unreadable.
+        SourceChangedError: if the source changed or failed.
+        RuntimeError: if the code of the source has a bug.
     """
     try:
         return source.read(ref, class_map)
@@ -163,20 +165,20 @@ def _read(source: Source, ref: SceneRef, class_map: ClassMap) -> Reading:
         raise
     except Exception as error:
         raise RuntimeError(
-            f"the source {source.kind!r} has a bug, which scene {ref.scene_id!r} "
-            f"({ref.location}) shows: {error!r}"
+            f"the source {source.kind!r} has a bug: scene {ref.scene_id!r} ({ref.location}) "
+            f"raised {error!r}"
         ) from error
 
 
 def enter_skip(skip: SkippedScene, root: Path) -> SkipEntry:
-    """Return the manifest's entry: the folder above the source is this machine's business."""
+    """Return the manifest's entry of a skipped scene, without paths of this machine."""
     reason = skip.reason.replace(f"{root}/{skip.location}", "").lstrip(" ,:")
     reason = reason.replace(f"{root}/", "")
     return SkipEntry(scene_id=skip.scene_id, location=skip.location, reason=reason)
 
 
 def read_report(folder: Path, part: int) -> ShardReport | None:
-    """Return the report of a finished shard if its files are still what it says."""
+    """Return the report of a finished shard; None if its files changed or it has none."""
     try:
         data = read_bytes(folder / _name_report(part), MANIFEST_FILE, error=DatasetError)
         report = ShardReport.model_validate_json(data)
@@ -191,7 +193,7 @@ def read_report(folder: Path, part: int) -> ShardReport | None:
 
 
 def is_reported(folder: Path, part: int) -> bool:
-    """Say whether a shard has left its report; its files are not looked at."""
+    """Say whether a shard has a report; its files are not checked."""
     return (folder / _name_report(part)).is_file()
 
 

@@ -1,24 +1,24 @@
-"""Every error that the project raises on purpose, drawn once: those of `bsg_models`, too.
+"""All errors that the project raises on purpose, in `bsg_data` and in `bsg_models`.
 
-    BSGError                   above all errors of the project
-    ├── SourceError            a source is not where it should be, or holds nothing
+    BSGError                   base class of all errors of the project
+    ├── SourceError            a source is missing, unreadable or empty
     │   ├── AnnotationError    one line of one annotation file is malformed
-    │   └── SourceChangedError  a source is not what it was when its scenes were listed
+    │   └── SourceChangedError  a source changed after its scenes were listed
     ├── ClassMapError          a class map is missing, malformed or not the published one
-    │   └── UnmappedNameError  a name is not in the class map, and the caller asked for strictness
-    ├── DatasetError           a dataset is missing, unfinished, damaged or already there
-    │   └── MismatchError      two things of different class maps or formats would be mixed
-    ├── RecipeError            a mask, split or build was asked for that cannot be made
-    │   └── ConfigError        a configuration names something that is not, or cannot be
-    ├── CheckpointError        a checkpoint is missing, damaged, or of another shape or run
-    ├── PredictionError        a model's answer is not finite, or a file of predictions is faulty
-    ├── TrainingError          a training cannot start or go on
-    └── BeliefFileError        a file or a graph is no belief graph of ours
-        └── HydraError         a file is no scene graph of Hydra's, or Hydra's library is missing
+    │   └── UnmappedNameError  a name is not in the class map, under `--strict`
+    ├── DatasetError           a dataset is missing, unfinished, damaged, or exists already
+    │   └── MismatchError      class spaces or format versions differ
+    ├── RecipeError            a mask, split or build is impossible as asked
+    │   └── ConfigError        a configuration has an unknown name or an impossible value
+    ├── CheckpointError        a checkpoint is missing, damaged, or belongs to another model or run
+    ├── PredictionError        a prediction is not finite, or a file of predictions is faulty
+    ├── TrainingError          a training cannot start or continue
+    └── BeliefFileError        a file or a graph is not a belief graph of this project
+        └── HydraError         a file is not a scene graph of Hydra, or its library is missing
 
-ConfigError and those below it belong to `bsg_models` and are exported by it. Some errors are of one
-kind of file, such as a mesh that cannot be read, and stay in its module below one of these. A
-message names the file, the line or the id, what was expected, what was found, and what to do.
+`bsg_models` exports ConfigError and the errors below it. Errors of one kind of file, such as
+unreadable meshes, are defined in its module as subclasses of these. A message names the file, the
+line or the id, what was expected, what was found, and what to do.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _LASTING = {errno.EACCES, errno.EPERM, errno.ELOOP, errno.ENAMETOOLONG, errno.EI
 
 
 class BSGError(Exception):
-    """Stand above every error that the project raises on purpose."""
+    """Be the base class of all errors that the project raises on purpose."""
 
 
 class SourceError(BSGError):
@@ -42,9 +42,9 @@ class AnnotationError(SourceError):
 
     Attributes:
         path: the file.
-        line_number: counted from 1, or None when the whole file is at fault.
-        line: the offending text, shortened.
-        expected: what should have stood there.
+        line_number: counted from 1; None if the whole file is at fault.
+        line: the faulty text, shortened.
+        expected: what the line should have held.
     """
 
     def __init__(
@@ -58,22 +58,22 @@ class AnnotationError(SourceError):
         super().__init__(f"{where}: expected {expected}, found {self.line!r}")
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Survive the way back from a worker process."""
+        """Support pickling, so that a worker process can return the error."""
         return _annotation_error, (self.path, self.line_number, self.line, self.expected)
 
 
 class SourceChangedError(SourceError):
-    """Report a source that changed, went away or could not be read since its scenes were listed.
+    """Report a source that changed or became unreadable after its scenes were listed.
 
-    It is no fault of a scene, so that no scene is skipped for it.
+    It is not the fault of a scene, so no scene is skipped because of it.
     """
 
 
 def find_io_error(error: BaseException | None) -> OSError | None:
-    """Return what the system said, if it is why something could not be read now.
+    """Return the system error behind an error, if another try may succeed; else None.
 
-    Of the causes of an error: a disk or a network that fails, a file that is gone. Permissions, and
-    what is wrong with bytes that were read, are there the next time, too.
+    Such causes are a failing disk or network and a missing file. Wrong permissions and damaged
+    bytes do not count, because they stay.
     """
     while error is not None:
         if isinstance(error, OSError) and error.errno is not None and error.errno not in _LASTING:
@@ -89,23 +89,23 @@ def _annotation_error(
 
 
 class ClassMapError(BSGError):
-    """Report a class map that is missing, malformed or changed since it was published."""
+    """Report a class map that is missing, malformed, or differs from the published one."""
 
 
 class UnmappedNameError(ClassMapError):
-    """Report a name that the class map does not know, under `--strict`."""
+    """Report a name that is not in the class map, under `--strict`."""
 
 
 class DatasetError(BSGError):
-    """Report a dataset that is missing, unfinished, damaged or in the way."""
+    """Report a dataset that is missing, unfinished or damaged, or a path that is taken."""
 
 
 class MismatchError(DatasetError):
-    """Report two things of different class maps or format versions that would be mixed."""
+    """Report two things whose class spaces or format versions differ, so they cannot be mixed."""
 
 
 class RecipeError(BSGError, ValueError):
-    """Report a mask, a split or a build that cannot be made as asked.
+    """Report a mask, a split or a build that is impossible as asked.
 
-    A ValueError too: what a validator of a record raises is reported with the path of its key.
+    It is a ValueError too, so that a record can report it with the path of the faulty key.
     """

@@ -1,7 +1,7 @@
-"""Merge datasets of one class space into one, and rewrite one of an earlier format.
+"""Merge datasets of one class space, and rewrite a dataset of an earlier format.
 
-Both read the scene graphs of what is there, one shard in memory at a time, and write new shards
-beside the place of the result, which one rename puts there.
+Both read scene graphs with one shard in memory at a time. They write new shards beside the result,
+and one rename moves them there.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ from bsg_data.scene.scene_id import building_hash
 
 
 class MergeRecipe(Record):
-    """All that the bytes of a merged dataset depend on: the hashes of the manifests."""
+    """What determines the bytes of a merged dataset: the hashes of the manifests."""
 
     generator: str
     parts: tuple[str, ...]
@@ -60,12 +60,12 @@ class MergeRecipe(Record):
 
 @dataclass(frozen=True, slots=True)
 class MergedPart:
-    """A dataset as it was when its manifest was read; what is changed since is refused.
+    """One dataset of a merge. Later changes to it are refused.
 
     Attributes:
-        dataset: its folder.
-        manifest: of it.
-        sha256: of the manifest.
+        dataset: folder of the dataset.
+        manifest: its manifest.
+        sha256: hash of the manifest.
     """
 
     dataset: Path
@@ -88,24 +88,25 @@ def merge_datasets(
 ) -> Manifest:
     """Merge datasets into one, and return its manifest.
 
-    Rows keep their source. Splits and pairs are not taken over: they would leak from one part into
-    the test set of another. The bytes do not depend on the order of the datasets.
+    Rows keep their source. Splits and pairs are not copied, because a training building of one
+    dataset could be a test building of another. The order of the datasets does not change the
+    bytes.
 
     Args:
-        datasets: two or more, of one class space.
-        out: folder of the merged dataset; absent or empty, or a dataset to replace under `force`.
+        datasets: two or more datasets of one class space.
+        out: folder of the merged dataset: absent, empty, or, with `force`, a dataset to replace.
         force: replace a finished dataset; it stays until the new one is finished.
-        scenes_per_shard: scenes per part of each table.
+        scenes_per_shard: number of scenes in each part of a table.
         progress: called with (scenes done, scenes in all).
 
     Raises:
-        RecipeError: for fewer than two datasets, or a number of scenes per part that cannot be.
-        MismatchError: if two are of different class spaces.
-        DatasetError: if two hold the same building, one cannot be read, or `out` is in the way or
-            cannot be written.
+        RecipeError: for fewer than two datasets, or an impossible `scenes_per_shard`.
+        MismatchError: if two datasets have different class spaces.
+        DatasetError: if two datasets hold the same building, one is unreadable, or `out` is taken
+            or cannot be written.
     """
     if len(datasets) < 2:
-        raise RecipeError(f"a merge takes two datasets or more; found {len(datasets)}")
+        raise RecipeError(f"expected two or more datasets to merge, found {len(datasets)}")
     parts = sorted(map(MergedPart.open, datasets), key=lambda part: part.sha256)
     for part in parts:
         first = parts[0].manifest
@@ -125,9 +126,9 @@ def merge_datasets(
 def upgrade_dataset(
     dataset: Path, *, progress: Callable[[int, int], None] | None = None
 ) -> Manifest:
-    """Rewrite a dataset of format version 1 as one of today's, and return its manifest.
+    """Rewrite a dataset of format version 1 as version 2, and return its manifest.
 
-    Its split and its pairs stay what they were. The old one is there until the new one is whole.
+    Split and pairs stay the same. The old dataset stays until the new one is complete.
 
     Raises:
         DatasetError: if it cannot be read or replaced.
@@ -138,7 +139,7 @@ def upgrade_dataset(
         return manifest
     with hold(dataset):
         settle(dataset)
-        part = MergedPart.open(dataset)  # read again, for somebody may have changed it
+        part = MergedPart.open(dataset)  # read again: it may have changed
         if part.manifest.format_version == FORMAT_VERSION:
             return part.manifest
         upgraded = part.manifest.model_copy(
@@ -152,7 +153,7 @@ def _generator() -> str:
 
 
 def _refuse_shared_buildings(parts: Sequence[MergedPart]) -> None:
-    """Refuse a building that two datasets hold: it could be trained on and tested on."""
+    """Refuse a building that two datasets hold: a model could train and be tested on it."""
     found: dict[str, int] = {}
     for number, part in enumerate(parts):
         columns = ["scene_id"]
@@ -161,8 +162,8 @@ def _refuse_shared_buildings(parts: Sequence[MergedPart]) -> None:
             first = found.setdefault(building_hash(scene), number)
             if first != number:
                 raise DatasetError(
-                    f"{part.dataset}: building {scene} is in {parts[first].dataset}, too; "
-                    "build one of them without it"
+                    f"{part.dataset}: building {scene} is also in {parts[first].dataset}; build "
+                    "one of the datasets without it"
                 )
 
 
@@ -213,7 +214,7 @@ def _rewrite(
     force: bool,
     progress: Callable[[int, int], None] | None,
 ) -> Manifest:
-    """Write the scenes of some datasets as one, whose lock is held.
+    """Write the scenes of several datasets as one; the caller holds the lock.
 
     Args:
         parts: the datasets.
@@ -237,7 +238,7 @@ def _rewrite(
         written = manifest.model_copy(update={"files": files})
         finish(out, written, force=force)
     except BaseException:
-        if not (growing / MANIFEST).is_file():  # the next merge begins anew
+        if not (growing / MANIFEST).is_file():  # the next merge starts again
             with suppress(DatasetError):
                 remove_growing(out)
         raise

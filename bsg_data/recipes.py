@@ -1,4 +1,4 @@
-"""Recipes: all that a split or a mask depends on, stored in the manifest of the dataset."""
+"""Recipes: records of all settings of a split or a mask, stored in the manifest of a dataset."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Record(BaseModel):
 
 
 def name_fault(error: ValidationError) -> str:
-    """Return where the first fault of a record is and what it is: `rooms.0.id: Field required`."""
+    """Return place and kind of the first fault of a record: `rooms.0.id: Field required`."""
     first = error.errors()[0]
     where = ".".join(str(part) for part in first["loc"]) or "the whole file"
     return f"{where}: {first['msg'].removeprefix('Value error, ')}"
@@ -26,12 +26,11 @@ class SplitRecipe(Record):
     """How buildings are assigned to splits.
 
     Attributes:
-        method: `ratios`; `official`, the source's val as test and a val carved out of its train;
-            or `folds` for cross-validation.
-        seed: of the shuffle of the buildings.
-        ratios: shares of train, val and test; of train and val alone under `official` (the third
-            is 0); None under `folds`.
-        folds: number of folds; None otherwise.
+        method: `ratios`; `official`, which uses the source's val split as test and takes val from
+            its train split; or `folds` for cross-validation.
+        seed: seed of the shuffle of the buildings.
+        ratios: shares of train, val and test. Under `official` the third is 0. None under `folds`.
+        folds: number of folds; None without folds.
     """
 
     method: Literal["ratios", "official", "folds"] = "ratios"
@@ -41,25 +40,25 @@ class SplitRecipe(Record):
 
 
 class Exploration(Record):
-    """How a robot goes through a building under the mask `explore`.
+    """How a robot explores a building under the mask `explore`.
 
-    The fraction f of what is there is hidden, 1 − f is shown. `not_entered` and `searched` say how
-    much of either is whole rooms; the rest falls to the rooms that are half seen. The other masks
-    are corners of it: see `bsg_data.observation.masks`.
+    A mask hides the fraction f of the objects and shows 1 − f. `not_entered` and `searched` say how
+    much of each part lies in whole rooms. The rest is in partly seen rooms. The other masks are
+    special cases: see `bsg_data.observation.masks`.
 
     Attributes:
-        not_entered: part of what is hidden that is rooms which were not entered: from where to
-            where, each draw taking one value uniformly.
-        searched: part of what is shown that is rooms which were searched, likewise.
-        glimpsed: probability that a room beside one that was entered, and that was not entered
-            itself, was seen through the door.
-        glimpsed_share: share that such a room hides: from where to where, uniformly.
-        spread: how much the shares of rooms that are half seen differ: uniformly, by at most
-            spread · min(b, 1 − b) from their mean b; 0 for none.
-        connected: whether the robot enters room after room over the connections; otherwise it was
-            in rooms that are scattered.
-        exact: whether rooms of one share s lose together ⌊s · their objects⌋, as the paper's mask
-            does, instead of each object by itself with the probability s.
+        not_entered: share of the hidden objects that is in rooms not entered: (low, high); each
+            draw takes one value, uniformly.
+        searched: share of the shown objects that is in searched rooms: (low, high), uniformly.
+        glimpsed: probability that a room was seen through the door, if the robot entered a
+            neighbour of it but not the room itself.
+        glimpsed_share: hidden share of such a room: (low, high), uniformly.
+        spread: how much the hidden shares of partly seen rooms differ: uniformly, by at most
+            spread · min(b, 1 − b) from their mean b; 0: not at all.
+        connected: whether the robot enters room after room along the connections; otherwise the
+            rooms are scattered.
+        exact: whether the rooms of one share s lose exactly ⌊s · their objects⌋ together, as in
+            the paper's mask. Otherwise each object is hidden with the probability s.
     """
 
     not_entered: tuple[Share, Share] = (0.0, 1.0)
@@ -75,22 +74,22 @@ class Exploration(Record):
         for name in ("not_entered", "searched", "glimpsed_share"):
             low, high = getattr(self, name)
             if low > high:
-                raise ValueError(f"{name} must rise, found {[low, high]}")
+                raise ValueError(f"{name}: expected low ≤ high, found {[low, high]}")
         return self
 
 
 class MaskRecipe(Record):
-    """How objects are hidden: with a scene and a draw, this is all that a mask depends on.
+    """How objects are hidden. Recipe, scene and draw number determine a mask.
 
     Attributes:
         strategy: a name of `bsg_data.observation.masks.MASKS`; `uniform` is the paper's.
-        fraction: share of a building's objects that the mask hides in the mean, 0..1.
-        seed: of the generator.
-        withhold: share of the classes that are withheld, each by itself: nothing of a withheld
-            class is shown outside rooms that were searched.
-        parts: whether parts of a thing that are outside the classes are hidden with it
+        fraction: mean share of a building's objects that the mask hides, 0..1.
+        seed: seed of the generator.
+        withhold: probability that a class is withheld, for each class independently. A withheld
+            class is shown only in searched rooms.
+        parts: whether an object outside the classes is hidden with the object that it is a part of
             (`bsg_data.scene.parts`).
-        exploration: what `explore` reads besides.
+        exploration: further settings of `explore`.
     """
 
     strategy: str = Field(default="uniform", pattern=r"^[a-z][a-z0-9-]*$")
@@ -101,7 +100,7 @@ class MaskRecipe(Record):
     exploration: Exploration = Exploration()
 
     def __str__(self) -> str:
-        """Say it in words, without its seed and without what is not asked for.
+        """Describe the recipe in words, without its seed and without default values.
 
         >>> str(MaskRecipe(strategy="explore", withhold=0.2, parts=True))
         'explore, fraction 0.5, withhold 0.2, parts'
@@ -114,13 +113,14 @@ class MaskRecipe(Record):
 
 
 class PairsRecipe(Record):
-    """How masked pairs are drawn: a mask, and how many draws of every building.
+    """How pairs are drawn: a mask, and a number of draws per building.
 
     Attributes:
         mask: how objects are hidden.
-        draws: masks of every building.
-        masks: version of the masks: 1 those of format 1 (`bsg_data.observation.masks_v1`), by which
-            nothing is drawn any more, but pairs stay what they were when a dataset is upgraded.
+        draws: masks per building.
+        masks: version of the masks. Version 1 belongs to format 1
+            (`bsg_data.observation.masks_v1`): new pairs never use it, but an upgraded dataset keeps
+            its pairs.
     """
 
     mask: MaskRecipe = MaskRecipe()

@@ -1,8 +1,8 @@
-"""Registries: names and what they stand for, in one literal table each.
+"""Registries: tables of names and the objects that they stand for.
 
-A row names an object as an entry point does, `module:object`, and is imported when it is asked for:
-a command can list the models of the zoo without importing torch. A name that is no row is looked up
-in the entry points of the packages that are installed. Nothing else can be loaded by a name.
+A row names its object as an entry point does, `module:object`, and imports it on first use. So a
+command can list the models of the zoo without importing torch. Names without a row are looked up in
+the entry points of installed packages. Nothing else can be loaded by name.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ Row = TypeVar("Row")
 
 
 class Registry(Generic[Row]):
-    """Rows of one kind by name, then the entry points of one group.
+    """A table of the rows of one kind, followed by the entry points of one group.
 
     Attributes:
-        kind: what a row is, in the words of an error: `planner`.
-        group: of the entry points, e.g. `bsg_models.planners`.
+        kind: what a row is, for error messages, e.g. `planner`.
+        group: group of the entry points, e.g. `bsg_models.planners`.
 
     >>> numbers = Registry("number", int, group="bsg_data.numbers", rows={"pi": "math:pi"})
     >>> numbers.names()
@@ -38,7 +38,7 @@ class Registry(Generic[Row]):
         self._rows = {name: EntryPoint(name, target, group) for name, target in rows.items()}
 
     def names(self) -> tuple[str, ...]:
-        """Return the names of the rows, then those of installed entry points; imports none."""
+        """Return the names of rows and installed entry points, without importing them."""
         return (*self._rows, *(name for name in _installed(self.group) if name not in self._rows))
 
     def __iter__(self) -> Iterator[str]:
@@ -53,24 +53,24 @@ class Registry(Generic[Row]):
         """Import what a name stands for.
 
         Raises:
-            RecipeError: for a name that nobody knows, with the nearest; for an entry point that
-                cannot be imported or is no such row.
+            RecipeError: if the name is unknown (the error has the nearest name), or if an entry
+                point cannot be imported or has another type.
         """
         self.require([name])
         point = self._rows.get(name) or _installed(self.group)[name]
         try:
             row = point.load()
         except Exception as error:
-            if name not in self._rows:  # somebody else's module raises what it likes
+            if name not in self._rows:  # a foreign module may raise anything
                 raise RecipeError(
                     f"{self.kind} {name!r}: the entry point {point.value} of {self.group} cannot "
-                    f"be imported ({error!r})"
+                    f"be imported ({error!r}); repair or remove its package"
                 ) from error
             if not isinstance(error, ModuleNotFoundError):
                 raise
             raise RecipeError(
                 f"{self.kind} {name!r} needs {error.name}, which is not installed; "
-                "pip install 'belief-scene-graphs[all]' has what rows of this project need"
+                "pip install 'belief-scene-graphs[all]' installs all that this project needs"
             ) from error
         if not isinstance(row, self._row_type):
             raise RecipeError(
@@ -80,17 +80,17 @@ class Registry(Generic[Row]):
         return row
 
     def require(self, names: Iterable[str]) -> None:
-        """Refuse names that nobody knows; imports none.
+        """Refuse unknown names, without importing anything.
 
         Raises:
-            RecipeError: for the first such name, with the nearest that is known.
+            RecipeError: for the first unknown name, with the nearest known name.
         """
         require_known(self.kind, names, self.names())
 
     def load_all(self) -> tuple[dict[str, Row], list[str]]:
-        """Import every row; return those that can be, and what is wrong with the others.
+        """Import every row; return the importable rows, and the errors of the others.
 
-        A broken package of somebody else does not keep the rest from being used.
+        So one broken package does not stop the use of the others.
         """
         rows, faults = {}, []
         for name in self.names():
@@ -102,10 +102,10 @@ class Registry(Generic[Row]):
 
 
 def require_known(kind: str, names: Iterable[str], known: Iterable[str]) -> None:
-    """Refuse a name that is not known.
+    """Refuse unknown names.
 
     Raises:
-        RecipeError: for the first such name, with the nearest that is known.
+        RecipeError: for the first unknown name, with the nearest known name.
     """
     listed = tuple(known)
     for name in names:

@@ -254,9 +254,9 @@ def test_a_scene_whose_id_leads_out_of_a_folder_is_left_out(
     manifest = build_dataset(Hostile(hm3d_folder), tmp_path / "out")
     (skip,) = manifest.skipped
     assert skip.scene_id == "../secret"
-    assert "must do as the name of a file" in skip.reason
+    assert "must be usable as a file name" in skip.reason
     assert manifest.totals.scenes == 11
-    with pytest.raises(SourceError, match="must do as the name of a file"):
+    with pytest.raises(SourceError, match="must be usable as a file name"):
         build_dataset(Hostile(hm3d_folder), tmp_path / "strict", strict=True)
 
 

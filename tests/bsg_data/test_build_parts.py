@@ -72,7 +72,7 @@ def test_what_is_missing_or_damaged_is_named_by_its_part(
     hm3d_folder: Path, tmp_path: Path, whole: dict[str, bytes]
 ) -> None:
     out, growing = tmp_path / "out", tmp_path / "out.partial"
-    with pytest.raises(DatasetError, match=r"no parts of a build are there.*--parts I/N"):
+    with pytest.raises(DatasetError, match=r"holds no part of a build; .*--parts I/N"):
         finalise_dataset(out)
     for number in (1, 2, 4):
         build(hm3d_folder, out, number, 4)
@@ -136,7 +136,7 @@ def test_a_class_map_of_ones_own_is_found_without_its_file(
 def test_parts_of_which_nothing_can_be_read(tmp_path: Path) -> None:
     write_scene(tmp_path / "root", "00042-broken00000", b"")
     build(tmp_path / "root", tmp_path / "out", 1, 1)
-    with pytest.raises(SourceError, match="none could be read"):
+    with pytest.raises(SourceError, match="no scene could be read"):
         finalise_dataset(tmp_path / "out")
     shutil.rmtree(tmp_path / "root")
     assert not list(tmp_path.iterdir())
@@ -163,7 +163,7 @@ def test_a_part_that_is_late_makes_nothing_anew(
         return write(*args, **chosen)
 
     monkeypatch.setattr(build_shards, "write_shards", wait_for_others)
-    with pytest.raises(DatasetError, match="was the dataset finished meanwhile"):
+    with pytest.raises(DatasetError, match="if the dataset was not finished meanwhile"):
         build(hm3d_folder, out, 1, 2)
     assert sorted(path.name for path in tmp_path.iterdir() if "out" in path.name) == ["out"]
     assert check_dataset(out) == ()
@@ -185,7 +185,9 @@ def test_a_part_that_begins_while_the_dataset_is_finished_says_so(
         return growing
 
     monkeypatch.setattr(build_parts, "join_partial", join_and_be_late)
-    with pytest.raises(DatasetError, match=r"parts-of-2: .*was the dataset finished meanwhile\?"):
+    with pytest.raises(
+        DatasetError, match=r"parts-of-2: .*if the dataset was not finished meanwhile"
+    ):
         build(hm3d_folder, out, 2, 2)
     assert check_dataset(out) == ()
 

@@ -127,7 +127,7 @@ def test_a_building_that_two_datasets_hold_is_refused(dataset: Path, tmp_path: P
         merge_datasets([dataset, tmp_path / "other"], tmp_path / "both")
     with pytest.raises(DatasetError, match="is in"):
         merge_datasets([dataset, dataset], tmp_path / "both")
-    with pytest.raises(RecipeError, match="two datasets or more; found 1"):
+    with pytest.raises(RecipeError, match="expected two or more datasets to merge, found 1"):
         merge_datasets([dataset], tmp_path / "both")
     assert not (tmp_path / "both").exists()
 
