@@ -56,18 +56,18 @@ class Disclosure:
 
     def __str__(self) -> str:
         """Say it in words."""
-        found = "; ".join(self.faults) or "none of it was found"
+        found = "; ".join(self.faults) or "none of these was found"
         read = (
-            f" Each of the {self.categories:,} categories that it reads is in "
+            f" Each of the {self.categories:,} other categories that it reads occurs in "
             f"{self.least_scenes} training buildings or more."
             if self.categories
             else ""
         )
         return (
-            f"Looked for in its {self.tensors} tensors of {self.numbers:,} numbers: a dimension "
-            f"with a place for each of the {self.scenes} buildings or {self.rooms:,} rooms, and a "
-            f"row that is some room's histogram, or a multiple of it; in its header: the name of a "
-            f"building: {found}.{read}"
+            f"The weights are {self.tensors} tensors with {self.numbers:,} numbers. They were "
+            f"searched for a dimension as long as the {self.scenes} buildings or {self.rooms:,} "
+            f"rooms, and for a row that is the histogram of a room or a multiple of it. The header "
+            f"was searched for names of buildings. Result: {found}.{read}"
         )
 
 
@@ -119,11 +119,12 @@ class Membership:
     def __str__(self) -> str:
         """Say it in words."""
         return (
-            f"Under the masks that it is validated on, a room of its {self.buildings[0]} training "
-            f"buildings surprises it by {self.inside:.2f} nats, one of {self.buildings[1]} that it "
-            f"was not trained on by {self.outside:.2f}. Who says of the less surprising of two "
-            f"buildings that it was trained on is right in {self.auc:.0%} of the cases (50 % is "
-            f"guessing, give or take {self.error:.0%})."
+            f"A room of one of the {self.buildings[0]} training buildings surprises the model by "
+            f"{self.inside:.2f} nats (mean −log P of its hidden counts, under masks as in "
+            f"validation). A room of {self.buildings[1]} other buildings surprises it by "
+            f"{self.outside:.2f} nats. An attacker who takes the less surprising of two buildings "
+            f"for a training building is right in {self.auc:.0%} of the cases; guessing is right "
+            f"in 50 % ± {self.error:.0%}."
         )
 
 

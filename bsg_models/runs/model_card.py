@@ -1,4 +1,4 @@
-"""The card of a model: what it learned from, under which terms, how good it is, what it cannot do.
+"""The card of a model: its training data, terms, accuracy and limits.
 
 Its front matter is what the Hugging Face hub reads; under `bsg` it holds the facts that commands
 show, so that a card is read back.
@@ -38,16 +38,16 @@ UNKNOWN = "unknown"
 _MOST_BYTES = 1_000_000
 _MEASURED = int | float | str | None
 _CANNOT = (
-    "It counts objects of its classes, and of nothing else; what is outside them it only reads.",
-    "It knows buildings like those that it learned from: homes above all. In a hospital, a factory "
-    "or a ship its numbers mean little, and so they may elsewhere than where these stand.",
-    "It learned from whole buildings. Of a graph of two or three rooms it may expect too many "
-    "objects in a room that nobody entered, by a factor of two; its presences are less affected.",
-    "It predicts what is in a room, not where in the room, and nothing about people.",
-    "A presence is a probability, not a finding: do not let a robot act on it where a mistake "
+    "A presence is a probability, not an observation. Do not let a robot act on it where a mistake "
     "could hurt somebody.",
-    "On the buildings that it was trained on, which are public, it looks better than it is: do not "
-    "test it on those.",
+    "It was trained mostly on homes. Its numbers mean little in a hospital, a factory or a ship. "
+    "They may also mean less in regions other than those of the training buildings.",
+    "It was trained on whole buildings. In a graph of two or three rooms it may expect twice as "
+    "many objects as there are in a room that nobody entered. Its presences are less affected.",
+    "It counts only objects of its classes. Other categories are at most evidence.",
+    "It predicts what is in a room. It does not predict where in the room, and nothing about "
+    "people.",
+    "Its training buildings are public. Do not test it on them: it looks better there than it is.",
 )
 
 
@@ -153,19 +153,19 @@ def write_card(
         f"---\n{yaml.safe_dump(_front_matter(card), sort_keys=False, allow_unicode=True)}---",
         f"# {escape_markdown(card.name)}",
         "",
-        f"{escape_markdown(card.purpose)} Belief Scene Graphs ([paper]({PAPER})): what a robot "
-        "that has seen part of a building has not seen there, as the distribution of hidden "
-        "objects of "
-        f"{len(space.classes)} classes in every room.",
+        f"{escape_markdown(card.purpose)} The model predicts what a robot has not seen of a "
+        f"building: for every room, how many hidden objects of each of {len(space.classes)} "
+        f"classes there are, as probabilities. It is a model of Belief Scene Graphs "
+        f"([paper]({PAPER})).",
         "",
         "```sh",
         f"bsg-belief graph.json --model {_quote(card.name)} --html belief.html",
         "```",
         "",
-        "## What it learned from",
+        "## Training data",
         "",
         *_describe_sources(card),
-        "## What it is",
+        "## Facts",
         "",
         *format_markdown(_list_facts(header), header=("fact", "value")),
         "",
@@ -173,11 +173,11 @@ def write_card(
     if figures:
         columns = tuple(figures[0])
         rows = [tuple(_show(row[name]) for name in columns) for row in figures]
-        lines += ["## How good it is", "", *format_markdown(rows, header=columns), ""]
+        lines += ["## Accuracy", "", *format_markdown(rows, header=columns), ""]
     if disclosure is not None or membership is not None:
-        lines += ["## What its weights tell of the training data", ""]
+        lines += ["## Training data in the weights", ""]
         lines += [f"{sentence}\n" for sentence in (disclosure, membership) if sentence is not None]
-    lines += ["## What it cannot do", "", *(f"- {sentence}" for sentence in _CANNOT), ""]
+    lines += ["## Limits", "", *(f"- {sentence}" for sentence in _CANNOT), ""]
     return "\n".join(lines)
 
 
@@ -214,7 +214,7 @@ def card_text(found: FoundModel, header: CheckpointHeader) -> str:
     if found.kind in ("hub", "hub folder") and beside.is_file():
         data = read_bytes(beside, CARD, error=CheckpointError)
         return data.decode("utf-8", errors="replace")
-    purpose = f"A {header.config.name} that somebody trained."
+    purpose = f"A trained {header.config.name}."
     return write_card(ModelCard(name=found.name, purpose=purpose), header=header)
 
 
@@ -253,7 +253,10 @@ def _front_matter(card: ModelCard) -> dict[str, Any]:
 
 def _describe_sources(card: ModelCard) -> list[str]:
     if not card.trained_on:
-        return ["Nobody said: ask whoever trained it, and under which terms.", ""]
+        return [
+            "The training data are not known. Ask whoever trained the model, also for the terms.",
+            "",
+        ]
     rows = [
         (
             escape_markdown(one.source),
@@ -263,7 +266,7 @@ def _describe_sources(card: ModelCard) -> list[str]:
         )
         for one in card.trained_on
     ]
-    table = format_markdown(rows, header=("source", "buildings", "licence", "cite"))
+    table = format_markdown(rows, header=("source", "buildings", "licence", "citation"))
     lines = [*table, ""]
     lines += [
         f"{escape_markdown(one.source)}: {escape_markdown(one.sentence)}\n"
@@ -272,8 +275,8 @@ def _describe_sources(card: ModelCard) -> list[str]:
     ]
     restricted = any(name.startswith(LICENCE_REF) for name, _ in card.licences)
     lines.append(
-        "**The weights are for non-commercial research**, as the data that they were learned from "
-        "are; the code that asks them is under Apache-2.0.\n"
+        "**The weights are for non-commercial research**, like the training data. The code is "
+        "under Apache-2.0.\n"
         if restricted
         else f"The weights are under the terms of their sources: {escape_markdown(card.licence)}.\n"
     )
@@ -301,7 +304,7 @@ def _list_facts(header: CheckpointHeader) -> list[tuple[str, str]]:
         ),
         ("sha256 of the classes", f"`{header.class_space.sha256}`"),
         ("other categories that it reads", f"{len(header.vocabulary):,}"),
-        ("masks that it was trained on", str(config.data.fresh_mask)),
+        ("training masks", str(config.data.fresh_mask)),
         ("seed", str(config.seed)),
         ("sha256 of the dataset", f"`{header.dataset_sha256}`"),
     ]

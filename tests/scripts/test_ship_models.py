@@ -57,7 +57,7 @@ def test_models_are_made_twice_with_the_same_bytes(
     card = read_shipped_card("universal")
     assert read_card(card, origin="card").licence == "LicenseRef-matterport-academic"
     assert "| uniform | 0.9 |" in card
-    assert "none of it was found" in card
+    assert "none of these was found" in card
     assert "surprises it by" in card
     tensors = load_checkpoint(first / "weights" / "universal.safetensors").tensors
     assert {str(t.dtype) for t in tensors.values() if t.is_floating_point()} == {"torch.float32"}

@@ -33,7 +33,7 @@ def test_a_model_that_counts_discloses_nothing(dataset: Path, run: Path) -> None
     found = find_disclosed(run / "best.safetensors", Dataset.open(dataset))
     assert found.faults == ()
     assert found.scenes == 12
-    assert "none of it was found" in str(found)
+    assert "none of these was found" in str(found)
 
 
 def test_rows_of_buildings_are_found(dataset: Path, run: Path) -> None:

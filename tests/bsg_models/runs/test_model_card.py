@@ -113,7 +113,7 @@ def test_the_sources_of_a_dataset_are_those_of_the_model(dataset: Path) -> None:
 
 def test_a_run_has_a_card_that_says_what_nobody_knows(run: Path) -> None:
     text = card_text(find_model(run), read_header(run / "best.safetensors"))
-    assert "Nobody said: ask whoever trained it" in text
+    assert "Ask whoever trained the model" in text
 
 
 @pytest.mark.parametrize(
