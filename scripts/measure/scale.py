@@ -176,9 +176,9 @@ def tabulate(costs: Iterable[Cost]) -> ResultsTable:
     reading = (
         "Each command ran alone in its own process. Seconds and milliseconds are processor time. "
         f"Milliseconds are the cost of one more building: the time of {sizes[0]} buildings is "
-        "subtracted. `evaluate` reads the test split, a tenth of the buildings; its milliseconds "
-        "are per building of that split. MB is the peak memory of the process. – means not "
-        "measured, or too quick to compare."
+        "subtracted. The command `evaluate` reads the test split, a tenth of the buildings; its "
+        "milliseconds are per building of that split. MB is the peak memory of the process. – "
+        "means not measured, or too quick to compare."
     )
     return ResultsTable("Time and memory", header, tuple(rows), reading)
 
