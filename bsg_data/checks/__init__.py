@@ -1,1 +1,1 @@
-"""Proof that a dataset is sound: every file is read again and none is trusted."""
+"""Check a dataset in full: every file is read again and compared with the manifest."""

@@ -1,6 +1,6 @@
-"""What must be true of all scenes together: ids, their order, sources, totals and meshes.
+"""Check all scenes of a dataset together: ids, order, sources, totals and meshes.
 
-It is all that the check remembers of a part when it goes on to the next: a few words a scene.
+The check keeps only this between parts: a few words per scene.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ _TABLES = ("rooms", "objects", "edges")
 
 
 class Census:
-    """The scenes of a dataset, counted a part at a time.
+    """The scenes of a dataset, counted part by part.
 
     Attributes:
-        source: of every scene, by its id, in the order of the tables.
-        source_split: the source's own split of every scene, by its id; None where it says none.
+        source: scene id → source, in the order of the tables.
+        source_split: scene id → the source's own split; None if the source has none.
         totals: sums over the scenes.
     """
 
     def __init__(self) -> None:
-        """Begin with no scene."""
+        """Start without scenes."""
         self.source: dict[str, str] = {}
         self.source_split: dict[str, str | None] = {}
         self.totals = Totals()
@@ -36,7 +36,7 @@ class Census:
         self._last = ""
 
     def add(self, part: Part) -> Iterator[Fault]:
-        """Add a part, and yield what is wrong with its scenes beside those before."""
+        """Add a part, and yield the faults of its scenes and of their order."""
         scenes = part.scenes
         sources, splits = scenes.words("source"), scenes.words("source_split")
         no_mesh = scenes.words("up_axis").missing
@@ -56,12 +56,12 @@ class Census:
             yield Fault("scenes", f"{scene} is there twice")
             return
         if not is_scene_id(scene):
-            yield Fault("scenes", f"{scene!r} cannot be a scene id: it would lead out of a folder")
+            yield Fault("scenes", f"{scene!r} cannot be a scene id: it is no plain file name")
         if scene < self._last:
             yield Fault("scenes", "is not sorted by scene_id")
         building = building_hash(scene)
         if building in self._buildings:
-            yield Fault("scenes", f"building {building} is there under two scene ids")
+            yield Fault("scenes", f"building {building} has two scene ids")
         self._buildings.add(building)
         self._last = scene
 
@@ -80,23 +80,23 @@ class Census:
         self.totals = Totals(**sums)
 
     def compare(self, manifest: Manifest) -> Iterator[Fault]:
-        """Compare all scenes, once every part was added, with the manifest."""
+        """Compare all scenes with the manifest, after every part was added."""
         for table, scene in sorted(self._strangers):
             if scene not in self.source:
                 yield Fault(table, f"{scene} is no scene of the dataset")
         listed = {source.kind for source in manifest.sources}
         for kind in sorted(set(self.source.values()) ^ listed):
-            yield Fault(MANIFEST, f"source {kind} is in the manifest or in the scenes, not in both")
+            yield Fault(MANIFEST, f"source {kind} is not in both the manifest and the scenes")
         for name, stated in manifest.totals:
             counted = getattr(self.totals, name)
             if stated != counted:
-                yield Fault(MANIFEST, f"totals.{name} is {stated}, {counted} are there")
+                yield Fault(MANIFEST, f"totals.{name}: expected {counted}, found {stated}")
         yield from self._compare_meshes(manifest)
 
     def _compare_meshes(self, manifest: Manifest) -> Iterator[Fault]:
-        """Check that what meshes cover adds up, and that they are of scenes with geometry."""
+        """Check that the sums of meshes are right, and that their scenes have geometry."""
         for scene in sorted(self._placed.symmetric_difference(manifest.meshes)):
-            yield Fault(MANIFEST, f"{scene}: has a mesh in the manifest or an up_axis, not both")
+            yield Fault(MANIFEST, f"{scene}: has a mesh in the manifest but no up_axis, or reverse")
         for scene, mesh in manifest.meshes.items():
             if mesh.texels != mesh.listed + mesh.snapped + mesh.black + mesh.unlisted:
                 yield Fault(MANIFEST, f"{scene}: the texels of its mesh do not add up")

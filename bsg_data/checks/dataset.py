@@ -1,4 +1,4 @@
-"""Check that a dataset is what its manifest says, and that the tables agree with each other.
+"""Check that a dataset agrees with its manifest, and its tables with each other.
 
 Nothing here trusts the writer: every fact is read again from the files.
 """
@@ -47,16 +47,16 @@ from bsg_data.scene.class_space import list_class_spaces, load_class_space
 def check_dataset(
     dataset: Path, *, progress: Callable[[int, int], None] | None = None
 ) -> tuple[Fault, ...]:
-    """Return every fault of a dataset; none for a sound one.
+    """Return all faults of a dataset; an empty list means that it is sound.
 
-    One part of the tables, or one file of pairs, is in memory at a time, and a few words a scene.
+    Memory holds one part of the tables or one file of pairs at a time, and a few words per scene.
 
     Args:
-        dataset: its folder.
+        dataset: folder of the dataset.
         progress: called with (files done, files in all).
 
     Raises:
-        DatasetError: if the manifest cannot be read, so that there is nothing to check against.
+        DatasetError: if the manifest is unreadable, so nothing can be compared with it.
     """
     manifest, sha256 = read_hashed_manifest(dataset)
     files = FileReader(dataset, manifest, progress)
@@ -78,7 +78,7 @@ def check_dataset(
 def _check_tables(files: FileReader, manifest: Manifest, census: Census) -> Iterator[Fault]:
     """Check the rows of all parts, one after another.
 
-    Those of a damaged file are left out, which would only raise more of the same.
+    Parts with a damaged file are skipped; that file is a fault already.
     """
     entries = {name: manifest.files_of(name) for name in TABLES}
     numbers = {name: len(some) for name, some in entries.items()}
@@ -95,7 +95,7 @@ def _check_tables(files: FileReader, manifest: Manifest, census: Census) -> Iter
 
 
 def _check_part(part: Part, census: Census, objects: ObjectCheck) -> Iterator[Fault]:
-    """Check one part; if its rows are not of its scenes, nothing else can be told of them."""
+    """Check one part; if its rows belong to other scenes, check nothing else."""
     faults = list(census.add(part))
     if len(set(part.scene_ids)) == len(part.scene_ids):
         faults += check_scenes(part)
@@ -107,7 +107,7 @@ def _check_part(part: Part, census: Census, objects: ObjectCheck) -> Iterator[Fa
 
 
 def _check_pairs(files: FileReader, data: Dataset, splits: pa.Table) -> Iterator[Fault]:
-    """Check the pairs, a file at a time, against the parts of the tables that they are of."""
+    """Check the pairs file by file against their parts of the tables."""
     manifest = data.manifest
     if manifest.pairs is None:
         return
@@ -121,9 +121,9 @@ def _check_pairs(files: FileReader, data: Dataset, splits: pa.Table) -> Iterator
 
 
 def _by_place(pairs: Sequence[FileEntry]) -> list[FileEntry]:
-    """Return the files of pairs by how far into their split they are.
+    """Return the files of pairs, sorted by their position in their split.
 
-    Every split goes through the scenes in their order: files of the same parts follow one another.
+    Every split has its scenes in order, so files of the same parts become neighbours.
     """
     sizes = Counter(split_of_file(entry.path) for entry in pairs)
     seen: Counter[str] = Counter()
@@ -136,7 +136,7 @@ def _by_place(pairs: Sequence[FileEntry]) -> list[FileEntry]:
 
 
 def _check_recipes(manifest: Manifest) -> Iterator[Fault]:
-    """A recipe without files, or files without a recipe, would go unchecked."""
+    """Check that every recipe has files, and that all files have a recipe."""
     for table, recipe in (("splits", manifest.split), ("pairs", manifest.pairs)):
         if bool(manifest.files_of(table)) != (recipe is not None):
             yield Fault(MANIFEST, f"has a recipe of {table} without files, or files without one")
@@ -146,7 +146,7 @@ def _check_recipes(manifest: Manifest) -> Iterator[Fault]:
 
 
 def _check_classes(manifest: Manifest) -> Iterator[Fault]:
-    """Compare class space and class maps with those that are published under their names."""
+    """Compare class space and class maps with the published ones of the same names."""
     space = manifest.class_space
     try:
         if space.name in list_class_spaces() and space != ClassSpaceEntry.of(
@@ -179,21 +179,20 @@ def _check_strays(dataset: Path, manifest: Manifest) -> Iterator[Fault]:
         if name == REPLACES and (old := find_replaced(dataset)) is not None:
             yield Fault(
                 name,
-                "is not in the manifest: left by a command that was stopped as it replaced a "
-                f"dataset, whose old files are {old}; the next command that changes this one "
-                "removes both",
+                "is not in the manifest: a command was stopped while it replaced a dataset, whose "
+                f"old files are in {old}; the next command that changes this dataset removes both",
             )
         elif is_own(name):
             yield Fault(
                 name,
-                "is not in the manifest: left by a stopped command; the next one that changes the "
-                "dataset removes it",
+                "is not in the manifest: a command was stopped here; the next command that changes "
+                "the dataset removes it",
             )
         else:
-            yield Fault(name, "is not in the manifest: somebody put it there; move it away")
+            yield Fault(name, "is not in the manifest and not of this program; move it away")
     for name in (CARD, CROISSANT):
         if not (dataset / name).is_file():
-            yield Fault(name, "is missing; any of build, split or pairs writes it again")
+            yield Fault(name, "is missing; build, split or pairs writes it again")
     for name, expected in read_card_hashes(dataset).items():
         if not (dataset / name).is_file():
             continue

@@ -1,4 +1,4 @@
-"""Check edges: containment is exactly what rooms and objects say; adjacency joins two rooms."""
+"""Check edges: containment follows from rooms and objects, and adjacency joins two rooms."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class _Edges:
 
 
 def check_edges(part: Part) -> Iterator[Fault]:
-    """Check the edges of a part whose rooms and objects are numbered as they must be."""
+    """Check the edges of a part; its rooms and objects must be numbered correctly."""
     edges, kind = part.edges, part.edges.words("kind")
     contains, adjacent = kind.is_word("contains"), kind.is_word("adjacent")
     columns = _Edges(
@@ -46,7 +46,10 @@ def check_edges(part: Part) -> Iterator[Fault]:
     wrong = adjacent.copy()
     wrong[rows[~again]] = False
     for scene in part.name_scenes(edges, wrong):
-        yield Fault("edges", f"{scene}: an adjacent edge does not join two rooms once, low to high")
+        yield Fault(
+            "edges",
+            f"{scene}: an adjacent edge must join two rooms, lower index first, once",
+        )
     method = edges.words("method")
     unknown = method.look_up(lambda name: name not in ADJACENCY_METHODS, null=True)
     unknown[rows] |= ~_are_distances(part, columns, rows)
@@ -64,7 +67,7 @@ def _number_kind(name: str) -> int:
 
 
 def _check_contains(part: Part, edges: _Edges, chosen: Bools) -> Iterator[Fault]:
-    """Check that every room and object is the target of one edge, from what it is in."""
+    """Check that every room and object is the target of one edge, from its parent."""
     room = part.objects.integers("room_index")
     inside = np.concatenate([np.zeros(len(part.rooms), dtype=np.int64), room])
     node = _number_targets(part, edges)
@@ -77,7 +80,7 @@ def _check_contains(part: Part, edges: _Edges, chosen: Bools) -> Iterator[Fault]
     wrong = np.concatenate([edges.scene[chosen & ~right], _scene_of_nodes(part)[times == 0]])
     for number in np.unique(wrong):
         scene = part.scene_ids[number]
-        yield Fault("edges", f"{scene}: contains edges are not what rooms and objects say")
+        yield Fault("edges", f"{scene}: contains edges do not agree with rooms and objects")
     if (times > 1).any():
         yield Fault("edges", "a contains edge is there twice")
 
@@ -88,7 +91,7 @@ def _scene_of_nodes(part: Part) -> Ints:
 
 
 def _number_targets(part: Part, edges: _Edges) -> Ints:
-    """Return the number of every edge's target among all rooms, then all objects; -1 of none."""
+    """Return the number of every edge's target: all rooms, then all objects; -1 if missing."""
     node = np.full(len(edges.scene), -1)
     before = 0
     for rows, kind in ((part.rooms, _ROOM), (part.objects, _OBJECT)):
@@ -101,16 +104,16 @@ def _number_targets(part: Part, edges: _Edges) -> Ints:
 
 
 def _join_rooms(part: Part, edges: _Edges) -> Bools:
-    """Say of every edge whether it joins two rooms, low to high, `[E]`."""
+    """Say for every edge whether it joins two rooms, lower index first, `[E]`."""
     limit = part.scenes.integers("num_rooms")[edges.scene]
     rooms: Bools = (edges.source_kind == _ROOM) & (edges.target_kind == _ROOM)
     return rooms & (edges.source >= 1) & (edges.source < edges.target) & (edges.target <= limit)
 
 
 def _are_distances(part: Part, edges: _Edges, rows: Ints) -> Bools:
-    """Say of edges that join rooms whether their distance is that of the centroids, `[rows]`.
+    """Say for edges between rooms whether their distance is that of the centroids, `[rows]`.
 
-    Without these it is null.
+    Without centroids the distance must be null.
     """
     first = np.searchsorted(part.rooms.scene, edges.scene[rows]) - 1
     centre = part.rooms.points("centroid")

@@ -1,4 +1,4 @@
-"""What `bsg-data check` finds."""
+"""Records of the faults that `bsg-data check` finds."""
 
 from __future__ import annotations
 
@@ -6,27 +6,27 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-_NAMED = 3  # rows with one fault that are named; the rest are counted
+_NAMED = 3  # rows named for each fault; the others are counted
 
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One thing that is wrong with a dataset: where, and what."""
+    """One fault of a dataset: where it is, and what is wrong."""
 
     where: str
     what: str
 
 
 class ObjectFaults:
-    """Faults that many objects may have: the first of each kind are named, the rest counted."""
+    """Faults of objects: the first of each kind are named, the others counted."""
 
     def __init__(self) -> None:
-        """Begin with none."""
+        """Start without faults."""
         self._named: dict[str, list[str]] = {}
         self._times: Counter[str] = Counter()
 
     def add(self, what: str, names: Iterable[str], *, times: int) -> None:
-        """Add objects with one fault, of which the first are named, in their order."""
+        """Add the objects with one fault: the names of the first, and the number of all."""
         named = self._named.setdefault(what, [])
         named += list(names)[: _NAMED - len(named)]
         self._times[what] += times

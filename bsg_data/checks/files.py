@@ -1,4 +1,4 @@
-"""Check the files of a dataset: each is read once, hashed, and parsed from the bytes hashed."""
+"""Check the files of a dataset: read each once, hash it, and parse the hashed bytes."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from bsg_data.inputs.parquet import DAMAGE, reading_parquet
 
 @dataclass(eq=False)
 class FileReader:
-    """Reads the files of a dataset and keeps what is wrong with them.
+    """Read the files of a dataset and collect their faults.
 
     Attributes:
-        dataset: its folder.
-        manifest: what its files must be.
+        dataset: folder of the dataset.
+        manifest: manifest to compare the files with.
         progress: called with (files done, files in all).
-        faults: found so far.
+        faults: the faults found so far.
     """
 
     dataset: Path
@@ -40,7 +40,7 @@ class FileReader:
     _done: int = 0
 
     def read(self, entry: FileEntry) -> pa.Table | None:
-        """Read a file as a table with today's columns; None if anything is wrong with it."""
+        """Read a file as a table with the columns of version 2; None if it has a fault."""
         faults: list[Fault] = []
         table = self._parse(entry, faults)
         self.faults += faults
@@ -57,7 +57,7 @@ class FileReader:
     def _parse(self, entry: FileEntry, faults: list[Fault]) -> pa.Table | None:
         path = self.dataset / entry.path
         if not path.is_file():
-            faults.append(Fault(entry.path, "is in the manifest but not there"))
+            faults.append(Fault(entry.path, "is in the manifest but missing"))
             return None
         try:
             data = read_listed(path, entry, error=DatasetError)

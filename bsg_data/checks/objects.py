@@ -1,4 +1,4 @@
-"""Check that every object is in a room, in the class that the map says, and in one place."""
+"""Check the room, the class and the geometry of every object."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ from bsg_data.scene.class_map import Classified, Role, load_class_map, published
 
 
 class ObjectCheck:
-    """The objects of a dataset, checked a part at a time.
+    """Check the objects of a dataset part by part.
 
     Attributes:
-        faults: of objects.
+        faults: faults of objects, found so far.
     """
 
     def __init__(self, manifest: Manifest) -> None:
-        """Begin with no part of the dataset of a manifest."""
+        """Start a check for the dataset of a manifest."""
         self.faults = ObjectFaults()
         self._space: ClassSpaceEntry = manifest.class_space
 
     def add(self, part: Part) -> Iterator[Fault]:
-        """Check the objects of a part, and yield what is wrong with its scenes' class maps."""
+        """Check the objects of a part, and yield faults of its scenes' class maps."""
         self._check_keys(part)
         self._check_classes(part)
         self._check_boxes(part)
         yield from self._check_names(part)
 
     def _note(self, part: Part, wrong: Bools, what: str) -> None:
-        """Keep what is wrong with some objects `[O]`."""
+        """Keep one fault of some objects `[O]`."""
         if not wrong.any():
             return
         scene, index = part.objects.scene, part.objects.integers("object_index")
@@ -71,17 +71,17 @@ class ObjectCheck:
         odd = role.look_up(lambda name: name not in roles, null=True)
         self._note(part, odd, f"role is none of {roles}")
         wrong = role.is_word("classified") != (index != NULL)
-        self._note(part, wrong, "role is classified with a class, and only then")
+        self._note(part, wrong, "role: expected classified with a class, and only then")
         wrong = role.is_word("unmapped") != ~objects.is_valid("category")
-        self._note(part, wrong, "role is unmapped without a category, and only then")
+        self._note(part, wrong, "role: expected unmapped without a category, and only then")
 
     def _check_names(self, part: Part) -> Iterator[Fault]:
-        """Check that class and role are what the published class map of a scene says."""
+        """Check class and role against the published class map of each scene."""
         objects, maps = part.objects, part.scenes.words("class_map")
         for version in sorted({*maps.names} & {*published_maps()}):
             published = load_class_map(version)
             if published.classes != self._space.classes:
-                yield Fault("scenes", f"class map {version} does not lead into {self._space.name}")
+                yield Fault("scenes", f"class map {version} is not for {self._space.name}")
                 continue
             own = maps.is_word(version)[objects.scene]
             names = objects.words("raw_category")
@@ -94,14 +94,14 @@ class ObjectCheck:
             self._note(part, wrong, f"role is not what {version} says")
 
     def _check_boxes(self, part: Part) -> None:
-        """Check that places are whole and finite, and centroid and part lie within the box."""
+        """Check that geometry is complete and finite, and centroid and part lie in the box."""
         objects, area = part.objects, part.objects.numbers("area")
         points = read_points(objects, *WHOLES)
         boxed, centred, parted = (
             ~np.isnan(points[name][:, 0]) for name in ("box_min", "centroid", "part_min")
         )
         wrong = boxed != objects.flags("has_geometry")
-        self._note(part, wrong, "has_geometry is not what the box says")
+        self._note(part, wrong, "has_geometry does not agree with the box")
         infinite = np.isinf(np.concatenate(list(points.values()), axis=1)).any(axis=1)
         self._note(part, infinite, "its geometry is not finite")
         for whole in WHOLES:
@@ -120,7 +120,7 @@ class ObjectCheck:
 
 
 def _class_index(objects: Rows) -> Ints:
-    """Return the class of every object, `[O]`; `NULL` of those without."""
+    """Return the class of every object, `[O]`; `NULL` without a class."""
     index = pc.cast(objects.table["class_index"], pa.int64())
     return np.asarray(pc.fill_null(index, NULL).to_numpy())
 

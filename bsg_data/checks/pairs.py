@@ -32,10 +32,10 @@ from bsg_data.scene.connections import Connections
 
 
 class PairCheck:
-    """The pairs of a dataset, checked a file at a time against its tables and its recipes."""
+    """Check the pairs of a dataset file by file against its tables and recipes."""
 
     def __init__(self, data: Dataset, splits: Mapping[str, str], recipe: PairsRecipe) -> None:
-        """Begin with no file of a dataset whose tables are sound; `splits` is by scene."""
+        """Start a check for a dataset with sound tables; `splits` is scene id → split."""
         self._data, self._splits, self._recipe = data, splits, recipe
         self._files: Counter[str] = Counter()
 
@@ -51,18 +51,18 @@ class PairCheck:
             code = int(names.codes[start])
             name, where = names.names[code], f"{entry.path}, {names.names[code]}"
             if self._splits.get(name) != own:
-                yield Fault(where, f"is of split {self._splits.get(name)}, not {own}")
+                yield Fault(where, f"expected split {own}, found {self._splits.get(name)}")
             elif name not in self._data:
                 yield Fault(where, "is no scene of the dataset")
             elif runs[code] > 1:
-                yield Fault(where, "its rows do not stand together")
+                yield Fault(where, "its rows are not consecutive")
             else:
                 yield from self._check_scene(where, name, pairs.take(int(start), int(end)))
 
     def finish(self) -> Iterator[Fault]:
-        """Check that every scene that is split has pairs, in one file.
+        """Check that every scene with a split has pairs, in one file.
 
-        What their format cannot hold has none.
+        Scenes that the format of pairs cannot hold must have none.
         """
         for scene in sorted(self._splits.keys() - self._files.keys()):
             if fits_pairs(self._data.cells(scene)):
@@ -92,20 +92,20 @@ class PairCheck:
         if not faults:
             known = self._data.connections(scene)
             if not _is_drawn(pairs.view, inputs, cells, recipe, scene, known):
-                yield Fault(where, "is not the mask of its recipe (or another NumPy drew it)")
+                yield Fault(where, "is not the mask of its recipe, or another NumPy drew it")
 
 
 @dataclass(frozen=True, eq=False)
 class _Pairs:
-    """Pairs, row by row: P of them.
+    """The rows of P pairs.
 
     Attributes:
-        draw: `[P]` number of the mask.
-        node: `[P]` node of interest.
-        inputs: `[P, C]` histograms of what the mask leaves.
-        targets: `[P, C]` histograms of what is there.
-        view: of all rows.
-        tells_view: whether it was stored.
+        draw: `[P]` numbers of the masks.
+        node: `[P]` nodes of interest.
+        inputs: `[P, C]` input histograms.
+        targets: `[P, C]` target histograms.
+        view: view of all rows.
+        tells_view: whether the view was stored.
     """
 
     draw: npt.NDArray[np.int32]
@@ -147,7 +147,7 @@ def _is_drawn(
     scene: str,
     connections: Connections,
 ) -> bool:
-    """Say whether pairs `[D, N, C]` and the views of their rows are those of the recipe."""
+    """Say whether pairs `[D, N, C]` and their views follow from the recipe."""
     if recipe.masks != 1:
         views, drawn = sample_pairs(cells, recipe, scene_id=scene, connections=connections)
         nodes = len(cells)
@@ -169,14 +169,14 @@ def _is_drawn(
 
 
 def _check_view(where: str, view: View, inputs: Counts, targets: Counts) -> Iterator[Fault]:
-    """Check that what was seen can be seen under what is told."""
+    """Check that the inputs are possible under the stored view."""
     share, withheld = view.hidden_share, view.withheld.copy()
-    withheld[:: inputs.shape[1]] = False  # a building shows what its searched rooms do
+    withheld[:: inputs.shape[1]] = False  # the building's row sums the searched rooms
     seen, there = (counts.reshape(len(share), -1) for counts in (inputs, targets))
     if not ((share >= 0) & (share <= 1)).all():
         yield Fault(where, "hidden_share is not from 0 to 1")
     elif (seen[withheld] > 0).any():
-        yield Fault(where, "shows objects of a class that is withheld")
+        yield Fault(where, "shows objects of a withheld class")
     elif (seen[share == 1] > 0).any():
         yield Fault(where, "shows objects where hidden_share is 1")
     elif ((share == 0)[:, None] & ~withheld & (seen < there)).any():
@@ -189,7 +189,7 @@ def _check_histograms(
     if (targets != to_histograms(cells)).any():
         yield Fault(where, "target is not the histogram of the objects table")
     if (inputs > targets).any():
-        yield Fault(where, "input is above target: a mask would have added objects")
+        yield Fault(where, "input is above target, but masks only hide objects")
     null_region = inputs[:, 0] - inputs[:, 1:].sum(axis=1)
     if (null_region < 0).any() or (null_region > cells[0]).any():
         yield Fault(where, "the building's input is not the sum of its rooms and the null region")

@@ -1,4 +1,4 @@
-"""Part k of all tables, the scenes of which stand together: what is checked at a time."""
+"""One part of all tables: the unit of the check. Its scenes are consecutive."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ class Words:
     """A column of words.
 
     Attributes:
-        names: the words that are in it, each once.
-        codes: `[n]` the place of every row's word in `names`, or `NULL`.
+        names: the distinct words.
+        codes: `[n]` index of every row's word in `names`, or `NULL`.
     """
 
     names: tuple[str, ...]
@@ -35,21 +35,21 @@ class Words:
         return cls(tuple(encoded.dictionary.to_pylist()), codes)
 
     def __getitem__(self, row: int) -> str | None:
-        """Return the word of a row, the same object in all rows of a word."""
+        """Return the word of a row; equal words are the same object."""
         code = int(self.codes[row])
         return None if code == NULL else self.names[code]
 
     @property
     def missing(self) -> Bools:
-        """Which rows are null, `[n]`."""
+        """Whether each row is null, `[n]`."""
         return np.equal(self.codes, NULL)
 
     def look_up(self, find: Callable[[str], Any], *, null: Any) -> npt.NDArray[Any]:
-        """Return what `find` gives for the word of every row, `[n]`, and `null` where none is."""
+        """Return `find(word)` for every row, `[n]`; `null` for rows without a word."""
         return np.array([*map(find, self.names), null])[self.codes]  # the last one is at NULL
 
     def is_word(self, word: str) -> Bools:
-        """Say of every row whether it is a word, `[n]`."""
+        """Say for every row whether it has this word, `[n]`."""
         return self.look_up(lambda name: name == word, null=False)
 
 
@@ -59,7 +59,7 @@ class Rows:
 
     Attributes:
         table: the columns.
-        scene: `[n]` number of every row's scene among those of the part; `NULL` of another scene.
+        scene: `[n]` number of every row's scene in the part; `NULL` for other scenes.
         strangers: names of the other scenes.
     """
 
@@ -69,13 +69,13 @@ class Rows:
 
     @classmethod
     def of(cls, table: pa.Table, scenes: Mapping[str, int]) -> Rows:
-        """Number the scenes of the rows by their numbers in the part."""
+        """Return the rows of a table, with their scenes numbered as in the part."""
         names = Words.of(table["scene_id"])
         scene = names.look_up(lambda name: scenes.get(name, NULL), null=NULL).astype(np.int64)
         return cls(table, scene, tuple(name for name in names.names if name not in scenes))
 
     def __len__(self) -> int:
-        """Return their number."""
+        """Return the number of rows."""
         return len(self.scene)
 
     def integers(self, name: str) -> Ints:
@@ -97,7 +97,7 @@ class Rows:
         return np.stack([self.numbers(f"{name}_{axis}") for axis in "xyz"], axis=1)
 
     def is_valid(self, name: str) -> Bools:
-        """Say of every row whether it has a value in a column, `[n]`."""
+        """Say for every row whether it has a value in a column, `[n]`."""
         return np.asarray(self.table[name].is_valid().to_numpy(), dtype=np.bool_)
 
     def words(self, name: str) -> Words:
@@ -110,12 +110,12 @@ class Part:
     """One part of a dataset.
 
     Attributes:
-        number: of the part, from 0.
-        scene_ids: of its scenes, in the order of the table.
-        scenes: the rows of each table, as are those below.
-        rooms: likewise.
-        objects: likewise.
-        edges: likewise.
+        number: number of the part, from 0.
+        scene_ids: ids of its scenes, in the order of the table.
+        scenes: rows of the table of scenes.
+        rooms: rows of the table of rooms.
+        objects: rows of the table of objects.
+        edges: rows of the table of edges.
     """
 
     number: int
@@ -127,7 +127,7 @@ class Part:
 
     @classmethod
     def of(cls, number: int, tables: Mapping[str, pa.Table]) -> Part:
-        """Make a part of its four tables."""
+        """Return the part with these four tables."""
         scene_ids = tuple(tables["scenes"]["scene_id"].to_pylist())
         scenes = {scene_id: place for place, scene_id in enumerate(scene_ids)}
         return cls(
@@ -135,6 +135,6 @@ class Part:
         )
 
     def name_scenes(self, rows: Rows, wrong: Bools) -> list[str]:
-        """Return the ids of the scenes that have a row at fault, each once, in their order."""
+        """Return the ids of the scenes with faulty rows, each once, in order."""
         numbers = np.unique(rows.scene[wrong & (rows.scene != NULL)])
         return [self.scene_ids[number] for number in numbers]

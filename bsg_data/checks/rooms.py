@@ -1,4 +1,4 @@
-"""Check boxes, footprints and storeys of rooms, and what scenes say of geometry."""
+"""Check boxes, footprints and storeys of rooms, and the geometry columns of scenes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _AXES = ("x", "y", "z", "-x", "-y", "-z")
 
 
 def check_rooms(part: Part) -> Iterator[Fault]:
-    """Check the rooms of a part, and the scenes beside them."""
+    """Check the rooms of a part, and the geometry columns of its scenes."""
     rooms = part.rooms
     points = read_points(rooms, *WHOLES[:2])
     for row in np.flatnonzero(_are_impossible(rooms, points)):
@@ -32,7 +32,7 @@ def _are_impossible(rooms: Rows, points: dict[str, Floats]) -> Bools:
     wrong |= are_partial(centre) | are_partial(low, high)
     wrong |= ~np.isnan(low[:, 0]) & np.isnan(centre[:, 0])
     wrong |= (storey < 0) | (area <= 0)
-    with np.errstate(invalid="ignore"):  # what is infinite is found above
+    with np.errstate(invalid="ignore"):  # infinite values are found above
         wrong |= (low > high).any(axis=1)
         wrong |= (np.abs(centre - (low + high) / 2) > ROUNDING).any(axis=1)
     drawn = np.flatnonzero(rooms.is_valid("footprint"))
@@ -43,9 +43,9 @@ def _are_impossible(rooms: Rows, points: dict[str, Floats]) -> Bools:
 
 
 def _fills(footprint: Floats, box: Floats) -> bool:
-    """Say whether a footprint is a polygon that fills a box `[4]` from above, or any without one.
+    """Say whether a footprint is a polygon that fills a box `[4]` from above.
 
-    A room without a box may have a footprint, too; and a room with a box may have none.
+    Without a box any polygon is right. A room with a box may have no footprint.
     """
     if len(footprint) < 6 or len(footprint) % 2 or not np.isfinite(footprint).all():
         return False
@@ -55,7 +55,7 @@ def _fills(footprint: Floats, box: Floats) -> bool:
 
 
 def _check_scenes(part: Part, has_centre: Bools) -> Iterator[Fault]:
-    """Check what scenes say of geometry; `has_centre` `[R]` is of the rooms."""
+    """Check the geometry columns of scenes; `has_centre` `[R]` belongs to the rooms."""
     scenes, rooms, objects = part.scenes, part.rooms, part.objects
     axis = scenes.words("up_axis")
     for row in np.flatnonzero(axis.look_up(lambda name: name not in _AXES, null=False)):
@@ -65,4 +65,4 @@ def _check_scenes(part: Part, has_centre: Bools) -> Iterator[Fault]:
     placed[objects.scene[~np.isnan(objects.numbers("centroid_x"))]] = True
     for row in np.flatnonzero(placed != scenes.flags("has_geometry")):
         scene = part.scene_ids[row]
-        yield Fault("scenes", f"{scene}: has_geometry is not what rooms and objects say")
+        yield Fault("scenes", f"{scene}: has_geometry does not agree with rooms and objects")

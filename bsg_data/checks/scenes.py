@@ -1,4 +1,4 @@
-"""Check that the tables of a part hold the same scenes, each with as many rows as it says."""
+"""Check that the tables of a part hold the same scenes, with the stated numbers of rows."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from bsg_data.checks.part import NULL, Part, Rows
 
 
 def check_scenes(part: Part) -> Iterator[Fault]:
-    """Check the order of the rows, their numbers, and the counts that scenes state."""
+    """Check the order and the numbering of the rows, and the counts that scenes state."""
     for name in ("rooms", "objects", "edges"):
         scene = getattr(part, name).scene
         if (scene == NULL).any() or (np.diff(scene) < 0).any():
-            yield Fault(name, f"part {part.number} has rows of other scenes, or not in their order")
+            yield Fault(name, f"part {part.number} has rows of other scenes, or in another order")
     classified = ~np.isnan(part.objects.numbers("class_index"))
     for column, scene in (
         ("num_rooms", part.rooms.scene),
@@ -26,7 +26,7 @@ def check_scenes(part: Part) -> Iterator[Fault]:
         counted = count_rows(scene, scenes=len(part.scenes))
         stated = part.scenes.integers(column)
         for row in np.flatnonzero(stated != counted):
-            found = f"{column} is {stated[row]}, {counted[row]} are there"
+            found = f"{column}: expected {counted[row]}, found {stated[row]}"
             yield Fault("scenes", f"{part.scene_ids[row]}: {found}")
     rooms, region = part.rooms, part.rooms.integers("region_id")
     falls = region < 0
@@ -41,12 +41,12 @@ def check_scenes(part: Part) -> Iterator[Fault]:
 
 
 def count_rows(scene: Ints, *, scenes: int) -> Ints:
-    """Return how many rows each of some scenes has, `[scenes]`, from the scene of every row."""
+    """Return the number of rows of each scene, `[scenes]`, from the scene of every row."""
     return np.bincount(scene[scene != NULL], minlength=scenes)
 
 
 def _number_rows(scene: Ints, *, scenes: int) -> Ints:
-    """Return the place of every row among those of its scene, from 1, wherever they stand."""
+    """Return the number of every row within its scene, from 1, in any order of rows."""
     order = np.argsort(scene, kind="stable")
     first = np.searchsorted(scene[order], np.arange(NULL, scenes))
     places = np.empty(len(scene), dtype=np.int64)
@@ -55,9 +55,9 @@ def _number_rows(scene: Ints, *, scenes: int) -> Ints:
 
 
 def repeats(scene: Ints, *keys: Ints) -> Bools:
-    """Say of every row whether one before it has the same scene and the same keys, `[n]`."""
+    """Say for every row whether an earlier row has the same scene and keys, `[n]`."""
     columns = (*keys, scene)
-    order = np.lexsort(columns)  # stable: the first of those that are alike comes first
+    order = np.lexsort(columns)  # stable: equal rows keep their order
     alike = np.ones(max(len(scene) - 1, 0), dtype=bool)
     for column in columns:
         alike &= np.diff(column[order]) == 0

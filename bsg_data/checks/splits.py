@@ -1,4 +1,4 @@
-"""Check that splits do not leak, and are those that their recipe makes."""
+"""Check that splits do not leak, and that they follow from their recipe."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from bsg_data.scene.scene_id import building_hash
 
 
 def check_splits(splits: pa.Table, census: Census, recipe: SplitRecipe) -> Iterator[Fault]:
-    """Check that every building is in exactly one split, the one that the recipe says."""
+    """Check that every building is in exactly one split, the split of the recipe."""
     scenes, names = splits["scene_id"].to_pylist(), splits["split"].to_pylist()
     for scene, times in sorted(Counter(scenes).items()):
         if times > 1:
@@ -35,6 +35,4 @@ def check_splits(splits: pa.Table, census: Census, recipe: SplitRecipe) -> Itera
         return
     for scene, split in zip(scenes, names, strict=True):
         if by_recipe.get(scene, split) != split:
-            yield Fault(
-                "splits", f"{scene} is in {split}, by the recipe it is in {by_recipe[scene]}"
-            )
+            yield Fault("splits", f"{scene}: expected split {by_recipe[scene]}, found {split}")

@@ -1,16 +1,18 @@
-"""The share of a room's objects that a robot has not seen: how sure it is, and how it estimates it.
+"""Estimate the hidden share of a room, and say how certain it is.
 
-A robot seldom knows this share. It can say how sure it is: a mean and a standard deviation, which
-stand for the Beta distribution with these moments. With ν = m (1 − m) / sd² − 1,
+The hidden share is the share of a room's objects that the robot has not seen. A robot seldom knows
+it exactly, so it gives a mean m and a standard deviation sd. They stand for the Beta distribution
+with these moments. With ν = m (1 − m) / sd² − 1,
 
     S ~ Beta(a, b)      a = ν m,  b = ν (1 − m)
 
-A Beta lies between 0 and 1, is uniform at m = 1/2 and sd = 1/√12, and is what remains of a vague
-belief after objects were counted as seen and unseen. docs/hidden-share.md says what to say.
+A Beta distribution lies between 0 and 1 and is uniform at m = 1/2 and sd = 1/√12. It is also the
+posterior of a vague belief after counting objects as seen and unseen. docs/hidden-share.md says
+what a robot should report.
 
-What a robot does know is how much of the floor and of the walls its camera had in view, or how long
-it was inside. `CURVES` says what share of the objects a camera has seen by then, measured by
-`scripts/fit/hidden_share.py`.
+A robot does know how much of the floor and the walls its camera had in view, or how long it was
+inside. `CURVES` maps these to the share of the objects that a camera has seen by then.
+`scripts/fit/hidden_share.py` measured the curves.
 """
 
 from __future__ import annotations
@@ -25,17 +27,17 @@ import numpy as np
 from bsg_data.arrays import Floats
 from bsg_data.errors import RecipeError
 
-CERTAIN = 1e-6  # a standard deviation below it is none: no share is known that well
+CERTAIN = 1e-6  # a smaller standard deviation counts as 0: no share is known so exactly
 
 
 @dataclass(frozen=True, slots=True)
 class ShareBelief:
-    """What a robot believes of the share of a room's objects that it has not seen.
+    """A belief about the hidden share of a room: a mean and a standard deviation.
 
     Attributes:
-        mean: 0 where all was seen, 1 where nothing was.
-        sd: standard deviation of a Beta distribution; 0 for one that is sure. Its square is less
-            than mean · (1 − mean), so that a mean of 0 or 1 is sure.
+        mean: 0 if all objects were seen, 1 if none was.
+        sd: standard deviation of a Beta distribution; 0 if the share is certain. Its square is
+            less than mean · (1 − mean), so a mean of 0 or 1 is always certain.
 
     Raises:
         RecipeError: if no Beta distribution has these moments.
@@ -58,11 +60,11 @@ class ShareBelief:
                 f"standard deviation of a hidden share of {self.mean:g}: expected 0, or less than "
                 f"{most:.3g}, found {self.sd:g}"
             )
-        for name in ("mean", "sd"):  # numpy's numbers do as Python's, and are not JSON
+        for name in ("mean", "sd"):  # NumPy's numbers would pass, but JSON cannot encode them
             object.__setattr__(self, name, float(getattr(self, name)))
 
     def __str__(self) -> str:
-        """Say it as a person would.
+        """Return the mean in per cent, with ± the standard deviation.
 
         >>> str(ShareBelief(0.55, 0.2)), str(ShareBelief(1.0))
         ('55% ± 20%', '100%')
@@ -71,7 +73,7 @@ class ShareBelief:
 
     @property
     def is_certain(self) -> bool:
-        """Whether it is one number."""
+        """Whether the standard deviation is 0."""
         return self.sd < CERTAIN
 
     @property
@@ -85,17 +87,17 @@ class ShareBelief:
         return size * self.mean, size * (1 - self.mean)
 
 
-VAGUE = ShareBelief(0.5, 0.288)  # nearly uniform: any share is as likely as any other
+VAGUE = ShareBelief(0.5, 0.288)  # nearly uniform: all shares are about equally likely
 
 
 class Sight(NamedTuple):
-    """What a robot knows of its look at a room; numbers, or arrays of them.
+    """How a robot has looked at a room; each field is a number or an array.
 
     Attributes:
-        floor_in_view: share of the floor that its camera had in view, as its map shows it.
-        walls_in_view: share of the walls, seen from above, likewise.
-        seconds_inside: how long it looked.
-        floor_area: of the room, square metres.
+        floor_in_view: share of the floor that the camera had in view, by the robot's map.
+        walls_in_view: share of the walls, seen from above, that the camera had in view.
+        seconds_inside: time that the robot spent in the room.
+        floor_area: floor area of the room, square metres.
     """
 
     floor_in_view: float | Floats = 0.0
@@ -105,12 +107,12 @@ class Sight(NamedTuple):
 
 
 class Curve(NamedTuple):
-    """What share of the objects is seen, by one kind of evidence.
+    """The share of the objects that was seen, as a function of one kind of evidence.
 
     Attributes:
-        seen: from constants and a sight the mean share of the objects that were seen.
-        constants: of it.
-        size: ν of the Beta distribution of the share, the same at every mean.
+        seen: returns the mean share of seen objects, from the constants and a sight.
+        constants: constants of the curve.
+        size: ν of the Beta distribution of the share; equal for all means.
     """
 
     seen: Callable[[Sequence[float], Sight], float | Floats]
@@ -130,12 +132,12 @@ def _by_walls(constants: Sequence[float], sight: Sight) -> float | Floats:
 
 def _by_seconds(constants: Sequence[float], sight: Sight) -> float | Floats:
     most, first, pace, growth = constants
-    looked = sight.seconds_inside + first  # the first glance counts as so many seconds
+    looked = sight.seconds_inside + first  # the first look counts as these seconds
     return most * -np.expm1(-looked / (pace * sight.floor_area**growth))
 
 
-# Made by scripts/fit/hidden_share.py from walks through ProcTHOR's rooms. Walls told nothing more
-# beside the floor.
+# Fitted by scripts/fit/hidden_share.py to walks through ProcTHOR's rooms. The walls added nothing
+# where the floor was known.
 CURVES: Mapping[str, Curve] = {
     "floor": Curve(_by_floor, (0.94, 0.21, 8.0), 5.4),
     "walls": Curve(_by_walls, (0.94, 0.30, 0.25), 4.4),
@@ -153,21 +155,24 @@ def estimate_hidden_share(
     walls_in_view: float | None = None,
     recall: float = 1.0,
 ) -> ShareBelief:
-    """Return what a robot can believe of a room's hidden share, from how it looked at the room.
+    """Estimate the hidden share of a room from how the robot looked at it.
 
-    The floor counts before the walls, and the walls before the time. Without any of them a room
-    that was visited hides anything (`VAGUE`), and one that was not hides all.
+    If several values are given, the floor counts before the walls, and the walls before the time.
+    Without any, a visited room gets `VAGUE`, and a room that was not visited hides everything.
 
     Args:
         visited: whether the robot was inside.
-        seconds_inside: how long it looked about there, walking half a metre a second.
-        floor_area: of the room, square metres; only the time needs it.
-        floor_in_view: share of the floor that its camera had in view.
-        walls_in_view: share of the walls, seen from above, that its camera had in view.
+        seconds_inside: time that it spent in the room, moving at half a metre per second.
+        floor_area: floor area of the room, square metres; used only with `seconds_inside`.
+        floor_in_view: share of the floor that the camera had in view.
+        walls_in_view: share of the walls, seen from above, that the camera had in view.
         recall: share of the objects in view that the robot's detector reports.
 
+    Returns:
+        Mean and standard deviation of the hidden share.
+
     Raises:
-        RecipeError: if one of them cannot be.
+        RecipeError: if a value is impossible.
 
     Example:
         >>> share = estimate_hidden_share(floor_in_view=0.6)
@@ -180,7 +185,7 @@ def estimate_hidden_share(
     _check("floor_area", floor_area, most=math.inf)
     _check("recall", recall, most=1.0)
     if seconds_inside and not visited:
-        raise RecipeError("seconds_inside: a room that was not visited has none")
+        raise RecipeError("seconds_inside: expected none for a room that was not visited")
     if floor_in_view is not None:
         kind, sight = "floor", Sight(floor_in_view=floor_in_view)
     elif walls_in_view is not None:
@@ -200,6 +205,6 @@ def estimate_hidden_share(
 
 
 def _check(name: str, value: float | None, *, most: float) -> None:
-    """Check that a number is known not to be, or 0 to `most`."""
+    """Refuse a number that is neither None nor 0 to `most`."""
     if value is not None and not 0 <= value <= most:
         raise RecipeError(f"{name}: expected 0 to {most:g}, found {value:g}")

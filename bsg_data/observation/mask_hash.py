@@ -1,6 +1,7 @@
-"""The hash of masks: who has the same masks of the same buildings has the same hash.
+"""The hash of masks: two datasets with the same masks of the same buildings have the same hash.
 
-It is the sha256 of stored pairs in bytes that any language can make. Numbers are little-endian:
+It is the sha256 of the stored pairs in a byte layout that any language can write. Numbers are
+little-endian:
 
     "bsg-masks-1", line feed; the name of each class in UTF-8, a line feed after each; line feed
     for each scene, in the order of the UTF-8 bytes of its id:
@@ -9,7 +10,7 @@ It is the sha256 of stored pairs in bytes that any language can make. Numbers ar
             draw int32, node_index int32, hidden_share float32, visited uint8,
             withheld uint8 [C], input int32 [C], target int32 [C]
 
-It does not depend on files, compression, the order of rows or the split that a building is in.
+It does not depend on files, compression, the order of rows, or the splits of the buildings.
 """
 
 from __future__ import annotations
@@ -38,12 +39,15 @@ _FORM = b"bsg-masks-1\n"
 
 
 def hash_splits(data: Dataset) -> dict[str, str]:
-    """Return the hash of the masks of every split that has pairs, and of `all` of them together.
+    """Return split → hash of its masks, for every split with pairs and for `all` of them together.
 
-    Each file is read once, and one of each split is held at a time.
+    Each file is read once. Memory holds one file of each split at a time.
+
+    Args:
+        data: an open dataset.
 
     Raises:
-        DatasetError: if a file of pairs is missing, not readable or not in order.
+        DatasetError: if a file of pairs is missing, unreadable or not in order.
     """
     names = sorted({split_of_file(entry.path) for entry in data.manifest.files_of("pairs")})
     if not names:
@@ -56,14 +60,14 @@ def hash_splits(data: Dataset) -> dict[str, str]:
 
 
 def hash_masks(data: Dataset, splits: Sequence[str]) -> str:
-    """Return the sha256 of the stored pairs of some splits together, in hexadecimal digits.
+    """Return the hash of the masks of some splits together, in hexadecimal digits.
 
     Args:
         data: an open dataset.
         splits: names of stored splits or folds, one or more.
 
     Raises:
-        DatasetError: if one of them has no pairs, or they are not readable or not in order.
+        DatasetError: if a split has no pairs, or its pairs are unreadable or not in order.
     """
     found = _begin(data)
     for _, _, packed in _merge(data, splits):
@@ -77,7 +81,7 @@ def _begin(data: Dataset) -> hashlib._Hash:
 
 
 def _merge(data: Dataset, splits: Sequence[str]) -> Iterator[tuple[bytes, str, bytes]]:
-    """Yield the pairs of some splits, by scenes in their order: scene, split, what is hashed."""
+    """Yield (scene, split, bytes to hash) of some splits, in the order of the scenes."""
     return heapq.merge(*(_pack_scenes(data, name) for name in splits), key=lambda one: one[0])
 
 
@@ -91,8 +95,8 @@ def _pack_scenes(data: Dataset, split: str) -> Iterator[tuple[bytes, str, bytes]
             scene, rows = bytes(scenes[first]), packed[first:end]
             if scene < last:
                 raise DatasetError(
-                    f"{data.path}: the pairs of {split} are not in the order of their scenes, at "
-                    f"{scene.decode()}; `bsg-data pairs --force` writes them again"
+                    f"{data.path}: the pairs of {split} are not sorted by scene, at "
+                    f"{scene.decode()}; write them again with `bsg-data pairs --force`"
                 )
             head = b"" if scene == last else scene + b"\0"  # a scene of many pairs comes in pieces
             last = scene
@@ -100,7 +104,7 @@ def _pack_scenes(data: Dataset, split: str) -> Iterator[tuple[bytes, str, bytes]
 
 
 def _pack(table: pa.Table, data: Dataset) -> tuple[npt.NDArray[np.bytes_], npt.NDArray[np.void]]:
-    """Return the scene id of every pair as bytes, and the pair as the record that is hashed."""
+    """Return the scene id of every pair as bytes, and the record to hash."""
     classes = len(data.manifest.class_space.classes)
     record = np.dtype(
         [

@@ -1,9 +1,9 @@
-"""Masked buildings: what a robot would have seen, beside what is there.
+"""Masked buildings: what a robot would have seen, with the true histograms.
 
-They are sampled from the objects of a dataset, or read from its stored pairs. Stored pairs hold
-the masked histograms of the classes and the view. What such a mask leaves of the objects outside
-the classes is not stored: it follows from the same recipe, and is sampled for a model that reads
-such objects. Pairs of format 1 hold of the view which rooms were visited, and nothing else.
+They are sampled from the objects of a dataset, or read from its stored pairs. Stored pairs hold the
+masked histograms and the view. They do not hold the objects outside the classes. For a model that
+reads such objects, these are sampled again by the same recipe. Pairs of format 1 say only which
+rooms were visited.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ from bsg_data.observation.view import View
 from bsg_data.recipes import MaskRecipe, PairsRecipe
 from bsg_data.scene.parts import find_wholes, load_parts
 
-BATCH = 256  # buildings that are held at a time
+BATCH = 256  # buildings in memory at a time
 
 
 @dataclass(frozen=True, eq=False)
 class MaskedBuildings:
-    """Buildings under masks, with the truth.
+    """Buildings under masks, with their true histograms.
 
     Attributes:
-        seen: what the masks leave of B buildings.
-        targets: `[N, C]` histograms of what is there.
+        seen: what the masks show of B buildings.
+        targets: `[N, C]` true histograms.
         draws: `[B]` number of each mask.
     """
 
@@ -53,16 +53,16 @@ class MaskedBuildings:
 
     @property
     def hidden(self) -> Counts:
-        """Hidden counts, `[N, C]`."""
+        """Hidden counts, target − input, `[N, C]`."""
         return self.targets - self.seen.inputs
 
     def batches(self, size: int) -> Iterator[MaskedBuildings]:
-        """Yield the buildings in order, some at a time."""
+        """Yield the buildings in order, `size` at a time."""
         for first in range(0, len(self), size):
             yield self.take(range(first, min(first + size, len(self))))
 
     def take(self, buildings: Sequence[int] | Ints) -> MaskedBuildings:
-        """Return some of the buildings, in the order that is asked for."""
+        """Return the buildings with these numbers, in this order."""
         chosen = np.asarray(buildings, dtype=np.int64)
         seen = self.seen.take(chosen)
         rows, _ = self.seen.rows_of(chosen)
@@ -70,7 +70,7 @@ class MaskedBuildings:
 
 
 def stack_masked(parts: Sequence[MaskedBuildings]) -> MaskedBuildings:
-    """Return several records as one of all their buildings, in order."""
+    """Return one record with the buildings of several, in order."""
     return MaskedBuildings(
         stack([part.seen for part in parts]),
         np.concatenate([part.targets for part in parts]),
@@ -110,7 +110,7 @@ def sample_each(
     draw: int,
     vocabulary: tuple[str, ...] = (),
 ) -> MaskedBuildings:
-    """Sample mask number `draw` of some buildings, each by a recipe of its own."""
+    """Sample mask number `draw` of some buildings, each by its own recipe."""
     return MaskedBuildings(
         stack(
             [
@@ -133,7 +133,7 @@ def stream_sampled(
     vocabulary: tuple[str, ...] = (),
     size: int = BATCH,
 ) -> Iterator[MaskedBuildings]:
-    """Yield what `sample_masked` returns, some buildings at a time, in their order.
+    """Yield masked buildings as `sample_masked` does, `size` at a time, in order.
 
     Args:
         data: an open dataset.
@@ -170,13 +170,13 @@ def stream_masked(
     """
     recipe = data.manifest.pairs
     if recipe is None:
-        raise DatasetError(f"{data.path}: has no pairs; run `bsg-data pairs` first")
+        raise DatasetError(f"{data.path}: has no pairs; run `bsg-data pairs {data.path}` first")
     for table in stream_pairs(data.path, split, manifest=data.manifest, shuffle=shuffle):
         yield _read_table(data, table, recipe, vocabulary)
 
 
 def read_masked(data: Dataset, split: str, *, vocabulary: tuple[str, ...] = ()) -> MaskedBuildings:
-    """Read the stored pairs of one split or fold; from memory if they were read before.
+    """Read the stored pairs of one split or fold; a repeated call returns the same arrays.
 
     Raises:
         DatasetError: if there are none.
@@ -226,12 +226,12 @@ def _read_table(
 
 
 def _require_whole(data: Dataset, nodes: Ints, starts: Ints, scenes: list[str]) -> None:
-    """See that every masked building has a row of each node of its scene, in their order.
+    """Check that every masked building has one row for each node of its scene, in order.
 
     Raises:
-        DatasetError: naming the first scene that has not.
+        DatasetError: naming the first scene without them.
     """
-    remedy = "`bsg-data check` says more, `bsg-data pairs --force` makes them anew"
+    remedy = "run `bsg-data check` for details, `bsg-data pairs --force` to write them again"
     if len(nodes) and nodes[0] != 0:
         raise DatasetError(
             f"{data.path}: pairs begin within a building, at node {nodes[0]}; {remedy}"
@@ -240,7 +240,7 @@ def _require_whole(data: Dataset, nodes: Ints, starts: Ints, scenes: list[str]) 
         size = len(data.cells(scene))
         if not np.array_equal(nodes[start:end], np.arange(size)):
             raise DatasetError(
-                f"{data.path}: the pairs of {scene} are not of its nodes 0 to {size - 1}; {remedy}"
+                f"{data.path}: the pairs of {scene} are not for its nodes 0 to {size - 1}; {remedy}"
             )
 
 
@@ -254,18 +254,18 @@ def see_others(
     *,
     vocabulary: tuple[str, ...],
 ) -> Counts:
-    """Return what a mask leaves of the objects outside the classes, `[N, V]` cells.
+    """Return the objects outside the classes that a mask shows, `[N, V]` cells.
 
-    All of them are masked, whatever the vocabulary, so that a mask does not depend on it.
+    All such objects are masked before the vocabulary selects some, so it does not change a mask.
 
     Args:
         data: an open dataset.
         scene: of it.
         mask: the recipe.
         draw: number of the mask.
-        view: of the mask, sampled or as pairs tell it.
+        view: view of the mask, sampled or read from pairs.
         hidden: `[N, C]` classified objects that the mask hides.
-        vocabulary: categories that are looked for.
+        vocabulary: categories to count.
     """
     if not vocabulary:
         return np.zeros((len(hidden), 0), dtype=np.int64)
@@ -276,7 +276,7 @@ def see_others(
         draw=draw,
         connections=data.connections(scene),
     )
-    if not sampled.agrees(view):  # another NumPy drew the pairs: what they tell holds
+    if not sampled.agrees(view):  # another version of NumPy drew the pairs: use their view
         sampled = replace(view, exact=sampled.exact)
     return _show_others(data, scene, mask, draw, sampled, hidden, vocabulary)
 
@@ -290,7 +290,7 @@ def _show_others(
     hidden: Counts,
     vocabulary: tuple[str, ...],
 ) -> Counts:
-    """Return what a mask leaves of the objects outside the classes, under a view as sampled."""
+    """Return the objects outside the classes that a mask shows under a sampled view."""
     if not vocabulary:
         return np.zeros((len(hidden), 0), dtype=np.int64)
     others = data.others(scene)
@@ -317,7 +317,7 @@ def _see_others_of_format_1(
     *,
     vocabulary: tuple[str, ...],
 ) -> Counts:
-    """Return what a mask of format 1 leaves of the objects outside the classes, `[N, V]` cells."""
+    """Return the objects outside the classes that a mask of format 1 shows, `[N, V]` cells."""
     if not vocabulary:
         return np.zeros((len(hidden), 0), dtype=np.int64)
     others = data.others(scene)
@@ -365,7 +365,7 @@ def _observe(
 def vary_fractions(
     mask: MaskRecipe, fractions: tuple[float, float] | None, draw: int, buildings: int
 ) -> list[MaskRecipe]:
-    """Return the mask of every building, in their order; fractions that vary are in hundredths."""
+    """Return one mask per building, in order; varying fractions are whole hundredths."""
     if fractions is None:
         return [mask] * buildings
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([mask.seed, draw])))

@@ -1,26 +1,26 @@
-"""Masks: what a robot has not seen yet, sampled at random (paper, section III-B).
+"""Masks: choose at random which objects a robot has not seen (paper, section III-B).
 
-A mask samples a `View`: where the robot was and which share of its objects each node hides. Then
-the view's shares are taken from the objects. A mask is not shown the objects, so that what it tells
-of them is true in the mean. Each mask is one row of `MASKS`:
+A mask first samples a `View`: which rooms the robot visited, and the hidden share of each node. It
+then hides these shares of the objects. The view is sampled without looking at the objects, so its
+shares are right in the mean. `MASKS` has one row for each mask:
 
-- `uniform`, the paper's: every room is half seen. ⌊fraction · n⌋ of the n classified objects are
-  hidden, uniformly without replacement.
-- `rooms`: that fraction of the rooms is not entered, the rest shows everything.
-- `frontier`: a connected set of rooms is entered. Half of what is hidden is rooms that were not
-  entered, the other half is hidden in those that were.
-- `explore`: what robots really have. Some rooms are searched, some half seen (each with a share of
-  its own), some glimpsed through a door, the rest not entered. All masks above are corners of it:
-  the same code with other values of `bsg_data.recipes.Exploration`, each written in its class.
-- `search`, moments of an object search: every room is half seen, then from none to half of the
-  rooms are searched. Its fraction is that of the rooms that were not.
-- `mixed`: each draw of each building is one of the five above, which are equally likely. What is
-  told says nothing of which: a model that is trained under it is for whatever a robot has seen.
+- `uniform`, the paper's mask: every room is partly seen. ⌊fraction · n⌋ of the n classified objects
+  are hidden, uniformly without replacement.
+- `rooms`: the fraction of the rooms is not entered; the other rooms show everything.
+- `frontier`: the robot enters a connected set of rooms. Half of the hidden objects are in rooms
+  that it did not enter, the other half in rooms that it entered.
+- `explore`: a realistic exploration. Some rooms are searched, some partly seen (each with its own
+  share), some glimpsed through a door, and the others not entered. The masks above are special
+  cases: they use the same code with other values of `bsg_data.recipes.Exploration`.
+- `search`: moments of an object search. Every room is partly seen, then none to half of the rooms
+  are searched. The fraction applies to the rooms that are not searched.
+- `mixed`: each draw of each building uses one of the five masks above, with equal probability. The
+  view does not say which. A model trained under it fits any way of exploring.
 
-Any of them may also withhold classes, and hide parts of things with the things (`MaskRecipe`).
+Each mask can also withhold classes, and hide parts of objects with the objects (`MaskRecipe`).
 
-Objects without a class are hidden apart, under the same view, so that a mask of the classified ones
-does not depend on them. A mask depends on (recipe, scene_id, draw) alone: never on order, workers
+Objects without a class are hidden separately, under the same view, so they do not change the mask
+of the classified objects. A mask depends only on (recipe, scene_id, draw): never on order, workers
 or other scenes.
 """
 
@@ -50,18 +50,18 @@ from bsg_data.recipes import Exploration, MaskRecipe
 from bsg_data.registry import Registry
 from bsg_data.scene.connections import Connections
 
-# A room that is glimpsed shows something; rooms that are half seen hide so much more that the
-# building hides the fraction. They give at most this part of what they show for it.
+# A glimpsed room shows something, so partly seen rooms hide more to keep the building's fraction.
+# They give up at most this part of what they show.
 GLIMPSES_OF_SHOWN = 0.5
 
 
 class Mask(ABC):
-    """A way in which a robot comes to have seen a part of a building.
+    """A way to choose what a robot has seen of a building.
 
     Attributes:
         summary: what it hides, in one line.
-        reads_connections: whether it asks which rooms connect.
-        is_fixed: whether it sees a building of some rooms in one way alone, whatever is drawn.
+        reads_connections: whether it uses the connections between rooms.
+        is_fixed: whether all draws give buildings with equally many rooms the same view.
     """
 
     summary: ClassVar[str]
@@ -77,23 +77,23 @@ class Mask(ABC):
         connections: Connections,
         rng: np.random.Generator,
     ) -> View:
-        """Sample how much the robot has seen of each node; `View.of_rooms` makes it of rooms.
+        """Sample how much the robot has seen of each node; see `View.of_rooms`.
 
         Args:
-            shape: (N, C), nodes and classes; node 0 is the building, the rest are its rooms.
-            recipe: of the mask.
-            connections: of the building's rooms; empty where none is known.
-            rng: of this building and draw.
+            shape: (N, C), nodes and classes; node 0 is the building, the others are its rooms.
+            recipe: recipe of the mask.
+            connections: connections between the rooms; empty if none is known.
+            rng: generator for this building and draw.
         """
 
 
 class Exploring(Mask):
-    """A robot that goes through a building as an `Exploration` says."""
+    """A mask of a robot that explores a building by an `Exploration`."""
 
     reads_connections = True
 
     def plan(self, recipe: MaskRecipe) -> Exploration:
-        """Return how it goes."""
+        """Return the exploration."""
         return recipe.exploration
 
     def look(
@@ -104,11 +104,12 @@ class Exploring(Mask):
         connections: Connections,
         rng: np.random.Generator,
     ) -> View:
-        """Sample which rooms are not entered, searched, half seen and glimpsed, and their shares.
+        """Sample which rooms are not entered, searched, partly seen or glimpsed, and their shares.
 
-        With x of what is hidden in rooms that are not entered, and y of what is shown in rooms that
-        are searched, R rooms are expected to be x·f·R not entered and y·(1 − f)·R searched ones.
-        The rest hides b = f·(1 − x) / (f·(1 − x) + (1 − f)·(1 − y)), which makes f in all.
+        Let x be the share of the hidden objects in rooms not entered, and y the share of the shown
+        objects in searched rooms. Of R rooms, x·f·R are then not entered and y·(1 − f)·R searched,
+        in the mean. The others hide b = f·(1 − x) / (f·(1 − x) + (1 − f)·(1 − y)), which gives f in
+        all.
         """
         plan, fraction = self.plan(recipe), recipe.fraction
         number = shape[0] - 1
@@ -140,18 +141,18 @@ class Exploring(Mask):
 
 
 class ExploreMask(Exploring):
-    """Search some rooms, see some by half, glimpse some, and enter no others."""
+    """Search some rooms, see some partly, glimpse some, and enter no others."""
 
     summary = "what robots really have: rooms searched, half seen, glimpsed or not entered"
 
 
 class Corner(Exploring):
-    """An exploration whose values are fixed."""
+    """An exploration with fixed values."""
 
     exploration: ClassVar[Exploration]
 
     def plan(self, recipe: MaskRecipe) -> Exploration:
-        """Return the values of the corner."""
+        """Return the fixed values."""
         return self.exploration
 
 
@@ -167,7 +168,7 @@ class UniformMask(Corner):
 
 
 class RoomsMask(Corner):
-    """Leave out rooms at random, and show all of the others."""
+    """Hide whole rooms at random, and show all objects of the others."""
 
     summary = "whole rooms at random; the others show everything"
     reads_connections = False
@@ -177,16 +178,16 @@ class RoomsMask(Corner):
 
 
 class FrontierMask(Corner):
-    """Visit a connected set of rooms, and hide objects in these rooms, too."""
+    """Visit a connected set of rooms, and also hide objects in these rooms."""
 
     summary = "rooms beyond a connected set of visited ones, and objects in these"
     exploration = Exploration(not_entered=(0.5, 0.5), searched=(0, 0), glimpsed=0, spread=0)
 
 
 class SearchMask(Mask):
-    """Half see every room, then search from none to half of them, each number as likely.
+    """See every room partly, then search none to half of them, each number equally likely.
 
-    A building that was searched has nothing left to teach, hence half.
+    At most half, because a building that is fully searched has nothing left to predict.
     """
 
     summary = "moments of a search: every room is half seen, then up to half are searched"
@@ -214,7 +215,7 @@ class SearchMask(Mask):
 
 
 class MixedMask(Mask):
-    """See each building as one of several other masks would, each as likely."""
+    """See each building under one of several other masks, all equally likely."""
 
     summary = "each draw one of uniform, rooms, frontier, explore and search, equally likely"
     reads_connections = True
@@ -230,8 +231,9 @@ class MixedMask(Mask):
     ) -> View:
         """Choose a mask, and sample its view.
 
-        Each of them tells the truth in the mean, and which one it is does not ask for the objects:
-        so does the mixture. Its building hides the fraction less what `search` shows of it.
+        The shares of each mask are right in the mean, and the choice does not look at the objects.
+        So the shares of the mixture are right, too. The building hides the fraction, less what
+        `search` shows.
         """
         chosen = MASKS[self.parts[int(rng.integers(len(self.parts)))]]
         return chosen.look(shape, recipe, connections=connections, rng=rng)
@@ -266,13 +268,13 @@ def sample_view(
 
     Args:
         shape: (N, C), nodes of interest and classes.
-        recipe: of the mask.
-        scene_id: of the building.
+        recipe: recipe of the mask.
+        scene_id: id of the building.
         draw: number of the draw.
-        connections: between the rooms; None where none is known.
+        connections: connections between the rooms; None if none is known.
 
     Raises:
-        RecipeError: if nobody knows the strategy.
+        RecipeError: if the strategy is unknown.
     """
     (view,) = sample_views(shape, recipe, scene_id=scene_id, draws=(draw,), connections=connections)
     return view
@@ -286,9 +288,9 @@ def sample_views(
     draws: Sequence[int],
     connections: Connections | None = None,
 ) -> Iterator[View]:
-    """Yield what `sample_view` returns for each of some draws, in less time.
+    """Yield the view of `sample_view` for each of several draws, but faster.
 
-    A mask that sees every building in one way yields the same object again and again.
+    A mask with `is_fixed` yields the same object for every draw.
     """
     known = connections if connections is not None else Connections.of_pairs(())
     mask = MASKS[recipe.strategy]
@@ -307,7 +309,7 @@ def sample_views(
 
 
 def sample_withheld(recipe: MaskRecipe, *, scene_id: str, draw: int, classes: int) -> Bools:
-    """Sample which classes a mask withholds, `[C]`."""
+    """Sample which of the classes a mask withholds, `[C]`."""
     rng = mask_generator(recipe, scene_id=scene_id, draw=draw, stream="withheld")
     return rng.random(classes) < recipe.withhold
 
@@ -325,14 +327,14 @@ def sample_hidden(
 
     Args:
         cells: `[1 + R, K]` objects per room and kind, classified or not; row 0 the null region.
-        view: from `sample_view`.
-        recipe: of the mask.
-        scene_id: of the building.
+        view: the view from `sample_view`.
+        recipe: recipe of the mask.
+        scene_id: id of the building.
         draw: number of the draw.
-        stream: which objects these are; each kind has a generator of its own.
+        stream: kind of the objects; each kind has its own generator.
 
     Returns:
-        `[1 + R, K]`, nowhere above `cells`.
+        Hidden counts `[1 + R, K]`, never above `cells`.
     """
     rng = mask_generator(recipe, scene_id=scene_id, draw=draw, stream=stream)
     hidden = Hiding.under(view, cells).draw(rng)
@@ -347,7 +349,7 @@ def sample_hidden_draws(
     scene_id: str,
     draws: Sequence[int],
 ) -> Counts:
-    """Sample what `sample_hidden` does of classified objects for some draws, in less time.
+    """Sample hidden classified objects as `sample_hidden` does, for several draws, but faster.
 
     Args:
         cells: `[1 + R, C]` classified objects, row 0 the null region.

@@ -1,7 +1,7 @@
-"""What a robot has seen, as arrays: the one form that every model reads.
+"""What a robot has seen, as arrays: the input of every model.
 
-A robot's own graph, a masked building and a moment of a search all end here. An observation is of
-one building or of several: the rows of a building are together, the building's own row first.
+A robot's own graph, a masked building and a moment of a search all become observations. An
+observation has one building or several. The rows of a building are consecutive, its own row first.
 """
 
 from __future__ import annotations
@@ -27,21 +27,20 @@ def _say_nothing() -> Surroundings:
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """What is seen of B buildings, with N nodes of interest in all and C classes.
+    """What was seen of B buildings, with N nodes of interest in all and C classes.
 
     Attributes:
-        scene_ids: `[B]`; one building may be there several times.
+        scene_ids: `[B]` ids; a building may occur several times.
         starts: `[B + 1]` row of each building's first node, and N.
         inputs: `[N, C]` histograms of what was seen, E′ × O′.
-        hidden_share: `[N]` share of its objects that a node hides, as far as the robot knows.
-        visited: `[N]` where the robot was; it is in the building.
-        withheld: `[N, C]` where a class is left out of what was seen, so that the node hides all of
-            it whatever its share.
+        hidden_share: `[N]` hidden share of each node, as far as the robot knows.
+        visited: `[N]` whether the robot was there; always true for the building.
+        withheld: `[N, C]` whether a class is withheld at a node: then all of it is hidden there,
+            whatever the hidden share.
         vocabulary: `[V]` categories outside the classes.
-        others: `[N, V]` objects that were seen outside the classes, by the vocabulary.
-        connections: between rooms, by rows.
-        surroundings: what is known of nodes and buildings besides objects; if it is not given,
-            nothing is.
+        others: `[N, V]` seen objects outside the classes, by the vocabulary.
+        connections: connections between rooms, by rows.
+        surroundings: what is known of nodes and buildings besides objects; by default nothing.
     """
 
     scene_ids: tuple[str, ...]
@@ -56,10 +55,10 @@ class Observation:
     surroundings: Surroundings = field(default_factory=_say_nothing)
 
     def __post_init__(self) -> None:
-        """Say that nothing is known of the surroundings, where a maker says nothing.
+        """Set unknown surroundings if none are given.
 
         Raises:
-            ValueError: if they are of other nodes or buildings.
+            ValueError: if the surroundings have another number of nodes or buildings.
         """
         found, size = self.surroundings, (len(self.inputs), len(self.scene_ids))
         if (len(found), len(found.sources)) == size:
@@ -78,7 +77,7 @@ class Observation:
 
     @cached_property
     def is_building(self) -> Bools:
-        """Which nodes are buildings, `[N]`."""
+        """Whether each node is a building, `[N]`."""
         marks = np.zeros(len(self.inputs), dtype=bool)
         marks[self.starts[:-1]] = True
         return marks
@@ -90,23 +89,22 @@ class Observation:
 
     @cached_property
     def looked_into(self) -> Bools:
-        """Nodes of which anything could be seen, `[N]`: visited or glimpsed through a door."""
+        """Whether the robot saw anything of each node, `[N]`: visited, or glimpsed by a door."""
         return self.hidden_share < 1
 
     @cached_property
     def cell_share(self) -> Floats:
-        """Share of its objects of each class that a node hides, `[N, C]`.
+        """Hidden share by node and class, `[N, C]`.
 
-        That of the node, and 1 where the class is withheld: a search is told nothing of its
-        artifact.
+        It is the hidden share of the node, and 1 for a withheld class, such as a search's artifact.
         """
         return np.where(self.withheld, 1.0, self.hidden_share[:, None].astype(np.float64))
 
     def take(self, buildings: Sequence[int] | Ints) -> Observation:
-        """Return some of the buildings, in the order that is asked for.
+        """Return the buildings with these numbers, in this order.
 
         Raises:
-            IndexError: if there is no such building, or none is asked for.
+            IndexError: if a number is out of range, or none is given.
         """
         numbers = np.array([operator.index(number) for number in buildings], dtype=np.int64)
         if not len(numbers) or numbers.min() < 0 or numbers.max() >= len(self):
@@ -128,18 +126,18 @@ class Observation:
         )
 
     def rows_of(self, buildings: Ints) -> tuple[Ints, Ints]:
-        """Return the rows of some buildings one after another, and where each then starts.
+        """Return the rows of some buildings, and where each building starts among them.
 
         Args:
-            buildings: `[M]` numbers of them, in any order.
+            buildings: `[M]` numbers, in any order.
 
         Returns:
-            rows `[K]` and starts `[M + 1]`, of which the last is K.
+            Rows `[K]` and starts `[M + 1]`; the last start is K.
         """
         return _spread_rows(self.starts, buildings)
 
     def _take_connections(self, buildings: Ints, starts: Ints) -> Connections:
-        """Return the connections of some buildings whose nodes now start elsewhere."""
+        """Return the connections of some buildings, renumbered for new starts."""
         if not len(self.connections):
             return self.connections
         rows, ends = _spread_rows(self._connection_starts, buildings)
@@ -148,28 +146,31 @@ class Observation:
         return Connections(taken.pairs + moved[:, None], taken.methods, taken.lengths)
 
     def without(self, *evidence: str) -> Observation:
-        """Return the same where some of the surroundings are unknown: any of `EVIDENCE`.
+        """Return a copy with some surroundings unknown.
+
+        Args:
+            evidence: names of `EVIDENCE`.
 
         Raises:
-            RecipeError: if there is no such evidence.
+            RecipeError: if a name is unknown.
         """
         return replace(self, surroundings=self.surroundings.without(*evidence))
 
     def connections_of(self, number: int) -> Connections:
-        """Return the connections of one building, by its own nodes."""
+        """Return the connections of one building, by its own node indices."""
         first, last = self._connection_starts[number : number + 2].tolist()
         own = self.connections.take(np.s_[first:last])
         return Connections(own.pairs - self.starts[number], own.methods, own.lengths)
 
     @cached_property
     def _connection_starts(self) -> Ints:
-        """Row of the first connection of each building, which are together, `[B + 1]`."""
+        """Row of the first connection of each building, `[B + 1]`."""
         of_building = self.building[self.connections.pairs[:, 0]]
         return np.searchsorted(of_building, np.arange(len(self) + 1))
 
 
 def _spread_rows(starts: Ints, numbers: Ints) -> tuple[Ints, Ints]:
-    """Return the rows of some blocks one after another `[K]`, and where each starts `[M + 1]`."""
+    """Return the rows `[K]` of some blocks in order, and where each block starts `[M + 1]`."""
     sizes = starts[numbers + 1] - starts[numbers]
     ends = np.concatenate([[0], np.cumsum(sizes)])
     moved = np.repeat(starts[numbers] - ends[:-1], sizes)
@@ -186,16 +187,16 @@ def observe_view(
     connections: Connections,
     surroundings: Surroundings | None = None,
 ) -> Observation:
-    """Return what is seen of one building under a view.
+    """Return the observation of one building under a view.
 
     Args:
-        scene_id: of the building.
-        view: how much of it was seen.
-        seen: `[N, C]` cells of what was seen, row 0 the null region.
+        scene_id: id of the building.
+        view: how much was seen of each node.
+        seen: `[N, C]` cells of the seen objects, row 0 the null region.
         vocabulary: `[V]` categories outside the classes.
-        others: `[N, V]` cells of what was seen of them.
-        connections: between the rooms.
-        surroundings: of the building; None where nothing is known.
+        others: `[N, V]` cells of the seen objects of these categories.
+        connections: connections between the rooms.
+        surroundings: surroundings of the building; None if nothing is known.
     """
     return Observation(
         scene_ids=(scene_id,),
@@ -214,13 +215,13 @@ def observe_view(
 
 
 def stack(observations: Sequence[Observation]) -> Observation:
-    """Return several observations, of one vocabulary, as one of all their buildings, in order.
+    """Return one observation with the buildings of several, in order.
 
     Raises:
-        ValueError: if there is none, or they are of different vocabularies.
+        ValueError: if there is none, or their vocabularies differ.
     """
     if len({one.vocabulary for one in observations}) != 1:
-        raise ValueError("observations of one vocabulary are stacked, and of one building or more")
+        raise ValueError("expected one or more observations of the same vocabulary")
     sizes = np.concatenate([np.diff(one.starts) for one in observations])
     offsets = np.cumsum([0, *(len(one.inputs) for one in observations)])[:-1]
     return Observation(

@@ -1,4 +1,4 @@
-"""Masked pairs: what the robot saw (input) beside what is there (target), per node of interest."""
+"""Pairs: the histogram that a mask leaves (input) and the true one (target), for each node."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _MOST = np.iinfo(np.uint16).max
 
 
 def fits_pairs(cells: Counts) -> bool:
-    """Say whether the pairs of a building can be stored: at most 65,535 objects of each class.
+    """Say whether the pairs of a building can be stored: at most 65,535 objects per class.
 
     Args:
         cells: `[N, C]` classified objects.
@@ -54,17 +54,17 @@ def sample_pairs(
     connections: Connections | None = None,
     draws: range | None = None,
 ) -> tuple[tuple[View, ...], Counts]:
-    """Sample masks of one building.
+    """Sample the masks of one building.
 
     Args:
         cells: `[N, C]` classified objects, row 0 the null region.
         recipe: the mask, and the number of draws.
-        scene_id: of the building.
-        connections: between the rooms; None where none is known.
-        draws: D numbers of masks; None for all of the recipe.
+        scene_id: id of the building.
+        connections: connections between the rooms; None if none is known.
+        draws: numbers of D draws; None: all draws of the recipe.
 
     Returns:
-        `[D]` views, and input histograms `[D, N, C]`, row 0 the building.
+        Views `[D]`, and input histograms `[D, N, C]`, row 0 the building.
     """
     numbers = range(recipe.draws) if draws is None else draws
     sampled = sample_views(
@@ -84,32 +84,32 @@ def write_pairs(
     progress: Callable[[int, int], None] | None = None,
     left_out: Callable[[str], None] | None = None,
 ) -> Manifest:
-    """Sample the masked pairs of every split and return the dataset's new manifest.
+    """Sample and write the pairs of every split, and return the new manifest.
 
-    A building whose counts do not fit the format (`fits_pairs`) gets none.
+    A building whose counts do not fit the format (`fits_pairs`) gets no pairs.
 
     Args:
-        dataset: a dataset that is split.
+        dataset: a dataset with a split.
         recipe: the mask and the number of draws.
-        force: replace pairs that are there.
-        executor: where files are written; None writes them one after another here.
+        force: replace existing pairs.
+        executor: writes files in parallel; None writes them one by one in this process.
         progress: called with (files done, files in all).
-        left_out: called with the id of every building that gets no pairs, in order.
+        left_out: called with the id of every building without pairs, in order.
 
     Raises:
-        DatasetError: if it is not split, has pairs and not `force`, or cannot be written.
-        RecipeError: if the masks are of version 1.
+        DatasetError: if the dataset has no split, has pairs and not `force`, or cannot be written.
+        RecipeError: if the recipe asks for masks of version 1.
     """
 
     def write(manifest: Manifest, folder: Path) -> Manifest:
         require_current(manifest, dataset)
         if recipe.masks == 1:
-            raise RecipeError("masks of version 1 are not drawn any more: expected masks 2")
+            raise RecipeError("masks: expected 2, found 1; masks of version 1 are only read")
         if manifest.pairs is not None and not force:
             raise DatasetError(f"{dataset}: has pairs already; --force replaces them")
         splits = read_splits(dataset, manifest=manifest)
-        places = dataset.absolute(), folder.absolute()  # who writes may stand in another folder
-        # Files of all splits by their scenes, so that those of the same parts follow one another.
+        places = dataset.absolute(), folder.absolute()  # a worker may run in another folder
+        # Sort the files of all splits by their scenes: files of the same parts become neighbours.
         plan = sorted(_plan(dataset, splits), key=lambda file: file[1][0])
         tasks = [(*places, path, scenes, recipe) for path, scenes in plan]
         written = list(run_all(_write_file, tasks, executor=executor, progress=progress))
@@ -122,7 +122,7 @@ def write_pairs(
 
 
 def read_pairs(dataset: Path, split: str, *, manifest: Manifest | None = None) -> pa.Table:
-    """Read the pairs of one split.
+    """Read the pairs of one split or fold.
 
     Raises:
         DatasetError: if there are none, naming the splits that have some.
@@ -139,15 +139,15 @@ def stream_pairs(
     manifest: Manifest | None = None,
     shuffle: np.random.Generator | None = None,
 ) -> Iterator[pa.Table]:
-    """Yield the pairs of one split in their order, about `ROWS_PER_GROUP` rows at a time.
+    """Yield the pairs of one split in order, about `ROWS_PER_GROUP` rows at a time.
 
-    A masked building is never cut in two.
+    A masked building is never divided.
 
     Args:
         dataset: its folder.
         split: train, val, test or a fold.
-        manifest: of the dataset, if it was read.
-        shuffle: for files in a random order.
+        manifest: its manifest, if it was read already.
+        shuffle: generator for a random order of the files.
 
     Raises:
         DatasetError: if there are none, naming the splits that have some.
@@ -182,9 +182,9 @@ def _read_groups(dataset: Path, entry: FileEntry, manifest: Manifest) -> Iterato
 def rewrite_pairs(
     dataset: Path, folder: Path, manifest: Manifest, *, old: Manifest
 ) -> list[FileEntry]:
-    """Write the pairs of a dataset, whose manifest is `old`, into another folder, file by file.
+    """Copy the pairs of a dataset with the manifest `old` into another folder, file by file.
 
-    Those of format 1 get the columns of what was told of their masks then.
+    Pairs of format 1 get the columns of their view.
     """
     recipe = old.pairs or PairsRecipe()
     schema = pairs_schema(len(manifest.class_space.classes))
@@ -213,7 +213,7 @@ def histogram_column(table: pa.Table, name: str) -> npt.NDArray[np.uint16]:
 
 
 def tells_view(table: pa.Table) -> bool:
-    """Say whether pairs hold what a robot is told of its mask; those of format 1 do not."""
+    """Say whether pairs store their view; pairs of format 1 do not."""
     return "hidden_share" in table.column_names
 
 
@@ -228,12 +228,12 @@ def _tell_view(table: pa.Table, view: View, schema: pa.Schema) -> pa.Table:
 
 
 def read_views(table: pa.Table, recipe: PairsRecipe) -> View:
-    """Return the views of all pairs of a table, one after another, as one of all their rows.
+    """Return one view with all rows of a table of pairs.
 
-    Of pairs of format 1 it is what was told of their recipe then.
+    For pairs of format 1 the view follows from their recipe.
 
     Raises:
-        RecipeError: if they are of format 1, which had no such mask.
+        RecipeError: if format 1 had no such mask.
     """
     visited = table["visited"].to_numpy()
     classes = table.schema.field("input").type.list_size
@@ -258,7 +258,10 @@ def _plan(
     for split, scenes in splits.items():
         missing = [scene for scene in scenes if scene not in data]
         if missing:
-            raise DatasetError(f"{dataset}: splits name {missing[0]}, which is no scene of it")
+            raise DatasetError(
+                f"{dataset}: splits name {missing[0]}, which is no scene of it; split it again "
+                "with --force"
+            )
         for number, start in enumerate(range(0, len(scenes), SCENES_PER_FILE)):
             yield f"pairs/{split}-{number:05d}.parquet", scenes[start : start + SCENES_PER_FILE]
 
@@ -266,7 +269,7 @@ def _plan(
 def _write_file(
     dataset: Path, folder: Path, path: str, scenes: tuple[str, ...], recipe: PairsRecipe
 ) -> tuple[FileEntry, tuple[str, ...]]:
-    """Write one file of pairs at its path below a folder; return also the scenes left out of it."""
+    """Write one file of pairs below a folder; return its entry and the scenes left out."""
     data = Dataset.open(dataset)
     space = data.manifest.class_space
     schema = pairs_schema(len(space.classes))

@@ -1,8 +1,8 @@
 """The partial graph 𝒢′: what a robot has seen of a building (paper, section II).
 
-A robot knows the rooms, which of them it entered, what it saw there, and for each room which share
-of the objects it has not seen: all of a room that it never entered, a part of one that it passed
-through, nothing of one that it searched. Node indices are those of `bsg_data.scene.scene_graph`.
+A robot knows the rooms, which of them it entered, what it saw there, and the hidden share of each
+room. The hidden share is 1 for a room that it never entered, and 0 for a room that it searched.
+Node indices are those of `bsg_data.scene.scene_graph`.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ class SeenObject:
     """One object that the robot saw.
 
     Attributes:
-        name: its id in its source, unique in the graph.
-        room_index: its room, 1..R; 0 for one that is in no room.
-        raw_category: what its source calls it.
-        category: the corrected name by the class map; None if the map does not know it.
+        name: its id in the source, unique in the graph.
+        room_index: its room, 1..R; 0 for an object in no room.
+        raw_category: its name in the source.
+        category: the corrected name by the class map; None if the map does not have the name.
         class_index: its class; None outside the classes.
-        position: metres, Z up; None where unknown.
+        position: metres, Z up; None if unknown.
     """
 
     name: str
@@ -57,22 +57,22 @@ class SeenObject:
 
 @dataclass(frozen=True, slots=True)
 class KnownRoom:
-    """One room that the robot knows of.
+    """One room that the robot knows.
 
     Attributes:
-        name: its id in its source, unique in the graph.
-        hidden_share: share of its objects that the robot has not seen, 0 to 1; where it is not
-            sure, the mean of what it believes.
-        visited: whether it was inside.
-        label: what its source calls it, for people; models never read it.
-        position: metres, Z up; None where unknown.
-        box: metres; None where unknown.
-        footprint: corners (x, y) from above, metres; None where unknown.
-        floor_index: storey, 0 at the bottom; None where unknown.
-        floor_area: square metres; None where unknown, or what footprint and box say.
-        room_type: one of `list_room_labels()`, or several with their probabilities, which models
-            read; None where unknown.
-        hidden_share_sd: standard deviation of the hidden share; 0 where the robot is sure.
+        name: its id in the source, unique in the graph.
+        hidden_share: share of its objects that the robot has not seen, 0 to 1; the mean, if
+            uncertain.
+        visited: whether the robot was inside.
+        label: its name in the source, for people; models never read it.
+        position: metres, Z up; None if unknown.
+        box: metres; None if unknown.
+        footprint: corners (x, y) from above, metres; None if unknown.
+        floor_index: storey, 0 at the bottom; None if unknown.
+        floor_area: square metres; None: take it from footprint or box, if any.
+        room_type: one of `list_room_labels()`, or several with probabilities. Models read it. None
+            if unknown.
+        hidden_share_sd: standard deviation of the hidden share; 0 if it is certain.
     """
 
     name: str
@@ -89,10 +89,10 @@ class KnownRoom:
 
     @property
     def share(self) -> ShareBelief:
-        """What the robot believes of the hidden share.
+        """The belief about the hidden share.
 
         Raises:
-            RecipeError: if it cannot be.
+            RecipeError: if mean and standard deviation do not fit together.
         """
         return ShareBelief(self.hidden_share, self.hidden_share_sd)
 
@@ -102,16 +102,16 @@ class PartialGraph:
     """What a robot has seen of one building.
 
     Attributes:
-        scene_id: names the building.
-        class_space: whose classes the objects have.
-        hidden_share: share of the building's objects that the robot has not seen; with the shares
-            of its rooms it moves, see `share_with`.
-        rooms: in the order of their indices, 1..R.
-        objects: in any order.
-        adjacency: pairs of indices of rooms that connect, ascending.
-        building_kind: one of `BUILDING_KINDS`; None where unknown.
-        source: kind of source whose annotation its objects are named and counted like, e.g. `hm3d`;
-            None where unknown.
+        scene_id: id of the building.
+        class_space: class space of the objects' classes.
+        hidden_share: hidden share of the whole building; it changes with the shares of the rooms,
+            see `share_with`.
+        rooms: the rooms, in the order of their indices 1..R.
+        objects: the seen objects, in any order.
+        adjacency: pairs of indices of connected rooms, ascending.
+        building_kind: one of `BUILDING_KINDS`; None if unknown.
+        source: kind of source with the same names and counting of objects, e.g. `hm3d`; None if
+            unknown.
     """
 
     scene_id: str
@@ -124,10 +124,10 @@ class PartialGraph:
     source: str | None = None
 
     def share_with(self, shares: Sequence[float]) -> float:
-        """Return the share that the building hides where its rooms hide these, `[R]`.
+        """Return the hidden share of the building if its rooms have these shares, `[R]`.
 
-        It rises and falls as the sum of the rooms' shares does, to 1 at most. Where the graph says
-        that no room hides anything, it is the mean of the shares.
+        It is proportional to the sum of the rooms' shares, and at most 1. If no room of the graph
+        hides anything, it is the mean of the shares.
         """
         before, after = sum(room.hidden_share for room in self.rooms), sum(shares)
         if not before:
@@ -145,17 +145,17 @@ class PartialGraph:
     def observation(
         self, *, vocabulary: tuple[str, ...] = (), withheld: Collection[int] | Bools = ()
     ) -> Observation:
-        """Return the same as arrays, which is what models read: hidden shares by their means.
+        """Return the graph as arrays, the input of models; hidden shares become their means.
 
         Args:
-            vocabulary: categories outside the classes that are looked for.
-            withheld: classes that the graph leaves out of rooms which were not searched, so that
-                none being there says nothing. Or, by node and class, `[1 + R, C]` where nothing of
-                a class is shown.
+            vocabulary: categories outside the classes to count.
+            withheld: classes that the graph shows only in searched rooms, so their absence
+                elsewhere says nothing. Or an array `[1 + R, C]`, true where nothing of a class is
+                shown.
 
         Raises:
-            RecipeError: if an array is of another shape, or a floor area, a room type or a kind of
-                building cannot be.
+            RecipeError: if an array has another shape, or a floor area, room type or kind of
+                building is impossible.
         """
         inputs = self.histograms()
         share = np.array([self.hidden_share, *(room.hidden_share for room in self.rooms)])
@@ -198,7 +198,7 @@ class PartialGraph:
             raise RecipeError(f"{self.scene_id}: {error}") from error
 
     def _others(self, vocabulary: Sequence[str]) -> Counts:
-        """Return what was seen outside the classes, by the categories of a vocabulary, `[N, V]`."""
+        """Return the seen objects outside the classes, counted by a vocabulary, `[N, V]`."""
         known = [
             (obj.room_index, obj.category)
             for obj in self.objects
@@ -212,31 +212,33 @@ class PartialGraph:
 
 
 def area_of(room: KnownRoom) -> float | None:
-    """Return the floor area that a room says, or that its shape has, square metres."""
+    """Return the floor area of a room, or the area of its shape, in square metres."""
     if room.floor_area is not None:
         return room.floor_area
     return find_floor_area(None, footprint=room.footprint, box=room.box)
 
 
 def observe(graph: PartialGraph, room_index: int, objects: Iterable[SeenObject]) -> PartialGraph:
-    """Return what a robot knows once it has searched a room.
+    """Return the partial graph after the robot has searched a room.
 
-    The share that the building hides falls as the sum of its rooms' does.
+    The hidden share of the building falls in proportion to the sum of its rooms' shares.
 
     Args:
-        graph: what it knew.
+        graph: the partial graph before.
         room_index: the room, 1..R.
-        objects: everything that is in the room, seen before or not; they replace what was known.
+        objects: all objects in the room, seen before or not; they replace the known objects.
 
     Raises:
-        RecipeError: if there is no such room, an object is of another, or is there twice.
+        RecipeError: if the room does not exist, or an object is in another room or occurs twice.
     """
     if not 1 <= room_index <= len(graph.rooms):
-        raise RecipeError(f"{graph.scene_id}: room {room_index} of 1..{len(graph.rooms)}")
+        raise RecipeError(
+            f"{graph.scene_id}: expected a room of 1..{len(graph.rooms)}, found room {room_index}"
+        )
     inside = tuple(objects)
     strays = [obj.name for obj in inside if obj.room_index != room_index]
     if strays:
-        raise RecipeError(f"{graph.scene_id}: object {strays[0]} is not of room {room_index}")
+        raise RecipeError(f"{graph.scene_id}: object {strays[0]} is not in room {room_index}")
     elsewhere = tuple(obj for obj in graph.objects if obj.room_index != room_index)
     twice = {obj.name for obj in elsewhere} & {obj.name for obj in inside}
     if twice or len({obj.name for obj in inside}) < len(inside):
@@ -249,7 +251,7 @@ def observe(graph: PartialGraph, room_index: int, objects: Iterable[SeenObject])
 
 
 def hide_of_room(graph: PartialGraph, room_index: int, share: ShareBelief) -> PartialGraph:
-    """Return the same where a room, 1..R, hides another share of its objects."""
+    """Return the graph with another hidden share of a room, 1..R."""
     rooms = list(graph.rooms)
     rooms[room_index - 1] = replace(
         rooms[room_index - 1], hidden_share=share.mean, hidden_share_sd=share.sd
@@ -259,7 +261,7 @@ def hide_of_room(graph: PartialGraph, room_index: int, share: ShareBelief) -> Pa
 
 
 def reclassify(graph: PartialGraph, class_map: ClassMap) -> PartialGraph:
-    """Return the same where another class map says which class each object has."""
+    """Return the graph with the classes that another class map gives its objects."""
     found = [class_map.classify(obj.raw_category) for obj in graph.objects]
     return replace(
         graph,
@@ -274,11 +276,11 @@ def reclassify(graph: PartialGraph, class_map: ClassMap) -> PartialGraph:
 def mask_scene(
     graph: SceneGraph, recipe: MaskRecipe, *, draw: int, class_space: ClassSpaceEntry
 ) -> PartialGraph:
-    """Return what a mask leaves of a scene graph: the histograms that `bsg-data pairs` gives it.
+    """Return the partial graph that a mask leaves of a scene graph.
 
-    A mask says how many objects of each class and room are hidden, not which; of equal ones those
-    that were listed last are. Classes that the recipe withholds are left out, and the graph does
-    not say so: `list_withheld` says which, for whoever asks a model.
+    Its histograms equal the inputs of `bsg-data pairs`. A mask says how many objects of each class
+    and room are hidden, not which. This function hides those that are listed last. Withheld classes
+    are left out, and the graph does not say which: give `list_withheld` to `observation`.
     """
     adjacent = [(edge.source, edge.target) for edge in graph.adjacency]
     cells, others, kinds, categories = _count(graph, len(class_space.classes))
@@ -334,7 +336,7 @@ def mask_scene(
 
 
 def list_withheld(recipe: MaskRecipe, graph: PartialGraph, *, draw: int = 0) -> tuple[int, ...]:
-    """Return the classes that a mask withheld from the graph that `mask_scene` made."""
+    """Return the indices of the classes that the mask of `mask_scene` withheld."""
     withheld = sample_withheld(
         recipe, scene_id=graph.scene_id, draw=draw, classes=len(graph.class_space.classes)
     )
@@ -342,10 +344,10 @@ def list_withheld(recipe: MaskRecipe, graph: PartialGraph, *, draw: int = 0) -> 
 
 
 def enter_room(known: PartialGraph, graph: SceneGraph, room_index: int) -> PartialGraph:
-    """Return what a robot knows once it has entered a room of a scene graph, and seen all in it.
+    """Return the partial graph after the robot has entered a room and seen all objects in it.
 
     Raises:
-        RecipeError: if there is no such room.
+        RecipeError: if the room does not exist.
     """
     inside = (obj for obj in graph.objects if obj.room_index == room_index)
     return observe(known, room_index, map(_see, inside))
@@ -354,7 +356,7 @@ def enter_room(known: PartialGraph, graph: SceneGraph, room_index: int) -> Parti
 def mask_dataset(
     dataset: Path, scenes: Collection[str], recipe: MaskRecipe, *, draw: int = 0
 ) -> Iterator[tuple[PartialGraph, Counts]]:
-    """Yield what a mask leaves of some scenes of a dataset, with their true histograms `[N, C]`."""
+    """Yield the partial graphs of some masked scenes with their true histograms `[N, C]`."""
     data = Dataset.open(dataset)
     for graph in read_scene_graphs(dataset):
         if graph.scene_id in scenes:
@@ -374,7 +376,7 @@ def _see(obj: SceneObject) -> SeenObject:
 
 
 def _count(graph: SceneGraph, classes: int) -> tuple[Counts, Counts, list[int], tuple[str, ...]]:
-    """Return the classified and other cells of a scene, each object's column, others' names."""
+    """Return classified cells, other cells, the column of each object, and the others' names."""
     names = [
         None if obj.category is None or is_nameless(obj.category) else obj.category
         for obj in graph.objects

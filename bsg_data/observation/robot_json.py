@@ -1,4 +1,4 @@
-"""A robot's partial graph as plain JSON, in and out.
+"""Read and write a robot's partial graph as plain JSON.
 
     {
       "format": "bsg-partial-graph", "version": 3,
@@ -13,12 +13,12 @@
       "adjacency": [["kitchen", "hall"]]
     }
 
-`id`s are text, unique among rooms and among objects; a category is any public spelling; a room
-that was not visited hides everything, one that was hides anything unless it says otherwise. Metres
-and square metres, Z up. Version 1 had no `floor_area`, `room_type`, `building_kind` and `source`,
-version 2 no `hidden_share_sd`, `seconds_inside`, `floor_in_view` and `walls_in_view`: the last
-three stand in the place of a hidden share, which is then estimated.
-docs/belief.md says more.
+`id`s are text, unique among the rooms and among the objects. A category is any name; the class map
+gives its class. By default the hidden share is 1 for a room that was not visited, and vague
+(`VAGUE`) for a visited one. Units are metres and square metres, Z up. `seconds_inside`,
+`floor_in_view` and `walls_in_view` can replace a hidden share, which is then estimated. Version 1
+had no `floor_area`, `room_type`, `building_kind` and `source`. Version 2 had no `hidden_share_sd`,
+`seconds_inside`, `floor_in_view` and `walls_in_view`. docs/belief.md describes the format.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ from bsg_data.scene.surroundings import (
 )
 from bsg_data.spelling import SHOWN
 
-_MOST_ROOMS = 5  # that an error names
+_MOST_ROOMS = 5  # named in an error
 AnyRecord = TypeVar("AnyRecord", bound=Record)
 Id = Annotated[str, Field(min_length=1, max_length=500)]
 Text = Annotated[str, Field(max_length=500)]
@@ -63,10 +63,10 @@ BuildingKind = Annotated[Text | None, AfterValidator(check_building_kind)]
 
 
 def _read_room_type(said: object) -> RoomType | None:
-    """Return a room type of JSON in the common labels.
+    """Return a room type from JSON in the common labels.
 
     Raises:
-        RecipeError: if it is none.
+        RecipeError: if it is no room type.
     """
     if said is None or isinstance(said, str):
         return check_room_type(said)
@@ -81,7 +81,7 @@ RoomTypes = Annotated[RoomType | None, PlainValidator(_read_room_type)]
 
 
 class RobotGraphError(SourceError):
-    """Report a robot's graph that cannot be read."""
+    """Report a malformed graph of a robot."""
 
 
 class _Room(SaidShare):
@@ -122,7 +122,7 @@ _KEYS = {
     "objects": tuple(field.alias or name for name, field in _Object.model_fields.items()),
 }
 
-# What a robot may say of its rooms, its objects and the whole, in whatever file it says it.
+# What a robot may say of its rooms, its objects and the building, in any file format.
 ROOM_WORDS = tuple(_Room.model_fields)
 OBJECT_WORDS = ("id", "category", "position")
 GRAPH_WORDS = tuple(
@@ -133,10 +133,14 @@ GRAPH_WORDS = tuple(
 
 
 def read_robot_graph(path: Path, *, class_map: str | ClassMap = DEFAULT_CLASS_MAP) -> PartialGraph:
-    """Read a partial graph from JSON.
+    """Read a partial graph from a JSON file.
 
-    The class map, named or loaded, says which class a category is of. Objects whose category it
-    does not know stay, without a class: `list_unmapped` names them.
+    The class map gives each category its class. Objects with an unknown category stay in the graph
+    without a class; `list_unmapped` names them.
+
+    Args:
+        path: the file.
+        class_map: a published version, the path of your own NAME.csv, or a loaded map.
 
     Raises:
         RobotGraphError: naming the file, the entry, and what was expected there.
@@ -148,7 +152,7 @@ def read_robot_graph(path: Path, *, class_map: str | ClassMap = DEFAULT_CLASS_MA
 def parse_robot_graph(
     said: Any, *, path: Path, class_map: str | ClassMap = DEFAULT_CLASS_MAP
 ) -> PartialGraph:
-    """Return the partial graph that a JSON document of a robot says.
+    """Return the partial graph in a robot's JSON document.
 
     Raises:
         RobotGraphError: as `read_robot_graph`.
@@ -164,10 +168,10 @@ def parse_robot_graph(
 
 
 def parse_classified_graph(said: Any, *, path: Path, class_space: ClassSpaceEntry) -> PartialGraph:
-    """Return the partial graph of a document that has the class of every object in it.
+    """Return the partial graph of a document that has the class of every object.
 
     Raises:
-        RobotGraphError: as `read_robot_graph`, and for a class that the space has not.
+        RobotGraphError: as `read_robot_graph`, and for a class that is not in the space.
     """
     index = {name: number for number, name in enumerate(class_space.classes)}
 
@@ -189,7 +193,7 @@ def _assemble(
     classify: Callable[[_Object, str], tuple[str | None, int | None]],
 ) -> PartialGraph:
     if isinstance(said, dict) and said.get("format") == "bsg-belief-graph":
-        said = said.get("partial")  # of a belief graph, what was seen
+        said = said.get("partial")  # a belief graph holds the partial graph
     try:
         document = _Graph.model_validate(said)
     except ValidationError as error:
@@ -270,7 +274,7 @@ def _know(room: _Room, path: Path) -> KnownRoom:
 def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
     """Return the JSON document of a partial graph.
 
-    `parse_classified_graph` reads it back; `parse_robot_graph` does with the same class map.
+    `parse_classified_graph` reads it back; so does `parse_robot_graph` with the same class map.
     """
     names = [room.name for room in graph.rooms]
     return {
@@ -316,7 +320,7 @@ def _name_class(graph: PartialGraph, obj: SeenObject) -> str | None:
 
 
 def check_object(seen: SeenObject) -> SeenObject:
-    """Return an object with plain numbers, as of numpy's, and refuse what no file could hold.
+    """Return an object with plain Python numbers, and refuse values that no file could hold.
 
     Raises:
         RecipeError: naming what is wrong with it.
@@ -327,7 +331,7 @@ def check_object(seen: SeenObject) -> SeenObject:
 
 
 def check_room(room: KnownRoom) -> KnownRoom:
-    """Return a room with plain numbers, as of numpy's, and refuse what no file could hold.
+    """Return a room with plain Python numbers, and refuse values that no file could hold.
 
     Raises:
         RecipeError: naming what is wrong with it.
@@ -346,5 +350,5 @@ def _check(kind: type[AnyRecord], said: dict[str, Any], what: str) -> AnyRecord:
 
 
 def list_unmapped(graph: PartialGraph) -> dict[str, int]:
-    """Return the categories that the class map does not know, with how often each occurs."""
+    """Return category → number of objects, for categories that are not in the class map."""
     return dict(Counter(obj.raw_category for obj in graph.objects if obj.category is None))

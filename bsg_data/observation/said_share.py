@@ -1,4 +1,4 @@
-"""What a robot's file may say of a room's hidden share: the share, or how it looked at the room."""
+"""The fields of a robot's file about a room's hidden share."""
 
 from __future__ import annotations
 
@@ -15,16 +15,17 @@ Seconds = Annotated[float, Field(ge=0, le=1e9, strict=True)]
 
 
 class SaidShare(Record):
-    """What a robot may say of the share of a room's objects that it has not seen.
+    """What a robot may report about the hidden share of a room.
+
+    It reports the share itself, or how it looked at the room (see `estimate_hidden_share`).
 
     Attributes:
-        visited: whether it was inside.
-        hidden_share: the share, or its mean; None where it is estimated.
-        hidden_share_sd: standard deviation of it.
-        seconds_inside: how long it looked about there; with the next two and `visited`, this is
-            what `estimate_hidden_share` reads.
-        floor_in_view: share of the floor that its camera had in view.
-        walls_in_view: share of the walls, likewise.
+        visited: whether the robot was inside.
+        hidden_share: the share, or its mean; None: estimate it from the fields below.
+        hidden_share_sd: standard deviation of the share.
+        seconds_inside: time that the robot spent in the room.
+        floor_in_view: share of the floor that the camera had in view.
+        walls_in_view: share of the walls that the camera had in view.
     """
 
     visited: StrictBool = True
@@ -35,17 +36,17 @@ class SaidShare(Record):
     walls_in_view: Share | None = None
 
     def believe(self, *, floor_area: float | None = None) -> ShareBelief:
-        """Return what the robot believes of the share.
+        """Return the belief about the hidden share.
 
         Args:
-            floor_area: of the room, square metres; None where unknown.
+            floor_area: floor area of the room, square metres; None if unknown.
 
         Raises:
-            RecipeError: if it cannot be, or is said and left to be estimated, too.
+            RecipeError: if a value is impossible, or both the share and evidence are given.
         """
         if self.hidden_share is None:
             if self.hidden_share_sd:
-                raise RecipeError("says hidden_share_sd without hidden_share; say both, or neither")
+                raise RecipeError("has hidden_share_sd without hidden_share; give both or neither")
             return estimate_hidden_share(
                 visited=self.visited,
                 seconds_inside=self.seconds_inside,
@@ -56,7 +57,7 @@ class SaidShare(Record):
         for name in ("seconds_inside", "floor_in_view", "walls_in_view"):
             if getattr(self, name) is not None:
                 raise RecipeError(
-                    f"says hidden_share and {name}, from which it would be estimated; leave out "
-                    "one of them"
+                    f"has hidden_share and {name}, which serves to estimate it; leave out one of "
+                    "them"
                 )
         return ShareBelief(self.hidden_share, self.hidden_share_sd)

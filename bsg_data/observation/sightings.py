@@ -1,6 +1,6 @@
-"""What a robot learns, one thing after another: an object, that it is in a room, a new room.
+"""Update a partial graph step by step: an object is seen, a room is entered, a room is found.
 
-Each function returns a new partial graph and leaves the old one as it was. `observe` replaces all
+Each function returns a new partial graph and leaves the old one unchanged. `observe` replaces all
 that is known of a room at once.
 """
 
@@ -13,21 +13,24 @@ from bsg_data.errors import RecipeError
 from bsg_data.observation.hidden_share import VAGUE, ShareBelief
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, hide_of_room
 
-GLIMPSED_SHARE = 0.84  # of a room into which it looked from outside: the middle of mask `explore`
+GLIMPSED_SHARE = 0.84  # of a room seen only from outside: the middle value of the mask `explore`
 
 
 def see_object(graph: PartialGraph, seen: SeenObject) -> PartialGraph:
-    """Return what a robot knows once it has seen one object.
+    """Return the partial graph after the robot has seen one object.
 
-    An object that is known by this name is where it is seen now. A room that counted as not looked
-    into counts as glimpsed; otherwise its hidden share stays what it was, for the robot may have
-    looked at more without seeing anything.
+    A known object of this name moves to the new place. A room of which nothing was seen becomes
+    glimpsed. The hidden share of any other room stays the same, because one object does not say how
+    much more the robot looked at.
 
     Raises:
-        RecipeError: if there is no such room.
+        RecipeError: if the room does not exist.
     """
     if not 0 <= seen.room_index <= len(graph.rooms):
-        raise RecipeError(f"{graph.scene_id}: room {seen.room_index} of 0..{len(graph.rooms)}")
+        raise RecipeError(
+            f"{graph.scene_id}: expected a room of 0..{len(graph.rooms)}, found room "
+            f"{seen.room_index}"
+        )
     others = tuple(obj for obj in graph.objects if obj.name != seen.name)
     graph = replace(graph, objects=(*others, seen))
     if not seen.room_index or graph.rooms[seen.room_index - 1].hidden_share < 1:
@@ -38,20 +41,21 @@ def see_object(graph: PartialGraph, seen: SeenObject) -> PartialGraph:
 def enter(
     graph: PartialGraph, room_index: int, *, hidden_share: ShareBelief | None = None
 ) -> PartialGraph:
-    """Return what a robot knows once it is in a room, or has seen more of it.
+    """Return the partial graph after the robot has entered a room or seen more of it.
 
     Args:
-        graph: what it knew.
+        graph: the partial graph before.
         room_index: the room, 1..R.
-        hidden_share: of its objects, how many it has not seen by now, 0 once the room is searched;
-            None for what was known, or for anything (`VAGUE`) in a room of which less was seen than
-            one sees from inside.
+        hidden_share: new hidden share of the room, 0 after a search. None keeps the known share,
+            but a room not yet visited with a share above 0.5 gets `VAGUE`.
 
     Raises:
-        RecipeError: if there is no such room.
+        RecipeError: if the room does not exist.
     """
     if not 1 <= room_index <= len(graph.rooms):
-        raise RecipeError(f"{graph.scene_id}: room {room_index} of 1..{len(graph.rooms)}")
+        raise RecipeError(
+            f"{graph.scene_id}: expected a room of 1..{len(graph.rooms)}, found room {room_index}"
+        )
     known = graph.rooms[room_index - 1]
     was_inside = known.visited and known.hidden_share < 1
     usual = known.share if was_inside or known.hidden_share <= VAGUE.mean else VAGUE
@@ -62,21 +66,23 @@ def enter(
 
 
 def discover(graph: PartialGraph, room: KnownRoom, *, beside: Collection[int] = ()) -> PartialGraph:
-    """Return what a robot knows once it has learned that there is one more room.
+    """Return the partial graph with one more room.
 
     Args:
-        graph: what it knew.
-        room: the new one; it gets the last index.
-        beside: indices of rooms that it connects with.
+        graph: the partial graph before.
+        room: the new room; it gets the last index.
+        beside: indices of connected rooms.
 
     Raises:
-        RecipeError: if a room of this name is known already, or one beside it is not.
+        RecipeError: if the name is known already, or a connected room does not exist.
     """
     number = len(graph.rooms) + 1
     if room.name in {known.name for known in graph.rooms}:
         raise RecipeError(f"{graph.scene_id}: room {room.name!r} is known already")
     if not all(1 <= other < number for other in beside):
-        raise RecipeError(f"{graph.scene_id}: beside {sorted(beside)}: rooms are 1..{number - 1}")
+        raise RecipeError(
+            f"{graph.scene_id}: beside: expected rooms of 1..{number - 1}, found {sorted(beside)}"
+        )
     pairs = {*graph.adjacency, *((other, number) for other in beside)}
     return replace(
         graph,

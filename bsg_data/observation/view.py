@@ -1,4 +1,4 @@
-"""A view: what a robot knows of how much of a building it has seen, before what it saw."""
+"""A view: how much a robot has seen of each node of a building, without what it saw."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from bsg_data.arrays import Bools, Floats
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """How much a robot has seen of each node of a building, and what was left out of that.
+    """How much a robot has seen of each node of a building.
 
-    It is all that a mask samples without looking at the objects, and all that a model is told of
-    the mask. Given the view, each object of node n is hidden with the probability
-    `hidden_share[n]`, so that what is told is true in the mean, whatever is in the building.
+    A mask samples the view without looking at the objects, and a model learns nothing else of the
+    mask. Given the view, each object of node n is hidden with the probability `hidden_share[n]`. So
+    the shares are right in the mean, for any building.
 
     Attributes:
-        visited: `[N]` where the robot was; it is in the building (0).
-        hidden_share: `[N]` share of its objects that a node hides; the building's is the mean of
-            its rooms', for the robot knows how many rooms there are, and not what is in them.
-        withheld: `[N, C]` where a class is left out of what was seen.
-        exact: whether nodes of one share s lose together ⌊s · their objects⌋; otherwise each object
-            is hidden by itself.
+        visited: `[N]` whether the robot was there; always true for the building (0).
+        hidden_share: `[N]` hidden share of each node. The building's is the mean of its rooms',
+            because the robot knows the number of rooms but not their objects.
+        withheld: `[N, C]` whether a class is withheld at a node.
+        exact: whether the nodes of one share s lose exactly ⌊s · their objects⌋ together;
+            otherwise each object is hidden independently.
     """
 
     visited: Bools
@@ -42,14 +42,14 @@ class View:
         alone: float = 0.0,
         exact: bool = False,
     ) -> View:
-        """Return the view of a building from what its rooms hide.
+        """Return the view of a building from the hidden shares of its rooms.
 
         Args:
-            shares: `[R]` that each room hides.
-            classes: their number C.
-            entered: `[R]` rooms where the robot was; None for all that do not hide everything.
-            alone: share that a building without rooms hides.
-            exact: as the attribute.
+            shares: `[R]` hidden share of each room.
+            classes: number C of the classes.
+            entered: `[R]` whether the robot entered each room; None: all with a share below 1.
+            alone: hidden share of a building without rooms.
+            exact: see the attribute.
 
         >>> View.of_rooms(np.array([0.0, 0.5, 1.0]), classes=45).hidden_share.tolist()
         [0.5, 0.0, 0.5, 1.0]
@@ -71,7 +71,7 @@ class View:
         )
 
     def search(self, rooms: Bools) -> View:
-        """Return the view once some rooms `[N]` were searched, which show all that is in them."""
+        """Return the view after some rooms `[N]` were searched; they hide nothing."""
         if not rooms.any():
             return self
         share = np.where(rooms, 0.0, self.hidden_share)
@@ -81,12 +81,12 @@ class View:
         return replace(self, visited=self.visited | rooms, hidden_share=share, withheld=withheld)
 
     def withhold(self, classes: Bools) -> View:
-        """Return the view with some classes `[C]` left out, wherever anything is hidden."""
+        """Return the view with some classes `[C]` withheld at all nodes that hide anything."""
         without = classes & (self.hidden_share > 0)[:, None]
         return replace(self, withheld=self.withheld | without)
 
     def agrees(self, other: View) -> bool:
-        """Say whether two views are told in the same words, shares in single precision."""
+        """Say whether two views are equal, with shares in single precision."""
         return (
             np.array_equal(self.visited, other.visited)
             and np.array_equal(self.told, other.told)
@@ -95,15 +95,15 @@ class View:
 
     @property
     def told(self) -> npt.NDArray[np.float32]:
-        """The shares as models read them and pairs store them, `[N]`."""
+        """The hidden shares in single precision, as models read and pairs store them, `[N]`."""
         return self.hidden_share.astype(np.float32)
 
 
 def share_of_building(share: Floats) -> float:
-    """Return the share that a building hides: the mean of its rooms `[1 + R]`, or its own."""
+    """Return the hidden share of a building `[1 + R]`: the mean of its rooms, or its own."""
     rooms = share[1:]
     if not len(rooms):
         return float(share[0])
     if (rooms == rooms[0]).all():
-        return float(rooms[0])  # exactly, as a mean of floats is not
+        return float(rooms[0])  # exact; a mean of floats would not be
     return float(rooms.mean())

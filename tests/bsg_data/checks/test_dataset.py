@@ -82,10 +82,10 @@ PLACES = ("scenes", "rooms", "objects", "edges", "splits", "pairs", "dataset.jso
 @pytest.mark.parametrize(
     ("file", "change", "expected"),
     [
-        (SCENES, setting("num_rooms", 99), "num_rooms is 99"),
-        (SCENES, setting("num_classified", 1), "num_classified is 1"),
+        (SCENES, setting("num_rooms", 99), "num_rooms: expected "),
+        (SCENES, setting("num_classified", 1), "num_classified: expected "),
         (SCENES, setting("scene_id", "00001-abcdefghi01"), "is there twice"),
-        (SCENES, setting("scene_id", "99999-abcdefghi01"), "under two scene ids"),
+        (SCENES, setting("scene_id", "99999-abcdefghi01"), "has two scene ids"),
         (SCENES, setting("scene_id", "../secret"), "cannot be a scene id"),
         (ROOMS, setting("room_index", 7), "room_index does not run"),
         (ROOMS, setting("scene_id", "nowhere"), "nowhere is no scene"),
@@ -95,21 +95,21 @@ PLACES = ("scenes", "rooms", "objects", "edges", "splits", "pairs", "dataset.jso
         (OBJECTS, setting("raw_category", "toilet", 4), "class_index is not what hm3d45-v2 says"),
         (OBJECTS, setting("role", "structure", 4), "role is not what hm3d45-v2 says"),
         (OBJECTS, setting("role", "thing", 4), "role is none of"),
-        (OBJECTS, setting("role", "unmapped", 4), "role is unmapped without a category"),
+        (OBJECTS, setting("role", "unmapped", 4), "role: expected unmapped without a category"),
         (OBJECTS, setting("instance_id", 2), "instance_id is there twice"),
-        (OBJECTS, lambda f: f.iloc[1:], "num_objects is"),
-        (EDGES, setting("target_index", 3), "contains edges are not what"),
+        (OBJECTS, lambda f: f.iloc[1:], "num_objects: expected "),
+        (EDGES, setting("target_index", 3), "contains edges do not agree with"),
         (EDGES, setting("kind", "beside"), "'beside' is neither"),
         (EDGES, lambda f: f.iloc[[0, 0, *range(1, len(f))]], "is there twice"),
-        (EDGES, lambda f: f.iloc[::-1], "rows of other scenes, or not in their order"),
+        (EDGES, lambda f: f.iloc[::-1], "rows of other scenes, or in another order"),
         (SCENES, lambda f: f.iloc[::-1], "is not sorted by scene_id"),
         (ROOMS, setting("region_id", -7), "region_id does not rise"),
         (OBJECTS, setting("colour", "red"), "colour is not RRGGBB"),
-        (OBJECTS, setting("has_geometry", True), "has_geometry is not what the box says"),
+        (OBJECTS, setting("has_geometry", True), "has_geometry does not agree with the box"),
         (OBJECTS, setting("room_index", -1), "room_index is not 0..R"),
         (PAIRS, setting("visited", False, 1), "is not the mask of its recipe"),
-        ("splits.parquet", setting("split", "training"), "by the recipe it is in"),
-        ("splits.parquet", lambda f: f.assign(split="train"), "by the recipe it is in"),
+        ("splits.parquet", setting("split", "training"), "found training"),
+        ("splits.parquet", lambda f: f.assign(split="train"), ": expected split "),
         ("splits.parquet", lambda f: f.iloc[1:], "not in both scenes and splits"),
         (
             "splits.parquet",
@@ -119,7 +119,7 @@ PLACES = ("scenes", "rooms", "objects", "edges", "splits", "pairs", "dataset.jso
         (
             "splits.parquet",
             lambda f: f.assign(split=f["split"].replace({"train": "val"})),
-            "is of split val, not train",
+            "expected split train, found val",
         ),
         (PAIRS, setting("draw", 3), "expected draws 0..3"),
         (PAIRS, lambda f: f.iloc[:-1], "expected draws 0..3"),
@@ -130,7 +130,7 @@ PLACES = ("scenes", "rooms", "objects", "edges", "splits", "pairs", "dataset.jso
         (PAIRS, setting("hidden_share", np.float32(1)), "shows objects where hidden_share is 1"),
         (PAIRS, setting("hidden_share", np.float32(0)), "hides objects where hidden_share is 0"),
         (PAIRS, setting("hidden_share", np.float32(0.4)), "is not the mask of its recipe"),
-        (PAIRS, setting("withheld", np.ones(45, bool), 1), "shows objects of a class that is"),
+        (PAIRS, setting("withheld", np.ones(45, bool), 1), "shows objects of a withheld class"),
     ],
 )
 def test_damage_is_found(
@@ -219,7 +219,7 @@ def test_files_that_changed_vanished_or_appeared_are_named(dataset: Path) -> Non
     (dataset / "pairs" / "notes.txt").write_text("mine")
     (dataset / "README.md").unlink()
     found = {fault.where: fault.what for fault in check_dataset(dataset)}
-    assert found[ROOMS] == "is in the manifest but not there"
+    assert found[ROOMS] == "is in the manifest but missing"
     assert "was changed" in found[OBJECTS] or "not readable as parquet" in found[OBJECTS]
     assert "is not in the manifest" in found["pairs/notes.txt"]
     assert "is missing" in found["README.md"]
@@ -306,11 +306,11 @@ def without_an_end(frame: pd.DataFrame) -> pd.DataFrame:
         (ROOMS, with_a_box("footprint", [0.0, 0, 900, 0, 0, 900]), "its geometry is impossible"),
         (OBJECTS, with_a_box("box_max_x", np.inf), "its geometry is not finite"),
         (SCENES, setting("up_axis", "w"), "up_axis is none of"),
-        (SCENES, setting("up_axis", None), "has a mesh in the manifest or an up_axis, not both"),
+        (SCENES, setting("up_axis", None), "has a mesh in the manifest but no up_axis, or reverse"),
         (EDGES, setting("distance_m", 1.0), "another method, or a distance"),
         (EDGES, setting("method", "door"), "another method, or a distance"),
         (EDGES, adjacent("distance_m", 1.0), "unknown method or distance"),
-        (SCENES, setting("has_geometry", False), "totals.placed is 2, 1 are there"),
+        (SCENES, setting("has_geometry", False), "totals.placed: expected 1, found 2"),
         (EDGES, adjacent("method", "guess"), "unknown method or distance"),
         (EDGES, adjacent("distance_m", -1.0), "unknown method or distance"),
         (EDGES, adjacent("distance_m", np.inf), "unknown method or distance"),
@@ -408,7 +408,7 @@ def test_the_truth_is_the_same_however_little_of_it_is_held(
     ("file", "change", "expected"),
     [
         ("scenes/part-00003.parquet", "scene", "is there twice"),
-        ("scenes/part-00003.parquet", "building", "is there under two scene ids"),
+        ("scenes/part-00003.parquet", "building", "has two scene ids"),
         ("scenes/part-00002.parquet", "early", "is not sorted by scene_id"),
         ("rooms/part-00002.parquet", "scene", "part 2 has rows of other scenes"),
     ],

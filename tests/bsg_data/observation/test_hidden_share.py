@@ -87,7 +87,10 @@ def test_a_detector_that_misses_things_leaves_them_hidden() -> None:
         ({"seconds_inside": -1.0}, "seconds_inside: expected 0 to inf, found -1"),
         ({"seconds_inside": 1.0, "floor_area": -2.0}, "floor_area: expected 0 to inf, found -2"),
         ({"recall": 2.0}, "recall: expected 0 to 1, found 2"),
-        ({"visited": False, "seconds_inside": 1.0}, "seconds_inside: a room that was not visited"),
+        (
+            {"visited": False, "seconds_inside": 1.0},
+            "seconds_inside: expected none for a room that was not visited",
+        ),
     ],
 )
 def test_a_look_that_cannot_be_is_refused(said: dict[str, float], expected: str) -> None:

@@ -91,9 +91,11 @@ def test_stacks_are_stacked(parts: list[Observation]) -> None:
 
 
 def test_what_cannot_be_stacked_is_refused(parts: list[Observation]) -> None:
-    with pytest.raises(ValueError, match="one vocabulary"):
+    with pytest.raises(
+        ValueError, match="expected one or more observations of the same vocabulary"
+    ):
         stack([parts[0], observe_building([[1, 1]], vocabulary=("tap",))])
-    with pytest.raises(ValueError, match="one building or more"):
+    with pytest.raises(ValueError, match="expected one or more observations"):
         stack([])
 
 

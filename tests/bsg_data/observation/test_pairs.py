@@ -200,7 +200,7 @@ def test_masks_of_format_1_are_not_drawn_any_more(dataset: Path) -> None:
     with pytest.raises(RecipeError, match="pairs of format 1 by the mask 'explore'"):
         read_views(table, PairsRecipe(mask=MaskRecipe(strategy="explore"), masks=1))
     upgrade_dataset(dataset)
-    with pytest.raises(RecipeError, match="masks of version 1 are not drawn any more"):
+    with pytest.raises(RecipeError, match="masks of version 1 are only read"):
         write_pairs(dataset, PairsRecipe(masks=1), force=True)
     write_pairs(dataset, PairsRecipe(), force=True)
     assert check_dataset(dataset) == ()

@@ -139,9 +139,9 @@ def test_the_share_of_a_building_moves_with_its_rooms() -> None:
 
 
 def test_what_cannot_be_observed_is_refused() -> None:
-    with pytest.raises(RecipeError, match=r"room 3 of 1\.\.2"):
+    with pytest.raises(RecipeError, match=r"expected a room of 1\.\.2, found room 3"):
         observe(GRAPH, 3, [])
-    with pytest.raises(RecipeError, match="object 5 is not of room 1"):
+    with pytest.raises(RecipeError, match="object 5 is not in room 1"):
         observe(GRAPH, 1, [seen("5", 2, "sink")])
     with pytest.raises(RecipeError, match="1 is there twice"):
         observe(GRAPH, 2, [seen("1", 2, "sink")])

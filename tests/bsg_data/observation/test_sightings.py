@@ -97,11 +97,11 @@ def test_a_new_room_is_the_last_and_beside_others() -> None:
 
 def test_what_cannot_be_is_refused() -> None:
     graph = graph_of(0.5)
-    with pytest.raises(RecipeError, match=r"room 2 of 0\.\.1"):
+    with pytest.raises(RecipeError, match=r"expected a room of 0\.\.1, found room 2"):
         see_object(graph, SeenObject("x", 2, "x", None, None))
-    with pytest.raises(RecipeError, match=r"room 0 of 1\.\.1"):
+    with pytest.raises(RecipeError, match=r"expected a room of 1\.\.1, found room 0"):
         enter(graph, 0)
     with pytest.raises(RecipeError, match="'r1' is known already"):
         discover(graph, KnownRoom("r1", 1.0))
-    with pytest.raises(RecipeError, match=r"beside \[2\]"):
+    with pytest.raises(RecipeError, match=r"beside: expected rooms of 1..1, found \[2\]"):
         discover(graph, KnownRoom("hall", 1.0), beside=[2])
