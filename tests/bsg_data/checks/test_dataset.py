@@ -209,7 +209,7 @@ def test_pairs_of_format_1_are_the_masks_of_their_recipe(
     assert check_dataset(dataset) == ()
     edit_format_1(dataset, change, **recipe)
     assert {fault.what for fault in check_dataset(dataset)} == {
-        "is not the mask of its recipe (or another NumPy drew it)"
+        "is not the mask of its recipe, or another NumPy drew it"
     }
 
 
@@ -400,7 +400,7 @@ def test_the_truth_is_the_same_however_little_of_it_is_held(
     assert check_dataset(in_parts) == ()
     edit(in_parts, PAIRS, setting("visited", False, 1))
     assert [fault.what for fault in check_dataset(in_parts)] == [
-        "is not the mask of its recipe (or another NumPy drew it)"
+        "is not the mask of its recipe, or another NumPy drew it"
     ]
 
 
