@@ -133,7 +133,9 @@ def rank_unseen(
 
 def conclude(found: dict[str, dict[str, Bootstrap]]) -> tuple[str, ...]:
     """Return what training on both changes in each group, compared with HM3D alone."""
-    sentences, better, worse = [], [], []
+    sentences: list[str] = []
+    better: list[str] = []
+    worse: list[str] = []
     for part in found[BOTH]:
         both, alone = found[BOTH][part], found[HM3D][part]
         changes = []
