@@ -1,11 +1,11 @@
-"""Compare a dataset built from synthetic meshes with the truth that `bsg-data synth` left.
+"""Compare a dataset built from synthetic meshes with the truth that `bsg-data synth` wrote.
 
     bsg-data synth --out places --scenes 20 --geometry --size full
     bsg-data build --hm3d places --out placed
     python scripts/measure/geometry.py --buildings places --data placed
 
-Prints, over all scenes, how far boxes are from the truth, and the precision, recall and F1 of the
-adjacency, by method, from boxes alone, and for every building.
+The script prints how far boxes are from the truth, over all scenes. It then prints precision, recall
+and F1 of the adjacency: by method, from boxes alone, and for every building.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.geometry.passages import find_passages
 from bsg_data.scene.scene_graph import Box, SceneGraph
 
-LEAST_TEXELS = 100  # of an instance whose box is judged
+LEAST_TEXELS = 100  # an instance with as many or fewer is not compared
 Pairs = set[tuple[int, int]]
 
 
@@ -56,7 +56,7 @@ def found_pairs(graph: SceneGraph, method: str | None) -> Pairs:
 
 
 def by_boxes_alone(graph: SceneGraph) -> Pairs:
-    """Return what the rule for boxes finds without any object."""
+    """Return the pairs that the rule for boxes finds without any object."""
     rooms = [room for room in graph.rooms if room.box is not None]
     boxes = np.array([[r.box.minimum, r.box.maximum] for r in rooms if r.box]).reshape(-1, 2, 3)
     return {(rooms[a].room_index, rooms[b].room_index) for a, b in find_passages(boxes)}
@@ -72,7 +72,7 @@ def score(rows: Iterable[tuple[Pairs, Pairs]]) -> npt.NDArray[np.float64]:
 
 
 def main() -> None:
-    """Print everything."""
+    """Read both and print the comparison."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--buildings", type=Path, required=True)
     parser.add_argument("--data", type=Path, required=True)
