@@ -1,6 +1,7 @@
-"""What a robot sees beyond the classes: the objects outside them, counted by category.
+"""Count the objects outside the classes by category.
 
-A shower dial says bathroom and a worktop says kitchen, though neither is one of the classes.
+They carry information: a shower dial says bathroom and a worktop says kitchen, though neither is a
+class.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ class OtherObjects:
     """The objects without a class of one scene.
 
     Attributes:
-        categories: `[K]` names, sorted; `NO_CATEGORY` for objects that have none.
-        cells: `[1 + R, K]` how many of each there are, row 0 the null region.
+        categories: `[K]` names, sorted; `NO_CATEGORY` stands for objects without a category.
+        cells: `[1 + R, K]` counts, row 0 the null region.
     """
 
     categories: tuple[str, ...]
@@ -31,7 +32,7 @@ class OtherObjects:
 
 
 def choose_vocabulary(others: Iterable[OtherObjects], *, min_scenes: int) -> tuple[str, ...]:
-    """Return the categories that occur in at least `min_scenes` of some scenes, sorted."""
+    """Return the sorted categories that occur in at least `min_scenes` of the scenes."""
     scenes = Counter(name for one in others for name in one.categories if name != NO_CATEGORY)
     return tuple(sorted(name for name, number in scenes.items() if number >= min_scenes))
 

@@ -1,4 +1,4 @@
-"""What each source gives to a dataset: buildings, rooms, and objects by role."""
+"""Count the buildings, rooms and objects of each source of a dataset."""
 
 from __future__ import annotations
 
@@ -23,12 +23,17 @@ _SHOWN = (
 
 
 def count_sources(dataset: Path, *, manifest: Manifest | None = None) -> pd.DataFrame:
-    """Return one row a source, most buildings first.
+    """Return one row per source, most buildings first.
 
-    Columns: `source`, `buildings`, `rooms`, `objects`; the objects of each role (`classified`,
-    `left-out`, `structure`, `nameless`, `unmapped`), which add up to `objects`; `classes`, how many
-    of the classes occur; `share`, the share of the objects that are not structure which have a
-    class; `placed`, the buildings with geometry; `connections`, the pairs of adjacent rooms.
+    Columns:
+
+    - `source`, `buildings`, `rooms`, `objects`
+    - the objects of each role (`classified`, `left-out`, `structure`, `nameless`, `unmapped`),
+      which add up to `objects`
+    - `classes`: number of classes that occur
+    - `share`: objects with a class, divided by all objects that are not structure
+    - `placed`: buildings with geometry
+    - `connections`: pairs of adjacent rooms
     """
     manifest = manifest or read_manifest(dataset)
     streams = (
@@ -51,7 +56,7 @@ def count_sources(dataset: Path, *, manifest: Manifest | None = None) -> pd.Data
 def _count_part(
     scenes: pd.DataFrame, objects: pd.DataFrame, edges: pd.DataFrame
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return one row a source of a part, and which classes its sources have."""
+    """Return one row per source of a part, and the classes that occur in each source."""
     source_of = scenes.set_index("scene_id")["source"]
     objects["source"] = objects["scene_id"].map(source_of)
     adjacent = edges.loc[edges["kind"] == "adjacent", "scene_id"].map(source_of)

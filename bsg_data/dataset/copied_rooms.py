@@ -1,7 +1,7 @@
-"""Rooms that were copied from building to building, so that their buildings are tested on together.
+"""Group buildings with copied rooms, so that all of a group go to the same fold.
 
-Some sources furnish several buildings with the same rooms. A model that was trained on one of them
-knows the other.
+Some sources furnish several buildings with the same rooms. A model that was trained on one such
+building knows the others.
 """
 
 from __future__ import annotations
@@ -10,14 +10,14 @@ from collections.abc import Hashable, Iterator, Mapping, Sequence
 
 from bsg_data.dataset.dataset import Dataset
 
-LEAST_THINGS = 5  # a room with fewer has the same things as another by chance
+LEAST_THINGS = 5  # smaller rooms can be equal by chance
 
 
 def group_copies(rooms: Mapping[str, Sequence[Hashable]]) -> list[tuple[str, ...]]:
     """Return the groups of buildings that share rooms, directly or through others, sorted.
 
     Args:
-        rooms: scene id → what its larger rooms hold, such that equal ones are copies.
+        rooms: scene id → the contents of its larger rooms; equal contents are copies.
 
     >>> group_copies({"a": [1, 2], "b": [3], "c": [2, 4], "d": [4], "e": []})
     [('a', 'c', 'd'), ('b',), ('e',)]
@@ -48,7 +48,7 @@ def deal_groups(groups: Sequence[tuple[str, ...]], *, number: int) -> dict[str, 
 
 
 def list_contents(data: Dataset, scene: str) -> Iterator[Hashable]:
-    """Yield what each larger room of a scene holds: how many of each class and other category."""
+    """Yield the contents of each larger room of a scene: counts of classes and categories."""
     cells, others = data.cells(scene), data.others(scene)
     for room in range(1, len(cells)):
         if cells[room].sum() + others.cells[room].sum() >= LEAST_THINGS:

@@ -1,4 +1,4 @@
-"""How much of a dataset a class map covers, what it leaves out, and how often each class occurs."""
+"""Measure how much of a dataset a class map covers, and count its classes."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from bsg_data.scene.class_map import ClassMap, Role
 
 @dataclass(frozen=True, slots=True)
 class Coverage:
-    """The objects of a dataset by what a class map makes of them; the five parts add up.
+    """The objects of a dataset, counted by the roles that a class map gives them.
 
     Attributes:
-        objects: all of them.
-        classified: with a class.
+        objects: number of all objects, the sum of the next five.
+        classified: objects with a class.
         structure: parts of the building: wall, floor, door, ...
-        nameless: blank, `unknown`, or `unknown/` and something.
-        unmapped: whose name the map does not know.
-        left_out: named objects that are outside the classes.
-        most_left_out: (category, instances) of the most frequent of these.
+        nameless: objects named blank, `unknown` or `unknown/...`.
+        unmapped: objects whose name is not in the map.
+        left_out: named objects outside the classes.
+        most_left_out: (category, instances) of the most frequent left-out names.
     """
 
     objects: int
@@ -39,12 +39,12 @@ class Coverage:
 
     @property
     def share(self) -> float:
-        """Share of the objects that are not structure which have a class; 0 without any."""
+        """Objects with a class, divided by all objects that are not structure; 0 without any."""
         return self.classified / max(1, self.objects - self.structure)
 
     @property
     def share_of_named(self) -> float:
-        """The same without the nameless objects."""
+        """As `share`, but without the nameless objects."""
         return self.classified / max(1, self.objects - self.structure - self.nameless)
 
 
@@ -54,10 +54,10 @@ def measure_coverage(
     """Measure how much of a dataset a class map covers.
 
     Args:
-        dataset: its folder.
-        class_map: by which every object is looked up; None takes what the dataset was built with,
-            which is a map for each source.
-        most: how many of the names that are left out are listed.
+        dataset: folder of the dataset.
+        class_map: map to look up every object in; None: the maps that the dataset was built with,
+            one for each source.
+        most: number of left-out names to list.
     """
     roles: Counter[str] = Counter()
     left_out: Counter[str] = Counter()
@@ -76,7 +76,7 @@ def measure_coverage(
 
 
 def _count_names(dataset: Path) -> Counter[tuple[str, str | None, str]]:
-    """Count the objects of a dataset by raw name, category and role, a file at a time."""
+    """Count the objects of a dataset by raw name, category and role, file by file."""
     columns = ["raw_category", "category", "role"]
     counts: Counter[tuple[str, str | None, str]] = Counter()
     for objects in stream_table(dataset, "objects", columns=columns):
@@ -87,10 +87,10 @@ def _count_names(dataset: Path) -> Counter[tuple[str, str | None, str]]:
 
 
 def count_classes(dataset: Path, class_map: ClassMap) -> pd.DataFrame:
-    """Return one row a class of a class map, in the order of its space.
+    """Return one row per class of a class map, in the order of its class space.
 
-    Columns: `class`, `instances`, and `rooms`, `buildings` that hold one; `doubles`, the rooms that
-    hold two or more. Every object of the dataset is looked up again.
+    Every object of the dataset is looked up again in this map. Columns: `class`; `instances`;
+    `rooms` and `buildings` with at least one instance; `doubles`, the rooms with two or more.
     """
     columns = ["scene_id", "room_index", "raw_category"]
     totals = np.zeros((4, len(class_map.classes)), dtype=np.int64)

@@ -1,8 +1,8 @@
-"""A dataset that is opened once: its manifest at once, its tables part by part when asked for.
+"""Open a dataset: read its manifest at once, and its tables part by part on demand.
 
-Of the parts that were read as many are kept as a bound in bytes allows. A dataset that fits is
-therefore read once; of a larger one, whoever asks for scenes in the order of the tables
-(`Dataset.in_parts`) reads each part once, in memory that does not grow.
+Parts stay in memory up to a bound in bytes. A dataset below this bound is read once. To read a
+larger dataset once, ask for its scenes in the order of the tables (`Dataset.in_parts`); memory then
+does not grow.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from bsg_data.errors import DatasetError
 from bsg_data.scene.connections import Connections
 from bsg_data.scene.surroundings import Surroundings
 
-HELD_BYTES = 256 * 2**20  # of the parts that are kept
+HELD_BYTES = 256 * 2**20  # bound of the parts in memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,9 +39,9 @@ class Dataset:
     """An opened dataset.
 
     Attributes:
-        path: its folder.
-        manifest: what it says of itself.
-        sha256: of the manifest, which stands for the whole dataset.
+        path: folder of the dataset.
+        manifest: its manifest.
+        sha256: hash of the manifest, which identifies the whole dataset.
     """
 
     path: Path
@@ -50,29 +50,29 @@ class Dataset:
 
     @classmethod
     def open(cls, path: Path) -> Dataset:
-        """Open a dataset, from memory if its manifest has not changed since.
+        """Open a dataset; an unchanged dataset is returned from memory.
 
-        That the files of its buildings are there and of the right size is seen now; hashes are
-        compared when a file is read.
+        This checks that the files exist with the right sizes. Hashes are compared when a file is
+        read.
 
         Raises:
-            DatasetError: if it is missing, unfinished or damaged.
+            DatasetError: if the dataset is missing, unfinished or damaged.
         """
         try:
             return _open_once(path.absolute(), hash_manifest(path))
         except OSError:
-            read_manifest(path)  # says in words what is missing
+            read_manifest(path)  # raises an error that says what is missing
             raise
 
     @cached_property
     def scene_ids(self) -> tuple[str, ...]:
-        """The scenes, in the order of the tables."""
+        """The ids of the scenes, in the order of the tables."""
         table = read_table(self.path, "scenes", columns=["scene_id"], manifest=self.manifest)
         return tuple(table["scene_id"].to_pylist())
 
     @cached_property
     def splits(self) -> dict[str, tuple[str, ...]]:
-        """The scenes of each split or fold; empty before `bsg-data split`."""
+        """Split or fold → ids of its scenes; empty before `bsg-data split`."""
         return read_splits(self.path, manifest=self.manifest) if self.manifest.split else {}
 
     def __contains__(self, scene_id: object) -> bool:
@@ -80,12 +80,12 @@ class Dataset:
         return scene_id in self._number
 
     def in_parts(self, scenes: Iterable[str]) -> Iterator[tuple[str, ...]]:
-        """Yield some scenes, those of one part of the tables together, in the order of the tables.
+        """Yield some scene ids in the order of the tables, those of one part together.
 
-        Whoever asks for scenes in this order has each part read once, however many there are.
+        Reading scenes in this order reads each part only once.
 
         Raises:
-            DatasetError: if one of them is no scene of the dataset.
+            DatasetError: if a scene is not in the dataset.
         """
         numbers = np.sort([self._number_of(scene) for scene in scenes])
         for some in np.split(numbers, np.searchsorted(numbers, self._ends)):
@@ -93,7 +93,7 @@ class Dataset:
                 yield tuple(self.scene_ids[number] for number in some)
 
     def parts(self) -> Iterator[DatasetPart]:
-        """Yield the parts of the tables in their order."""
+        """Yield the parts of the tables in order."""
         return (self._part(number) for number in range(len(self._files)))
 
     def cells(self, scene_id: str) -> Counts:
@@ -107,29 +107,29 @@ class Dataset:
         return part.others(place)
 
     def connections(self, scene_id: str) -> Connections:
-        """Return which rooms of a scene are known to connect, in the order of the table."""
+        """Return the known connections between rooms of a scene, in the order of the table."""
         part, place = self._find(scene_id)
         return part.connections(place)
 
     def surroundings(self, scene_id: str) -> Surroundings:
         """Return what is known of a scene and its rooms besides their objects.
 
-        What no room can have, and labels that this version does not list, count as unknown.
+        Impossible values, and labels that this version does not list, count as unknown.
         """
         part, place = self._find(scene_id)
         return part.surroundings(place)
 
     @cached_property
     def connection_methods(self) -> frozenset[str]:
-        """How connections of this dataset are known: any of `ADJACENCY_METHODS`."""
+        """The methods by which connections of this dataset are known (`ADJACENCY_METHODS`)."""
         return frozenset().union(*(part.connection_methods for part in self.parts()))
 
     def count_unconnected(self) -> int:
-        """Return how many scenes have no rooms that are known to connect."""
+        """Return the number of scenes without known connections."""
         return sum(part.count_unconnected() for part in self.parts())
 
     def _find(self, scene_id: str) -> tuple[DatasetPart, int]:
-        """Return the part of a scene, and its place there."""
+        """Return the part of a scene, and its index there."""
         number = self._number_of(scene_id)
         part = int(np.searchsorted(self._ends, number, side="right"))
         first = int(self._ends[part - 1]) if part else 0
@@ -155,7 +155,8 @@ class Dataset:
         tables = {name: self.manifest.files_of(name) for name in TABLES}
         if len({len(files) for files in tables.values()}) != 1:
             raise DatasetError(
-                f"{self.path}: its tables are not of as many parts; `bsg-data check` says more"
+                f"{self.path}: its tables differ in their number of parts; run `bsg-data check` "
+                "for details"
             )
         return tuple(
             dict(zip(tables, files, strict=True)) for files in zip(*tables.values(), strict=True)
@@ -166,7 +167,7 @@ class Dataset:
 
     @cached_property
     def _kept(self) -> Callable[[int], DatasetPart]:
-        """Parts by number, of which the last ones that were asked for are kept."""
+        """A function that returns a part by its number and keeps the last ones."""
         parts = [DatasetPart(self.path, self.manifest, files) for files in self._files]
         largest = max((part.weight for part in parts), default=1)
         return lru_cache(maxsize=max(2, HELD_BYTES // largest))(
@@ -184,24 +185,24 @@ def _open_once(path: Path, sha256: str) -> Dataset:
             size = (path / entry.path).stat().st_size
         except OSError as error:
             raise DatasetError(
-                f"{path / entry.path}: in the manifest but not there; build again"
+                f"{path / entry.path}: is in the manifest but missing; build the dataset again"
             ) from error
         if size != entry.bytes:
             raise DatasetError(
-                f"{path / entry.path}: is not what the manifest says, {entry.bytes} bytes; found "
-                f"{size}; `bsg-data check`"
+                f"{path / entry.path}: is not what the manifest says: expected {entry.bytes} "
+                f"bytes, found {size}; run `bsg-data check` for details"
             )
     return Dataset(path, manifest, sha256)
 
 
 def read_cells(dataset: Path) -> dict[str, Counts]:
-    """Return the cells `[1 + R, C]` of every scene of a dataset, in the order of the scenes."""
+    """Return scene id → cells `[1 + R, C]` for all scenes, in the order of the tables."""
     data = Dataset.open(dataset)
     return {scene_id: data.cells(scene_id) for scene_id in data.scene_ids}
 
 
 def read_adjacency(dataset: Path) -> dict[str, list[tuple[int, int]]]:
-    """Return the pairs of adjacent rooms of every scene that has any."""
+    """Return scene id → pairs of adjacent rooms, for all scenes that have any."""
     data = Dataset.open(dataset)
     pairs = {scene_id: data.connections(scene_id).pairs.tolist() for scene_id in data.scene_ids}
     return {scene_id: [(a, b) for a, b in own] for scene_id, own in pairs.items() if own}

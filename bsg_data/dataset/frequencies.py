@@ -1,4 +1,4 @@
-"""How often each class occurs in a dataset: instances, rooms and scenes."""
+"""Count how often each class occurs in a dataset, and plot it."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import BSGError
 from bsg_data.figure_file import write_figure
 
-_MARK = "belief-scene-graphs: frequencies"  # in a figure, by which it is known for ours
+_MARK = "belief-scene-graphs: frequencies"  # in the figure: marks it as written by this program
 _HEAD = 4096  # bytes in which the mark is, in PNG and SVG
 
 
 def count_frequencies(dataset: Path) -> pd.DataFrame:
-    """Return one row a class, most frequent first.
+    """Return one row per class, most frequent first.
 
-    Columns: `class`, `instances`, `rooms` and `scenes` that hold one.
+    Columns: `class`; `instances`; `rooms` and `scenes` with at least one instance.
     """
     data = Dataset.open(dataset)
     classes = data.manifest.class_space.classes
@@ -39,25 +39,27 @@ def count_frequencies(dataset: Path) -> pd.DataFrame:
 
 
 def refuse_figure(path: Path, *, force: bool) -> None:
-    """Refuse a place for a figure where something is that may not be replaced.
+    """Refuse a path for a figure that holds something else.
 
     Args:
-        path: of the figure.
-        force: whether a file may be replaced that is no figure of ours.
+        path: path of the figure.
+        force: allow replacing a file that this program did not write.
 
     Raises:
-        BSGError: saying what is there.
+        BSGError: if the path is a folder, or, without `force`, another file.
     """
     if path.is_dir():
         raise BSGError(f"{path}: is a folder; name a file in it, e.g. {path / 'classes.png'}")
     if path.exists() and not force:
         with path.open("rb") as file:
             if _MARK.encode() not in file.read(_HEAD):
-                raise BSGError(f"{path}: is there and no figure of ours; --force replaces it")
+                raise BSGError(
+                    f"{path}: exists and is no figure of this program; --force replaces it"
+                )
 
 
 def plot_frequencies(frame: pd.DataFrame, path: Path, *, title: str) -> None:
-    """Plot the instances and the rooms of every class as bars into an image file.
+    """Plot the instances and the rooms of every class as bars, into an image file.
 
     Raises:
         BSGError: if matplotlib is not installed or the file cannot be written.

@@ -1,4 +1,4 @@
-"""A dataset grows beside its place, in `<out>.partial`, and becomes `<out>` by one rename."""
+"""Let a dataset grow in `<out>.partial`, and move it to `<out>` by one rename."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from bsg_data.inputs.bounds import MANIFEST_FILE
 from bsg_data.lock import hold
 from bsg_data.recipes import Record
 
-SECONDS_TO_JOIN = 60.0  # that a part waits while another one makes the folder
+SECONDS_TO_JOIN = 60.0  # a part waits so long while another one makes the folder
 
 
 def make_parent(out: Path) -> None:
@@ -35,14 +35,14 @@ def make_parent(out: Path) -> None:
 
 
 def refuse_overwriting(out: Path, *, force: bool) -> None:
-    """Refuse a place where something is that may not be replaced.
+    """Refuse a path for a dataset that holds something else.
 
     Args:
-        out: where a dataset will be.
-        force: whether a finished dataset, with nothing else in its folder, may be replaced.
+        out: folder of the new dataset.
+        force: allow replacing a finished dataset, if nothing else is in its folder.
 
     Raises:
-        DatasetError: saying what is there.
+        DatasetError: if something is there that may not be replaced.
     """
     outer = next((folder for folder in out.parents if (folder / MANIFEST).is_file()), None)
     if outer is not None:
@@ -50,7 +50,7 @@ def refuse_overwriting(out: Path, *, force: bool) -> None:
     if not out.exists() or (out.is_dir() and not any(out.iterdir())):
         return
     if not (out / MANIFEST).is_file():
-        raise DatasetError(f"{out}: is no dataset and is left alone; choose another --out")
+        raise DatasetError(f"{out}: exists and is no dataset; choose another --out")
     if not force:
         raise DatasetError(f"{out}: is a finished dataset; --force replaces it")
     try:
@@ -60,20 +60,20 @@ def refuse_overwriting(out: Path, *, force: bool) -> None:
     users = [name for name in list_strays(out, manifest) if not is_own(name)]
     if users:
         raise DatasetError(
-            f"{out}: holds {users[0]}, which is not the dataset's; move it away, then --force"
+            f"{out}: holds {users[0]}, which is no part of the dataset; move it away, then --force"
         )
 
 
 def open_partial(out: Path, recipe: Record) -> Path:
-    """Return the folder that a dataset grows in, keeping what the same recipe left there.
+    """Return the folder of a growing dataset; files of an interrupted build of the recipe stay.
 
     Raises:
-        DatasetError: if something else is in the way.
+        DatasetError: if something else is there.
     """
     partial = name_growing(out)
     path = partial / RECIPE
     if partial.is_symlink():
-        raise DatasetError(f"{partial}: is a link and no build of ours; move it away")
+        raise DatasetError(f"{partial}: is a link, and no build of this program; move it away")
     if partial.exists():
         if _read(path) == _encode(recipe):
             refuse_foreign(partial)
@@ -84,8 +84,10 @@ def open_partial(out: Path, recipe: Record) -> Path:
                 "another --out"
             )
         if not path.is_file() and not _is_bare(partial):
-            raise DatasetError(f"{partial}: is in the way and no build of ours; move it away")
-        remove_growing(out)  # of a build that was stopped and is not this one
+            raise DatasetError(
+                f"{partial}: is in the way, and no build of this program; move it away"
+            )
+        remove_growing(out)  # left by another interrupted build
     try:
         write_bytes(path, _encode(recipe))
     except BaseException:
@@ -97,28 +99,28 @@ def open_partial(out: Path, recipe: Record) -> Path:
 
 
 def remove_growing(out: Path) -> None:
-    """Remove what has grown for a place, the recipe last: whatever is left is known by it.
+    """Remove a growing dataset, the recipe last, because it identifies the rest.
 
     Raises:
-        DatasetError: if it holds something that is not ours, or cannot be removed.
+        DatasetError: if the folder holds foreign files, or cannot be removed.
     """
     remove_own(name_growing(out), last=[RECIPE])
 
 
 def recall(out: Path, recipe: Record | None = None) -> Manifest | None:
-    """Finish what a killed command was about to do when its dataset was whole.
+    """Finish the last steps of a command that was killed after its dataset was complete.
 
-    Whoever calls it holds the lock of `out`.
+    The caller holds the lock of `out`.
 
     Args:
-        out: where the dataset is.
-        recipe: of the command that runs now; None for whatever was left to be finished.
+        out: folder of the dataset.
+        recipe: recipe of the current command; None: any.
 
     Returns:
-        The manifest, if that was the dataset of this recipe; None if there is more to do.
+        The manifest, if the dataset belongs to this recipe; None if there is more to do.
 
     Raises:
-        DatasetError: if something that is not ours is in the way.
+        DatasetError: if something foreign is in the way.
     """
     restore(out)
     found = _read(out / RECIPE)
@@ -130,18 +132,18 @@ def recall(out: Path, recipe: Record | None = None) -> Manifest | None:
 def join_partial(
     out: Path, recipe: Record, plan: Record, *, prepare: Callable[[Path], None]
 ) -> Path:
-    """Return the folder that a dataset grows in by parts, which several processes make at once.
+    """Return the folder of a dataset that several processes build in parts.
 
-    Whoever comes first makes it; the others wait for that moment, and only for that.
+    The first process makes the folder; the others wait for that only.
 
     Args:
-        out: where the dataset will be.
-        recipe: of the build.
-        plan: what is left there for whoever finishes it.
-        prepare: called with the folder by whoever makes it.
+        out: folder of the finished dataset.
+        recipe: recipe of the build.
+        plan: plan to store there, for the final step.
+        prepare: called with the new folder by the process that makes it.
 
     Raises:
-        DatasetError: if something else is in the way, also another build.
+        DatasetError: if another build or something else is there.
     """
     partial = name_growing(out)
     wanted = plan.model_dump_json().encode()
@@ -154,14 +156,14 @@ def join_partial(
                 write_bytes(partial / PLAN, wanted)
             elif found != wanted:
                 raise DatasetError(
-                    f"{partial}: holds parts of another build: of other options, or of a source "
-                    "that has changed since; remove it, or choose another --out"
+                    f"{partial}: holds parts of another build (other options, or the source "
+                    "changed since); remove it, or choose another --out"
                 )
     return partial
 
 
 def name_unfinished(growing: Path) -> str:
-    """Return how the folders begin, beside a dataset that grows, in which shards are made."""
+    """Return the first part of the names of folders in which shards are built."""
     return f".{growing.name}.shard-"
 
 
@@ -174,19 +176,19 @@ def _read(path: Path) -> bytes | None:
 
 
 def _refuse(said: str) -> DatasetError:
-    return DatasetError(f"{said}; no build of ours wrote it: move it away")
+    return DatasetError(f"{said}; no build of this program wrote it; move it away")
 
 
 def _is_bare(partial: Path) -> bool:
-    """Say whether nothing is there but what a build leaves that is killed at its start or end."""
+    """Say whether a folder holds only what a build leaves that is killed at its start or end."""
     return partial.is_dir() and set(list_paths(partial)) <= {f"{REPORTS}/.recipe.json.partial"}
 
 
 def finish(out: Path, manifest: Manifest, *, force: bool) -> None:
-    """Publish a dataset that has grown, and rename it to its place.
+    """Publish a complete dataset, and rename it to its final path.
 
     Raises:
-        DatasetError: if the place was taken meanwhile, or a file cannot be renamed.
+        DatasetError: if the path was taken meanwhile, or a file cannot be renamed.
     """
     growing = name_growing(out)
     refuse_foreign(growing)
@@ -197,4 +199,4 @@ def finish(out: Path, manifest: Manifest, *, force: bool) -> None:
     publish(growing, manifest)
     put_in_place(out)
     for left in growing.parent.glob(f"{glob.escape(name_unfinished(growing))}*"):
-        shutil.rmtree(left, ignore_errors=True)  # of a process that was killed, or is late
+        shutil.rmtree(left, ignore_errors=True)  # left by a killed or late process

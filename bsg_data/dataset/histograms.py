@@ -4,7 +4,7 @@ Two arrays of the same shape `[N, C]`, N = 1 + R:
 
 - *cells*: row 0 counts the objects of the null region, rows 1..R those of the rooms. Every object
   is in one cell, so masks are drawn on cells.
-- *histograms*: the same, but row 0 counts the whole building.
+- *histograms*: row 0 counts the whole building, rows 1..R the rooms.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from bsg_data.arrays import Counts
 def count_cells(
     room_index: npt.NDArray[np.integer], kind: npt.NDArray[np.integer], *, shape: tuple[int, int]
 ) -> Counts:
-    """Count objects per room and kind.
+    """Count objects by room and kind.
 
     Args:
-        room_index: `[O]` 0..R of every object.
-        kind: `[O]` 0..K-1, a class or any other numbering of the objects.
+        room_index: `[O]` room 0..R of every object.
+        kind: `[O]` kind 0..K-1 of every object, such as its class.
         shape: (1 + R, K).
 
     Returns:
@@ -44,7 +44,7 @@ def to_histograms(cells: Counts) -> Counts:
 
 
 def to_cells(histograms: Counts) -> Counts:
-    """Return histograms `[..., N, C]` as cells: row 0 becomes what no room holds.
+    """Return histograms `[..., N, C]` as cells: row 0 becomes the objects in no room.
 
     >>> to_cells(np.array([[3, 3], [2, 3]])).tolist()
     [[1, 0], [2, 3]]

@@ -1,8 +1,8 @@
-"""Class maps of one's own that a dataset keeps: `class_maps/<sha256[:12]>/<version>.csv`.
+"""Keep copies of users' own class maps in a dataset: `class_maps/<sha256[:12]>/<version>.csv`.
 
-The manifest names the class map of each source with its hash. Whoever has the dataset can look a
-published one up; a copy of one's own lies in the dataset. A folder for each hash keeps two maps of
-one name apart, so that merging copies folders.
+The manifest names the class map of each source with its hash. Published maps come with the package;
+of a user's own map the dataset keeps a copy. Each hash has its own folder, so two maps with one
+name can coexist, and a merge copies folders.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ def name_kept(entry: ClassMapEntry, dataset: Path) -> str:
 
 
 def read_class_maps(dataset: Path, manifest: Manifest) -> tuple[str | OwnMap, ...]:
-    """Return the class maps of a dataset's sources: the names of some, and those that it keeps.
+    """Return the class maps of a dataset's sources: names, and the files of kept maps.
 
-    A published map is named, and so is one of somebody's own that the dataset does not keep, as
-    those that were built before datasets kept them.
+    Published maps are returned by name. So are own maps without a copy in the dataset, as in
+    datasets of earlier versions.
 
     Raises:
-        ClassMapError: if what is kept is not what the manifest says.
+        ClassMapError: if a kept map differs from the manifest.
     """
     maps = (_read(dataset, entry) for entry in _list_entries(manifest))
     return tuple(maps)
@@ -89,7 +89,7 @@ def _read(dataset: Path, entry: ClassMapEntry) -> str | OwnMap:
     found = parse_own_map(own).sha256
     if found != entry.sha256:
         raise ClassMapError(
-            f"{path}: is not the class map that the dataset was built with: expected sha256 "
+            f"{path}: differs from the class map that the dataset was built with: expected sha256 "
             f"{entry.sha256[:12]}…, found {found[:12]}…; put the map back, or build again"
         )
     return own

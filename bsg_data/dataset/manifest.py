@@ -1,7 +1,7 @@
-"""The manifest: what a finished dataset holds, and how every byte of it was made.
+"""The manifest `dataset.json`: what a finished dataset holds, and how it was made.
 
-`dataset.json` is written last and replaced whole, so a folder with a manifest is a finished
-dataset. It holds no date, no path and no name of a machine: the same inputs give the same bytes.
+It is written last and replaced as a whole, so a folder with a manifest is a finished dataset. It
+holds no date, path or machine name: the same inputs give the same bytes.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from bsg_data.scene.spoken_names import Rule
 from bsg_data.sources.source import Terms
 
 MANIFEST = "dataset.json"
-SEAL = "seal"  # key of the hashes at its end; what was written before there were any has none
+SEAL = "seal"  # key of the hashes at its end; older manifests have none
 
 # The table of scenes has a row for each, and no file of more rows is read.
 ScenesPerShard = Annotated[int, Field(ge=1, le=MAX_ROWS)]
@@ -51,7 +51,7 @@ class FileEntry(Record):
 
 
 class ClassSpaceEntry(Record):
-    """The class space that histograms are over: its name, hash and classes in their order."""
+    """The class space of all histograms: its name, hash and ordered classes."""
 
     name: str
     sha256: str
@@ -89,7 +89,7 @@ class ClassMapEntry(Record):
 
 
 class SkipEntry(Record):
-    """A scene that was left out, and why."""
+    """A scene that was left out, and the reason."""
 
     scene_id: str
     location: str
@@ -100,7 +100,7 @@ COMPARED = 10  # unmapped names of one graph that are compared with every known 
 
 
 class UnmappedEntry(Record):
-    """A name that the class map does not know, how often it occurs, and what it looks like."""
+    """A name that is not in the class map, its number of objects, and the nearest names."""
 
     name: str
     instances: int
@@ -110,12 +110,12 @@ class UnmappedEntry(Record):
 def describe_unmapped(
     names: Mapping[str, int], class_map: ClassMap, *, near: int | None = None
 ) -> Iterator[UnmappedEntry]:
-    """Yield names that a class map does not know, most frequent first.
+    """Yield the names that are not in a class map, most frequent first.
 
     Args:
-        names: name → how often it occurs.
-        class_map: that they were read with.
-        near: how many names are compared with those that are known; None for all of them.
+        names: name → number of objects.
+        class_map: the map.
+        near: number of names to look up the nearest known names for; None: all.
     """
     ordered = sorted(names.items(), key=lambda item: (-item[1], item[0]))
     for place, (name, instances) in enumerate(ordered):
@@ -124,7 +124,7 @@ def describe_unmapped(
 
 
 class ResolvedEntry(Record):
-    """A name that the class map does not list, and what a rule made of it."""
+    """A name that is not in the class map, and its category by a rule."""
 
     name: str
     instances: int
@@ -134,11 +134,11 @@ class ResolvedEntry(Record):
 
 
 def list_resolved(names: Mapping[str, int], class_map: ClassMap) -> Iterator[ResolvedEntry]:
-    """Yield what rules made of some names, most frequent first.
+    """Yield the names that rules resolve, most frequent first.
 
     Args:
-        names: name → how often it occurs.
-        class_map: that they were read with.
+        names: name → number of objects.
+        class_map: the map with the rules.
     """
     for name, instances in sorted(names.items(), key=lambda item: (-item[1], item[0])):
         known = class_map.classify(name)
@@ -154,7 +154,7 @@ def list_resolved(names: Mapping[str, int], class_map: ClassMap) -> Iterator[Res
 
 
 class Totals(Record):
-    """Sums over the scenes; `placed` are those with geometry, `adjacent` the pairs of rooms."""
+    """Sums over all scenes; `placed`: scenes with geometry; `adjacent`: pairs of rooms."""
 
     scenes: int = 0
     rooms: int = 0
@@ -170,11 +170,11 @@ class SourceEntry(Record):
 
     Attributes:
         kind: its name in the catalogue of sources.
-        version: its own version; None where it does not say.
+        version: version of the source; None if it has none.
         fingerprint: hash of the annotations of all its scenes.
-        class_map: that its names were read with.
-        options: the choices that its bytes depend on.
-        terms: under which its data are; None where nobody knows.
+        class_map: the class map of its names.
+        options: options that its bytes depend on.
+        terms: licence and citation of its data; None if unknown.
     """
 
     kind: str
@@ -189,24 +189,23 @@ def count_shards(scenes: int, *, scenes_per_shard: int) -> int:
     """Return how many parts each table of a dataset has.
 
     Raises:
-        RecipeError: if a part cannot have so many scenes, or there would be more parts than the
-            format can number.
+        RecipeError: if `scenes_per_shard` is too large for a part, or gives too many parts.
     """
     if not 1 <= scenes_per_shard <= MAX_ROWS:
         raise RecipeError(f"scenes_per_shard: expected 1 to {MAX_ROWS:,}, found {scenes_per_shard}")
     shards = -(-scenes // scenes_per_shard)
     if shards > MAX_PARTS:
         raise RecipeError(
-            f"{scenes:,} scenes, {scenes_per_shard:,} a part, make {shards:,} parts; expected at "
-            f"most {MAX_PARTS:,}: take scenes_per_shard={-(-scenes // MAX_PARTS):,} or more"
+            f"{scenes:,} scenes, {scenes_per_shard:,} per part, make {shards:,} parts; expected at "
+            f"most {MAX_PARTS:,}: set scenes_per_shard={-(-scenes // MAX_PARTS):,} or more"
         )
     return shards
 
 
 class Manifest(Record):
-    """Everything that `dataset.json` says.
+    """All content of `dataset.json`.
 
-    A dataset of format version 1 is read as one of version 2 that says so.
+    Manifests of format version 1 are read into the same fields; `format_version` stays 1.
     """
 
     format: Literal["bsg"] = "bsg"
@@ -227,14 +226,14 @@ class Manifest(Record):
 
     @property
     def source_names(self) -> str:
-        """The kinds of its sources with their versions, as a phrase."""
+        """The kinds of its sources with their versions, as text."""
         return ", ".join(
             " ".join(filter(None, (source.kind, source.version))) for source in self.sources
         )
 
     @property
     def class_map_names(self) -> str:
-        """The class maps of its sources, as a phrase."""
+        """The class maps of its sources, as text."""
         return ", ".join(sorted({source.class_map.version for source in self.sources}))
 
     def files_of(self, table: str) -> tuple[FileEntry, ...]:
@@ -269,7 +268,7 @@ def read_manifest(dataset: Path) -> Manifest:
 
 
 def read_hashed_manifest(dataset: Path) -> tuple[Manifest, str]:
-    """Return the manifest of a finished dataset, and the sha256 of the very bytes that were read.
+    """Return the manifest of a finished dataset, and the sha256 of the bytes read.
 
     Raises:
         DatasetError: if there is none or it is damaged.
@@ -280,8 +279,8 @@ def read_hashed_manifest(dataset: Path) -> tuple[Manifest, str]:
         if not dataset.is_dir():
             raise DatasetError(f"{dataset}: no such folder{_tell_growing(dataset)}")
         raise DatasetError(
-            f"{dataset}: no {MANIFEST} there, so it is not a finished dataset; "
-            "make one with `bsg-data build --out DATASET`"
+            f"{dataset}: has no {MANIFEST}, so it is no finished dataset; make one with "
+            "`bsg-data build --out DATASET`"
         )
     data = read_bytes(path, MANIFEST_FILE, error=DatasetError)
     try:
@@ -289,8 +288,8 @@ def read_hashed_manifest(dataset: Path) -> tuple[Manifest, str]:
         found = said.get("format_version")
         if type(found) is not int or found not in (1, FORMAT_VERSION):
             raise MismatchError(
-                f"{path}: format version {found}, this program reads 1 and {FORMAT_VERSION}: "
-                "build the dataset again, or use the program that made it"
+                f"{path}: expected format version 1 or {FORMAT_VERSION}, found {found}; build the "
+                "dataset again, or use the program that made it"
             )
         if SEAL in said:
             _require_seal(path, data.decode())
@@ -312,13 +311,13 @@ def read_hashed_manifest(dataset: Path) -> tuple[Manifest, str]:
 
 
 def _tell_growing(dataset: Path) -> str:
-    """Say what lies beside the place of a dataset that a command was stopped at."""
+    """Return a hint about an unfinished dataset beside a missing one; empty without."""
     growing = dataset.with_name(f"{dataset.name}.partial") if dataset.name else dataset
     if not growing.is_dir():
         return ""
     return (
-        f"; {growing} beside it is of a command that still runs or was stopped: run the same "
-        "command again, which goes on from there; what was built by parts, `bsg-data finalise` ends"
+        f"; {growing} beside it belongs to a running or interrupted command: run that command "
+        "again to continue, or `bsg-data finalise` if it was built in parts"
     )
 
 
@@ -331,8 +330,8 @@ def seal_manifest(text: bytes, cards: Mapping[str, bytes]) -> bytes:
     """Return the bytes of `dataset.json` with a seal: hashes of the cards, and of all before it.
 
     Args:
-        text: of `encode_manifest`.
-        cards: name → content of the files beside it that follow from it.
+        text: bytes from `encode_manifest`.
+        cards: name → content of the card files beside it.
     """
     hashes = [f'"{name}": "{hashlib.sha256(card).hexdigest()}", ' for name, card in cards.items()]
     covered = text.removesuffix(b"\n}\n") + f',\n "{SEAL}": {{{"".join(hashes)}'.encode()
@@ -341,7 +340,7 @@ def seal_manifest(text: bytes, cards: Mapping[str, bytes]) -> bytes:
 
 
 def read_card_hashes(dataset: Path) -> dict[str, str]:
-    """Return file → sha256 of the cards beside a manifest; nothing of one without a seal.
+    """Return file → sha256 of the cards beside a manifest; empty for a manifest without a seal.
 
     Raises:
         DatasetError: if there is no manifest, or it is damaged.
@@ -352,17 +351,17 @@ def read_card_hashes(dataset: Path) -> dict[str, str]:
 
 
 def _require_seal(path: Path, text: str) -> None:
-    """Refuse a manifest of which any byte is not what it was when it was written."""
+    """Refuse a manifest if any byte changed since it was written."""
     covered, _, end = text.rpartition(f'"{MANIFEST}": "')
     if end != f'{hashlib.sha256(covered.encode()).hexdigest()}"}}\n}}\n':
         raise DatasetError(
-            f"{path}: is damaged: it is not what its own sha256 says, the last in it; take another "
-            "copy of the dataset, or build it again"
+            f"{path}: is damaged: its sha256 differs from the last one in it; take another copy of "
+            "the dataset, or build it again"
         )
 
 
 def hash_manifest(dataset: Path) -> str:
-    """Return the sha256 of `dataset.json`, which stands for the whole dataset.
+    """Return the sha256 of `dataset.json`, which identifies the whole dataset.
 
     Raises:
         OSError: if it cannot be read.
@@ -378,8 +377,8 @@ def require_class_space(manifest: Manifest, other: ClassSpaceEntry, *, what: str
     """
     if manifest.class_space != other:
         raise MismatchError(
-            f"{what} is of class space {other}, the dataset of {manifest.class_space}: "
-            "their histograms do not mean the same"
+            f"{what} has class space {other}, the dataset has {manifest.class_space}; use two "
+            "with the same class space, because histograms of different classes do not compare"
         )
 
 
@@ -391,6 +390,6 @@ def require_current(manifest: Manifest, dataset: Path) -> None:
     """
     if manifest.format_version != FORMAT_VERSION:
         raise MismatchError(
-            f"{dataset}: is of format version {manifest.format_version}, which is read and not "
+            f"{dataset}: has format version {manifest.format_version}, which can be read but not "
             f"written; run `bsg-data upgrade {dataset}` first"
         )

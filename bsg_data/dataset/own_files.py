@@ -1,6 +1,7 @@
-"""What may be removed in a folder of ours: files with the names that commands give, and no other.
+"""Remove only files with the names that this program gives.
 
-Whatever has another name is a user's. It stays, and is named, before anything beside it goes.
+A file with any other name belongs to the user. It stays, and an error names it before anything else
+is removed.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ _UNFINISHED = re.compile(r"\.([^/]+)\.partial$")  # of a file that was being wri
 
 
 def is_own(path: str) -> bool:
-    """Say whether commands give such a name to a file, by its path below a dataset.
+    """Say whether a path below a dataset is a name that commands give.
 
     >>> is_own("pairs/train-00000.parquet"), is_own("rooms/.part-00000.parquet.partial")
     (True, True)
@@ -44,15 +45,15 @@ def is_own(path: str) -> bool:
 
 
 def list_foreign(folder: Path, *, below: str = ".") -> list[str]:
-    """Return the paths, from a folder on, of what no command of ours has put there, sorted."""
+    """Return the sorted paths of files below a folder that no command of this program wrote."""
     return [path for path in list_paths(folder, below=below) if not is_own(path)]
 
 
 def refuse_foreign(folder: Path, *, below: str = ".") -> None:
-    """Refuse a folder that is ours and holds something which is not.
+    """Refuse a folder that holds foreign files.
 
     Raises:
-        DatasetError: naming it.
+        DatasetError: naming the first foreign file.
     """
     if (folder / below).is_symlink():
         raise DatasetError(f"{folder / below}: cannot be removed: it is a link; remove it yourself")
@@ -60,23 +61,22 @@ def refuse_foreign(folder: Path, *, below: str = ".") -> None:
     if foreign:
         more = f" and {len(foreign) - 1:,} more" if len(foreign) > 1 else ""
         raise DatasetError(
-            f"{folder}: holds {foreign[0]}{more}, which no command of ours made; move it away, "
+            f"{folder}: holds {foreign[0]}{more}, which this program did not write; move it away, "
             "and run the command again"
         )
 
 
 def remove_own(folder: Path, *, below: str = ".", last: Collection[str] = ()) -> None:
-    """Remove a folder of ours, or one that is below it.
+    """Remove a folder of this program, or a folder below it.
 
     Args:
-        folder: from which on paths are.
-        below: what to remove of it.
-        last: paths of the files that say what the folder is: they go after all others, so that it
-            can be told to the end.
+        folder: root of all paths.
+        below: the part of it to remove.
+        last: paths of the files that identify the folder; they are removed last.
 
     Raises:
-        DatasetError: if something is in it that is not ours, before anything is removed, or if a
-            file cannot be removed.
+        DatasetError: if it holds foreign files (then nothing is removed), or a file cannot be
+            removed.
     """
     refuse_foreign(folder, below=below)
     try:

@@ -1,7 +1,7 @@
-"""One part of a dataset: some buildings, each table read the first time that it is asked for.
+"""One part of a dataset: some buildings, whose tables are read on first use.
 
-Tables are packed: one array for all buildings of the part, whose rows begin at an offset for each.
-The arrays of one building are views of it.
+Each table is one array for all buildings of the part, with an offset for each building. The arrays
+of one building are views of it.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ class DatasetPart:
     """A part of every table: B buildings with N nodes and O objects in all.
 
     Attributes:
-        dataset: its folder.
-        manifest: of the dataset.
-        files: that of each table.
+        dataset: folder of the dataset.
+        manifest: its manifest.
+        files: table → file of this part.
     """
 
     dataset: Path
@@ -51,27 +51,27 @@ class DatasetPart:
 
     @property
     def weight(self) -> int:
-        """About how many bytes it takes once all of its tables were read."""
+        """Approximate number of bytes in memory after all tables were read."""
         nodes = self.files["scenes"].rows + self.files["rooms"].rows
         width = 8 * len(self.manifest.class_space.classes) + _NODE_BYTES
         return max(1, nodes * width + self.files["objects"].rows * _OBJECT_BYTES)
 
     @cached_property
     def scene_ids(self) -> tuple[str, ...]:
-        """The scenes, in the order of the tables."""
+        """The ids of the scenes, in the order of the tables."""
         return tuple(self._scenes["scene_id"].to_pylist())
 
     @property
     def connection_methods(self) -> frozenset[str]:
-        """How connections of its scenes are known."""
+        """The methods by which connections of its scenes are known."""
         return frozenset(np.unique(self._connections[1].methods).tolist())
 
     def count_unconnected(self) -> int:
-        """Return how many of its scenes have no connection."""
+        """Return the number of its scenes without connections."""
         return int((np.diff(self._connections[0]) == 0).sum())
 
     def cells(self, place: int) -> Counts:
-        """Return the classified objects of the scene at a place, `[1 + R, C]`."""
+        """Return the classified objects of the scene with an index in the part, `[1 + R, C]`."""
         return self.every_cell[self._rows_of(place)]
 
     def others(self, place: int) -> OtherObjects:
@@ -85,7 +85,7 @@ class DatasetPart:
         return OtherObjects(tuple(names[kind] for kind in there), cells)
 
     def connections(self, place: int) -> Connections:
-        """Return which rooms of a scene are known to connect, in the order of the table."""
+        """Return the known connections between rooms of a scene, in the order of the table."""
         starts, every = self._connections
         return every.take(np.s_[starts[place] : starts[place + 1]])
 
@@ -126,7 +126,7 @@ class DatasetPart:
 
     @cached_property
     def every_cell(self) -> Counts:
-        """The cells of all scenes one after another, `[N, C]`."""
+        """The cells of all scenes in order, `[N, C]`."""
         nodes, classes, has_class, _ = self._objects
         shape = (int(self.starts[-1]), len(self.manifest.class_space.classes))
         cells = count_cells(nodes[has_class], classes[has_class], shape=shape)
@@ -203,8 +203,8 @@ class DatasetPart:
         if not sound:
             path = self.dataset / self.files["scenes"].path
             raise DatasetError(
-                f"{path}: a {column} in this part of the tables is impossible; "
-                "`bsg-data check` says where"
+                f"{path}: a {column} in this part of the tables is impossible; run "
+                "`bsg-data check` to see where"
             )
 
 

@@ -1,4 +1,4 @@
-"""A dataset that has grown takes its place, and the old one goes only when the new one is there.
+"""Put a finished dataset in its place, and remove the old one only after that.
 
 The two change places in one step where the system can do that, and by two renames elsewhere. A
 command that is killed in between leaves one of these, which `settle` brings to its end:
@@ -39,12 +39,12 @@ def name_replaced(out: Path) -> Path:
 
 def _name_of(out: Path) -> str:
     if not out.name:
-        raise DatasetError(f"{out}: is no place for a dataset; choose a folder below it")
+        raise DatasetError(f"{out}: cannot be a dataset; choose a folder below it")
     return out.name
 
 
 def put_in_place(out: Path) -> None:
-    """Rename the finished dataset to its place; one that is there is removed after that.
+    """Rename the finished dataset to its final path, then remove the dataset it replaces.
 
     Ctrl-C and SIGTERM wait until both are done.
 
@@ -79,7 +79,7 @@ def _rename(out: Path) -> None:
 
 
 def restore(out: Path) -> None:
-    """See that a dataset is in its place if a killed command took it away to put another there.
+    """Restore a dataset that a killed command moved away to put another in its place.
 
     Raises:
         DatasetError: if it cannot be put there.
@@ -95,12 +95,12 @@ def restore(out: Path) -> None:
 
 
 def settle(out: Path) -> None:
-    """Bring to its end what a killed command began to put in place; mostly there is nothing.
+    """Finish a replacement that a killed command began; usually there is none.
 
-    Whoever calls it holds the lock of `out`.
+    The caller holds the lock of `out`.
 
     Raises:
-        DatasetError: if something that is not ours is in the way.
+        DatasetError: if something foreign is in the way.
     """
     restore(out)
     if not (out / REPORTS).exists():
@@ -112,13 +112,13 @@ def settle(out: Path) -> None:
 
 
 def is_settled(out: Path) -> bool:
-    """Say whether no command was killed as it put a dataset in this place."""
+    """Say whether no replacement of this dataset was interrupted."""
     in_place = (out / REPORTS).exists()
     return not in_place and not _is_replaced(name_replaced(out), by=name_growing(out))
 
 
 def find_replaced(out: Path) -> Path | None:
-    """Return where the dataset is that a killed command has replaced and not removed, if any."""
+    """Return the replaced dataset that a killed command did not remove; None without one."""
     places = (name_replaced(out), name_growing(out))
     return next((place for place in places if _is_replaced(place, by=out)), None)
 

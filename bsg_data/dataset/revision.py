@@ -1,16 +1,16 @@
-"""Revise a finished dataset: one command at a time, and the old is whole until the new is there.
+"""Change a finished dataset: one command at a time; the old files stay until the new are ready.
 
-New files are written into a folder of their own inside the dataset, with the cards and the manifest
-that go with them. Only renames are left then, which need no room on the disk. They go in an order
-that keeps the manifest true at every moment, so that a killed command leaves one of these:
+New files, cards and manifest are first written into a separate folder inside the dataset. After
+that only renames are left, which need no disk space. Their order keeps the manifest correct at
+every moment, so a killed command leaves one of these states:
 
     while files are written       the old dataset, and `.revision` beside its files
     after the first manifest      the old dataset without what was to be replaced
     while files are renamed       the same
     after the last manifest       the new dataset, and `.revision` with the old files
 
-`bsg-data check` names what lies there and is not the dataset's, and the same command, run again,
-removes it. Whatever stops a command in another way is undone.
+`bsg-data check` names leftover files. The same command, run again, removes them. Any other
+interruption is undone at once.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def revise(dataset: Path, write: Callable[[Manifest, Path], Manifest]) -> Manife
 
 
 def remove_left(dataset: Path) -> None:
-    """Remove what a change that was killed has left in a dataset; mostly there is nothing.
+    """Remove leftovers of a killed change from a dataset; usually there are none.
 
     Raises:
         DatasetError: if another command is writing, or something that is not ours is there.
@@ -135,7 +135,9 @@ def _refuse_links(dataset: Path, paths: Sequence[str]) -> None:
     """Refuse to write through a link: it may lead out of the dataset."""
     for folder in sorted({(dataset / path).parent for path in paths} - {dataset}):
         if folder.is_symlink():
-            raise DatasetError(f"{folder}: is a link, and a dataset's folders are none; remove it")
+            raise DatasetError(
+                f"{folder}: is a link; a dataset's folders must not be links; remove it"
+            )
 
 
 def _move(paths: Sequence[str], source: Path, target: Path, moved: list[tuple[Path, Path]]) -> None:

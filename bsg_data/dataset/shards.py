@@ -1,6 +1,6 @@
-"""Scene graphs to parquet shards and back.
+"""Write scene graphs as parquet shards, and read them back.
 
-`write_shards` and `read_scene_graphs` are inverse to each other.
+`read_scene_graphs` returns what `write_shards` wrote.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from bsg_data.inputs.bounds import DATASET_TABLE
 from bsg_data.inputs.parquet import reading_parquet, words_of
 from bsg_data.scene.scene_graph import SceneGraph, is_scene_id
 
-_ROOM = 32 * 2**20  # bytes; the encoders of a table of usual size take less
+_ROOM = 32 * 2**20  # bytes; encoding a table of usual size takes less
 
 
 def write_shards(
@@ -35,7 +35,7 @@ def write_shards(
     """Write one part of every table for some scenes, in the order given.
 
     Raises:
-        DatasetError: if a file cannot be written; none is left half-written.
+        DatasetError: if a file cannot be written; no incomplete file stays.
     """
     columns = collect_columns(graphs, classes=class_space.classes)
     entries = []
@@ -51,17 +51,17 @@ def write_shards(
 def read_table(
     dataset: Path, name: str, *, columns: list[str] | None = None, manifest: Manifest | None = None
 ) -> pa.Table:
-    """Read a whole table of a dataset, rows in order.
+    """Read a whole table of a dataset, with rows in order.
 
     Args:
-        dataset: its folder.
+        dataset: folder of the dataset.
         name: `scenes`, `rooms`, `objects`, `edges` or `splits`.
-        columns: only these, in this order.
-        manifest: read already; otherwise read from the folder.
+        columns: names of the columns to read, in this order; None: all.
+        manifest: its manifest, if it was read already.
 
     Raises:
-        DatasetError: if a file is missing or not readable.
-        MismatchError: if a file is of another class space or format than the manifest.
+        DatasetError: if a file is missing or unreadable.
+        MismatchError: if a file has another class space or format than the manifest.
     """
     return pa.concat_tables(stream_table(dataset, name, columns=columns, manifest=manifest))
 
@@ -69,24 +69,24 @@ def read_table(
 def stream_table(
     dataset: Path, name: str, *, columns: list[str] | None = None, manifest: Manifest | None = None
 ) -> Iterator[pa.Table]:
-    """Yield a table of a dataset, a file at a time; see `read_table`."""
+    """Yield a table of a dataset file by file; see `read_table`."""
     manifest = manifest or read_manifest(dataset)
     entries = manifest.files_of(name)
     if not entries:
-        raise DatasetError(f"{dataset}: has no {name}; `bsg-data info` says what it holds")
+        raise DatasetError(f"{dataset}: has no {name}; run `bsg-data info` to see what it holds")
     return (read_file(dataset, entry, manifest=manifest, columns=columns) for entry in entries)
 
 
 def read_file(
     dataset: Path, entry: FileEntry, *, manifest: Manifest, columns: list[str] | None = None
 ) -> pa.Table:
-    """Read one parquet file of a dataset, and see that it is what the manifest says.
+    """Read one parquet file of a dataset, and compare it with the manifest.
 
     Raises:
         DatasetError: if it is missing, changed or not readable.
         MismatchError: if it is of another class space or format than the manifest.
     """
-    # Without threads: files are small, and Arrow may abort a process that ends while it starts one.
+    # No threads: files are small, and Arrow may abort a process that ends while it starts one.
     with open_listed(dataset, entry, manifest=manifest) as file:
         if manifest.format_version == 1:
             table = to_current(dataset / entry.path, file.read(use_threads=False), manifest)
@@ -101,18 +101,20 @@ def read_file(
 
 @contextmanager
 def open_listed(dataset: Path, entry: FileEntry, *, manifest: Manifest) -> Iterator[pq.ParquetFile]:
-    """Open one parquet file of a dataset from its bytes, which are read once and hashed.
+    """Open one parquet file of a dataset; its bytes are read once and hashed.
 
     Raises:
-        DatasetError: if it is missing, changed or not readable, also within the block.
+        DatasetError: if it is missing, changed or unreadable; also inside the block.
         MismatchError: if it is of another class space or format than the manifest.
     """
     path = dataset / entry.path
     if not path.is_file():
-        raise DatasetError(f"{path}: in the manifest but not there; build again")
+        raise DatasetError(f"{path}: is in the manifest but missing; build the dataset again")
     data = read_listed(path, entry, error=_refuse)
     if hashlib.sha256(data).hexdigest() != entry.sha256:
-        raise DatasetError(f"{path}: is not what the manifest says; `bsg-data check` says more")
+        raise DatasetError(
+            f"{path}: is not what the manifest says; run `bsg-data check` for details"
+        )
     with reading_parquet(path, data=data, rows=entry.rows, error=_refuse) as file:
         check_file_metadata(path, file.schema_arrow, manifest)
         _require_columns(path, file.schema_arrow, schema_of(table_of(entry), manifest))
@@ -120,32 +122,34 @@ def open_listed(dataset: Path, entry: FileEntry, *, manifest: Manifest) -> Itera
 
 
 def read_listed(path: Path, entry: FileEntry, *, error: Refusal) -> bytes:
-    """Return the bytes of a file that a manifest lists; nothing is read if it has not as many.
+    """Return the bytes of a file that a manifest lists; refuse another size before reading.
 
     Raises:
-        DatasetError: or what `error` makes, if it cannot be read, or has another size.
+        DatasetError: (or the error that `error` returns) if it is unreadable or has another size.
     """
     try:
         size = path.stat().st_size
     except OSError as fault:
         raise error(f"{path}: cannot be read ({fault.strerror or fault})") from fault
     if size != entry.bytes:
-        raise error(f"{path}: is not what the manifest says, {entry.bytes} bytes; found {size}")
+        raise error(
+            f"{path}: is not what the manifest says: expected {entry.bytes} bytes, found {size}"
+        )
     most = min(size, DATASET_TABLE.bytes)
     return read_bytes(path, replace(DATASET_TABLE, bytes=most), error=error)  # it may grow
 
 
 def _refuse(said: str) -> DatasetError:
-    return DatasetError(f"{said}; `bsg-data check` says more")
+    return DatasetError(f"{said}; run `bsg-data check` for details")
 
 
 def to_current(path: Path, table: pa.Table, manifest: Manifest) -> pa.Table:
-    """Return a whole table of a file, of whatever version its dataset is, with today's columns."""
+    """Return a table with the columns of format version 2, from a file of any version."""
     if manifest.format_version != 1:
         return table
 
     def read_sizes() -> pa.Table:
-        scenes = path.parent.parent / "scenes" / path.name  # part k of all tables goes together
+        scenes = path.parent.parent / "scenes" / path.name  # part k of all tables belongs together
         with reading_parquet(scenes, error=DatasetError) as file:
             return file.read(columns=["scene_id", "num_rooms"], use_threads=False)
 
@@ -158,7 +162,7 @@ def to_current(path: Path, table: pa.Table, manifest: Manifest) -> pa.Table:
 
 
 def schema_of(table: str, manifest: Manifest) -> pa.Schema:
-    """Return the schema of the files of a table, of whatever version the dataset is."""
+    """Return the schema of the files of a table, for the version of the dataset."""
     if table == "splits":
         return SPLITS
     if table == "pairs":
@@ -168,7 +172,7 @@ def schema_of(table: str, manifest: Manifest) -> pa.Schema:
 
 
 def table_of(entry: FileEntry) -> str:
-    """Return the table that a file is of: `rooms/part-00000.parquet` → `rooms`."""
+    """Return the table of a file: `rooms/part-00000.parquet` → `rooms`."""
     return entry.path.split("/")[0].removesuffix(".parquet")
 
 
@@ -177,23 +181,25 @@ def _require_columns(path: Path, found: pa.Schema, expected: pa.Schema) -> None:
         plain = [{field.remove_metadata() for field in schema} for schema in (found, expected)]
         names = ", ".join(sorted({field.name for field in plain[0] ^ plain[1]})) or "their order"
         raise DatasetError(
-            f"{path}: other columns than the format has ({names}); `bsg-data check` says more"
+            f"{path}: other columns than the format has ({names}); run `bsg-data check` for details"
         )
 
 
 def _require_scene_ids(path: Path, names: Sequence[object]) -> None:
-    """Refuse a scene whose id leads out of a folder, or is there twice; other tables join to it."""
+    """Refuse a scene id that is no file name or occurs twice."""
     known: set[object] = set()
     for name in names:
         if name in known:
-            raise DatasetError(f"{path}: scene {name} is there twice; `bsg-data check` says more")
+            raise DatasetError(
+                f"{path}: scene {name} is there twice; run `bsg-data check` for details"
+            )
         known.add(name)
         if not is_scene_id(name):
-            raise DatasetError(f"{path}: {name!r} is no scene id: it must do as the name of a file")
+            raise DatasetError(f"{path}: {name!r} is no scene id: it must be usable as a file name")
 
 
 def read_scene_graphs(dataset: Path, *, manifest: Manifest | None = None) -> Iterator[SceneGraph]:
-    """Yield the scene graphs of a dataset, one shard in memory at a time; see `read_table`."""
+    """Yield the scene graphs of a dataset, with one shard in memory at a time."""
     manifest = manifest or read_manifest(dataset)
     parts = zip(*(manifest.files_of(name) for name in TABLES), strict=True)
     for files in parts:
@@ -207,7 +213,7 @@ def read_scene_graphs(dataset: Path, *, manifest: Manifest | None = None) -> Ite
 
 
 def _require_whole(path: Path, graph: SceneGraph) -> None:
-    """Refuse a scene whose rows do not go together; the tables name rooms by their numbers."""
+    """Refuse a scene whose rooms, objects and edges do not fit together."""
     rooms = range(1, len(graph.rooms) + 1)
     ends = [end for edge in graph.adjacency for end in (edge.source, edge.target)]
     is_whole = (
@@ -217,15 +223,15 @@ def _require_whole(path: Path, graph: SceneGraph) -> None:
     )
     if not is_whole:
         raise DatasetError(
-            f"{path}: scene {graph.scene_id}: rooms, objects and edges do not go together; "
-            "`bsg-data check` says more"
+            f"{path}: scene {graph.scene_id}: rooms, objects and edges do not fit together; run "
+            "`bsg-data check` for details"
         )
 
 
 def _require_memory() -> None:
-    """Ask for memory that is given back at once, and is not touched.
+    """Allocate memory and free it at once, without touching it.
 
-    Arrow's encoder of dictionaries never ends where it gets none (seen with pyarrow 26).
+    Arrow's dictionary encoder never ends if it gets no memory (seen with pyarrow 26).
 
     Raises:
         MemoryError: if there is not enough.
@@ -233,17 +239,16 @@ def _require_memory() -> None:
     try:
         mmap.mmap(-1, _ROOM).close()
     except OSError as error:
-        raise MemoryError(f"no {_ROOM // 2**20} MiB to write a table with") from error
+        raise MemoryError(f"writing a table needs {_ROOM // 2**20} MiB of memory") from error
 
 
 @contextmanager
 def open_parquet(
     path: Path, schema: pa.Schema, *, table: str, class_space: ClassSpaceEntry, **extra: str
 ) -> Iterator[pq.ParquetWriter]:
-    """Open a parquet file beside its place; rename it there when the block ends well.
+    """Open a parquet file beside its final path; rename it there when the block succeeds.
 
-    Every file says its table, format version, class space and the names of the classes in its own
-    metadata, and `extra`.
+    The metadata of every file has its table, format version, class space, class names and `extra`.
     """
     metadata = {
         "bsg.table": table,
@@ -270,10 +275,10 @@ def describe_file(folder: Path, path: str, *, rows: int) -> FileEntry:
 
 
 def check_file_metadata(path: Path, schema: pa.Schema, manifest: Manifest) -> None:
-    """See that a file is of the dataset's format and class space.
+    """Check that a file has the dataset's format and class space.
 
     Raises:
-        MismatchError: naming what the file says and what the manifest says.
+        MismatchError: naming the values of the file and of the manifest.
     """
     words = words_of(schema)
     if manifest.format_version == 1:

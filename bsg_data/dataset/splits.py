@@ -1,4 +1,4 @@
-"""Splits: which building is trained on and which is tested on. A building is in exactly one."""
+"""Assign buildings to splits or folds; each building is in exactly one."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ def assign_splits(
     *,
     sources: Mapping[str, str] | None = None,
 ) -> dict[str, str]:
-    """Assign every scene to a split, so that each source has its share of every split.
+    """Assign every scene to a split; every source gets its share of each split.
 
     Args:
-        scenes: scene id → the source's own split, which only `official` reads.
+        scenes: scene id → the source's own split; only `official` reads it.
         recipe: method, seed, ratios or folds.
-        sources: scene id → the source; None where all are of one.
+        sources: scene id → source; None if all scenes have the same source.
 
     Returns:
-        scene id → split, sorted by scene id. It depends on the set of ids and on the recipe.
+        Scene id → split, sorted by scene id. It depends only on the set of ids and the recipe.
 
     Raises:
-        RecipeError: if a split that was asked for would be empty.
+        RecipeError: if a split would be empty.
     """
     ids = sorted(scenes)
     strata: dict[str, list[str]] = {}
@@ -51,7 +51,7 @@ def assign_splits(
         if not held or len(held) + len(rest) < len(ids):
             found = Counter(str(split) for split in scenes.values())
             raise RecipeError(
-                "an official split needs scenes of the source's train and val and no others; "
+                "an official split needs scenes of the source's train and val splits only; "
                 f"found {', '.join(f'{n} of {name}' for name, n in sorted(found.items()))}. "
                 "Split by ratios or folds instead"
             )
@@ -66,8 +66,8 @@ def split_dataset(dataset: Path, recipe: SplitRecipe, *, force: bool = False) ->
 
     Raises:
         RecipeError: if a split would be empty.
-        DatasetError: if there is a split already and not `force`, which replaces it and removes
-            the pairs made from it.
+        DatasetError: if there is a split already and `force` is not set. `force` replaces it and
+            removes the pairs made from it.
     """
 
     def write(manifest: Manifest, folder: Path) -> Manifest:
@@ -75,7 +75,7 @@ def split_dataset(dataset: Path, recipe: SplitRecipe, *, force: bool = False) ->
         if manifest.split is not None and not force:
             raise DatasetError(
                 f"{dataset}: is split already; --force makes a new split and removes the old one "
-                "with the pairs made from it"
+                "and its pairs"
             )
         columns = ["scene_id", "source_split", "source"]
         scenes = read_table(dataset, "scenes", columns=columns, manifest=manifest).to_pydict()
@@ -90,18 +90,18 @@ def split_dataset(dataset: Path, recipe: SplitRecipe, *, force: bool = False) ->
 
 
 def assign_folds(dataset: Path, folds: Mapping[str, int], *, number: int) -> Manifest:
-    """Write folds of one's own into a dataset, and return its new manifest.
+    """Write given folds into a dataset, and return its new manifest.
 
-    They replace a split that is there, with the pairs made from it. The recipe says how many folds
-    there are; it would not deal the buildings so.
+    They replace an existing split and its pairs. The stored recipe has the number of folds, but it
+    would assign the buildings differently.
 
     Args:
-        dataset: its folder.
-        folds: scene id → 0 to `number` - 1, of every scene of the dataset.
-        number: of folds.
+        dataset: folder of the dataset.
+        folds: scene id → fold, 0 to `number` - 1, for every scene of the dataset.
+        number: number of folds.
 
     Raises:
-        RecipeError: if a scene has no fold, a fold has no scene, or there is no such fold.
+        RecipeError: if a scene has no fold, a fold has no scene, or a fold is out of range.
     """
     recipe = SplitRecipe(method="folds", ratios=None, folds=number)
 
@@ -112,7 +112,7 @@ def assign_folds(dataset: Path, folds: Mapping[str, int], *, number: int) -> Man
         ids = sorted(scenes.to_pylist())
         without = [scene for scene in ids if scene not in folds]
         if without:
-            raise RecipeError(f"{dataset}: scene {without[0]} has no fold; each must have one")
+            raise RecipeError(f"{dataset}: scene {without[0]} has no fold; give every scene one")
         found = {folds[scene] for scene in ids}
         if found != set(range(number)):
             raise RecipeError(
@@ -156,10 +156,10 @@ def _write_file(
 
 
 def read_splits(dataset: Path, *, manifest: Manifest | None = None) -> dict[str, tuple[str, ...]]:
-    """Read the scene ids of each split, train, val and test first in that order.
+    """Return split → scene ids, with train, val and test first.
 
     Raises:
-        DatasetError: if the dataset is not split yet, or names a split that cannot be.
+        DatasetError: if the dataset has no split yet, or a split has an impossible name.
     """
     manifest = manifest or read_manifest(dataset)
     if manifest.split is None:
@@ -177,7 +177,7 @@ def read_splits(dataset: Path, *, manifest: Manifest | None = None) -> dict[str,
 
 
 def _rank(split: str) -> tuple[int, int, str]:
-    """Return where a split stands; its name was checked against `SPLIT_NAME`."""
+    """Return the sort key of a split; its name was checked against `SPLIT_NAME`."""
     if split in NAMES:
         return (NAMES.index(split), 0, split)
     return (len(NAMES), int(split.removeprefix("fold-")), split)
@@ -189,14 +189,14 @@ def _shuffle(ids: list[str], seed: int) -> list[str]:
 
 
 def _deal(strata: Sequence[list[str]], recipe: SplitRecipe) -> dict[str, str]:
-    """Deal the shuffled scenes to the folds in turn; sizes differ by at most one.
+    """Assign the shuffled scenes to the folds in turn; sizes differ by at most one.
 
-    One stratum follows the other, so that the sizes in each differ by at most one, too.
+    The strata follow one another, so the sizes differ by at most one within each of them, too.
     """
     shuffled = [scene for ids in strata for scene in _shuffle(ids, recipe.seed)]
     if recipe.folds is None or not 2 <= recipe.folds <= len(shuffled):
         raise RecipeError(
-            f"folds must be 2 to the number of scenes, {len(shuffled)}; found {recipe.folds}"
+            f"folds: expected 2 to the number of scenes, {len(shuffled)}; found {recipe.folds}"
         )
     return {scene: f"fold-{i % recipe.folds}" for i, scene in enumerate(shuffled)}
 
@@ -206,7 +206,7 @@ def _cut(strata: Sequence[list[str]], recipe: SplitRecipe) -> dict[str, str]:
     ratios = np.array(recipe.ratios or ())
     if not np.isfinite(ratios).all() or (ratios < 0).any() or abs(ratios.sum() - 1) > 1e-9:
         raise RecipeError(
-            f"ratios must be three numbers of 0 or more that add up to 1; found {recipe.ratios}"
+            f"ratios: expected three numbers of 0 or more that add up to 1; found {recipe.ratios}"
         )
     chosen: dict[str, str] = {}
     for ids in strata:
@@ -216,7 +216,7 @@ def _cut(strata: Sequence[list[str]], recipe: SplitRecipe) -> dict[str, str]:
     empty = [name for name, ratio in zip(NAMES, ratios, strict=True) if ratio and name not in held]
     if empty:
         raise RecipeError(
-            f"{len(chosen)} scenes cut by {recipe.ratios} leave {' and '.join(empty)} empty; "
+            f"{len(chosen)} scenes with ratios {recipe.ratios} leave {' and '.join(empty)} empty; "
             "take more scenes or other ratios"
         )
     return chosen

@@ -195,12 +195,12 @@ def test_nothing_of_the_users_is_overwritten(hm3d_folder: Path, tmp_path: Path) 
     mine = tmp_path / "mine"
     mine.mkdir()
     (mine / "thesis.tex").write_text("years of work")
-    with pytest.raises(DatasetError, match="is no dataset and is left alone"):
+    with pytest.raises(DatasetError, match="exists and is no dataset"):
         build_dataset(source, mine, force=True)
     assert (mine / "thesis.tex").read_text() == "years of work"
     (tmp_path / "out.partial").mkdir()
     (tmp_path / "out.partial" / "thesis.tex").write_text("years of work")
-    with pytest.raises(DatasetError, match="no build of ours"):
+    with pytest.raises(DatasetError, match="no build of this program"):
         build_dataset(source, tmp_path / "out")
     (tmp_path / "out.partial" / "thesis.tex").unlink()  # what is empty is nobody's
     (tmp_path / "out.partial" / ".reports").mkdir()
@@ -305,7 +305,7 @@ def test_a_part_of_a_number_of_scenes_that_cannot_be_is_refused_at_once(
 
 def test_more_parts_than_the_format_numbers_are_refused_with_what_would_do() -> None:
     assert count_shards(1_600_000, scenes_per_shard=16) == 100_000
-    with pytest.raises(RecipeError, match=r"make 100,001 parts.*take scenes_per_shard=17 or more"):
+    with pytest.raises(RecipeError, match=r"make 100,001 parts.*set scenes_per_shard=17 or more"):
         count_shards(1_600_001, scenes_per_shard=16)
 
 

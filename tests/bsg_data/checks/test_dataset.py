@@ -229,8 +229,8 @@ def test_a_file_of_another_size_is_named_and_not_read(dataset: Path) -> None:
     with (dataset / OBJECTS).open("ab") as file:
         file.truncate(2**40)
     found = {fault.where: fault.what for fault in check_dataset(dataset)}
-    assert "is not what the manifest says, " in found[OBJECTS]
-    assert "bytes; found 1099511627776" in found[OBJECTS]
+    assert "is not what the manifest says: " in found[OBJECTS]
+    assert "bytes, found 1099511627776" in found[OBJECTS]
 
 
 def test_another_schema_and_nulls_are_named(dataset: Path) -> None:

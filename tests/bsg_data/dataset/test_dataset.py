@@ -229,7 +229,7 @@ def test_a_damaged_file_is_refused(dataset: Path, table: str, how: str) -> None:
         middle = len(whole) // 2
         flipped = whole[:middle] + bytes([whole[middle] ^ 1]) + whole[middle + 1 :]
         path.write_bytes(whole[:-9] if how == "cut" else flipped)
-    said = "in the manifest but not there" if how == "gone" else "is not what the manifest says"
+    said = "is in the manifest but missing" if how == "gone" else "is not what the manifest says"
     with pytest.raises(DatasetError, match=rf"{path.name}: {said}"):
         read_everything(Dataset.open(dataset))
     path.write_bytes(whole)

@@ -91,9 +91,9 @@ def test_a_merged_dataset_keeps_the_maps_of_its_parts(own: Path, tmp_path: Path)
 def test_a_kept_map_that_was_changed_is_a_fault(own: Path) -> None:
     path = kept_map(own)
     path.write_bytes(SPELLINGS + b"lamp,lamp,rest\n")
-    with pytest.raises(ClassMapError, match=r"mine\.csv: is not the class map .* built with"):
+    with pytest.raises(ClassMapError, match=r"mine\.csv: differs from the class map .* built with"):
         read_class_maps(own, read_manifest(own))
-    assert "is not the class map" in str(check_dataset(own)[0])
+    assert "differs from the class map" in str(check_dataset(own)[0])
 
 
 def test_a_dataset_from_before_maps_were_kept_names_its_map(own: Path) -> None:

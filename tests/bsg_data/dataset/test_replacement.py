@@ -200,7 +200,7 @@ def test_a_rename_that_fails_leaves_the_old_dataset(
 
 def test_the_root_of_the_file_system_is_no_place() -> None:
     for name in (name_growing, name_replaced):
-        with pytest.raises(DatasetError, match="is no place for a dataset"):
+        with pytest.raises(DatasetError, match="cannot be a dataset"):
             name(Path("/"))
 
 

@@ -118,8 +118,8 @@ def test_official_holds_the_sources_val_out() -> None:
         (20, SplitRecipe(ratios=(1.5, -0.5, 0.0)), "0 or more"),
         (20, SplitRecipe(ratios=(float("nan"), 0.5, 0.5)), "add up to 1"),
         (20, SplitRecipe(ratios=None), "add up to 1; found None"),
-        (3, SplitRecipe(method="folds", ratios=None, folds=4), "folds must be 2 to"),
-        (20, SplitRecipe(method="folds", ratios=None), "folds must be 2 to .* 20; found None"),
+        (3, SplitRecipe(method="folds", ratios=None, folds=4), "folds: expected 2 to"),
+        (20, SplitRecipe(method="folds", ratios=None), "folds: expected 2 to .* 20; found None"),
     ],
 )
 def test_an_impossible_split_is_refused(number: int, recipe: SplitRecipe, message: str) -> None:
@@ -149,7 +149,7 @@ def test_folds_of_ones_own_are_stored(dataset: Path) -> None:
     assert read_manifest(dataset) == manifest
     stored = {scene: name for name, some in read_splits(dataset).items() for scene in some}
     assert stored == {scene: f"fold-{fold}" for scene, fold in folds.items()}
-    with pytest.raises(RecipeError, match="has no fold; each must have one"):
+    with pytest.raises(RecipeError, match="has no fold; give every scene one"):
         assign_folds(dataset, dict(list(folds.items())[1:]), number=3)
     with pytest.raises(RecipeError, match="expected scenes in each of the folds 0 to 3"):
         assign_folds(dataset, folds, number=4)

@@ -174,7 +174,7 @@ def test_what_is_fitted_by_counting_starts_again_unless_it_is_finished(
 def test_what_cannot_be_resumed_is_refused(dataset: Path, tmp_path: Path) -> None:
     run = tmp_path / "run"
     list(train_run(configure(), dataset, run))
-    with pytest.raises(TrainingError, match="--resume goes on, --force replaces"):
+    with pytest.raises(TrainingError, match="--resume continues it, --force replaces"):
         list(train_run(configure(), dataset, run))
     with pytest.raises(
         TrainingError, match=r"only training\.epochs and training\.device may change"
@@ -339,7 +339,7 @@ def test_a_checkpoint_of_another_class_space_is_refused(dataset: Path, tmp_path:
 def test_a_dataset_of_another_format_is_refused(dataset: Path, tmp_path: Path) -> None:
     manifest = read_manifest(dataset).model_copy(update={"format_version": 3})
     (dataset / "dataset.json").write_bytes(encode_manifest(manifest))
-    with pytest.raises(MismatchError, match="format version 3, this program reads 1 and 2"):
+    with pytest.raises(MismatchError, match="expected format version 1 or 2, found 3"):
         list(train_run(configure(), dataset, tmp_path / "run"))
 
 
@@ -360,5 +360,5 @@ def test_a_calibration_of_a_sample_says_so(
     list(train_run(config, dataset, tmp_path / "some"))
     (note,) = summarise_run(tmp_path / "some").notes
     assert re.fullmatch(
-        r"calibrated on \d of \d masked val buildings, drawn at random: 20 nodes at most", note
+        r"calibrated on a random sample of \d of \d masked val buildings: at most 20 nodes", note
     )

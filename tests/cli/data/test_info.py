@@ -42,7 +42,7 @@ def test_a_figure_replaces_only_a_figure_of_ours(dataset: Path, tmp_path: Path) 
     mine, ours = tmp_path / "thesis.png", tmp_path / "classes.png"
     mine.write_bytes(b"years of work")
     assert (
-        "no figure of ours; --force replaces it"
+        "no figure of this program; --force replaces it"
         in run("info", dataset, "--figure", mine, code=1).output
     )
     assert mine.read_bytes() == b"years of work"
