@@ -1,1 +1,1 @@
-"""Beliefs about what is hidden: count distributions, expectations, belief graphs, their files."""
+"""Define beliefs about hidden objects: count distributions, expectations, belief graphs, files."""

@@ -1,12 +1,12 @@
-"""What is believed, written into the text of somebody's Spark-DSG graph, and taken out again.
+"""Write a belief graph into the text of an existing Spark-DSG graph, and remove it again.
 
-    annotate(text, …)        the same text, byte for byte, with what we put in
+    annotate(text, …)        the same text, byte for byte, with the belief added
     strip_annotation(text)   the same text without it
 
-We put in: under `metadata.bsg.belief` of the graph the belief graph, of each room its histograms,
-of each object what it was read as; and blind nodes, in a layer of their own, with an edge to the
-room that each is expected in. Every `belief` says in `added` which key was put in, so that what
-was there before stays: users write what they know under `bsg`, too.
+The belief graph goes under `metadata.bsg.belief` of the graph. Each room gets its histograms and
+each object its class there, too. Blind nodes get a layer of their own, with an edge to the room
+where each is expected. Every `belief` lists in `added` which keys were added, so that the user's
+own content under `bsg` stays.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ from bsg_models.belief.json_text import (
 from bsg_models.errors import HydraError
 
 BLIND_LAYER = "BLIND"
-_WAY = ("metadata", "bsg", "belief")  # where a belief stands in a graph, or in a node's attributes
-_SYMBOLS = "xyz" + string.ascii_letters  # Hydra has a, b, … for robots, B, O, p, R, s and t
+_WAY = ("metadata", "bsg", "belief")  # path of a belief in a graph, or in a node's attributes
+_SYMBOLS = "xyz" + string.ascii_letters  # Hydra uses a, b, … for robots, and B, O, p, R, s, t
 _COLOUR = (0, 204, 0)  # of blind nodes in the paper's figures
 _NO_LABEL = 2**32 - 1
 _NO_TURN = {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}
 _NOWHERE = [0.0, 0.0, 0.0]
-# Older readers want corners, newer ones a size, and both take what they do not know.
+# Older readers need corners, newer ones a size; both ignore unknown keys.
 _NO_BOX = {
     "type": "INVALID",
     "min": _NOWHERE,
@@ -53,7 +53,7 @@ _NO_BOX = {
 
 @dataclass(frozen=True, slots=True)
 class _Text:
-    """The text of a graph, where it begins, and its members."""
+    """The text of a graph, its start, and its members."""
 
     text: str
     start: int
@@ -65,18 +65,18 @@ class _Text:
         return cls(text, start, list_parts(text, start))
 
     def items(self, key: str) -> tuple[Part, ...]:
-        """Return the items of a list, or the members of an object; nothing if it is not there."""
+        """Return the items of a list, or the members of an object; empty if it is missing."""
         member = find_member(self.parts, key)
         return () if member is None else list_parts(self.text, member.start)
 
     def append(self, key: str, added: Sequence[str]) -> Iterator[Edit]:
-        """Yield the edit that puts items into a list that is there."""
+        """Yield the edit that adds items to an existing list."""
         member = find_member(self.parts, key)
         if member is not None and added:
             yield append_parts(self.text, member.start, self.items(key), added)
 
     def attributes(self, node: Part) -> int:
-        """Return where the attributes of a node begin."""
+        """Return the start of a node's attributes."""
         members = list_parts(self.text, node.start)
         return [part.start for part in members if part.key == "attributes"][-1]
 
@@ -84,16 +84,16 @@ class _Text:
 def annotate(
     text: str, belief: BeliefGraph, *, rooms: Sequence[int], objects: Sequence[int | None]
 ) -> str:
-    """Return the text of a graph with a belief graph in it; an older one is replaced.
+    """Return the text of a graph with a belief graph in it; an older belief is replaced.
 
     Args:
         text: of a Spark-DSG graph.
-        belief: about what is in it.
-        rooms: the ids of its rooms there, in their order.
-        objects: of its objects, in their order; None for those that are not there.
+        belief: about its content.
+        rooms: ids of its rooms in the text, in the order of the belief graph.
+        objects: ids of its objects, likewise; None for objects that are not in the text.
 
     Raises:
-        HydraError: if there is something else where a belief should stand.
+        HydraError: if something else stands at the place of a belief.
     """
     graph = _strip(_Text.of(text))
     nodes = {node.value["id"]: node for node in graph.items("nodes")}
@@ -117,7 +117,7 @@ def annotate(
 
 
 def strip_annotation(text: str) -> str:
-    """Return the text of a graph as it was before `annotate`; of another graph, the text itself."""
+    """Return the text of a graph as it was before `annotate`; without a belief, the text itself."""
     return _strip(_Text.of(text)).text
 
 
@@ -144,15 +144,15 @@ def _strip(graph: _Text) -> _Text:
 
 
 def find_document(graph: Any) -> Any:
-    """Return the document of the belief graph that `annotate` put into a graph; None without."""
+    """Return the document of the belief graph that `annotate` added; None without one."""
     record = _find_belief(graph)
     return None if record is None else record.get("document")
 
 
 def _find_belief(held: Any) -> Mapping[str, Any] | None:
-    """Return what `annotate` put under `metadata.bsg.belief` of a graph or of a node.
+    """Return what `annotate` added under `metadata.bsg.belief` of a graph or a node.
 
-    Blind nodes are ours as a whole, and say so by their kind.
+    Blind nodes are added as a whole; their kind says so.
     """
     for key in _WAY:
         held = held.get(key) if isinstance(held, dict) else None
@@ -164,7 +164,7 @@ def _find_belief(held: Any) -> Mapping[str, Any] | None:
 def _say(
     text: str, start: int, parts: Sequence[Part], belief: Mapping[str, Any], where: str
 ) -> Edit:
-    """Return the edit that puts a belief into the object at `start`, with what leads there."""
+    """Return the edit that adds a belief, and the objects around it, to the object at `start`."""
     for depth, key in enumerate(_WAY):
         found = find_member(parts, key)
         if found is None:
@@ -174,8 +174,8 @@ def _say(
             raise HydraError(f"{where}: {path}: expected an object, found {there}")
         if depth == len(_WAY) - 1:
             raise HydraError(
-                f"{where}: {'.'.join(_WAY)} is there already, and is not what this program put in; "
-                "give it another name"
+                f"{where}: {'.'.join(_WAY)} is there already, and this program did not write it; "
+                "rename it"
             )
         start, parts = found.start, list_parts(text, found.start)
     said: Any = {"added": key, **belief}
@@ -185,9 +185,9 @@ def _say(
 
 
 def _unsay(text: str, parts: Sequence[Part]) -> list[Edit]:
-    """Return the edits that take a belief out of the object with these parts.
+    """Return the edits that remove a belief from the object with these parts.
 
-    What was put in to hold it goes, too, unless it holds something else by now.
+    Objects that were added around it are removed too, unless they hold something else.
     """
     ways: list[tuple[Sequence[Part], int]] = []
     for key in _WAY:
@@ -205,7 +205,7 @@ def _unsay(text: str, parts: Sequence[Part]) -> list[Edit]:
 def _describe(
     belief: BeliefGraph, rooms: Sequence[int], objects: Sequence[int | None]
 ) -> Iterator[tuple[int, dict[str, Any]]]:
-    """Yield what is said of each room and each object, by its id in the file."""
+    """Yield the belief about each room and object, by its id in the file."""
     classes = belief.partial.class_space.classes
     for number, node in enumerate(rooms, 1):
         expected, presence = belief.expected[number].tolist(), belief.presence[number].tolist()
@@ -225,7 +225,7 @@ def _describe(
 def _encode_blind(
     belief: BeliefGraph, rooms: Sequence[Mapping[str, Any]], ids: Sequence[int], layer: int
 ) -> list[str]:
-    """Return the texts of blind nodes: objects that are predicted, where their room is."""
+    """Return the texts of blind nodes: predicted objects, at the position of their room."""
     classes = belief.partial.class_space.classes
     texts = []
     for node, number in zip(belief.blind, ids, strict=True):
@@ -258,7 +258,7 @@ def _encode_blind(
 
 
 def _place(position: Any) -> Any:
-    """Return a position, or the origin for one that is not finite: null, or `NaN`."""
+    """Return a position, or the origin if it is not finite (null or `NaN`)."""
     finite = isinstance(position, list) and all(
         isinstance(value, int | float) and math.isfinite(value) for value in position
     )
@@ -266,7 +266,7 @@ def _place(position: Any) -> Any:
 
 
 def _colour_like(colour: Any) -> Any:
-    """Return the colour of blind nodes as the file spells colours: a list, or by letters."""
+    """Return the colour of blind nodes in the file's own notation: a list, or by letters."""
     if isinstance(colour, dict):
         return dict(zip("rgb", _COLOUR, strict=True)) | ({"a": 255} if "a" in colour else {})
     return list(_COLOUR)
@@ -281,10 +281,10 @@ def _encode_edges(belief: BeliefGraph, rooms: Sequence[int], ids: Sequence[int])
 
 
 def _choose_layer(graph: _Text, rooms: int) -> tuple[int, str]:
-    """Return the id and the name of a layer below the rooms' that the file does not have.
+    """Return id and name of an unused layer below the rooms' layer.
 
-    Spark-DSG takes the node of the higher layer of an edge for the parent: above the rooms, blind
-    nodes would be the rooms' parents, and the building would lose them.
+    In Spark-DSG, the node of the higher layer is the parent of an edge. Above the rooms, blind
+    nodes would become the rooms' parents, and the building would lose its rooms.
     """
     taken = {node.value["layer"] for node in graph.items("nodes")}
     taken |= {item.value for item in graph.items("layer_ids")}
@@ -307,13 +307,13 @@ def _choose_layer(graph: _Text, rooms: int) -> tuple[int, str]:
 
 
 def _name_layer(graph: _Text, layer: int, name: str) -> str:
-    """Return the member of `layer_names` for a layer, as the file spells the others."""
+    """Return the member of `layer_names` for a layer, in the notation of the others."""
     plain = any(isinstance(part.value, int) for part in graph.items("layer_names"))
     return f"{_dump(name)}:{_dump(layer if plain else {'layer': layer, 'partition': 0})}"
 
 
 def _cut_layer(graph: _Text, layer: Any) -> Iterator[Edit]:
-    """Yield the edits that take a layer of blind nodes out of the lists of layers."""
+    """Yield the edits that remove a layer of blind nodes from the lists of layers."""
     if not isinstance(layer, dict):
         return
     number, name = layer.get("id"), layer.get("name")
@@ -328,7 +328,7 @@ def _cut_layer(graph: _Text, layer: Any) -> Iterator[Edit]:
 
 
 def _choose_symbol(ids: Collection[int]) -> int:
-    """Return the letter of a symbol, as its number, that no node of the file has."""
+    """Return an unused symbol letter, as its number."""
     taken = {number >> 56 for number in ids}
     free = next((ord(letter) for letter in _SYMBOLS if ord(letter) not in taken), None)
     if free is None:

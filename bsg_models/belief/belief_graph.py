@@ -1,8 +1,8 @@
-"""The belief graph 𝒢″: the partial graph with predicted histograms and blind nodes (paper, III-C).
+"""Make the belief graph 𝒢″: the partial graph with predicted histograms and blind nodes.
 
-A blind node ℬ stands for an object that is expected in a room and was not seen. `complete` adds as
-many as the prediction has objects that were not seen; `unseen` adds one for each of the classes
-that are most expected among those of which a room shows none.
+Source: the paper, section III-C. A blind node ℬ stands for an object that is expected in a room and
+was not seen. Mode `complete` adds as many as the expected number of hidden objects. Mode `unseen`
+adds one for each of the likeliest classes of which the room shows none.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import PredictionError
 
 Mode = Literal["complete", "unseen"]
-LEAST_PRESENCE = 0.005  # what is less likely is not expected
+LEAST_PRESENCE = 0.005  # classes of a lower presence get no blind node
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,9 +28,9 @@ class BlindNode:
     """An expected object.
 
     Attributes:
-        room_index: the room that it is expected in, 1..R.
+        room_index: room where it is expected, 1..R.
         class_index: its class.
-        expected: number of hidden objects of its class that are expected in the room.
+        expected: expected number of hidden objects of its class in the room.
         presence: P(at least one hidden object of its class in the room).
     """
 
@@ -46,11 +46,11 @@ class BeliefGraph:
 
     Attributes:
         partial: what was seen.
-        expected: `[N, C]` expected counts of everything, E″ × O″, the building first.
+        expected: `[N, C]` expected counts of all objects, E″ × O″, the building first.
         presence: `[N, C]` P(at least one hidden object of the class).
-        blind: by room, most expected first.
+        blind: blind nodes, by room, the most expected first.
         mode: how the blind nodes were chosen.
-        model: the name of the model that believes this.
+        model: name of the model.
     """
 
     partial: PartialGraph
@@ -71,7 +71,7 @@ class BeliefGraph:
         return self.expected - self.inputs
 
     def __eq__(self, other: object) -> bool:
-        """Say whether two belief graphs agree to the last bit."""
+        """Return whether two belief graphs agree to the last bit."""
         if not isinstance(other, BeliefGraph):
             return NotImplemented
         return (
@@ -98,11 +98,11 @@ def believe(
         graph: with R rooms.
         expectation: of its nodes of interest, `[1 + R, C]`.
         mode: `complete` or `unseen`.
-        top: classes of a room that get a blind node under `unseen`.
-        model: named in the result.
+        top: number of classes per room that get a blind node under `unseen`.
+        model: name to put into the result.
 
     Raises:
-        RecipeError: if the expectation is not of this graph.
+        RecipeError: if the expectation does not belong to this graph.
         PredictionError: if it is not finite.
     """
     inputs = graph.histograms().astype(np.float64)
@@ -135,8 +135,8 @@ def believe(
 def complete(hidden: Floats) -> npt.NDArray[np.int64]:
     """Return how many blind nodes of each class complete each room, `[R, C]`.
 
-    Their number in a room is its expected number of hidden objects, rounded (a half up), and they
-    are shared among the classes by largest remainder; ties go to the lower class index.
+    A room gets its expected number of hidden objects, rounded (a half rounds up). They are
+    distributed over the classes by largest remainder; ties go to the lower class index.
 
     Args:
         hidden: `[R, C]` expected hidden counts.
@@ -149,10 +149,9 @@ def complete(hidden: Floats) -> npt.NDArray[np.int64]:
 
 
 def rank_unseen(expectation: Expectation, top: int) -> list[npt.NDArray[np.int64]]:
-    """Return for every node the classes, at most `top`, that are most expected and not seen there.
+    """Return for every node at most `top` classes that were not seen there, by presence.
 
-    They are ranked by presence; ties go to the lower class index. Classes with less than
-    `LEAST_PRESENCE` are left out.
+    Ties go to the lower class index. Classes with a presence below `LEAST_PRESENCE` are left out.
     """
     ranked = []
     for inputs, presence in zip(expectation.inputs, expectation.presence, strict=True):

@@ -1,4 +1,4 @@
-"""What holds of every belief graph, checked of those that come from a file."""
+"""Check a belief graph from a file for values that no belief graph can have."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ def check_beliefs(belief: BeliefGraph, *, path: Path) -> None:
     """Check the histograms and blind nodes of a belief graph against its partial graph.
 
     Raises:
-        BeliefFileError: naming the file and the first thing that cannot be.
+        BeliefFileError: naming the file and the first fault.
     """
     for fault in _faults_of_beliefs(belief):
         raise BeliefFileError(f"{path}: {fault}")
 
 
 def check_partial(partial: PartialGraph, *, path: Path) -> None:
-    """Check ids, shares, places and room numbers of a partial graph.
+    """Check ids, shares, positions and room numbers of a partial graph.
 
     Raises:
-        BeliefFileError: naming the file and the first thing that cannot be.
+        BeliefFileError: naming the file and the first fault.
     """
     for fault in _faults_of_partial(partial):
         raise BeliefFileError(f"{path}: {fault}")
@@ -46,9 +46,9 @@ def _faults_of_beliefs(belief: BeliefGraph) -> Iterator[str]:
         yield f"expected histograms of {shape[0]} × {shape[1]}"
         return
     if not (np.isfinite(belief.expected) & (belief.expected >= 0)).all():
-        yield "expected counts are finite and not negative"
+        yield "expected counts must be finite and not negative"
     if not ((belief.presence >= 0) & (belief.presence <= 1)).all():
-        yield "a presence is between 0 and 1"
+        yield "a presence must be between 0 and 1"
     if not (belief.expected >= belief.partial.histograms()).all():
         yield "fewer objects are expected than were seen"
     for node in belief.blind:
@@ -59,7 +59,7 @@ def _faults_of_beliefs(belief: BeliefGraph) -> Iterator[str]:
         elif not (math.isfinite(node.expected) and node.expected >= 0):
             yield f"a blind node in room {node.room_index} stands for {node.expected} objects"
         elif node.presence != belief.presence[node.room_index, node.class_index]:
-            yield f"a blind node in room {node.room_index} is not as sure as its room"
+            yield f"a blind node in room {node.room_index} has another presence than its room"
 
 
 def _faults_of_partial(partial: PartialGraph) -> Iterator[str]:
@@ -76,7 +76,7 @@ def _faults_of_partial(partial: PartialGraph) -> Iterator[str]:
         if room.floor_area is not None and not is_floor_area(room.floor_area):
             yield f"room {room.name!r}: no room has {room.floor_area} square metres"
         if room.footprint is not None and len(room.footprint) < 3:
-            yield f"room {room.name!r}: a footprint has 3 corners or more"
+            yield f"room {room.name!r}: a footprint needs 3 corners or more"
     for obj in partial.objects:
         if not 0 <= obj.room_index <= rooms:
             yield f"object {obj.name!r} is in room {obj.room_index}; rooms are 1 to {rooms}"
@@ -92,7 +92,7 @@ def _faults_of_ids(kind: str, names: list[str]) -> Iterator[str]:
         yield f"a {kind} has no id"
     for name, times in Counter(names).items():
         if times > 1:
-            yield f"{kind} id {name!r} is there {times} times"
+            yield f"{kind} id {name!r} occurs {times} times"
 
 
 def _coordinates(room: KnownRoom) -> Iterable[float]:

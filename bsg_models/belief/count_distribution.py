@@ -1,7 +1,7 @@
-"""The distribution of the hidden counts: per node and class a finite mixture of negative binomials.
+"""Define the distribution of the hidden counts: a finite mixture per node and class.
 
-One component serves most models; latent room types and ensembles need more of them. Each component
-may be tilted: its first counts are as much likelier as its tilts say
+The components are negative binomials. One suffices for most models; latent room types and ensembles
+need more. A component may be tilted: its tilts are log factors of its first counts
 (`bsg_models.belief.negative_binomial`).
 """
 
@@ -18,8 +18,8 @@ from scipy.special import gammaln, lambertw, logsumexp
 from bsg_data.arrays import Floats
 from bsg_models.belief.negative_binomial import TINY, first_counts, log_none
 
-MIN_RATE = 1e-3  # no model may call a hidden object impossible: log 0 would swallow all the rest
-_MOST_TILT = 600.0  # that is multiplied out: e^709 is the largest number
+MIN_RATE = 1e-3  # no hidden object may be impossible: one log 0 would dominate any mean
+_MOST_TILT = 600.0  # largest exponent computed: e^709 is the largest number
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,9 +29,9 @@ class CountDistribution:
     Attributes:
         means: `[K, N, C]` μ ≥ 0 of the K components.
         dispersions: `[K, N, C]` r > 0; ∞ for a Poisson.
-        weights: `[K, N, 1]` or `[K, N, C]`, sums over K to 1.
-        tilts: `[J, K, N, C]` log factors of the hidden counts 0..J−1, before each component is
-            normalised; None for J = 0. With them `means` are those of the untilted components.
+        weights: `[K, N, 1]` or `[K, N, C]`; sums over K to 1.
+        tilts: `[J, K, N, C]` log factors of the hidden counts 0..J−1, applied before each component
+            is normalised; None for J = 0. With tilts, `means` are those of the untilted components.
     """
 
     means: Floats
@@ -51,11 +51,11 @@ class CountDistribution:
         return np.asarray((self.weights * second).sum(axis=0) - self.mean**2)
 
     def _moment(self, untilted: Floats, power: int) -> Floats:
-        """Return E(count^power) of every component, `[K, N, C]`, from that without tilts."""
+        """Return E(count^power) of every component, `[K, N, C]`, from that of the untilted one."""
         if self.tilts is None:
             return untilted
         moment = untilted.copy()
-        for count in range(1, len(self.tilts)):  # a tilt of none adds nothing
+        for count in range(1, len(self.tilts)):  # the tilt of count 0 adds nothing
             moment += count**power * self._first[count] * np.expm1(self.tilts[count])
         return np.asarray(np.maximum(moment, 0.0) * np.exp(-self._log_normaliser))
 
@@ -85,9 +85,9 @@ class CountDistribution:
 
     @property
     def is_finite(self) -> bool:
-        """Whether it says something of every cell: its parts, and what follows from them.
+        """Whether all parameters, and the values computed from them, are finite.
 
-        A dispersion may be infinite, which is a Poisson. Parts that are finite can overflow.
+        A dispersion may be infinite, which is a Poisson. Finite parameters can still overflow.
         """
         parts = [self.weights, self.means, self.mean, self.presence]
         if self.tilts is not None:
@@ -100,12 +100,12 @@ class CountDistribution:
         present = -np.expm1(np.minimum(self._log_none, 0.0))
         if len(present) > 1:
             present = self.weights * present
-        # What is never there is 0 to the last bit, whatever its tilts.
+        # A count that is never there stays exactly 0, whatever its tilts.
         return np.where((self.means > 0).any(axis=0), present.sum(axis=0), 0.0)
 
     @property
     def log_odds_of_none(self) -> Floats:
-        """Log P(0) − log P(at least one), `[N, C]`, cut to ±20.7, a presence of 1e-9."""
+        """Log P(0) − log P(at least one), `[N, C]`, clipped to ±20.7 (a presence of 1e-9)."""
         none = np.clip(1 - self.presence, 1e-9, 1 - 1e-9)
         return np.asarray(np.log(none) - np.log1p(-none))
 
@@ -114,7 +114,7 @@ class CountDistribution:
 
         Args:
             counts: `[N, C]` whole numbers.
-            floor: means below it count as this much, before tilts.
+            floor: lower bound of the means, before tilts.
         """
         means = np.maximum(self.means, floor)
         each = _log_nones(means, self.dispersions)
@@ -122,7 +122,7 @@ class CountDistribution:
         if self.tilts is not None:
             first = _first_counts(len(self.tilts), np.exp(each), means, self.dispersions)
             normaliser = _log_normaliser(first, self.tilts, each)
-        some = counts > 0  # most counts are 0, and need no more
+        some = counts > 0  # most counts are 0 and need nothing more
         some_r = np.broadcast_to(self.dispersions, means.shape)[:, some]
         each[:, some] += _log_beyond_nones(counts[some], means[:, some], some_r)
         if self.tilts is not None:
@@ -136,23 +136,23 @@ class CountDistribution:
         return np.asarray(np.minimum(logsumexp(weighed, axis=0), 0.0))
 
     def quantile(self, q: float) -> npt.NDArray[np.int64]:
-        """Return the smallest count that at least a share q of the probability is at or below.
+        """Return the q-quantile: the smallest count n with P(hidden ≤ n) of at least q.
 
         Args:
-            q: 0 to below 1.
+            q: from 0 to below 1.
 
         Returns:
             `[N, C]`.
 
         Raises:
-            ValueError: for another q.
+            ValueError: if q is outside this range.
         """
         if not 0 <= q < 1:
             raise ValueError(f"q must be 0 to below 1, found {q}")
         return self._invert(np.full(self.means.shape[1:], q))
 
     def _invert(self, levels: Floats) -> npt.NDArray[np.int64]:
-        """Return the smallest counts that hold these shares of the probability, `[N, C]`."""
+        """Return the smallest counts n with P(hidden ≤ n) of at least these levels, `[N, C]`."""
         counts = np.zeros(levels.shape, dtype=np.int64)
         below = np.zeros(levels.shape)
         count, waiting = 0, np.ones(levels.shape, dtype=bool)
@@ -165,7 +165,7 @@ class CountDistribution:
         return counts
 
     def sample(self, rng: np.random.Generator) -> npt.NDArray[np.int64]:
-        """Sample all counts once, `[N, C]`; a building's is not the sum of its rooms'."""
+        """Sample all counts once, `[N, C]`; the building's count is not the sum of its rooms'."""
         chosen = np.empty(self.means.shape[1:], dtype=np.int64)
         level = rng.random((len(chosen), 1))
         shares = np.broadcast_to(np.cumsum(self.weights, axis=0), self.means.shape)
@@ -209,16 +209,16 @@ class CountDistribution:
     def recalibrated(self, *, shift: float, slope: float, spread: float) -> CountDistribution:
         """Return the distribution with means e^shift · μ^slope and dispersions e^spread · r.
 
-        The means are those before tilts, which stay as they are.
+        The means are those before tilts; the tilts stay as they are.
         """
         means = np.exp(shift) * self.means**slope
         return replace(self, means=means, dispersions=np.exp(spread) * self.dispersions)
 
     def with_none_likelier(self, log_factor: Floats) -> CountDistribution:
-        """Return the distribution with so much higher log odds of none.
+        """Return the distribution with the log odds of count 0 raised.
 
-        All probabilities beyond none keep their ratios, those of several components too: each
-        weighs as much as what is left of it.
+        All probabilities above 0 keep their ratios, also between components: each component is
+        weighted by what is left of it.
 
         Args:
             log_factor: `[N, C]`, added to log P(0) − log P(at least one).
@@ -233,7 +233,7 @@ class CountDistribution:
         return replace(self, tilts=tilts, weights=weights)
 
     def without(self, known: npt.NDArray[np.bool_]) -> CountDistribution:
-        """Return the distribution with nothing hidden where `known` `[N, C]`."""
+        """Return the distribution with nothing hidden in the cells `known` `[N, C]`."""
         tilts = None if self.tilts is None else self.tilts * ~known
         return replace(self, means=self.means * ~known, tilts=tilts)
 
@@ -249,15 +249,15 @@ def negative_binomial(means: Floats, dispersions: Floats) -> CountDistribution:
 
 
 def zero_inflated(presence: Floats, means: Floats) -> CountDistribution:
-    """Return the zero-inflated Poisson with P(at least one) and mean as given, both `[N, C]`.
+    """Return the zero-inflated Poisson with given P(at least one) and mean, both `[N, C]`.
 
-    Its Poisson component μ solves μ / (1 − e^−μ) = mean / presence: μ = m + W(−m e^−m), m the
-    mean given that there is one, W Lambert's function. Where the mean is too small for so likely a
-    class, no zeros are left to add: the distribution is the Poisson with that presence.
+    Its Poisson component μ solves μ / (1 − e^−μ) = mean / presence: μ = m + W(−m e^−m), with m the
+    mean given at least one, and W Lambert's function. If the mean is too small for the presence,
+    there are no zeros to add, and the result is the Poisson with that presence.
     """
     presence = np.clip(presence, 0.0, 1 - 1e-6)
     given = np.divide(means, presence, out=np.ones_like(means), where=presence > 0)
-    given = np.maximum(given, 1 + 1e-9)  # one object at least, where there is one
+    given = np.maximum(given, 1 + 1e-9)  # at least one object, given that there is one
     least = -np.log1p(-presence)
     rate = np.maximum(given + lambertw(-given * np.exp(-given)).real, np.maximum(least, 1e-9))
     weight = np.minimum(presence / -np.expm1(-rate), 1.0)
@@ -277,7 +277,7 @@ def blend(
         for distribution, w in zip(distributions, weights, strict=True)
     ]
     if any(distribution.means.shape[1:] != shape for distribution in distributions):
-        raise ValueError("the distributions are of different nodes or classes")
+        raise ValueError("expected distributions of the same nodes and classes")
     return CountDistribution(
         np.concatenate([distribution.means for distribution in distributions]),
         np.concatenate([distribution.dispersions for distribution in distributions]),
@@ -297,7 +297,7 @@ def concatenate(distributions: Sequence[CountDistribution]) -> CountDistribution
 
 
 def _join_tilts(distributions: Sequence[CountDistribution], *, axis: int) -> Floats | None:
-    """Return the tilts of several distributions along an axis; those that have fewer get zeros."""
+    """Return the tilts of several distributions along an axis; missing tilts become zeros."""
     number = max(0 if one.tilts is None else len(one.tilts) for one in distributions)
     if not number:
         return None
@@ -311,7 +311,7 @@ def _join_tilts(distributions: Sequence[CountDistribution], *, axis: int) -> Flo
 
 
 def _log_nones(mean: Floats, dispersion: Floats) -> Floats:
-    """Return the untilted log P(0) of every component, `[K, N, C]`, Poissons too."""
+    """Return the untilted log P(0) of every component, `[K, N, C]`, including Poissons."""
     finite = np.isfinite(dispersion)
     if finite.all():
         return log_none(mean, dispersion)
@@ -319,7 +319,7 @@ def _log_nones(mean: Floats, dispersion: Floats) -> Floats:
 
 
 def _log_beyond_nones(counts: Floats, mean: Floats, dispersion: Floats) -> Floats:
-    """Return log P(counts) − log P(0) of M cells with counts above 0, `[K, M]`, Poissons too."""
+    """Return log P(counts) − log P(0) of M cells with counts above 0, `[K, M]`."""
     finite = np.isfinite(dispersion)
     r = np.where(finite, dispersion, 1.0)
     with np.errstate(divide="ignore"):
@@ -330,7 +330,7 @@ def _log_beyond_nones(counts: Floats, mean: Floats, dispersion: Floats) -> Float
 
 
 def _first_counts(number: int, none: Floats, mean: Floats, dispersion: Floats) -> list[Floats]:
-    """Return the untilted P(0), …, P(number − 1) of every component, Poissons too."""
+    """Return the untilted P(0), …, P(number − 1) of every component, including Poissons."""
     if number < 2 or np.isfinite(dispersion).all():
         return first_counts(number, none, mean, dispersion)
     probabilities = [none]
@@ -348,8 +348,8 @@ def _log_normaliser(first: Sequence[Floats], tilts: Floats, log_none: Floats) ->
     Args:
         first: its untilted first counts.
         tilts: of them.
-        log_none: log of the first one. Of a large building it is too small to be a number, and what
-            it is tilted by too large.
+        log_none: log of the first count's probability. In a large building that probability
+            underflows, and its tilt overflows.
     """
     large = tilts[0] > _MOST_TILT
     rest = [np.where(large, 0.0, tilts[0]), *tilts[1:]]

@@ -1,4 +1,4 @@
-"""A belief graph as one JSON document, and back without loss."""
+"""Write a belief graph as one JSON document, and read it back without loss."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def decode_belief(document: Any, *, path: Path) -> BeliefGraph:
 
     Raises:
         BeliefFileError: naming what is wrong with it.
-        MismatchError: if it is of a class space that has changed.
+        MismatchError: if its class space has changed since.
     """
     try:
         entries = _Document.model_validate(modernise(document, path=path))
@@ -107,7 +107,7 @@ def _decode_blind(node: _Blind, partial: PartialGraph, path: Path) -> BlindNode:
 
 
 def write_document(belief: BeliefGraph, path: Path) -> None:
-    """Write a belief graph as JSON, whole or not at all."""
+    """Write a belief graph as JSON. A failed write leaves no partial file."""
     text = encode_json(encode_belief(belief), ensure_ascii=False, separators=(",", ":"))
     write_bytes(path, text.encode())
 

@@ -1,6 +1,6 @@
-"""A partial graph as a new Spark-DSG graph, for one that is not from a Spark-DSG file.
+"""Write a partial graph as a new Spark-DSG graph, if it does not come from a Spark-DSG file.
 
-What Spark-DSG has no word for is in metadata under `bsg`, so that `read_hydra` reads back all.
+What Spark-DSG has no field for goes into metadata under `bsg`, so that `read_hydra` reads it back.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _ORIGIN = (0.0, 0.0, 0.0)
 def encode_dsg(partial: PartialGraph) -> dict[str, Any]:
     """Return a partial graph as the document of a Spark-DSG graph.
 
-    Positions that are unknown are the centre of the room, or the origin.
+    An unknown position becomes the centre of the room, or the origin.
     """
     said = encode_robot_graph(partial)
     nodes = [_encode_node("BUILDINGS", 0, "building", _ORIGIN, {})]

@@ -1,8 +1,8 @@
-"""What a model believes about the nodes of interest: the answer of every model.
+"""Define the expectation: what a model believes about the nodes of interest.
 
-What was seen is a fact, so a model believes something about the *hidden* counts, and
-expected = input + hidden. A model that predicts totals, as the paper's does, gets
-hidden = max(total − input, 0) and keeps its raw totals for the paper's own metrics.
+What was seen is certain, so a model predicts the hidden counts, and expected = input + hidden. A
+model that predicts totals, such as the paper's, gets hidden = max(total − input, 0). It keeps its
+raw totals for the paper's own metrics.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ class Expectation:
 
     Attributes:
         inputs: `[N, C]` histograms of what was seen, E′ × O′.
-        hidden_counts: their distribution.
-        totals: `[N, C]` what the model predicts as the whole histogram, before `input ≤ total` is
-            imposed: E″ × O″ as the paper measures it.
+        hidden_counts: distribution of the hidden counts.
+        totals: `[N, C]` predicted whole histograms before `input ≤ total` is imposed: E″ × O″ as
+            the paper measures it.
     """
 
     inputs: Floats
@@ -41,7 +41,7 @@ class Expectation:
 
     @property
     def is_finite(self) -> bool:
-        """Whether all of it are numbers; a dispersion may be infinite, which is a Poisson."""
+        """Whether all values are finite; a dispersion may be infinite, which is a Poisson."""
         finite = np.isfinite(self.inputs).all() and np.isfinite(self.totals).all()
         return bool(finite) and self.hidden_counts.is_finite
 
@@ -52,7 +52,7 @@ class Expectation:
 
     @property
     def expected(self) -> Floats:
-        """Expected counts of everything in the node, `[N, C]`."""
+        """Expected counts of all objects of the node, `[N, C]`."""
         return self.inputs + self.hidden
 
     @property
@@ -62,7 +62,7 @@ class Expectation:
 
     @property
     def distribution(self) -> Floats:
-        """Shares of the classes in the expected counts, E″, `[N, C]`; all 0 where O″ is 0."""
+        """Shares of the classes in the expected counts, E″, `[N, C]`; all 0 if O″ is 0."""
         total = self.total[:, None]
         return np.divide(self.expected, total, out=np.zeros_like(self.expected), where=total > 0)
 
@@ -76,7 +76,7 @@ class Expectation:
         return self.hidden_counts.log_probability(counts, floor=floor)
 
     def quantile(self, q: float) -> npt.NDArray[np.float64]:
-        """Return the q-quantile of the count of everything in the node, `[N, C]`."""
+        """Return the q-quantile of the count of all objects of the node, `[N, C]`."""
         return self.inputs + self.hidden_counts.quantile(q)
 
     def take(self, rows: npt.NDArray[np.integer]) -> Expectation:
@@ -95,7 +95,7 @@ def from_hidden_counts(inputs: Floats, distribution: CountDistribution) -> Expec
 
 
 def mix(parts: Sequence[Expectation], weights: Sequence[float]) -> Expectation:
-    """Return the mixture of several expectations of the same nodes; weights add up to 1."""
+    """Return the mixture of several expectations of the same nodes; the weights sum to 1."""
     return Expectation(
         parts[0].inputs,
         blend([part.hidden_counts for part in parts], weights),
@@ -104,7 +104,7 @@ def mix(parts: Sequence[Expectation], weights: Sequence[float]) -> Expectation:
 
 
 def join(parts: Sequence[Expectation]) -> Expectation:
-    """Return the expectations of several batches of nodes as one of all nodes, in order."""
+    """Return the expectations of several batches of nodes as one, in order."""
     return Expectation(
         np.concatenate([part.inputs for part in parts]),
         concatenate([part.hidden_counts for part in parts]),

@@ -1,6 +1,7 @@
-"""The formats of belief graphs: a row each, chosen by the suffix of a file.
+"""Read and write belief graphs in several formats, chosen by the suffix of the file.
 
-A format from outside is a `FormatRow` that an entry point of the group `bsg_models.formats` names.
+Packages add a format with an entry point of the group `bsg_models.formats` that names a
+`FormatRow`.
 """
 
 from __future__ import annotations
@@ -17,15 +18,15 @@ from bsg_models.errors import BeliefFileError
 
 @dataclass(frozen=True, slots=True)
 class FormatRow:
-    """How belief graphs are written in one format, and read.
+    """The writer and reader of one format of belief graphs.
 
-    A format of one graph has `write` and `read`, a format of many `write_all` and `read_all`; what
-    cannot be read has neither reader.
+    A format of one graph per file has `write` and `read`; a format of many has `write_all` and
+    `read_all`. A format that cannot be read has no reader.
 
     Attributes:
         name: of the format.
-        suffixes: with which the names of its files end, e.g. `.json`.
-        write: writes one belief graph to a path, whole or not at all.
+        suffixes: endings of its file names, e.g. `.json`.
+        write: writes one belief graph to a path; a failed write leaves no partial file.
         read: reads it back.
         write_all: writes any number of belief graphs to a path.
         read_all: yields them.
@@ -64,10 +65,10 @@ FORMATS = Registry(
 
 
 def choose_format(path: Path, format: str | None = None) -> FormatRow:  # noqa: A002
-    """Return a format by its name, or by the longest suffix with which the path ends.
+    """Return a format by its name, or by the longest suffix that the path ends with.
 
     Raises:
-        RecipeError: if there is none of this name, or none of this suffix.
+        RecipeError: if no format has this name or suffix.
     """
     if format is not None:
         return FORMATS[format]
@@ -98,7 +99,7 @@ def write_belief(
     Args:
         belief: to be written.
         path: of the file, e.g. `belief.json`, or `belief.dsg.json` for Spark-DSG.
-        format: the name of a format of `FORMATS`; None chooses by the suffix.
+        format: name of a format in `FORMATS`; None chooses by the suffix.
 
     Raises:
         RecipeError: if no format has this suffix or name.
@@ -115,7 +116,7 @@ def write_beliefs(
     """Write belief graphs in the format of a path's suffix; see `write_belief`.
 
     Raises:
-        RecipeError: besides, if there are several and the format holds one.
+        RecipeError: also if there are several and the format holds one.
     """
     row = choose_format(path, format)
     if row.write_all is not None:
@@ -126,7 +127,7 @@ def write_beliefs(
         many = ", ".join(name for name, one in FORMATS.load_all()[0].items() if one.many)
         raise RecipeError(
             f"{path}: the format {row.name} holds one belief graph, and there are {len(several)}; "
-            f"formats of any number are {many}"
+            f"use one of {many}"
         )
     row.write(several[0], path)
 
@@ -136,11 +137,11 @@ def read_belief(path: Path | str, format: str | None = None) -> BeliefGraph:  # 
 
     Args:
         path: of the file.
-        format: the name of a format of `FORMATS`; None chooses by the suffix.
+        format: name of a format in `FORMATS`; None chooses by the suffix.
 
     Raises:
-        RecipeError: if no format has this suffix or name, or the format is not read.
-        BeliefFileError: if the file is not of this format, or holds another number of graphs.
+        RecipeError: if no format has this suffix or name, or the format cannot be read.
+        BeliefFileError: if the file has another format, or does not hold exactly one graph.
     """
     beliefs = read_beliefs(Path(path), format)
     if len(beliefs) != 1:

@@ -1,4 +1,4 @@
-"""A robot's graph of either kind: our JSON, or Spark-DSG's; from a file, or from standard input."""
+"""Read a robot's graph, this project's JSON or Spark-DSG's, from a file or standard input."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ STANDARD_INPUT = Path("-")
 
 @dataclass(frozen=True, slots=True)
 class GraphFile:
-    """A robot's graph that was read.
+    """A robot's graph with its source.
 
     Attributes:
         graph: what the robot has seen.
-        hydra: the file as it is, of a robot's Spark-DSG graph; None of our JSON, and of a numbered
-            graph of ours.
-        notes: what a person should know of how it was read, a sentence each.
+        hydra: the Spark-DSG file of a robot; None for this project's JSON, and for a numbered graph
+            that `write_hydra` wrote.
+        notes: what a person should know about how it was read, a sentence each.
     """
 
     graph: PartialGraph
@@ -39,15 +39,15 @@ class GraphFile:
 def open_graph_file(
     path: Path, *, labels: str | None = None, class_map: str | ClassMap = DEFAULT_CLASS_MAP
 ) -> GraphFile:
-    """Read a robot's graph of either kind, and keep what it was read from.
+    """Read a robot's graph of either kind, and keep its source.
 
     Args:
         path: of the file; `-` is standard input.
         labels: label space of a Hydra graph, as `load_label_space` takes it.
-        class_map: that its names are read with.
+        class_map: map by which names become classes.
 
     Raises:
-        BSGError: if it cannot be read, or is no graph.
+        BSGError: if the file cannot be read, or is not a graph.
         RecipeError: if labels are given for a graph that is not Hydra's.
     """
     if path == STANDARD_INPUT:
@@ -69,11 +69,11 @@ def open_graph_file(
             file.notes(space),
         )
     if labels is not None:
-        raise RecipeError(f"labels are for Hydra's graphs, and {path} is none")
+        raise RecipeError(f"labels are for Hydra's graphs, and {path} is not one")
     if len(text) > ROBOT.bytes:
         raise RobotGraphError(f"{path}: expected at most {ROBOT.bytes:,} bytes")
     try:
-        said = parse_json(text.removeprefix(BOM))  # of ours a key is there once
+        said = parse_json(text.removeprefix(BOM))  # refuses a repeated key
     except ValueError as error:
         raise RobotGraphError(f"{path}: no JSON ({error})") from error
     return GraphFile(parse_robot_graph(said, path=path, class_map=class_map))

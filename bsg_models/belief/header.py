@@ -1,7 +1,7 @@
-"""What every format states once of a belief graph: its format version, model, mode and classes.
+"""Read and write the header of a belief graph: format version, model, mode and classes.
 
-In networkx and Spark-DSG it is the attributes of the graph, in parquet the metadata of a table. A
-JSON document begins with it; there the partial graph is a document of its own.
+In networkx and Spark-DSG the header is in the attributes of the graph, in parquet in the metadata
+of a table. A JSON document begins with it, and holds the partial graph as a document of its own.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from bsg_models.belief.belief_graph import BeliefGraph, Mode
 from bsg_models.errors import BeliefFileError
 
 FORMAT, VERSION = "bsg-belief-graph", 4
-# Version 1 named a class map, by which the categories of its objects are read again; version 2 had
-# no surroundings, version 3 was sure of every hidden share.
+# Version 1 named a class map, by which the categories of its objects are read again. Version 2 had
+# no surroundings. Version 3 had no uncertain hidden shares.
 _MAPPED = 1
 _READ = (_MAPPED, 2, 3, VERSION)
 
 
 class PartialHeader(Record):
-    """What is stated once of the partial graph."""
+    """The header of the partial graph."""
 
     format: Literal["bsg-partial-graph"] = "bsg-partial-graph"
     version: Literal[1, 2, 3] = 3
@@ -47,16 +47,16 @@ class PartialHeader(Record):
 
 
 class Header(Record):
-    """What is stated once of a belief graph.
+    """The header of a belief graph.
 
     Attributes:
         format: `bsg-belief-graph`.
         version: of the format.
-        model: the name of the model that believes this.
+        model: name of the model.
         mode: how the blind nodes were chosen.
-        class_space: whose classes the histograms have.
-        partial: the same of the partial graph.
-        class_map: which the categories of objects are read with, in version 1 alone.
+        class_space: classes of the histograms.
+        partial: header of the partial graph.
+        class_map: map for the categories of objects, in version 1 only.
     """
 
     format: str
@@ -95,7 +95,7 @@ def decode_whole_header(entries: Any, *, path: Path) -> Header:
 
     Raises:
         BeliefFileError: naming what is wrong with it.
-        MismatchError: if it is of a class space or map that has changed, or a map that is not here.
+        MismatchError: if its class space or map has changed, or its map is not installed.
     """
     try:
         header = Header.model_validate(modernise(entries, path=path))
@@ -106,11 +106,11 @@ def decode_whole_header(entries: Any, *, path: Path) -> Header:
 
 
 def modernise(entries: Any, *, path: Path) -> Any:
-    """Return the entries of a header, or of what begins with one, in the words of this version.
+    """Return a header, or a document that begins with one, in the form of the current version.
 
     Raises:
-        BeliefFileError: if they are of another format or version.
-        MismatchError: in version 1, if the class map has changed or is not here.
+        BeliefFileError: if it has another format or version.
+        MismatchError: in version 1, if the class map has changed or is not installed.
     """
     if not isinstance(entries, Mapping):
         return entries
@@ -131,7 +131,7 @@ def modernise(entries: Any, *, path: Path) -> Any:
 
 
 def check_class_space(space: ClassSpaceEntry, *, path: Path) -> None:
-    """Check that a class space is what was published under its name.
+    """Check that a class space is the one published under its name.
 
     Raises:
         MismatchError: if it is not.
@@ -147,10 +147,10 @@ def parse_partial(
     """Return the partial graph of a belief graph's document.
 
     Args:
-        document: what `encode_robot_graph` returned.
-        path: where it comes from, for errors.
-        class_space: whose classes it names.
-        class_map: which its categories are read with, in version 1; None where it names classes.
+        document: output of `encode_robot_graph`.
+        path: its origin, for errors.
+        class_space: of its classes.
+        class_map: map for its categories, in version 1; None if it names classes.
     """
     if class_map is not None:
         return parse_robot_graph(document, path=path, class_map=class_map)

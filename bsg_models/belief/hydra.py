@@ -1,8 +1,8 @@
-"""Hydra's scene graphs (Spark-DSG): partial graphs in, the same graphs out with what is believed.
+"""Read Hydra's scene graphs (Spark-DSG) as partial graphs, and write beliefs into them.
 
-A graph of Hydra's comes back as it was, with beliefs in it (`annotate_hydra`); a belief graph of
-another origin becomes a new file (`write_hydra`). `read_hydra_belief` reads both back exactly, and
-`strip_hydra` takes out again what was put in.
+`annotate_hydra` writes Hydra's graph unchanged, with the beliefs added. `write_hydra` writes a
+belief graph of another origin as a new file. `read_hydra_belief` reads both back exactly, and
+`strip_hydra` removes what was added.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from bsg_models.belief.hydra_file import HydraFile, open_hydra
 from bsg_models.belief.nodes import decode_nodes
 from bsg_models.errors import HydraError
 
-_BELOW = 2**56 - 1  # the number of a symbol
+_BELOW = 2**56 - 1  # mask for the number of a symbol
 
 
 def read_hydra(
@@ -33,17 +33,17 @@ def read_hydra(
 ) -> PartialGraph:
     """Read a partial graph from a Spark-DSG file.
 
-    Rooms are those of the layer `ROOMS`, objects those of `OBJECTS` under a room, directly or over
-    places; what is under none belongs to the building. Their ids are their symbols, `R(3)`. A room
-    is of the kind that its label or its name says. It has been passed through, and may hide
-    anything, unless its metadata say `{"bsg": {"hidden_share": ...}}`, or how the robot looked at
-    it (`floor_in_view`, `walls_in_view`, `seconds_inside`).
+    Rooms are the nodes of the layer `ROOMS`. Objects are those of `OBJECTS` below a room, directly
+    or through places; other objects belong to the building. Ids are symbols such as `R(3)`. The
+    label or the name of a room gives its type. A room counts as passed through, with an unknown
+    hidden share, unless its metadata say `{"bsg": {"hidden_share": ...}}`, or how the robot looked
+    at it (`floor_in_view`, `walls_in_view`, `seconds_inside`).
 
     Args:
         path: of the file: `.json`, `.json.gz`, or with spark_dsg `.sparkdsg`.
-        labels: the label space of its objects, as `load_label_space` takes it; None takes the
-            names in the file.
-        class_map: whose classes the objects get.
+        labels: label space of its objects, as `load_label_space` takes it; None uses the names in
+            the file.
+        class_map: map that gives the objects their classes.
 
     Raises:
         HydraError: if it cannot be read.
@@ -54,19 +54,19 @@ def read_hydra(
 
 
 def annotate_hydra(belief: BeliefGraph, original: Path | HydraFile, path: Path) -> None:
-    """Write a Spark-DSG graph as it was, byte for byte, with what is believed about it.
+    """Write a Spark-DSG graph unchanged, byte for byte, with the beliefs about it added.
 
-    Blind nodes are in a layer of their own, `BLIND`; the rest is in metadata, under `bsg.belief`.
-    A belief that is in the original already is replaced. A packed original is written unpacked, a
-    binary one as JSON, as spark_dsg converts it.
+    Blind nodes get a layer of their own, `BLIND`; everything else goes into metadata, under
+    `bsg.belief`. A belief that the original already holds is replaced. A packed original is written
+    unpacked, and a binary one as the JSON that spark_dsg makes of it.
 
     Args:
-        belief: about what is in the original.
+        belief: about the original.
         original: the graph that was read.
         path: of the file to write.
 
     Raises:
-        HydraError: if the original has no such room, or the name does not end in .json.
+        HydraError: if the original lacks a room of the belief, or the name does not end in .json.
         DatasetError: if it cannot be written.
     """
     _check_name(path)
@@ -75,10 +75,10 @@ def annotate_hydra(belief: BeliefGraph, original: Path | HydraFile, path: Path) 
 
 
 def strip_hydra(original: Path, path: Path) -> None:
-    """Write a Spark-DSG graph without what `annotate_hydra` put in: what it was before.
+    """Write a Spark-DSG graph without what `annotate_hydra` added: the original.
 
     Raises:
-        HydraError: if it is none, or the name does not end in .json.
+        HydraError: if it is not a Spark-DSG graph, or the name does not end in .json.
         DatasetError: if it cannot be written.
     """
     _check_name(path)
@@ -98,7 +98,7 @@ def write_hydra(belief: BeliefGraph, path: Path) -> None:
 
 
 def read_hydra_belief(path: Path) -> BeliefGraph:
-    """Read the belief graph that `annotate_hydra` or `write_hydra` put into a Spark-DSG graph.
+    """Read the belief graph that `annotate_hydra` or `write_hydra` wrote into a Spark-DSG graph.
 
     Raises:
         HydraError: if there is none.
@@ -116,9 +116,9 @@ def read_hydra_belief(path: Path) -> BeliefGraph:
 
 
 def _read_numbered(file: HydraFile) -> BeliefGraph:
-    """Read what `write_hydra` wrote before annotations: a graph of nodes that are numbered.
+    """Read a numbered graph, which early versions of `write_hydra` wrote.
 
-    `bsg` was the header in the graph, the node's attributes in a node, and its kind in an edge.
+    `bsg` was the header in the graph, the attributes in a node, and the kind in an edge.
     """
     document: Any = parse_json(file.text, once=False)
     try:
@@ -126,7 +126,7 @@ def _read_numbered(file: HydraFile) -> BeliefGraph:
         attributes = [node["attributes"]["metadata"]["bsg"] for node in nodes]
         edges = []
         for edge in document["edges"]:
-            # A parent has the lower number; spark_dsg may have turned an edge round.
+            # A parent has the lower number; spark_dsg may have swapped the ends of an edge.
             source, target = sorted((edge["source"] & _BELOW, edge["target"] & _BELOW))
             edges.append((source, target, edge["info"]["metadata"]["bsg"]["kind"]))
     except (LookupError, TypeError) as error:
@@ -136,7 +136,9 @@ def _read_numbered(file: HydraFile) -> BeliefGraph:
 
 def _check_name(path: Path) -> None:
     if path.suffix != ".json":
-        raise HydraError(f"{path}: expected a name that ends in .json, by which readers know it")
+        raise HydraError(
+            f"{path}: expected a name that ends in .json, by which readers recognise it"
+        )
 
 
 SPARK_DSG = FormatRow("spark-dsg", (".dsg.json",), write=write_hydra, read=read_hydra_belief)

@@ -1,7 +1,7 @@
-"""Binary graphs of Hydra, converted in a process of their own.
+"""Convert binary graphs of Hydra in a separate process with limits.
 
-Their reader is C++, and believes what a file says of its lengths: a kilobyte can ask for all memory
-there is, which no exception stops. A process has bounds, and only it ends when they are reached.
+Their C++ reader trusts the lengths in a file: a kilobyte can ask for all memory, which no exception
+stops. A process has limits, and only the process ends when it reaches them.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pathlib import Path
 
 from bsg_models.errors import HydraError
 
-MAX_MEMORY = 4 * 2**30  # bytes, besides what Python and spark_dsg take; a real graph takes a tenth
+MAX_MEMORY = 4 * 2**30  # bytes, besides Python and spark_dsg; a real graph takes a tenth
 MAX_SECONDS = 120
 _CODE = (
     "import sys; path, written, memory, seconds, *sys.path = sys.argv[1:]\n"
@@ -27,7 +27,7 @@ def convert(path: Path) -> str:
     """Return the JSON of a binary graph, as spark_dsg makes it.
 
     Raises:
-        HydraError: if spark_dsg is missing, cannot load it, or takes more than the bounds.
+        HydraError: if spark_dsg is missing, cannot load the graph, or exceeds the limits.
     """
     if importlib.util.find_spec("spark_dsg") is None:
         raise HydraError(
@@ -40,9 +40,9 @@ def convert(path: Path) -> str:
         f"{path}: expected a Spark-DSG file, found one that spark_dsg cannot load within "
         f"{MAX_MEMORY // 2**30} GiB and {MAX_SECONDS} s; save the graph as .json"
     )
-    with tempfile.TemporaryDirectory() as folder:  # its writer chooses names, and fails in silence
+    with tempfile.TemporaryDirectory() as folder:  # the writer chooses names, and fails silently
         written = Path(folder, "graph.json")
-        # Isolated: what lies in the working directory is not ours to run.
+        # Isolated: never import modules from the working directory.
         command = [sys.executable, "-I", "-c", _CODE, str(path.absolute()), str(written)]
         command += [str(MAX_MEMORY), str(MAX_SECONDS), *sys.path]
         try:
@@ -55,7 +55,7 @@ def convert(path: Path) -> str:
 
 
 def run(path: str, written: str, *, memory: int, seconds: int) -> None:
-    """Convert a graph in this process, which takes no more than the bounds from now on."""
+    """Convert a graph in this process, which is limited from now on."""
     import spark_dsg
 
     _bound(memory=memory, seconds=seconds)
@@ -65,7 +65,7 @@ def run(path: str, written: str, *, memory: int, seconds: int) -> None:
 def _bound(*, memory: int, seconds: int) -> None:
     try:
         import resource
-    except ImportError:  # not on Windows: the time is bounded by whoever waits
+    except ImportError:  # not on Windows: there the caller's timeout is the only limit
         return
     status = Path("/proc/self/statm")
     taken = int(status.read_text().split()[0]) * resource.getpagesize() if status.exists() else 0

@@ -1,7 +1,7 @@
-"""A Spark-DSG file that was read: its text as it is, and what it says of the building.
+"""Hold a Spark-DSG file that was read: its text, and its description of the building.
 
-What a robot knows beyond Spark-DSG, the `hidden_share` of a room for example, it says in metadata
-under `bsg`, in the words of our own JSON; of the graph, in `partial`.
+A robot states facts that Spark-DSG has no field for, such as the `hidden_share` of a room, in
+metadata under `bsg`, with the keys of this project's JSON; facts of the graph go into `partial`.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ from bsg_models.errors import HydraError
 BINARY = ".sparkdsg"
 BOM = "\ufeff"
 _SHOWN = 10  # labels in a note
-_OURS = ("belief", "partial")  # what `annotate` puts there, and what a graph says of the whole
-_TELLING = 5  # letters of a word that another is not near by chance
+_OURS = ("belief", "partial")  # keys of `annotate`, and of facts of the graph
+_TELLING = 5  # letters from which a similar key is no accident
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,8 +49,8 @@ class HydraFile:
 
     Attributes:
         path: of the file.
-        text: its JSON, byte for byte; what spark_dsg makes of a binary file.
-        graph: what it says of the building.
+        text: its JSON, byte for byte; for a binary file, the JSON that spark_dsg makes.
+        graph: the parsed graph.
     """
 
     path: Path
@@ -71,7 +71,7 @@ class HydraFile:
             raise HydraError(f"{error} (in metadata, under `bsg`)") from error
 
     def _describe(self, labels: LabelSpace | None) -> dict[str, Any]:
-        """Return the document of a robot's JSON that says the same."""
+        """Return an equal document in the form of a robot's JSON."""
         rooms = [_describe_room(room) for room in self.graph.rooms]
         names = [room["id"] for room in rooms]
         return {
@@ -84,16 +84,16 @@ class HydraFile:
 
     @property
     def is_numbered(self) -> bool:
-        """Whether `write_hydra` made it before there were annotations, by numbering its nodes."""
+        """Whether an early version of `write_hydra` wrote it, with numbered nodes."""
         return "format" in self.graph.said
 
     @property
     def document(self) -> Any:
-        """The document of the belief graph that was put into it; None without."""
+        """The document of the belief graph in the file; None without one."""
         return find_document({"metadata": {"bsg": self.graph.said}})
 
     def notes(self, labels: LabelSpace | None = None) -> tuple[str, ...]:
-        """Return what a person should know of how the file is read, a sentence each."""
+        """Return what a person should know about how the file is read, a sentence each."""
         return (*self._note_rooms(), *_note_labels(self.graph.objects, labels))
 
     def annotated(self, belief: BeliefGraph) -> str:
@@ -104,7 +104,7 @@ class HydraFile:
         if strange:
             raise HydraError(
                 f"{self.path}: has no room {strange[0]!r}, of which something is believed; "
-                "`write_hydra` writes a new graph"
+                "use `write_hydra` for a new graph"
             )
         try:
             return annotate(
@@ -117,7 +117,7 @@ class HydraFile:
             raise HydraError(f"{self.path}: {error}") from error
 
     def _scene_id(self) -> str:
-        """Return what the building was called when beliefs were put in; else the file's name."""
+        """Return the building's id from the belief in the file; else the file's name."""
         partial = self.document.get("partial") if isinstance(self.document, Mapping) else None
         name = partial.get("scene_id") if isinstance(partial, Mapping) else None
         return str(name or self.path.name.partition(".")[0] or self.path.name)
@@ -125,16 +125,16 @@ class HydraFile:
     def _note_rooms(self) -> Iterator[str]:
         rooms, objects = self.graph.rooms, self.graph.objects
         if not rooms:
-            yield "it has no rooms (layer ROOMS): beliefs are about the building alone"
+            yield "it has no rooms (layer ROOMS): beliefs are about the building only"
         elif astray := sum(obj.room is None for obj in objects):
-            yield f"{astray} of {_count(len(objects))} under no room, known of the building alone"
+            yield f"{astray} of {_count(len(objects))} under no room, counted for the building only"
 
 
 def open_hydra(path: Path) -> HydraFile:
-    """Read a Spark-DSG file: JSON, packed as `.json.gz` or not, or binary, `.sparkdsg`.
+    """Read a Spark-DSG file: `.json`, packed `.json.gz`, or binary `.sparkdsg`.
 
     Raises:
-        HydraError: if it is none, or if it is binary and spark_dsg is not installed.
+        HydraError: if it is not one, or if it is binary and spark_dsg is not installed.
     """
     try:
         text = read_text(path)
@@ -144,15 +144,15 @@ def open_hydra(path: Path) -> HydraFile:
 
 
 def select_words(said: Any, words: Collection[str]) -> dict[str, Any]:
-    """Return those of the entries of metadata that are words of a robot's JSON."""
+    """Return the entries of metadata whose keys are those of a robot's JSON."""
     return {word: said[word] for word in words if word in said} if isinstance(said, dict) else {}
 
 
 def read_text(path: Path) -> str:
-    """Return the JSON of a file, with its byte order mark; of a binary one, what spark_dsg makes.
+    """Return the JSON of a file with its byte order mark; for a binary file, what spark_dsg makes.
 
     Raises:
-        SourceError: if it cannot be read, or is larger than the bound.
+        SourceError: if it cannot be read, or is larger than the limit.
         HydraError: if spark_dsg is missing, or cannot load it.
     """
     if path.suffix == BINARY:
@@ -162,12 +162,12 @@ def read_text(path: Path) -> str:
 
 
 def _name_node(node: DSGNode) -> str:
-    """Return the id of a room or an object: what its metadata say, else its symbol."""
+    """Return the id of a room or object: from its metadata, else its symbol."""
     return str(node.said.get("id", node.symbol))
 
 
 def _describe_room(node: DSGNode) -> dict[str, Any]:
-    """Return a room in the words of a robot's JSON; what its metadata say comes first."""
+    """Return a room in the form of a robot's JSON; its metadata take precedence."""
     called = node.label_name or node.name
     return {
         "id": node.symbol,
@@ -192,10 +192,10 @@ def _describe_object(
 
 
 def _read_said(said: Any, words: Collection[str], *, of: str) -> dict[str, Any]:
-    """Return the words of a robot's JSON in metadata; other keys are a user's own, and stay there.
+    """Return the keys of a robot's JSON in metadata; other keys belong to the user.
 
     Raises:
-        RobotGraphError: for one that looks like a word that was misspelt.
+        RobotGraphError: for a key that looks misspelt.
     """
     for key in said if isinstance(said, dict) else ():
         if key in words or key in _OURS:
@@ -206,7 +206,7 @@ def _read_said(said: Any, words: Collection[str], *, of: str) -> dict[str, Any]:
 
 
 def _note_labels(objects: Sequence[DSGNode], labels: LabelSpace | None) -> Iterator[str]:
-    """Yield whose names were taken for labels that the file does not name, and which have none."""
+    """Yield notes on labels that the file does not name, and on objects without label or name."""
     bare = [obj for obj in objects if not (obj.label_name or obj.name or "category" in obj.said)]
     named = Counter((obj.label, name_object(obj, labels)) for obj in bare if obj.label is not None)
     found = sorted(pair for pair in named if pair[1] != f"label {pair[0]}")
@@ -218,8 +218,8 @@ def _note_labels(objects: Sequence[DSGNode], labels: LabelSpace | None) -> Itera
         numbers = ", ".join(str(label) for label, _ in missing[:_SHOWN])
         yield (
             f"{_count(sum(named[pair] for pair in missing))} with labels that nobody names "
-            f"({numbers}); --labels does: mpcat40, ade20k, or the file of the label space that "
-            "Hydra ran with (config/label_spaces/NAME.yaml)"
+            f"({numbers}); name them by --labels: mpcat40, ade20k, or the file of the label space "
+            "that Hydra ran with (config/label_spaces/NAME.yaml)"
         )
     silent = len(bare) - sum(named.values())
     if silent:

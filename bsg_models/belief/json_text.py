@@ -1,8 +1,8 @@
-"""The text of a JSON document, edited in place: what no edit names stays as it was, byte for byte.
+"""Edit the text of a JSON document in place; everything else stays as it was, byte for byte.
 
-A document that is parsed and written again loses the order of its keys, the spelling of its
-numbers, its line breaks. Here the text itself is edited: parts are found by where they begin and
-end, text is put in or cut out between them, and nothing else is touched.
+Parsing a document and writing it again would lose the order of its keys, the notation of its
+numbers and its line breaks. So the text itself is edited: parts are located, and text is inserted
+or cut between them.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ class Part:
 
     Attributes:
         key: of a member; None for an item.
-        begin: where the part begins: at its key, if it has one.
-        start: where its value begins.
-        end: where its value ends.
-        value: as `json.loads` gives it.
+        begin: start of the part: of its key, if it has one.
+        start: start of its value.
+        end: end of its value.
+        value: as `json.loads` returns it.
     """
 
     key: str | None
@@ -38,7 +38,7 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class Edit:
-    """Another text for what stands from `start` to `end`."""
+    """Replacement text for the range from `start` to `end`."""
 
     start: int
     end: int
@@ -46,7 +46,7 @@ class Edit:
 
 
 def find_start(text: str) -> int:
-    """Return where the value of a document begins: after its space, and its byte order mark."""
+    """Return the start of a document's value, after its byte order mark and white space."""
     return _skip_space(text, 1 if text.startswith("\ufeff") else 0)
 
 
@@ -75,19 +75,19 @@ def list_parts(text: str, start: int) -> tuple[Part, ...]:
 
 
 def find_member(parts: Sequence[Part], key: str) -> Part | None:
-    """Return a member of an object by its parts; of equal keys the last, which readers take."""
+    """Return a member of an object by its key; of equal keys the last, as JSON readers do."""
     found = [part for part in parts if part.key == key]
     return found[-1] if found else None
 
 
 def append_parts(text: str, start: int, parts: Sequence[Part], added: Sequence[str]) -> Edit:
-    """Return the edit that puts parts at the end of an object or a list, spaced as its last one.
+    """Return the edit that appends parts to an object or list, spaced like its last part.
 
     Args:
         text: of the document.
-        start: where the object or list begins.
-        parts: what is in it.
-        added: the texts of the new parts.
+        start: start of the object or list.
+        parts: of the object or list.
+        added: texts of the new parts.
     """
     if not parts:
         return Edit(start + 1, start + 1, ",".join(added))
@@ -98,14 +98,14 @@ def append_parts(text: str, start: int, parts: Sequence[Part], added: Sequence[s
 
 
 def cut_parts(parts: Sequence[Part], chosen: Collection[int]) -> list[Edit]:
-    """Return the edits that cut parts out of an object or a list.
+    """Return the edits that cut parts out of an object or list.
 
-    Each goes with what stands between it and the part before, so that parts which `append_parts`
-    put there leave the text as it was.
+    Each part is cut with the text between it and the part before it. So cutting what `append_parts`
+    added restores the text.
 
     Args:
         parts: of the object or list.
-        chosen: the places of those to cut, from 0.
+        chosen: indices of the parts to cut, from 0.
     """
     left = [number for number in range(len(parts)) if number not in chosen]
     first = left[0] if left else 0
@@ -122,7 +122,7 @@ def cut_parts(parts: Sequence[Part], chosen: Collection[int]) -> list[Edit]:
 
 
 def apply_edits(text: str, edits: Iterable[Edit]) -> str:
-    """Return the text with some edits, none of which overlap; at one place, in their order."""
+    """Return the text after non-overlapping edits; edits at one place apply in their order."""
     pieces, at = [], 0
     for edit in sorted(edits, key=lambda edit: (edit.start, edit.end)):
         pieces += [text[at : edit.start], edit.text]

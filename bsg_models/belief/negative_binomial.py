@@ -1,6 +1,6 @@
-"""The negative binomial: counts whose rates vary as a Gamma.
+"""Compute negative binomials: counts whose rates vary as a Gamma.
 
-With mean μ and dispersion r it has variance μ + μ²/r; r = ∞ is a Poisson.
+With mean μ and dispersion r the variance is μ + μ²/r; r = ∞ is a Poisson.
 
     Λ ~ Gamma(r, rate b)                         its mean is r / b
     T | Λ ~ Poisson(Λ)                           so that T ~ NB(mean r / b, dispersion r)
@@ -8,9 +8,10 @@ With mean μ and dispersion r it has variance μ + μ²/r; r = ∞ is a Poisson.
     after V was seen                             Λ | V ~ Gamma(r + V, b + 1 − f), so that
                                                  H | V ~ NB(f (r + V) / (b + 1 − f), r + V)
 
-A Gamma can only be spread wider than a Poisson: with one fridge in sight it expects another. A
-*tilt* mends that. It multiplies the prior of the true count T by exp(a_T) for the first J counts,
-and by 1 beyond. Thinning and the normaliser of the prior cancel, so that all stays closed:
+A negative binomial is always wider than a Poisson: with one fridge seen, it expects another. A
+*tilt* corrects that. It multiplies the prior of the true count T by exp(a_T) for the first J
+counts, and by 1 beyond. Thinning and the normaliser of the prior cancel, so the results stay in
+closed form:
 
     P(H = h | V = v) = NB(h) exp(a_{v+h}) / Z_v,    Z_v = 1 + Σ_h NB(h) (exp(a_{v+h}) − 1)
     P(V = v) = NB_V(v) Z_v / Z                      Z the same sum over the prior of T
@@ -27,7 +28,7 @@ from scipy.special import gammaln
 from bsg_data.arrays import Floats
 
 Array = TypeVar("Array", bound=Any)  # of NumPy or of torch
-TINY = 1e-30  # below it a normaliser is rounding
+TINY = 1e-30  # a smaller normaliser is rounding error
 
 
 def hidden_posterior(shape: Array, rate: Array, seen: Array, share: Array) -> tuple[Array, Array]:
@@ -37,7 +38,7 @@ def hidden_posterior(shape: Array, rate: Array, seen: Array, share: Array) -> tu
 
     Args:
         shape: r of the Gamma prior of the rate.
-        rate: b of it.
+        rate: b of the Gamma prior.
         seen: V, the counts that were seen.
         share: f, the share that is hidden.
     """
@@ -49,7 +50,7 @@ def hidden_tilts(tilts: Array, seen: Array) -> list[Array]:
     """Return the tilts of the hidden counts 0..J−1 after some were seen: a_{v+h}, 0 beyond J.
 
     Args:
-        tilts: a of the true counts 0..J−1, the first axis; the rest broadcasts with `seen`.
+        tilts: a of the true counts 0..J−1 on the first axis; the other axes broadcast with `seen`.
         seen: V, the counts that were seen.
     """
     number = len(tilts)
@@ -60,7 +61,7 @@ def hidden_tilts(tilts: Array, seen: Array) -> list[Array]:
 
 
 def first_counts(number: int, none: Array, mean: Array, dispersion: Array) -> list[Array]:
-    """Return the probabilities of the counts 0..number−1, each from the one before.
+    """Return the probabilities of the counts 0..number−1, each computed from the one before.
 
     Args:
         number: J.
@@ -77,9 +78,9 @@ def first_counts(number: int, none: Array, mean: Array, dispersion: Array) -> li
 
 
 def log_normaliser(tilts: Floats, mean: Floats, dispersion: Floats) -> Floats:
-    """Return log Z of tilted negative binomials; `tilts` has the counts 0..J−1 as its first axis.
+    """Return log Z of tilted negative binomials; the first axis of `tilts` is the counts 0..J−1.
 
-    Dispersions are finite.
+    Dispersions must be finite.
     """
     counts = first_counts(len(tilts), np.exp(log_none(mean, dispersion)), mean, dispersion)
     gained = sum(p * np.expm1(tilt) for p, tilt in zip(counts, tilts, strict=True))
@@ -111,12 +112,12 @@ def log_likelihood(
 
 
 def log_none(mean: Floats | float, dispersion: Floats | float) -> Floats:
-    """Return log P(0); dispersions are finite."""
+    """Return log P(0); dispersions must be finite."""
     return np.asarray(-dispersion * np.log1p(mean / dispersion))
 
 
 def log_beyond_none(counts: Floats, mean: Floats, dispersion: Floats) -> Floats:
-    """Return log P(counts) − log P(0), which most counts, being 0, do not need."""
+    """Return log P(counts) − log P(0); most counts are 0 and do not need it."""
     power = counts * (np.log(mean / dispersion) - np.log1p(mean / dispersion))
     choose = gammaln(counts + dispersion) - gammaln(dispersion) - gammaln(counts + 1)
     return np.asarray(choose + power)

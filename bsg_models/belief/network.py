@@ -1,4 +1,4 @@
-"""A belief graph as a networkx graph, and back without loss."""
+"""Convert a belief graph to a networkx graph, and back without loss."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ def to_networkx(belief: BeliefGraph) -> nx.DiGraph:
     """Return a directed graph of building, rooms, objects and blind nodes.
 
     Nodes are numbered: 0 the building, then rooms, objects and blind nodes. Each has `kind`
-    (`building`, `room`, `object` or `blind`) and what it has; `graph.graph` has what is stated
-    once. Edges have `kind`: `contains`, `expects` (room to blind node) or `adjacent` (both ways).
+    (`building`, `room`, `object` or `blind`) and its attributes; `graph.graph` holds the header.
+    Edges have `kind`: `contains`, `expects` (room to blind node) or `adjacent` (both directions).
     """
     graph = nx.DiGraph(**encode_whole_header(belief))
     nodes = list(encode_nodes(belief))
@@ -33,10 +33,10 @@ def to_networkx(belief: BeliefGraph) -> nx.DiGraph:
 
 
 def from_networkx(graph: nx.DiGraph) -> BeliefGraph:
-    """Return the belief graph of a graph of `to_networkx`.
+    """Return the belief graph of a graph made by `to_networkx`.
 
     Raises:
-        BeliefFileError: if it is none.
+        BeliefFileError: if it is not such a graph.
     """
     numbers = range(len(graph))
     if set(graph) != set(numbers):

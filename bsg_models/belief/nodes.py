@@ -1,4 +1,4 @@
-"""The nodes of a belief graph with attributes, as networkx and Spark-DSG hold them.
+"""Convert a belief graph to nodes with attributes, as networkx and Spark-DSG hold them.
 
 Nodes are numbered: 0 the building, then rooms, objects and blind nodes.
 """
@@ -29,9 +29,9 @@ class Node:
     """A node of a belief graph.
 
     Attributes:
-        kind: what it is.
-        parent: the number of the node that it is in, or expected in; None of the building.
-        attributes: its kind, and all that is known or believed of it, ready for JSON.
+        kind: building, room, object or blind.
+        parent: number of the node that contains or expects it; None for the building.
+        attributes: its kind, and everything known or believed about it, ready for JSON.
     """
 
     kind: Kind
@@ -80,10 +80,10 @@ def decode_nodes(
         header: of `encode_whole_header`.
         nodes: attributes in the order of the nodes' numbers.
         edges: (source, target, kind).
-        path: where they come from, for errors.
+        path: their origin, for errors.
 
     Raises:
-        BeliefFileError: if they are no belief graph.
+        BeliefFileError: if they do not form a belief graph.
     """
     checked = decode_whole_header(header, path=path)
     try:

@@ -1,4 +1,4 @@
-"""The rows of tables of belief graphs: their columns, written and read a row group at a time."""
+"""Define, write and read the rows of belief tables, one row group at a time."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from bsg_data.seals import SEAL, replace_sealed, require_seal
 from bsg_models.errors import BeliefFileError
 
 ROWS_PER_GROUP = 65_536  # nodes
-_SEALED = b"bsg.seal"  # in the metadata of every table: its seal is a file beside it
+_SEALED = b"bsg.seal"  # in the metadata of every table that has a seal file beside it
 _METRES = pa.list_(pa.float64())
 SCHEMAS = {
     "nodes": pa.schema(
@@ -65,9 +65,9 @@ SCHEMAS = {
     ),
 }
 FILES = tuple(f"{name}.parquet" for name in SCHEMAS)
-# Columns of nodes that came later: `corrected` in version 2, the next two in 3, the last in 4.
+# Columns that were added later: `corrected` in version 2, the next two in 3, the last in 4.
 _NEW = frozenset({"corrected", "floor_area", "room_type", "hidden_share_sd"})
-NODES = "nodes.parquet"  # the file by which belief tables are known
+NODES = "nodes.parquet"  # the file that identifies belief tables
 _SORTED_BY = {"nodes": ("node",), "edges": ("source", "target"), "histograms": ("node",)}
 
 
@@ -77,12 +77,12 @@ def write_rows(
     *,
     metadata: Callable[[], Mapping[str, Mapping[bytes, str]]],
 ) -> None:
-    """Write the rows of belief graphs as one file a table: all of them, sealed, or none.
+    """Write the rows of belief graphs, one file per table: all of them, sealed, or none.
 
     Args:
-        packed: the rows of each belief graph, by the names of `SCHEMAS`.
-        folder: of the files; it is made when all rows are there.
-        metadata: returns that of some tables, when all rows are there.
+        packed: rows of each belief graph, by the names of `SCHEMAS`.
+        folder: of the files; it is made once all rows exist.
+        metadata: returns the metadata of some tables, once all rows exist.
 
     Raises:
         DatasetError: if they cannot be written.
@@ -111,11 +111,11 @@ def write_rows(
 
 
 def require_whole(folder: Path) -> None:
-    """Refuse tables that are not what their seal says; those of before there were seals have none.
+    """Refuse tables that differ from their seal; tables of early versions have none.
 
     Raises:
         DatasetError: naming the file that was changed.
-        ValueError: if the seal is gone, without which tables of two commands could be mixed.
+        ValueError: if the seal is missing; without it, tables of two commands could be mixed.
     """
     sealed = require_seal(folder)
     for name in SCHEMAS:
@@ -130,7 +130,7 @@ def require_whole(folder: Path) -> None:
 def _group_rows(
     packed: Iterable[Mapping[str, pa.RecordBatch]],
 ) -> Iterator[list[Mapping[str, pa.RecordBatch]]]:
-    """Yield the belief graphs of a row group at a time: `ROWS_PER_GROUP` nodes, or a few more."""
+    """Yield the belief graphs of one row group at a time: `ROWS_PER_GROUP` nodes, or a few more."""
     group: list[Mapping[str, pa.RecordBatch]] = []
     for one in packed:
         group.append(one)
@@ -159,8 +159,8 @@ def _open(path: Path) -> pq.ParquetFile:
 class SceneRows:
     """The rows of each scene of a table, sorted.
 
-    Of a table that is in order, as ours are that were made of a dataset, one row group is read at a
-    time. Any other table is read whole, and sorted once.
+    Of a sorted table, as `write_tables` makes it from a dataset, one row group is read at a time.
+    Any other table is read whole, and sorted once.
 
     Args:
         path: of the table.
@@ -174,7 +174,7 @@ class SceneRows:
         keys = self._file.read(columns=["scene_id", *by], use_threads=False)
         numbers = pc.index_in(keys["scene_id"], value_set=pa.array(scenes, pa.string()))
         if numbers.null_count:
-            raise ValueError("there are rows of a building that the metadata does not have")
+            raise ValueError("there are rows of a building that the metadata does not list")
         numbers = numbers.to_numpy()
         order = np.lexsort((*(keys[one].to_numpy() for one in reversed(by)), numbers))
         self._ends = np.searchsorted(numbers[order], np.arange(len(scenes) + 1))
@@ -182,7 +182,7 @@ class SceneRows:
             self._file.metadata.row_group(g).num_rows for g in range(self._file.num_row_groups)
         ]
         self._groups = np.concatenate([[0], np.cumsum(groups, dtype=np.int64)])
-        self._held: tuple[int, pa.Table] | None = None  # first row, and rows from there on
+        self._held: tuple[int, pa.Table] | None = None  # number of the first row, and the rows
         if not np.array_equal(order, np.arange(len(order))):
             self._held = 0, self._fit(self._file.read(use_threads=False).take(order))
             self._groups = np.array([0, len(order)])
@@ -200,7 +200,7 @@ class SceneRows:
         return self._held[1].slice(start - begin, stop - start)
 
     def _fit(self, table: pa.Table) -> pa.Table:
-        """Return a table in our schema; columns that came later are empty in old ones."""
+        """Return a table in the current schema; columns added later are empty in old tables."""
         for name in _NEW - set(table.column_names):
             if name in self._schema.names:
                 nothing = pa.nulls(len(table), self._schema.field(name).type)

@@ -1,8 +1,8 @@
-"""Belief graphs of many buildings as parquet tables, and back without loss.
+"""Write belief graphs of many buildings as parquet tables, and read them back without loss.
 
-`nodes` has a row a building, room, object and blind node; `edges` a row an edge; `histograms` a row
-a building and room. Every table begins with `scene_id`. Nodes are numbered: 0 the building, then
-rooms, objects and blind nodes. What is stated once of a belief graph is JSON in the metadata of
+`nodes` has one row per building, room, object and blind node; `edges` one per edge; `histograms`
+one per building and room. Every table begins with `scene_id`. Nodes are numbered: 0 the building,
+then rooms, objects and blind nodes. The headers of the belief graphs are JSON in the metadata of
 `nodes`.
 """
 
@@ -44,7 +44,7 @@ def write_tables(beliefs: Iterable[BeliefGraph], folder: Path) -> None:
     """Write belief graphs as `nodes`, `edges` and `histograms`.parquet, a row group at a time.
 
     Raises:
-        BeliefFileError: if two are of one building.
+        BeliefFileError: if two belief graphs have the same building.
         DatasetError: if they cannot be written.
     """
     headers: dict[str, Any] = {}
@@ -86,7 +86,7 @@ def _pack_nodes(belief: BeliefGraph) -> Columns:
         of_objects: Iterable[Any] | None = None,
         of_blind: Iterable[Any] | None = None,
     ) -> list[Any]:
-        """Return a column of which the building, and every kind that is left out, has nothing."""
+        """Return a column that is empty for the building and every kind left out."""
         values = (None, of_rooms, of_objects, of_blind)
         return list(
             chain.from_iterable(
@@ -173,7 +173,7 @@ def read_tables(folder: Path) -> Iterator[BeliefGraph]:
     Rows may be in any order.
 
     Raises:
-        BeliefFileError: if a table is missing or not one of ours.
+        BeliefFileError: if a table is missing or is not a belief table.
     """
     try:
         require_whole(folder)
@@ -211,7 +211,7 @@ _DAMAGE = (
 
 
 def _place(folder: Path, scene: str) -> Path:
-    """Return where the rows of a building are, as errors name it."""
+    """Return the folder and building, as errors name them."""
     return Path(f"{folder}, building {scene}")
 
 
@@ -234,13 +234,13 @@ def _unpack(header: Header, nodes: pa.Table, edges: pa.Table, histograms: pa.Tab
     kinds = nodes["kind"].to_pylist()
     _, rooms, objects, blind = (kinds.count(kind) for kind in KINDS)
     if kinds != [kind for kind in KINDS for _ in range(kinds.count(kind))] or kinds[0] != KINDS[0]:
-        raise ValueError("nodes are the building, rooms, objects and blind nodes, in this order")
+        raise ValueError("expected the building, then rooms, objects and blind nodes")
     for name, table, number in (
         ("nodes", nodes, len(kinds)),
         ("histograms", histograms, 1 + rooms),
     ):
         if table["node"].to_pylist() != list(range(number)):
-            raise ValueError(f"{name}: expected one row of each node, 0 to {number - 1}")
+            raise ValueError(f"{name}: expected one row per node, 0 to {number - 1}")
     links = list(_rows(edges, ("source", "target", "kind")))
     parents = {target: source for source, target, kind in links if kind != "adjacent"}
     numbers = {name: index for index, name in enumerate(header.class_space.classes)}
@@ -313,7 +313,7 @@ def _unpack_rooms(nodes: pa.Table) -> tuple[KnownRoom, ...]:
 def _rows(
     table: pa.Table, required: Sequence[str], optional: Sequence[str] = ()
 ) -> Iterator[tuple[Any, ...]]:
-    """Yield the rows of some columns, of which the required ones have no nulls."""
+    """Yield the rows of some columns; the required columns have no nulls."""
     for name in required:
         if table[name].null_count:
             raise ValueError(f"{name}: {table[name].null_count} nulls")
@@ -321,7 +321,7 @@ def _rows(
 
 
 def _point(values: Sequence[float] | None) -> Any:
-    """Return a position, None where it is not known."""
+    """Return a position, None if it is not known."""
     if values is None:
         return None
     x, y, z = map(float, values)

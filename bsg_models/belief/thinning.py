@@ -1,10 +1,10 @@
-"""How likely it is to see so many objects, where a share of them is hidden.
+"""Compute the probability of the seen counts when a share of the objects is hidden.
 
-True counts T are a mixture of tilted negative binomials (`bsg_models.belief.count_distribution`);
-each object is hidden by itself with the probability s. With the prior's mean μ and dispersion r,
+True counts T are a mixture of tilted negative binomials (`bsg_models.belief.count_distribution`).
+Each object is hidden independently with probability s. With the prior's mean μ and dispersion r,
 
     V ~ NB((1 − s) μ, r)                                 without tilts
-    P(V = v) = NB_V(v) Z_v / Z                           with them: Z_v over H | v, Z over T
+    P(V = v) = NB_V(v) Z_v / Z                           with tilts: Z_v over H | v, Z over T
 
 as `bsg_models.belief.negative_binomial` derives.
 """
@@ -23,16 +23,16 @@ from bsg_models.belief.negative_binomial import (
     log_normaliser,
 )
 
-_POISSON = 1e6  # a dispersion that is as good as a Poisson's, and finite
+_POISSON = 1e6  # a finite dispersion that is as good as a Poisson's
 
 
 def log_seen(true: CountDistribution, seen: Counts, shares: Floats) -> Floats:
     """Return log P(V = seen) at several hidden shares, `[S, N, C]`.
 
     Args:
-        true: the distribution of the true counts.
+        true: distribution of the true counts.
         seen: `[N, C]` counts that were seen.
-        shares: `[S, N]` that are hidden, 0 to below 1.
+        shares: `[S, N]` hidden shares, from 0 to below 1.
     """
     means = np.maximum(true.means, MIN_RATE)
     dispersions = np.minimum(np.broadcast_to(true.dispersions, means.shape), _POISSON)

@@ -1,1 +1,1 @@
-"""What a robot asks: where things are, what a room holds, where to go next; in names and ids."""
+"""Answer a robot's questions: where things are, what a room holds, where to go next."""

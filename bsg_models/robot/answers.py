@@ -1,4 +1,4 @@
-"""Answers to a robot, in the names and ids that it uses itself."""
+"""Define the answers to a robot, in its own names and ids."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ class Place:
     """A room where a thing may be.
 
     Attributes:
-        room: its id; None for what was seen in no room.
-        label: what people call it; None if nobody does.
-        probability: P(at least one is there); 1 where one was seen.
-        unseen: P(at least one is there that was not seen).
-        expected: expected number of those that are there and were not seen.
+        room: its id; None for objects that were seen in no room.
+        label: of the room; None if it has none.
+        probability: P(at least one is there); 1 if one was seen.
+        unseen: P(at least one unseen is there).
+        expected: expected number of unseen ones.
         seen: ids of those that were seen there.
         cost: of the way to the room; None if the robot did not say where it is.
     """
@@ -34,9 +34,9 @@ class ExpectedClass:
 
     Attributes:
         name: of the class.
-        probability: P(at least one is there and was not seen).
-        expected: expected number of those.
-        seen: how many were seen there.
+        probability: P(at least one unseen is there).
+        expected: expected number of unseen ones.
+        seen: number that was seen there.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""The room to go to: the next of a planner, without those that are merely passed on the way."""
+"""Choose the room to go to: a planner's next room, or a likelier one behind it."""
 
 from __future__ import annotations
 
@@ -22,10 +22,9 @@ def choose_destination(
 ) -> int | None:
     """Return the room to go to.
 
-    A planner names the first room that it would look into, however unlikely, if that costs nothing:
-    a hall on the way to the kitchen, or the room where the robot is. A robot is told to go to the
-    kitchen: a room is passed by for the one after it, if that is likelier and lies behind it on the
-    cheapest way.
+    A planner first names a room that costs nothing to look into, however unlikely: a hall on the
+    way to the kitchen, or the robot's own room. A robot needs the destination instead. So a room is
+    skipped for the planner's next one if that is likelier and lies behind it on the cheapest way.
 
     Args:
         ways: between N nodes.
@@ -36,7 +35,7 @@ def choose_destination(
         task: as for `next_room`.
 
     Returns:
-        a room, which may be `here`; None if none can be reached.
+        A room, which may be `here`; None if no room can be reached.
 
     Raises:
         RecipeError: as `next_room`.

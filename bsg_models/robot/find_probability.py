@@ -1,7 +1,7 @@
-"""The prior of a planner that searches: `object_find_prob(robot, location, object)`.
+"""Serve the prior of a search planner: `object_find_prob(robot, location, object)`.
 
-RAIL-group/railroad asks such a function whenever it grounds its actions: before every decision, for
-each robot, location and object, twice. Its locations may be rooms, or furniture inside them.
+RAIL-group/railroad calls such a function before every decision, twice for each robot, location and
+object. Its locations may be rooms, or furniture inside rooms.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from bsg_models.robot.room_names import find_room
 from bsg_models.robot.seen_building import SeenBuilding
 
 _NUMBERED = re.compile(r"(.+?)_[0-9]+")  # cup_4: one cup of several, as simulators name them
-_ON_ITS_WAY = "_loc"  # behind a robot's name: where railroad puts it when a move is interrupted
-_SHOWN = 8  # locations in an error
+_ON_ITS_WAY = "_loc"  # suffix of a robot's name: where railroad puts it after an interrupted move
+_SHOWN = 8  # locations listed in an error
 
 
 class FindProbability:
     """The probability that a search of a location finds a thing, as a planner asks for it.
 
-    A room is shared out among its locations that were not searched yet, by size. If the room hides
-    a thing with probability p, a location with the share s of the room hides it with
-    1 − (1 − p)^s: the room hides none exactly if no location does. What was seen somewhere in the
-    room is at one of these locations, at each with its share. Where all was seen, it is 1 or 0.
+    The unsearched locations of a room share it by size. If the room hides a thing with probability
+    p, a location with the share s of the room hides it with 1 − (1 − p)^s, so the room hides none
+    exactly if no location does. An object seen in the room is at one of these locations, at each
+    with probability s. For a searched location the answer is 1 or 0.
 
-    A thing is any word. A number at its end (`cup_4`) means one of several: those that were seen
-    are others, unless one has this very id.
+    A thing is any word. A number at its end (`cup_4`) means one of several; a seen object counts as
+    this one only if it has this very id.
 
     Example:
         >>> probability = FindProbability(seen, {"sofa": "living", "start": None})  # doctest: +SKIP
@@ -48,19 +48,19 @@ class FindProbability:
         words: Mapping[str, str] | None = None,
         otherwise: float | None = None,
     ) -> None:
-        """Begin with what a robot has seen; what `seen` is told later changes the answers.
+        """Start with what a robot has seen; later changes of `seen` change the answers.
 
         Args:
             seen: the building.
             locations: the planner's location → its room, by id or label; None for a place that
-                holds nothing, such as the start. Without it each room is a location.
-            sizes: of locations, compared within a room: surface, or number of things. A location
-                that is not named has 1.
-            words: the planner's name of a thing → a word for it, where the name is none.
-            otherwise: probability of a thing that no model has a class for; None raises.
+                holds nothing, such as the start. Without it, each room is a location.
+            sizes: location → size, compared within a room: surface, or number of things. The
+                default size is 1.
+            words: the planner's name of a thing → a word for it, if the name is not a word.
+            otherwise: probability of a thing for which no model has a class; None raises.
 
         Raises:
-            RecipeError: if a room is not known, a size is not above 0, or `otherwise` is no
+            RecipeError: if a room is unknown, a size is not above 0, or `otherwise` is not a
                 probability.
         """
         self.seen = seen
@@ -68,10 +68,10 @@ class FindProbability:
         self._sizes = dict(sizes or {})
         self._words = dict(words or {})
         self._otherwise = otherwise
-        self._robots: set[str] = set()  # that have asked
+        self._robots: set[str] = set()  # robots that have asked
         self._searched: set[str] = set()
         self._found: dict[str, str] = {}  # thing → the location where it was found
-        self._graph: PartialGraph | None = None  # that what follows is of
+        self._graph: PartialGraph | None = None  # the graph that the cached values belong to
         self._places: dict[str, tuple[Place, ...] | None] = {}
         self._known: dict[tuple[str, str], float] = {}
         if otherwise is not None and not 0 <= otherwise <= 1:
@@ -85,7 +85,7 @@ class FindProbability:
                 raise RecipeError(f"sizes: {location!r}: expected more than 0, found {size}")
 
     def add(self, location: str, room: str | None) -> None:
-        """Say that there is one more location, in a room; None for one that holds nothing.
+        """Add a location in a room, or one that holds nothing (None).
 
         Raises:
             RecipeError: if there is no such room.
@@ -97,12 +97,13 @@ class FindProbability:
         """Return P(a search of the location finds the thing).
 
         Args:
-            robot: its name. All robots know the same; where one is on its way, nothing is found.
+            robot: its name. All robots share one knowledge. A robot's position during a move
+                (`robot1_loc`) holds nothing.
             location: one of the planner's.
-            thing: any word, with a number or without.
+            thing: any word, with or without a number.
 
         Raises:
-            RecipeError: for a location that is not known, or a thing that no model has a class for.
+            RecipeError: if the location is unknown, or no model has a class for the thing.
         """
         if self._graph is not self.seen.graph:
             self._graph, self._places, self._known = self.seen.graph, {}, {}
@@ -116,17 +117,17 @@ class FindProbability:
         return known
 
     def searched(self, location: str, found: Iterable[str] = ()) -> None:
-        """Say that all that is at a location was seen.
+        """Report that everything at a location was seen.
 
-        A room counts as searched when all its locations were. Until then it hides less, by the
-        shares of those that were.
+        A room counts as searched when all its locations are. Until then, each searched location
+        lowers what the room hides by its share.
 
         Args:
             location: one of the planner's.
             found: the things that are there, by the planner's names, which become their ids.
 
         Raises:
-            RecipeError: for a location that is not known, or one that holds nothing.
+            RecipeError: if the location is unknown, or holds nothing.
         """
         node = self._require(location)
         if node is None:
@@ -144,7 +145,7 @@ class FindProbability:
         self._graph = None
 
     def _forget_moved(self) -> None:
-        """Forget where things were found that were seen in another room since."""
+        """Forget the location of things that were later seen in another room."""
         rooms = {obj.name: obj.room_index for obj in self.seen.graph.objects}
         self._found = {
             thing: location
@@ -177,7 +178,7 @@ class FindProbability:
         return float(1 - (1 - place.unseen) ** share)
 
     def _look(self, thing: str) -> tuple[Place, ...] | None:
-        """Return where a thing may be; None if no model has a class for it, and none is needed."""
+        """Return where a thing may be; None if no model has a class and `otherwise` is set."""
         word = self._word(thing)
         try:
             return self.seen.where(word)
@@ -194,7 +195,7 @@ class FindProbability:
         return thing if numbered is None else numbered[1]
 
     def _unsearched(self, node: int) -> float:
-        """Return the size of what was not searched in a room."""
+        """Return the total size of a room's unsearched locations."""
         return sum(
             self._sizes.get(location, 1.0)
             for location, room in self._rooms.items()
@@ -202,12 +203,12 @@ class FindProbability:
         )
 
     def _require(self, location: str) -> int | None:
-        """Return the room of a location, 1..R; None of one that holds nothing."""
+        """Return the room of a location, 1..R; None for one that holds nothing."""
         if location not in self._rooms:
             names = list(self._rooms)
             more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
             raise RecipeError(
                 f"no location {location!r}: known are {', '.join(names[:_SHOWN])}{more}; `add` "
-                "says in which room another one is"
+                "adds a location with its room"
             )
         return self._rooms[location]

@@ -1,4 +1,4 @@
-"""Which room a person means: by its id, or by its label."""
+"""Find the room that a name means, by id or by label."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.scene.class_map import normalise_name
 from bsg_data.spelling import SHOWN, ask_if_meant
 
-_LISTED = 8  # rooms in an error
+_LISTED = 8  # rooms listed in an error
 
 
 def find_room(graph: PartialGraph, name: str) -> int:
     """Return the index of the room that a name means, 1..R.
 
-    A name is the id of a room, or the label of one room alone, in any case.
+    A name is the id of a room, or a label that only one room has, in any case.
 
     Raises:
         RecipeError: if no room has the name, or several have the label.
@@ -32,7 +32,7 @@ def find_room(graph: PartialGraph, name: str) -> int:
     if labelled:
         those = ", ".join(ids[number - 1] for number in labelled[:_LISTED])
         raise RecipeError(
-            f"{graph.scene_id}: {len(labelled)} rooms are called {name!r}: name one by its id: "
+            f"{graph.scene_id}: {len(labelled)} rooms are called {name!r}; give the id of one: "
             f"{those}"
         )
     raise RecipeError(f"{graph.scene_id}: no room {str(name)[:SHOWN]!r}{_suggest(graph, said)}")

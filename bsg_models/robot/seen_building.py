@@ -1,9 +1,9 @@
-"""A robot's building: what it has seen so far, and what follows from that.
+"""Keep what a robot has seen of a building, and answer its questions about the rest.
 
     seen = open_graph("graph.json")
     seen.where("microwave")[0].room
 
-All names are those of the robot: ids or labels of its rooms, and any word for a thing.
+All names are the robot's own: ids or labels of its rooms, and any word for a thing.
 """
 
 from __future__ import annotations
@@ -60,20 +60,21 @@ def open_graph(
     hidden_share: float | None = None,
     hidden_shares: Mapping[str, float] = MappingProxyType({}),
 ) -> SeenBuilding:
-    """Open what a robot has seen, to ask about it.
+    """Open a robot's graph, to ask about it.
 
     Args:
-        graph: file of a robot's graph, our JSON or Spark-DSG's; `-` for standard input; or the
-            document itself, as `json.loads` gives it.
-        model: what `find_model` takes: the path of a run, or a name.
+        graph: file of a robot's graph, in this project's JSON or Spark-DSG's; `-` for standard
+            input; or the document itself, as `json.loads` returns it.
+        model: path of a run, or a name, as `find_model` takes it.
         labels: label space of a Hydra graph, as `load_label_space` takes it.
-        hidden_share: share of the objects of every room that was not seen; None, what it says.
-        hidden_shares: the same of single rooms, by their ids or labels; see `tell_shares`.
+        hidden_share: share of the objects of every room that was not seen; None takes it from the
+            graph.
+        hidden_shares: hidden share of single rooms, by room id or label; see `tell_shares`.
 
     Raises:
         BSGError: if the graph cannot be read.
         CheckpointError: if there is no such model.
-        RecipeError: if a share cannot be, or is of no room.
+        RecipeError: if a share is not 0 to 1, or names an unknown room.
     """
     predictor = Predictor(model)
     class_map = predictor.class_map
@@ -92,7 +93,7 @@ _R = TypeVar("_R")
 def _alone(
     method: Callable[Concatenate[SeenBuilding, _P], _R],
 ) -> Callable[Concatenate[SeenBuilding, _P], _R]:
-    """Let one thread at a time tell or ask: a robot's messages come from several."""
+    """Let one thread at a time use the building, because a robot's messages come from several."""
 
     @wraps(method)
     def run(self: SeenBuilding, /, *args: _P.args, **kwargs: _P.kwargs) -> _R:
@@ -103,14 +104,14 @@ def _alone(
 
 
 class SeenBuilding:
-    """What a robot has seen of one building: it is told, and it is asked.
+    """What a robot has seen of one building; the robot reports to it and asks it.
 
-    What the robot tells changes this object: `saw`, `entered`, `searched` and `discovered`. What it
-    asks does not: `where`, `anywhere`, `expected`, `next_room` and `belief`. Beneath is one
-    `PartialGraph`, which never changes: keep `graph`, or a `copy`, to ask what would be.
+    Reports change this object: `saw`, `entered`, `searched` and `discovered`. Questions do not:
+    `where`, `anywhere`, `expected`, `next_room` and `belief`. The state is one immutable
+    `PartialGraph`. Keep `graph`, or a `copy`, to ask what-if questions.
 
-    A thing is any word. A room is its id, or its label if no other room has it. Threads may share
-    it.
+    A thing is any word. A room is its id, or its label if no other room has it. The object is
+    thread-safe.
     """
 
     def __init__(
@@ -120,12 +121,12 @@ class SeenBuilding:
         *,
         notes: tuple[str, ...] = (),
     ) -> None:
-        """Begin with a graph.
+        """Start with a graph.
 
         Args:
             graph: in the class space of the model.
             model: a `Predictor`, or what it takes.
-            notes: what a person should know of how it was read, a sentence each.
+            notes: what a person should know about how the graph was read, a sentence each.
 
         Raises:
             CheckpointError: if there is no such model.
@@ -144,28 +145,28 @@ class SeenBuilding:
 
     @property
     def model(self) -> str:
-        """The name of the model that is asked."""
+        """Name of the model that is asked."""
         return self._models[0].name
 
     @property
     def rooms(self) -> tuple[str, ...]:
-        """The ids of the rooms, in their order."""
+        """Ids of the rooms, in their order."""
         return tuple(room.name for room in self._graph.rooms)
 
     @property
     def unmapped(self) -> tuple[UnmappedEntry, ...]:
-        """What was seen whose name no class map knows: models do not read it."""
+        """Seen objects whose name no class map knows; models do not read them."""
         names = list_unmapped(self._graph)
         return tuple(describe_unmapped(names, self._class_maps[0], near=COMPARED))
 
     @_alone
     def copy(self) -> SeenBuilding:
-        """Return the same, to tell it what this one shall not know."""
+        """Return an independent copy; reports to it do not change this object."""
         other = SeenBuilding(self._graph, self._models[0], notes=self.notes)
         other._models, other._beliefs = self._models, dict(self._beliefs)
         return other
 
-    # What the robot tells
+    # Reports of the robot
 
     @_alone
     def saw(
@@ -176,20 +177,20 @@ class SeenBuilding:
         object_id: str | None = None,
         position: tuple[float, float, float] | None = None,
     ) -> str:
-        """Say that one object was seen in a room, which may hold more.
+        """Report one object in a room; the room may hold more.
 
         Args:
             room: id or label; None for an object that is in no room.
             thing: its category.
-            object_id: one that is known is moved, not added. Detections that come again and again
-                need one; without it every call is another object.
+            object_id: a known id moves the object instead of adding one. Give an id to detections
+                that repeat; without it, every call adds an object.
             position: metres, Z up.
 
         Returns:
-            its id.
+            Its id.
 
         Raises:
-            RecipeError: if there is no such room, or the object cannot be.
+            RecipeError: if there is no such room, or the object is not valid.
         """
         if not isinstance(thing, str) or not thing.strip():
             raise RecipeError(f"saw: expected the name of a thing, found {thing!r}")
@@ -211,24 +212,27 @@ class SeenBuilding:
         walls_in_view: float | None = None,
         seconds_inside: float | None = None,
     ) -> None:
-        """Say that the robot is in a room, or has looked at more of it.
+        """Report that the robot is in a room, or has looked at more of it.
 
         Args:
             room: id or label.
-            hidden_share: of its objects, which share the robot has not seen by now; a `ShareBelief`
-                if it is not sure; None estimates it by what follows, and without any of it what was
-                known stays, or may be anything in a room that was not entered before.
-            floor_in_view: share of the floor that its camera had in view by now.
-            walls_in_view: share of the walls, likewise.
-            seconds_inside: how long it has looked about there.
+            hidden_share: share of the room's objects not seen so far; a `ShareBelief` if uncertain.
+                None estimates it from the arguments below. Without any of them, the known share
+                stays; a room that was not entered before may hide any share.
+            floor_in_view: share of the floor that the camera has had in view.
+            walls_in_view: share of the walls that the camera has had in view.
+            seconds_inside: how long the robot has looked around in the room.
 
         Raises:
-            RecipeError: if there is no such room, a share is none, or is told in two ways.
+            RecipeError: if there is no such room, a share is not 0 to 1, or both `hidden_share` and
+                another argument are given.
         """
         index = find_room(self._graph, room)
         looks = (floor_in_view, walls_in_view, seconds_inside)
         if hidden_share is not None and any(look is not None for look in looks):
-            raise RecipeError(f"room {room!r}: say hidden_share, or how it was looked at; not both")
+            raise RecipeError(
+                f"room {room!r}: give hidden_share, or how it was looked at; not both"
+            )
         if any(look is not None for look in looks):
             hidden_share = estimate_hidden_share(
                 floor_in_view=floor_in_view,
@@ -241,7 +245,7 @@ class SeenBuilding:
         self._change(enter(self._graph, index, hidden_share=hidden_share))
 
     def searched(self, room: str) -> None:
-        """Say that all that is in a room was seen, and told by `saw`.
+        """Report that everything in a room was seen and reported by `saw`.
 
         Raises:
             RecipeError: if there is no such room.
@@ -258,17 +262,18 @@ class SeenBuilding:
         position: tuple[float, float, float] | None = None,
         floor_area: float | None = None,
     ) -> None:
-        """Say that there is one more room, which the robot has not entered.
+        """Report a new room that the robot has not entered.
 
         Args:
             room: its id.
-            beside: rooms that it connects with, or one.
+            beside: id of a room that it connects with, or several.
             room_type: a room label, or labels with probabilities.
             position: metres, Z up.
             floor_area: square metres.
 
         Raises:
-            RecipeError: if it is known already, a room beside it is not, or it cannot be.
+            RecipeError: if the room is already known, a room beside it is unknown, or it is not
+                valid.
         """
         new = KnownRoom(
             room,
@@ -283,21 +288,21 @@ class SeenBuilding:
         neighbours = [find_room(self._graph, other) for other in others]
         self._change(discover(self._graph, new, beside=neighbours))
 
-    # What the robot asks
+    # Questions of the robot
 
     @_alone
     def where(
         self, thing: str, *, here: str | None = None, costs: Costs | None = None
     ) -> tuple[Place, ...]:
-        """Return the rooms by how likely a thing is there, the likeliest first.
+        """Return the rooms by the probability that a thing is there, the likeliest first.
 
         Args:
             thing: any word; `understand` says which class answers it.
-            here: the room of the robot, from which ways are measured.
-            costs: (room, room) → cost, in the place of what the graph measures; ∞ is a closed way.
+            here: the robot's room, from which costs are measured.
+            costs: (room, room) → cost, replacing what the graph measures; ∞ closes a way.
 
         Raises:
-            RecipeError: if no class is meant, or there is no such room.
+            RecipeError: if the word means no class, or there is no such room.
         """
         meaning = self.understand(thing)
         belief, seen = self._belief(meaning.model), self._seen(meaning)
@@ -324,7 +329,7 @@ class SeenBuilding:
         """Return P(at least one is in the building, seen or not).
 
         Raises:
-            RecipeError: if no class is meant.
+            RecipeError: if the word means no class.
         """
         meaning = self.understand(thing)
         if any(self._seen(meaning)):
@@ -333,9 +338,9 @@ class SeenBuilding:
 
     @_alone
     def expected(self, room: str) -> tuple[ExpectedClass, ...]:
-        """Return what a room may hold that was not seen, the likeliest first.
+        """Return the unseen classes that a room may hold, the likeliest first.
 
-        Classes of less than half a percent are left out.
+        Classes below half a percent are left out.
 
         Raises:
             RecipeError: if there is no such room.
@@ -363,29 +368,30 @@ class SeenBuilding:
         planner: AnyPlanner = "expected-cost",
         task: Task = "single",
     ) -> str | None:
-        """Return the room to go to next, to find a thing or several.
+        """Return the room to go to next, to find one or several things.
 
-        A room in which one was seen holds it. The room where the robot is counts like all others
-        until it is `searched`: it is named while it is likelier than those beyond. A room that lies
-        on the way to a likelier one is passed by.
+        A room where one was seen has probability 1. The robot's own room counts like the others
+        until it is `searched`: it is returned while it is likelier than the rooms beyond. A room on
+        the way to a likelier one is skipped.
 
         Args:
             things: any word, or several.
-            here: the room of the robot; None for the likeliest room, wherever it is.
-            costs: (room, room) → cost, in the place of what the graph measures; ∞ is a closed way.
+            here: the robot's room; None for the likeliest room, wherever it is.
+            costs: (room, room) → cost, replacing what the graph measures; ∞ closes a way.
             planner: a name of `PLANNERS`, a `Planner`, or a function of `Knowledge`.
-            task: whether one of each is enough, or all are to be found.
+            task: whether one of each is enough (`single`), or all must be found (`all`).
 
         Returns:
-            its id; None if nothing is left to search, or can be reached.
+            Its id; None if no room is left to search or none can be reached.
 
         Raises:
-            RecipeError: if no class is meant, there is no such room, or the planner cannot be used.
+            RecipeError: if a word means no class, there is no such room, or the planner cannot be
+                used.
         """
         presence, seen = self._presence([things] if isinstance(things, str) else things)
         explored = np.array([True, *(room.hidden_share == 0 for room in self._graph.rooms)])
         explored &= ~seen.any(axis=1)
-        explored[0] = True  # what lies in no room is nowhere to go to
+        explored[0] = True  # node 0 holds objects of no room, and nobody can go there
         if here is None:
             open_ = np.where(explored, -1.0, 1 - (1 - presence).prod(axis=1))
             node = int(open_.argmax())
@@ -408,8 +414,9 @@ class SeenBuilding:
         """Return the belief graph, for files and pages: `write_belief(seen.belief(), path)`.
 
         Args:
-            mode: as many blind nodes as are expected (`complete`), or the top unseen classes.
-            top: classes of a room that get a blind node under `unseen`.
+            mode: which blind nodes: as many as expected (`complete`), or the top unseen classes
+                (`unseen`).
+            top: number of classes per room that get a blind node under `unseen`.
         """
         return believe(self._graph, self._belief(0), mode=mode, top=top, model=self.model)
 
@@ -418,19 +425,19 @@ class SeenBuilding:
         """Return the name of the model that answers for a word.
 
         Raises:
-            RecipeError: if no class is meant.
+            RecipeError: if the word means no class.
         """
         return self._predictor(self.understand(thing).model).name
 
     @_alone
     def understand(self, thing: str) -> Meaning:
-        """Return which class of which model answers for a word, and why.
+        """Return the class and model that answer for a word, and why.
 
-        The model of this building is preferred; a word that it has no class for is answered by
-        `universal-wide`, which is shipped and has 170.
+        The building's own model is preferred. If it has no class for the word, the shipped model
+        `universal-wide` with its 170 classes answers.
 
         Raises:
-            RecipeError: if no class is meant, with the names that are near.
+            RecipeError: if the word means no class; the message names similar words.
         """
         if thing not in self._meanings:
             own = self._class_maps[0].version not in list_class_maps()
@@ -438,14 +445,14 @@ class SeenBuilding:
         return self._meanings[thing]
 
     def ways(self, costs: Costs | None = None) -> Ways:
-        """Return what it costs to go from room to room.
+        """Return the costs of going from room to room.
 
         Raises:
-            RecipeError: for a room that is not known, or a cost that is none.
+            RecipeError: if a room is unknown, or a cost is not 0 or more.
         """
         return measure_ways(self._graph, costs)
 
-    # How it is found out
+    # Internals
 
     def _change(self, graph: PartialGraph) -> None:
         self._graph = graph
@@ -461,7 +468,7 @@ class SeenBuilding:
 
     @cached_property
     def _class_maps(self) -> tuple[ClassMap, ...]:
-        """The map of the model, and that of the wide one, if it has another class space."""
+        """The model's class map, then that of the wide model if it has another class space."""
         own = self._models[0].class_map
         wide = load_class_map(WIDE_MAP)
         has_wide = WIDE_MODEL in shipped_names() and own.space != wide.space
@@ -482,7 +489,7 @@ class SeenBuilding:
         return reclassify(self._graph, self._class_maps[model]) if model else self._graph
 
     def _seen(self, meaning: Meaning) -> list[tuple[str, ...]]:
-        """Return the ids of the objects of a class that were seen at every node."""
+        """Return the ids of the seen objects of a class, for every node."""
         ids: list[list[str]] = [[] for _ in range(len(self._graph.rooms) + 1)]
         for obj in self._graph_for(meaning.model).objects:
             if obj.class_index == meaning.class_index:

@@ -1,4 +1,4 @@
-"""What a person tells of a robot's graph: which share of its rooms was not seen."""
+"""Set the hidden shares of a robot's graph to what a person says."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ _NONE: Mapping[str, float] = MappingProxyType({})
 def tell_shares(
     graph: PartialGraph, *, every: float | None = None, rooms: Mapping[str, float] = _NONE
 ) -> PartialGraph:
-    """Return a graph that hides the shares which it is told; the building's follows its rooms'.
+    """Return a graph with the given hidden shares; the building's share follows from its rooms'.
 
-    A share of 1 says that the room was not entered, and 0 that it was searched. In between, what
-    the graph says of visits stays.
+    A share of 1 marks the room as not entered, and 0 as searched. In between, the visits stay as
+    the graph has them.
 
     Args:
         graph: with shares of its own.
         every: share of all rooms that `rooms` does not name; of the building, if it has no rooms.
-        rooms: shares by the id of a room, or by its label.
+        rooms: shares by room id or label.
 
     Raises:
-        RecipeError: if a share is not 0 to 1, or a name is of no room, or of several.
+        RecipeError: if a share is not 0 to 1, or a name means no room or several.
     """
     for name, share in {"every room": every, **rooms}.items():
         if share is not None and not 0 <= share <= 1:

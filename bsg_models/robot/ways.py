@@ -1,4 +1,4 @@
-"""What it costs to go from room to room, as far as a robot's graph says."""
+"""Measure the costs of going from room to room in a robot's graph."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from bsg_data.errors import RecipeError
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph
 from bsg_models.robot.room_names import find_room
 
-MOST_ROOMS = 2000  # between which ways are measured: tables hold a number for each pair of them
+MOST_ROOMS = 2000  # limit of measured rooms: tables hold a number for each pair
 Unit = Literal["m", "rooms", "given"]
 Costs = Mapping[tuple[str, str], float]
 
@@ -26,9 +26,9 @@ class Ways:
     """The edges between rooms, and the cheapest ways over them.
 
     Attributes:
-        edges: `[1 + R, 1 + R]` costs ≥ 0, ∞ where there is no edge; the building is node 0.
-        costs: `[1 + R, 1 + R]` of the cheapest way; ∞ where there is none.
-        unit: metres, the number of rooms, or whatever the costs were given in.
+        edges: `[1 + R, 1 + R]` costs ≥ 0, ∞ without an edge; the building is node 0.
+        costs: `[1 + R, 1 + R]` of the cheapest way; ∞ if there is none.
+        unit: metres, the number of rooms, or the unit of the given costs.
     """
 
     edges: Floats
@@ -37,26 +37,27 @@ class Ways:
 
 
 def measure_ways(graph: PartialGraph, costs: Costs | None = None) -> Ways:
-    """Return what it costs to go from room to room.
+    """Return the costs of going from room to room.
 
-    An edge joins rooms that the graph says are adjacent; without any, all rooms. It is as long as
-    the straight line between their positions, metres; where one is unknown, as the mean of the
-    known ones; if none is known, 1. Parts of the graph that no edge joins are joined between their
-    nearest rooms, because a building is one.
+    An edge joins rooms that the graph calls adjacent; without any adjacency, all rooms. Its cost is
+    the straight distance between their positions in metres. If a position is unknown, the cost is
+    the mean of the known edges; if none is known, 1. Disconnected parts of the graph are joined
+    between their nearest rooms, because a building is connected.
 
     Args:
         graph: with R rooms.
-        costs: (room, room) → cost of the edge between them, both ways, in the place of what was
-            measured; ∞ for a way that is closed.
+        costs: (room, room) → cost of the edge between them in both directions, replacing the
+            measured one; ∞ closes a way.
 
     Raises:
-        RecipeError: for a room that is not known, a cost that is none, or more than 2,000 rooms.
+        RecipeError: if a room is unknown, a cost is not 0 or more, or there are more than 2,000
+            rooms.
     """
     rooms = len(graph.rooms)
     if rooms > MOST_ROOMS:
         raise RecipeError(
-            f"{graph.scene_id}: ways are measured between {MOST_ROOMS:,} rooms at most, found "
-            f"{rooms:,}; ask without saying where the robot is, or about a part of the building"
+            f"{graph.scene_id}: expected at most {MOST_ROOMS:,} rooms to measure ways between, "
+            f"found {rooms:,}; ask without the robot's room, or about a part of the building"
         )
     lines = _straight_lines(graph)
     pairs = np.array(graph.adjacency, dtype=np.int64).reshape(-1, 2)
@@ -76,7 +77,7 @@ def measure_ways(graph: PartialGraph, costs: Costs | None = None) -> Ways:
 
 
 def _find_cheapest(edges: Floats) -> Floats:
-    """Return the costs of the cheapest ways over edges `[N, N]`; ∞ where there is none."""
+    """Return the costs of the cheapest ways over edges `[N, N]`; ∞ if there is none."""
     source, target = np.nonzero(np.isfinite(edges))  # an edge may cost 0
     listed = csr_array((edges[source, target], (source, target)), shape=edges.shape)
     return np.asarray(shortest_path(listed))
@@ -91,7 +92,7 @@ def _lay_over(edges: Floats, graph: PartialGraph, costs: Costs) -> None:
 
 
 def _straight_lines(graph: PartialGraph) -> Floats:
-    """Return the metres between the places of rooms, `[1 + R, 1 + R]`; ∞ where one is unknown."""
+    """Return the metres between the positions of rooms, `[1 + R, 1 + R]`; ∞ if one is unknown."""
     places = np.full((len(graph.rooms) + 1, 3), np.nan)
     for number, room in enumerate(graph.rooms, 1):
         places[number] = _place_of(room)
@@ -100,7 +101,7 @@ def _straight_lines(graph: PartialGraph) -> Floats:
 
 
 def _place_of(room: KnownRoom) -> tuple[float, ...]:
-    """Return where a room is: its position, or the middle of its box; NaN where unknown."""
+    """Return the position of a room, else the middle of its box; NaN if both are unknown."""
     if room.position is not None:
         return room.position
     if room.box is None:

@@ -1,4 +1,4 @@
-"""What a person asks for, in any word, and the class that answers it."""
+"""Find the class that answers for any word of a person."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from bsg_data.scene.class_map import ClassMap, normalise_name
 from bsg_data.spelling import nearest_names
 
 MOST_CHARACTERS = 100
-SHORT = 5  # letters: among shorter words nearly all are like another one
-LIKE_A_MISSPELLING = 0.85  # of difflib's ratio: microwav, refridgerator; but not boots for books
+SHORT = 5  # letters: nearly every shorter word resembles another one
+LIKE_A_MISSPELLING = 0.85  # difflib's ratio: accepts microwav, refridgerator; not boots for books
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,9 +23,9 @@ class Meaning:
         word: as it was asked.
         class_name: of the class.
         class_index: in its class space.
-        model: place of the model that has this class, among those that were offered.
-        how: why this class, in words; empty where it is called so.
-        is_exact: whether the class is of such things alone; a teapot is one of the tableware.
+        model: index of the model that has this class, among the models offered.
+        how: why this class, in words; empty if the word is the name of the class.
+        is_exact: whether the class holds only such things; False for a teapot in `tableware`.
     """
 
     word: str
@@ -41,19 +41,19 @@ def find_meaning(
 ) -> Meaning:
     """Return the class that a word means.
 
-    The first map that has a class for it is taken, but one with a class of such things alone comes
-    before one whose class is wider: a laptop is a computer only where laptops have no class. A name
-    that no map knows is taken for one that is spelled almost so; one that is known and has no class
-    is no misspelling.
+    The first map with a class for the word wins, but a class of exactly such things comes before a
+    wider class of an earlier map: a laptop is a computer only if no map has a class of laptops. A
+    word that no map knows is taken for a very similar name. A known name without a class is never
+    taken for a misspelling.
 
     Args:
         word: any name of a thing.
-        class_maps: one for each model that can be asked, the preferred one first.
-        prefer_exact: False where the first map that has a class for the word is to be taken,
-            however wide the class is: it is one's own.
+        class_maps: one per model that can be asked, the preferred one first.
+        prefer_exact: False takes the first map that has a class for the word, however wide the
+            class is; use it if that map is the user's own.
 
     Raises:
-        RecipeError: if no class is meant, with the names that are near.
+        RecipeError: if the word means no class; the message names similar words.
     """
     if not isinstance(word, str) or not word.strip() or len(word) > MOST_CHARACTERS:
         raise RecipeError(
@@ -67,7 +67,7 @@ def find_meaning(
     if near and not any(class_map.classify(word).category for class_map in class_maps):
         name, model, index, ratio = near[0]
         if ratio >= LIKE_A_MISSPELLING and _is_misspelling(word, name):
-            how = f"no model knows {word!r}; {name!r} is spelled most like it"
+            how = f"no model knows {word!r}; the most similar name is {name!r}"
             name = class_maps[model].classes[index]
             return Meaning(word, name, index, model, how, is_exact=False)
     raise RecipeError(_refusal(word, class_maps, [name for name, *_ in near]))
@@ -95,11 +95,11 @@ def _look_up(word: str, class_maps: Sequence[ClassMap], model: int) -> Meaning |
 
 
 def _spelled_alike(word: str, class_maps: Sequence[ClassMap]) -> list[tuple[str, int, int, float]]:
-    """Return (name, model, class, likeness) of names with a class that are spelled almost so."""
+    """Return (name, model, class, likeness) of names with a class that are spelled similarly."""
     said = normalise_name(word)
     names: dict[str, tuple[int, int]] = {}
     for model, class_map in enumerate(class_maps):
-        for entry in class_map.entries.values():  # corrected: spellings as published are misspelt
+        for entry in class_map.entries.values():  # corrected names: published spellings have errors
             if entry.class_index is not None:
                 names.setdefault(normalise_name(entry.category), (model, entry.class_index))
         for index, name in enumerate(class_map.classes):
@@ -109,7 +109,7 @@ def _spelled_alike(word: str, class_maps: Sequence[ClassMap]) -> list[tuple[str,
 
 
 def _is_misspelling(word: str, name: str) -> bool:
-    """Say whether a word can be a name with a slip: short words that differ are other words.
+    """Return whether a word can be a misspelt name; short words that differ are other words.
 
     >>> _is_misspelling("microwav", "microwave"), _is_misspelling("xbox", "box")
     (True, False)
@@ -123,10 +123,8 @@ def _refusal(word: str, class_maps: Sequence[ClassMap], near: Sequence[str]) -> 
     if "structure" in roles:
         why = "it is a part of the building, and models count objects"
     elif "left-out" in roles:
-        why = "models count no such things, though the name is known"
+        why = "class maps know the name, but no model counts such things"
     else:
         why = "no class map knows the name"
     hint = f"; did you mean {', '.join(near)}?" if near else "."
-    return (
-        f"no model can look for {word!r}: {why}{hint} `bsg-data map show NAME` tells what a name is"
-    )
+    return f"no model can look for {word!r}: {why}{hint} `bsg-data map show NAME` explains a name"

@@ -1,1 +1,1 @@
-"""Trained models on disk: run folders, checkpoints, and the predictor that asks them."""
+"""Keep trained models on disk: run folders, checkpoints, shipped models, and their predictor."""

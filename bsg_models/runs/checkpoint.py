@@ -1,8 +1,9 @@
-"""Checkpoints: safetensors with everything that is needed to load them again; no pickle.
+"""Read and write checkpoints: safetensors files that hold everything needed to restore a model.
 
-The tensors are the model's state dict under `model.`, and for a training that can go on the
-optimiser's under `adam.`. The header says the configuration, the class map and the dataset, and the
-sha256 of the tensors; its own sha256 comes last in it. A flipped bit anywhere is refused.
+The tensors are the model's state dict under `model.`, and the optimiser's under `adam.` if the
+training can continue. The header holds the configuration, the class space, the dataset's hash and
+the sha256 of the tensors; its own sha256 comes last. A flipped bit anywhere is refused. Nothing is
+pickled.
 """
 
 from __future__ import annotations
@@ -35,32 +36,32 @@ from bsg_models.zoo.construction import make_model
 from bsg_models.zoo.model import BeliefModel
 
 CHECKPOINT_VERSION = 4
-UNTILTED_VERSIONS = (1, 2, 3)  # before counts were tilted and presence was calibrated; still read
-MAPPED_VERSIONS = (1, 2)  # named a class map instead of its class space; still read
-UNSEALED_VERSION = 1  # before there were hashes
+UNTILTED_VERSIONS = (1, 2, 3)  # from before tilted counts and calibrated presence; still read
+MAPPED_VERSIONS = (1, 2)  # name a class map instead of a class space; still read
+UNSEALED_VERSION = 1  # without hashes; still read
 _SEAL = ',"sha256":"'  # begins the hash of the header, which covers all text before it
 _SPARE = 2**24  # numbers that a model may make besides those of its file
 _AGAIN = "take another copy of it, or train again"
 
 
 class CheckpointHeader(Record):
-    """What a checkpoint says of itself.
+    """The header of a checkpoint.
 
     Attributes:
-        checkpoint_version: of this format.
-        format_version: of the dataset format that it was trained on.
+        checkpoint_version: version of this format.
+        format_version: version of the dataset format that it was trained on.
         config: of the run.
-        class_space: whose histograms it reads and predicts.
-        class_maps: of the sources of its dataset: published ones by name, one's own as they are;
-            empty where it was trained before checkpoints said so.
-        members: of an ensemble, by name: the recipes that they were trained by.
-        vocabulary: the categories outside the classes that it reads, in the order of its columns.
+        class_space: classes of the histograms that it reads and predicts.
+        class_maps: one per source of its dataset: published maps by name, the user's own in full;
+            empty in checkpoints from before this field.
+        members: of an ensemble, name → recipe of the member's training.
+        vocabulary: categories outside the classes that it reads, in the order of its columns.
         dataset_sha256: of the manifest of the dataset that it was trained on.
         calibrated: whether its calibration was fitted.
         epoch: epochs done; 0 for a model that was fitted by counting.
-        val_loss: at that epoch; None without.
-        best_epoch: with the lowest val_loss up to then.
-        best_loss: that val_loss; None without.
+        val_loss: validation loss at that epoch; None if there is none.
+        best_epoch: epoch with the lowest val_loss so far.
+        best_loss: that val_loss; None if there is none.
         tensors_sha256: of names, types, shapes and bytes of the tensors; None in version 1.
     """
 
@@ -94,7 +95,7 @@ class _OldMap(BaseModel):
 
 
 class _OldHeader(BaseModel):
-    """What is converted of a header of an older version; all else stays as it is."""
+    """Fields of an older header that are converted; all others stay as they are."""
 
     config: _OldConfig
     members: dict[str, _OldConfig] = Field(default_factory=dict)
@@ -109,8 +110,8 @@ class Checkpoint:
     """A loaded checkpoint.
 
     Attributes:
-        header: what it says of itself.
-        tensors: all of them, by name.
+        header: configuration, classes and hashes.
+        tensors: all tensors, by name.
     """
 
     header: CheckpointHeader
@@ -123,10 +124,10 @@ class Checkpoint:
 
 
 def save_checkpoint(path: Path, header: CheckpointHeader, tensors: dict[str, torch.Tensor]) -> None:
-    """Write a checkpoint beside its place and rename it there.
+    """Write a checkpoint to a temporary file and rename it.
 
     Raises:
-        DatasetError: if it cannot be written; an older one stays.
+        DatasetError: if it cannot be written; an older checkpoint stays.
     """
     plain = {name: tensor.detach().contiguous() for name, tensor in tensors.items()}
     sealed = {"checkpoint_version": CHECKPOINT_VERSION, "tensors_sha256": hash_tensors(plain)}
@@ -135,7 +136,7 @@ def save_checkpoint(path: Path, header: CheckpointHeader, tensors: dict[str, tor
 
 
 def hash_tensors(tensors: Mapping[str, torch.Tensor]) -> str:
-    """Return the sha256 of tensors: of name, type, shape and bytes of each, by name in order."""
+    """Return the sha256 of tensors, sorted by name: name, type, shape and bytes of each."""
     digest = hashlib.sha256()
     for name, tensor in sorted(tensors.items()):
         kind = json.dumps([name, str(tensor.dtype), list(tensor.shape)])  # noqa: TID251
@@ -146,10 +147,10 @@ def hash_tensors(tensors: Mapping[str, torch.Tensor]) -> str:
 
 
 def read_header(path: Path) -> CheckpointHeader:
-    """Read what a checkpoint says of itself, without its tensors.
+    """Read the header of a checkpoint, without its tensors.
 
     Raises:
-        CheckpointError: if it is missing, its header is damaged, or it is of another version.
+        CheckpointError: if the file is missing, its header is damaged, or it has another version.
     """
     with _open(path) as file:
         return _parse_header(path, file)
@@ -159,7 +160,7 @@ def load_checkpoint(path: Path) -> Checkpoint:
     """Read a checkpoint.
 
     Raises:
-        CheckpointError: if it is missing, damaged, or of another version.
+        CheckpointError: if it is missing, damaged, or has another version.
     """
     with _open(path) as file:
         header = _parse_header(path, file)
@@ -178,19 +179,19 @@ def _open(path: Path) -> Iterator[Any]:
         with safe_open(path, framework="pt") as file:
             _require_plain_end(path)
             yield file
-    except (SafetensorError, OSError, RuntimeError) as error:  # the last is torch's, which maps it
+    except (SafetensorError, OSError, RuntimeError) as error:  # torch raises the last
         raise CheckpointError(f"{path}: not a readable checkpoint ({error})") from error
 
 
 def _require_plain_end(path: Path) -> None:
-    """Refuse other characters than the spaces that safetensors puts behind its JSON.
+    """Refuse characters after the JSON other than the spaces of safetensors.
 
-    They mean nothing and no hash covers them.
+    They have no meaning, and no hash covers them.
     """
     with path.open("rb") as file:
         text = file.read(int.from_bytes(file.read(8), "little"))
     if not text.rstrip(b" ").endswith(b"}"):
-        raise CheckpointError(f"{path}: is damaged: its header does not end as one; {_AGAIN}")
+        raise CheckpointError(f"{path}: is damaged: its header has a wrong end; {_AGAIN}")
 
 
 def _parse_header(path: Path, file: Any) -> CheckpointHeader:
@@ -207,7 +208,7 @@ def _parse_header(path: Path, file: Any) -> CheckpointHeader:
             covered, _, seal = text.rpartition(_SEAL)
             if seal != f'{_hash_text(covered)}"}}':
                 raise CheckpointError(
-                    f"{path}: is damaged: its header is not what its sha256 says; {_AGAIN}"
+                    f"{path}: is damaged: its header does not match its sha256; {_AGAIN}"
                 )
             del fields["sha256"]
         if version in MAPPED_VERSIONS:
@@ -217,7 +218,7 @@ def _parse_header(path: Path, file: Any) -> CheckpointHeader:
             _OldHeader.model_validate(fields, strict=True)
             _add_untilted(fields)
         header = CheckpointHeader.model_validate(fields)
-    except ValidationError as error:  # also for a model of a package that is not installed
+    except ValidationError as error:  # also raised if a model's package is not installed
         raise CheckpointError(
             f"{path}: its header is not a checkpoint's of this project: {name_fault(error)}"
         ) from error
@@ -227,14 +228,15 @@ def _parse_header(path: Path, file: Any) -> CheckpointHeader:
         ) from error
     if (header.tensors_sha256 is None) != (version == UNSEALED_VERSION):
         raise CheckpointError(
-            f"{path}: is damaged: version {version} goes with{'out' if version == 1 else ''} a "
+            f"{path}: is damaged: a checkpoint of version {version} is "
+            f"with{'out' if version == 1 else ''} a "
             f"sha256 of the tensors; {_AGAIN}"
         )
     return header
 
 
 def _name_class_space(fields: dict[str, Any]) -> None:
-    """Say in the header of an older version its class space, where it named a class map."""
+    """Add the class space to the header of an older version that names a class map."""
     named = fields.pop("class_map")
     fields["class_space"] = {
         "name": named["version"],
@@ -244,7 +246,7 @@ def _name_class_space(fields: dict[str, Any]) -> None:
 
 
 def _add_untilted(fields: dict[str, Any]) -> None:
-    """Say in the header of an older version what its models could not be but: not tilted."""
+    """Add the fields of untilted counts to the header of an older version."""
     for config in (fields["config"], *fields.get("members", {}).values()):
         family = config["model"]["family"]
         if family in ZOO and hasattr(ZOO[family].config, "tilted"):
@@ -256,10 +258,10 @@ def _hash_text(text: str) -> str:
 
 
 def restore_model(path: Path, checkpoint: Checkpoint) -> BeliefModel:
-    """Make the model of a checkpoint and give it its weights.
+    """Make the model of a checkpoint and load its weights.
 
     Raises:
-        CheckpointError: if a tensor is missing, unknown or of another shape.
+        CheckpointError: if a tensor is missing, unknown or has another shape.
     """
     header = checkpoint.header
     _require_size(path, checkpoint)
@@ -292,10 +294,11 @@ def restore_model(path: Path, checkpoint: Checkpoint) -> BeliefModel:
 
 
 def _require_size(path: Path, checkpoint: Checkpoint) -> None:
-    """Refuse a configuration that asks for more than the file holds, before memory is taken.
+    """Refuse a configuration that needs more memory than the file holds, before allocating any.
 
-    The model is made without memory first. Its parameters have the shapes of the file's tensors;
-    buffers may have other sizes before they are filled, and are not much more than the file.
+    The model is first made without memory. Its parameters must have the shapes of the file's
+    tensors. Buffers may have other sizes before they are filled, but not many more numbers than the
+    file.
     """
     header, stored = checkpoint.header, checkpoint.state_of("model")
     try:
@@ -306,7 +309,7 @@ def _require_size(path: Path, checkpoint: Checkpoint) -> None:
                 vocabulary=header.vocabulary,
                 members=header.members,
             )
-    except (NotImplementedError, RuntimeError):  # of a package, whose model needs real tensors
+    except (NotImplementedError, RuntimeError):  # a package's model that needs real tensors
         return
     except (ConfigError, CheckpointError) as error:
         raise CheckpointError(f"{path}: {error}") from error
@@ -326,7 +329,7 @@ def _require_size(path: Path, checkpoint: Checkpoint) -> None:
 
 
 def require_dataset(path: Path, header: CheckpointHeader, manifest: Manifest) -> None:
-    """Refuse a dataset of another class space than the checkpoint's.
+    """Refuse a dataset whose class space differs from the checkpoint's.
 
     Raises:
         MismatchError: naming both.

@@ -1,4 +1,4 @@
-"""What can be told of a checkpoint by its first bytes, before anything slow is imported."""
+"""Check the first bytes of a checkpoint before anything slow is imported."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from bsg_data.inputs.bounded_file import open_waiting_for_none
 from bsg_data.inputs.bounds import CHECKPOINT, CHECKPOINT_HEADER
 from bsg_models.errors import CheckpointError
 
-_LENGTH = 8  # bytes that say how long the header is
+_LENGTH = 8  # bytes that hold the length of the header
 
 
 def require_safetensors(path: Path) -> None:
-    """Refuse a file that is no safetensors, or larger than a model of ours can be.
+    """Refuse a file that is not safetensors, or is larger than any model of this project.
 
     Raises:
         CheckpointError: saying what is wrong with it.
@@ -27,13 +27,13 @@ def require_safetensors(path: Path) -> None:
     except OSError as error:
         raise CheckpointError(f"{path}: not a readable checkpoint ({error})") from error
     if not path.is_file():
-        raise CheckpointError(f"{path}: not a readable checkpoint (it is no file)")
+        raise CheckpointError(f"{path}: not a readable checkpoint (it is not a regular file)")
     if size > CHECKPOINT.bytes:
         raise _refuse(path, size, "", CHECKPOINT.bytes)
     if header > size - _LENGTH:
         raise CheckpointError(
-            f"{path}: not a readable checkpoint (it is cut off, or no safetensors: those begin "
-            "with the length of their header)"
+            f"{path}: not a readable checkpoint (it is cut off, or not safetensors: such a file "
+            "begins with the length of its header)"
         )
     if header > CHECKPOINT_HEADER.bytes:
         raise _refuse(path, header, " in its header", CHECKPOINT_HEADER.bytes)

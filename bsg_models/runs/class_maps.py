@@ -1,4 +1,4 @@
-"""The class map that a robot speaks with a model: published, or one's own in the checkpoint."""
+"""Choose the class map from a robot's words to a model's classes: published, or the user's own."""
 
 from __future__ import annotations
 
@@ -20,18 +20,17 @@ from bsg_models.runs.checkpoint import CheckpointHeader
 
 
 def choose_class_map(path: Path, header: CheckpointHeader) -> ClassMap:
-    """Return the class map that leads from a robot's words into the classes of a model.
+    """Return the class map from a robot's words to the classes of a model.
 
-    Maps of one's own come first, in the order of the dataset's sources: of a word that two list,
-    the earlier decides. Where no map is one's own, or some source has a published one, HM3D's
-    words are known, too.
+    The user's own maps come first, in the order of the dataset's sources; if two list a word, the
+    earlier decides. HM3D's words are added unless every source has a map of the user's own.
 
     Args:
         path: of the checkpoint, for errors.
         header: of the checkpoint.
 
     Raises:
-        CheckpointError: if it does not hold its map, or the map does not lead into its classes.
+        CheckpointError: if the checkpoint lacks its map, or the map has other classes.
     """
     own = [one for one in header.class_maps if isinstance(one, OwnMap)]
     named = [one for one in header.class_maps if isinstance(one, str)]
@@ -43,8 +42,8 @@ def choose_class_map(path: Path, header: CheckpointHeader) -> ClassMap:
         joined = join_maps(*maps)
     except ClassMapError as error:
         raise CheckpointError(
-            f"{path}: {error}. A checkpoint holds the class map of a dataset that keeps it, as "
-            "`bsg-data build` makes them now: build and train again"
+            f"{path}: {error}. A checkpoint holds the class map only if its dataset does: "
+            "build the dataset again with `bsg-data build`, and train again"
         ) from error
     if ClassSpaceEntry.of(joined.space) != space:
         raise CheckpointError(

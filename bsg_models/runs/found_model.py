@@ -1,7 +1,7 @@
-"""From what a user says to a checkpoint: a folder, a file, a shipped name, or a model of the hub.
+"""Find the checkpoint that a user means: a folder, a file, a shipped name, or a hub model.
 
-Nothing here uses a network: of the hub only what is on this machine already is found, and
-`bsg-models download` brings the rest.
+Nothing here uses the network. A hub model is found only if it is on this machine already;
+`bsg-models download` fetches it.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ Kind = Literal["run", "file", "hub folder", "shipped", "hub"]
 
 @dataclass(frozen=True, slots=True)
 class FoundModel:
-    """A model that was asked for.
+    """A model that was found.
 
     Attributes:
         path: of its checkpoint.
-        name: to tell it by: of the folder, the file, the shipped model, or on the hub.
+        name: of the folder, the file, the shipped model, or the hub model.
         kind: how it was found.
     """
 
@@ -45,17 +45,17 @@ class FoundModel:
 def find_model(model: Path | str) -> FoundModel:
     """Return the checkpoint of a model.
 
-    A `Path` is one. Text is, in this order: a path that is there, if it looks like one (it has a
-    separator, begins with a full stop or ends with `.safetensors`); the name of a shipped model; a
-    folder of that name; the id `OWNER/NAME` of a model of the hub that was downloaded.
+    A `Path` is taken as a path. Text is tried, in this order, as: an existing path, if it looks
+    like one (it has a separator, begins with a full stop or ends with `.safetensors`); the name of
+    a shipped model; a folder of that name; the id `OWNER/NAME` of a downloaded hub model.
 
     Raises:
-        CheckpointError: if there is no such model, with what was looked for and the names that
-            there are.
+        CheckpointError: if there is no such model; the message lists what was tried and the names
+            that exist.
     """
     try:
         return _find(model)
-    except (OSError, ValueError) as error:  # a name that no file system takes
+    except (OSError, ValueError) as error:  # no file system takes such a name
         said = getattr(error, "strerror", None) or error
         raise CheckpointError(
             f"no model {str(model)[:SHOWN]!r}: {said}; {describe_shipped()}"
@@ -75,13 +75,13 @@ def _find(model: Path | str) -> FoundModel:
     if model and path.is_dir():
         return _find_path(path)
     raise CheckpointError(
-        f"no model {model[:SHOWN]!r}: it is no folder here, and none of this name is shipped; "
+        f"no model {model[:SHOWN]!r}: no folder here and no shipped model has this name; "
         f"{suggest_shipped(model)}"
     )
 
 
 def locate_run(model: Path | str) -> Path:
-    """Return the folder of a run, or the checkpoint of a model that is none.
+    """Return the folder of a run, or the checkpoint of a model without a run folder.
 
     Raises:
         CheckpointError: if there is no such model.
@@ -91,7 +91,7 @@ def locate_run(model: Path | str) -> Path:
 
 
 def name_model(found: FoundModel, header: CheckpointHeader) -> str:
-    """Return how people name a model: a shipped one by its own name, another by that in the zoo."""
+    """Return the name of a model for people: a shipped one's own name, else that in the zoo."""
     return found.name if found.kind == "shipped" else header.config.name
 
 
@@ -107,8 +107,8 @@ def _find_path(path: Path) -> FoundModel:
         if (path / HUB_WEIGHTS).exists():
             return FoundModel(path / HUB_WEIGHTS, name, "hub folder")
         raise CheckpointError(
-            f"{path}: no checkpoint there: looked for {BEST}, which `bsg-train` leaves, and "
-            f"{HUB_WEIGHTS}, of a model of the hub; {describe_shipped()}"
+            f"{path}: no checkpoint there: expected {BEST}, which `bsg-train` writes, or "
+            f"{HUB_WEIGHTS} of a hub model; {describe_shipped()}"
         )
     if path.is_file():
         return FoundModel(path, path.stem, "file")
@@ -119,11 +119,11 @@ def _find_path(path: Path) -> FoundModel:
 
 
 def _find_hub(name: str) -> FoundModel:
-    """Return a model of the hub that was downloaded before."""
+    """Return a hub model that was downloaded before."""
     path = find_downloaded(name)
     if path is None:
         raise CheckpointError(
-            f"{name}: no such folder, and no model of the hub that was downloaded; `bsg-models "
-            f"download {name}` fetches one. Of this machine, {describe_shipped()}"
+            f"{name}: neither a folder nor a downloaded hub model; fetch one with `bsg-models "
+            f"download {name}`. On this machine, {describe_shipped()}"
         )
     return FoundModel(path, name, "hub")

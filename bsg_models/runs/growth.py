@@ -1,10 +1,10 @@
-"""Where a run grows: in its folder, or inside it, if it replaces another run.
+"""Write a run into its folder, or into a subfolder if it replaces another run.
 
-    RUN/best.safetensors, …                    the old run, which stays until the new one is whole
-    RUN/.bsg-replacement/best.safetensors, …   the new one, which `--resume` goes on with
+    RUN/best.safetensors, …                    the old run, kept until the new one is complete
+    RUN/.bsg-replacement/best.safetensors, …   the new run, which `--resume` continues
 
-The seal of the new one says that it is whole. Then its files take the place of the old ones. Where
-a command is killed meanwhile, the next training brings that to its end.
+The seal of the new run marks it as complete. Then its files replace the old ones. If a command is
+killed meanwhile, the next training finishes the replacement.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ from bsg_models.runs.run_folder import (
 )
 
 REPLACEMENT = ".bsg-replacement"
-DISCARDED = ".bsg-discarded"  # what a replacement is called while it is removed
+DISCARDED = ".bsg-discarded"  # name of a replacement while it is removed
 _NAMES = "|".join(re.escape(name) for name in (*FILES, SEAL))
 _OWN = re.compile(rf"({MEMBERS}/[^/]+/)?(({_NAMES})|\.({_NAMES})\.partial)|{MEMBERS}/\.[^/]+\.lock")
 
@@ -54,20 +54,20 @@ _OWN = re.compile(rf"({MEMBERS}/[^/]+/)?(({_NAMES})|\.({_NAMES})\.partial)|{MEMB
 def open_run(run: Path, *, resume: bool = False, force: bool = True) -> Iterator[Path]:
     """Hold the lock of a run, yield the folder to train into, and seal it at the end.
 
-    Two trainings never write into one: the second finds the lock, or what the first has made. A run
-    that is replaced stays as it is until the new one is whole.
+    Two trainings never write into one run: the second finds the lock, or the finished run. A run
+    that is replaced stays unchanged until the new one is complete.
 
     Args:
-        run: its folder, which is made.
-        resume: whether to go on with what is there; it has to be what its seal says.
+        run: its folder, which is created.
+        resume: whether to continue what is there; it must match its seal.
         force: whether to replace a run.
 
     Yields:
-        the folder of the run that grows, as `growing_run` says it; empty of a run unless `resume`.
+        The folder to train into, as `growing_run` returns it; without `resume` it holds no run.
 
     Raises:
-        TrainingError: if a run, or a file of somebody else's, is in the way.
-        DatasetError: if another command holds the lock, or what is gone on with was changed.
+        TrainingError: if a run, or a file that bsg-train did not write, is in the way.
+        DatasetError: if another command holds the lock, or the run to continue was changed.
     """
     try:
         run.mkdir(parents=True, exist_ok=True)
@@ -92,34 +92,36 @@ def open_run(run: Path, *, resume: bool = False, force: bool = True) -> Iterator
 
 
 def growing_run(run: Path) -> Path:
-    """Return the folder that a run grows in: its own, or that of a replacement that was begun."""
+    """Return the folder into which a run is trained: its own, or that of a begun replacement."""
     replacement = run / REPLACEMENT
     return replacement if replacement.is_dir() and not replacement.is_symlink() else run
 
 
 def refuse_overwriting(run: Path, *, resume: bool, force: bool) -> None:
-    """Refuse a folder that holds a run, unless it is to go on or to be replaced.
+    """Refuse a folder that holds a run, unless the run is continued or replaced.
 
     Raises:
-        TrainingError: if a run is there, or a file that has a name of ours and is not ours.
-        DatasetError: if results of another command are.
+        TrainingError: if a run is there, or a file with a run's file name that is not of a run.
+        DatasetError: if results of another command are there.
     """
     refuse_foreign_files(run)
     holds = has_checkpoint(run) or has_checkpoint(growing_run(run))
     if holds and not (resume or force):
-        raise TrainingError(f"{run}: holds a run already; --resume goes on, --force replaces it")
+        raise TrainingError(
+            f"{run}: holds a run already; --resume continues it, --force replaces it"
+        )
 
 
 def refuse_foreign_files(run: Path) -> None:
-    """Refuse a folder where files that are no run's have the names of a run's.
+    """Refuse a folder where other files have the names of a run's files.
 
     Raises:
         TrainingError: naming the first of them.
-        DatasetError: if results of another command are there, or it is in a dataset.
+        DatasetError: if results of another command are there, or the folder is in a dataset.
     """
     refuse_datasets(Place(run))
     if run.exists() and not run.is_dir():
-        raise TrainingError(f"{run}: is a file; a run is a folder")
+        raise TrainingError(f"{run}: is a file; expected a folder for the run")
     refuse_other_results(run, BEST)
     if is_run(run):
         return
@@ -132,16 +134,16 @@ def refuse_foreign_files(run: Path) -> None:
 
 
 def settle_run(run: Path, *, drop: bool = False) -> None:
-    """Put a replacement that is whole in its place, as a training that was killed would have.
+    """Put a complete replacement in its place, as the killed training would have done.
 
-    One that has saved nothing is removed, so that nothing takes the run for it.
+    A replacement that has saved nothing is removed.
 
     Args:
         run: its folder.
-        drop: whether a replacement that was changed since it was whole is to be removed.
+        drop: whether to remove a replacement that was changed after it was complete.
 
     Raises:
-        DatasetError: if another command holds the lock, or it cannot be put there.
+        DatasetError: if another command holds the lock, or the files cannot be moved.
     """
     if any((run / left).is_dir() for left in (REPLACEMENT, DISCARDED, UNFINISHED)):
         with hold(run):
@@ -149,7 +151,7 @@ def settle_run(run: Path, *, drop: bool = False) -> None:
 
 
 def _begin(run: Path) -> Path:
-    """Return an empty folder for a run that starts; a run that has saved anything stays."""
+    """Return an empty folder for a new run; a run that has saved anything stays."""
     _remove_replacement(run)
     if not has_checkpoint(run):
         clear_run(run)
@@ -159,7 +161,7 @@ def _begin(run: Path) -> Path:
 
 
 def _can_go_on(run: Path) -> bool:
-    """Say whether a training that was stopped left what it can go on with."""
+    """Return whether a stopped training left something to continue."""
     return any(Path(name).name == LAST or name.startswith(MEMBERS) for name in list_run(run))
 
 
@@ -171,22 +173,22 @@ def _put_in_place(run: Path) -> None:
         if growing_run(run) == run:
             raise
         raise TrainingError(
-            f"{error}; the finished run is {run / REPLACEMENT}, and the same command with --resume "
-            "puts it in its place"
+            f"{error}; the finished run is {run / REPLACEMENT}; repeat the command with --resume "
+            "to put it in its place"
         ) from error
 
 
 def _settle(run: Path, *, drop: bool = False) -> None:
-    """Put a replacement that is whole in its place; what only the old run has is removed."""
+    """Put a complete replacement in its place, and remove what only the old run has."""
     place, replacement = Place(run.resolve(), last=SEAL), growing_run(run)
     try:
         recover([place])
     except OSError as error:
         raise TrainingError(f"{run}: cannot be settled ({error.strerror or error})") from error
     if replacement == run:
-        _remove_replacement(run)  # what is left of one
+        _remove_replacement(run)  # the rest of a removal that was stopped
         return
-    if not has_checkpoint(replacement):  # killed before there was anything to go on with
+    if not has_checkpoint(replacement):  # killed before it saved anything
         _remove_replacement(run)
         return
     try:
@@ -207,12 +209,12 @@ def _settle(run: Path, *, drop: bool = False) -> None:
 
 
 def _remove_replacement(run: Path) -> None:
-    """Remove a replacement, if there is one, and what is left of one that was being removed.
+    """Remove a replacement, and the rest of one whose removal was stopped.
 
-    It gets another name first, so that nobody takes half of it for a run to go on with.
+    It is renamed first, so that a half-removed replacement is never continued.
 
     Raises:
-        DatasetError: if it is a link, or holds what no training has written.
+        DatasetError: if it is a link, or holds files that no training wrote.
     """
     discarded = run / DISCARDED
     for folder in (discarded, run / REPLACEMENT):
@@ -226,7 +228,7 @@ def _remove_replacement(run: Path) -> None:
 
 
 def _refuse_foreign(replacement: Path) -> None:
-    """Refuse to remove what no training has written."""
+    """Refuse to remove files that no training wrote."""
     for path in sorted(replacement.rglob("*")):
         place = path.relative_to(replacement).as_posix()
         if path.is_symlink() or (_OWN.fullmatch(place) is None and not path.is_dir()):

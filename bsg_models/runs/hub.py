@@ -1,7 +1,7 @@
-"""Models on the Hugging Face hub, with its own mixin; needs the extra `hub`.
+"""Load and publish models on the Hugging Face hub, with its own mixin; needs the extra `hub`.
 
-A model there is three files: `model.safetensors`, a checkpoint as it is, with its sealed header;
-`config.json`, which says the same for people; and its card, `README.md`.
+A hub model is three files: `model.safetensors`, an unchanged checkpoint with its sealed header;
+`config.json`, the same configuration for people; and `README.md`, its card.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ class HubModel(
     paper_url=PAPER,
     tags=list(TAGS),
 ):
-    """A trained model that the hub can hold.
+    """A trained model in the form of the Hugging Face hub.
 
     Attributes:
-        predictor: the model, ready to be asked.
+        predictor: the loaded model.
 
     Example:
         >>> model = HubModel.from_pretrained("folder")  # doctest: +SKIP
@@ -39,16 +39,16 @@ class HubModel(
     """
 
     def __init__(self, model: Path | str) -> None:
-        """Load a model: a run, a folder of the hub, a file, or a shipped one.
+        """Load a model: a run, a folder of a hub model, a file, or a shipped model.
 
         Raises:
-            CheckpointError: if there is none, or it is damaged.
+            CheckpointError: if there is no such model, or it is damaged.
         """
         self._found = find_model(model)
         self.predictor = Predictor(self._found.path)
 
     def _save_pretrained(self, save_directory: Path) -> None:
-        """Write the three files; the checkpoint byte for byte, so that its seal holds."""
+        """Write the three files; copy the checkpoint byte for byte, so its seal stays valid."""
         header = read_header(self._found.path)
         card = card_text(self._found, header)
         said = {
@@ -62,14 +62,14 @@ class HubModel(
 
     @classmethod
     def from_pretrained(cls, pretrained_model_name_or_path: str | Path, **options: Any) -> HubModel:
-        """Load a model of a local folder, or download it from the hub.
+        """Load a model from a local folder, or download it from the hub.
 
         Args:
             pretrained_model_name_or_path: the folder, or `OWNER/NAME`.
-            options: of `hf_hub_download`, as `revision`, `cache_dir` and `local_files_only`.
+            options: of `hf_hub_download`, such as `revision`, `cache_dir` and `local_files_only`.
 
         Raises:
-            CheckpointError: if there is none, it cannot be had, or it is damaged.
+            CheckpointError: if there is no such model, it cannot be downloaded, or it is damaged.
         """
         name = str(pretrained_model_name_or_path)
         return cls(Path(name) if Path(name).is_dir() else download(name, **options))

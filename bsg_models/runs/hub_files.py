@@ -1,4 +1,4 @@
-"""The files of a model on the Hugging Face hub, and where they lie once they were downloaded."""
+"""Download the files of a Hugging Face hub model, and find them on this machine."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ HUB_ID = re.compile(r"[A-Za-z0-9][\w.-]{0,95}/[A-Za-z0-9][\w.-]{0,95}")
 
 
 def download(name: str, **options: Any) -> Path:
-    """Return the checkpoint of a model of the hub, downloaded with its card if it is not here.
+    """Return the checkpoint of a hub model; download it and its card if they are not here.
 
     Args:
         name: `OWNER/NAME`.
-        options: of `hf_hub_download`, as `revision`, `cache_dir` and `local_files_only`.
+        options: of `hf_hub_download`, such as `revision`, `cache_dir` and `local_files_only`.
 
     Raises:
-        CheckpointError: if it cannot be had, or is damaged.
+        CheckpointError: if it cannot be downloaded, or is damaged.
     """
     library = _library(name)
     if not HUB_ID.fullmatch(name):
@@ -34,16 +34,16 @@ def download(name: str, **options: Any) -> Path:
     try:
         library.hf_hub_download(name, HUB_CARD, **options)
     except _refusals(library):
-        pass  # a model without a card works all the same
+        pass  # the card is optional
     load_checkpoint(path)
     return path
 
 
 def find_downloaded(name: str) -> Path | None:
-    """Return the checkpoint of a model of the hub if it is on this machine; uses no network.
+    """Return the checkpoint of a hub model if it is on this machine, without using the network.
 
     Raises:
-        CheckpointError: without the library of the hub.
+        CheckpointError: if huggingface-hub is not installed.
     """
     library = _library(name)
     try:

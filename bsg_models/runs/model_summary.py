@@ -1,4 +1,4 @@
-"""What a model is, in a few facts: for lists, and for the line that says which one was asked."""
+"""Summarise a model in a few facts, for lists and for the line that names the model used."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ class ModelSummary(Record):
     """A model in short.
 
     Attributes:
-        name: to ask for it by.
+        name: by which it is found.
         kind: how it was found.
         zoo_name: of its configuration, as in the zoo.
         class_space: name of the space that it predicts.
         class_space_sha256: of the names of its classes.
-        classes: how many those are.
-        dataset_sha256: of the manifest of what it was trained on.
+        classes: number of classes.
+        dataset_sha256: of the manifest of its training data.
         config: of the run that trained it.
         bytes: of its checkpoint.
         sha256: of its checkpoint.
-        data: what it was trained on, in words.
+        data: its training data, in words.
         licence: of the weights.
         purpose: what it is for, in one line.
-        card: all of its card.
+        card: full text of its card.
     """
 
     name: str
@@ -50,10 +50,10 @@ class ModelSummary(Record):
 
 
 def summarise_model(model: Path | str | FoundModel = DEFAULT_MODEL) -> ModelSummary:
-    """Return what a model is, without loading its weights.
+    """Return the facts of a model, without loading its weights.
 
     Args:
-        model: what `find_model` takes, or found already.
+        model: what `find_model` takes, or what it returned.
 
     Raises:
         CheckpointError: if there is no such model, or its header or card is damaged.
@@ -81,16 +81,16 @@ def summarise_model(model: Path | str | FoundModel = DEFAULT_MODEL) -> ModelSumm
 
 
 def list_shipped() -> list[ModelSummary]:
-    """Return what every shipped model is, in the order in which they are listed.
+    """Return the facts of every shipped model, in the listed order.
 
     Raises:
-        CheckpointError: if one was changed since it was shipped.
+        CheckpointError: if a model was changed since it was shipped.
     """
     return [summarise_model(name) for name in shipped_names()]
 
 
 def describe_model(model: Path | str = DEFAULT_MODEL) -> str:
-    """Return which model is asked: `universal (shipped; trained on 145 buildings of hm3d)`.
+    """Return which model is used: `universal (shipped; trained on 145 buildings of hm3d)`.
 
     Raises:
         CheckpointError: if there is no such model.

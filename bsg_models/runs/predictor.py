@@ -1,4 +1,4 @@
-"""Ask a trained model about one partial graph after another, as a robot does."""
+"""Apply a trained model to one partial graph after another, as a robot does."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from bsg_models.runs.shipped import DEFAULT_MODEL
 
 
 class Predictor:
-    """A trained model, loaded once: a shipped one, a run, or one of the hub.
+    """A trained model, loaded once: a shipped model, a run, or a hub model.
 
     Attributes:
-        name: of a shipped model its own, of another that in the zoo.
+        name: a shipped model's own name, else that in the zoo.
         classes: `[C]` that it predicts.
         class_space: of these classes.
 
@@ -40,10 +40,10 @@ class Predictor:
         """Load a model.
 
         Args:
-            model: what `find_model` takes: the path of a run, or a name.
+            model: path of a run, or a name, as `find_model` takes it.
 
         Raises:
-            CheckpointError: if there is none, or it is damaged.
+            CheckpointError: if there is no such model, or it is damaged.
         """
         found = find_model(model)
         path = self._path = found.path
@@ -56,13 +56,13 @@ class Predictor:
 
     @property
     def class_map(self) -> ClassMap:
-        """The class map that a robot's words are read with, into the classes of the model.
+        """The class map from a robot's words to the classes of the model.
 
-        A model of one's own class map brings it along; words of the others are HM3D's, which
-        people speak.
+        A model trained with the user's own class map contains it. Other models use HM3D's map,
+        which has everyday words.
 
         Raises:
-            CheckpointError: if the checkpoint does not hold its class map, or another one.
+            CheckpointError: if the checkpoint lacks its class map, or has another one.
         """
         return choose_class_map(self._path, self._header)
 
@@ -75,20 +75,20 @@ class Predictor:
     ) -> Expectation:
         """Return what the model believes about a partial graph.
 
-        Where the hidden share of a room is uncertain, what was seen there tells more of it
-        (`believe_shares`), and the answer is the mixture of what the model believes at several
-        shares. That takes two passes, and one where all shares are certain.
+        If the hidden share of a room is uncertain, the seen objects narrow it (`believe_shares`).
+        The answer then mixes the model's expectations at several shares, which takes two passes. If
+        all shares are certain, it takes one.
 
         Args:
             graph: what was seen.
-            withheld: classes that the graph leaves out of rooms which were not searched, so that
-                none being there says nothing; a search is told nothing of its artifact. Or, by
-                node and class, `[1 + R, C]` where nothing of a class is shown.
-            weigh_seen: whether what was seen tells more of uncertain shares; False where the robot
-                has counted it already.
+            withheld: classes left out of the graph in rooms that were not searched, so that their
+                absence is no evidence; a search withholds its artifacts. Or a mask `[1 + R, C]` by
+                node and class.
+            weigh_seen: whether seen objects narrow uncertain shares; False if the robot has used
+                them for its shares already.
 
         Raises:
-            MismatchError: if the graph is of another class map.
+            MismatchError: if the graph has another class space.
             PredictionError: if the answer is not finite.
         """
         seen = self._observe(graph, withheld)
@@ -97,24 +97,23 @@ class Predictor:
         levels, weights = spread_shares(graph, seen)
         expectation = _mix_levels(self._model.expect(levels), weights)
         expectation = _nothing_where_searched(expectation, seen)
-        if not expectation.is_finite:  # the model was asked for finite ones
+        if not expectation.is_finite:  # a fault of the model
             raise self._model.not_finite()
         return expectation
 
     def believe_shares(
         self, graph: PartialGraph, *, withheld: Collection[int] | Bools = ()
     ) -> tuple[ShareBelief, ...]:
-        """Return what is believed of the hidden share of every room `[R]`, after what was seen.
+        """Return the belief about the hidden share of every room `[R]`, given what was seen.
 
-        A call averages over these. Where the model expects more than was seen, more is hidden.
+        A call averages over these beliefs. If the model expects more than was seen, more is hidden.
 
         Args:
-            graph: what was seen; a share that is certain stays, and one of which nothing is known
-                is `VAGUE`.
-            withheld: as for a call; such classes say nothing of what is hidden.
+            graph: what was seen; a certain share stays, and an unknown one starts from `VAGUE`.
+            withheld: as for a call; such classes are no evidence for the share.
 
         Raises:
-            MismatchError: if the graph is of another class map.
+            MismatchError: if the graph has another class space.
             PredictionError: if the answer is not finite.
         """
         seen = self._observe(graph, withheld)
@@ -133,7 +132,7 @@ class Predictor:
 
 
 def _mix_levels(expectation: Expectation, weights: Floats) -> Expectation:
-    """Return the mixture of K copies of N nodes, which follow each other, by weights `[K]`."""
+    """Return the mixture, by weights `[K]`, of K consecutive copies of N nodes."""
     if len(weights) == 1:
         return expectation
     copies = np.split(np.arange(len(expectation.inputs)), len(weights))
@@ -141,10 +140,10 @@ def _mix_levels(expectation: Expectation, weights: Floats) -> Expectation:
 
 
 def _nothing_where_searched(expectation: Expectation, seen: Observation) -> Expectation:
-    """Return the expectation without hidden objects where all was seen.
+    """Return the expectation without hidden objects in searched rooms.
 
-    Models that read the share say so themselves. The paper's does not read it, and its `expect` may
-    believe in hidden objects there.
+    Models that read the hidden share do so by themselves. The paper's model does not read it, and
+    its `expect` may expect hidden objects there.
     """
     known = seen.cell_share == 0
     if not known[1:].any():

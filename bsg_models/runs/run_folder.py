@@ -1,4 +1,4 @@
-"""The folder of a run: what lies in it, and whether it is one, sealed and finished."""
+"""List, seal and remove the files of a run folder, and tell whether it is finished."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ BEST, LAST = "best.safetensors", "last.safetensors"
 METRICS, CURVE = "metrics.csv", "curve.png"
 CONFIG, LOG = "config.toml", "log.jsonl"
 FILES = (BEST, LAST, METRICS, CURVE, CONFIG, LOG)
-_BEGUN = b'{"event":"begun",'  # how the log of every run begins
-_SECONDS_TO_WAIT = 10.0  # for whoever adds a file to a run, which takes no time
-MEMBERS = "members"  # the runs of an ensemble's members
+_BEGUN = b'{"event":"begun",'  # first bytes of the log of every run
+_SECONDS_TO_WAIT = 10.0  # for another command that adds a file to the run
+MEMBERS = "members"  # folder with the runs of an ensemble's members
 
 
 def checkpoint_of(run: Path) -> Path:
-    """Return the best checkpoint of a run; a file is taken to be one."""
+    """Return the best checkpoint of a run; a file is returned as it is."""
     return run / BEST if run.is_dir() else run
 
 
 def seal_run(run: Path) -> None:
-    """Write the seal of a finished run: the hashes of all its own files that are there.
+    """Write the seal of a finished run: the hashes of all its files.
 
-    Those of an ensemble are also its members', but for their curves: one may be plotted later,
-    and a member has a seal of its own.
+    An ensemble's seal also covers its members' files, except their curves: these may be plotted
+    later, and a member has its own seal.
     """
     members = read_header(run / BEST).members if (run / BEST).is_file() else ()
     trained = [file for file in FILES if file != CURVE]
@@ -49,7 +49,7 @@ def seal_run(run: Path) -> None:
 
 @contextmanager
 def reseal(run: Path) -> Iterator[None]:
-    """Hold the lock of a run while a file is added to it, and seal it again if it was sealed."""
+    """Hold the lock of a run while a file is added, and seal the run again if it was sealed."""
     with hold(run, wait=_SECONDS_TO_WAIT):
         sealed = require_seal(run) is not None
         with unsealed(run):
@@ -60,7 +60,7 @@ def reseal(run: Path) -> Iterator[None]:
 
 @contextmanager
 def unsealed(run: Path) -> Iterator[None]:
-    """Take the seal off while files change; put it back if that fails before any has changed."""
+    """Remove the seal while files change; restore it if that fails before any has changed."""
     before = read_seal(run)
     (run / SEAL).unlink(missing_ok=True)
     try:
@@ -73,15 +73,15 @@ def unsealed(run: Path) -> Iterator[None]:
 
 
 def is_run(folder: Path) -> bool:
-    """Say whether a folder is one that a training of ours began: its log or a checkpoint says so.
+    """Return whether a folder was begun by a training, as its log or a checkpoint shows.
 
-    Runs of early versions kept no log.
+    Runs of early versions have no log.
     """
     return _has_log(folder) or _has_header(folder / BEST) or _has_header(folder / LAST)
 
 
 def refuse_run(folder: Path) -> None:
-    """Refuse to put other results into a run; one that was stopped has no seal to tell by.
+    """Refuse to put other results into a run; a stopped run has no seal to recognise it by.
 
     Raises:
         DatasetError: if it is a run.
@@ -107,15 +107,14 @@ def _has_header(path: Path) -> bool:
 
 
 def has_checkpoint(run: Path) -> bool:
-    """Say whether a run, or a member of it, has saved anything that a training can go on with."""
+    """Return whether a run, or a member of it, has saved anything that a training can continue."""
     return any(Path(name).name in (BEST, LAST, METRICS) for name in list_run(run))
 
 
 def list_run(run: Path) -> list[str]:
-    """Return the files of a run and of its members that are there, as paths below its folder.
+    """Return the existing files of a run and of its members, as paths below its folder.
 
-    The log of each comes last: what has a log is a run, so that whoever removes them all and is
-    stopped leaves a run behind.
+    The log of each comes last. A folder with a log is a run, so a stopped removal leaves a run.
     """
     found = [name for name in (SEAL, *FILES) if _is_file(run / name)]
     members = run / MEMBERS
@@ -137,17 +136,17 @@ def _is_file(path: Path) -> bool:
 
 
 def list_half_written(run: Path) -> list[str]:
-    """Return what a killed training left of files that it was writing, as paths below a run."""
+    """Return the unfinished files that a killed training left, as paths below a run."""
     return [path.name for name in (SEAL, *FILES) for path in run.glob(f".{name}.partial")]
 
 
 def clear_run(run: Path) -> None:
-    """Remove the files of a run and of its members, and the folders in it that are empty then."""
+    """Remove the files of a run and its members, and folders in it that become empty."""
     remove_files(run, list_run(run))
 
 
 def remove_files(folder: Path, names: Sequence[str]) -> None:
-    """Remove files of a folder, and the folders in it that are empty then."""
+    """Remove files of a folder, and folders in it that become empty."""
     for name in names:
         (folder / name).unlink(missing_ok=True)
     for above in sorted({path for name in names for path in Path(name).parents}, reverse=True):
@@ -165,7 +164,7 @@ def make_header(
     best_epoch: int = 0,
     best_loss: float | None = None,
 ) -> CheckpointHeader:
-    """Return what a checkpoint of a run says of itself."""
+    """Return the header for a checkpoint of a run."""
     return CheckpointHeader(
         config=config,
         class_space=data.manifest.class_space,
@@ -180,7 +179,7 @@ def make_header(
 
 
 def name_tensors(prefix: str, state: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-    """Return a state dict with its names under `prefix.`."""
+    """Return a state dict with the prefix `prefix.` before its names."""
     return {f"{prefix}.{name}": tensor for name, tensor in state.items()}
 
 
@@ -201,7 +200,7 @@ def save_fitted(
 
 
 def is_finished(run: Path, config: RunConfig, data: Dataset) -> bool:
-    """Say whether a run is complete, of this configuration and this dataset."""
+    """Return whether a run is complete and of this configuration and dataset."""
     try:
         header = read_header(run / BEST)
         last = read_header(run / LAST).epoch if (run / LAST).is_file() else None

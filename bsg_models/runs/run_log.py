@@ -1,12 +1,12 @@
-"""The log of a run: when it was trained, from what, by which versions, and how that ended.
+"""Keep the log of a run: time, seed, data and versions of each training, and how it ended.
 
-Every training of a run, also one that goes on, adds two lines of JSON to `log.jsonl`:
+Every training of a run, also a resumed one, adds two lines of JSON to `log.jsonl`:
 
     {"event": "begun", "time": "2026-11-22T15:04:05Z", "seed": 0, "epochs": 160, "from_epoch": 0, …}
     {"event": "ended", "time": "2026-11-22T15:09:44Z", "how": "finished", "epoch": 160, …}
 
-One that was killed, or is still running, has no second line. Two trainings of the same
-configuration on the same dataset differ in `time` and `seconds` alone.
+A killed or running training has no second line. Logs of the same configuration on the same dataset
+differ in `time` and `seconds` only.
 """
 
 from __future__ import annotations
@@ -36,16 +36,16 @@ _PACKAGES = ("belief-scene-graphs", "numpy", "torch", "torch-geometric")
 
 
 class Begun(Record):
-    """A training that began.
+    """The start of a training.
 
     Attributes:
         event: `begun`.
-        time: when, in UTC.
-        seed: of everything that is sampled.
-        epochs: that were asked for.
-        from_epoch: that it goes on from; 0 for a start.
-        dataset_sha256: of the manifest of what it is trained on.
-        versions: package → its version; `python`, too.
+        time: of the start, UTC.
+        seed: of all random draws.
+        epochs: number asked for.
+        from_epoch: epoch from which it continues; 0 for a fresh start.
+        dataset_sha256: of the manifest of its dataset.
+        versions: package → version; includes `python`.
     """
 
     event: Literal["begun"] = "begun"
@@ -58,16 +58,16 @@ class Begun(Record):
 
 
 class Ended(Record):
-    """A training that ended.
+    """The end of a training.
 
     Attributes:
         event: `ended`.
-        time: when, in UTC.
-        how: `finished`; `stopped` from outside, as by Ctrl-C; or `failed`.
-        epoch: that was saved last; 0 for a model that is fitted by counting.
+        time: of the end, UTC.
+        how: `finished`; `stopped` from outside, e.g. by Ctrl-C; or `failed`.
+        epoch: saved last; 0 for a model that is fitted by counting.
         seconds: since it began.
         error: why it failed.
-        notes: what it left out, such as rooms above a bound.
+        notes: what it left out, such as rooms above a limit.
     """
 
     event: Literal["ended"] = "ended"
@@ -86,7 +86,7 @@ _LINE: TypeAdapter[Begun | Ended] = TypeAdapter(
 
 @contextmanager
 def keep_log(run: Path, config: RunConfig, data: Dataset) -> Iterator[list[str]]:
-    """Write the configuration of a training into its run, and into the log how the block ends.
+    """Write a training's configuration into its run, and log the start and the end of the block.
 
     Args:
         run: folder, whose lock the caller holds.
@@ -94,7 +94,7 @@ def keep_log(run: Path, config: RunConfig, data: Dataset) -> Iterator[list[str]]
         data: that it is trained on.
 
     Yields:
-        the notes of the training, for the block to add to.
+        The notes of the training, a list that the block may extend.
     """
     began = time.perf_counter()
     _add(
@@ -131,10 +131,10 @@ def keep_log(run: Path, config: RunConfig, data: Dataset) -> Iterator[list[str]]
 
 
 def read_log(run: Path) -> tuple[Begun | Ended, ...]:
-    """Return what the log of a run says, oldest first; nothing for a run without one.
+    """Return the entries of a run's log, the oldest first; empty for a run without a log.
 
     Raises:
-        TrainingError: naming the line that is none.
+        TrainingError: naming the faulty line.
     """
     path = run / LOG
     if not path.is_file():
@@ -154,7 +154,7 @@ def _parse(line: str, *, where: str) -> Begun | Ended:
 
 
 def _add(run: Path, line: Begun | Ended) -> None:
-    """Add a line; one that a killed process left behind is never half a line."""
+    """Add a line in one write, so that a killed process leaves no half line."""
     path = run / LOG
     before = read_bytes(path, RUN_RECORD, error=TrainingError) if path.is_file() else b""
     write_bytes(path, before + line.model_dump_json().encode() + b"\n")

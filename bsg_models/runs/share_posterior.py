@@ -1,15 +1,15 @@
-"""What was seen of a room says how much of it is hidden: the posterior of its hidden share.
+"""Compute the posterior of a room's hidden share from what was seen in it.
 
     P(s | V) ∝ P(s) Π_c P(V_c | s)^τ
 
-V_c are the objects of class c that were seen there. P(V_c | s) is what the model believes to be in
-such a room when nothing of it was seen, with a share s of it hidden (`bsg_models.belief.thinning`):
-few objects, where the model expects many, mean that many are hidden. P(s) is what the robot
-believed before, a Beta distribution.
+V_c are the seen objects of class c. P(s) is the robot's prior, a Beta distribution. P(V_c | s)
+follows from what the model expects in such a room when nothing of it was seen, thinned to the
+visible share 1 − s (`bsg_models.belief.thinning`). Few objects in a room where the model expects
+many mean that many are hidden.
 
-Counts of different classes rise and fall together, with how much is in a room and how closely it
-was annotated, so that C classes tell less than C independent ones would. τ says how much less; it
-is measured (docs/hidden-share.md).
+Counts of different classes are correlated, through the fullness of a room and the care of its
+annotation. So C classes carry less evidence than C independent ones. τ is the measured correction
+(docs/hidden-share.md).
 """
 
 from __future__ import annotations
@@ -31,24 +31,24 @@ from bsg_models.inputs.share_levels import find_quantiles
 
 EVIDENCE = 0.5  # τ
 _LEVELS = 32
-_MOST = 1 - 1e-6  # where all is hidden, nothing could have been seen
-_ALONE = 64  # unsure rooms, each of which is forgotten by itself
-_GROUPS = 16  # in which more of them are forgotten
-_NODES = 1 << 14  # of copies of a building that a model is asked about at once
+_MOST = 1 - 1e-6  # at share 1 nothing could have been seen
+_ALONE = 64  # uncertain rooms up to which each is forgotten alone
+_GROUPS = 16  # groups in which more rooms are forgotten
+_NODES = 1 << 14  # in copies of a building, in one call of the model
 _CELLS = 1 << 22  # of a table of likelihoods
 
 
 def update_shares(
     graph: PartialGraph, seen: Observation, *, expect: Callable[[Observation], Expectation]
 ) -> PartialGraph:
-    """Return a graph whose uncertain hidden shares are what they are after what was seen.
+    """Return a graph whose uncertain hidden shares are updated by what was seen.
 
-    What a room would hold is asked of a copy of the building in which the room is forgotten. Of
-    more than 64 unsure rooms sixteen groups are forgotten, one after another: a copy a room would
+    The model is asked about a copy of the building in which the room is forgotten. Beyond 64
+    uncertain rooms, sixteen groups of rooms are forgotten in turn, because one copy per room would
     take time and memory that grow with the square of the rooms.
 
     Args:
-        graph: what a robot knows of R rooms; those of certain shares stay as they are.
+        graph: what a robot knows of R rooms; certain shares stay.
         seen: the same as arrays. Withheld classes are no evidence.
         expect: of a model.
     """
@@ -93,13 +93,13 @@ def _expect_forgotten(
 def _weigh(
     beliefs: Sequence[ShareBelief], true: CountDistribution, seen: Counts, *, withheld: Bools
 ) -> Floats:
-    """Return mean and standard deviation `[2, M]` of the shares of M rooms after what was seen.
+    """Return mean and standard deviation `[2, M]` of the shares of M rooms, given what was seen.
 
     Args:
-        beliefs: `[M]` before.
-        true: the distribution of what is there, as a model has it that saw nothing of it.
+        beliefs: `[M]` priors.
+        true: distribution of all objects there, by a model that saw nothing of the room.
         seen: `[M, C]`.
-        withheld: `[M, C]` what is no evidence.
+        withheld: `[M, C]` cells that are no evidence.
     """
     levels, weights = roots_legendre(_LEVELS)
     shares = np.minimum(find_quantiles(beliefs, (1 + levels) / 2), _MOST)
@@ -115,7 +115,7 @@ def _weigh(
 
 
 def _forget(graph: PartialGraph, seen: Observation, rooms: Ints) -> Observation:
-    """Return what was seen without some rooms, of which nothing was seen and all is hidden."""
+    """Return an observation in which some rooms are forgotten: nothing seen, everything hidden."""
     inputs, others, told = seen.inputs.copy(), seen.others.copy(), seen.hidden_share.copy()
     for counts in (inputs, others):
         counts[0] -= counts[rooms].sum(axis=0)

@@ -1,7 +1,7 @@
-"""The models that are installed with the program: weights, cards, and the hashes of both.
+"""Find the models that are installed with the program: weights, cards, and their hashes.
 
-`weights/SHA256SUMS` lists the files; what it does not list is not shipped. A file that is not what
-the list says is refused, as with class maps.
+`weights/SHA256SUMS` lists the shipped files. A file whose hash differs is refused, as for class
+maps.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from bsg_data.spelling import ask_if_meant
 from bsg_models.errors import CheckpointError
 
 DEFAULT_MODEL = "universal"
-WIDE_MODEL = "universal-wide"  # is asked for words that the default has no class for
+WIDE_MODEL = "universal-wide"  # answers for words for which the default model has no class
 WIDE_MAP = "hm3d-wide-v1"
 SUFFIX = ".safetensors"
 SUMS = "SHA256SUMS"
@@ -42,10 +42,10 @@ def shipped_names() -> tuple[str, ...]:
 
 
 def find_shipped(name: str) -> Path:
-    """Return the checkpoint of a shipped model, which is what it was when it was shipped.
+    """Return the checkpoint of a shipped model, after checking its hash.
 
     Raises:
-        RecipeError: if no model has this name, with the nearest that there is.
+        RecipeError: if no model has this name; the message suggests the nearest.
         CheckpointError: if none are shipped, or the file was changed.
     """
     require_shipped(name)
@@ -53,7 +53,7 @@ def find_shipped(name: str) -> Path:
 
 
 def name_run(run: Path) -> str:
-    """Return how a person names a run: a shipped model by its name, another by its path."""
+    """Return the name of a run for people: a shipped model's name, else the path."""
     shipped = run.parent == weights_folder() and run.suffix == SUFFIX
     return run.stem if shipped else str(run)
 
@@ -62,7 +62,7 @@ def read_shipped_card(name: str) -> str:
     """Return the card of a shipped model.
 
     Raises:
-        RecipeError: if no model has this name, with the nearest that there is.
+        RecipeError: if no model has this name; the message suggests the nearest.
         CheckpointError: if none are shipped, or the card was changed.
     """
     require_shipped(name)
@@ -70,10 +70,10 @@ def read_shipped_card(name: str) -> str:
 
 
 def hash_of_shipped(name: str) -> str:
-    """Return the sha256 of the checkpoint of a shipped model, as `SHA256SUMS` has it.
+    """Return the sha256 of the checkpoint of a shipped model, as listed in `SHA256SUMS`.
 
     Raises:
-        RecipeError: if no model has this name, with the nearest that there is.
+        RecipeError: if no model has this name; the message suggests the nearest.
         CheckpointError: if none are shipped.
     """
     require_shipped(name)
@@ -84,7 +84,7 @@ def require_shipped(name: str) -> None:
     """Refuse a name that no shipped model has.
 
     Raises:
-        RecipeError: with the nearest that there is.
+        RecipeError: the message suggests the nearest name.
         CheckpointError: if none are shipped.
     """
     names = shipped_names()
@@ -97,7 +97,7 @@ def require_shipped(name: str) -> None:
 
 
 def describe_shipped() -> str:
-    """Return which models are shipped, as the end of an error."""
+    """Return which models are shipped, as the end of an error message."""
     names = shipped_names()
     if not names:
         return "no models are shipped with this build"
@@ -105,15 +105,15 @@ def describe_shipped() -> str:
 
 
 def suggest_shipped(name: str) -> str:
-    """Return which models are shipped, with the nearest to a name that is none."""
+    """Return which models are shipped, with the name nearest to an unknown one."""
     return f"{ask_if_meant(name, shipped_names())} {describe_shipped()}".lstrip()
 
 
 def read_sums(folder: Path) -> dict[str, str]:
-    """Return file → sha256 of a folder of weights, in their order; nothing without a list.
+    """Return file → sha256 of a folder of weights, in the listed order; empty without a list.
 
     Raises:
-        CheckpointError: naming the line that is none.
+        CheckpointError: naming the faulty line.
     """
     path = folder / SUMS
     if not path.is_file():

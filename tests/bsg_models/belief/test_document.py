@@ -83,7 +83,7 @@ def test_version_3_is_sure_of_every_share_and_is_read() -> None:
         ),
         (
             lambda d: d["blind"].append({"room": 1, "class": "bed", "expected": 1, "presence": 1}),
-            "not as sure as its room",
+            "has another presence than its room",
         ),
         (
             lambda d: d["blind"].append({"room": 1, "class": "bed", "expected": 1, "presence": 2}),

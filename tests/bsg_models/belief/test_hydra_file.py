@@ -71,7 +71,7 @@ def test_what_a_robot_says_comes_first(tmp_path: Path) -> None:
         (
             None,
             ["label 7", "label 10"],
-            "3 objects with labels that nobody names (7, 10, 99); --",
+            "3 objects with labels that nobody names (7, 10, 99); name them by --",
         ),
         ("mpcat40", ["cabinet", "couch"], "by mpcat40, 7 is cabinet, 10 is couch"),
         ("ade20k", ["bed", "cabinet"], "by ade20k, 7 is bed, 10 is cabinet, 99 is buffet"),
@@ -123,7 +123,7 @@ def test_keys_of_ones_own_in_metadata_are_left_alone(tmp_path: Path) -> None:
 
 def test_notes_tell_what_is_odd(tmp_path: Path) -> None:
     named = open_hydra(write_graph(tmp_path / "a.json"))
-    assert named.notes()[0] == "1 of 4 objects under no room, known of the building alone"
+    assert named.notes()[0] == "1 of 4 objects under no room, counted for the building only"
     assert "labels that nobody names (99)" in named.notes()[1]
     assert len(named.notes()) == 2
     graph = bare_graph()
@@ -131,7 +131,7 @@ def test_notes_tell_what_is_odd(tmp_path: Path) -> None:
     graph["edges"] = []
     notes = open_hydra(write_graph(tmp_path / "b.json", graph)).notes()
     assert notes == (
-        "it has no rooms (layer ROOMS): beliefs are about the building alone",
+        "it has no rooms (layer ROOMS): beliefs are about the building only",
         "1 object with neither a label nor a name",
     )
 

@@ -24,7 +24,7 @@ def test_an_id_comes_before_a_label() -> None:
 def test_a_label_names_a_room_if_no_other_has_it() -> None:
     assert find_room(GRAPH, "r2") == 2
     with pytest.raises(
-        RecipeError, match=r"2 rooms are called 'bedroom': name one by its id: R2, R3"
+        RecipeError, match=r"2 rooms are called 'bedroom'; give the id of one: R2, R3"
     ):
         find_room(GRAPH, "bedroom")
     with pytest.raises(RecipeError, match=r"2 rooms are called 'kitchen'.*R1, Kitchen"):

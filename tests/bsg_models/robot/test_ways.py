@@ -117,6 +117,6 @@ def test_a_way_may_cost_nothing(rooms: int) -> None:
 
 def test_too_many_rooms_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("bsg_models.robot.ways.MOST_ROOMS", 2)
-    with pytest.raises(RecipeError, match="home: ways are measured between 2 rooms at most"):
+    with pytest.raises(RecipeError, match="home: expected at most 2 rooms to measure ways"):
         measure_ways(graph_of([None] * 3, []))
     assert measure_ways(graph_of([None] * 2, [])).costs.shape == (3, 3)

@@ -22,9 +22,9 @@ def write(path: Path, *, header: int, size: int) -> Path:
 @pytest.mark.parametrize(
     ("header", "size", "message"),
     [
-        (10, 17, "cut off, or no safetensors"),
-        (0, 4, "cut off, or no safetensors"),
-        (2**63, 100, "cut off, or no safetensors"),
+        (10, 17, "cut off, or not safetensors"),
+        (0, 4, "cut off, or not safetensors"),
+        (2**63, 100, "cut off, or not safetensors"),
         (10, CHECKPOINT.bytes + 1, r"4,294,967,297 bytes; expected at most 4,294,967,296"),
         (
             CHECKPOINT_HEADER.bytes + 1,
