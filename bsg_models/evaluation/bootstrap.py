@@ -1,17 +1,17 @@
-"""The bootstrap over buildings: values with 95 % intervals, and what two values differ by.
+"""Bootstrap over buildings: values, differences and ratios with 95 % intervals.
 
-Buildings are what is sampled: the draws of one building are not independent. A resample draws as
-many buildings as there are, with replacement, so that it is a weight per building. All that is
-compared meets the same resamples: a difference or a ratio is taken in each of them, and buildings
-that are hard for both do not widen its interval.
+The bootstrap samples buildings, because draws of one building are not independent. A resample draws
+as many buildings as there are, with replacement, which gives each building a weight. Everything
+that is compared uses the same resamples, and a difference or ratio is computed in each. So
+buildings that are hard for both sides do not widen its interval.
 
 There are two rules for the ends of an interval:
 
-- `percentile`: the 2.5 % and 97.5 % quantiles of the resampled values. Searches use it: a saving
-  is a ratio of two sums, whose resamples lie around its value.
-- `centred`: the same quantiles around the mean of the resampled values, placed at the value.
-  Metrics use it: a resample repeats buildings, which adds noise, and a norm such as Frobenius'
-  only grows by noise, so that its resamples lie above its value.
+- `percentile`: the 2.5 % and 97.5 % quantiles of the resampled values. Searches use it: a saving is
+  a ratio of two sums, and its resamples lie around its value.
+- `centred`: the same quantiles, shifted so that the mean of the resampled values falls on the
+  value. Metrics use it: resamples repeat buildings, which adds noise, and noise can only increase a
+  norm such as Frobenius'. So its resamples lie above its value.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ import numpy.typing as npt
 from bsg_models.evaluation.metrics import Floats
 
 Rule = Literal["centred", "percentile"]
-LEAST_BUILDINGS = 5  # of fewer, a bootstrap says nothing
+LEAST_BUILDINGS = 5  # with fewer, a bootstrap says nothing
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,10 +34,10 @@ class Estimate:
     """A value with its 95 % interval over buildings.
 
     Attributes:
-        value: nan where it is not defined.
+        value: nan if it is not defined.
         low: lower end; nan without an interval.
-        high: upper end.
-        nodes: number of nodes, or of searches, that it is over.
+        high: upper end; nan without an interval.
+        nodes: number of nodes, or of searches, behind the value.
     """
 
     value: float
@@ -47,7 +47,7 @@ class Estimate:
 
 
 class Measurable(Protocol):
-    """What can be measured on a resample of the buildings."""
+    """Anything that can be measured on a resample of the buildings."""
 
     @property
     def scene_ids(self) -> tuple[str, ...]:
@@ -57,17 +57,17 @@ class Measurable(Protocol):
         """Return metric → value; the weights `[B]` say how often each building counts."""
 
     def count_nodes(self, metric: str) -> int:
-        """Return the number of nodes that a metric is over."""
+        """Return the number of nodes behind a metric."""
 
 
 @dataclass(frozen=True, eq=False)
 class Bootstrap:
-    """A model's metrics, and the same of every resample of the buildings.
+    """A model's metrics, with their values on every resample of the buildings.
 
     Attributes:
         point: metric → value.
         resampled: metric → `[resamples]`.
-        nodes: metric → number of nodes that it is over.
+        nodes: metric → number of nodes behind it.
     """
 
     point: dict[str, float]
@@ -102,7 +102,7 @@ def bootstrap(
     seed: int = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> Bootstrap:
-    """Return every metric, and what it is on resamples of the buildings.
+    """Return every metric, with its values on resamples of the buildings.
 
     Args:
         measurement: of one model.
@@ -127,7 +127,7 @@ def bootstrap(
 def resample_buildings(buildings: int, *, resamples: int, seed: int) -> Floats:
     """Return how often each building counts in each resample, `[resamples, buildings]`.
 
-    The weights depend on the arguments alone, so that all models meet the same resamples.
+    The weights depend only on the arguments, so all models get the same resamples.
 
     >>> resample_buildings(3, resamples=2, seed=0).sum(axis=1).tolist()
     [3.0, 3.0]
@@ -138,9 +138,10 @@ def resample_buildings(buildings: int, *, resamples: int, seed: int) -> Floats:
 
 
 def weigh_buildings(buildings: int, *, resamples: int, seed: int) -> npt.NDArray[np.uint16]:
-    """Return how often each building counts as it is, and in each resample, `[buildings, 1 + R]`.
+    """Return how often each building counts in the data and in each resample, `[buildings, 1 + R]`.
 
-    The same as `resample_buildings`, in a quarter of the memory: first comes the data as they are.
+    The same weights as `resample_buildings`, in a quarter of the memory; the first column is the
+    data.
 
     >>> weigh_buildings(3, resamples=2, seed=0).sum(axis=0).tolist()
     [3, 3, 3]
@@ -159,11 +160,10 @@ def estimate_value(
     """Return a value with the interval of its resampled values.
 
     Args:
-        value: of all buildings.
-        resampled: `[resamples]`; those that are nan are left out, and of fewer than 2 others there
-            is no interval.
-        nodes: that the value is over.
-        rule: for the ends, see above.
+        value: over all buildings.
+        resampled: `[resamples]`; nan values are left out; fewer than 2 others give no interval.
+        nodes: number behind the value.
+        rule: for the ends, see the module.
 
     >>> estimate_value(5.0, np.array([0.0, 2.0]), nodes=3, rule="percentile")
     Estimate(value=5.0, low=0.05, high=1.95, nodes=3)

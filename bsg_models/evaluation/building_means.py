@@ -1,7 +1,7 @@
-"""Means over rooms or cells, kept as sums of each building, so that buildings can be resampled.
+"""Compute means over rooms or cells from sums per building, so that buildings can be resampled.
 
-Whatever can be written as a sum over nodes divided by a number of cells (a likelihood, what was
-said beside what is true) is measured without keeping the nodes: buildings are what is sampled.
+Any sum over nodes divided by a number of cells, such as a likelihood or a calibration gap, is
+measured without keeping the nodes.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from bsg_data.arrays import Ints
 from bsg_data.errors import RecipeError
 from bsg_models.evaluation.metrics import Floats, mean_known
 
-# Name → what each node adds to the sum, `[N]`, and of how many cells, `[N]`.
+# Name → what each node adds to the sum, `[N]`, and its number of cells, `[N]`.
 Shares = Mapping[str, tuple[Floats, Floats]]
 
 
 @dataclass(frozen=True, eq=False)
 class BuildingMeans:
-    """Some means over the nodes of B buildings; it is `Measurable`.
+    """Means over the nodes of B buildings; it is `Measurable`.
 
     Attributes:
         scene_ids: `[B]`.
         sums: name → `[B]` sum over the cells of each building.
         cells: name → `[B]` number of cells.
-        folds: `[B]` of each building; a value is the mean over the folds, as of a leaderboard. None
-            pools all cells, as rare ones need.
+        folds: `[B]` fold of each building; a value is then the mean over the folds, as in a
+            leaderboard. None pools all cells, which suits rare ones.
     """
 
     scene_ids: tuple[str, ...]
@@ -52,19 +52,19 @@ class BuildingMeans:
         return values
 
     def count_nodes(self, metric: str) -> int:
-        """Return the number of cells that a mean is over."""
+        """Return the number of cells behind a mean."""
         return int(self.cells[metric].sum())
 
 
 def sum_buildings(
     scene_ids: Sequence[str], building: npt.NDArray[np.integer], shares: Shares
 ) -> BuildingMeans:
-    """Return the means of nodes whose building is known.
+    """Return the means of nodes whose buildings are known.
 
     Args:
         scene_ids: `[B]`.
         building: `[N]` 0..B-1.
-        shares: name → what each node adds, and of how many cells, both `[N]`.
+        shares: name → what each node adds, and its number of cells, both `[N]`.
 
     >>> two = (np.array([1.0, 3.0, 5.0]), np.array([1.0, 1.0, 2.0]))
     >>> means = sum_buildings(("a", "b"), np.array([0, 0, 1]), {"x": two})
@@ -80,10 +80,10 @@ def sum_buildings(
 
 
 def add_buildings(batches: Sequence[BuildingMeans]) -> BuildingMeans:
-    """Return the means over several batches of nodes; a building may be in some of them.
+    """Return the means over several batches of nodes; a building may occur in several of them.
 
     Args:
-        batches: one or more, of the same names.
+        batches: one or more, with the same names.
 
     >>> one = sum_buildings(("a",), np.array([0]), {"x": (np.array([3.0]), np.array([1.0]))})
     >>> two = sum_buildings(("b", "a"), np.array([0, 1]), {"x": (np.ones(2), np.ones(2))})
@@ -106,7 +106,7 @@ def join_buildings(parts: Sequence[BuildingMeans], *, by_fold: bool = False) -> 
     """Return the means over the buildings of several parts, sorted by scene id.
 
     Args:
-        parts: of different buildings; each has the same names.
+        parts: of different buildings, with the same names.
         by_fold: whether a value is the mean over the parts.
 
     Raises:

@@ -1,8 +1,8 @@
-"""All metrics on one screen, the names of their values, and how a value is called in a table.
+"""List all metrics, the names of their values, and their labels in tables.
 
-A metric has a value for each of its node sets, or several: `rooms/hidden_nll`,
-`all/wasserstein_values/mean`, `rooms/presence_brier/unseen`. A package of somebody else adds rows
-by the entry points of the group `bsg_models.metrics`; they stand after those of the house.
+A metric has one or several values for each of its node sets: `rooms/hidden_nll`,
+`all/wasserstein_values/mean`, `rooms/presence_brier/unseen`. Packages add rows with entry points of
+the group `bsg_models.metrics`; they follow this project's own.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def name_value(metric: str, node_set: str, part: str) -> str:
 
 
 def find_value(name: str) -> tuple[Metric, str, str]:
-    """Return the metric, the node set and the part of a value's name.
+    """Return metric, node set and part of a value's name.
 
     Raises:
         RecipeError: if no metric has such a value.
@@ -68,8 +68,8 @@ def find_value(name: str) -> tuple[Metric, str, str]:
 def list_values() -> tuple[str, ...]:
     """Return the names of all values, in the order of all tables.
 
-    First metrics of all nodes, node set by node set; then those of rooms alone, selection of cells
-    by selection, and at last what has no selection.
+    First come metrics of all nodes, by node set; then those of rooms only, by selection of cells;
+    then those without a selection.
     """
     rows, _ = METRICS.load_all()
     wide = [row for row, metric in rows.items() if metric.node_sets == NODE_SETS]
@@ -92,7 +92,7 @@ def list_values() -> tuple[str, ...]:
 
 
 def label_value(name: str) -> str:
-    """Return how a value is called in a table, in the field's words.
+    """Return the label of a value in tables.
 
     >>> label_value("all/wasserstein_values/mean"), label_value("rooms/presence_ap_micro/unseen")
     ('Wasserstein, all nodes', 'unseen AP micro')
@@ -109,7 +109,7 @@ def label_value(name: str) -> str:
 
 
 def head_value(name: str) -> str:
-    """Return the label of a value with an arrow to where it is better.
+    """Return the label of a value with an arrow to its better side.
 
     >>> head_value("rooms/hidden_nll")
     'NLL, rooms ↓'

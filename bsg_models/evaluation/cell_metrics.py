@@ -1,4 +1,4 @@
-"""Metrics of (room, class) cells of which nothing is held whole: means over cells, and rankings."""
+"""Measure (room, class) cells without holding them all: means over cells, and rankings."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from bsg_models.evaluation.streams import Batch, Gathered, Stream, Values
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CellMetric(StreamedMetric):
-    """A function of sums over the cells of each selection, divided by their number.
+    """A function of means over the cells of each selection.
 
     Attributes:
         addends: function of presence, whether an object is hidden, and which cells are selected,
-            all `[N, C]`, to what each room adds to K sums, `[N, K]`.
-        combine: function of the K means over cells, `[W, K]`, to the value, `[W]`.
+            all `[N, C]`; returns what each room adds to K sums, `[N, K]`.
+        combine: function of the K means over cells, `[W, K]`; returns the value, `[W]`.
     """
 
     addends: Callable[[Floats, Bools, Bools], Floats]
@@ -39,17 +39,17 @@ class CellMetric(StreamedMetric):
         return SELECTIONS
 
     def gather(self, stream: Stream) -> Gathered:
-        """Begin to sum up."""
+        """Start the sums."""
         return _CellSums(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RankMetric(StreamedMetric):
-    """A measure of the order of the cells of each selection.
+    """A measure of the ranking of the cells of each selection.
 
     Attributes:
         measure: area under the ROC curve, or average precision.
-        by_class: whether it is the mean of the measures of the classes in which it is defined.
+        by_class: whether it is the mean over the classes in which it is defined.
     """
 
     measure: Literal["auroc", "precision"]
@@ -66,7 +66,7 @@ class RankMetric(StreamedMetric):
         return SELECTIONS
 
     def gather(self, stream: Stream) -> Gathered:
-        """Begin to read the ranking, which all metrics of this kind share."""
+        """Start to read the ranking, which all metrics of this kind share."""
         return _Ranked(self, stream.share(RankedCells))
 
 
@@ -76,7 +76,7 @@ class _CellSums(Gathered):
     def __init__(self, metric: CellMetric) -> None:
         self._metric = metric
         self._rooms = dict.fromkeys(SELECTIONS, 0)
-        self._sums: dict[str, Floats] = {}  # the first of them is the number of cells
+        self._sums: dict[str, Floats] = {}  # the first one is the number of cells
 
     def add(self, batch: Batch) -> None:
         truth, rows = batch.prediction.truth, batch.prediction.rows["rooms"]
@@ -98,13 +98,13 @@ class _CellSums(Gathered):
 
 
 class _Ranked(Gathered):
-    """One measure of the ranking that is shared."""
+    """One measure of the shared ranking."""
 
     def __init__(self, metric: RankMetric, cells: RankedCells) -> None:
         self._metric, self._cells = metric, cells
 
     def add(self, batch: Batch) -> None:
-        """Leave the cells to what is shared."""
+        """Do nothing: the shared ranking collects the cells."""
 
     def finish(self) -> Values:
         ranks, measure = self._cells.ranks, self._metric.measure
@@ -122,7 +122,7 @@ class _Ranked(Gathered):
 
 
 def _mean_known(values: Floats) -> Floats:
-    """Return the means over classes `[C, W]` of what is not nan, `[W]`."""
+    """Return the means over classes of the values `[C, W]` that are not nan, `[W]`."""
     known = ~np.isnan(values)
     number = known.sum(axis=0)
     total = np.where(known, values, 0.0).sum(axis=0)

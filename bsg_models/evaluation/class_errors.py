@@ -1,4 +1,4 @@
-"""Errors in number and presence class by class, of one model, batch by batch."""
+"""Sum errors in number and presence by class, of one model, batch by batch."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class ClassErrors:
         self._nodes = dict.fromkeys(SETS, 0)
 
     def add(self, truth: Truth, expectation: Expectation) -> None:
-        """Take in some nodes."""
+        """Add some nodes."""
         error, presence = expectation.totals - truth.targets, expectation.presence
         hidden = truth.hidden > 0
         for name, rows in zip(SETS, (~truth.is_building, truth.is_building), strict=True):
@@ -42,10 +42,11 @@ class ClassErrors:
             )
 
     def rows(self, model: str, classes: Sequence[str]) -> list[dict[str, Any]]:
-        """Return a row a node set and class: the paper's error in number, and presence.
+        """Return one row per node set and class: the paper's error in number, and presence.
 
-        Columns: `model`, `nodes` (node set), `class`, `count` (mean true number), `mean_error`
-        (O″ − O), `mean_absolute_error`, `presence_auroc` and `presence_ap`.
+        Columns: `model`, `nodes` (node set), `class`, `count` (mean true number), `mean_error` (O″
+            − O),
+        `mean_absolute_error`, `presence_auroc` and `presence_ap`.
         """
         found = []
         for name in SETS:

@@ -1,14 +1,14 @@
-"""What a metric is: a row of `METRICS`, of one of some kinds by what it is computed from.
+"""Define what a metric is: a row of `METRICS`, of one of these kinds.
 
-- `NodeMetric`: a value of every node, averaged with weights, or with all four moments.
+- `NodeMetric`: a value per node, averaged with weights, or with all four moments.
 - `PresenceMetric`: a function of (room, class) cells with presence, outcome and weight.
 - `CorrelationMetric`: a function of weighted sums over nodes.
 
-`bsg_models.evaluation.cell_metrics` has two more, of cells.
+`bsg_models.evaluation.cell_metrics` defines two more kinds, of cells.
 
 A metric *gathers* a prediction batch by batch, under the weights of all resamples at once
-(`Metric.gather`). One that can only be *prepared* of a whole prediction is handed it whole, up to
-`MOST_WHOLE` nodes.
+(`Metric.gather`). A metric that can only be *prepared* from a whole prediction receives it whole,
+up to `MOST_WHOLE` nodes.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ from bsg_models.evaluation.presence import SELECTIONS, Cells
 from bsg_models.evaluation.streams import Batch, Gathered, Key, Stream, Values, Weights
 from bsg_models.evaluation.truth import NODE_SETS, Prediction, Truth, join_truths
 
-MOST_WHOLE = 250_000  # nodes of which a whole prediction is held: some hundred megabytes
+MOST_WHOLE = 250_000  # nodes of a whole prediction in memory: some hundred megabytes
 
 
 @dataclass(frozen=True, slots=True)
 class Prepared:
-    """A metric of one prediction, to be evaluated for many weights.
+    """A metric of one prediction, ready to be evaluated for many weights.
 
     Attributes:
-        evaluate: from how often each building counts, `[B]`, to (node set, part) → value; nan where
-            it is not defined.
-        nodes: (node set, part) → number of nodes that it is over.
+        evaluate: takes how often each building counts, `[B]`; returns (node set, part) → value, nan
+            if it is not defined.
+        nodes: (node set, part) → number of nodes behind it.
     """
 
     evaluate: Callable[[Floats], dict[Key, float]]
@@ -53,11 +53,11 @@ class Prepared:
 class Metric(ABC):
     """A row of `METRICS`.
 
-    Its values are named `NODE_SET/METRIC` or `NODE_SET/METRIC/PART`.
+    The names of its values are `NODE_SET/METRIC` or `NODE_SET/METRIC/PART`.
 
     Attributes:
-        label: in the field's words, short enough for the head of a column.
-        less: whether less of it is better; None where neither is, as of a signed error.
+        label: common name, short enough for a column head.
+        less: whether less is better; None if neither is, as for a signed error.
         about: what it is, in a sentence for the docs.
     """
 
@@ -72,28 +72,28 @@ class Metric(ABC):
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """What follows the name; ("",) for a metric that is one number a node set."""
+        """The last part of the name; ("",) for a metric with one number per node set."""
         return ("",)
 
     @abstractmethod
     def prepare(self, prediction: Prediction) -> Prepared:
-        """Compute what does not depend on weights."""
+        """Compute everything that does not depend on weights."""
 
     def gather(self, stream: Stream) -> Gathered:
-        """Begin to measure a prediction that comes in batches; this holds it whole."""
+        """Start to measure a prediction in batches; this default keeps all of it in memory."""
         return _Whole(self, stream.weights)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreamedMetric(Metric):
-    """A metric of which nothing is held whole."""
+    """A metric that is computed batch by batch, without the whole prediction in memory."""
 
     @abstractmethod
     def gather(self, stream: Stream) -> Gathered:
-        """Begin to measure a prediction that comes in batches."""
+        """Start to measure a prediction in batches."""
 
     def prepare(self, prediction: Prediction) -> Prepared:
-        """Measure a prediction that is there as one batch, anew for every weights."""
+        """Measure a whole prediction as one batch, again for each set of weights."""
 
         def measure(weights: Floats) -> Values:
             stream = Stream(prediction.truth.scene_ids, weights[:, None])
@@ -109,7 +109,7 @@ class StreamedMetric(Metric):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NodeMetric(StreamedMetric):
-    """A value of every node, averaged over nodes with the weights of their buildings.
+    """A value per node, averaged over nodes with the weights of their buildings.
 
     Attributes:
         values: function of the truth and the expectation to `[N]`; nan for a node without a value.
@@ -123,7 +123,7 @@ class NodeMetric(StreamedMetric):
 
     @property
     def node_sets(self) -> tuple[str, ...]:
-        """Those that it is averaged over."""
+        """Node sets over which it is averaged."""
         return self.over
 
     @property
@@ -132,14 +132,14 @@ class NodeMetric(StreamedMetric):
         return Moments._fields if self.spread else ("",)
 
     def gather(self, stream: Stream) -> Gathered:
-        """Begin to sum up the powers of the values."""
+        """Start to sum the powers of the values."""
         return _NodePowers(self, stream.width)
 
     def evaluate_nodes(self, prediction: Prediction) -> Floats:
         """Return the value of every node.
 
         Raises:
-            RecipeError: if the function gives another number of values than there are nodes.
+            RecipeError: if the function does not give one value per node.
         """
         values = np.asarray(self.values(prediction.truth, prediction.expectation), dtype=float)
         nodes = len(prediction.truth.building)
@@ -155,11 +155,11 @@ class NodeMetric(StreamedMetric):
 class PresenceMetric(Metric):
     """A measure of presence over the (room, class) cells of each selection.
 
-    It is handed all cells at once; `bsg_models.evaluation.cell_metrics` has kinds that are not.
+    It receives all cells at once; `bsg_models.evaluation.cell_metrics` has kinds that do not.
 
     Attributes:
         measure: function of some cells and their weights `[M]`.
-        by_class: whether it is the mean of the measures of the classes in which it is defined.
+        by_class: whether it is the mean over the classes in which it is defined.
     """
 
     measure: Callable[[Cells, Floats], float]
@@ -198,7 +198,7 @@ class PresenceMetric(Metric):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CorrelationMetric(StreamedMetric):
-    """A distance of the predicted from the true correlations of the classes over nodes.
+    """A distance between predicted and true correlations of the classes over nodes.
 
     Attributes:
         distance: function of the two matrices `[C, C]`, predicted and true.
@@ -208,16 +208,16 @@ class CorrelationMetric(StreamedMetric):
 
     @property
     def node_sets(self) -> tuple[str, ...]:
-        """All of them."""
+        """All node sets."""
         return NODE_SETS
 
     def gather(self, stream: Stream) -> Gathered:
-        """Begin to sum up counts and their products."""
+        """Start to sum counts and their products."""
         return _Products(self, stream.width)
 
 
 class _Whole(Gathered):
-    """A whole prediction, for a metric that is prepared of it."""
+    """A whole prediction, for a metric that needs it."""
 
     def __init__(self, metric: Metric, weights: Weights) -> None:
         self._metric, self._weights = metric, weights
@@ -228,8 +228,8 @@ class _Whole(Gathered):
         self._nodes += len(batch.building)
         if self._nodes > MOST_WHOLE:
             raise RecipeError(
-                f"metric {self._metric.label!r} is prepared of a whole prediction, which is held "
-                f"up to {MOST_WHOLE:,} nodes; found more. Give it `gather` (docs/extending.md), or "
+                f"metric {self._metric.label!r} needs the whole prediction in memory, at most "
+                f"{MOST_WHOLE:,} nodes; found more. Give it `gather` (docs/extending.md), or "
                 "measure fewer buildings"
             )
         self._batches.append(batch)
@@ -266,7 +266,7 @@ class _NodePowers(Gathered):
             rows = rows[~np.isnan(values[rows])]
             if not len(rows):
                 continue
-            if np.isnan(self._centre[name]):  # near the mean, powers lose the fewest digits
+            if np.isnan(self._centre[name]):  # powers about the mean lose the fewest digits
                 self._centre[name] = float(values[rows].mean())
             shifted = values[rows] - self._centre[name]
             self._nodes[name] += len(rows)
@@ -320,5 +320,5 @@ class _Products(Gathered):
 
 
 def _correlate(sums: Floats) -> Floats:
-    """Return the correlations `[C, C]` of what `Batch.sum_products` gives for one weight."""
+    """Return the correlations `[C, C]` from the output of `Batch.sum_products` for one weight."""
     return correlate_sums(float(sums[0, 0]), sums[0, 1:], sums[1:, 1:])

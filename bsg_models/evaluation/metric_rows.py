@@ -1,8 +1,8 @@
-"""The metrics of the house, an object each; `METRICS` of the catalogue names them.
+"""Define this project's metrics, one object each; the catalogue's `METRICS` names them.
 
-E is the distribution over classes of a histogram, O its total; ″ is predicted, no mark is true.
-Distances and errors use the raw totals of a model that predicts totals; likelihood and presence use
-the hidden counts.
+E is the distribution over classes of a histogram, O its total; ″ marks predicted values, no mark
+true ones. Distances and errors use the raw totals of a model that predicts totals. Likelihood and
+presence use the hidden counts.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from bsg_models.evaluation.metric_kinds import CorrelationMetric, NodeMetric
 from bsg_models.evaluation.metrics import Bools, Floats
 from bsg_models.evaluation.truth import Truth
 
-BINS = 15  # of equal width, of presence, over which calibration is averaged
+BINS = 15  # bins of presence, of equal width, for the calibration error
 
 
 def between_distributions(
     distance: Callable[[Floats, Floats], Floats],
 ) -> Callable[[Truth, Expectation], Floats]:
-    """Return the values of a distance of E″ from E, both `[N, C]`, at every node."""
+    """Return a function of the distance of E″ from E, both `[N, C]`, at every node."""
 
     def values(truth: Truth, expectation: Expectation) -> Floats:
         return distance(metrics.normalise(expectation.totals), metrics.normalise(truth.targets))
@@ -33,22 +33,22 @@ def between_distributions(
 
 
 def mean_error(truth: Truth, expectation: Expectation) -> Floats:
-    """Return O″ − O per class, its mean over classes, `[N]`."""
+    """Return O″ − O per class, averaged over the classes, `[N]`."""
     return np.asarray((expectation.totals - truth.targets).mean(axis=1))
 
 
 def mean_absolute_error(truth: Truth, expectation: Expectation) -> Floats:
-    """Return |O″ − O| per class, its mean over classes, `[N]`."""
+    """Return |O″ − O| per class, averaged over the classes, `[N]`."""
     return np.asarray(np.abs(expectation.totals - truth.targets).mean(axis=1))
 
 
 def hidden_nll(truth: Truth, expectation: Expectation) -> Floats:
-    """Return −log P(hidden counts) per class, its mean over classes, `[N]`."""
+    """Return −log P(hidden counts) per class, averaged over the classes, `[N]`."""
     return np.asarray(-expectation.log_probability(truth.hidden).mean(axis=1))
 
 
 def topk_unseen(k: int) -> Callable[[Truth, Expectation], Floats]:
-    """Return the hits among the k most expected unseen classes, as `metrics.topk_unseen`."""
+    """Return a function of the hits among the k likeliest unseen classes, `metrics.topk_unseen`."""
 
     def values(truth: Truth, expectation: Expectation) -> Floats:
         seen, hidden = truth.inputs > 0, truth.hidden > 0
@@ -63,12 +63,12 @@ def squared_error(presence: Floats, hidden: Bools, keep: Bools) -> Floats:
 
 
 def first_mean(means: Floats) -> Floats:
-    """Return the one mean over cells, `[W]` of `[W, 1]`."""
+    """Return the only mean over cells, `[W]` of `[W, 1]`."""
     return means[:, 0]
 
 
 def gap_of_bins(presence: Floats, hidden: Bools, keep: Bools) -> Floats:
-    """Return presence minus outcome of each room in bins of presence, `[N, BINS]`."""
+    """Return presence minus outcome of each room, in bins of presence, `[N, BINS]`."""
     which = np.minimum((presence * BINS).astype(np.int64), BINS - 1)
     place = np.arange(len(which))[:, None] * BINS + which
     gaps = np.bincount(place.ravel(), (keep * (presence - hidden)).ravel(), len(which) * BINS)
@@ -76,7 +76,7 @@ def gap_of_bins(presence: Floats, hidden: Bools, keep: Bools) -> Floats:
 
 
 def sum_of_gaps(means: Floats) -> Floats:
-    """Return the expected calibration error, `[W]`, of the mean gaps of bins `[W, BINS]`."""
+    """Return the expected calibration error, `[W]`, from the mean gaps of the bins `[W, BINS]`."""
     return np.asarray(np.abs(means).sum(axis=1))
 
 
@@ -90,8 +90,8 @@ WASSERSTEIN_VALUES = NodeMetric(
     less=True,
     spread=True,
     values=between_distributions(metrics.wasserstein_values),
-    about="distance of the 45 probabilities E″ and E *as samples*, "
-    "`scipy.stats.wasserstein_distance(p, q)`: the reading that fits the paper's Table I",
+    about="distance of E″ and E with their 45 probabilities taken as samples, "
+    "`scipy.stats.wasserstein_distance(p, q)`; this reading fits the paper's Table I",
 )
 ENERGY_VALUES = NodeMetric(
     label="energy",
@@ -132,15 +132,15 @@ MEAN_ABSOLUTE_ERROR = NodeMetric(
     label="error in number",
     less=True,
     values=mean_absolute_error,
-    about="the same of |O″ − O|",
+    about="|O″ − O|, averaged in the same way",
 )
 HIDDEN_NLL = NodeMetric(
     label="NLL",
     less=True,
     values=hidden_nll,
-    about="mean negative log-likelihood per node and class of the hidden counts, by the model's "
+    about="mean negative log-likelihood of the hidden counts per node and class, by the model's "
     "own distribution, or Poisson if it has none; a rate below 0.001 counts as 0.001, so that one "
-    "impossible object does not swallow the rest",
+    "impossible object does not dominate the mean",
 )
 CORRELATION_FROBENIUS = CorrelationMetric(
     label="Frobenius",
@@ -153,9 +153,9 @@ PRESENCE_AUROC_MICRO = RankMetric(
     label="AUROC micro",
     less=False,
     measure="auroc",
-    about="of P(at least one hidden object of the class): area under the ROC curve over all "
-    "(room, class) cells, of `all` classes, only those `unseen` in the room's input, or only rooms "
-    "that are `unvisited`",
+    about="area under the ROC curve of P(at least one hidden object of the class) over all "
+    "(room, class) cells: of `all` classes, only of classes `unseen` in the room's input, or "
+    "only in rooms that are `unvisited`",
 )
 PRESENCE_AP_MICRO = RankMetric(
     label="AP micro",
@@ -197,8 +197,8 @@ TOP1_UNSEEN, TOP3_UNSEEN, TOP5_UNSEEN = (
         less=False,
         over=("rooms",),
         values=topk_unseen(k),
-        about="share of the rooms that hide an unseen class in which one is "
-        + ("the most expected unseen class" if k == 1 else f"among the {k} most expected"),
+        about="share of the rooms hiding an unseen class in which such a class is "
+        + ("the likeliest unseen class" if k == 1 else f"among the {k} likeliest"),
     )
     for k in (1, 3, 5)
 )

@@ -1,9 +1,9 @@
-"""The formulas of the metrics, each a pure function of arrays.
+"""Compute the metrics: each formula is a pure function of arrays.
 
-Shapes: N nodes of interest, C classes. `p` and `q` are distributions over classes, rows that sum to
-1 or are all zero. Where a function takes `weights`, they are one number per row: a bootstrap over
-buildings weighs every row by how often its building was drawn, so that sums and counts are
-accumulated and divided once.
+Shapes: N nodes of interest, C classes. `p` and `q` are distributions over classes: each row sums to
+    1
+or is all zero. `weights` are one number per row. A bootstrap over buildings weights each row by how
+often its building was drawn, so sums and counts are accumulated first and divided once.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Bools = npt.NDArray[np.bool_]
 
 
 class Moments(NamedTuple):
-    """Mean, population variance, skewness and excess kurtosis; nan where undefined."""
+    """Mean, population variance, skewness and excess kurtosis; nan if undefined."""
 
     mean: float
     variance: float
@@ -28,7 +28,7 @@ class Moments(NamedTuple):
 
 
 def normalise(counts: Floats) -> Floats:
-    """Return histograms as distributions E: rows that sum to 1, an all-zero row stays all zero.
+    """Return histograms as distributions E: each row sums to 1; an all-zero row stays zero.
 
     Args:
         counts: `[N, C]`, 0 or more.
@@ -45,7 +45,7 @@ def wasserstein_values(p: Floats, q: Floats) -> Floats:
     """Return the 1-D Wasserstein distance of the C probabilities as samples, `[N]`.
 
     W = 1/C Σ |p₍ᵢ₎ − q₍ᵢ₎| over the sorted values: `scipy.stats.wasserstein_distance(p, q)`. It
-    fits the paper's Table I, and it ignores which class is which.
+    fits the paper's Table I, and it ignores which class has which probability.
 
     >>> wasserstein_values(np.array([[1.0, 0.0]]), np.array([[0.0, 1.0]])).tolist()
     [0.0]
@@ -74,8 +74,7 @@ def energy_values(p: Floats, q: Floats) -> Floats:
 def wasserstein_classes(p: Floats, q: Floats) -> Floats:
     """Return the Wasserstein distance with the class index as support, `[N]`, in classes.
 
-    Σ |F_p(c) − F_q(c)|: `scipy.stats.wasserstein_distance(c, c, p, q)`. nan where a row is all
-    zero.
+    Σ |F_p(c) − F_q(c)|: `scipy.stats.wasserstein_distance(c, c, p, q)`. nan if a row is all zero.
 
     >>> wasserstein_classes(np.array([[1.0, 0.0, 0.0]]), np.array([[0.0, 0.0, 1.0]])).tolist()
     [2.0]
@@ -87,8 +86,7 @@ def wasserstein_classes(p: Floats, q: Floats) -> Floats:
 def energy_classes(p: Floats, q: Floats) -> Floats:
     """Return the energy distance with the class index as support, `[N]`.
 
-    √(2 Σ (F_p(c) − F_q(c))²): `scipy.stats.energy_distance(c, c, p, q)`. nan where a row is all
-    zero.
+    √(2 Σ (F_p(c) − F_q(c))²): `scipy.stats.energy_distance(c, c, p, q)`. nan if a row is all zero.
 
     >>> energy_classes(np.array([[1.0, 0.0, 0.0]]), np.array([[0.0, 0.0, 1.0]])).tolist()
     [2.0]
@@ -107,11 +105,11 @@ def total_variation(p: Floats, q: Floats) -> Floats:
 
 
 def moments(values: Floats, weights: Floats | None = None) -> Moments:
-    """Return the four moments of the paper's Table I, of the values that are not nan.
+    """Return the four moments of the paper's Table I, over the values that are not nan.
 
     Args:
         values: `[N]`.
-        weights: `[N]`, 0 or more; None weighs all alike.
+        weights: `[N]`, 0 or more; None gives all the same weight.
 
     >>> moments(np.array([0.0, 0.0, 3.0])).mean
     1.0
@@ -125,7 +123,7 @@ def moments(values: Floats, weights: Floats | None = None) -> Moments:
     mean = float(weights @ values / total)
     centred = values - mean
     second, third, fourth = (float(weights @ centred**k / total) for k in (2, 3, 4))
-    if second <= np.finfo(float).eps * mean**2:  # as SciPy: no shape without spread
+    if second <= np.finfo(float).eps * mean**2:  # like SciPy: no shape without spread
         return Moments(mean, second, np.nan, np.nan)
     return Moments(mean, second, third / second**1.5, fourth / second**2 - 3)
 
@@ -133,7 +131,7 @@ def moments(values: Floats, weights: Floats | None = None) -> Moments:
 def moments_of_sums(sums: Floats, *, centre: float = 0.0) -> tuple[Floats, ...]:
     """Return mean, variance, skewness and excess kurtosis from sums of powers, each `[W]`.
 
-    The same as `moments`, but for rounding; of two sums, the mean alone.
+    Equal to `moments` except for rounding; two sums give the mean only.
 
     Args:
         sums: `[W, 5]` or `[W, 2]`: Σ w, Σ w (x − centre), … Σ w (x − centre)⁴.
@@ -149,7 +147,9 @@ def moments_of_sums(sums: Floats, *, centre: float = 0.0) -> tuple[Floats, ...]:
         return (mean,)
     first, second, third, fourth = raw[:, 1:].T
     variance = np.maximum(second - first**2, 0.0)
-    least = np.finfo(float).eps * np.maximum(mean**2, first**2)  # as SciPy: no shape without spread
+    least = np.finfo(float).eps * np.maximum(
+        mean**2, first**2
+    )  # like SciPy: no shape without spread
     spread = np.where(variance > least, variance, np.nan)
     skewness = (third - 3 * first * second + 2 * first**3) / spread**1.5
     kurtosis = (fourth - 4 * first * third + 6 * first**2 * second - 3 * first**4) / spread**2 - 3
@@ -159,7 +159,7 @@ def moments_of_sums(sums: Floats, *, centre: float = 0.0) -> tuple[Floats, ...]:
 def correlation_matrix(counts: Floats, weights: Floats | None = None) -> Floats:
     """Return the Pearson correlations of the classes over nodes, `[C, C]`.
 
-    A class with zero variance gets 0 with the others and 1 with itself.
+    A class without variance gets 0 with the others and 1 with itself.
 
     >>> correlation_matrix(np.array([[1.0, 2.0, 5.0], [2.0, 4.0, 5.0]])).round(6).tolist()
     [[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
@@ -173,10 +173,10 @@ def correlation_matrix(counts: Floats, weights: Floats | None = None) -> Floats:
 
 
 def correlate_sums(number: float, sums: Floats, products: Floats) -> Floats:
-    """Return the correlations `[C, C]` of rows that were summed up.
+    """Return the correlations `[C, C]` of rows from their sums.
 
     Args:
-        number: of the rows, or the sum of their weights.
+        number: of rows, or the sum of their weights.
         sums: `[C]` Σ x.
         products: `[C, C]` Σ x xᵀ.
     """
@@ -184,7 +184,7 @@ def correlate_sums(number: float, sums: Floats, products: Floats) -> Floats:
     second = np.diag(products) / max(number, 1.0)
     covariance = products / max(number, 1.0) - np.outer(mean, mean)
     variance = np.diag(covariance)
-    spread = variance > 1e-12 * np.maximum(second, 1.0)  # a constant class leaves only rounding
+    spread = variance > 1e-12 * np.maximum(second, 1.0)  # a constant class has rounding error only
     scale = np.where(spread, np.sqrt(np.where(spread, variance, 1.0)), 1.0)
     correlation = covariance / np.outer(scale, scale)
     correlation[~spread, :] = 0
@@ -204,7 +204,7 @@ def correlation_frobenius(predicted: Floats, true: Floats, weights: Floats | Non
 
 
 class Ranking(NamedTuple):
-    """Scores sorted once, so that weighted measures of the order cost one pass each.
+    """Sorted scores, so that each weighted measure of the order costs one pass.
 
     Attributes:
         order: `[M]` positions by falling score.
@@ -226,14 +226,14 @@ def rank(scores: Floats, truth: Bools) -> Ranking:
 
 
 def cumulate(ranking: Ranking, weights: Floats | None = None) -> tuple[Floats, Floats]:
-    """Return weight of positives and of negatives down to the end of each run of equal scores.
+    """Return the weight of positives and of negatives up to the end of each run of equal scores.
 
     Args:
         ranking: of M scores.
-        weights: `[M]`; None weighs all alike.
+        weights: `[M]`; None gives all the same weight.
 
     Returns:
-        two arrays `[T]`, one number a run.
+        Two arrays `[T]`, one number per run.
     """
     mass = np.ones(len(ranking.order)) if weights is None else weights[ranking.order]
     true = np.where(ranking.truth, mass, 0.0).cumsum()[ranking.ends]
@@ -242,7 +242,7 @@ def cumulate(ranking: Ranking, weights: Floats | None = None) -> tuple[Floats, F
 
 
 def auroc(ranking: Ranking, weights: Floats | None = None) -> float:
-    """Return the area under the ROC curve: P(a positive is above a negative), ties count half.
+    """Return the area under the ROC curve: P(a positive is above a negative); ties count half.
 
     nan without a positive or without a negative.
 
@@ -253,7 +253,7 @@ def auroc(ranking: Ranking, weights: Floats | None = None) -> float:
 
 
 def auroc_of_sums(true: Floats, false: Floats) -> float:
-    """Return the area under the ROC curve from what `cumulate` returns."""
+    """Return the area under the ROC curve from the output of `cumulate`."""
     if not len(true) or not true[-1] or not false[-1]:
         return float("nan")
     area = np.sum(_steps(true) * (false[-1] - false + _steps(false) / 2))
@@ -270,7 +270,7 @@ def average_precision(ranking: Ranking, weights: Floats | None = None) -> float:
 
 
 def average_precision_of_sums(true: Floats, false: Floats) -> float:
-    """Return the average precision from what `cumulate` returns."""
+    """Return the average precision from the output of `cumulate`."""
     if not len(true) or not true[-1]:
         return float("nan")
     seen = true + false
@@ -279,7 +279,7 @@ def average_precision_of_sums(true: Floats, false: Floats) -> float:
 
 
 def brier(presence: Floats, truth: Bools, weights: Floats | None = None) -> float:
-    """Return the mean squared difference of probability and outcome; nan of nothing.
+    """Return the mean squared difference of probability and outcome; nan for empty arrays.
 
     >>> brier(np.array([0.5, 1.0]), np.array([True, True]))
     0.125
@@ -310,13 +310,13 @@ def calibration_error(
 
 
 def topk_unseen(presence: Floats, seen: Bools, hidden: Bools, *, k: int) -> Floats:
-    """Say per room whether a hidden class is among its k most expected unseen ones, `[N]`.
+    """Return per room whether a hidden class is among its k likeliest unseen ones, `[N]`.
 
     Args:
         presence: `[N, C]` probability of a hidden object.
-        seen: `[N, C]` whether the class is in the input: these do not compete.
+        seen: `[N, C]` whether the class is in the input; such classes do not compete.
         hidden: `[N, C]` whether an object of the class is hidden.
-        k: how many of the unseen classes count; ties break by class index.
+        k: number of unseen classes that count; ties go to the lower class index.
 
     Returns:
         1 for a hit, 0 for a miss, nan for a room that hides no unseen class.
@@ -332,7 +332,7 @@ def topk_unseen(presence: Floats, seen: Bools, hidden: Bools, *, k: int) -> Floa
 
 
 def mean_known(values: Sequence[float]) -> float:
-    """Return the mean of the values that are not nan; nan without any.
+    """Return the mean of the values that are not nan; nan if there are none.
 
     >>> mean_known([1.0, float("nan"), 3.0])
     2.0
@@ -352,7 +352,7 @@ def _mean(values: Floats, weights: Floats | None) -> float:
 
 
 def _steps(sums: Floats) -> Floats:
-    """Return what each cumulative sum adds to the one before it; `np.diff` takes three times it."""
+    """Return the increments of cumulative sums; `np.diff` takes three times as long."""
     steps = sums.copy()
     steps[1:] -= sums[:-1]
     return steps

@@ -1,13 +1,13 @@
-"""Predictions as a parquet file, which any program can write.
+"""Read and write predictions as parquet files, which any program can write.
 
-A row is of a (scene, draw, node, class). Its columns, in any order, beside any others:
+Each row is one (scene, draw, node, class). The columns, in any order, besides any others:
 
     scene_id string, draw integer, node_index integer, class string
     presence       P(at least one hidden object), 0 to 1
     expected       expected number of hidden objects, 0 or more
     p0, p1, …, pJ  P(exactly 0, 1, …, J are hidden); optional
-    total          the whole count as a model of whole histograms predicts it, which may be less
-                   than what was seen; optional, else what was seen + expected
+    total          whole count by a model of whole histograms, which may be less than what was
+                   seen; optional, by default what was seen + expected
 
 The metadata `bsg.masks_sha256` may hold the hash of the masks, which is then compared.
 """
@@ -42,11 +42,11 @@ from bsg_models.evaluation.predictions import (
     is_exactly,
 )
 
-WRITTEN = 16  # of p0, p1, … that are written
+WRITTEN = 16  # number of the columns p0, p1, … that are written
 _NAMES, _NUMBERS, _VALUES = ("scene_id", "class"), ("draw", "node_index"), (PRESENCE, EXPECTED)
 _MOST_EXACTLY = 256
-PIECE = 1 << 18  # rows that are read at a time
-_GROUP = 1 << 20  # rows of a row group that is written
+PIECE = 1 << 18  # rows read at a time
+_GROUP = 1 << 20  # rows of a written row group
 _MOST = 1e9  # objects of a class in a node
 _MASKS = b"bsg.masks_sha256"
 
@@ -58,8 +58,8 @@ class PredictionFiles:
     Attributes:
         path: of the file or folder.
         files: with their numbers of rows, in order.
-        columns: that are scored besides names and numbers: presence, expected, p0, …, total.
-        masks: hashes of the masks that the files say they are of.
+        columns: scored columns: presence, expected, p0, …, total.
+        masks: hashes of the masks that the files state.
     """
 
     path: Path
@@ -93,14 +93,14 @@ class PredictionFiles:
                     start += len(table)
 
     def lay(self, cells: PairCells, *, elsewhere: frozenset[str] = frozenset()) -> LaidPredictions:
-        """Lay all rows beside the pairs that are measured.
+        """Align all rows with the measured pairs.
 
         Args:
             cells: of the pairs.
-            elsewhere: scenes whose rows are passed over: those of other folds.
+            elsewhere: scenes of other folds, whose rows are skipped.
 
         Raises:
-            PredictionError: if a row is unknown or double, a value out of range, or rows are
+            PredictionError: if a row is unknown or repeated, a value is out of range, or rows are
                 missing.
         """
         laid = LaidPredictions(cells, self.columns, path=self.path)
@@ -115,7 +115,7 @@ def open_predictions(path: Path, *, most_rows: int) -> PredictionFiles:
 
     Args:
         path: of the file or folder.
-        most_rows: as many as the benchmark has; more are refused before they are read.
+        most_rows: number of rows of the benchmark; more are refused before they are read.
 
     Raises:
         PredictionError: if it is not readable, or has other columns.
@@ -146,11 +146,11 @@ def open_predictions(path: Path, *, most_rows: int) -> PredictionFiles:
 
 
 class PredictionWriter:
-    """Writes what is expected of masked buildings, with p0 to p15; see `open_predictions`.
+    """Writer of expectations of masked buildings, with p0 to p15; see `open_predictions`.
 
-    A context: the file is there when it ends well. `total` is a column where a model predicts other
-    totals than what was seen and what is hidden, which is known at the end: it is then taken out of
-    a file that does not need it.
+    It is a context manager: the file appears when the context ends without an error. `total` is
+    written only if a model's totals differ from seen + hidden. That is known at the end, so the
+    column is then removed from a file that does not need it.
 
     Args:
         path: of the file.
@@ -163,25 +163,25 @@ class PredictionWriter:
 
     def __init__(self, path: Path, classes: Sequence[str], *, masks_sha256: str) -> None:
         self.path, self._classes = path, tuple(classes)
-        self._rows = path.with_name(f".{path.name}.rows")  # with totals, which may be left out
+        self._rows = path.with_name(f".{path.name}.rows")  # with totals, which may be removed
         self._metadata = {_MASKS: masks_sha256}
         self._stack = ExitStack()
         self._writer: pq.ParquetWriter | None = None
         self._own_totals = False
 
     def __enter__(self) -> PredictionWriter:
-        """Begin the file.
+        """Start the file.
 
         Raises:
             DatasetError: if it cannot be written.
         """
         self._whole = self._stack.enter_context(open_beside(self.path))
-        self._rows.unlink(missing_ok=True)  # of a killed command
+        self._rows.unlink(missing_ok=True)  # left by a killed command
         self._stack.callback(self._rows.unlink, missing_ok=True)
         return self
 
     def __exit__(self, *raised: Any) -> bool | None:
-        """Put the file in its place, unless something went wrong."""
+        """Put the file in its place, unless there was an error."""
         with self._stack.pop_all() as stack:
             if self._writer is not None:
                 self._writer.close()
@@ -190,7 +190,7 @@ class PredictionWriter:
             return stack.__exit__(*raised)
 
     def add(self, expectation: Expectation, masked: MaskedBuildings) -> None:
-        """Write what is expected of some masked buildings."""
+        """Write the expectation of some masked buildings."""
         table = _tabulate(expectation, masked, self._classes)
         near = np.allclose(expectation.totals, expectation.expected, rtol=1e-12, atol=1e-12)
         self._own_totals |= not near
@@ -200,7 +200,7 @@ class PredictionWriter:
         self._writer.write_table(table)
 
     def _settle(self) -> None:
-        """Copy the rows to their place, by row groups, without totals that nobody needs."""
+        """Copy the rows to their place, by row groups, without unneeded totals."""
         rows = pq.ParquetFile(self._rows)
         names = [n for n in rows.schema_arrow.names if self._own_totals or n != TOTAL]
         schema = pa.schema([rows.schema_arrow.field(name) for name in names], self._metadata)
@@ -245,7 +245,7 @@ def _open(path: Path) -> pq.ParquetFile:
 
 
 def _read(path: Path, table: pa.Table, columns: Sequence[str], *, start: int) -> PredictedRows:
-    """Return some rows, whose first has this number, and see that every value is in its range."""
+    """Return some rows, the first with number `start`, after checking the range of every value."""
     for name in table.column_names:
         if table[name].null_count:
             row = start + int(np.argmin(table[name].is_valid().to_numpy()))
@@ -260,7 +260,7 @@ def _read(path: Path, table: pa.Table, columns: Sequence[str], *, start: int) ->
 
 
 def _choose(path: Path, schema: pa.Schema) -> list[str]:
-    """Return the columns to read: names and numbers first; see that all are there and fit."""
+    """Return the columns to read, names and numbers first, after checking that they are valid."""
     names = [*_NAMES, *_NUMBERS, *_VALUES]
     found = ", ".join(schema.names[:20])
     if absent := [name for name in names if schema.names.count(name) != 1]:

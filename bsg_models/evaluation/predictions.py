@@ -1,12 +1,12 @@
-"""Predictions of any program, laid beside masked pairs: scored as a model's own beliefs are.
+"""Align the predictions of any program with masked pairs, and score them like a model's.
 
-Without p0, p1, … the likelihood is that of a zero-inflated Poisson of presence and expected count,
-with the floor of all models: a rate below 0.001 counts as 0.001. With them, what they leave of 1 is
-spread geometrically over the counts above the last, so that the mean is the expected count if it
-can be, and a probability below 1e-6 counts as 1e-6.
+Without p0, p1, … the likelihood is that of a zero-inflated Poisson with the stated presence and
+expected count. As for all models, a rate below 0.001 counts as 0.001. With them, the remaining
+probability is spread geometrically over the counts above the last one, so that the mean is the
+expected count if possible. A probability below 1e-6 counts as 1e-6.
 
-Nodes that were wholly seen may be left out, and so may the buildings (node 0): a building is then
-what its rooms are together.
+Nodes that were wholly seen may be left out, and so may the buildings (node 0). A missing building
+follows from its rooms.
 """
 
 from __future__ import annotations
@@ -30,19 +30,21 @@ from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import PredictionError
 
 PRESENCE, EXPECTED, TOTAL = "presence", "expected", "total"
-_LEAST = 1e-6  # log 0 of one cell would swallow all the rest
+_LEAST = 1e-6  # one log 0 would dominate any mean
 _LISTED = 5
 _EXACTLY = re.compile(r"p(?:0|[1-9][0-9]*)")
 
 
 @dataclass(frozen=True, eq=False)
 class PredictedExpectation(Expectation):
-    """What a file says of N nodes and C classes; `hidden_counts` are those without p0, p1, ….
+    """Predictions of a file for N nodes and C classes.
+
+    `hidden_counts` is the distribution without p0, p1, ….
 
     Attributes:
-        stated_presence: `[N, C]` as the file says it.
-        stated_hidden: `[N, C]` expected hidden counts as the file says them.
-        exactly: `[J + 1, N, C]` P(hidden = 0..J), nan where the file says nothing; None without.
+        stated_presence: `[N, C]` as stated in the file.
+        stated_hidden: `[N, C]` expected hidden counts as stated in the file.
+        exactly: `[J + 1, N, C]` P(hidden = 0..J), nan where not stated; None without the columns.
     """
 
     stated_presence: Floats = field(kw_only=True)
@@ -60,7 +62,7 @@ class PredictedExpectation(Expectation):
         return self.stated_hidden
 
     def log_probability(self, counts: Floats, *, floor: float = MIN_RATE) -> Floats:
-        """Return log P(hidden = counts), `[N, C]`, by p0, p1, … where they are stated."""
+        """Return log P(hidden = counts), `[N, C]`, from p0, p1, … where they are stated."""
         inflated = super().log_probability(counts, floor=floor)
         if self.exactly is None:
             return inflated
@@ -69,10 +71,10 @@ class PredictedExpectation(Expectation):
 
 
 def log_of_table(counts: Floats, table: Floats, expected: Floats) -> Floats:
-    """Return log P(counts) `[N, C]` by a table of probabilities with a geometric tail.
+    """Return log P(counts) `[N, C]` from a table of probabilities with a geometric tail.
 
-    With T = 1 − Σ p, P(J + 1 + i) = T (1 − q) qⁱ, i = 0, 1, …; q is such that the mean is the
-    expected count, but from 0 to 0.99.
+    With T = 1 − Σ p, P(J + 1 + i) = T (1 − q) qⁱ, i = 0, 1, …; q makes the mean the expected count,
+    but is limited to 0..0.99.
 
     Args:
         counts: `[N, C]` whole numbers.
@@ -93,7 +95,7 @@ def log_of_table(counts: Floats, table: Floats, expected: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class PredictedRows:
-    """Some rows of predictions, one after another, before they are laid beside masks.
+    """Some consecutive rows of predictions, before they are aligned with masks.
 
     Attributes:
         scenes: `[S]` names that occur.
@@ -102,7 +104,7 @@ class PredictedRows:
         label: `[R]` number of the class of every row.
         draw: `[R]`.
         node: `[R]`.
-        values: column → `[R]`: presence, expected, perhaps total, and p0, p1, ….
+        values: column → `[R]`: presence, expected, p0, p1, …, and total if stated.
         place: file and number of the first row, for messages.
     """
 
@@ -120,14 +122,14 @@ class PredictedRows:
         return len(self.draw)
 
     def find(self, cells: PairCells, elsewhere: frozenset[str]) -> tuple[Ints, Ints]:
-        """Return which rows are of pairs that are measured, and the cell of each of them.
+        """Return which rows belong to measured pairs, and the cell of each.
 
         Args:
             cells: of the pairs.
-            elsewhere: scenes whose rows are passed over.
+            elsewhere: scenes whose rows are skipped.
 
         Raises:
-            PredictionError: if a row is of no cell.
+            PredictionError: if a row belongs to no cell.
         """
         passed = np.array([name in elsewhere for name in self.scenes], dtype=bool)
         kept = np.flatnonzero(~passed[self.scene]) if len(self.scene) else np.zeros(0, np.int64)
@@ -149,7 +151,7 @@ class PredictedRows:
             raise PredictionError(f"{self.say(wrong)}: {why}; found {int((~sound).sum()):,} such")
 
     def say(self, row: int) -> str:
-        """Name a row."""
+        """Return the name of a row, for messages."""
         file, start = self.place
         return (
             f"{file}: row {start + row} (scene {self.scenes[self.scene[row]]!r}, draw "
@@ -190,7 +192,7 @@ class PairCells:
         return len(self._hides) * len(self.classes)
 
     def find_pairs(self, scene: Ints, draw: Ints) -> Ints:
-        """Return the number of the masked building of scenes and draws; -1 for an unknown draw."""
+        """Return the number of the masked building of each scene and draw; -1 if unknown."""
         known = (draw >= 0) & (draw < self._pair.shape[1])
         return np.where(known, self._pair[scene, np.where(known, draw, 0)], -1)
 
@@ -201,15 +203,15 @@ class PairCells:
         return [slice(int(self.starts[k]), int(self.starts[k + 1])) for k in pairs]
 
     def require_all(self, there: Bools, *, buildings: bool, path: Path) -> None:
-        """See that every node that hides anything has its rows.
+        """Check that every node that hides something has its rows.
 
         Args:
             there: `[cells]` whether there is a row.
-            buildings: whether building nodes need theirs, too.
+            buildings: whether building nodes need rows, too.
             path: for the message.
 
         Raises:
-            PredictionError: if one is missing.
+            PredictionError: if a row is missing.
         """
         nodes = self._hides & (buildings | ~self._is_building)
         there = there.reshape(-1, len(self.classes))
@@ -230,11 +232,11 @@ class PairCells:
 
 
 class LaidPredictions:
-    """What is predicted of every cell, in a temporary file: rows come in any order.
+    """The predictions of every cell, in a temporary file, because rows come in any order.
 
     Args:
-        cells: of the pairs that are measured.
-        columns: names of what is predicted.
+        cells: of the measured pairs.
+        columns: names of the predicted values.
         path: for messages.
     """
 
@@ -247,14 +249,14 @@ class LaidPredictions:
         self._file.truncate(max(len(cells) * len(columns) * 8, 1))
 
     def add(self, rows: PredictedRows, *, elsewhere: frozenset[str]) -> None:
-        """Lay some rows.
+        """Add some rows.
 
         Args:
             rows: of any cells.
-            elsewhere: scenes whose rows are passed over.
+            elsewhere: scenes whose rows are skipped.
 
         Raises:
-            PredictionError: if a row is unknown or double.
+            PredictionError: if a row is unknown or repeated.
         """
         kept, flat = rows.find(self._cells, elsewhere)
         twice = np.ones(len(flat), dtype=bool)
@@ -270,15 +272,15 @@ class LaidPredictions:
             table[number, flat] = rows.values[name][kept]
 
     def finish(self) -> None:
-        """See that nothing is missing.
+        """Check that no row is missing.
 
         Raises:
-            PredictionError: if rows are.
+            PredictionError: if one is.
         """
         self._cells.require_all(self._there, buildings=self._buildings, path=self._path)
 
     def expect(self, masked: MaskedBuildings) -> PredictedExpectation:
-        """Return what is predicted of some masked buildings."""
+        """Return the predictions of some masked buildings."""
         table = self._map("r").reshape(len(self._columns), -1, len(self._cells.classes))
         slices = self._cells.rows_of(masked)
         whole = np.concatenate([table[:, rows] for rows in slices], axis=1)
@@ -290,13 +292,13 @@ class LaidPredictions:
         return _expect(masked, values, told, buildings=self._buildings)
 
     def _map(self, mode: Literal["r", "r+"]) -> npt.NDArray[np.float64]:
-        """Map the file anew: what is no longer mapped takes no memory."""
+        """Map the file again: parts that are no longer mapped take no memory."""
         shape = (len(self._columns), len(self._cells))
         return np.memmap(self._file, dtype=np.float64, mode=mode, shape=shape)
 
 
 def is_exactly(column: str) -> bool:
-    """Say whether a column is one of p0, p1, …."""
+    """Return whether a column is one of p0, p1, …."""
     return _EXACTLY.fullmatch(column) is not None
 
 
@@ -307,7 +309,7 @@ def _expect(
     *,
     buildings: bool,
 ) -> PredictedExpectation:
-    """Return what is predicted of every node; without buildings, they follow from their rooms."""
+    """Return the prediction of every node; missing buildings follow from their rooms."""
     seen = masked.seen
     presence, hidden = values[PRESENCE], values[EXPECTED]
     inputs = seen.inputs.astype(float)
@@ -319,7 +321,7 @@ def _expect(
         none = np.ones_like(sums)
         np.multiply.at(none, own[rooms], 1 - presence[rooms])
         hidden[seen.is_building], presence[seen.is_building] = sums, 1 - none
-    # TOTAL is 0 where a row was left out.
+    # TOTAL is 0 in cells without a row.
     left = seen.is_building & (not buildings) | ~(seen.cell_share > 0).any(axis=1)
     whole = inputs + hidden
     return PredictedExpectation(

@@ -1,8 +1,8 @@
-"""The (room, class) cells that measures of presence are over, sorted once for all of them.
+"""Select the (room, class) cells for measures of presence, and sort them once.
 
-Presence itself is `CountDistribution.presence`: P(at least one hidden object). There are three
-selections of cells: `all`, those of classes that are `unseen` in their room, and those of rooms
-that are `unvisited`, of which nothing was seen, or a little through a door.
+Presence is `CountDistribution.presence`: P(at least one hidden object). There are three selections
+of cells: `all`; those of classes that are `unseen` in their room; and those of rooms that are
+`unvisited`, of which nothing was seen, or a little through a door.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ SELECTIONS = ("all", "unseen", "unvisited")
 
 
 def select_cells(seen: Bools, visited: Bools) -> dict[str, Bools]:
-    """Return which cells each selection has, `[N, C]`.
+    """Return the cells of each selection, `[N, C]`.
 
     Args:
         seen: `[N, C]` whether an object of the class was seen in the room.
@@ -31,7 +31,7 @@ class Cells:
     """Some (room, class) cells.
 
     Attributes:
-        presence: `[M]` believed P(at least one hidden object).
+        presence: `[M]` predicted P(at least one hidden object).
         hidden: `[M]` whether there is one.
         ranking: of the cells by falling presence.
     """
@@ -50,7 +50,7 @@ class Cells:
     def cumulate(self, weights: Floats) -> tuple[Floats, Floats]:
         """Return `metrics.cumulate` of the ranking.
 
-        The last answer is kept: all measures of the order ask for the sums of one resample in turn.
+        The last answer is kept, because all measures ask for the sums of one resample in turn.
         """
         if self._cumulated is None or not np.array_equal(self._cumulated[0], weights):
             self._cumulated = weights, cumulate(self.ranking, weights)
@@ -63,7 +63,7 @@ class PresenceCells:
     Attributes:
         together: selection → all its cells.
         by_class: selection → its cells of each class.
-        rooms: selection → number of rooms that have such a cell.
+        rooms: selection → number of rooms with such a cell.
 
     Args:
         presence: `[rooms, C]` P(at least one hidden object).

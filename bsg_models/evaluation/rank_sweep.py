@@ -1,7 +1,7 @@
-"""AUROC and average precision for many weights, in one pass over cells by falling score.
+"""Compute AUROC and average precision for many weights in one pass over cells by falling score.
 
-A weight is a resample of the buildings, of which there are hundreds. Sorting once and passing once
-costs a cell one addition a weight, and is exact: what is added up is how often buildings count.
+A weight is a resample of the buildings, of which there are hundreds. With one sort and one pass, a
+cell costs one addition per weight. The result is exact, because the sums count buildings.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from bsg_data.arrays import Bools, Floats, Ints
 from bsg_models.evaluation.streams import Weights
 
 Flags = npt.NDArray[np.uint8]
-HIDDEN = 1  # bit of a cell that holds a hidden object; bit 1 + s says that selection s has it
-# Rows of the sums of a selection, `[7, W]`: weight of the hidden and of the other cells above; of
-# the others since the last hidden one; of both in the run of equal scores that is open; the sum
-# over other cells of what is hidden above them; the sum over hidden cells of their precision.
+HIDDEN = 1  # bit of a cell that holds a hidden object; bit 1 + s means selection s has the cell
+# Rows of a selection's sums, `[7, W]`: weight of the hidden and of the other cells above; weight of
+# the others since the last hidden one; both weights in the open run of equal scores; sum, over the
+# other cells, of the hidden weight above them; sum, over the hidden cells, of their precision.
 _TRUE, _FALSE, _SINCE, _RUN_TRUE, _RUN_FALSE, _AREA, _PRECISION = range(7)
 
 
@@ -25,18 +25,18 @@ class RankSweep:
     """A pass over cells by falling score, which may come in pieces.
 
     Args:
-        selections: number S of selections, each ranked by itself.
+        selections: number S of selections, each ranked separately.
         weights: `[B, W]` how often each building counts.
     """
 
     def __init__(self, selections: int, weights: Weights) -> None:
         self._weights = weights
         self._sums = np.zeros((selections, 7, weights.shape[1]))
-        self._score = np.array([np.nan])  # of the run that may go on
-        self._open = np.zeros(selections, dtype=np.bool_)  # whether a run waits to be closed
+        self._score = np.array([np.nan])  # score of the open run
+        self._open = np.zeros(selections, dtype=np.bool_)  # whether a run is open
 
     def add(self, scores: Floats, flags: Flags, building: npt.NDArray[np.integer]) -> None:
-        """Pass over some cells, none with a higher score than those before.
+        """Process some cells, none with a higher score than those before.
 
         Args:
             scores: `[M]` falling.
@@ -46,7 +46,7 @@ class RankSweep:
         _sweep(scores, flags, building, self._weights, self._sums, self._score, self._open)
 
     def finish(self) -> tuple[Floats, Floats]:
-        """Return AUROC and average precision of each selection, both `[S, W]`; nan as undefined."""
+        """Return AUROC and average precision of each selection, both `[S, W]`; nan if undefined."""
         _close(self._sums, self._open)
         since = self._sums[:, _SINCE]
         self._sums[:, _AREA] += since * self._sums[:, _TRUE]
@@ -69,7 +69,7 @@ def _sweep(
     score: Floats,
     is_open: Bools,
 ) -> None:
-    """Pass over cells; `sums` is `[S, 7, W]`, `score` `[1]` and `is_open` `[S]` of the open run."""
+    """Process cells; `sums` is `[S, 7, W]`, `score` `[1]` and `is_open` `[S]` of the open run."""
     number, start = len(scores), 0
     while start < number:
         goes_on = scores[start] == score[0]
@@ -81,7 +81,7 @@ def _sweep(
             end += 1
         for s in range(len(sums)):
             own = 2 << s
-            hidden = goes_on or end == number  # of a run in pieces, it is not known before the end
+            hidden = goes_on or end == number  # the end of a run in pieces is not known yet
             for i in range(start, end):
                 if flags[i] & own and flags[i] & HIDDEN:
                     hidden = True

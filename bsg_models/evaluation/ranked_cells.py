@@ -1,8 +1,8 @@
-"""The (room, class) cells of any number of rooms, ranked by their presence.
+"""Rank the (room, class) cells of any number of rooms by their presence.
 
-A ranking needs all cells at once. They wait here with nine bytes each, in memory up to `HELD` bytes
-and in a temporary file beyond, and are ranked class by class; then all classes together, a range of
-scores at a time. In memory is one class, some 50 bytes a room, and the result is exact.
+A ranking needs all cells at once. They are stored with nine bytes each, in memory up to `HELD`
+bytes and in a temporary file beyond. They are ranked class by class, then all classes together, one
+range of scores at a time. Memory holds one class, some 50 bytes per room. The result is exact.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from bsg_models.evaluation.presence import SELECTIONS, select_cells
 from bsg_models.evaluation.rank_sweep import HIDDEN, Flags, RankSweep
 from bsg_models.evaluation.streams import Batch, SharedCells, Weights
 
-HELD = 1 << 26  # bytes that wait in memory, of each of two files
-PIECE = 1 << 21  # cells that are ranked at a time
-_SAMPLED = 64  # of so many scores one is kept, to choose the ranges
+HELD = 1 << 26  # bytes kept in memory, of each of two files
+PIECE = 1 << 21  # cells ranked at a time
+_SAMPLED = 64  # one of this many scores is kept, to choose the ranges
 
 _Number = TypeVar("_Number", bound=np.generic)
 
 
 class Ranks(NamedTuple):
-    """AUROC and average precision under W weights; nan where they are not defined.
+    """AUROC and average precision under W weights; nan if they are not defined.
 
     Attributes:
         auroc: selection → `[W]`, all classes in one ranking.
-        precision: selection → `[W]`.
-        auroc_of_classes: selection → `[C, W]`, each class ranked by itself.
-        precision_of_classes: selection → `[C, W]`.
+        precision: selection → `[W]`, all classes in one ranking.
+        auroc_of_classes: selection → `[C, W]`, each class ranked separately.
+        precision_of_classes: selection → `[C, W]`, each class ranked separately.
     """
 
     auroc: dict[str, Floats]
@@ -46,7 +46,7 @@ class Ranks(NamedTuple):
 
 
 class _Column(NamedTuple):
-    """The cells of a class, or of all: score, flags and building, each `[M]`."""
+    """The cells of one class, or of all: score, flags and building, each `[M]`."""
 
     scores: Floats
     flags: Flags
@@ -60,10 +60,10 @@ class _Column(NamedTuple):
 
 
 class RankedCells(SharedCells):
-    """The cells of rooms; `ranks` ranks them when all are there.
+    """The cells of rooms; `ranks` ranks them once all are added.
 
     Attributes:
-        rooms: selection → number of rooms that have such a cell.
+        rooms: selection → number of rooms with such a cell.
 
     Args:
         weights: `[B, W]` how often each building counts.
@@ -79,7 +79,7 @@ class RankedCells(SharedCells):
         finalize(self, self._blocks.close)
 
     def add(self, batch: Batch) -> None:
-        """Take in the rooms of some nodes."""
+        """Add the rooms of some nodes."""
         truth, rooms = batch.prediction.truth, batch.prediction.rows["rooms"]
         self.add_nodes(
             presence=batch.prediction.expectation.presence[rooms],
@@ -92,7 +92,7 @@ class RankedCells(SharedCells):
     def add_nodes(
         self, *, presence: Floats, seen: Bools, hidden: Bools, visited: Bools, building: Ints
     ) -> None:
-        """Take in some nodes.
+        """Add some nodes.
 
         Args:
             presence: `[M, C]` P(at least one hidden object).
@@ -115,7 +115,7 @@ class RankedCells(SharedCells):
 
     @cached_property
     def ranks(self) -> Ranks:
-        """AUROC and average precision of all cells; the cells are given up."""
+        """AUROC and average precision of all cells; the cells are then released."""
         shape = (len(SELECTIONS), max(self._classes, 1), self._weights.shape[1])
         auroc, precision = np.full(shape, np.nan), np.full(shape, np.nan)
         building = np.concatenate(self._buildings or [np.zeros(0, dtype=np.int32)])
@@ -136,7 +136,7 @@ class RankedCells(SharedCells):
         )
 
     def _read_class(self, number: int, building: npt.NDArray[np.int32]) -> _Column:
-        """Return the cells of a class, in the order in which they came."""
+        """Return the cells of a class, in the order in which they were added."""
         scores, flags, start = [], [], 0
         for rooms in map(len, self._buildings):
             whole = rooms * self._classes
@@ -147,14 +147,14 @@ class RankedCells(SharedCells):
 
 
 class _SortedColumns:
-    """The cells of each class by falling score, in a file; M cells a class."""
+    """The cells of each class by falling score, in a file; M cells per class."""
 
     def __init__(self, file: SpooledTemporaryFile[bytes], cells: int) -> None:
         self._file, self._cells = file, cells
         self._number = 0
 
     def append(self, column: _Column) -> None:
-        """Write a class after those before it."""
+        """Append a class to the file."""
         for values in column:
             self._file.write(values.tobytes())
         self._number += 1
@@ -163,7 +163,7 @@ class _SortedColumns:
         """Yield the cells of all classes by falling score, about `PIECE` at a time.
 
         Args:
-            samples: some of the scores, from which the ranges of scores are chosen.
+            samples: some of the scores, from which the ranges are chosen.
         """
         if not self._number:
             return
@@ -171,13 +171,13 @@ class _SortedColumns:
         places = np.stack([self._find(c, ends) for c in range(self._number)])
         for first, last in pairwise(range(places.shape[1])):
             some = [self._slice(c, *places[c, [first, last]]) for c in range(self._number)]
-            if first % 2:  # the cells of one score, which many may share
+            if first % 2:  # the cells of one score, possibly very many
                 yield from (column for column in some if len(column.scores))
             else:
                 yield _Column(*map(np.concatenate, zip(*some, strict=True))).sorted()
 
     def _find(self, number: int, ends: Floats) -> Ints:
-        """Return where the ranges of scores begin and end in a class: above, at and below ends."""
+        """Return the bounds of the ranges of scores in a class: above, at and below the ends."""
         rising = -self._slice(number, 0, self._cells).scores
         above = np.searchsorted(rising, -ends, side="left")
         through = np.searchsorted(rising, -ends, side="right")
@@ -194,7 +194,7 @@ class _SortedColumns:
 
 
 def _choose_ends(samples: Floats, cells: int) -> Floats:
-    """Return falling scores, between which there are about `PIECE` cells each."""
+    """Return falling scores with about `PIECE` cells between neighbours."""
     pieces = -(-cells // PIECE)
     if pieces < 2:
         return np.zeros(0)
@@ -205,6 +205,6 @@ def _choose_ends(samples: Floats, cells: int) -> Floats:
 def _read(
     file: SpooledTemporaryFile[bytes], start: int, number: int, kind: type[_Number]
 ) -> npt.NDArray[_Number]:
-    """Return some numbers of a file that begin at a byte."""
+    """Return some numbers of a file, from a byte on."""
     file.seek(int(start))
     return np.frombuffer(file.read(int(number) * np.dtype(kind).itemsize), dtype=kind)

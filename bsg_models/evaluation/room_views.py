@@ -1,16 +1,16 @@
-"""What a model believes of rooms that were half seen, glimpsed through a door, or not visited.
+"""Measure what a model believes of rooms that were half seen, glimpsed, or not visited.
 
-A mean over all rooms hides what matters to a robot: a model may be good where half of a room was
-seen and no better than a prior where nothing was. The rooms are therefore measured in three views:
+A mean over all rooms hides a difference that matters to a robot: a model may be good in half-seen
+rooms and no better than a prior in unseen ones. So rooms are measured in three views:
 
-- `half-seen`: the robot was there, and some of it is hidden, 0 < hidden share < 1;
+- `half-seen`: the robot was there, and a part is hidden, 0 < hidden share < 1;
 - `glimpsed`: it was not there, and saw a little through the door, 0 < hidden share < 1;
 - `unvisited`: nothing was seen, hidden share 1.
 
-Rooms that were searched hide nothing, and are in none.
+Searched rooms hide nothing, and are in no view.
 
-What is kept are sums per building, so that batches and folds are added up, and a bootstrap over
-buildings divides once. Likelihoods and shares may be pooled over folds, as rankings may not.
+Sums are kept per building. So batches and folds can be added up, and a bootstrap over buildings
+divides once. Likelihoods and shares may be pooled over folds; rankings may not.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ class RoomViews:
 
     Attributes:
         scene_ids: `[B]`, in order.
-        rooms: `[B, V]` number of rooms, each draw counted.
-        nll: `[B, V, C]` Σ −log P(hidden counts), as the metric `hidden_nll` has it.
-        presence: `[B, V, C]` Σ P(at least one hidden object), as it is believed.
+        rooms: `[B, V]` number of rooms; each draw counts.
+        nll: `[B, V, C]` Σ −log P(hidden counts), as in the metric `hidden_nll`.
+        presence: `[B, V, C]` Σ predicted P(at least one hidden object).
         present: `[B, V, C]` number of rooms with a hidden object.
         presence_log_loss: `[B, V, C]` Σ −log P(whether there is a hidden object).
     """
@@ -51,9 +51,9 @@ class RoomViews:
     presence_log_loss: Floats
 
     def evaluate(self, building_weights: Floats | None = None) -> dict[str, float]:
-        """Return the mean of each value over the cells (room, class) of a view.
+        """Return the mean of each value over the (room, class) cells of a view.
 
-        Names are `half-seen/nll`, and `half-seen/presence_log_loss/7` for class 7 alone. A view
+        Names are `half-seen/nll`, and `half-seen/presence_log_loss/7` for class 7 only. A view
         without rooms has nan.
 
         Args:
@@ -85,36 +85,36 @@ class RoomViews:
         return np.divide(sums, number, out=unknown, where=number > 0)
 
     def count_nodes(self, metric: str) -> int:
-        """Return the number of rooms that a value of `evaluate` is over."""
+        """Return the number of rooms behind a value of `evaluate`."""
         return int(self.rooms[:, VIEWS.index(metric.partition("/")[0])].sum())
 
 
 def view_of(seen: Observation) -> Ints:
-    """Return the number of the view of each node, `[N]` in the order of `VIEWS`; -1 for none."""
+    """Return the index in `VIEWS` of each node's view, `[N]`; -1 for none."""
     share, partly = seen.hidden_share, (seen.hidden_share > 0) & (seen.hidden_share < 1)
     kinds = [partly & seen.visited, partly & ~seen.visited, share == 1]
     return np.where(seen.is_building, -1, np.select(kinds, range(len(VIEWS)), default=-1))
 
 
 def measure_room_views(expectation: Expectation, masked: MaskedBuildings) -> RoomViews:
-    """Sum up what a model believes of the rooms of masked buildings.
+    """Sum what a model believes of the rooms of masked buildings.
 
     Args:
         expectation: of the N nodes, in their order.
-        masked: buildings with their targets; a building may be there under several masks.
+        masked: buildings with their targets; a building may occur under several masks.
 
     Raises:
-        ValueError: if the expectation is of other nodes.
+        ValueError: if the expectation has other nodes.
     """
     seen = masked.seen
     if expectation.inputs.shape != seen.inputs.shape:
         raise ValueError(
-            f"the expectation is of {expectation.inputs.shape} nodes and classes, the masked "
+            f"the expectation has {expectation.inputs.shape} nodes and classes, the masked "
             f"buildings have {seen.inputs.shape}"
         )
     hidden = masked.hidden.astype(float)
     absent = expectation.log_probability(np.zeros_like(hidden))  # log P(none)
-    with np.errstate(divide="ignore"):  # where none is certain; its other branch is not taken
+    with np.errstate(divide="ignore"):  # log 0 occurs only in the branch not taken
         log_presence = np.log(-np.expm1(absent))
     values = {
         "nll": -expectation.log_probability(hidden),
@@ -143,14 +143,14 @@ def measure_room_views(expectation: Expectation, masked: MaskedBuildings) -> Roo
 
 
 def add_room_views(parts: Iterable[RoomViews]) -> RoomViews:
-    """Return the sums of several batches or folds as one; a building may be in several.
+    """Return the sums of several batches or folds as one; a building may occur in several.
 
     Raises:
-        ValueError: if there is none.
+        ValueError: if there are none.
     """
     parts = tuple(parts)
     if not parts:
-        raise ValueError("room views are added up of one batch or more, found none")
+        raise ValueError("room views: expected one batch or more to add up, found none")
     scenes = sorted({scene for part in parts for scene in part.scene_ids})
     number = {scene: place for place, scene in enumerate(scenes)}
     places = np.array([number[scene] for part in parts for scene in part.scene_ids], dtype=int)
@@ -167,13 +167,13 @@ def add_room_views(parts: Iterable[RoomViews]) -> RoomViews:
 def compare_room_views(
     ours: RoomViews, theirs: RoomViews, *, resamples: int = 200, seed: int = 0
 ) -> dict[str, Estimate]:
-    """Return what `evaluate` says of one model minus another's, with intervals over buildings.
+    """Return `evaluate` of one model minus another's, with intervals over buildings.
 
-    The comparison is paired: both meet the same rooms, and the same resamples of the buildings.
+    The comparison is paired: both use the same rooms, and the same resamples of the buildings.
 
     Args:
-        ours: of the one model.
-        theirs: of the other, on the same masks of the same buildings.
+        ours: of the first model.
+        theirs: of the second model, on the same masks of the same buildings.
         resamples: of the bootstrap; fewer than 2 give no intervals.
         seed: of the resamples.
 

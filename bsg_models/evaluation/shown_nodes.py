@@ -1,4 +1,4 @@
-"""The nodes that the figures of an evaluation are drawn of: all of them, or some of very many."""
+"""Collect the nodes for the figures of an evaluation: all of them, or a part of very many."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ class ShownNodes:
     """What is seen, expected and true of M nodes.
 
     Attributes:
-        inputs: `[M, C]` what the masks leave.
+        inputs: `[M, C]` histograms that the masks leave.
         totals: `[M, C]` whole histograms as the model predicts them.
-        targets: `[M, C]` what is there.
+        targets: `[M, C]` true histograms.
         is_building: `[M]`.
-        example: row of the node that is drawn by itself.
+        example: row of the node that is drawn separately.
     """
 
     inputs: Floats
@@ -31,11 +31,11 @@ class ShownNodes:
 
 
 class ShownCollector:
-    """Collects every k-th masked building, and one in its first draw whatever k is.
+    """A collector of every k-th masked building, and always of the example in its first draw.
 
     Args:
         stride: k.
-        example: scene id of the one.
+        example: scene id of the example.
     """
 
     def __init__(self, stride: int, example: str) -> None:
@@ -45,7 +45,7 @@ class ShownCollector:
         self._parts: list[tuple[Floats, Floats, Floats, Bools]] = []
 
     def add(self, truth: Truth, expectation: Expectation) -> None:
-        """Take in some masked buildings, each from its building node on."""
+        """Add some masked buildings; each begins with its building node."""
         place = self._masked + np.cumsum(truth.is_building) - 1
         self._masked += int(truth.is_building.sum())
         keep = place % self._stride == 0

@@ -1,8 +1,8 @@
-"""How metrics are measured batch by batch, for all resamples of the buildings at once.
+"""Measure metrics batch by batch, for all resamples of the buildings at once.
 
-The resamples are known before the first batch: they depend on the number of buildings alone. So a
-metric keeps, instead of its nodes, what it needs of them under each of W weights: the data as they
-are, and every resample. Of a building only how often each resample has it is held: two bytes.
+The resamples depend only on the number of buildings, so they are known before the first batch. A
+metric therefore keeps sums under each of W weights (the data, and every resample) instead of its
+nodes. A building takes two bytes per resample.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ Weights = npt.NDArray[Any]  # `[B, W]` of floats or of whole numbers
 
 @dataclass(frozen=True, slots=True)
 class Values:
-    """What a metric is under each of W weights.
+    """A metric under each of W weights.
 
     Attributes:
-        values: (node set, part) → `[W]`; nan where it is not defined.
-        nodes: (node set, part) → number of nodes that it is over.
+        values: (node set, part) → `[W]`; nan if it is not defined.
+        nodes: (node set, part) → number of nodes behind it.
     """
 
     values: Mapping[Key, Floats]
@@ -43,7 +43,7 @@ class Batch:
 
     Attributes:
         prediction: of N nodes.
-        building: `[N]` 0..B-1, the number of each node's building among all.
+        building: `[N]` 0..B-1, the number of each node's building.
         weights: `[B, W]` how often each building counts.
     """
 
@@ -52,11 +52,11 @@ class Batch:
     weights: Weights
 
     def sum(self, rows: Ints, values: Floats) -> Floats:
-        """Return what some nodes add up to under every weight, `[W, K]`.
+        """Return the sums over some nodes under every weight, `[W, K]`.
 
         Args:
             rows: `[M]` of the nodes.
-            values: `[M, K]` what each adds.
+            values: `[M, K]` what each node adds.
         """
         there, place = np.unique(self.building[rows], return_inverse=True)
         one_of = sparse.csr_array(
@@ -65,13 +65,13 @@ class Batch:
         return np.asarray(self.weights[there].T.astype(float) @ (one_of @ values))
 
     def sum_products(self, rows: Ints, values: Floats) -> Floats:
-        """Return Σ z zᵀ of some nodes under every weight, `[W, 1 + K, 1 + K]`.
+        """Return Σ z zᵀ over some nodes under every weight, `[W, 1 + K, 1 + K]`.
 
-        With z = (1, values), its first row is the number of nodes, and the sums of the values.
+        With z = (1, values), its first row is the number of nodes, then the sums of the values.
 
         Args:
             rows: `[M]` of the nodes.
-            values: `[M, K]` of each.
+            values: `[M, K]` of each node.
         """
         if not len(rows):
             return np.zeros((self.weights.shape[1], *2 * (1 + values.shape[1],)))
@@ -89,34 +89,34 @@ class Gathered(ABC):
 
     @abstractmethod
     def add(self, batch: Batch) -> None:
-        """Take in some nodes; those of a building may come in several batches."""
+        """Add some nodes; those of a building may come in several batches."""
 
     @abstractmethod
     def finish(self) -> Values:
-        """Return what the metric is over all batches."""
+        """Return the metric over all batches."""
 
 
 _Shared = TypeVar("_Shared", bound="SharedCells")
 
 
 class SharedCells(ABC):
-    """What several metrics of one stream read: it is gathered once for all of them."""
+    """Data that several metrics of one stream read; it is gathered once for all of them."""
 
     @abstractmethod
     def __init__(self, weights: Weights) -> None:
-        """Begin, without nodes."""
+        """Start without nodes."""
 
     @abstractmethod
     def add(self, batch: Batch) -> None:
-        """Take in some nodes."""
+        """Add some nodes."""
 
 
 class Stream:
-    """The batches of one model on one split, and what its metrics share.
+    """The batches of one model on one split, and the data that its metrics share.
 
     Args:
         scene_ids: `[B]` of all buildings that will come.
-        weights: `[B, W]` how often each of them counts.
+        weights: `[B, W]` how often each building counts.
     """
 
     def __init__(self, scene_ids: Sequence[str], weights: Weights) -> None:
@@ -130,13 +130,13 @@ class Stream:
         return int(self.weights.shape[1])
 
     def share(self, kind: type[_Shared]) -> _Shared:
-        """Return what all metrics that ask for this kind have in common."""
+        """Return the shared data of this kind; all metrics that ask get the same object."""
         if kind not in self._shared:
             self._shared[kind] = kind(self.weights)
         return cast(_Shared, self._shared[kind])
 
     def batch(self, prediction: Prediction) -> Batch:
-        """Take in some nodes for what is shared, and return them for the metrics."""
+        """Add some nodes to the shared data, and return them for the metrics."""
         truth = prediction.truth
         numbers = np.array([self._number[scene] for scene in truth.scene_ids], dtype=np.int64)
         batch = Batch(prediction, numbers[truth.building], self.weights)

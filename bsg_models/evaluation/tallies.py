@@ -1,8 +1,8 @@
-"""What each room adds to some means: likelihood, and what was said of it beside what is true.
+"""Compute what each room adds to some means: likelihood, presence, calibration gaps.
 
 A tally takes the truth of masked buildings, what was seen of them, and what a model expects. It
-returns `Shares`, name → (`[N]` what each node adds, `[N]` of how many cells); a cell is a room and
-a class. `bsg_models.evaluation.building_means` makes means of them.
+returns `Shares`: name → (`[N]` what each node adds, `[N]` its number of cells). A cell is a room
+and a class. `bsg_models.evaluation.building_means` makes means of them.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from bsg_models.evaluation.room_views import VIEWS, view_of
 from bsg_models.evaluation.truth import Truth
 
 Tally = Callable[[Truth, MaskedBuildings, Expectation], Shares]
-LEAST = 1e-6  # a presence is at least this far from 0 and 1 where its logarithm is taken
+LEAST = 1e-6  # a presence is moved this far from 0 and 1 before its logarithm is taken
 
 
 def tally_all(*tallies: Tally) -> Tally:
-    """Return the tally of several at once."""
+    """Return a tally that combines several."""
 
     def tally(truth: Truth, masked: MaskedBuildings, found: Expectation) -> Shares:
         return {k: v for one in tallies for k, v in one(truth, masked, found).items()}
@@ -39,7 +39,7 @@ def tally_likelihood(truth: Truth, masked: MaskedBuildings, found: Expectation) 
 
 
 def tally_views(truth: Truth, masked: MaskedBuildings, found: Expectation) -> Shares:
-    """Return `nll/VIEW`, and `gap/VIEW`: presence said minus true, of the `VIEWS` of rooms."""
+    """Return `nll/VIEW`, and `gap/VIEW`: presence minus outcome, for the `VIEWS` of rooms."""
     gap = (found.presence - (truth.hidden > 0)).sum(axis=1)
     loss = hidden_nll(truth, found)
     classes = truth.inputs.shape[1]
@@ -59,7 +59,7 @@ def view_rooms(masked: MaskedBuildings) -> Mapping[str, Bools]:
 def tally_second(
     truth: Truth, masked: MaskedBuildings, found: Expectation, *, classes: Mapping[str, int]
 ) -> Shares:
-    """Return `said/CLASS` and `true/CLASS`: P(another one | one is seen).
+    """Return `said/CLASS` and `true/CLASS`: predicted and true P(another one | one is seen).
 
     They are over the rooms that show exactly one of the class and hide a part of their objects.
 
@@ -81,7 +81,7 @@ def tally_second(
 
 
 def tally_surroundings(truth: Truth, masked: MaskedBuildings, found: Expectation) -> Shares:
-    """Return `floor_area` and `labels`: the presence loss of unvisited rooms that have it."""
+    """Return `floor_area` and `labels`: the presence loss of unvisited rooms with that evidence."""
     known = masked.seen.surroundings
     unvisited = view_rooms(masked)["unvisited"]
     has = {"floor_area": np.isfinite(known.floor_area), "labels": known.labels.any(axis=1)}

@@ -1,4 +1,4 @@
-"""What is measured: the truth of masked pairs, and a model's expectation beside it."""
+"""Define what is measured: the truth of masked pairs, and a model's expectation of them."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ NODE_SETS = ("rooms", "building", "all")
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """What the stored pairs of a split say, over all N nodes of all draws.
+    """The stored pairs of a split, over all N nodes of all draws.
 
     Attributes:
-        inputs: `[N, C]` what the masks leave.
-        targets: `[N, C]` what is there.
+        inputs: `[N, C]` histograms that the masks leave.
+        targets: `[N, C]` true histograms.
         is_building: `[N]`.
         visited: `[N]` whether the robot entered.
         building: `[N]` 0..B-1, the number of the node's building.
@@ -62,7 +62,7 @@ def join_truths(parts: Sequence[Truth]) -> Truth:
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """A model's expectation beside the truth: what a metric is prepared from.
+    """A model's expectation and the truth: the input of a metric.
 
     Attributes:
         truth: of N nodes.

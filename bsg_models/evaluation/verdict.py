@@ -1,7 +1,7 @@
-"""Verdicts: is one model better than another, by the interval of their paired difference.
+"""Decide whether one model is better than another, by the interval of their paired difference.
 
-Both met the same resamples of the buildings, so that buildings which are hard for both do not widen
-the interval of what they differ by. Two intervals that overlap say less.
+Both use the same resamples of the buildings, so buildings that are hard for both do not widen the
+interval. Comparing two separate intervals for overlap would show less.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from bsg_models.evaluation.catalogue import find_value, label_value
 
 Verdict = Literal["better", "not distinguishable", "worse"]
 
-BESIDE_DOUBLED = "beside doubling what was seen (by 95 % intervals of the paired difference)"
+BESIDE_DOUBLED = "compared with doubling what was seen (by 95 % intervals of the paired difference)"
 
-# The values that are shown first, by what they are about.
+# The values that are shown first, by topic.
 HEADLINES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "what is hidden": (
@@ -51,13 +51,13 @@ HEADLINES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 
 
 def judge(ours: Bootstrap, other: Bootstrap, name: str) -> Verdict:
-    """Return whether a model is better in a value than another that met the same resamples.
+    """Return whether a model is better in a value than another with the same resamples.
 
-    It is where the interval of the paired difference does not hold 0; without resamples, where the
-    values differ.
+    It is better or worse if the interval of the paired difference excludes 0; without resamples, if
+    the values differ.
 
     Raises:
-        RecipeError: for a value of which neither less nor more is better.
+        RecipeError: for a value without a better side.
     """
     less = find_value(name)[0].less
     if less is None:
@@ -72,7 +72,7 @@ def judge(ours: Bootstrap, other: Bootstrap, name: str) -> Verdict:
 def judge_all(
     bootstraps: Mapping[str, Bootstrap], *, runs: Sequence[str], beside: str = "doubled"
 ) -> dict[str, dict[str, list[str]]]:
-    """Return run → verdict → the headlines in which it is so, beside one other model.
+    """Return run → verdict → the headlines with this verdict, compared with one other model.
 
     A headline that is not defined for both has no verdict.
     """
@@ -98,7 +98,7 @@ def list_headlines(bootstraps: Mapping[str, Bootstrap]) -> list[str]:
 
 
 def explain(bootstraps: Mapping[str, Bootstrap], *, runs: Sequence[str]) -> list[str]:
-    """Return lines that say in plain words where each run stands beside doubling what was seen."""
+    """Return lines that compare each run with doubling what was seen, in plain words."""
     lines = []
     for run, verdicts in judge_all(bootstraps, runs=runs).items():
         lines.append(f"{run}, {BESIDE_DOUBLED}:")

@@ -1,4 +1,4 @@
-"""The baselines that keep a comparison honest: what was seen, what was seen doubled, the mean."""
+"""Baselines that every comparison includes: what was seen, what was seen doubled, the mean."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from bsg_models.zoo.settings import DataConfig, ModelConfig
 
 
 class InputConfig(ModelConfig):
-    """Predict that what was seen is all there is."""
+    """Predict that nothing is hidden."""
 
     family: Literal["input"] = "input"
 
 
 class DoubledConfig(ModelConfig):
-    """Predict input / (1 − f), f the share that a node hides: at one half, twice what was seen."""
+    """Predict input / (1 − f), with f the hidden share: at one half, twice what was seen."""
 
     family: Literal["doubled"] = "doubled"
 
@@ -37,7 +37,7 @@ class TrainMeanConfig(ModelConfig):
 
 
 class InputModel(BeliefModel):
-    """What was seen is all there is: hidden = 0."""
+    """Predict that nothing is hidden: hidden = 0."""
 
     def predict(self, seen: Observation) -> Expectation:
         """Return an expectation of nothing hidden."""
@@ -46,10 +46,9 @@ class InputModel(BeliefModel):
 
 
 class DoubledModel(BeliefModel):
-    """As much is hidden of each class as the mask's share says: hidden = input · f / (1 − f).
+    """Predict hidden = input · f / (1 − f) for each class, with f the hidden share.
 
-    At a share f of one half this doubles what was seen, hence the name. Normalised, it is the
-    input itself.
+    At f = 1/2 this doubles what was seen, hence the name. Normalised, it equals the input.
     """
 
     def predict(self, seen: Observation) -> Expectation:
@@ -60,10 +59,10 @@ class DoubledModel(BeliefModel):
 
 
 class TrainMeanModel(BeliefModel):
-    """The mean histogram of the training rooms, and of the training buildings, for every input.
+    """Predict the mean histogram of the training rooms, and of the training buildings.
 
-    Its raw totals are the mean; hidden = share · mean, since a uniform mask hides that share of
-    the objects whatever is seen.
+    Its raw totals are the mean; hidden = share · mean, because a uniform mask hides that share of
+    the objects, whatever is seen.
     """
 
     room_mean: torch.Tensor

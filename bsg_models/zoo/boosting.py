@@ -1,11 +1,11 @@
-"""Boosted trees with a Poisson loss, one model a class: what is possible without a network.
+"""Fit boosted trees with a Poisson loss, one model per class: the best result without a network.
 
     H_c | x ~ NB(f · exp(trees_c(x)), r_c)
 
-x is what the room shows, its mask and its building; f the share that is hidden, an offset of the
-trees. r is fitted afterwards to what the trees leave unexplained. LightGBM (extra `boosting`) grows
-the trees and writes them as text, which is what a checkpoint holds. It holds all rooms at once, of
-which there are `bsg_models.zoo.masked_rooms.MOST_ROOMS` at most: of more it reads a sample.
+x describes the room's seen objects, its mask and its building. f is the hidden share, an offset of
+the trees. r is fitted afterwards to the residuals of the trees. LightGBM (extra `boosting`) grows
+the trees and writes them as text, which the checkpoint holds. Training holds all rooms in memory,
+at most `bsg_models.zoo.masked_rooms.MOST_ROOMS`; of more rooms it reads a sample.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ from bsg_models.zoo.settings import DataConfig, ModelConfig
 from bsg_models.zoo.training_recipes import VARIED
 from bsg_models.zoo.tree_text import prove_trees
 
-_MOST_BYTES = 2**28  # of unpacked trees; the recipe's are some megabytes
-# What LightGBM writes at most, so that a small file cannot ask for more:
-_HEAD_BYTES, _FEATURE_BYTES = 2**16, 2**7  # of a class, once and for each feature; a tenth is usual
+_MOST_BYTES = 2**28  # of unpacked trees; the recipe's trees take some megabytes
+# Limits on LightGBM's text, so that a small file cannot ask for more:
+_HEAD_BYTES, _FEATURE_BYTES = 2**16, 2**7  # per class, and per feature; a tenth is usual
 _TREE_BYTES, _LEAF_BYTES = 2**10, 2**9
 
 
@@ -46,15 +46,15 @@ TreeReading = Literal["mask", "building", "categories"]
 
 
 class BoostingConfig(ModelConfig):
-    """Boosted trees with a Poisson loss, one model a class (LightGBM).
+    """Boosted trees with a Poisson loss, one model per class (LightGBM).
 
     Attributes:
         trees: of each class.
         leaves: of each tree.
         learning_rate: of boosting.
         draws: masks of every training building.
-        reads: what it sees besides a room's own histogram; see `NodeFeatures`.
-        calibrate: fit three numbers on the val buildings that mend how sure the model is.
+        reads: evidence besides a room's own histogram; see `NodeFeatures`.
+        calibrate: fit the calibration on the val buildings.
     """
 
     family: Literal["poisson-boosting"] = "poisson-boosting"
@@ -67,10 +67,10 @@ class BoostingConfig(ModelConfig):
 
 
 class PoissonBoosting(CalibratedModel):
-    """Fitted by boosting on masks of the training rooms.
+    """Boosted trees, fitted on masks of the training rooms.
 
     Attributes:
-        trees: bytes of the classes' trees as LightGBM writes them, compressed.
+        trees: LightGBM's text of the trees of all classes, compressed.
         dispersions: `[C]` r.
     """
 
@@ -102,7 +102,7 @@ class PoissonBoosting(CalibratedModel):
         hidden = masked.hidden[rows].astype(np.float64)
         texts, rates = [], np.empty_like(hidden)
         for c, counts in enumerate(hidden.T):
-            if not counts.any():  # nothing to grow on: a weak prior of half an object in all rooms
+            if not counts.any():  # nothing to learn: a weak prior of half an object in all rooms
                 start = np.log(0.5 / share[rows].sum())
                 rates[:, c] = np.exp(start + offset)
                 texts.append({"start": float(start), "trees": None})
@@ -119,7 +119,7 @@ class PoissonBoosting(CalibratedModel):
         self._boosters = self._read(packed)
 
     def resize_buffers(self, state: Mapping[str, torch.Tensor]) -> None:
-        """Take as many bytes of trees as the checkpoint has, and grow them from these.
+        """Make room for the trees of a checkpoint, and read them.
 
         Raises:
             CheckpointError: if they are not the trees of this model.
@@ -140,14 +140,16 @@ class PoissonBoosting(CalibratedModel):
         return negative_binomial(share * np.exp(np.minimum(rates, 6.0)), dispersions)
 
     def _read(self, packed: bytes) -> list[tuple[float, Any]]:
-        """Return start and trees of every class; None for the trees of a class that never hid."""
+        """Return start and trees of every class; None for a class that was never hidden."""
         lightgbm = _import_lightgbm()
         unpacking = zlib.decompressobj()
         try:
             most = self._most_bytes(len(packed))
             text = unpacking.decompress(packed, most)
             if unpacking.unconsumed_tail:
-                raise ValueError(f"they unpack to more than {most:,} bytes, which no such trees do")
+                raise ValueError(
+                    f"they unpack to more than {most:,} bytes, the limit for such trees"
+                )
             texts = parse_json(text)
             if len(texts) != len(self.dispersions):
                 raise CheckpointError("the trees are of another model")
@@ -169,14 +171,14 @@ class PoissonBoosting(CalibratedModel):
         return lightgbm.Booster(model_str=proven)
 
     def _most_bytes(self, packed: int) -> int:
-        """Return how much text the trees may unpack to: by what is configured, and by the file."""
+        """Return how much text the trees may unpack to, by the configuration and the file."""
         classes, trees = len(self.dispersions), self.config.trees
         heads = classes * (_HEAD_BYTES + _FEATURE_BYTES * self._width())
         grown = classes * trees * (_TREE_BYTES + _LEAF_BYTES * self.config.leaves)
         return min(heads + min(grown, MAX_RATIO * packed), _MOST_BYTES)
 
     def _width(self) -> int:
-        """Return F, what the trees read of every node."""
+        """Return F, the number of features per node."""
         classes, reads = len(self.dispersions), self.config.reads
         return (
             classes
@@ -187,7 +189,7 @@ class PoissonBoosting(CalibratedModel):
         )
 
     def _describe(self, seen: Observation) -> Floats:
-        """Return what the trees read of every node, `[N, F]`."""
+        """Return the features of every node, `[N, F]`."""
         counts, building = seen.inputs.astype(np.float64), seen.building
         parts = [counts, counts.sum(axis=1, keepdims=True)]
         if "mask" in self.config.reads:
@@ -213,7 +215,7 @@ class PoissonBoosting(CalibratedModel):
             "deterministic": True,
             "force_row_wise": True,
             "num_threads": 1,
-            "seed": torch.initial_seed() % 2**31,  # of the run, see bsg_models.training.training
+            "seed": torch.initial_seed() % 2**31,  # the run's, see bsg_models.training.training
             "verbosity": -1,
         }
 

@@ -1,12 +1,13 @@
-"""Calibration: numbers, fitted on the val buildings, that mend how sure a model is.
+"""Calibrate a model: fit a few numbers on the val buildings that correct its confidence.
 
-First three of the counts: a distribution with means μ and dispersions r becomes one with means
-e^shift · μ^slope and dispersions e^spread · r. It keeps the order of the classes of a room; a slope
-below 1 is a temperature above 1.
+Three numbers correct the counts: a distribution with means μ and dispersions r becomes one with
+means e^shift · μ^slope and dispersions e^spread · r. The order of the classes of a room stays; a
+slope below 1 is a temperature above 1.
 
-Then two of presence, apart for cells that were looked into and those that were not: the log odds of
-none hidden, ℓ, become ℓ + shift + slope · ℓ, and what is left keeps its ratios. A model errs there
-in different ways: where it saw something it is too sure, where it saw nothing it knows the average.
+Two numbers correct the presence, separately for cells that were looked into and those that were
+not. The log odds of none hidden, ℓ, become ℓ + shift + slope · ℓ; the remaining probabilities keep
+their ratios. The two kinds need separate numbers: where a model saw something it is too confident,
+and where it saw nothing it knows the average.
 """
 
 from __future__ import annotations
@@ -25,16 +26,16 @@ from bsg_models.zoo.model import BeliefModel, ModelInputs, take_cells, to_array
 from bsg_models.zoo.room_sums import sum_rooms
 from bsg_models.zoo.settings import ModelConfig
 
-_PRIOR = 10.0  # cells' worth of log-likelihood for a line that is off by 1
+_PRIOR = 10.0  # weight, in cells' log-likelihood, of the penalty for a line that is off by 1
 
 
 class CalibratedModel(BeliefModel):
-    """A model with a distribution of the hidden counts, which can be calibrated.
+    """A model of the hidden counts that can be calibrated.
 
     Attributes:
         calibration: `[3]` shift, logarithm of the slope, and spread; 0 changes nothing.
-        presence_calibration: `[2, 2]` shift and slope of the log odds of none, of cells that were
-            looked into and of those that were not; 0 changes nothing.
+        presence_calibration: `[2, 2]` shift and slope of the log odds of none, for cells that were
+            looked into and for those that were not; 0 changes nothing.
     """
 
     calibration: torch.Tensor
@@ -47,7 +48,7 @@ class CalibratedModel(BeliefModel):
 
     @abstractmethod
     def predict_hidden_counts(self, seen: Observation) -> CountDistribution:
-        """Return the hidden counts as learned; the rows of buildings are not read."""
+        """Return the uncalibrated hidden counts; rows of buildings are ignored."""
 
     def predict(self, seen: Observation) -> Expectation:
         """Return the calibrated expectation; a building hides what its rooms hide."""
@@ -57,9 +58,9 @@ class CalibratedModel(BeliefModel):
     def predict_rooms(
         self, seen: Observation, rows: Ints, columns: Ints | None
     ) -> CountDistribution:
-        """Return the hidden counts of some rooms; arguments as of `expect_rooms`.
+        """Return the hidden counts of some rooms; arguments as for `expect_rooms`.
 
-        All that calibrates works cell by cell, so that the other cells need not be.
+        Calibration works cell by cell, so the other cells are not computed.
         """
         share = seen.cell_share[rows]
         if columns is not None:
@@ -69,11 +70,11 @@ class CalibratedModel(BeliefModel):
     def learned_rooms(
         self, seen: Observation, rows: Ints, columns: Ints | None
     ) -> CountDistribution:
-        """Return the hidden counts of some rooms as learned; arguments as of `expect_rooms`."""
+        """Return the uncalibrated hidden counts of some rooms; arguments as for `expect_rooms`."""
         return take_cells(self.predict_hidden_counts(seen), rows, columns)
 
     def _calibrate(self, learned: CountDistribution, share: Floats) -> CountDistribution:
-        """Return what was learned of some cells `[N, A]` as calibrated; share is hidden of each."""
+        """Calibrate the counts of some cells `[N, A]`; `share` is hidden of each."""
         calibrated = recalibrate(learned, to_array(self.calibration))
         lines = to_array(self.presence_calibration)
         if lines.any():
@@ -106,7 +107,7 @@ def recalibrate_presence(
 
     Args:
         distribution: of N nodes.
-        lines: `[2, 2]` of cells that were looked into and of those that were not.
+        lines: `[2, 2]` for cells that were looked into and for those that were not.
         looked_into: `[N, C]`.
     """
     shift, slope = lines[np.where(looked_into, 0, 1)].transpose(2, 0, 1)
@@ -116,15 +117,15 @@ def recalibrate_presence(
 def fit_presence_calibration(
     distribution: CountDistribution, hidden: Floats, *, share: Floats
 ) -> Floats:
-    """Return the lines `[2, 2]` that maximise the likelihood of what is hidden.
+    """Return the lines `[2, 2]` that maximise the likelihood of the hidden counts.
 
-    Given δ, the likelihood of a count depends on it through presence alone, so that this is a
-    logistic regression. A weak prior holds a line where few cells are.
+    A line changes the likelihood of a count through its presence only, so this is a logistic
+    regression. A weak prior holds a line that few cells determine.
 
     Args:
         distribution: of N rooms.
         hidden: `[N, C]` counts.
-        share: `[N, C]` that each cell hides; cells that hide nothing are not read.
+        share: `[N, C]` that each cell hides; cells that hide nothing are not used.
     """
     odds, none = distribution.log_odds_of_none, hidden == 0
     lines = np.zeros((2, 2))

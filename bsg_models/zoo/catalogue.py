@@ -1,6 +1,6 @@
-"""All models on one screen: a name stands for a model with its configuration.
+"""List all models: each name stands for a model with its configuration.
 
-This file imports no model, so that names can be listed without torch.
+This module imports no model, so names can be listed without torch.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ class ZooRow:
 
     Attributes:
         config: the model's own settings.
-        make: returns a new model of such settings, given what it will read: a class of models.
+        make: class of the model; called with such settings and `ModelInputs`.
         data: what it is trained on.
-        training: how it is trained; models that are fitted by counting do not read it.
-        summary: of a row whose family does not say enough; otherwise the family's docstring does.
+        training: how it is trained; models fitted by counting ignore it.
+        summary: its description; if empty, the first line of the docstring of its settings.
     """
 
     config: ModelConfig
@@ -35,16 +35,16 @@ class ZooRow:
     summary: str = ""
 
     def __post_init__(self) -> None:
-        """Refuse the class of a configuration in the place of an instance.
+        """Refuse a class of settings where an instance is expected.
 
         Raises:
-            TypeError: for it.
+            TypeError: if `config` is not an instance of `ModelConfig`.
         """
         if not isinstance(self.config, ModelConfig):
             raise TypeError(f"ZooRow: config is {self.config!r}, expected an instance of its class")
 
     def describe(self) -> str:
-        """Return what the model is, in one line."""
+        """Return a description of the model in one line."""
         return self.summary or (type(self.config).__doc__ or "").strip().splitlines()[0]
 
 

@@ -1,6 +1,6 @@
-"""What training rooms hold, without a mask: compact counts, and tallies of them.
+"""Read the content of training rooms, without a mask: compact counts, and tallies of them.
 
-Buildings are read a part of the dataset at a time, so that what is kept is all that is held.
+Buildings are read one part of the dataset at a time, so only the result stays in memory.
 """
 
 from __future__ import annotations
@@ -13,21 +13,21 @@ import numpy.typing as npt
 from bsg_data.arrays import Ints
 from bsg_data.dataset.dataset import Dataset
 
-Tally = tuple[Ints, Ints]  # counts, rising, and in how many rooms each of them is
+Tally = tuple[Ints, Ints]  # distinct counts, rising, and the number of rooms with each
 
 
 def read_rooms(
     data: Dataset, scenes: Sequence[str], *, most: int
 ) -> tuple[npt.NDArray[np.uint8], Ints]:
-    """Return what the rooms of some scenes hold, a byte a class: 45 bytes a room of 45 classes.
+    """Return the content of the rooms of some scenes, one byte per class.
 
     Args:
         data: an open dataset.
-        scenes: B of it, in the order of the answer.
-        most: counts above it are cut to it, 255 at most.
+        scenes: B of its scenes, in the order of the answer.
+        most: limit to which larger counts are cut, at most 255.
 
     Returns:
-        the counts `[R, C]`, and the number of the building of each room, `[R]`.
+        The counts `[R, C]`, and the number of the building of each room, `[R]`.
     """
     rooms: dict[str, npt.NDArray[np.uint8]] = {}
     for some in data.in_parts(scenes):
@@ -39,7 +39,7 @@ def read_rooms(
 
 
 def tally_rooms(data: Dataset, scenes: Sequence[str]) -> list[Tally]:
-    """Return of every class, `[C]`, which counts rooms have of it, and how many rooms each."""
+    """Return for every class `[C]` which counts occur in rooms, and in how many rooms each."""
     classes = len(data.manifest.class_space.classes)
     number, tallies = 0, np.zeros((2, 0), dtype=np.int64)
     for rooms in _each_part(data, scenes):
@@ -61,7 +61,7 @@ def _each_part(data: Dataset, scenes: Sequence[str]) -> Iterator[Ints]:
 
 
 def _with_none(counts: Ints, times: Ints, *, rooms: int) -> Tally:
-    """Return a tally of counts above 0 with the rooms that have none, if there are any."""
+    """Return a tally of counts above 0 completed by the rooms with none, if there are any."""
     without = rooms - int(times.sum())
     if not without:
         return counts, times
@@ -69,7 +69,7 @@ def _with_none(counts: Ints, times: Ints, *, rooms: int) -> Tally:
 
 
 def _add(one: Ints, other: Ints) -> Ints:
-    """Return two tallies, values over times `[2, n]`, as one."""
+    """Return the sum of two tallies, values over times `[2, n]`."""
     both = np.concatenate([one, other], axis=1)
     values, places = np.unique(both[0], return_inverse=True)
     return np.stack([values, np.bincount(places, both[1], len(values)).astype(np.int64)])

@@ -1,24 +1,25 @@
-"""The paper's equations 1 to 3, estimated by counting.
+"""Estimate the paper's equations 1 to 3 by counting.
 
 The paper writes the probability of a class c given the observations B = {b_1 … b_m} as
 
     P(c | B) = Σ_j P(c ∩ b_j) / Π_j P(b_j)                                     (equation 1)
 
-with counts a_bj of the observations in equation 2, and for the count a_c of the class in
-equation 3. A sum of joint probabilities over a product of marginals is no probability: it grows
-without bound with m. We read it as what it is for one observation, P(c | b_j), and take the
-observations as equally likely to be the one that speaks, which normalises it:
+with counts a_bj of the observations in equation 2, and for the count a_c of the class in equation
+3. A sum of joint probabilities over a product of marginals is no probability: it grows without
+bound with m. For one observation it is P(c | b_j). We keep this reading and average over the
+observations with equal weights, which normalises it:
 
     P(c | B) = 1/m Σ_j P(c | b_j)
     P(c | b_j) = (n(c, b_j) + s P(c)) / (n(b_j) + s)
 
-n counts rooms of the training buildings under masks, b_j that class j was seen (`observe =
-"classes"`) or seen 1, 2, 3 or more times (`"counts"`), c that an object of the class was hidden; s
-is the smoothing. The observations are thereby independent of each other given c, and each pair
-(c, b_j) is estimated on its own. Equation 3's distribution of the hidden count is kept as its P(0)
-and its mean, averaged in the same way: the zero-inflated Poisson with both, or where the mean is
-too small for that, the Poisson with this P(0). Where nothing was seen it is that of all rooms. At
-another fraction than that of the counting, the rate is scaled.
+n counts rooms of the training buildings under masks. b_j means that class j was seen (`observe =
+"classes"`), or seen 1, 2, 3 or more times (`"counts"`). c means that an object of the class was
+hidden. s is the smoothing. Each pair (c, b_j) is estimated separately.
+
+Of equation 3's distribution of the hidden count, P(0) and the mean are kept, and averaged in the
+same way. The result is the zero-inflated Poisson with both; if the mean is too small for that, the
+Poisson with this P(0). If nothing was seen, the values are those of all rooms. At another fraction
+than that of the counting, the rate is scaled.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ class ConditionalConfig(ModelConfig):
     """The paper's equations 1 to 3, by counting on masks of the training rooms.
 
     Attributes:
-        observe: condition on which classes are seen (equation 1), or on how many of each (2, 3).
+        observe: condition on the classes seen (equation 1), or on the count of each (2, 3).
         smoothing: added to every count, as a share of the class's mean.
         draws: masks of every training building.
     """
@@ -59,13 +60,13 @@ class ConditionalConfig(ModelConfig):
 
 
 class ConditionalModel(BeliefModel):
-    """The mean over what was seen of what each of it says.
+    """The mean of what each observation predicts.
 
     Attributes:
         presence: `[C · levels + 1, C]` P(an object of the column's class is hidden | the row's
-            observation); the last row is of all rooms.
-        hidden: the same of the mean number.
-        fraction: of the masks that were counted.
+            observation); the last row is over all rooms.
+        hidden: mean number of hidden objects, in the same layout.
+        fraction: of the masks of the counting.
     """
 
     presence: torch.Tensor

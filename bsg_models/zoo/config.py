@@ -1,7 +1,7 @@
-"""Configurations: everything that a run depends on besides its dataset.
+"""Read and write configurations: everything that a run depends on besides its dataset.
 
-A run is named by a zoo name or a TOML file; `--set training.epochs=50` overrides one value. An
-unknown key, a wrong type or an impossible value is named with its path and the nearest valid key.
+A configuration is a zoo name or a TOML file; `--set training.epochs=50` overrides one value. An
+error names the path of an unknown key, wrong type or impossible value, and the nearest valid key.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ _LONGEST_NAME = 1_000  # characters; the zoo's longest has 24
 
 
 class RunConfig(Record):
-    """One run.
+    """The configuration of a run.
 
     Attributes:
-        name: of the model, as in the zoo; a configuration of one's own is named by its family.
-        seed: of everything that is sampled.
-        model: the settings of its family.
+        name: of the model, as in the zoo; by default the name of its family.
+        seed: of all random draws.
+        model: settings of its family.
         data: what it is trained on.
-        training: how; models that are fitted by counting do not read it.
+        training: how it is trained; models fitted by counting ignore it.
     """
 
     name: str = Field(default="", max_length=_LONGEST_NAME)
@@ -53,31 +53,31 @@ class RunConfig(Record):
     @field_validator("name")
     @classmethod
     def _name_is_printable(cls, value: str) -> str:
-        """Refuse what no table, page or figure can show: all of them name models."""
+        """Refuse a name that tables, pages and figures cannot show."""
         if not value.isprintable():
-            raise ValueError(f"expected characters that can be printed, found {value!r}")
+            raise ValueError(f"expected printable characters, found {value!r}")
         return value
 
     @field_validator("model", mode="before")
     @classmethod
     def _read_family(cls, value: Any) -> ModelConfig:
-        """Read the settings of a family as what the zoo says they are."""
+        """Read the settings of a family by its row in the zoo."""
         if isinstance(value, ModelConfig):
             return value
         family = value.get("family") if isinstance(value, Mapping) else value
         if not isinstance(family, str) or family not in ZOO:
             raise ValueError(
-                f"model.family must be one of {', '.join(ZOO)}; found {family!r}, which may be of "
-                "a package that is not installed"
+                f"model.family must be one of {', '.join(ZOO)}; found {family!r}; if it is from "
+                "another package, install that"
             )
-        # Strict reading takes a tuple for a list in JSON only, and guesses nothing else.
+        # Strict reading takes a tuple for a list in JSON only, and converts nothing else.
         return type(ZOO[family].config).model_validate_json(json.dumps(value), strict=True)  # noqa: TID251
 
     @model_validator(mode="after")
     def _take_name(self) -> RunConfig:
-        """Name a configuration by its family, if it has no name of its own."""
+        """Name a configuration after its family, if it has no name of its own."""
         if not self.name:
-            object.__setattr__(self, "name", self.model.family)  # frozen, but not yet given away
+            object.__setattr__(self, "name", self.model.family)  # frozen, but not yet in use
         return self
 
 
@@ -85,7 +85,7 @@ def find_config(name: str) -> RunConfig:
     """Return the configuration of a zoo name.
 
     Raises:
-        ConfigError: for an unknown name, with the nearest.
+        ConfigError: for an unknown name; the message suggests the nearest.
     """
     try:
         row = ZOO[name]
@@ -133,10 +133,10 @@ def validate_config(tables: Mapping[str, Any], *, source: str) -> RunConfig:
     """Return tables as a configuration.
 
     Raises:
-        ConfigError: naming every fault with its path, what is valid, and the nearest key.
+        ConfigError: naming every fault with its path, the valid values, and the nearest key.
     """
     try:
-        # Strict reading takes a tuple for a list in JSON only, and guesses nothing else.
+        # Strict reading takes a tuple for a list in JSON only, and converts nothing else.
         return RunConfig.model_validate_json(json.dumps(tables, default=str), strict=True)  # noqa: TID251
     except ValidationError as error:
         family = _family_of(tables)
@@ -145,12 +145,12 @@ def validate_config(tables: Mapping[str, Any], *, source: str) -> RunConfig:
 
 
 def write_toml(config: RunConfig) -> str:
-    """Return a configuration as TOML that `read_config` reads back; what is None is left out."""
+    """Return a configuration as TOML that `read_config` reads; None values are left out."""
     return tomli_w.dumps(config.model_dump(mode="json", exclude_none=True))
 
 
 def _family_of(tables: Mapping[str, Any]) -> type[ModelConfig]:
-    """Return the settings of the family that tables name; those of all families if they do not."""
+    """Return the settings of the family that tables name, or of all families if they name none."""
     model = tables.get("model")
     family = str(model.get("family")) if isinstance(model, Mapping) else ""
     return type(ZOO[family].config) if family in ZOO else ModelConfig
@@ -159,7 +159,7 @@ def _family_of(tables: Mapping[str, Any]) -> type[ModelConfig]:
 def _explain(
     fault: Any, *, family: type[ModelConfig], above: tuple[str | int, ...] = ()
 ) -> Iterator[str]:
-    """Yield what is wrong, with the path of the key and what is valid there."""
+    """Yield each fault with the path of its key and the valid values."""
     cause = fault.get("ctx", {}).get("error")
     path = (*above, *fault["loc"])
     if isinstance(cause, ValidationError):  # of a family's own settings

@@ -1,4 +1,4 @@
-"""New models from configurations; an ensemble is made with its members."""
+"""Make new models from configurations; an ensemble is made with its members."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ def find_member(name: str) -> RunConfig:
 
 
 def reads_categories(config: RunConfig) -> bool:
-    """Say whether a model reads the visible objects outside the classes."""
+    """Return whether a model reads visible objects outside the classes."""
     if isinstance(config.model, EnsembleConfig):
         return any(reads_categories(find_member(name)) for name in config.model.members)
     return "categories" in getattr(config.model, "reads", ())
 
 
 def can_resume(config: RunConfig) -> bool:
-    """Say whether a training that was stopped can go on, which one that only counts cannot."""
+    """Return whether a stopped training can continue; a training by counting cannot."""
     make = ZOO[config.model.family].make
     return isinstance(make, type) and issubclass(make, Network | Ensemble)
 
@@ -48,11 +48,11 @@ def make_model(
     Args:
         config: of the run.
         classes: C, of the histograms.
-        vocabulary: the categories outside the classes that it may read.
-        members: recipes of an ensemble's members, where they are not those of the zoo.
+        vocabulary: categories outside the classes that it may read.
+        members: recipes of an ensemble's members; None for those of the zoo.
 
     Raises:
-        ConfigError: if an ensemble names a member that is none.
+        ConfigError: if an ensemble names an unknown member.
     """
     reads = vocabulary if reads_categories(config) else ()
     inputs = ModelInputs(classes=classes, vocabulary=reads, edges=config.data.edges)

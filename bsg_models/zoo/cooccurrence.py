@@ -1,16 +1,16 @@
-"""Co-occurrence: which classes meet in the rooms of another source, counted once and shipped.
+"""Score classes by co-occurrence: which classes share rooms in another source.
 
-A planner that has no model asks what its objects usually stand beside. The table is of BEHAVIOR's
-rooms (`mappings/behavior-cooccurrence-v1.csv`, made by `scripts/fit/cooccurrence.py`), and two
-rules make a score of it, with n rooms in all, n_c of which have the class c:
+A planner without a model asks what its objects usually stand beside. The table counts BEHAVIOR's
+rooms (`mappings/behavior-cooccurrence-v1.csv`, made by `scripts/fit/cooccurrence.py`). Two rules
+turn it into a score, with n rooms in all, n_c of which have the class c:
 
     pmi           the mean over visible classes j of log P(c | j) / P(c)
     naive-bayes   Σ_j visible log P(j | c) / P(j | not c)
                   + Σ_j absent (1 − f_j) log P(not j | c) / P(not j | not c)
 
-P(c | j) = (n_cj + s P(c)) / (n_j + s), and so on; f_j is the share that the room hides of class j,
-so that what was looked for in vain counts as far as it was looked for. A pair without a row meets
-in few buildings, and counts as one room. What the table does not list says nothing.
+P(c | j) = (n_cj + s P(c)) / (n_j + s), and so on. f_j is the share that the room hides of class j,
+so an absent class counts as far as it was looked for. A pair without a row occurs in few buildings,
+and counts as one room. Classes that the table does not list add nothing.
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ from bsg_models.zoo.training_recipes import VARIED
 
 BEHAVIOR_TABLE = "behavior-cooccurrence-v1.csv"
 _HEADER = ("class_a", "class_b", "rooms_with_both", "rooms_with_a", "rooms_with_b", "rooms")
-_UNLISTED = 1.0  # rooms of a pair that is not listed
+_UNLISTED = 1.0  # rooms of a pair without a row
 
 
 class CooccurrenceConfig(ModelConfig):
-    """Which classes meet in the rooms of BEHAVIOR: the mean over what is seen (PMI).
+    """Co-occurrence of classes in BEHAVIOR's rooms: the mean over what is seen (PMI).
 
     Attributes:
         rule: how the table becomes a score.
-        smoothing: s, rooms of the usual kind that are added to every count.
+        smoothing: s, average rooms that are added to every count.
     """
 
     family: Literal["cooccurrence"] = "cooccurrence"
@@ -50,11 +50,11 @@ class CooccurrenceConfig(ModelConfig):
 
 
 class Cooccurrence(PresenceOdds):
-    """A score from a table of what meets.
+    """A score from a table of co-occurrence.
 
     Attributes:
-        together: `[C, C]` rooms with both classes; on the diagonal, with the class: 0 if it is not
-            listed.
+        together: `[C, C]` rooms with both classes; on the diagonal, rooms with the class, 0 if it
+            is not listed.
         rooms: in all.
     """
 
@@ -96,10 +96,10 @@ class Cooccurrence(PresenceOdds):
 
 
 def read_table(file: str, data: bytes, classes: tuple[str, ...]) -> tuple[Floats, float]:
-    """Return the rooms with each two of some classes `[C, C]`, and the number of rooms.
+    """Return the number of rooms with each two of some classes `[C, C]`, and of all rooms.
 
     Args:
-        file: names the table in errors.
+        file: name of the table in errors.
         data: its bytes.
         classes: `[C]`; other classes of the table are left out.
 
@@ -134,5 +134,5 @@ COOCCURRENCE_NAIVE_BAYES = ZooRow(
     CooccurrenceConfig(rule="naive-bayes"),
     Cooccurrence,
     data=VARIED,
-    summary="Which classes meet in the rooms of BEHAVIOR: naive Bayes over seen and absent ones.",
+    summary="Co-occurrence of classes in BEHAVIOR's rooms: naive Bayes over seen and absent ones.",
 )

@@ -1,17 +1,18 @@
-"""Networks of hidden counts: features of the nodes, a trunk, and a prior for every room and class.
+"""Build networks of hidden counts: node features, a trunk, and a prior per room and class.
 
     Λ ~ Gamma(r, r / m)          the rate of class c in a room; log m = (W h)_c, log r = (U h)_c
     V ~ Poisson((1 − f) Λ)       what was seen of it
     H ~ Poisson(f Λ)             what is hidden, so that
     H | V ~ NB(mean f (r + V) / (r / m + 1 − f), dispersion r + V)
 
-h is what the trunk makes of the features of a node, f the share that it hides. This is shrinkage
-per class (`bsg_models.zoo.gamma_poisson`) with a prior of its own for every room: the network says
-what is usual in such a room and how sure that is, and Bayes' rule adds what was seen of the class
-itself, at any share. A node's own histogram therefore never has to survive the trunk.
+h is the trunk's encoding of a node's features, and f the share that the node hides. This is
+shrinkage per class (`bsg_models.zoo.gamma_poisson`) with a separate prior for every room. The
+network predicts the usual count in such a room, and how sure that is. Bayes' rule then adds the
+seen objects of the class itself, at any share. So the node's own histogram need not pass through
+the trunk.
 
-The prior of the first true counts is tilted (`bsg_models.belief.negative_binomial`), by factors
-that are linear in h, too: rooms have one refrigerator, not two.
+The prior of the first true counts is tilted (`bsg_models.belief.negative_binomial`) by factors that
+are also linear in h: rooms have one refrigerator, not two.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ from bsg_models.zoo.model import ModelInputs, Network, share_of, to_array
 from bsg_models.zoo.node_features import Likelihood, NetworkConfig, NodeFeatures
 from bsg_models.zoo.settings import DataConfig
 
-_MOST = 5.0  # of log m and |log r|: e^5 objects of one class in one room; log m ≥ −10
+_MOST = 5.0  # limit of log m and |log r|: e^5 objects of a class in a room; log m ≥ −10
 
 
 class CountNetwork(CalibratedModel, Network):
@@ -57,10 +58,10 @@ class CountNetwork(CalibratedModel, Network):
 
     @abstractmethod
     def encode(self, features: torch.Tensor, graphs: Data) -> torch.Tensor:
-        """Return what the trunk makes of features `[N, F]`: `[N, width]`."""
+        """Return the trunk's encoding of features `[N, F]`: `[N, width]`."""
 
     def fit(self, data: Dataset, choice: DataConfig) -> None:
-        """Let the head start from the mean histogram of the training rooms."""
+        """Start the head from the mean histogram of the training rooms."""
         scenes = scenes_of(data, "train", fold=choice.fold)
         others = (data.others(scene) for scene in scenes)
         self.features.fit(
@@ -119,7 +120,7 @@ class CountNetwork(CalibratedModel, Network):
 
 
 class Posterior(NamedTuple):
-    """The hidden counts of N nodes and C classes, as a network says them.
+    """The hidden counts of N nodes and C classes, as a network predicts them.
 
     Attributes:
         mean: `[N, C]` λ before tilts.
@@ -132,13 +133,13 @@ class Posterior(NamedTuple):
     tilts: list[torch.Tensor]
 
     def take(self, nodes: torch.Tensor) -> Posterior:
-        """Return those of some nodes, a mask `[N]`."""
+        """Return the posterior of some nodes, a mask `[N]`."""
         tilts = [tilt[nodes] for tilt in self.tilts]
         return Posterior(self.mean[nodes], self.dispersion[nodes], tilts)
 
 
 class PriorHead(nn.Module):
-    """From the encoded nodes to priors of the rates, and from these to the hidden counts."""
+    """Layers from the encoded nodes to priors of the rates, and to the hidden counts."""
 
     def __init__(self, config: NetworkConfig, classes: int) -> None:
         super().__init__()
@@ -155,7 +156,7 @@ class PriorHead(nn.Module):
             nn.init.zeros_(layer.bias)
 
     def start(self, means: torch.Tensor) -> None:
-        """Begin with the mean counts `[C]` of a room as the prior of all."""
+        """Start with a room's mean counts `[C]` as the prior of all."""
         with torch.no_grad():
             self.mean.bias.copy_(means.clamp(min=MIN_RATE).log())
 
@@ -178,8 +179,8 @@ def cell_loss(
 
     Args:
         hidden: `[N, C]` true counts.
-        posterior: what is said of them; only `negative-binomial` reads dispersions and tilts.
-        likelihood: `mse` squares the error; the others are −log P(hidden).
+        posterior: predicted counts; only `negative-binomial` reads dispersions and tilts.
+        likelihood: `mse` is the squared error; the others are −log P(hidden).
     """
     if likelihood == "mse":
         return functional.mse_loss(posterior.mean, hidden, reduction="none")

@@ -1,4 +1,4 @@
-"""DeepSets: a room from itself and from sums over its building, by a multilayer perceptron."""
+"""DeepSets: encode a room from its own features and sums over its building."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class DeepSetsConfig(NetworkConfig):
 
 
 class DeepSets(CountNetwork):
-    """Node features, which sum over the rooms (Zaheer et al., 2017), through dense layers."""
+    """Dense layers over node features, which include sums over the rooms (Zaheer et al., 2017)."""
 
     def __init__(self, config: DeepSetsConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)

@@ -1,4 +1,4 @@
-"""Several models as one: the equal mixture of their distributions of the hidden counts."""
+"""Combine several models: the equal mixture of their distributions of the hidden counts."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class EnsembleConfig(ModelConfig):
 
     Attributes:
         members: names of the zoo; each is trained by its own recipe.
-        calibrate: fit three numbers on the val buildings that mend how sure the mixture is.
+        calibrate: fit the calibration of the mixture on the val buildings.
     """
 
     family: Literal["ensemble"] = "ensemble"
@@ -43,7 +43,7 @@ class EnsembleConfig(ModelConfig):
 class Ensemble(CalibratedModel):
     """P(hidden) = mean over the members of their P(hidden).
 
-    Where members agree it is as sure as they are; where they differ it is less so.
+    If the members agree, it is as confident as they are; if they differ, it is less so.
     """
 
     config: EnsembleConfig
@@ -53,7 +53,7 @@ class Ensemble(CalibratedModel):
         self.members = nn.ModuleDict()
 
     def take_member(self, name: str, member: BeliefModel) -> None:
-        """Put a model in a member's place."""
+        """Replace a member by a model."""
         self.members[name] = member
 
     def resize_buffers(self, state: Mapping[str, torch.Tensor]) -> None:
@@ -71,7 +71,7 @@ class Ensemble(CalibratedModel):
     def learned_rooms(
         self, seen: Observation, rows: Ints, columns: Ints | None
     ) -> CountDistribution:
-        """Return the mixture of what the members believe; arguments as of `expect_rooms`."""
+        """Return the mixture of the members' beliefs; arguments as for `expect_rooms`."""
         parts = [member.predict_rooms(seen, rows, columns) for _, member in self._each()]
         return blend(parts, [1 / len(parts)] * len(parts))
 

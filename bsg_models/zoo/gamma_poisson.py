@@ -1,4 +1,4 @@
-"""Shrinkage per class: Poisson counts whose rates vary from room to room as a Gamma.
+"""Shrink counts per class: Poisson counts whose rates vary from room to room as a Gamma.
 
     rate of class c in a room   Λ ~ Gamma(a_c, b_c)
     what is there               T | Λ ~ Poisson(Λ)
@@ -8,8 +8,8 @@
 
 a and b maximise the likelihood of the training rooms' counts, T ~ NB(mean a/b, dispersion a).
 
-With `tilted` J > 0 the prior of the first J true counts is tilted, too: classes of which a room has
-one know that (`bsg_models.belief.negative_binomial`).
+With `tilted` J > 0 the prior of the first J true counts is also tilted. A tilted prior can express
+that rooms have exactly one object of a class (`bsg_models.belief.negative_binomial`).
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class GammaPoissonConfig(ModelConfig):
     """Shrink each count to its class: Poisson counts with a Gamma prior fitted per class.
 
     Attributes:
-        tilted: J, of how many first counts the prior is tilted.
+        tilted: J, the number of first counts whose prior is tilted.
     """
 
     family: Literal["gamma-poisson"] = "gamma-poisson"
@@ -122,12 +122,12 @@ def fit_gamma_prior(tally: Tally) -> tuple[float, float]:
 def fit_tilted_prior(tally: Tally, shape: float, rate: float, *, tilted: int) -> tuple[float, ...]:
     """Return a, b and the tilts a_0..a_{J−1} that maximise the likelihood of a class's counts.
 
-    Each tilt has a normal prior of standard deviation 2, which holds those of counts that are rare.
+    Each tilt has a normal prior of standard deviation 2, which limits the tilts of rare counts.
 
     Args:
         tally: of one class in all rooms.
-        shape: a to begin with.
-        rate: b to begin with.
+        shape: initial a.
+        rate: initial b.
         tilted: J.
     """
     values, times = tally
@@ -166,5 +166,5 @@ GAMMA_POISSON = ZooRow(GammaPoissonConfig(), GammaPoissonModel)
 TILTED_GAMMA_POISSON = ZooRow(
     GammaPoissonConfig(tilted=2),
     GammaPoissonModel,
-    summary="Shrink each count to its class, whose prior knows how likely none and one are.",
+    summary="Shrink each count to its class, with a prior that also fits P(none) and P(one).",
 )

@@ -1,4 +1,4 @@
-"""The paper's CECI model: graph convolutions over building and rooms (paper, section III-A).
+"""Implement the paper's CECI model: graph convolutions over building and rooms (section III-A).
 
 "The proposed architecture consists of 5 GCN convolutional layers, followed by batch normalization,
 ReLU and dropout." Input and output are histograms E × O of the nodes of interest, `[N, C]`.
@@ -30,10 +30,10 @@ class GCNConfig(ModelConfig):
 
     Attributes:
         depth: GCNConv layers; the paper has 5.
-        width: channels of the hidden layers; the paper does not say.
-        dropout: share of channels dropped after each hidden layer; the paper does not say.
-        last_layer: what follows the last GCNConv: nothing (`linear`), or what follows the others
-            (`block`), which is the paper's sentence read literally.
+        width: channels of the hidden layers; the paper does not state it.
+        dropout: share of channels dropped after each hidden layer; the paper does not state it.
+        last_layer: what follows the last GCNConv: nothing (`linear`), or the same as after the
+            others (`block`), which is the paper's sentence read literally.
         likelihood: mean squared error of whole histograms, as in the paper.
     """
 
@@ -46,7 +46,7 @@ class GCNConfig(ModelConfig):
 
 
 class CECIGCN(Network):
-    """Predict the whole histogram of every node of interest from the histograms that were seen."""
+    """Predict the whole histogram of every node of interest from the seen histograms."""
 
     def __init__(self, config: GCNConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
@@ -65,7 +65,7 @@ class CECIGCN(Network):
     def forward(self, graphs: Data) -> torch.Tensor:
         """Return predicted totals E″ × O″, `[N, C]`; a linear last layer may go below 0."""
         x: torch.Tensor = graphs.x
-        # D^-½ (A + I) D^-½, once for all layers, each of which would make its own.
+        # D^-½ (A + I) D^-½, computed once; otherwise every layer would compute its own.
         edges, weights = gcn_norm(graphs.edge_index, num_nodes=len(x), dtype=x.dtype)
         for layer, convolution in enumerate(self.convolutions):
             x = convolution(x, edges, weights)
@@ -78,12 +78,12 @@ class CECIGCN(Network):
         return torch.nn.functional.mse_loss(self(graphs), graphs.y)
 
     def validation_loss(self, graphs: Data) -> tuple[float, int]:
-        """Return the squared error of the totals, not below 0, and the number of cells."""
+        """Return the squared error of the totals, clipped at 0, and the number of cells."""
         totals = self._predict_totals(graphs)
         return float(((totals - graphs.y.numpy()) ** 2).sum()), totals.size
 
     def predict(self, seen: Observation) -> Expectation:
-        """Return the totals, not below 0, and what they leave hidden."""
+        """Return the totals, clipped at 0, and the hidden counts that follow."""
         parts = [self._predict_totals(self.graph_of(part)) for part in self.in_bounds(seen)]
         totals = parts[0] if len(parts) == 1 else np.concatenate(parts)
         return from_totals(seen.inputs.astype(np.float64), totals)

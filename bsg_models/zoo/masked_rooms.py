@@ -1,8 +1,8 @@
-"""What training rooms show and hide under masks: what counting models count.
+"""Stream or sample training rooms under masks, for models that are fitted by counting.
 
-Models that need sums read a stream: all masks of some buildings, then of the next, so that a part
-of the dataset is read once, and none is held. Models that need everything at once read a sample of
-`MOST_ROOMS` rooms, and say so.
+Models that need sums read a stream: all masks of some buildings, then of the next. So each part of
+the dataset is read once, and only one is in memory. Models that need everything at once read a
+sample of `MOST_ROOMS` rooms, and report it.
 """
 
 from __future__ import annotations
@@ -25,13 +25,14 @@ from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.zoo.settings import DataConfig
 
-MOST_ROOMS = 10_000  # that a model holds at once, each under all of its masks
+MOST_ROOMS = 10_000  # rooms that a model holds at once, each under all of its masks
 
 
 def stream_uniform(data: Dataset, choice: DataConfig, *, draws: int) -> Iterator[MaskedBuildings]:
     """Yield the training buildings under uniform masks of the choice's fraction.
 
-    Uniform whatever the strategy: what a class says of another shows in rooms that are seen.
+    The masks are uniform whatever the strategy, because only partly seen rooms show what one class
+    says about another.
 
     Raises:
         TrainingError: if the fraction is 0.
@@ -48,12 +49,12 @@ def stream_uniform(data: Dataset, choice: DataConfig, *, draws: int) -> Iterator
 def choose_buildings(
     data: Dataset, choice: DataConfig, *, most: int = MOST_ROOMS
 ) -> tuple[str, ...]:
-    """Return the training buildings, or if they have too many rooms, some of them at random.
+    """Return the training buildings, or a random sample if they have too many rooms.
 
     Args:
         data: an open dataset.
         choice: of its training buildings; the seed of its mask is that of the sample.
-        most: rooms. One building is chosen in any case.
+        most: limit of rooms; at least one building is chosen.
     """
     scenes = scenes_of(data, "train", fold=choice.fold)
     sizes = {s: len(data.cells(s)) - 1 for some in data.in_parts(scenes) for s in some}
@@ -63,12 +64,12 @@ def choose_buildings(
 
 
 def choose_within(keys: Floats, sizes: Sequence[int] | Ints, *, most: int) -> Bools:
-    """Return which things of some sizes are kept, those of the lowest keys first, `[B]`.
+    """Return which things are kept within a limit of total size, the lowest keys first, `[B]`.
 
     Args:
-        keys: `[B]` in whose order they are kept.
+        keys: `[B]`.
         sizes: `[B]`.
-        most: that all which are kept may have; the first is kept in any case.
+        most: limit of the total size; the first thing is kept in any case.
     """
     order = np.argsort(keys, kind="stable")
     kept = np.zeros(len(keys), dtype=bool)
@@ -102,24 +103,24 @@ def sample_chosen(
 
 
 def describe_sample(chosen: int, buildings: int) -> str:
-    """Say that a model was fitted to some of the training buildings."""
+    """Return a note that a model was fitted to a part of the training buildings."""
     return (
-        f"fitted to {chosen:,} of {buildings:,} training buildings, drawn at random: about "
-        f"{MOST_ROOMS:,} rooms, which is what it holds in memory at once"
+        f"fitted to a random sample of {chosen:,} of {buildings:,} training buildings: about "
+        f"{MOST_ROOMS:,} rooms, its limit in memory"
     )
 
 
 def take_sample(
     batches: Iterable[MaskedBuildings], *, most: int, seed: int = 0
 ) -> tuple[MaskedBuildings, int]:
-    """Return a random sample of masked buildings in their order, and how many there were.
+    """Return a random sample of masked buildings in their order, and the number of all.
 
-    What is held is one batch and twice the sample. The sample depends on the buildings and the
-    seed, not on how they come in batches; all are in it if they have no more than `most` rooms.
+    Memory holds one batch and twice the sample. The sample depends on the buildings and the seed,
+    not on the batches. It contains all buildings if they have at most `most` rooms.
 
     Args:
         batches: one or more.
-        most: rooms, and buildings beside them.
+        most: limit of rooms, and separately of buildings.
         seed: of the sample.
     """
     rng = np.random.Generator(np.random.PCG64(seed))
@@ -131,7 +132,7 @@ def take_sample(
 
 
 class _Sample:
-    """Buildings of the lowest keys that were met until now."""
+    """The buildings with the lowest keys so far."""
 
     def __init__(self, most: int) -> None:
         self._most = most
@@ -140,7 +141,7 @@ class _Sample:
         self._limit = np.inf  # the lowest key that was left out
 
     def add(self, batch: MaskedBuildings, keys: Floats) -> None:
-        """Take the buildings whose keys are low enough."""
+        """Add the buildings whose keys are low enough."""
         below = np.flatnonzero(keys < self._limit)
         if not len(below):
             return
@@ -150,7 +151,7 @@ class _Sample:
             self._thin()
 
     def take(self) -> MaskedBuildings:
-        """Return what is kept of all that was added."""
+        """Return the sample of everything added."""
         self._thin()
         return self._parts[0]
 

@@ -1,4 +1,4 @@
-"""What the graph networks share: residual rounds of messages between building and rooms."""
+"""Share the trunk of graph networks: residual rounds of messages between building and rooms."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from bsg_models.zoo.node_features import NetworkConfig, ShownDropout
 
 
 class WritesNoFile:
-    """A convolution of PyG that runs PyG's code as it stands; name it before PyG's class.
+    """A PyG convolution that writes no code to disk; name it before PyG's class.
 
-    PyG otherwise writes a module for each class of convolutions into the temporary directory, runs
-    it, and leaves it there. What it computes is the same, and the same to the bit.
+    PyG otherwise writes a module for each convolution class into the temporary directory, runs it,
+    and leaves it there. The results are the same to the bit.
     """
 
     def _set_jittable_templates(self, raise_on_error: bool = False) -> None:
@@ -33,8 +33,8 @@ class NormalisedConv(WritesNoFile, GCNConv):  # type: ignore[misc]
 class MessagePassing(CountNetwork):
     """`depth` rounds of h ← h + dropout(SiLU(norm(convolve(h)))).
 
-    The sum keeps what a node knows of itself; without it, rounds of averaging over a star of rooms
-    make the rooms alike.
+    The residual sum keeps a node's own information. Without it, rounds of averaging over a star of
+    rooms make the rooms alike.
     """
 
     def __init__(
@@ -64,5 +64,5 @@ class MessagePassing(CountNetwork):
         return h
 
     def edges_of(self, graphs: Data) -> Any:
-        """Return the edges as the convolutions take them."""
+        """Return the edges in the form that the convolutions take."""
         return graphs.edge_index

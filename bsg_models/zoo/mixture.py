@@ -1,4 +1,4 @@
-"""Latent room types: what kind of room is this, and what does that kind hold?
+"""Model latent room types: infer the type of a room, and predict what rooms of that type hold.
 
     type of a room              k ~ π
     count of class c in it      T | k ~ NB(mean m_kc, dispersion r_kc), independent given k
@@ -7,22 +7,22 @@
                                 H | V, k ~ NB(f (r + V) / (r / m + 1 − f), r + V)
 
 π, m and r are fitted to the training rooms by expectation maximisation. τ < 1 (`temper`) because
-the classes of a room are not independent given its type, so that the product alone is too sure.
+the classes of a room are not independent given its type; the plain product is too confident.
 
-The building is a second level (`building`). Its habits show in the *other* rooms that
+The building is a second level (`building`). Its habits are estimated from the *other* rooms that
 were looked into:
 
-    which types it has          π_b ∝ η π + Σ P(k | V) over the other rooms
-    how much of class c         g_bc = (α_c + Σ V_c) / (α_c + Σ E V_c), the mean of a
+    its types                   π_b ∝ η π + Σ P(k | V) over the other rooms
+    its rate of class c         g_bc = (α_c + Σ V_c) / (α_c + Σ E V_c), the mean of a
                                 Gamma(α_c, α_c) given the other rooms; it multiplies m_kc
 
-and every room is answered again with π_b and g_b m.
+Then every room is predicted again with π_b and g_b m.
 
 With `tilted` J > 0 the prior of the first J counts of every type is tilted
-(`bsg_models.belief.negative_binomial`), so that a type knows of what it has just one. m is then the
-mean before tilts; E V is that of the tilted counts. In a room that nobody looked into f is 1 and V
-says nothing: the answer is the building's types and habits. f is that of the class where one is
-withheld.
+(`bsg_models.belief.negative_binomial`), so that a type can have exactly one of a class. m is then
+the mean before tilts; E V is that of the tilted counts. In a room that nobody looked into, f is 1
+and V is no evidence: the prediction follows from the building's types and habits. For a withheld
+class, f is that of the class.
 """
 
 from __future__ import annotations
@@ -58,9 +58,9 @@ from bsg_models.zoo.model import ModelInputs, to_array
 from bsg_models.zoo.room_types import MOST, FittedTypes, Rooms, fit_types, tilted_means
 from bsg_models.zoo.settings import DataConfig, ModelConfig
 
-_LEAST = 1e-9  # no type calls a class impossible
-_MOST_BUILDINGS = 20_000  # that habits are fitted to
-_PRIOR_TYPES = 8.0  # η: rooms of an average building that π_b starts from
+_LEAST = 1e-9  # no type makes a class impossible
+_MOST_BUILDINGS = 20_000  # limit of buildings for the fit of habits
+_PRIOR_TYPES = 8.0  # η: weight of the average building in π_b, in rooms
 
 
 class MixtureConfig(ModelConfig):
@@ -69,11 +69,11 @@ class MixtureConfig(ModelConfig):
     Attributes:
         types: number of room types.
         iterations: of expectation maximisation.
-        temper: exponent on the likelihood of what is seen; below 1, since the classes of a room
-            are not as independent as a type says.
-        building: whether the other rooms of a building tell its types and habits.
-        tilted: J, of how many first counts the prior of a type is tilted.
-        calibrate: fit a few numbers on the val buildings that mend how sure the model is.
+        temper: exponent on the likelihood of what is seen; below 1, because the classes of a room
+            are not independent given its type.
+        building: whether the other rooms of a building inform about its types and habits.
+        tilted: J, the number of first counts whose prior is tilted.
+        calibrate: fit the calibration on the val buildings.
     """
 
     family: Literal["mixture"] = "mixture"
@@ -86,13 +86,13 @@ class MixtureConfig(ModelConfig):
 
 
 class RoomTypeMixture(CalibratedModel):
-    """Fitted by counting; its posterior is in closed form.
+    """Room types, fitted by counting; the posterior is in closed form.
 
     Attributes:
         log_types: `[K]` log π.
         means: `[K, C]` m.
         dispersions: `[K, C]` r.
-        habits: `[C]` α; large where buildings do not differ.
+        habits: `[C]` α; large if buildings do not differ.
         tilts: `[J, K, C]` log factors of the first counts; only with `tilted`.
     """
 
@@ -134,8 +134,8 @@ class RoomTypeMixture(CalibratedModel):
         habits = fit_habits(counts, building, fitted, seed=seed)
         if (buildings := len(np.unique(building))) > _MOST_BUILDINGS:
             self.notes = (
-                f"habits of buildings are of {_MOST_BUILDINGS:,} of {buildings:,} training "
-                "buildings, drawn at random; room types are of all",
+                f"habits of buildings are fitted to a random sample of {_MOST_BUILDINGS:,} of "
+                f"{buildings:,} training buildings; room types are fitted to all",
             )
         self.log_types.copy_(torch.from_numpy(fitted.log_types))
         self.means.copy_(torch.from_numpy(fitted.means))
@@ -181,7 +181,7 @@ class RoomTypeMixture(CalibratedModel):
         return CountDistribution(hidden, dispersions, weights, tilts)
 
     def _log_seen(self, evidence: _Evidence, means: Floats) -> Floats:
-        """Return log NB(what was seen) of every type without tilts, `[K, rooms]`."""
+        """Return log NB(seen counts) under every type without tilts, `[K, rooms]`."""
         kept = 1 - evidence.share
         rows, columns = np.nonzero(evidence.seen)
         seen = evidence.seen[rows, columns]
@@ -230,9 +230,9 @@ class _Evidence:
 
 
 def fit_habits(counts: Rooms, building: Ints, fitted: FittedTypes, *, seed: int) -> Floats:
-    """Return α of every class `[C]`, how alike buildings are given the types of their rooms.
+    """Return α of every class `[C]`: how similar buildings are, given the types of their rooms.
 
-    Of more buildings than `_MOST_BUILDINGS` it reads so many.
+    Beyond `_MOST_BUILDINGS` buildings, it reads a sample of that size.
 
     Args:
         counts: `[R, C]`.
@@ -255,7 +255,7 @@ def fit_habits(counts: Rooms, building: Ints, fitted: FittedTypes, *, seed: int)
 
 
 def fit_habit(totals: Floats, expected: Floats) -> float:
-    """Return α of one class: buildings hold NB(expected, dispersion α) of it; both `[B]`."""
+    """Return α of one class: a building's count is NB(expected, dispersion α); both `[B]`."""
 
     def cost(log_shape: float) -> float:
         shape = float(np.exp(log_shape))

@@ -1,4 +1,4 @@
-"""The one interface of all models: an observation in, an expectation out, whatever the rooms."""
+"""Define the interface of all models: an observation in, an expectation out, for any rooms."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from bsg_models.zoo.threads import one_thread
 
 @dataclass(frozen=True, slots=True)
 class ModelInputs:
-    """What a model is given to read.
+    """What a model can read.
 
     Attributes:
         classes: C, of the histograms.
-        vocabulary: `[V]` the categories outside the classes that it reads.
+        vocabulary: `[V]` categories outside the classes that it reads.
         edges: of the graphs, for a model that reads edges.
     """
 
@@ -42,14 +42,14 @@ class ModelInputs:
 class BeliefModel(torch.nn.Module, ABC):
     """A model of what is hidden.
 
-    It is fitted by counting (`fit`), or it is a `Network`, which is trained by gradient. All that
-    it learns is in its state dict, so that one checkpoint format serves all.
+    A model is fitted by counting (`fit`), or it is a `Network`, trained by gradient. Everything
+    that it learns is in its state dict, so one checkpoint format serves all models.
 
     Attributes:
         config: its settings.
-        inputs: what it is given to read.
-        origin: the checkpoint that it was restored from; None for one that was not.
-        notes: what whoever trained it should know of its fit, such as that it read a sample.
+        inputs: what it can read.
+        origin: the checkpoint that it was restored from; None if it was not restored.
+        notes: remarks on its fit for the user, e.g. that it read a sample.
     """
 
     origin: str | None = None
@@ -62,20 +62,20 @@ class BeliefModel(torch.nn.Module, ABC):
 
     @property
     def vocabulary(self) -> tuple[str, ...]:
-        """The categories outside the classes that it reads, `[V]`: those of its observations."""
+        """Categories outside the classes that it reads, `[V]`; its observations need the same."""
         return self.inputs.vocabulary
 
     def fit(self, data: Dataset, choice: DataConfig) -> None:
-        """Learn from the training buildings of a dataset, or begin where training should."""
+        """Learn from the training buildings of a dataset, or set the start of a training."""
 
     def resize_buffers(self, state: Mapping[str, torch.Tensor]) -> None:
-        """Prepare for the state of a checkpoint, where the shape of a tensor follows from data."""
+        """Prepare for the state of a checkpoint, if the shape of a tensor depends on data."""
 
     def expect(self, seen: Observation) -> Expectation:
-        """Return what the model predicts, without gradients, and only if all of it is finite.
+        """Return the prediction, without gradients, after checking that it is finite.
 
-        A model that does not read the hidden share may believe in objects that are hidden in a room
-        of which all was seen; `Predictor` sets those to 0.
+        A model that does not read the hidden share may expect hidden objects in a searched room;
+        `Predictor` sets those to 0.
 
         Raises:
             PredictionError: naming the checkpoint, if anything is not finite.
@@ -88,12 +88,12 @@ class BeliefModel(torch.nn.Module, ABC):
 
     @abstractmethod
     def predict(self, seen: Observation) -> Expectation:
-        """Return the expectation of every node of an observation, of one building or of many."""
+        """Return the expectation of every node of an observation, of one building or many."""
 
     def expect_rooms(
         self, seen: Observation, rows: Ints, columns: Ints | None = None
     ) -> CountDistribution:
-        """Return what some rooms hide of some classes: as of `expect`, but sooner.
+        """Return the hidden counts of some rooms and classes, as `expect` does, but faster.
 
         Args:
             seen: what was seen.
@@ -101,7 +101,7 @@ class BeliefModel(torch.nn.Module, ABC):
             columns: `[M, A]` classes; None for all.
 
         Raises:
-            PredictionError: naming the checkpoint, if anything of it is not finite.
+            PredictionError: naming the checkpoint, if anything is not finite.
         """
         with torch.no_grad(), one_thread():
             hidden = self.predict_rooms(seen, rows, columns)
@@ -112,11 +112,11 @@ class BeliefModel(torch.nn.Module, ABC):
     def predict_rooms(
         self, seen: Observation, rows: Ints, columns: Ints | None
     ) -> CountDistribution:
-        """Return the hidden counts of some rooms; arguments as of `expect_rooms`."""
+        """Return the hidden counts of some rooms; arguments as for `expect_rooms`."""
         return take_cells(self.predict(seen).hidden_counts, rows, columns)
 
     def not_finite(self) -> PredictionError:
-        """Return the error of an answer that is not finite, naming the checkpoint."""
+        """Return the error for an answer that is not finite, naming the checkpoint."""
         return PredictionError(
             f"{self.origin or type(self).__name__}: the model's answer is not finite (NaN or "
             "infinite); train it again"
@@ -127,13 +127,13 @@ class Network(BeliefModel):
     """A model that is trained by the gradient of its loss on graphs.
 
     Attributes:
-        edge_bytes: that it works out for every edge at once; 0 for one that lists no edges.
+        edge_bytes: memory that it needs per edge; 0 if it lists no edges.
     """
 
     edge_bytes = 0
 
     def in_bounds(self, seen: Observation) -> Iterator[Observation]:
-        """Yield the buildings of an observation, as many at once as memory holds.
+        """Yield the buildings of an observation in groups that fit into memory.
 
         Raises:
             PredictionError: if one building is too large.
@@ -145,7 +145,7 @@ class Network(BeliefModel):
 
     @property
     def label(self) -> str:
-        """What errors call it: the checkpoint that it is from, or its family."""
+        """Name in errors: its checkpoint, or its family."""
         return self.origin or self.config.family
 
     def graph_of(self, seen: Observation, targets: Counts | None = None) -> Data:
@@ -153,14 +153,14 @@ class Network(BeliefModel):
         return to_graph(self.reading_of(seen), edges=self.inputs.edges, targets=targets)
 
     def nodes_of(self, seen: Observation) -> Data | Nodes:
-        """Return an observation as the network is asked about it, without targets."""
+        """Return an observation in the form for predictions, without targets."""
         return self.graph_of(seen)
 
     def reading_of(self, seen: Observation) -> Observation:
         """Return an observation with the categories that the network reads.
 
         Raises:
-            MismatchError: if the observation is of other ones.
+            MismatchError: if the observation has others.
         """
         if seen.vocabulary == self.vocabulary:
             return seen
@@ -168,18 +168,18 @@ class Network(BeliefModel):
 
     @abstractmethod
     def loss(self, graphs: Data) -> torch.Tensor:
-        """Return what a step of training lowers, for graphs with their targets `y`."""
+        """Return the loss that a training step lowers, for graphs with their targets `y`."""
 
     def cells_of(self, graphs: Data) -> int:
-        """Return the number of cells (node, class) that `loss` is a mean over.
+        """Return the number of (node, class) cells that `loss` averages over.
 
-        Several processes that train together weigh their losses by it.
+        Several processes that train together weight their losses by it.
         """
         return int(graphs.y.numel())
 
     @abstractmethod
     def validation_loss(self, graphs: Data) -> tuple[float, int]:
-        """Return the sum of the loss over cells (node, class), and their number."""
+        """Return the sum of the loss over (node, class) cells, and their number."""
 
 
 def take_cells(
@@ -191,17 +191,17 @@ def take_cells(
 
 
 def others_of(seen: Observation, vocabulary: tuple[str, ...]) -> Counts:
-    """Return the objects that were seen outside the classes, `[N, V]`; none if nobody looked.
+    """Return the seen objects outside the classes, `[N, V]`; none if the vocabulary is empty.
 
     Raises:
-        MismatchError: if the observation is of another vocabulary.
+        MismatchError: if the observation has another vocabulary.
     """
     if seen.vocabulary == vocabulary:
         return seen.others
     if not seen.vocabulary:
         return np.zeros((len(seen.inputs), len(vocabulary)), dtype=np.int64)
     raise MismatchError(
-        f"the observation has {len(seen.vocabulary)} categories outside the classes, and not the "
+        f"the observation has {len(seen.vocabulary)} categories outside the classes, expected the "
         f"{len(vocabulary)} that the model reads; make it with vocabulary=model.vocabulary"
     )
 
@@ -214,7 +214,7 @@ def to_array(tensor: torch.Tensor) -> np.ndarray[Any, np.dtype[np.float64]]:
 def share_of(graphs: Data) -> torch.Tensor:
     """Return the share of its objects of each class that each node hides, `[N, C]`.
 
-    That of the node, and 1 where a class is withheld, as `Observation.cell_share`.
+    It is the node's hidden share, and 1 for a withheld class, as in `Observation.cell_share`.
     """
     share: torch.Tensor = graphs.hidden_share[:, None].expand_as(graphs.x)
     withheld: torch.Tensor | None = getattr(graphs, "withheld", None)

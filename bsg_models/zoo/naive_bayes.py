@@ -1,9 +1,9 @@
-"""Naive Bayes: is an object of a class hidden, given which classes are seen in the room?
+"""Predict presence by naive Bayes, from the classes that are seen in the room.
 
     logit P(c | B) = logit P(c) + τ Σ_j log P(b_j | c) / P(b_j | not c)
 
-over all classes j, seen or not, as if they were independent given c; τ < 1 since they are not. In
-a room that nobody looked into nothing was looked for, so that only the prior speaks.
+The sum is over all classes j, seen or not, as if they were independent given c; τ < 1 because they
+are not. In a room that nobody looked into, only the prior counts.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from bsg_models.zoo.settings import DataConfig, ModelConfig
 
 
 class NaiveBayesConfig(ModelConfig):
-    """Presence of each class from which classes are seen, as if these were independent given it.
+    """Presence of each class by naive Bayes from the classes that are seen.
 
     Attributes:
         smoothing: added to every count, as a share of the class's mean.
         draws: masks of every training building.
-        temper: exponent on what each class says, since they are not independent.
+        temper: exponent on the evidence of each class, because they are not independent.
     """
 
     family: Literal["naive-bayes"] = "naive-bayes"
@@ -42,13 +42,13 @@ class NaiveBayesConfig(ModelConfig):
 
 
 class NaiveBayesModel(BeliefModel):
-    """Presence by Bayes' rule, and the class's mean number where it is present.
+    """Presence by Bayes' rule, with the class's mean number if it is present.
 
     Attributes:
         prior: `[C]` P(c): an object of the class is hidden.
         seen: `[2, C, C]` P(b_j | not c) and P(b_j | c): row j, column c.
-        number: `[C]` mean number hidden where there is one.
-        fraction: of the masks that were counted.
+        number: `[C]` mean number hidden if there is at least one.
+        fraction: of the masks of the counting.
     """
 
     prior: torch.Tensor

@@ -1,13 +1,13 @@
-"""The mean of every node's neighbours, without a list of edges: linear in the rooms.
+"""Compute the mean of every node's neighbours without a list of edges, linear in the rooms.
 
-Where every room sees every other, R rooms have R (R − 1) edges: 100 million of 10,000 rooms. Their
-means need none of them, for the mean over the other rooms is a sum over all less the room's own
+If every room sees every other, R rooms have R (R − 1) edges: 100 million for 10,000 rooms. Their
+means need no edges. The mean over the other rooms is the sum over all rooms minus the room's own
 part:
 
     mean of the others of i = (Σ_j h_j − h_i) / (R − 1)
 
-`bsg_models.inputs.edges` lists the same edges for training. Sums are taken in double precision, so
-that the difference of two large ones is as exact as a sum over the edges in single precision.
+`bsg_models.inputs.edges` lists the same edges for training. Sums are in double precision, so that
+the difference of two large ones is as exact as a sum over the edges in single precision.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from bsg_models.inputs.edges import EdgeSet, edges_of
 
 @dataclass(frozen=True, eq=False)
 class Neighbours:
-    """Who is whose neighbour among N nodes of B buildings, as what each node takes of three sums.
+    """The neighbours among N nodes of B buildings, as weights of each node for three sums.
 
     Attributes:
         building: `[N]` number of each node's building.
         first: `[B]` row of each building's own node.
-        of_rooms: `[N, 1]` what a node takes of the sum over all rooms of its building.
-        of_itself: `[N, 1]` what it takes of itself.
-        of_building: `[N, 1]` what it takes of its building's own node.
+        of_rooms: `[N, 1]` weight of the sum over all rooms of the building.
+        of_itself: `[N, 1]` weight of the node itself.
+        of_building: `[N, 1]` weight of the building's own node.
         pairs: `[2, A]` other edges, from and to.
-        of_pairs: `[A, 1]` what the second node of each takes of the first.
+        of_pairs: `[A, 1]` weight of the first node of each pair for the second.
     """
 
     building: torch.Tensor
@@ -47,7 +47,7 @@ class Neighbours:
 
     @classmethod
     def of(cls, seen: Observation, edges: Sequence[EdgeSet]) -> Neighbours:
-        """Return the neighbours that some kinds of edges make."""
+        """Return the neighbours by some kinds of edges."""
         rooms = np.diff(seen.starts)[seen.building] - 1
         is_room = ~seen.is_building
         complete = is_room & ("complete" in edges)
@@ -70,7 +70,7 @@ class Neighbours:
         )
 
     def mean(self, h: torch.Tensor) -> torch.Tensor:
-        """Return the mean of every node's neighbours, `[N, W]` of `[N, W]`; 0 where there is none.
+        """Return the mean of every node's neighbours, `[N, W]` of `[N, W]`; 0 without neighbours.
 
         Edges go into a node from its neighbours, each once.
         """
@@ -86,14 +86,14 @@ class Neighbours:
 
 @dataclass(frozen=True, eq=False)
 class ListedNeighbours:
-    """Who is whose neighbour, from a list of edges, as a matrix for a training's gradients.
+    """The neighbours from a list of edges, as a matrix for the gradients of a training.
 
-    A product with the matrix adds in the order in which PyG adds what edges carry, and makes no
-    copy of the features for each edge: the same numbers in a third of the time.
+    A product with the matrix adds in the same order as PyG, and copies no features per edge: the
+    same numbers in a third of the time.
 
     Attributes:
-        matrix: `[N, N]` sparse; 1 where an edge goes into the row's node from the column's.
-        number: `[N, 1]` of each node's neighbours, 1 at least.
+        matrix: `[N, N]` sparse; 1 for an edge into the row's node from the column's.
+        number: `[N, 1]` of each node's neighbours, at least 1.
     """
 
     matrix: torch.Tensor
@@ -110,7 +110,7 @@ class ListedNeighbours:
         return cls(matrix, number[:, None].to(ones.dtype))
 
     def mean(self, h: torch.Tensor) -> torch.Tensor:
-        """Return the mean of every node's neighbours, `[N, W]` of `[N, W]`; 0 where is none."""
+        """Return the mean of every node's neighbours, `[N, W]` of `[N, W]`; 0 without any."""
         mean: torch.Tensor = torch.sparse.mm(self.matrix, h) / self.number
         return mean
 

@@ -1,4 +1,4 @@
-"""What a network reads of a node: its own histogram, its mask, its building, what else is there.
+"""Turn a node into a network's features: its histogram, its mask, its building, its surroundings.
 
 Every feature is of order one, whatever the size of a room or a building.
 """
@@ -21,13 +21,13 @@ from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES
 from bsg_models.zoo.model import building_numbers, share_of
 from bsg_models.zoo.settings import ModelConfig
 
-_EDGE = 0.02  # shares are at least this far from 0 and 1 where a logarithm is taken
+_EDGE = 0.02  # shares are moved this far from 0 and 1 before a logarithm
 
 
 Likelihood = Literal["mse", "poisson", "negative-binomial"]
 Reading = Literal["mask", "building", "categories", "withheld", "size", "labels", "kind", "source"]
 _USUAL_AREA = 12.0  # m² of a room, whose logarithm counts as 0
-# Widths of what is around a room, in the order of their features.
+# Widths of the surroundings of a room, in the order of their features.
 _SURROUNDINGS = {
     "size": 2,
     "labels": len(list_room_labels()),
@@ -37,25 +37,25 @@ _SURROUNDINGS = {
 
 
 class NetworkConfig(ModelConfig):
-    """What all networks of hidden counts have (`bsg_models.zoo.count_network`).
+    """Settings of all networks of hidden counts (`bsg_models.zoo.count_network`).
 
     Attributes:
         width: channels of the hidden layers.
         depth: rounds or layers.
-        dropout: share of channels dropped after each; half of it of the features.
+        dropout: share of channels dropped after each layer; half of it for the features.
         likelihood: of the hidden counts.
-        tilted: J, of how many first counts the prior is tilted; 0 for a Gamma's.
-        reads: what a node's features hold besides its own histogram; see `NodeFeatures`.
+        tilted: J, the number of first counts whose prior is tilted; 0 for a plain Gamma prior.
+        reads: evidence besides the node's own histogram; see `NodeFeatures`.
         embedding: width of the embedding of the categories outside the classes.
-        embed: `learned` with all the rest, or `svd`: the first components of which categories are
-            in which training rooms, kept as they are.
+        embed: `learned` with the network, or `svd`: fixed first components of the table of
+            categories by training rooms.
         category_dropout: share of these categories that training overlooks.
-        forget: share of the rooms of which training forgets the size and the label, and of the
-            buildings of which it forgets kind and source, so that none of them is ever needed.
-        calibrate: fit a few numbers on the val buildings that mend how sure the model is.
+        forget: share of the rooms whose size and label training hides, and of the buildings whose
+            kind and source it hides, so that the network never depends on them.
+        calibrate: fit the calibration on the val buildings.
     """
 
-    family: str = ""  # each names its own
+    family: str = ""  # each family has its own name
     width: int = Field(default=128, ge=1, le=4096)
     depth: int = Field(default=2, ge=1, le=64)
     dropout: float = Field(default=0.4, ge=0.0, lt=1.0)
@@ -72,26 +72,25 @@ class NetworkConfig(ModelConfig):
 class NodeFeatures(nn.Module):
     """Turn masked graphs into features `[N, F]`.
 
-    Always the node's own histogram: log(1 + count), presence and log(1 + total). And as the
-    configuration says (`reads`):
+    The node's own histogram is always included: log(1 + count), presence and log(1 + total). The
+    configuration (`reads`) adds:
 
     - `mask`: the share that the node hides, as log-odds, and whether it was visited; without them
-      "nothing there" looks like "not looked".
+      an empty node looks like one that nobody looked into.
     - `building`: log(1 + count) of the building, the share of the other visited rooms in which each
-      class was seen, the logarithm of the number of rooms, and what kind of node it is.
-    - `withheld`: of each class whether it is withheld, so that "none" is no news; see
+      class was seen, the logarithm of the number of rooms, and the kind of node.
+    - `withheld`: whether each class is withheld, so that its absence is no evidence; see
       `bsg_data.observation.search_moment`.
-    - `categories`: a learned embedding of the set of visible categories outside the classes, of
-      the node and in the mean of the other visited rooms; single categories are dropped at random
-      in training.
-    - `size`: the logarithm of the floor area in usual rooms, and whether it is known.
-    - `labels`: how likely each room label is, all 0 where nothing is known.
-    - `kind`, `source`: which kind of building it is, and where its annotation is from, if known.
+    - `categories`: an embedding of the set of visible categories outside the classes, of the node
+      and averaged over the other visited rooms; training drops single categories at random.
+    - `size`: the logarithm of the floor area relative to a usual room, and whether it is known.
+    - `labels`: the probability of each room label, all 0 if nothing is known.
+    - `kind`, `source`: the kind of building and the source of its annotation, if known.
 
     Attributes:
         width: F.
-        told: the features that say what the mask hides. Dropout must leave them: what is dropped
-            would say that nothing is hidden.
+        told: the features that describe the mask. Dropout must leave them: a dropped one would say
+            that nothing is hidden.
     """
 
     def __init__(self, config: NetworkConfig, classes: int, vocabulary: int) -> None:
@@ -108,7 +107,7 @@ class NodeFeatures(nn.Module):
         if "building" in self.reads:
             self.width += 2 * classes + 2
         self.width += sum(_SURROUNDINGS[name] for name in _SURROUNDINGS if name in self.reads)
-        if not vocabulary:  # none is common enough to be read
+        if not vocabulary:  # no category is frequent enough
             self.reads -= {"categories"}
         if "categories" in self.reads:
             self.category_dropout = config.category_dropout
@@ -118,10 +117,10 @@ class NodeFeatures(nn.Module):
             self.width += config.embedding * (2 if "building" in self.reads else 1)
 
     def fit(self, present: Iterable[npt.NDArray[np.bool_]]) -> None:
-        """Take the embedding from which categories are in which rooms, each `[R, V]`, if so asked.
+        """Compute the `svd` embedding, if configured, from the categories of rooms `[R, V]`.
 
-        The truncated singular value decomposition, each component scaled to unit variance. It alone
-        asks for the rooms, and holds them all.
+        It is the truncated singular value decomposition, each component scaled to unit variance.
+        Only this embedding needs the rooms, and holds them all in memory.
         """
         if "categories" not in self.reads or not self.svd:
             return
@@ -174,14 +173,14 @@ class NodeFeatures(nn.Module):
         return parts
 
     def _remembered(self, values: torch.Tensor) -> torch.Tensor:
-        """Return which of some nodes `[M]` keep what is known of them; all but in training."""
+        """Return which of some nodes `[M]` keep their surroundings; outside training, all."""
         if not self.training:
             return torch.ones(len(values), dtype=torch.bool, device=values.device)
         return torch.rand(len(values), device=values.device) >= self.forget
 
     def _embed(self, graphs: Data) -> torch.Tensor:
         present = (graphs.others > 0).float()
-        if self.training:  # dropped, not scaled up: a robot overlooks things, too
+        if self.training:  # dropped without rescaling: a robot overlooks things, too
             present = present * (torch.rand_like(present) >= self.category_dropout)
         embedded: torch.Tensor = self.embedding(present)
         return embedded
@@ -193,10 +192,10 @@ def _look_around(graphs: Data, shown: torch.Tensor, looked_for: torch.Tensor) ->
     Args:
         graphs: a graph or a batch.
         shown: `[N, S]` what every node shows.
-        looked_for: `[N, S]` 1 where a node could show it, 0 where that is withheld.
+        looked_for: `[N, S]` 1 where a node could show it, 0 where it is withheld.
 
     Returns:
-        `[N, C]` the building's counts, `[N, S]` the mean of the other visited rooms that could
+        `[N, C]` the building's counts, `[N, S]` the mean over the other visited rooms that could
         show it, `[N, 1]` the number of rooms, `[N, 1]` whether the node is a building.
     """
     building = building_numbers(graphs)
@@ -214,7 +213,7 @@ def _look_around(graphs: Data, shown: torch.Tensor, looked_for: torch.Tensor) ->
 
 
 class ShownDropout(nn.Module):
-    """Dropout of features `[N, F]` that leaves those that say what the mask hides."""
+    """Dropout of features `[N, F]` that leaves those that describe the mask."""
 
     def __init__(self, share: float, told: slice) -> None:
         super().__init__()
@@ -222,7 +221,7 @@ class ShownDropout(nn.Module):
         self.told = told
 
     def forward(self, features: torch.Tensor) -> torch.Tensor:
-        """Return the features, some of them 0 and the rest larger, in training."""
+        """Return the features; in training, some are 0 and the others scaled up."""
         if not (self.training and self.share):
             return features
         dropped = nn.functional.dropout(features, self.share)

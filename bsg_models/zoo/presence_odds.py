@@ -1,22 +1,22 @@
-"""Scores of presence as distributions of counts: what rivals say, made comparable.
+"""Turn scores of presence into distributions of counts, so that other methods can be compared.
 
-A rival gives a score s to a class in a room: a cosine, a logarithm of how often two classes meet,
-what somebody wrote down. It moves the odds that the room has the class at all:
+A method gives a score s to a class in a room: a cosine, a log co-occurrence, or an entry of a
+table. The score moves the odds that the room has the class at all:
 
     logit P(T > 0) = o_c + β (s − s̄_c)             s̄ the mean score, o_c and β fitted
     T ~ NB(dispersion k, rate b_c)                  k = −log P(T = 0) / log(1 + 1 / b_c)
     H | V ~ NB(mean f (k + V) / (b_c + 1 − f), dispersion k + V)
 
-T is what is there, V what was seen of it, H what is hidden. NB(k, b) is a Poisson number of
-clusters whose sizes do not depend on k, so a likelier class comes in more clusters of the usual
-size; and it is Poisson counts with the prior Gamma(k, b), so the last line, Bayes' rule, holds at
-every share f: at 0 nothing is hidden, at 1 it is the prior, and all between are the same room. The
-score of a class is of the *other* classes: what was seen of itself is in V, and would count twice.
-Where a score says nothing, in a room that nobody looked into, it moves nothing.
+T is the true count, V the seen and H the hidden one. NB(k, b) is a Poisson number of clusters whose
+sizes do not depend on k, so a likelier class has more clusters of the usual size. It is also a
+Poisson with the prior Gamma(k, b), so the last line, Bayes' rule, holds at every share f: at 0
+nothing is hidden, and at 1 it is the prior. The score of a class uses only the *other* classes,
+because V already counts the class itself. A score without evidence, as in a room that nobody looked
+into, changes nothing.
 
-o, b and the one slope β are those under which the hidden counts of masked training rooms are most
-likely. A slope is never below 0: a score that misleads is left out, not turned round. Of many rooms
-a sample is read (`bsg_models.zoo.masked_rooms.MOST_ROOMS`): the fit holds all of them at once.
+o, b and the single slope β maximise the likelihood of the hidden counts of masked training rooms. A
+slope is never below 0: a misleading score is ignored, not inverted. The fit holds all rooms in
+memory, so of many rooms it reads a sample (`bsg_models.zoo.masked_rooms.MOST_ROOMS`).
 """
 
 from __future__ import annotations
@@ -45,12 +45,12 @@ from bsg_models.zoo.room_sums import sum_rooms
 from bsg_models.zoo.settings import DataConfig, ModelConfig
 
 _DRAWS = 3  # masks of every training building
-_MOST_ODDS = 12.0  # of a presence, as a logarithm: beyond it is no difference
-_RIDGE = 1.0  # holds what few rooms tell of near the prior
+_MOST_ODDS = 12.0  # limit of the log odds of a presence, beyond which nothing changes
+_RIDGE = 1.0  # keeps parameters that few rooms determine near the prior
 
 
 class PresenceOdds(BeliefModel):
-    """A score of presence, made a distribution of the hidden counts.
+    """A score of presence, turned into a distribution of the hidden counts.
 
     Attributes:
         odds: `[C]` o, log odds that a room has the class.
@@ -74,11 +74,11 @@ class PresenceOdds(BeliefModel):
 
     @abstractmethod
     def read_knowledge(self, classes: tuple[str, ...]) -> None:
-        """Read into buffers what scores come from, for these classes `[C]`."""
+        """Read the source of the scores for these classes `[C]` into buffers."""
 
     @abstractmethod
     def score(self, seen: Observation) -> Floats:
-        """Return the scores `[N, C]`, of each class from the others; NaN where nothing is said."""
+        """Return the scores `[N, C]` of each class from the others; NaN without evidence."""
 
     def fit(self, data: Dataset, choice: DataConfig) -> None:
         """Fit odds, rates and the slope on masks of the training rooms."""
@@ -115,20 +115,20 @@ class PresenceOdds(BeliefModel):
         return from_hidden_counts(inputs, sum_rooms(hidden, seen))
 
     def _move(self, scores: Floats) -> Floats:
-        """Return scores less their means; 0 where nothing is said."""
+        """Return scores minus their means; 0 without evidence."""
         return np.nan_to_num(scores - to_array(self.centre), nan=0.0)
 
 
 def average_others(visible: Bools, table: Floats) -> Floats:
-    """Return what the visible classes say of each other one, in the mean, `[N, C]`.
+    """Return the mean of the visible classes' values for each other class, `[N, C]`.
 
     Args:
         visible: `[N, C]` which classes are seen in each node.
-        table: `[C, C]` what the row's class says of the column's; NaN for nothing. The diagonal is
-            not read.
+        table: `[C, C]` value of the row's class for the column's; NaN for none. The diagonal is not
+            read.
 
     Returns:
-        the means; NaN where no other class that says anything is seen.
+        The means; NaN if no other class with a value is seen.
     """
     table = np.where(np.eye(len(table), dtype=bool), np.nan, table)
     told = visible.astype(np.float64) @ ~np.isnan(table)
@@ -147,14 +147,14 @@ def fit_odds(
     """Return odds `[C]`, rates `[C]` and the slope that maximise the likelihood of hidden counts.
 
     Args:
-        moves: `[R, C]` scores of rooms less their means.
+        moves: `[R, C]` scores of rooms minus their means.
         seen: `[R, C]` counts that were seen.
-        hidden: `[R, C]` counts that were not.
+        hidden: `[R, C]` counts that were hidden.
         share: `[R]` that each room hides, above 0.
-        prior: `[C, 2]` shape and rate of every class's Gamma prior, near which few rooms stay.
+        prior: `[C, 2]` shape and rate of every class's Gamma prior, near which rare classes stay.
     """
     classes = seen.shape[1]
-    scale = max(float(moves.std()), 1e-9)  # so that a step in any direction is of a like size
+    scale = max(float(moves.std()), 1e-9)  # so that steps in all directions have similar sizes
     shape, rate = prior.T
     start = np.clip(logit(-np.expm1(-shape * np.log1p(1 / rate))), -_MOST_ODDS, _MOST_ODDS)
     begin = np.concatenate([start, np.log(rate), [0.0]])
@@ -179,10 +179,10 @@ def fit_odds(
 
 
 def _uniform(choice: DataConfig) -> DataConfig:
-    """Return a choice with uniform masks: what is said of a class shows in rooms that are seen.
+    """Return a choice with uniform masks, because only partly seen rooms show what classes say.
 
     Raises:
-        TrainingError: if they hide nothing.
+        TrainingError: if the masks hide nothing.
     """
     if not (choice.fractions or (0.0, choice.mask.fraction))[1]:
         raise TrainingError("masks that hide nothing teach nothing: raise data.mask.fraction")

@@ -1,6 +1,6 @@
-"""A table of common sense: what a language model, a person or a book says is in a room.
+"""Score classes by a table of common sense, written by a language model, a person or from a book.
 
-The table is a JSON file (docs/prior-table.md) with one of these, or both:
+The table is a JSON file (docs/prior-table.md) with one or both of:
 
     room_types    P(the room has class c | its type t), and how usual each type is
     objects       P(the room has class c | it has class j)
@@ -8,11 +8,11 @@ The table is a JSON file (docs/prior-table.md) with one of these, or both:
     score of c = logit P(c | what is known of the type) − logit P(c | any room)
                  + mean over visible j of (logit P(c | j) − logit of the mean of P(c | all j))
 
-The type of a room is what the observation says of it, where the table lists that. What is seen
-makes it surer, or is all that tells of it: Bayes' rule over the types, with the table's own
-P(j | t) for each other class, seen or looked for in vain, as far as the room was looked into, and
-tempered, since objects are not independent. Everything is read when the model is fitted, and is in
-the checkpoint from then on.
+The type of a room comes from the observation, if the table lists it. The seen objects refine it, or
+replace it if it is missing, by Bayes' rule over the types. The rule uses the table's P(j | t) for
+each other class, seen or absent, weighted by how far the room was looked into. It is tempered,
+because objects are not independent. The table is read when the model is fitted; the checkpoint then
+holds it.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from bsg_models.zoo.settings import ModelConfig
 from bsg_models.zoo.training_recipes import VARIED
 
 HAND_TABLE = "hand-prior-v1.json"
-_LEAST = 0.01  # nobody knows that a thing is never, or always, in a room
+_LEAST = 0.01  # no class is certainly absent from, or certainly in, a room
 
 Probability = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
 
@@ -53,7 +53,7 @@ class RoomTypePrior(Record):
 
     Attributes:
         weight: how usual the type is; only ratios count.
-        presence: class → P(such a room has one).
+        presence: class → P(such a room has at least one).
     """
 
     weight: float = Field(default=1.0, gt=0, le=1e6, allow_inf_nan=False)
@@ -61,12 +61,12 @@ class RoomTypePrior(Record):
 
 
 class PriorTable(Record):
-    """A table of common sense, as its JSON has it.
+    """A table of common sense, as in its JSON file.
 
     Attributes:
         version: of this format.
-        made_by: by whom or by what, and how.
-        unlisted: the probability of a class that a type, or an object, does not name.
+        made_by: who or what made it, and how.
+        unlisted: probability of a class that a type, or an object, does not name.
         room_types: room label → what such a room has.
         objects: class j → class c → P(a room that has j has c).
     """
@@ -88,9 +88,9 @@ class PriorTableConfig(ModelConfig):
     """Presence of each class by a table that a language model or a person wrote.
 
     Attributes:
-        table: path of its JSON; empty for the one that is shipped, which we wrote by hand.
-        temper: exponent on what each object says of the type of its room.
-        trust: how far a label of a room is believed; the rest is as if there were none.
+        table: path of its JSON; empty for the shipped one, which we wrote by hand.
+        temper: exponent on the evidence of each object about the type of its room.
+        trust: probability that a room's label is right; otherwise it counts as unlabelled.
     """
 
     family: Literal["prior-table"] = "prior-table"
@@ -100,11 +100,11 @@ class PriorTableConfig(ModelConfig):
 
 
 class PriorTableModel(PresenceOdds):
-    """A score from a table of what somebody thinks.
+    """A score from a table of common sense.
 
     Attributes:
         of_type: `[L, C]` P(c | type), L the common room labels.
-        weight: `[L]` how usual a type is, 0 for one that is not listed.
+        weight: `[L]` how usual a type is, 0 if it is not listed.
         of_object: `[C, C]` P(column | row).
         listed: `[C]` whether the table has the row.
     """
@@ -143,13 +143,13 @@ class PriorTableModel(PresenceOdds):
         self.listed.copy_(torch.tensor([name in table.objects for name in classes]))
 
     def score(self, seen: Observation) -> Floats:
-        """Return what the types and the objects say, added."""
+        """Return the sum of the scores of types and objects."""
         said = np.stack([self._score_types(seen), self._score_objects(seen)])
         silent = np.isnan(said).all(axis=0)
         return np.where(silent, np.nan, np.nan_to_num(said, nan=0.0).sum(axis=0))
 
     def _score_types(self, seen: Observation) -> Floats:
-        """Return log odds given what is known of the type, less those of any room, `[N, C]`."""
+        """Return log odds given the room's type minus those of any room, `[N, C]`."""
         weight = to_array(self.weight)
         types = np.flatnonzero(weight)
         if not len(types):
@@ -161,7 +161,7 @@ class PriorTableModel(PresenceOdds):
         log_here, log_gone = np.log(table), np.log1p(-table)
         total = visible @ log_here.T + looked @ log_gone.T
         scores = np.empty(seen.inputs.shape)
-        for c in range(table.shape[1]):  # what was seen of the class itself does not count
+        for c in range(table.shape[1]):  # seen objects of the class itself do not count
             own = visible[:, [c]] * log_here[:, c] + looked[:, [c]] * log_gone[:, c]
             with np.errstate(divide="ignore"):
                 log_type = np.log(told) + self.config.temper * (total - own)
@@ -171,7 +171,7 @@ class PriorTableModel(PresenceOdds):
         return scores
 
     def _told_types(self, seen: Observation, types: Ints) -> tuple[Floats, Bools]:
-        """Return how probable the types are before objects, `[N, T]`, and where that was told."""
+        """Return P(type) before objects, `[N, T]`, and where the observation states the type."""
         weight = np.broadcast_to(to_array(self.weight)[types], (len(seen.inputs), len(types)))
         labels = seen.surroundings.labels[:, types].astype(np.float64)
         total = labels.sum(axis=1, keepdims=True)
@@ -180,7 +180,7 @@ class PriorTableModel(PresenceOdds):
         return told, trust[:, 0] > 0
 
     def _score_objects(self, seen: Observation) -> Floats:
-        """Return the mean of what the other visible classes say, `[N, C]`."""
+        """Return the mean score of the other visible classes, `[N, C]`."""
         listed, log_odds = to_array(self.listed) > 0, logit(to_array(self.of_object))
         if not listed.any():
             return np.full(seen.inputs.shape, np.nan)
@@ -190,18 +190,18 @@ class PriorTableModel(PresenceOdds):
 
 
 def read_prior_table(path: str, classes: tuple[str, ...]) -> PriorTable:
-    """Read a table, and prove that it speaks of known rooms and classes.
+    """Read a table, and check that it names known rooms and classes.
 
     Args:
-        path: of the JSON; empty for the one that is shipped.
+        path: of the JSON; empty for the shipped one.
         classes: `[C]` of the dataset. Classes of a published space that it lacks are allowed.
 
     Raises:
-        ConfigError: naming the file, the entry, what is wrong, and the nearest name.
+        ConfigError: naming the file, the entry, the fault, and the nearest name.
     """
     name, data = path or f"mappings/{HAND_TABLE}", _read_bytes(path)
     try:
-        parse_json(data)  # each key once
+        parse_json(data)  # refuses a repeated key
         table = PriorTable.model_validate_json(data, strict=True)
     except ConfigError as error:
         raise ConfigError(f"{name}: {error}; docs/prior-table.md has the format") from error
@@ -226,7 +226,7 @@ def read_prior_table(path: str, classes: tuple[str, ...]) -> PriorTable:
 
 
 def _presences(table: PriorTable) -> list[tuple[str, dict[str, float]]]:
-    """Return where each probability of a class stands, and the probabilities."""
+    """Return the probabilities of classes, each with its place in the table."""
     rooms = [
         (f"room_types.{label}.presence", one.presence) for label, one in table.room_types.items()
     ]

@@ -1,9 +1,9 @@
-"""What the paper's idea needs to work: GCN layers that keep each room's own histogram.
+"""Correct the paper's model: GCN layers that keep each room's own histogram.
 
-The paper's layers (III-A) average over building and rooms, and a last layer predicts the whole
-histogram, so that a room's own counts must pass through five rounds of averaging. Here every layer
-adds to what the node holds, and the last one predicts what is hidden, never below 0, on top of what
-was seen.
+The paper's layers (III-A) average over building and rooms, and the last layer predicts the whole
+histogram. So a room's own counts must pass through five rounds of averaging. Here every layer adds
+to a node's features. The last one predicts the hidden counts, never below 0, on top of the seen
+ones.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from bsg_models.zoo.training_recipes import COUNTS, VARIED
 
 
 class ResidualGCNConfig(NetworkConfig):
-    """GCNConv layers that keep the node's own histogram and predict what is hidden."""
+    """GCNConv layers that keep the node's own histogram and predict the hidden counts."""
 
     family: Literal["ceci-gcn-residual"] = "ceci-gcn-residual"
 

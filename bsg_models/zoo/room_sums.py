@@ -1,4 +1,4 @@
-"""A building hides what its rooms hide."""
+"""Sum hidden counts of rooms: a building hides what its rooms hide."""
 
 from __future__ import annotations
 
@@ -8,26 +8,26 @@ from bsg_data.arrays import Floats
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import CountDistribution
 
-_LEAST = 1e-9  # a presence, or a mean, that counts as none
-_CLOSE = 1e-13  # a step, as a share of what it changes, that is the last
-_STEPS = 40  # of Newton's method; ten are enough but where the mean is that of one object
+_LEAST = 1e-9  # a smaller presence, or mean, counts as none
+_CLOSE = 1e-13  # relative size of the last step
+_STEPS = 40  # of Newton's method; ten suffice unless the mean is that of one object
 
 
 def sum_rooms(distribution: CountDistribution, seen: Observation) -> CountDistribution:
     """Let every building hide what its rooms hide.
 
     Args:
-        distribution: of all nodes; the rows of the buildings are replaced by one negative
-            binomial, with the mean and the variance of a sum of independent rooms. Where counts are
-            tilted, its P(0) is tilted to the product of the rooms', and its variance is not quite
-            theirs: a house whose kitchen most likely has a stove most likely has one.
+        distribution: of all nodes. The rows of the buildings are replaced by one negative binomial
+            with the mean and variance of a sum of independent rooms. If counts are tilted, its P(0)
+            is tilted to the product of the rooms' P(0), and its variance is then not exact: a house
+            whose kitchen most likely has a stove most likely has one.
         seen: what was seen.
 
-    Objects of the null region, which are in no room (HM3D's public scenes have none with a class),
-    are taken to be all seen.
+    Objects of the null region, which are in no room, count as all seen. HM3D's public scenes have
+    none with a class.
 
     Returns:
-        the distribution. A building without rooms hides f / (1 − f) of what was seen of it.
+        The distribution. A building without rooms hides f / (1 − f) of what was seen of it.
     """
     inputs, building, count = seen.inputs, seen.building, len(seen)
     sums = np.zeros((2, count, inputs.shape[1]))
@@ -39,7 +39,7 @@ def sum_rooms(distribution: CountDistribution, seen: Observation) -> CountDistri
     first = seen.starts[:-1]
     share = seen.hidden_share.astype(np.float64)[first][alone, None]
     sums[:, alone] = inputs[first][alone] * share / np.maximum(1 - share, 1e-6)
-    mean, excess = sums[0], sums[1] - sums[0]  # of the variance over a Poisson's
+    mean, excess = sums[0], sums[1] - sums[0]  # excess of the variance over a Poisson's
     dispersion = np.divide(
         mean**2, excess, out=np.full_like(mean, np.inf), where=excess > 1e-9 * np.maximum(mean, 1)
     )
@@ -58,7 +58,7 @@ def sum_rooms(distribution: CountDistribution, seen: Observation) -> CountDistri
             rows[:, some] = value
             place[:, first] = rows
     weights = distribution.weights
-    if weights.shape[2] > 1:  # components of a building are the same, whatever they weigh
+    if weights.shape[2] > 1:  # the components of a building are equal, whatever their weights
         weights = weights.copy()
         weights[:, first] = 1 / len(weights)
     return CountDistribution(means, dispersions, weights, tilts)
@@ -67,7 +67,7 @@ def sum_rooms(distribution: CountDistribution, seen: Observation) -> CountDistri
 def _tilt_none(mean: Floats, dispersion: Floats, log_none: Floats) -> tuple[Floats, Floats]:
     """Return mean before tilt, and tilt of none, of counts with a given mean and P(0), each `[M]`.
 
-    A tilt of none keeps m / (1 − p), the mean given that there is one, p the untilted P(0), so that
+    A tilt of none keeps m / (1 − p), the mean given that there is one, with p the untilted P(0). So
     m solves m / (1 − p(m)) = mean / P(at least one). Newton's steps begin above the root of a
     convex function, and fall to it.
     """
@@ -87,7 +87,7 @@ def _tilt_none(mean: Floats, dispersion: Floats, log_none: Floats) -> tuple[Floa
         none, fall = log_untilted(base)
         step = (base + given * np.expm1(none)) / (1 - given * np.exp(fall))
         base, before = np.maximum(base - step, _LEAST), base
-        if (np.abs(base - before) <= _CLOSE * base).all():  # what later steps change is rounding
+        if (np.abs(base - before) <= _CLOSE * base).all():  # later steps change only rounding
             break
     untilted = log_untilted(base)[0]
     tilt = (log_none - np.log(present)) - (untilted - np.log(-np.expm1(untilted)))

@@ -56,7 +56,7 @@ class RoomTransformer(CountNetwork):
         self.edge_bytes = 4 * config.heads
 
     def in_bounds(self, seen: Observation) -> Iterator[Observation]:
-        """Yield buildings that all fit when they are filled up to the largest of them."""
+        """Yield buildings that fit into memory when all are padded to the largest of them."""
         number = np.diff(seen.starts) ** 2
         return split_within(seen, number, bytes_each=self.edge_bytes, model=self.label, filled=True)
 
@@ -64,7 +64,7 @@ class RoomTransformer(CountNetwork):
         """Return every node's features after attention within its building."""
         numbers = building_numbers(graphs)
         sizes = torch.bincount(numbers)
-        require_pairs(len(sizes) * int(sizes.max()) ** 2)  # all are filled up to the largest
+        require_pairs(len(sizes) * int(sizes.max()) ** 2)  # all are padded to the largest
         nodes, real = to_dense_batch(self.enter(features), numbers)
         encoded: torch.Tensor = self.layers(nodes, src_key_padding_mask=~real)[real]
         return encoded
@@ -76,5 +76,5 @@ UNIVERSAL_TRANSFORMER = ZooRow(
     RoomTransformer,
     data=WHATEVER,
     training=COUNTS,
-    summary="Attention between rooms for whatever a robot has seen: trained on every mask.",
+    summary="Attention between rooms, for any observation: trained on every kind of mask.",
 )

@@ -1,12 +1,12 @@
-"""Room types from the counts of rooms, by expectation maximisation.
+"""Fit room types to the counts of rooms by expectation maximisation.
 
-Each round asks of every room how likely it is of each type, sums over the rooms what a type holds
-(`_Sums`), and fits the types to these sums. Rooms are read `_CHUNK` at a time, and most classes
-are not in most rooms, so that a round costs memory for one chunk and time for what is in the rooms.
+Each round computes P(type | room), sums over the rooms what each type holds (`_Sums`), and fits the
+types to these sums. Rooms are read `_CHUNK` at a time, and most counts are 0. So a round takes
+memory for one chunk, and time for the counts above 0.
 
-Above `SAMPLE` rooms all rounds but the last few are on a sample of so many, which is where most of
-the way is gone; the last `LAST_ROUNDS` are on all rooms. A type is a few hundred numbers, and the
-sample tells them nearly as well as all rooms do.
+Beyond `SAMPLE` rooms, all rounds but the last few use a sample of that size; the last `LAST_ROUNDS`
+use all rooms. A type is a few hundred numbers, which the sample determines nearly as well as all
+rooms do.
 """
 
 from __future__ import annotations
@@ -28,20 +28,20 @@ from bsg_models.belief.negative_binomial import (
     log_normaliser,
 )
 
-Rooms = npt.NDArray[np.integer]  # counts `[R, C]`, of whatever width
-MOST = 60  # objects of one class in one room that the fit tells apart
-SAMPLE = 20_000  # rooms that all rounds are on
-LAST_ROUNDS = 10  # on all rooms, where there are more
-_CHUNK = 4_096  # rooms that are held as floats at a time
-_LOG_SHAPE = 4.0  # |log r| at most; its prior is a standard normal
-_PRIOR_ROOMS = 2.0  # mean rooms that every type's means are shrunk towards
-_TILT_ROOMS = 40.0  # rooms that every type's tilts are shrunk towards none by
+Rooms = npt.NDArray[np.integer]  # counts `[R, C]`, of any width
+MOST = 60  # the fit treats larger counts of a class in a room as this
+SAMPLE = 20_000  # rooms in the sample of all rounds
+LAST_ROUNDS = 10  # on all rooms, if there are more
+_CHUNK = 4_096  # rooms in memory as floats at a time
+_LOG_SHAPE = 4.0  # limit of |log r|, whose prior is a standard normal
+_PRIOR_ROOMS = 2.0  # weight of the mean room in every type's means, in rooms
+_TILT_ROOMS = 40.0  # weight of no tilt in every type's tilts, in rooms
 _MOST_TILT = 5.0
 
 
 @dataclass(frozen=True, eq=False)
 class FittedTypes:
-    """What expectation maximisation comes to, with K types and C classes.
+    """The result of expectation maximisation, with K types and C classes.
 
     Attributes:
         log_types: log π `[K]`.
@@ -61,11 +61,11 @@ class FittedTypes:
         return tilted_means(self.means, self.dispersions, self.tilts)
 
     def belonging(self, counts: Rooms) -> Floats:
-        """Return P(type | room), `[R, K]`, of rooms `[R, C]`, up to `MOST` objects of a class."""
+        """Return P(type | room), `[R, K]`, of rooms `[R, C]`, with counts up to `MOST`."""
         return np.concatenate([some for some, _ in self._ask(counts)])
 
     def log_probability(self, counts: Rooms) -> Floats:
-        """Return log P(room), `[R]`, of rooms `[R, C]`, up to `MOST` objects of a class."""
+        """Return log P(room), `[R]`, of rooms `[R, C]`, with counts up to `MOST`."""
         return np.concatenate([some for _, some in self._ask(counts)])
 
     def _ask(self, counts: Rooms) -> Iterator[tuple[Floats, Floats]]:
@@ -86,11 +86,11 @@ class FittedTypes:
 
 @dataclass(frozen=True, eq=False)
 class _Sums:
-    """What expectation maximisation has to know of rooms.
+    """What expectation maximisation needs of the rooms.
 
     Attributes:
-        size: `[K]` of all rooms, how many are of each type.
-        frequency: `[K, C, values]` of those, how many have each count.
+        size: `[K]` number of rooms of each type.
+        frequency: `[K, C, values]` number of those rooms with each count.
     """
 
     size: Floats
@@ -108,18 +108,18 @@ def fit_types(
 ) -> FittedTypes:
     """Fit a mixture of tilted negative binomials to complete rooms by expectation maximisation.
 
-    Each round fits the negative binomials as if there were no tilts, and then the tilts to what
-    they leave. That is not quite the maximum of the likelihood, but both steps are in closed form
-    or nearly so, and neither lets a rare type believe what a few rooms show.
+    Each round fits the negative binomials as if there were no tilts, then the tilts to the rest.
+    That is not exactly the maximum of the likelihood. But both steps are in closed form or nearly
+    so, and neither overfits a rare type to a few rooms.
 
     Besides the counts it needs memory for the sample, however many rooms there are.
 
     Args:
         counts: `[R, C]`, up to `MOST`; a byte each is enough.
         types: K.
-        iterations: of the algorithm; where there are more rooms than the sample has, all are on
-            the sample, and `LAST_ROUNDS` more on all rooms.
-        seed: of the sample and of the start, rooms grouped around K random ones.
+        iterations: of the algorithm. If there are more rooms than the sample has, all iterations
+            are on the sample, and `LAST_ROUNDS` more on all rooms.
+        seed: of the sample and of the start, in which rooms are grouped around K random ones.
         tilted: J.
         sample: rooms.
     """
@@ -136,7 +136,7 @@ def fit_types(
 
 
 def _take_sample(counts: Rooms, number: int, *, seed: int) -> Rooms:
-    """Return so many of the rooms in their order, or all if there are no more."""
+    """Return a random sample of the rooms in their order, or all if there are no more."""
     if len(counts) <= number:
         return counts
     rng = np.random.Generator(np.random.PCG64(seed))
@@ -156,7 +156,7 @@ def _group(points: Floats, groups: int, *, seed: int) -> Floats:
 
 
 def _chunks(rooms: npt.NDArray[Any]) -> Iterator[npt.NDArray[Any]]:
-    """Yield some rows at a time of an array with a row a room."""
+    """Yield some rows at a time of an array with one row per room."""
     for first in range(0, len(rooms), _CHUNK):
         yield rooms[first : first + _CHUNK]
 
@@ -164,7 +164,7 @@ def _chunks(rooms: npt.NDArray[Any]) -> Iterator[npt.NDArray[Any]]:
 def _mark(rooms: Rooms, width: int) -> csr_array:
     """Return which count each class has in each room, `[R, C · (width − 1)]`, counts above 0 only.
 
-    One row a room, one column a (class, count): all sums over rooms become matrix products.
+    With one row per room and one column per (class, count), sums over rooms become matrix products.
     """
     rows, classes = np.nonzero(rooms)
     columns = classes * (width - 1) + rooms[rows, classes].astype(np.int64) - 1
@@ -174,7 +174,7 @@ def _mark(rooms: Rooms, width: int) -> csr_array:
 
 
 def _sum_rooms(rooms: Rooms, membership: Floats, width: int) -> _Sums:
-    """Return the sums of rooms whose membership in the types `[R, K]` is given."""
+    """Return the sums of rooms with given memberships in the types, `[R, K]`."""
     size, some = (
         membership.sum(axis=0),
         np.zeros((rooms.shape[1] * (width - 1), membership.shape[1])),
@@ -185,7 +185,7 @@ def _sum_rooms(rooms: Rooms, membership: Floats, width: int) -> _Sums:
 
 
 def _sum_expected(rooms: Rooms, fitted: FittedTypes, width: int) -> _Sums:
-    """Return the sums of rooms that belong to the types as a fit says, a chunk at a time."""
+    """Return the sums of rooms with memberships from a fit, a chunk at a time."""
     size = np.zeros(len(fitted.means))
     some = np.zeros((rooms.shape[1] * (width - 1), len(size)))
     table = fitted.tabulate(width)
@@ -198,7 +198,7 @@ def _sum_expected(rooms: Rooms, fitted: FittedTypes, width: int) -> _Sums:
 
 
 def _complete(size: Floats, some: Floats, width: int) -> _Sums:
-    """Return sums from those of counts above 0, `[C · (width − 1), K]`: all other counts are 0."""
+    """Return complete sums from those of counts above 0, `[C · (width − 1), K]`."""
     beyond = some.T.reshape(len(size), -1, width - 1)
     none = np.maximum(size[:, None] - beyond.sum(axis=2), 0.0)
     return _Sums(size, np.concatenate([none[..., None], beyond], axis=2))
@@ -210,7 +210,7 @@ def _ask(log_types: Floats, table: Floats, marked: csr_array) -> tuple[Floats, F
     Args:
         log_types: `[K]`.
         table: `[K, C, values]` log probabilities of the counts.
-        marked: the rooms, of `_mark`.
+        marked: the rooms, from `_mark`.
     """
     none = table[..., 0]
     beyond = (table[..., 1:] - none[..., None]).reshape(len(table), -1)
@@ -220,7 +220,7 @@ def _ask(log_types: Floats, table: Floats, marked: csr_array) -> tuple[Floats, F
 
 
 def _fit_sums(sums: _Sums, dispersions: Floats, tilts: Floats) -> FittedTypes:
-    """Return the types that fit sums over rooms; dispersions are improved from those before."""
+    """Return the types that fit sums over rooms; dispersions start from the previous ones."""
     rooms, values = sums.size.sum(), np.arange(sums.frequency.shape[2])
     totals = sums.frequency @ values
     overall = np.maximum(totals.sum(axis=0) / rooms, 0.5 / rooms)
@@ -243,7 +243,7 @@ def _improve_dispersions(r: Floats, mean: Floats, frequency: Floats, values: Int
     """
     for _ in range(3):
         s, m = r[..., None], mean[..., None]
-        steps = 1 / (s + values[:-1])  # sums of these are the differences of the digamma function
+        steps = 1 / (s + values[:-1])  # their sums are the differences of the digamma function
         first = _sum_before(steps) - np.log1p(m / s) + (m - values) / (m + s)
         second = m / (s * (m + s)) - _sum_before(steps**2) - (m - values) / (m + s) ** 2
         slope = (frequency * first).sum(axis=-1) * r
@@ -263,7 +263,7 @@ def _sum_before(steps: Floats) -> Floats:
 def _fit_tilts(table: Floats, frequency: Floats, tilted: int) -> Floats:
     """Return the tilts `[J, K, C]` that give the first counts their shares of the rooms.
 
-    The shares are shrunk towards those without tilts, by as many rooms as `_TILT_ROOMS`.
+    The shares are shrunk towards those without tilts, with the weight of `_TILT_ROOMS` rooms.
 
     Args:
         table: `[K, C, values]` log probabilities of the counts without tilts.
@@ -279,7 +279,7 @@ def _fit_tilts(table: Floats, frequency: Floats, tilted: int) -> Floats:
 
 
 def tilted_means(means: Floats, dispersions: Floats, tilts: Floats | None) -> Floats:
-    """Return the means of tilted negative binomials; `tilts` has counts as its first axis."""
+    """Return the means of tilted negative binomials; the first axis of `tilts` is the counts."""
     if tilts is None or not len(tilts):
         return means
     first = first_counts(len(tilts), np.exp(log_none(means, dispersions)), means, dispersions)

@@ -1,4 +1,4 @@
-"""CECI with GraphSAGE: a node's own features and the mean of its neighbours', weighed apart."""
+"""CECI with GraphSAGE: separate weights for a node's features and the mean of its neighbours'."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class SAGEConfig(NetworkConfig):
 
 
 class MeanConv(WritesNoFile, SAGEConv):  # type: ignore[misc]
-    """PyG's convolution, which also takes what gives means in the place of a list of edges."""
+    """PyG's convolution, which also takes `Neighbours` instead of a list of edges."""
 
     def forward(
         self, x: torch.Tensor, edges: torch.Tensor | Neighbours | ListedNeighbours
@@ -41,23 +41,23 @@ class MeanConv(WritesNoFile, SAGEConv):  # type: ignore[misc]
 class CECISAGE(MessagePassing):
     """h ← W₁ h + W₂ mean of the neighbours (Hamilton et al., 2017).
 
-    It is trained on lists of edges, and asked with `Neighbours`: the same to single precision, and
-    linear in the rooms.
+    Training uses lists of edges, prediction uses `Neighbours`. The results agree to single
+    precision, and prediction takes time linear in the rooms.
     """
 
     def __init__(self, config: SAGEConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs, convolution=lambda width: MeanConv(width, width))
-        self.edge_bytes = 0  # it is asked with `Neighbours`
+        self.edge_bytes = 0  # predictions use `Neighbours`
 
     def edges_of(self, graphs: Data) -> Neighbours | ListedNeighbours:
-        """Return who is whose neighbour, for all rounds."""
+        """Return the neighbours for all rounds."""
         edges = graphs.edge_index
         if isinstance(edges, Neighbours):
             return edges
         return ListedNeighbours.of(edges, nodes=len(graphs.x))
 
     def nodes_of(self, seen: Observation) -> Nodes:
-        """Return an observation as the network is asked about it, with its neighbours."""
+        """Return an observation in the form for predictions, with its neighbours."""
         return to_nodes(self.reading_of(seen), edges=Neighbours.of(seen, self.inputs.edges))
 
 
@@ -67,5 +67,5 @@ UNIVERSAL = ZooRow(
     CECISAGE,
     data=WHATEVER,
     training=COUNTS,
-    summary="GraphSAGE for whatever a robot has seen: trained on every mask; reads all evidence.",
+    summary="GraphSAGE for any observation: trained on every kind of mask; reads all evidence.",
 )

@@ -1,4 +1,4 @@
-"""Settings: what a model, its data and its training depend on. They import nothing heavy."""
+"""Define the settings of models, data and training, without heavy imports."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ Share = Annotated[float, Field(ge=0, le=1)]
 
 
 class ModelConfig(Record):
-    """What a model depends on; each family has its own, with the values that it was measured with.
+    """Settings of a model; each family has its own, with the measured values as defaults.
 
-    The first line of its docstring describes the family in lists of models.
+    Lists of models show the first line of a family's docstring.
 
     Attributes:
         family: its name, which is a row of `bsg_models.zoo.catalogue.ZOO`.
@@ -30,19 +30,19 @@ class DataConfig(Record):
     """What a run is trained on.
 
     Attributes:
-        masks: `fresh` draws new masks of the training buildings each epoch; `fixed` takes the
-            stored pairs, as the paper does. Test takes stored pairs, and so does validation unless
-            the fresh masks are of another kind: see `needs_own_masks`.
-        mask: of the fresh masks.
-        fractions: from where to where the fraction of the fresh masks varies, instead of the
-            mask's own: a model that met one fraction only is not to be trusted at another.
+        masks: `fresh` draws new masks of the training buildings each epoch; `fixed` uses the stored
+            pairs, as the paper does. Tests use stored pairs. Validation does, too, unless the fresh
+            masks are of another kind: see `needs_own_masks`.
+        mask: recipe of the fresh masks.
+        fractions: range of the fraction of the fresh masks, instead of the mask's own: a model
+            trained at one fraction only is unreliable at others.
         edges: which edges the graphs have; see `bsg_models.inputs.edges.connect`.
-        min_scenes: training buildings in which a category outside the classes must occur to be
-            read, by models that read them.
+        min_scenes: number of training buildings in which a category outside the classes must occur
+            to be read, by models that read categories.
         withhold: short for a `mask` of the strategy `search` with this `withhold`: of each training
-            building up to half of the rooms were searched, and elsewhere no object of the withheld
-            classes is shown. Models that read `withheld` are told.
-        fold: the fold to test on, in a dataset of folds.
+            building up to half of the rooms were searched, and the other rooms show no object of
+            the withheld classes. Models that read `withheld` are told.
+        fold: fold to test on, in a dataset of folds.
     """
 
     masks: Literal["fresh", "fixed"] = "fresh"
@@ -69,20 +69,20 @@ class DataConfig(Record):
     def _search_masks_are_fresh(self) -> DataConfig:
         if self.withhold and (self.masks, self.mask.strategy) != ("fresh", "uniform"):
             raise ValueError(
-                "withhold needs fresh masks of the strategy uniform, which it makes those of "
-                "searches; for others set mask.withhold"
+                "withhold needs fresh masks of the strategy uniform, which it turns into those of "
+                "searches; for other strategies set mask.withhold"
             )
         return self
 
     @property
     def own_strategy(self) -> str | None:
-        """The kind of mask that it asks for by name; None of the default, which studies replace."""
+        """The kind of mask that it names; None for the default, which studies replace."""
         return None if self.mask.strategy == "uniform" else self.mask.strategy
 
     def under(self, mask: MaskRecipe) -> DataConfig:
         """Return the choice with another mask, as studies set it.
 
-        A mask of another strategy than `uniform` takes the classes that are withheld into itself.
+        A mask of a strategy other than `uniform` takes over the withheld classes.
         """
         if not self.withhold or mask.strategy == "uniform":
             return self.model_copy(update={"mask": mask})
@@ -90,12 +90,12 @@ class DataConfig(Record):
         return self.model_copy(update={"mask": withheld, "withhold": 0.0})
 
     def needs_own_masks(self, stored: MaskRecipe | None) -> bool:
-        """Say whether validation draws masks of its own, because stored pairs would mislead it.
+        """Return whether validation draws its own masks, because stored pairs would mislead it.
 
-        Fresh masks of another strategy than `uniform`, or that withhold classes, are of another
-        kind than stored pairs, unless these were drawn by the same recipe; its fraction and its
-        seed aside. Which epoch is the best, and how sure the model may be, is then found on the
-        kind of mask that it is trained for.
+        Fresh masks are of another kind than the stored pairs if their strategy is not `uniform`, or
+        if they withhold classes. They are of the same kind if the stored pairs follow the same
+        recipe, except for fraction and seed. With its own masks, validation chooses the best epoch
+        and the calibration on the kind of mask that the model is trained for.
 
         Args:
             stored: mask of the stored pairs; None if there are none.
@@ -115,21 +115,21 @@ class DataConfig(Record):
 
 
 class TrainingConfig(Record):
-    """How a network is trained; the paper's values are the defaults (section IV-A).
+    """How a network is trained; the defaults are the paper's values (section IV-A).
 
     Attributes:
-        epochs: the paper's 5000.
-        batch_size: graphs a step.
+        epochs: 5000 in the paper.
+        batch_size: graphs per step.
         learning_rate: of Adam.
         decay: the paper's "learning rate decay of 5e-6".
-        decay_as: read as Adam's `weight-decay`, or as `learning-rate` / (1 + decay · step); or, not
-            the paper's, `decoupled`: AdamW's, on matrices only.
-        schedule: a `constant` learning rate, or `one-cycle`: a tenth of all steps up, then down to
-            nothing as a cosine; `epochs` is then part of what is learned.
-        clip: norm that gradients are cut to; None leaves them.
+        decay_as: meaning of `decay`: Adam's `weight-decay`, or `learning-rate` / (1 + decay ·
+            step), or `decoupled`, which is AdamW's on matrices only and not the paper's.
+        schedule: a `constant` learning rate, or `one-cycle`: it rises for a tenth of all steps,
+            then falls to 0 as a cosine; the result then depends on `epochs`.
+        clip: limit of the norm of the gradients; None for no limit.
         validate_every: epochs between validations; each also writes the checkpoints.
-        device: what the steps are computed on: `cpu`, `cuda`, or `auto` for a GPU if there is one.
-            Validation is on the CPU, and checkpoints load anywhere.
+        device: device of the steps: `cpu`, `cuda`, or `auto` for a GPU if there is one. Validation
+            is on the CPU, and checkpoints load anywhere.
     """
 
     epochs: int = Field(default=5000, ge=1)

@@ -1,4 +1,4 @@
-"""How many threads torch computes on."""
+"""Limit the number of threads that torch uses."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import torch
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Let torch compute on one thread: sums then do not depend on the number of cores.
+    """Let torch compute on one thread, so that sums do not depend on the number of cores.
 
-    These networks are so small that more threads are not faster, and far slower where other
-    programs use the same cores, as on a robot: each waits for the slowest.
+    These networks are too small to gain from more threads. They become far slower if other programs
+    use the same cores, as on a robot, because each thread waits for the slowest.
     """
     threads = torch.get_num_threads()
     torch.set_num_threads(1)

@@ -1,4 +1,4 @@
-"""How models of the zoo are trained, beside the paper's recipe, which is the default."""
+"""Define how models of the zoo are trained, besides the paper's recipe, which is the default."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ from bsg_data.recipes import MaskRecipe
 from bsg_models.zoo.node_features import Reading
 from bsg_models.zoo.settings import DataConfig, TrainingConfig
 
-# The visible share varies, so that a model answers at any.
+# The visible share varies, so that a model works at any share.
 VARIED = DataConfig(fractions=(0.1, 0.9))
 # Every room sees every other.
 CONNECTED = DataConfig(fractions=(0.1, 0.9), edges=("complete",))
-# Whatever a robot has seen: every mask in turn, now and then without some classes, as in a search.
+# Any observation: every kind of mask in turn, sometimes with withheld classes, as in a search.
 WHATEVER = DataConfig(
     mask=MaskRecipe(strategy="mixed", withhold=0.05), fractions=(0.1, 0.9), edges=("complete",)
 )
-# All that a robot may know of a room; what is not known is left out.
+# All evidence that a robot may have of a room; unknown evidence is left out.
 EVERYTHING: tuple[Reading, ...] = (
     "mask",
     "building",

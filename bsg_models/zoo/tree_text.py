@@ -1,9 +1,9 @@
-"""The text of boosted trees, proven before LightGBM reads it.
+"""Check the text of boosted trees before LightGBM reads it.
 
-LightGBM's reader is C++ and trusts the text: a child that is its own parent hangs it, a number that
-is too large writes outside its memory. So its own text is read here, and what it is given is
-written anew from numbers that were seen to be trees: every child comes after its parent, every
-feature and leaf is there, every value is finite.
+LightGBM's C++ reader trusts the text: a child that is its own parent hangs it, and a number that is
+too large writes outside its memory. So this module reads the text first, checks it, and writes a
+new text for LightGBM. Every child must come after its parent, every feature and leaf must exist,
+and every value must be finite.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 _WHOLE = re.compile(r"-?[0-9]{1,9}")
 _REAL = re.compile(r"-?[0-9]{1,400}(?:\.[0-9]{1,400})?(?:e[+-]?[0-9]{1,3})?")
-_DECISIONS = range(0, 12, 2)  # by numbers, not by categories; what is missing goes left or right
+_DECISIONS = range(0, 12, 2)  # numeric splits, not categorical; missing values go left or right
 _TREE = "Tree="
 _END = "end of trees"
 
@@ -24,12 +24,12 @@ def prove_trees(text: str, *, trees: int, leaves: int, features: int) -> str:
 
     Args:
         text: as LightGBM wrote it.
-        trees: that there may be: as many as were asked for; fewer where growing ended early.
-        leaves: that each may have.
-        features: that they read.
+        trees: limit of trees, the configured number; growing may end early.
+        leaves: limit per tree.
+        features: number that the trees read.
 
     Raises:
-        ValueError: naming what makes them no trees.
+        ValueError: naming the fault.
     """
     found = text.count(f"\n{_TREE}")
     if found > trees:
@@ -92,7 +92,7 @@ def _whole_numbers(said: Mapping[str, str], key: str, count: int, allowed: range
 
 
 def _real_numbers(said: Mapping[str, str], key: str, count: int) -> list[str]:
-    """Return numbers as they are written, so that no digit changes."""
+    """Return numbers in their original text, so that no digit changes."""
     words = said.get(key, "").split()
     if len(words) != count or not all(map(_REAL.fullmatch, words)):
         raise ValueError(f"{key}: expected {count} numbers")
@@ -102,7 +102,7 @@ def _real_numbers(said: Mapping[str, str], key: str, count: int) -> list[str]:
 
 
 def _is_normal(word: str) -> bool:
-    """Say whether a number is zero or a normal float64: LightGBM warns of one that is too small."""
+    """Return whether a number is 0 or a normal float64; LightGBM warns of smaller ones."""
     if not re.search("[1-9]", word.partition("e")[0]):
         return True
     return sys.float_info.min <= abs(float(word)) <= sys.float_info.max

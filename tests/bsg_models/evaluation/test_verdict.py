@@ -77,6 +77,6 @@ def test_runs_are_judged_beside_doubling_where_both_are_known() -> None:
     assert "AUROC macro" in verdicts["worse"]
     assert sum(map(len, verdicts.values())) == len(list_headlines(both))
     lines = explain(both, runs=["ours"])
-    assert lines[0].startswith("ours, beside doubling what was seen")
+    assert lines[0].startswith("ours, compared with doubling what was seen")
     assert lines[1] == "  better: NLL, rooms"
     assert len(lines) == 1 + len(list_headlines(both))

@@ -396,5 +396,5 @@ def test_buildings_that_do_not_fit_at_once_get_the_same_answers(
     assert len([*network.in_bounds(seen)]) > 1
     np.testing.assert_allclose(network.expect(seen).hidden, whole, rtol=1e-5)
     monkeypatch.setattr(edges, "MOST_BYTES", (largest - 1) * network.edge_bytes)
-    with pytest.raises(PredictionError, match=f"{network.config.family}: looks at .* of 4 rooms"):
+    with pytest.raises(PredictionError, match=f"{network.config.family}: uses .* of 4 rooms"):
         network.expect(seen)

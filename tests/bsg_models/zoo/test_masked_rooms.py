@@ -92,4 +92,4 @@ def test_a_fit_to_a_sample_says_so(
     run = tmp_path / "run"
     list(train_run(find_config("cooccurrence"), dataset, run))
     (note,) = summarise_run(run).notes
-    assert re.match(r"fitted to \d of 10 training buildings, drawn at random", note)
+    assert re.match(r"fitted to a random sample of \d of 10 training buildings", note)
