@@ -4,8 +4,8 @@
     bsg-data build --hm3d places --out placed
     python scripts/measure/geometry.py --buildings places --data placed
 
-The script prints how far boxes are from the truth, over all scenes. It then prints precision, recall
-and F1 of the adjacency: by method, from boxes alone, and for every building.
+The script prints how far boxes are from the truth, over all scenes. It then prints precision,
+recall and F1 of the adjacency: by method, from boxes alone, and for every building.
 """
 
 from __future__ import annotations
