@@ -197,8 +197,8 @@ TOP1_UNSEEN, TOP3_UNSEEN, TOP5_UNSEEN = (
         less=False,
         over=("rooms",),
         values=topk_unseen(k),
-        about="share of the rooms hiding an unseen class in which such a class is "
-        + ("the likeliest unseen class" if k == 1 else f"among the {k} likeliest"),
+        about="share of the rooms hiding an unseen class in which a hidden class is "
+        + ("the likeliest unseen class" if k == 1 else f"among the {k} likeliest unseen classes"),
     )
     for k in (1, 3, 5)
 )
