@@ -86,8 +86,8 @@ def _format_stops(one: bsg_models.WorldResult) -> str:
     ]
     header = ("stops at", "saved, %", "missed, %", "incomplete, %", "rooms")
     return (
-        f"{one.task}: expected-cost stops by itself; compared with entering every room, nearest "
-        "first\n" + format_text(rows, header=header, numeric=header)
+        f"{one.task}: expected-cost stops by itself; baseline: all rooms, nearest first\n"
+        + format_text(rows, header=header, numeric=header)
     )
 
 

@@ -123,9 +123,9 @@ def test_each_source_has_its_share_of_every_split(
 def test_a_building_that_two_datasets_hold_is_refused(dataset: Path, tmp_path: Path) -> None:
     write_scene(tmp_path / "more", "00950-abcdefghi03", annotation_text({0: KITCHEN, 1: BEDROOM}))
     build_dataset(HM3DFolder(tmp_path / "more"), tmp_path / "other")
-    with pytest.raises(DatasetError, match=r"building \S+abcdefghi03 is in .*, too"):
+    with pytest.raises(DatasetError, match=r"building \S+abcdefghi03 is also in .*dataset"):
         merge_datasets([dataset, tmp_path / "other"], tmp_path / "both")
-    with pytest.raises(DatasetError, match="is in"):
+    with pytest.raises(DatasetError, match="is also in"):
         merge_datasets([dataset, dataset], tmp_path / "both")
     with pytest.raises(RecipeError, match="expected two or more datasets to merge, found 1"):
         merge_datasets([dataset], tmp_path / "both")

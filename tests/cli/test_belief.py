@@ -56,8 +56,8 @@ def test_a_graph_of_hydra_comes_back_with_beliefs(run: Path, tmp_path: Path) -> 
     assert strip_annotation(out.read_text("utf-8")) == path.read_text("utf-8")
     for told in (
         "1 of 4 objects under no room",
-        "1 object with labels that nobody names (99); --labels does: mpcat40, ade20k, or",
-        "50% ± 29% is assumed",
+        "1 object with labels that nobody names (99); name them by --labels: mpcat40, ade20k, or",
+        "assumed 50% ± 29%",
     ):
         assert told in done.stderr
     assert call(out, *words[:4], "--hydra", other, "--force").exit_code == 0
@@ -192,6 +192,6 @@ def test_a_share_that_was_estimated_is_told(run: Path, tmp_path: Path) -> None:
     path.write_text(json.dumps({"scene_id": "home", "rooms": rooms}), "utf-8")
     done = call(path, "--run", run)
     assert done.exit_code == 0, done.output
-    assert "not seen in bath: 55% ± 20% is assumed" in done.stderr
-    assert "not seen in hall: 50% ± 29% is assumed" in done.stderr
+    assert "uncertain in bath: assumed 55% ± 20%" in done.stderr
+    assert "uncertain in hall: assumed 50% ± 29%" in done.stderr
     assert "x:" not in done.stderr

@@ -151,7 +151,7 @@ def test_workers_that_see_other_files_are_refused(
     """What the machine of the command sees is altered: the workers are another one then."""
     monkeypatch.setattr(cluster_module, "_describe", lambda path: "a file of 7 bytes")
     with (
-        pytest.raises(BSGError, match=r"worker tcp://.*: sees a folder of 2 things at .*hm3d, "),
+        pytest.raises(BSGError, match=r"worker tcp://.*: sees a folder of 2 things at .*hm3d; "),
         connect(scheduler, reads=[hm3d_folder]),
     ):
         pass

@@ -79,7 +79,7 @@ def test_enough_buildings_have_verdicts(
 ) -> None:
     monkeypatch.setattr("bsg_models.studies.comparison.LEAST_BUILDINGS", 1)
     result = run(trained, "--data", dataset, "--resamples", "3", "--out", tmp_path / "e")
-    assert result.stdout.startswith("ceci-gcn, beside doubling what was seen")
+    assert result.stdout.startswith("ceci-gcn, compared with doubling what was seen")
     assert "measured on" not in result.stderr
 
 

@@ -85,11 +85,11 @@ def test_a_search_is_chosen_to_be_watched(dataset: Path, run: Path, tmp_path: Pa
         (("--truth", "posterior", "--trace", "0"), 2, "really there"),
         (("--fraction", "0"), 2, "--fraction"),
         (("--trace", "some"), 2, "'some' is not a valid integer"),
-        (("--animation", "a.gif"), 2, "give --trace, too"),
+        (("--animation", "a.gif"), 2, "add --trace"),
         (("--trace", "--animation", "a.mp4"), 2, "ends in .gif or .png"),
         (("--stop", "2"), 2, "between 0 and 1"),
         (("--stop", "x"), 2, "expected numbers"),
-        (("--stop", "0.1", "--task", "single"), 2, "task all"),
+        (("--stop", "0.1", "--task", "single"), 2, "--task all"),
         (("--split", "all"), 2, "trained on"),
         (("--scene", "nowhere"), 1, "not one of its test buildings"),
         (

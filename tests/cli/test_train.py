@@ -32,7 +32,7 @@ def test_a_run_from_a_name(dataset: Path, tmp_path: Path) -> None:
     assert Path(summary["checkpoint"]).is_file()
     assert (out / "curve.png").read_bytes().startswith(b"\x89PNG")
     assert (
-        "--resume goes on"
+        "--resume continues it"
         in run("--config", "ceci-gcn", "--data", dataset, "--out", out, *SMALL, code=1).stderr
     )
     again = run("--config", "ceci-gcn", "--data", dataset, "--out", out, *SMALL, "--force")
@@ -152,7 +152,7 @@ def test_ctrl_c_leaves_a_run_that_resumes_to_the_same_weights(
     assert errors.endswith(b"interrupted\n")
     assert (growing / "curve.png").is_file()
     if force:
-        assert b"the run that was there stays until this one is whole" in errors
+        assert b"the earlier run stays until this one is complete" in errors
         assert (stopped / "best.safetensors").read_bytes() == old
     run(*words, "--out", stopped, "--resume")
     for name in ("last.safetensors", "best.safetensors"):

@@ -432,7 +432,7 @@ def test_a_strategy_that_nobody_knows_is_refused_with_the_nearest() -> None:
 
 
 def test_an_exploration_whose_range_falls_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"not_entered must rise, found \[0.8, 0.2\]"):
+    with pytest.raises(ValueError, match=r"not_entered: expected low ≤ high, found \[0.8, 0.2\]"):
         Exploration(not_entered=(0.8, 0.2))
 
 
