@@ -20,8 +20,8 @@ from bsg_models.evaluation.streams import Key, Stream, Weights
 from bsg_models.evaluation.truth import Prediction, Truth
 from bsg_models.zoo.model import BeliefModel
 
-# Of the metrics and of how predictions are read: it rises when the same predictions would get
-# another value, so that results of one version can be compared.
+# Version of the metrics and of the reading of predictions: it rises if equal predictions would get
+# another value. So results of one version can be compared.
 EVALUATOR_VERSION = 1
 
 
@@ -52,15 +52,15 @@ class Measured:
     """Every metric of one model under W weights of the buildings.
 
     Attributes:
-        values: metric → `[W]`, in the order of all tables; first the data as they are.
-        nodes: metric → number of nodes that it is over.
+        values: metric → `[W]`, in the order of all tables; the first column is the data.
+        nodes: metric → number of nodes behind it.
     """
 
     values: Mapping[str, Floats]
     nodes: Mapping[str, int]
 
     def bootstrap(self) -> Bootstrap:
-        """Return the values, and those of every resample, as `weigh_buildings` weighs them."""
+        """Return the values with those of every resample, as `weigh_buildings` weighs them."""
         return Bootstrap(
             point={name: float(value[0]) for name, value in self.values.items()},
             resampled={name: value[1:] for name, value in self.values.items()},
@@ -69,7 +69,7 @@ class Measured:
 
 
 class StreamedMeasurement:
-    """All metrics of one model on one split, of whose nodes nothing is kept.
+    """All metrics of one model on one split, without keeping its nodes.
 
     Args:
         scene_ids: `[B]` of all buildings that will be added.
@@ -83,7 +83,7 @@ class StreamedMeasurement:
         }
 
     def add(self, truth: Truth, expectation: Expectation) -> None:
-        """Take in some nodes, in any order."""
+        """Add some nodes, in any order."""
         batch = self._stream.batch(Prediction(truth, expectation))
         for gathered in self._gathered.values():
             gathered.add(batch)
@@ -92,7 +92,7 @@ class StreamedMeasurement:
         """Return every metric by name, e.g. `rooms/wasserstein_values/mean`.
 
         Raises:
-            RecipeError: if a metric has other node sets or parts than it says.
+            RecipeError: if a metric has other node sets or parts than it declares.
         """
         values: dict[str, Floats] = {}
         nodes: dict[str, int] = {}
@@ -106,7 +106,7 @@ class StreamedMeasurement:
 
 
 class Measurement:
-    """All metrics of one model on one truth that is held whole.
+    """All metrics of one model on one truth that is held in memory.
 
     Args:
         truth: of N nodes.
@@ -133,7 +133,7 @@ class Measurement:
         return self.measure(weights[:, None]).bootstrap().point
 
     def count_nodes(self, metric: str) -> int:
-        """Return the number of nodes that a metric is over."""
+        """Return the number of nodes behind a metric."""
         return self._plain.nodes[metric]
 
     @cached_property
@@ -142,7 +142,7 @@ class Measurement:
 
 
 class SplitWeights:
-    """The weights of the buildings of several splits: one that is in several has one in all.
+    """The weights of the buildings of several splits; a building has one weight in all of them.
 
     Args:
         splits: scene ids of the buildings of each.
@@ -166,9 +166,11 @@ class SplitWeights:
     def average(self, splits: Sequence[Measured]) -> Measured:
         """Return the mean over the splits in which a metric is defined.
 
-        The scores of a model that was trained anew for each split cannot be pooled: a ranking or a
-        correlation over two trainings is of neither. A split of which a resample has no building
-        is not in the mean of that resample.
+        Scores of models trained separately for each split cannot be pooled: a ranking or
+        correlation over
+        two trainings describes neither. If a resample has no building of a split, that split is
+        left out
+        of the resample's mean.
         """
         if len(splits) == 1:
             return splits[0]
@@ -183,7 +185,7 @@ class SplitWeights:
 
 
 def _mean_known(values: Floats, there: Bools) -> Floats:
-    """Return the mean over splits, `[W]` of `[S, W]`, of what is there and not nan."""
+    """Return the mean over splits, `[W]` of `[S, W]`, of the values that exist and are not nan."""
     columns = np.where(there, values, np.nan).T
     return np.array([metrics.mean_known(column.tolist()) for column in columns])
 
@@ -192,7 +194,7 @@ def prepare_metric(name: str, prediction: Prediction) -> Prepared:
     """Prepare a row of `METRICS` for a prediction.
 
     Raises:
-        RecipeError: if it has other node sets or parts than it says, as somebody else's may.
+        RecipeError: if it has other node sets or parts than it declares.
     """
     prepared = METRICS[name].prepare(prediction)
     _require_parts(name, prepared.nodes)

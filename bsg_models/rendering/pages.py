@@ -62,10 +62,8 @@ def content_security_policy() -> str:
 
     All pages share one policy, because a report contains the explorer. The hashes are those of the
     files beside this one and do not depend on what a page holds. Scripts set the styles that depend
-    on
-    numbers; the policy forbids `style` attributes. It also forbids every policy of Trusted Types,
-    so no
-    script can make markup from text.
+    on numbers; the policy forbids `style` attributes. It also forbids every policy of Trusted
+    Types, so no script can make markup from text.
     """
     hashes: dict[str, list[str]] = {element: [] for element in _ELEMENTS.values()}
     beside = resources.files("bsg_models.rendering").iterdir()

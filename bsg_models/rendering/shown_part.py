@@ -44,10 +44,8 @@ def choose_shown_part(belief: BeliefGraph) -> ShownPart:
     """Choose what a page shows of a belief graph: everything, unless the building is very large.
 
     Beyond `MOST_ROOMS` rooms, the three likeliest rooms of every class are shown, then the rooms
-    with
-    the largest expected number of hidden objects. Beyond `MOST_OBJECTS` objects or blind nodes,
-    every
-    room shows an equal number where it has that many; objects with a class come first.
+    with the largest expected number of hidden objects. Beyond `MOST_OBJECTS` objects or blind
+    nodes, every room shows an equal number where it has that many; objects with a class come first.
     """
     partial = belief.partial
     rooms = _choose_rooms(belief)

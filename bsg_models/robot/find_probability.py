@@ -131,7 +131,7 @@ class FindProbability:
         """
         node = self._require(location)
         if node is None:
-            raise RecipeError(f"{location!r} holds nothing, so that it cannot be searched")
+            raise RecipeError(f"{location!r} holds nothing, so it cannot be searched")
         room = self.seen.rooms[node - 1]
         for name in found:
             self.seen.saw(room, self._word(name), object_id=name)

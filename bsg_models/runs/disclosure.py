@@ -1,9 +1,8 @@
-"""What a file of weights tells of the buildings that it was trained on.
+"""Measure what a file of weights discloses about the buildings of its training.
 
-Two questions. Can a row of a building be read out of the file? That is looked for, tensor by tensor
-(`find_disclosed`). Can one tell, with the model in hand, whether a building was among them? That is
-measured as an attack (`measure_membership`): training buildings surprise a model that knows them by
-heart less than others do.
+`find_disclosed` checks, tensor by tensor, whether a row of a building can be read out of the file.
+`measure_membership` attacks the model: it measures whether a training building can be told from
+another. A model that memorises its training buildings assigns them a higher likelihood.
 """
 
 from __future__ import annotations
@@ -27,23 +26,23 @@ from bsg_models.zoo.construction import make_model
 from bsg_models.zoo.model import BeliefModel
 
 _LONG_ID = 8  # letters of a scene id that no other text holds by chance
-_FEW_CLASSES = 3  # a histogram of fewer is nobody's in particular
-_SAME = 1 - 1e-9  # cosine of two rows that are one
+_FEW_CLASSES = 3  # a histogram of fewer classes identifies no room
+_SAME = 1 - 1e-9  # cosine at which two rows count as one
 _BATCH = 256  # buildings
 
 
 @dataclass(frozen=True, slots=True)
 class Disclosure:
-    """What was looked for in a checkpoint, and found.
+    """What was looked for in a checkpoint, and what was found.
 
     Attributes:
-        tensors: that it holds.
-        numbers: in them.
+        tensors: number in the checkpoint.
+        numbers: in all tensors.
         categories: of its vocabulary.
-        least_scenes: buildings that the rarest of these categories is in.
+        least_scenes: number of training buildings with the rarest of these categories.
         scenes: of the dataset.
         rooms: of the dataset.
-        faults: what was found that should not be there; empty if all is well.
+        faults: disclosures found; empty if there are none.
     """
 
     tensors: int
@@ -55,7 +54,7 @@ class Disclosure:
     faults: tuple[str, ...]
 
     def __str__(self) -> str:
-        """Say it in words."""
+        """Return the result in words."""
         found = "; ".join(self.faults) or "none of these was found"
         read = (
             f" Each of the {self.categories:,} other categories that it reads occurs in "
@@ -99,15 +98,15 @@ def find_disclosed(path: Path, data: Dataset) -> Disclosure:
 
 @dataclass(frozen=True, slots=True)
 class Membership:
-    """How well a training building can be told from one that was held out.
+    """How well a training building can be told from a held-out one.
 
     Attributes:
         inside: mean −log P of the hidden counts of a room, over training buildings, nats.
         outside: the same over held-out buildings.
-        auc: of the attack that calls the less surprising building a training building: 0.5 is
+        auc: of the attack that takes the likelier building for a training building; 0.5 is
             guessing.
         error: standard error of `auc` if it were 0.5.
-        buildings: of training, and held out.
+        buildings: numbers of training buildings and held-out buildings.
     """
 
     inside: float
@@ -117,7 +116,7 @@ class Membership:
     buildings: tuple[int, int]
 
     def __str__(self) -> str:
-        """Say it in words."""
+        """Return the result in words."""
         return (
             f"A room of one of the {self.buildings[0]} training buildings surprises the model by "
             f"{self.inside:.2f} nats (mean −log P of its hidden counts, under masks as in "
@@ -131,14 +130,15 @@ class Membership:
 def measure_membership(
     model: BeliefModel, inside: MaskedBuildings, outside: MaskedBuildings
 ) -> Membership:
-    """Attack a model by how much buildings surprise it.
+    """Attack a model by the likelihood that it assigns to buildings.
 
-    The area under the curve is the Mann-Whitney statistic over pairs of buildings, ties by half;
-    its standard error where there is nothing to tell is √((m + n + 1) / 12mn).
+    The area under the curve is the Mann-Whitney statistic over pairs of buildings; a tie counts
+    half.
+    Its standard error without any difference is √((m + n + 1) / 12mn).
 
     Args:
         model: that is attacked.
-        inside: training buildings under masks; every building counts once, whatever its draws.
+        inside: training buildings under masks; each building counts once, whatever its draws.
         outside: other buildings under masks of the same recipe.
     """
     ours, theirs = _surprises(model, inside), _surprises(model, outside)
@@ -169,11 +169,12 @@ def _surprises(model: BeliefModel, masked: MaskedBuildings) -> Floats:
 
 
 def _per_scene_shapes(checkpoint: Checkpoint, data: Dataset, train: Sequence[str]) -> Iterator[str]:
-    """Yield the tensors with a dimension as long as the buildings or rooms are many.
+    """Yield the tensors with a dimension as long as the number of buildings or rooms.
 
-    A tensor that a new model has, too, in the same shape, is none: the shape follows from the
-    configuration, the classes and the vocabulary alone. Of other tensors, no length is that one of
-    these explains.
+    A tensor that a new model also has, in the same shape, does not count: its shape follows from
+    configuration, classes and vocabulary. In other tensors, a length that one of these explains
+    does
+    not count.
     """
     header = checkpoint.header
     new = make_model(
@@ -228,7 +229,7 @@ def _copied_rows(checkpoint: Checkpoint, data: Dataset) -> Iterator[str]:
 def _rarest_category(
     checkpoint: Checkpoint, data: Dataset, train: Sequence[str]
 ) -> tuple[int, list[str]]:
-    """Return in how many training buildings the rarest category is, and those that are in few."""
+    """Return the number of training buildings with the rarest category, and faults of rare ones."""
     header = checkpoint.header
     configs = [header.config, *header.members.values()]
     wanted = max(config.data.min_scenes for config in configs)

@@ -1,7 +1,7 @@
-"""The card of a model: its training data, terms, accuracy and limits.
+"""Write and read model cards: training data, terms, accuracy and limits of a model.
 
-Its front matter is what the Hugging Face hub reads; under `bsg` it holds the facts that commands
-show, so that a card is read back.
+The front matter is what the Hugging Face hub reads. Its key `bsg` holds the facts that commands
+show, so that a card can be read back.
 """
 
 from __future__ import annotations
@@ -52,14 +52,14 @@ _CANNOT = (
 
 
 class TrainedOn(Record):
-    """One source of what a model learned from.
+    """One source of a model's training data.
 
     Attributes:
         source: its kind, e.g. `hm3d`.
-        buildings: that were trained on or validated on.
+        buildings: number used for training or validation.
         licence: SPDX, or `unknown`.
-        licence_url: where it stands; empty if unknown.
-        sentence: what a user has to know of the terms.
+        licence_url: link to the licence; empty if unknown.
+        sentence: what a user must know of the terms.
         citation: of the source.
     """
 
@@ -86,9 +86,9 @@ class ModelCard(Record):
 
     @property
     def licences(self) -> tuple[tuple[str, str], ...]:
-        """Licence and link of the weights: those of the sources, the more restrictive alone.
+        """Licence and link of the weights: those of the most restrictive sources.
 
-        A licence that SPDX does not list, and unknown terms, are taken to restrict more.
+        Licences that SPDX does not list, and unknown terms, count as more restrictive.
         """
         every = dict.fromkeys((one.licence, one.licence_url) for one in self.trained_on)
         strict = [one for one in every if one[0].startswith(LICENCE_REF) or one[0] == UNKNOWN]
@@ -101,7 +101,7 @@ class ModelCard(Record):
 
     @property
     def data(self) -> str:
-        """What it was trained on, as a phrase: `145 buildings of hm3d and 37 of behavior`."""
+        """The training data, as a phrase: `145 buildings of hm3d and 37 of behavior`."""
         parts = [f"{one.buildings} of {one.source}" for one in self.trained_on]
         if not parts:
             return "buildings that nobody named"
@@ -139,12 +139,12 @@ def write_card(
     disclosure: Disclosure | None = None,
     membership: Membership | None = None,
 ) -> str:
-    """Return the card of a model: front matter of the hub, then Markdown.
+    """Return the card of a model: front matter for the hub, then Markdown.
 
     Args:
         card: its facts.
         header: of its checkpoint.
-        figures: rows of a table of what was measured, each with the same keys.
+        figures: rows of a table of measured values, each with the same keys.
         disclosure: what was looked for in the weights.
         membership: how well a training building can be told from another.
     """
@@ -189,7 +189,7 @@ def read_card(text: str, *, origin: str) -> ModelCard:
         origin: the file, for errors.
 
     Raises:
-        CheckpointError: if it is no card of ours.
+        CheckpointError: if it is not a card of this project.
     """
     _, fence, rest = text.partition("---\n")
     front, end, _ = rest.partition("\n---")
@@ -201,13 +201,13 @@ def read_card(text: str, *, origin: str) -> ModelCard:
             raise ValueError("its front matter has no `bsg`")
         return ModelCard.model_validate(found["bsg"])
     except ValidationError as error:
-        raise CheckpointError(f"{origin}: no card of a model: {name_fault(error)}") from error
+        raise CheckpointError(f"{origin}: not a card of a model: {name_fault(error)}") from error
     except ValueError as error:
-        raise CheckpointError(f"{origin}: no card of a model: {error}") from error
+        raise CheckpointError(f"{origin}: not a card of a model: {error}") from error
 
 
 def card_text(found: FoundModel, header: CheckpointHeader) -> str:
-    """Return the card that lies with a model, or one of what its checkpoint says."""
+    """Return the card beside a model, or a card made from its checkpoint."""
     beside = found.path.with_name(HUB_CARD)
     if found.kind == "shipped":
         return read_shipped_card(found.name)
@@ -219,10 +219,10 @@ def card_text(found: FoundModel, header: CheckpointHeader) -> str:
 
 
 def read_figures(path: Path) -> dict[str, list[dict[str, _MEASURED]]]:
-    """Read tables of figures: JSON, model → rows of the same keys.
+    """Read tables of measured values: JSON, model → rows of the same keys.
 
     Raises:
-        RecipeError: if it is none.
+        RecipeError: if the file has another form.
     """
     found = read_json(path, RUN_RECORD, error=RecipeError)
     tables: dict[str, Any] = found if isinstance(found, dict) else {"the file": ""}
@@ -284,13 +284,13 @@ def _describe_sources(card: ModelCard) -> list[str]:
 
 
 def _link(text: str, address: str) -> str:
-    """Return a link; the text alone where the address is none that a card may lead to."""
+    """Return a link, or only the text if a card may not link to the address."""
     escaped = escape_markdown(text)
     return f"[{escaped}]({address})" if is_address(address) else escaped
 
 
 def _quote(name: str) -> str:
-    """Return a name as a shell takes it, on one line."""
+    """Return a name quoted for a shell, on one line."""
     return shlex.quote(" ".join(make_plain(name).split()))
 
 

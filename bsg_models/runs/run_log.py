@@ -150,7 +150,9 @@ def _parse(line: str, *, where: str) -> Begun | Ended:
     try:
         return _LINE.validate_json(line)
     except ValidationError as error:
-        raise TrainingError(f"{where}: is none of a log of ours ({name_fault(error)})") from error
+        raise TrainingError(
+            f"{where}: is not a line of a run's log ({name_fault(error)})"
+        ) from error
 
 
 def _add(run: Path, line: Begun | Ended) -> None:

@@ -62,7 +62,9 @@ def _prove(block: str, most: int, features: int) -> Iterator[str]:
     said = _read_lines(block)
     for key in ("num_cat", "is_linear"):
         if said.get(key, "0") != "0":
-            raise ValueError(f"{key} is {said[key][:40]!r}, which no tree of ours has")
+            raise ValueError(
+                f"{key} is {said[key][:40]!r}, which is not valid in trees of this model"
+            )
     (leaves,) = _whole_numbers(said, "num_leaves", 1, range(1, most + 1))
     splits = leaves - 1
     yield f"num_leaves={leaves}"
