@@ -1,8 +1,8 @@
-"""Class maps: from the free text of an annotation to a class of a class space.
+"""Class maps: map the free text of an annotation to a class of a class space.
 
 A published map is a file of `mappings/` that never changes: `<version>.csv` with
-`raw_category,category,class`, one row a spelling. `class_maps.csv` says which class space it leads
-into, and whether names that it does not list are resolved by rule.
+`raw_category,category,class`, one row per spelling. `class_maps.csv` has its class space, and
+whether rules resolve names that it does not list.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ Role = Literal["classified", "left-out", "structure", "nameless", "unmapped"]
 
 @dataclass(frozen=True, slots=True)
 class MapEntry:
-    """What the map says of one spelling.
+    """The category and the class of one spelling.
 
     Attributes:
         category: the corrected name.
@@ -50,16 +50,15 @@ class MapEntry:
 
 @dataclass(frozen=True, slots=True)
 class Classified:
-    """What an annotated name comes to under a class map.
+    """The category, class and role of an annotated name under a class map.
 
     Attributes:
-        category: the corrected name, `unknown` for a nameless one; None for an unmapped name.
+        category: the corrected name; `unknown` for a nameless object; None for an unmapped name.
         class_index: its class, or None outside the classes.
-        role: `classified` with a class; `left-out`, an object outside the classes; `structure`,
-            a part of the building; `nameless`, blank or `unknown`; `unmapped`, a name that the map
-            does not have.
-        rule: which rule led to the category; None for a name that the map lists, and for one that
-            no rule explains.
+        role: `classified`: has a class; `left-out`: an object outside the classes; `structure`: a
+            part of the building; `nameless`: blank or `unknown`; `unmapped`: not in the map.
+        rule: the rule that gave the category; None for a listed name, and for a name that no rule
+            resolves.
     """
 
     category: str | None
@@ -73,15 +72,15 @@ class ClassMap:
     """A class map, ready to look names up.
 
     Attributes:
-        version: its name, e.g. `hm3d45-v1`.
-        sha256: of the bytes of its files: the spellings, then the classes; of a map with rules, the
-            list of structure, the synonyms and the version of the rules, too.
-        space: the classes that it leads to.
-        structure: categories that are part of the building itself, not objects in it.
-        entries: every spelling as published.
-        normalised: the same under `normalise_name`.
-        synonyms: normalised name → listed name, or the empty name for one whose last word
-            misleads; None for a map without rules.
+        version: name of the map, e.g. `hm3d45-v1`.
+        sha256: hash of its files: spellings, then classes; for a map with rules also the list of
+            structure, the synonyms and the version of the rules.
+        space: its class space.
+        structure: categories that are parts of the building, not objects in it.
+        entries: spelling → entry, as published.
+        normalised: normalised spelling (`normalise_name`) → entry.
+        synonyms: normalised name → listed name, or the empty name if the last word misleads; None
+            for a map without rules.
     """
 
     version: str
@@ -99,12 +98,12 @@ class ClassMap:
         return self.space.classes
 
     def lookup(self, name: str) -> MapEntry | None:
-        """Look a name up: exact, then normalised; None for a name that is not listed."""
+        """Look up a listed name, exact first, then normalised; None if it is not listed."""
         entry = self.entries.get(name)
         return entry if entry is not None else self.normalised.get(normalise_name(name))
 
     def classify(self, name: str) -> Classified:
-        """Return what an annotated name comes to: the one rule from a name to a class."""
+        """Return category, class and role of an annotated name; every lookup goes through here."""
         entry = self.lookup(name)
         if entry is not None:
             return self._describe(entry)
@@ -115,7 +114,7 @@ class ClassMap:
         return self._resolved[name]
 
     def _resolve(self, name: str) -> Classified:
-        """Return what the rules make of a name that is not listed."""
+        """Resolve a name that is not listed by the rules."""
         if self.synonyms is None:
             return _UNMAPPED
         listed = self.normalised.__contains__
@@ -148,10 +147,10 @@ class PublishedMap:
     """A row of `mappings/class_maps.csv`.
 
     Attributes:
-        class_map: its name.
-        class_space: which space it leads into.
-        source: whose words it is of.
-        rules: whether names that it does not list are resolved by rule.
+        class_map: name of the map.
+        class_space: name of its class space.
+        source: source whose names it maps.
+        rules: whether rules resolve names that it does not list.
     """
 
     class_map: str
@@ -170,7 +169,7 @@ def normalise_name(name: str) -> str:
 
 
 def is_nameless(name: str) -> bool:
-    """Say whether a name says nothing: blank, `unknown`, or `unknown/` and something.
+    """Say whether a name is blank, `unknown` or `unknown/...`.
 
     >>> is_nameless(" Unknown/remove")
     True
@@ -188,16 +187,16 @@ def published_maps() -> Mapping[str, PublishedMap]:
 
 
 def map_into(class_space: str) -> str:
-    """Return the published map of HM3D's words, which people speak, into a class space.
+    """Return the published map of HM3D's names (everyday words) into a class space.
 
     Raises:
-        ClassMapError: if none leads there: it is a space of somebody's own.
+        ClassMapError: if there is none, as for a user's own class space.
     """
     for row in published_maps().values():
         if row.class_space == class_space and row.source == "hm3d":
             return row.class_map
     raise ClassMapError(
-        f"no published class map leads into the class space {class_space!r}; published are "
+        f"no published class map is for the class space {class_space!r}; published are "
         f"{', '.join(list_class_maps())}. Read the graph in Python with your own NAME.csv: "
         "read_robot_graph(path, class_map='NAME.csv')"
     )
@@ -209,12 +208,12 @@ def list_class_maps() -> tuple[str, ...]:
 
 
 def load_class_map(name: str | ClassMap = DEFAULT_CLASS_MAP) -> ClassMap:
-    """Load a published map by its version, or one of your own by the path of its csv.
+    """Load a published map by its version, or your own map by the path of its NAME.csv.
 
-    A map that is loaded already is returned as it is.
+    A `ClassMap` is returned unchanged.
 
     Raises:
-        ClassMapError: if it is missing or malformed, or a published file was changed.
+        ClassMapError: if the map is missing or malformed, or a published file was changed.
     """
     return name if isinstance(name, ClassMap) else _load(name)
 
@@ -227,8 +226,8 @@ def _load(name: str) -> ClassMap:
         known = list_class_maps()
         asked = f"{ask_if_meant(name, known)} published are {', '.join(known)}".lstrip()
         raise ClassMapError(
-            f"no class map {name[:SHOWN]!r}: {asked}; a map of your own is named by the path of "
-            "its .csv file (NAME.csv, with NAME.classes.csv beside it)"
+            f"no class map {name[:SHOWN]!r}: {asked}; for a map of your own give the path of its "
+            ".csv file (NAME.csv, with NAME.classes.csv beside it)"
         )
     row = published_maps()[name]
     return _parse_map(
@@ -242,13 +241,13 @@ def _load(name: str) -> ClassMap:
 
 
 def parse_own_map(own: OwnMap) -> ClassMap:
-    """Parse a map of one's own, whose classes are its own or those of the default space.
+    """Parse a user's own map; its classes are its own, or those of the default class space.
 
     Raises:
         ClassMapError: if it is malformed, or has the name of a published map.
     """
     if own.name in published_maps():
-        raise ClassMapError(f"{own.name} is the name of a published map; choose another")
+        raise ClassMapError(f"{own.name} is the name of a published map; choose another name")
     default = load_class_space(DEFAULT_CLASS_SPACE)
     return _parse_map(
         own.name,
@@ -261,17 +260,17 @@ def parse_own_map(own: OwnMap) -> ClassMap:
 
 
 def join_maps(first: ClassMap, *others: ClassMap) -> ClassMap:
-    """Return one map with the words of several; of a word that two list, the earlier one decides.
+    """Return one map with the names of several; the first map that lists a name decides.
 
     Raises:
-        ClassMapError: if they lead into different class spaces.
+        ClassMapError: if their class spaces differ.
     """
     if not others:
         return first
     for other in others:
         if other.space != first.space:
             raise ClassMapError(
-                f"class maps {first.version} and {other.version} lead into different class spaces"
+                f"class maps {first.version} and {other.version} have different class spaces"
             )
     maps = (first, *others)
     backwards = maps[::-1]

@@ -1,8 +1,8 @@
-"""Class spaces: the ordered lists of classes that histograms are over.
+"""Class spaces: the ordered lists of classes of all histograms.
 
 A published space is a file of `mappings/` that never changes: `<name>.classes.csv` with
-`index,class,definition`. Models, pairs and beliefs belong to a space; several class maps can lead
-into one (`bsg_data.scene.class_map`).
+`index,class,definition`. Models, pairs and beliefs have one class space. Several class maps can
+share a space (`bsg_data.scene.class_map`).
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from bsg_data.errors import ClassMapError
 from bsg_data.spelling import SHOWN, ask_if_meant
 
 DEFAULT_CLASS_SPACE = "hm3d45-v2"
-MAX_CLASSES = 256  # the objects table has the index in a byte
+MAX_CLASSES = 256  # the objects table stores the index in a byte
 _SUFFIX = ".classes.csv"
 
 
 @dataclass(frozen=True, slots=True)
 class ClassSpace:
-    """The classes of histograms, in their order.
+    """An ordered list of classes.
 
     Attributes:
-        name: e.g. `hm3d45-v1`.
+        name: name of the space, e.g. `hm3d45-v1`.
         classes: `[C]` names.
-        definitions: `[C]` one sentence a class.
+        definitions: `[C]` one sentence per class.
     """
 
     name: str
@@ -39,14 +39,14 @@ class ClassSpace:
 
     @property
     def sha256(self) -> str:
-        """The hash of the names in their order."""
+        """The hash of the ordered names."""
         return hash_classes(self.classes)
 
     def class_index(self, name: str) -> int:
         """Return the index of a class.
 
         Raises:
-            ClassMapError: for a name that is no class, with the nearest ones.
+            ClassMapError: if the name is no class; the error has the nearest classes.
         """
         if name in self.classes:
             return self.classes.index(name)
@@ -71,7 +71,7 @@ def load_class_space(name: str = DEFAULT_CLASS_SPACE) -> ClassSpace:
     """Load a published class space.
 
     Raises:
-        ClassMapError: if there is none of that name, or its file was changed.
+        ClassMapError: if the space does not exist, or its file was changed.
     """
     if name not in list_class_spaces():
         raise ClassMapError(
@@ -84,7 +84,7 @@ def read_published(file: str) -> bytes:
     """Read a file of `mappings/` that SHA256SUMS lists.
 
     Raises:
-        ClassMapError: if it is not what was published.
+        ClassMapError: if it differs from the published file.
     """
     folder = files("bsg_mappings")
     lines = folder.joinpath("SHA256SUMS").read_text("utf-8").splitlines()
@@ -96,7 +96,7 @@ def read_published(file: str) -> bytes:
     if hashlib.sha256(data).hexdigest() != published.get(file):
         raise ClassMapError(
             f"mappings/{file} is not the published file (sha256 differs from SHA256SUMS): "
-            "published files never change; reinstall, or give your version a new name"
+            "published files never change; reinstall the package, or give your version a new name"
         )
     return data
 
@@ -105,7 +105,7 @@ def parse_class_space(name: str, data: bytes) -> ClassSpace:
     """Parse `index,class,definition`.
 
     Raises:
-        ClassMapError: naming the line at fault.
+        ClassMapError: naming the faulty line.
     """
     file = f"{name}{_SUFFIX}"
     classes: list[str] = []

@@ -1,4 +1,4 @@
-"""Connections: which rooms of a building are known to connect, how that is known, and how far."""
+"""Connections between rooms: which rooms connect, how that is known, and the distance."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ GIVEN = "given"  # the method of a connection that a robot reports
 
 @dataclass(frozen=True, eq=False)
 class Connections:
-    """Connections between rooms, each stored once; A of them.
+    """A connections between rooms, each stored once.
 
     Attributes:
         pairs: `[A, 2]` node indices, the lower first.
-        methods: `[A]` how each is known: `layout`, `door`, `stairs`, `boxes` or `given`.
-        lengths: `[A]` metres between the centroids of the two rooms; NaN where unknown.
+        methods: `[A]` how each is known: `layout`, `door`, `stairs`, `boxes`, `robot` or `given`.
+        lengths: `[A]` metres between the centroids of the two rooms; NaN if unknown.
     """
 
     pairs: npt.NDArray[np.int64]
@@ -26,7 +26,7 @@ class Connections:
     lengths: npt.NDArray[np.float64]
 
     def __len__(self) -> int:
-        """Return their number A."""
+        """Return the number A of connections."""
         return len(self.pairs)
 
     @classmethod
@@ -41,11 +41,11 @@ class Connections:
 
 
 def stack_connections(parts: Sequence[Connections], offsets: Sequence[int]) -> Connections:
-    """Return the connections of several buildings, whose nodes are numbered one after another.
+    """Return the connections of several buildings in one record, with shifted node indices.
 
     Args:
-        parts: of each building.
-        offsets: number of the first node of each.
+        parts: connections of each building.
+        offsets: index of the first node of each building.
     """
     if not parts:
         return Connections.of_pairs(())

@@ -1,4 +1,4 @@
-"""What is known of a mesh as a whole: how much of it the annotation of its scene explains."""
+"""A record of how much of a mesh the annotation of its scene explains."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ class MeshCoverage(Record):
     """How much of a mesh its annotation explains.
 
     Attributes:
-        sha256: of the file.
-        texels: in all textures: the sum of the next four.
+        sha256: hash of the mesh file.
+        texels: number of texels in all textures, the sum of the next four.
         listed: texels with the exact colour of an instance.
-        snapped: texels of JPEG textures taken for the nearest instance colour.
-        black: texels of no colour, which is the background, if black is no instance's.
+        snapped: texels of JPEG textures that got the nearest instance colour.
+        black: black texels, the background, unless black is the colour of an instance.
         unlisted: texels of any other colour.
-        unlisted_colours: how many colours these are.
-        faces: triangles.
-        area: of all triangles, square metres: the sum of the next three.
-        listed_area: of instances.
-        unlisted_area: of colours that no instance has.
-        uncoloured_area: of triangles with neither texture nor vertex colours.
-        without_geometry: instances that are listed and have no surface.
+        unlisted_colours: number of these other colours.
+        faces: number of triangles.
+        area: surface of all triangles, square metres, the sum of the next three.
+        listed_area: surface of instances.
+        unlisted_area: surface in colours that no instance has.
+        uncoloured_area: surface with neither texture nor vertex colours.
+        without_geometry: number of listed instances without a surface.
     """
 
     sha256: str = Field(pattern=r"^[0-9a-f]{64}$")

@@ -1,7 +1,7 @@
-"""The files of a class map of one's own, kept as they are: in a dataset, and in a checkpoint.
+"""The files of a user's own class map, to be kept in datasets and checkpoints.
 
-A published map is known by its name. One's own lies on somebody's disk, so whatever was made with
-it carries the bytes of its files along.
+A published map comes with the package. A user's own map is only on the user's disk, so datasets and
+checkpoints keep a copy of its files.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ SUFFIX, CLASSES, STRUCTURE = ".csv", ".classes.csv", ".structure.csv"
 
 
 class OwnMap(Record):
-    """The bytes of a class map of one's own.
+    """The bytes of a user's own class map.
 
     Attributes:
-        name: of the map: that of its file, without `.csv`.
+        name: name of the map: the name of its file without `.csv`.
         spellings: `NAME.csv`.
         classes: `NAME.classes.csv`; None for a map into the default class space.
-        structure: `NAME.structure.csv`; None for a map without.
+        structure: `NAME.structure.csv`; None without it.
     """
 
     name: str
@@ -34,7 +34,7 @@ class OwnMap(Record):
 
 
 def is_own_map(name: str) -> bool:
-    """Say whether a class map is named by the path of its `NAME.csv`.
+    """Say whether the name of a class map is the path of a `NAME.csv`.
 
     >>> is_own_map("maps/mine.csv"), is_own_map("hm3d45-v2")
     (True, False)
@@ -50,8 +50,8 @@ def read_own_map(path: Path) -> OwnMap:
     """
     if not path.is_file():
         raise ClassMapError(
-            f"{path}: no such file; a class map is NAME.csv (raw_category,category,class), with "
-            "NAME.classes.csv (index,class,definition) beside it if it has classes of its own"
+            f"{path}: no such file; expected a class map NAME.csv (raw_category,category,class), "
+            "and NAME.classes.csv (index,class,definition) beside it for its own classes"
         )
     return OwnMap(
         name=path.stem,

@@ -1,7 +1,7 @@
-"""Parts of things: categories outside the classes that belong to a thing of a class.
+"""Parts: categories outside the classes that belong to an object of a class.
 
-A curtain rod says that there is a curtain. A mask that hides each object by itself shows the rod
-while it hides the curtain; a robot that did not see the one seldom saw the other.
+A curtain rod tells that there is a curtain. A mask that hides objects independently can show the
+rod and hide the curtain. A real robot seldom sees one without the other.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ PARTS = "parts-v1.csv"
 
 @cache
 def load_parts() -> Mapping[str, str]:
-    """Return the class of the thing that each category is a part of.
+    """Return category → class of the object that it is a part of.
 
     Raises:
         ClassMapError: if the file is not the published one.
@@ -30,7 +30,7 @@ def load_parts() -> Mapping[str, str]:
 def find_wholes(
     categories: Sequence[str], classes: Sequence[str], parts: Mapping[str, str]
 ) -> Ints:
-    """Return the class that each category is a part of, by index, `[K]`; -1 for none of these.
+    """Return the index of the class that each category is a part of, `[K]`; -1 for none.
 
     >>> find_wholes(["curtain rod", "wall"], ["bed", "curtain"], {"curtain rod": "curtain"})
     array([ 1, -1])

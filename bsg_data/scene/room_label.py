@@ -1,7 +1,7 @@
-"""Room labels: from what a source calls a room to one of the common labels.
+"""Room labels: map a source's name of a room to a common label.
 
-`mappings/room-labels-v1.csv` has `source,source_label,label`. The rows of `any` are words that
-people say, and count for every source; a row without a label says that its word names no kind of
+`mappings/room-labels-v1.csv` has `source,source_label,label`. Rows of the source `any` hold
+everyday words and count for every source. A row without a label marks a word that names no kind of
 room.
 """
 
@@ -16,15 +16,15 @@ from bsg_data.scene.class_space import read_published, read_rows
 
 ROOM_LABELS = "room-labels-v1.csv"
 ANY_SOURCE = "any"
-LAYOUTS = "layouts"  # the source of labels in room layouts, whatever the scenes are of
+LAYOUTS = "layouts"  # the source name of labels in room layouts, for scenes of any source
 _NUMBER = re.compile(r"[\s#]*[0-9]+$")
 
 
 def label_of(source: str, source_label: str | None) -> str | None:
-    """Return the common label of a room; None for one that says nothing, or that nobody lists.
+    """Return the common label of a room; None if the word names no kind of room or is unknown.
 
-    What the source itself says by that word counts first, exactly as it is written: Matterport3D's
-    `b` is a bedroom and its `B` a bar.
+    The source's own rows count first, exactly as written: in Matterport3D `b` is a bedroom and `B`
+    a bar.
 
     Args:
         source: the kind of source, e.g. `behavior`; `layouts` for labels of room layouts.
@@ -50,7 +50,7 @@ def list_room_labels() -> tuple[str, ...]:
 
 
 def normalise_room(name: str) -> str:
-    """Return a room's name with spaces for `_` and `-`, without case and without its number.
+    """Return a room's name in lower case, with spaces for `_` and `-`, without its number.
 
     >>> normalise_room("Walk-in_Closet_2")
     'walk in closet'
@@ -60,7 +60,7 @@ def normalise_room(name: str) -> str:
 
 @cache
 def _read_labels() -> Mapping[tuple[str, str], str | None]:
-    """Read the published rows, each as it is written and as people say it."""
+    """Read the published rows, each exact and normalised."""
     header = ("source", "source_label", "label")
     rows = [row for _, row in read_rows(ROOM_LABELS, read_published(ROOM_LABELS), header)]
     spoken = {(source, normalise_room(word)): label or None for source, word, label in rows}

@@ -24,7 +24,7 @@ _SCENE_ID = re.compile(r"[^./\\\x00-\x1f\x7f][^/\\\x00-\x1f\x7f]{0,199}")
 
 
 def is_scene_id(name: object) -> bool:
-    """Say whether a value can be a scene id: the name of a file, without a path or a dot in front.
+    """Say whether a value can be a scene id: a file name without path or leading dot.
 
     >>> is_scene_id("00006-HkseAnWCgqk"), is_scene_id("../secret")
     (True, False)
@@ -54,16 +54,16 @@ class SceneObject:
         instance_id: the id that the annotation gives it.
         room_index: its room, 1..R; `BUILDING` for an object of the null region.
         raw_category: its name exactly as annotated.
-        category: the corrected name by the class map; None if the map does not know the name.
-        class_index: its class by the class map; None for an object without a class.
-        role: what the class map makes of its name: an object with a class or left out of the
-            classes, structure of the building, nameless or unmapped.
-        colour: its colour in the semantic mesh as RRGGBB; None where the source has none.
-        centroid: of its surface, weighted by area, metres; None without geometry.
-        box: of all its surface, metres; None without geometry.
-        area: of its surface, square metres; None without geometry.
-        part_box: of the largest connected part of its surface, which leaves out what an annotator
-            painted astray, metres; None without geometry.
+        category: the corrected name by the class map; None if the name is not in the map.
+        class_index: its class by the class map; None without a class.
+        role: its role by the class map: `classified`, `left-out`, `structure`, `nameless` or
+            `unmapped`.
+        colour: its colour in the semantic mesh as RRGGBB; None if the source has none.
+        centroid: centroid of its surface, weighted by area, metres; None without geometry.
+        box: box around all its surface, metres; None without geometry.
+        area: area of its surface, square metres; None without geometry.
+        part_box: box around the largest connected part of its surface, metres; it leaves out stray
+            paint of the annotator. None without geometry.
     """
 
     BUILDING: ClassVar[int] = 0
@@ -89,7 +89,7 @@ class Room:
     Attributes:
         room_index: 1..R in the order of the region ids.
         region_id: the annotation's own id; 0 is a real room.
-        source_label: what the source calls the room ("Wohnzimmer", "k").
+        source_label: the source's name of the room ("Wohnzimmer", "k").
         centroid: centre of its box, metres; None without geometry.
         box: around the largest parts of its objects without its stairs, metres; None without
             geometry.
@@ -97,9 +97,8 @@ class Room:
         floor_z: height of its floor, metres; None without geometry.
         footprint: corners (x, y) of the convex hull of its objects from above, against the clock,
             metres; None without geometry.
-        label: the common label of what the source calls it (mappings/room-labels-v1.csv); None
-            where nothing is known.
-        floor_area: square metres; None where unknown.
+        label: the common label of `source_label` (mappings/room-labels-v1.csv); None if unknown.
+        floor_area: square metres; None if unknown.
     """
 
     room_index: int
@@ -125,7 +124,7 @@ class Edge:
         kind: `contains` or `adjacent`.
         method: how the edge is known: `annotation` for containment; one of `ADJACENCY_METHODS` for
             adjacency.
-        distance_m: metres between the centroids of two adjacent rooms; None where unknown.
+        distance_m: metres between the centroids of two adjacent rooms; None if unknown.
     """
 
     source: int
@@ -140,17 +139,17 @@ class SceneGraph:
     """One building as a 3D scene graph 𝒢.
 
     Attributes:
-        scene_id: e.g. `00006-HkseAnWCgqk`.
+        scene_id: id of the building, e.g. `00006-HkseAnWCgqk`.
         source: the kind of source, e.g. `hm3d`.
-        source_version: e.g. `v0.2`; None where the source does not say.
-        source_split: the split that the source puts the building in; None where it does not say.
-        annotation_sha256: hash of the annotation that the graph was read from.
-        rooms: in the order of `room_index`.
-        objects: in the order of `object_index`.
+        source_version: version of the source, e.g. `v0.2`; None if it has none.
+        source_split: the source's own split of the building; None if it has none.
+        annotation_sha256: hash of the annotation.
+        rooms: the rooms, in the order of `room_index`.
+        objects: the objects, in the order of `object_index`.
         adjacency: the `adjacent` edges, sorted; containment follows from the objects.
-        up_axis: the axis that pointed up in the mesh, `y` or `-z` for example; None without a mesh.
-        class_map: the version of the class map that its names were read with.
-        building_kind: what the source says it is, e.g. `home` or `office`; None where it does not.
+        up_axis: the axis that points up in the mesh, e.g. `y` or `-z`; None without a mesh.
+        class_map: the version of the class map of its names.
+        building_kind: kind of building by the source, e.g. `home` or `office`; None if unknown.
     """
 
     scene_id: str
@@ -167,7 +166,7 @@ class SceneGraph:
 
     @property
     def has_geometry(self) -> bool:
-        """Say whether any room or object has a place: a centroid, a box or a footprint."""
+        """Say whether any room or object has a centroid, a box or a footprint."""
         rooms = any(room.centroid or room.box or room.footprint for room in self.rooms)
         return rooms or any(obj.centroid or obj.box for obj in self.objects)
 

@@ -1,7 +1,7 @@
-"""Surroundings: what may be known of a room and its building besides the objects in it.
+"""Surroundings: facts about a room and its building besides the objects.
 
-How large a room is, what kind of room, what kind of building it is in, and by whose annotation its
-objects are named and counted. All of it may be unknown, and a mask hides none of it.
+These are the floor area, the type of the room, the kind of the building, and the source that names
+and counts the objects. Each may be unknown. A mask hides none of them.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from bsg_data.errors import RecipeError
 from bsg_data.scene.room_label import ANY_SOURCE, label_of, list_room_labels, normalise_room
 from bsg_data.spelling import SHOWN, ask_if_meant
 
-# What models tell apart, each by its place; a kind or a source that is added comes last.
+# Models know each by its index here; add new kinds and sources at the end.
 BUILDING_KINDS = ("home", "office", "school", "shop", "restaurant", "hotel", "hall")
 KNOWN_SOURCES = ("hm3d", "behavior", "procthor", "mp3d")
 EVIDENCE = ("floor_area", "labels", "building_kinds", "sources")
@@ -37,14 +37,14 @@ _MOST_LABELS = 1000  # of one room
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """What is known of N nodes of interest in B buildings besides their objects; L room labels.
+    """Facts about N nodes of interest in B buildings besides their objects, with L room labels.
 
     Attributes:
-        floor_area: `[N]` square metres; NaN where unknown, as of buildings.
-        labels: `[N, L]` a distribution over `list_room_labels()`; all 0 where unknown.
-        building_kinds: `[B]` any of `BUILDING_KINDS`; another word counts as unknown, which is "".
-        sources: `[B]` kind of source that names and counts objects as this building's do, e.g.
-            `hm3d`; "" where unknown.
+        floor_area: `[N]` square metres; NaN if unknown, and for buildings.
+        labels: `[N, L]` distributions over `list_room_labels()`; all 0 if unknown.
+        building_kinds: `[B]` names of `BUILDING_KINDS`; "" or another word means unknown.
+        sources: `[B]` kinds of source with the same names and counting of objects, e.g. `hm3d`; ""
+            if unknown.
     """
 
     UNKNOWN: ClassVar[int] = -1  # the index of a kind or a source that is not known
@@ -60,7 +60,7 @@ class Surroundings:
 
     @classmethod
     def unknown(cls, *, nodes: int, buildings: int = 1) -> Surroundings:
-        """Return the surroundings of which nothing is known."""
+        """Return surroundings that are all unknown."""
         return cls(
             np.full(nodes, np.nan),
             np.zeros((nodes, len(list_room_labels())), dtype=np.float32),
@@ -77,17 +77,18 @@ class Surroundings:
         building_kind: str | None = None,
         source: str | None = None,
     ) -> Surroundings:
-        """Return the surroundings of one building, whose own node comes before its rooms.
+        """Return the surroundings of one building and its rooms; the building's node is first.
 
         Args:
-            areas: `[R]` square metres of each room; None where unknown.
-            room_types: `[R]` label of each room in any spelling, or labels with probabilities. What
-                these lack of 1 is spread evenly over all labels. None where unknown.
-            building_kind: one of `BUILDING_KINDS`; None where unknown.
-            source: kind of source; None where unknown.
+            areas: `[R]` square metres of each room; None if unknown.
+            room_types: `[R]` label of each room in any spelling, or labels with probabilities. If
+                these sum to less than 1, the rest is spread evenly over all labels. None if
+                unknown.
+            building_kind: one of `BUILDING_KINDS`; None if unknown.
+            source: kind of source; None if unknown.
 
         Raises:
-            RecipeError: for an area, a label, probabilities or a kind that cannot be.
+            RecipeError: if an area, a label, a probability or a kind is impossible.
         """
         if len(areas) != len(room_types):
             raise RecipeError(
@@ -103,16 +104,16 @@ class Surroundings:
 
     @property
     def building_kind_index(self) -> Ints:
-        """Place of each building's kind in `BUILDING_KINDS`, `[B]`; `UNKNOWN` of any other."""
+        """Index of each building's kind in `BUILDING_KINDS`, `[B]`; `UNKNOWN` for any other."""
         return _places(self.building_kinds, BUILDING_KINDS)
 
     @property
     def source_index(self) -> Ints:
-        """Place of each building's source in `KNOWN_SOURCES`, `[B]`; `UNKNOWN` of any other."""
+        """Index of each building's source in `KNOWN_SOURCES`, `[B]`; `UNKNOWN` for any other."""
         return _places(self.sources, KNOWN_SOURCES)
 
     def take(self, rows: slice, *, buildings: slice) -> Surroundings:
-        """Return what is known of some of the nodes, and of the buildings that they are of."""
+        """Return the surroundings of a range of nodes and their buildings."""
         return replace(
             self,
             floor_area=self.floor_area[rows],
@@ -122,7 +123,7 @@ class Surroundings:
         )
 
     def gather(self, rows: Ints, *, buildings: Ints) -> Surroundings:
-        """Return what is known of nodes by their numbers, and of the buildings that they are of."""
+        """Return the surroundings of nodes by their numbers, and of their buildings."""
         numbers = buildings.tolist()
         return replace(
             self,
@@ -133,18 +134,18 @@ class Surroundings:
         )
 
     def without(self, *evidence: str) -> Surroundings:
-        """Return the same where some evidence is unknown.
+        """Return a copy with some evidence set to unknown.
 
         Args:
-            evidence: any of `EVIDENCE`.
+            evidence: names of `EVIDENCE`.
 
         Raises:
-            RecipeError: if there is no such evidence.
+            RecipeError: if a name is unknown.
         """
         nothing = self.unknown(nodes=len(self), buildings=len(self.sources))
         for name in evidence:
             if name not in EVIDENCE:
-                raise RecipeError(f"{name!r} is no evidence; there are {', '.join(EVIDENCE)}")
+                raise RecipeError(f"{name!r} is no evidence; expected one of {', '.join(EVIDENCE)}")
         return replace(self, **{name: getattr(nothing, name) for name in evidence})
 
 
@@ -159,7 +160,7 @@ def stack_surroundings(parts: Sequence[Surroundings]) -> Surroundings:
 
 
 def repeat_surroundings(part: Surroundings, times: int) -> Surroundings:
-    """Return the surroundings of the same buildings, several times after one another."""
+    """Return the surroundings of the same buildings, repeated several times."""
     return Surroundings(
         np.tile(part.floor_area, times),
         np.tile(part.labels, (times, 1)),
@@ -169,10 +170,10 @@ def repeat_surroundings(part: Surroundings, times: int) -> Surroundings:
 
 
 def check_floor_area(area: float | None) -> float | None:
-    """Return a floor area in square metres as it is.
+    """Return a floor area in square metres, unchanged.
 
     Raises:
-        RecipeError: if no room can have it.
+        RecipeError: if no room can have this area.
     """
     if area is None or is_floor_area(area):
         return area
@@ -195,7 +196,7 @@ def check_building_kind(kind: str | None) -> str | None:
     """Return one of `BUILDING_KINDS`; None for a word that names no kind, such as `other`.
 
     Raises:
-        RecipeError: for a kind that nobody lists.
+        RecipeError: if the kind is unknown.
     """
     spoken = "" if kind is None else normalise_room(kind)
     if spoken in _NOTHING:
@@ -209,22 +210,22 @@ def check_building_kind(kind: str | None) -> str | None:
 
 
 def check_room_type(said: RoomType | None) -> RoomType | None:
-    """Return the kind of a room in the common labels, with what adds up to one label as that.
+    """Return the type of a room in common labels; probabilities of equal labels are summed.
 
     >>> check_room_type("Hallway"), check_room_type({"hall": 0.5, "corridor": 0.25})
     ('corridor', {'corridor': 0.75})
 
     Args:
         said: a label in any spelling that `mappings/room-labels-v1.csv` lists for all sources, or
-            labels with probabilities, which may be less than 1 in all.
+            labels with probabilities whose sum is at most 1.
 
     Raises:
-        RecipeError: for a label that nobody lists, or what are no probabilities.
+        RecipeError: for an unknown label or an impossible probability.
     """
     if said is None or isinstance(said, str):
         return None if said is None else _find_label(said)
     if not said:
-        raise RecipeError("expected a label at least, found none; leave it out, or say null")
+        raise RecipeError("expected at least one label, found none; leave it out, or give null")
     if len(said) > _MOST_LABELS:
         raise RecipeError(f"expected at most {_MOST_LABELS} labels, found {len(said)}")
     found: dict[str, float] = {}
@@ -241,7 +242,7 @@ def check_room_type(said: RoomType | None) -> RoomType | None:
 
 
 def label_rows(labels: Sequence[str | None]) -> npt.NDArray[np.float32]:
-    """Return labels of rooms as rows `[R, L]`; all 0 for one that this version does not list."""
+    """Return labels of rooms as rows `[R, L]`; all 0 for a label that this version lacks."""
     places = _label_places()
     rows = np.zeros((len(labels), len(places)), dtype=np.float32)
     for row, label in enumerate(labels):
@@ -251,7 +252,7 @@ def label_rows(labels: Sequence[str | None]) -> npt.NDArray[np.float32]:
 
 
 def _of_each_room(read: Callable[[Said], Read], said: Iterable[Said]) -> Iterator[Read]:
-    """Yield what is read of each room; an error says which room it is."""
+    """Yield the result of `read` for each room; an error names the room."""
     for number, one in enumerate(said, 1):
         try:
             yield read(one)
@@ -260,7 +261,7 @@ def _of_each_room(read: Callable[[Said], Read], said: Iterable[Said]) -> Iterato
 
 
 def _find_label(word: str) -> str | None:
-    """Return the common label of a word; None if it says that nothing is known."""
+    """Return the common label of a word; None if the word means unknown."""
     spoken = normalise_room(word)
     if spoken in _NOTHING:
         return None
@@ -273,7 +274,7 @@ def _find_label(word: str) -> str | None:
 
 
 def _spread(said: RoomType | None) -> npt.NDArray[np.float32]:
-    """Return the distribution over the labels `[L]` that a room type says; 0 for none."""
+    """Return the distribution over the labels `[L]` of a room type; all 0 for None."""
     places = _label_places()
     row = np.zeros(len(places))
     known = check_room_type(said)

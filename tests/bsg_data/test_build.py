@@ -263,7 +263,7 @@ def test_a_scene_whose_id_leads_out_of_a_folder_is_left_out(
 def test_an_empty_result_is_a_failure(tmp_path: Path) -> None:
     write_scene(tmp_path / "root", "00042-broken00000", b"")
     with pytest.raises(
-        SourceError, match=r"scenes were found and none could be read:\n  train/00042"
+        SourceError, match=r"no scene could be read. The first reasons:\n  train/00042"
     ):
         build_dataset(HM3DFolder(tmp_path / "root"), tmp_path / "out")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["root"]
@@ -285,7 +285,9 @@ def test_a_stopped_build_is_told_of_where_its_dataset_is_looked_for(
         build_dataset(
             HM3DFolder(hm3d_folder), out, scenes_per_shard=2, executor=StoppingExecutor(3)
         )
-    with pytest.raises(DatasetError, match=r"no such folder; .*out\.partial .* same command again"):
+    with pytest.raises(
+        DatasetError, match=r"no such folder; .*out\.partial .* run that command again"
+    ):
         check_dataset(out)
     with pytest.raises(DatasetError, match=r"no such folder$"):
         check_dataset(tmp_path / "other")
@@ -433,5 +435,5 @@ def test_a_bug_of_a_source_names_the_scene(hm3d_folder: Path, tmp_path: Path) ->
                 raise KeyError("colour")
             return super().read(ref, class_map)
 
-    with pytest.raises(RuntimeError, match=r"'hm3d' has a bug, which scene '00005-.* KeyError"):
+    with pytest.raises(RuntimeError, match=r"'hm3d' has a bug: scene '00005-.* raised KeyError"):
         build_dataset(Buggy(hm3d_folder), tmp_path / "out")

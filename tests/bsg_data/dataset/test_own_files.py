@@ -57,7 +57,7 @@ def test_a_users_file_stops_the_removal_before_anything_goes(tmp_path: Path) -> 
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(name)
     before = list_paths(tmp_path)
-    with pytest.raises(DatasetError, match=r"holds pairs/mine, which no command of ours made"):
+    with pytest.raises(DatasetError, match=r"holds pairs/mine, which this program did not write"):
         remove_own(tmp_path)
     assert list_paths(tmp_path) == before
     assert list_foreign(tmp_path) == ["pairs/mine"]
@@ -75,7 +75,7 @@ def test_a_link_is_not_gone_through(tmp_path: Path) -> None:
     (victim / "rooms" / "part-00000.parquet").write_text("mine")
     folder.mkdir()
     (folder / "rooms").symlink_to(victim / "rooms")
-    with pytest.raises(DatasetError, match="holds rooms, which no command"):
+    with pytest.raises(DatasetError, match="holds rooms, which this program did not write"):
         remove_own(folder)
     (tmp_path / "link").symlink_to(victim)
     with pytest.raises(DatasetError, match="it is a link"):

@@ -303,5 +303,5 @@ def test_what_a_killed_change_left_is_removed_without_another_change(dataset: Pa
     assert sorted(dataset.rglob("*")) == before
     (dataset / ".revision").mkdir()
     (dataset / ".revision" / "mine.txt").write_text("mine")
-    with pytest.raises(DatasetError, match=r"mine\.txt, which no command of ours made"):
+    with pytest.raises(DatasetError, match=r"mine\.txt, which this program did not write"):
         remove_left(dataset)

@@ -139,7 +139,7 @@ def room(**values: Any) -> str:
         ),
         (changed(objects=[{"id": "7", "category": "bed"}] * 11 + [5]), "the 12th object: Input"),
         (changed(adjacency=[["hall", "kitchen"], ["hall", 5]]), "the 2nd pair of adjacency: 1: "),
-        (room(room_type={}), "'kitchen': room_type: .*at least, found none"),
+        (room(room_type={}), "'kitchen': room_type: .*at least one label, found none"),
         (changed(**{"x" * 10_000: 1}), r"graph.json: 'x{80}' is no key; known are format"),
         (
             changed(objects=[{"id": "1", "room": "attic", "category": "bed"}]),

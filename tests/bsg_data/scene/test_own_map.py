@@ -33,7 +33,7 @@ def test_files_and_json_give_back_every_byte(
 
 
 def test_a_missing_map_says_what_a_map_is(tmp_path: Path) -> None:
-    with pytest.raises(ClassMapError, match=r"no such file; a class map is NAME\.csv"):
+    with pytest.raises(ClassMapError, match=r"no such file; expected a class map NAME\.csv"):
         read_own_map(tmp_path / "mine.csv")
 
 

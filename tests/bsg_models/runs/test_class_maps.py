@@ -114,7 +114,7 @@ def test_a_map_into_other_classes_than_the_models_is_refused(run: Path) -> None:
     other = own_map("bed,bed,rest\n", "0,rest,To lie on.\n")
     with pytest.raises(CheckpointError, match=r"predicts classes of hm3d45-v2 .* leads into mine"):
         choose_class_map(PATH, header_of(run, other))
-    with pytest.raises(CheckpointError, match="into different class spaces"):
+    with pytest.raises(CheckpointError, match="have different class spaces"):
         choose_class_map(PATH, header_of(run, other, STUHL))
 
 
