@@ -1,6 +1,6 @@
-"""The catalogue of exports: one row a format, then the entry points of `bsg_data.exports`.
+"""The catalogue of exports: one row per format, and the entry points of `bsg_data.exports`.
 
-A row encodes one scene at a time; `bsg_data.exports.export` does all that has to do with files.
+A row encodes one scene at a time; `bsg_data.exports.export` writes the files.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ class EncodedScene:
     """One scene in another format.
 
     Attributes:
-        files: their bytes by their names; none for a scene that has nothing for the format.
-        rooms: how many rooms are in them.
-        note: what its reader has to know of a scene, the same words for scenes that are alike.
+        files: file name → bytes; empty for a scene without content for the format.
+        rooms: number of rooms in the files.
+        note: what a reader must know of the scene; equal words for similar scenes.
     """
 
     files: Mapping[str, bytes]
@@ -32,8 +32,8 @@ class ExportRow:
     """One row of the exports.
 
     Attributes:
-        summary: what it writes, in one line.
-        encode: encodes a scene.
+        summary: what the format holds, in one line.
+        encode: function that encodes a scene.
     """
 
     summary: str

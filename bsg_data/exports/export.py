@@ -1,4 +1,4 @@
-"""Write the scenes of a dataset in the format of another program: all that is about files."""
+"""Write the scenes of a dataset to files in the format of another program."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from bsg_data.scene.scene_graph import is_scene_id
 
 @dataclass(frozen=True, slots=True)
 class Exported:
-    """What an export wrote.
+    """The result of an export.
 
     Attributes:
-        files: how many.
-        scenes: that are in them.
-        rooms: that are in them.
-        left_out: scenes that had nothing for the format.
-        rooms_left_out: rooms that had nothing for it, of all scenes.
-        notes: what readers have to know, with the number of scenes that it is true of.
+        files: number of files.
+        scenes: number of scenes in them.
+        rooms: number of rooms in them.
+        left_out: ids of the scenes without content for the format.
+        rooms_left_out: number of rooms without content for the format, in all scenes.
+        notes: note → number of scenes that it applies to.
     """
 
     files: int
@@ -47,19 +47,19 @@ def export_dataset(
 ) -> Exported:
     """Write all scenes of a dataset in another format.
 
-    Every file is whole or absent, and none is renamed to its place before all are written.
+    Every file is complete or absent. All files are written before the first is renamed.
 
     Args:
-        dataset: its folder.
-        out: folder to write to; other files in it stay as they are.
-        to: name of a row of `EXPORTS`, or of an installed entry point.
-        force: replace files that are there.
+        dataset: folder of the dataset.
+        out: folder to write to; other files in it stay unchanged.
+        to: name of a row of `EXPORTS` or of an installed entry point.
+        force: replace existing files.
         progress: called with (scenes done, scenes in all).
 
     Raises:
-        RecipeError: for an export that nobody knows, with the nearest.
-        DatasetError: if the dataset cannot be read, no scene has anything for the format, a file
-            is in the way, or one cannot be written.
+        RecipeError: if the export is unknown; the error has the nearest name.
+        DatasetError: if the dataset is unreadable, no scene has content for the format, or a file
+            exists or cannot be written.
     """
     row, manifest = EXPORTS[to], read_manifest(dataset)
     out = out.resolve()
@@ -67,8 +67,8 @@ def export_dataset(
         done = _encode_all(dataset, manifest, growing, row, progress=progress)
         if not done.scenes:
             raise DatasetError(
-                f"{dataset}: none of its {manifest.totals.scenes:,} scenes has anything for "
-                f"{to!r}, which is: {row.summary}"
+                f"{dataset}: none of its {manifest.totals.scenes:,} scenes has anything for the "
+                f"export {to!r} ({row.summary})"
             )
         if not force:
             _refuse_replacing(sorted(file.name for file in growing.iterdir()), out)
@@ -109,4 +109,4 @@ def _refuse_replacing(names: Sequence[str], out: Path) -> None:
     taken = [name for name in names if (out / name).exists()]
     if taken:
         more = f" and {len(taken) - 1:,} more" if len(taken) > 1 else ""
-        raise DatasetError(f"{out / taken[0]}: is there{more}; --force replaces such files")
+        raise DatasetError(f"{out / taken[0]}: exists{more}; --force replaces such files")

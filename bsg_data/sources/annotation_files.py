@@ -1,4 +1,4 @@
-"""Files of annotations: found below a folder, told apart by a hash."""
+"""Find files of annotations below a folder, and detect changes by a hash."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TOO_LARGE = "too large"
 
 
 def list_files(path: Path, suffixes: tuple[str, ...], unreadable: list[SkippedScene]) -> list[Path]:
-    """Return a path that is such a file, or all such files below a folder.
+    """Return a file with one of the suffixes, or all such files below a folder.
 
     Args:
         path: of a file or a folder.
@@ -36,12 +36,12 @@ def list_files(path: Path, suffixes: tuple[str, ...], unreadable: list[SkippedSc
 def walk_files(
     root: Path, suffixes: tuple[str, ...], unreadable: list[SkippedScene]
 ) -> Iterator[Path]:
-    """Yield the files below a folder whose names end so, through links but never round a loop.
+    """Yield the files below a folder with certain suffixes; follow links, but no loops.
 
     Args:
         root: the folder.
-        suffixes: how the names end; hidden files are left out.
-        unreadable: takes the folders and files that cannot be read, and why.
+        suffixes: suffixes of the names; hidden files are left out.
+        unreadable: collects the unreadable folders and files, with the reasons.
     """
 
     def note(error: OSError) -> None:
@@ -84,10 +84,10 @@ def _why_not(path: Path) -> str | None:
 
 
 def fingerprint(path: Path, bound: Bound) -> str:
-    """Hash a file; one that may not be read, or is far too large, is reported when it is read.
+    """Hash a file; a forbidden or far too large file is reported later, when it is read.
 
     Raises:
-        SourceChangedError: if it is gone, or cannot be read now.
+        SourceChangedError: if the file is missing or temporarily unreadable.
     """
     try:
         return hash_bounded(path, bound)
@@ -124,19 +124,19 @@ def read_listed(path: Path, bound: Bound, *, expected: str | None = None) -> byt
 
 
 def require_fingerprint(path: Path | str, found: str, expected: str | None) -> None:
-    """Refuse what is not what it was when it was listed.
+    """Refuse a file that changed after it was listed.
 
     Args:
-        path: what an error names.
-        found: what tells it apart now.
-        expected: what told it apart then; None if it was not listed.
+        path: path for the error.
+        found: fingerprint of the file now.
+        expected: fingerprint when it was listed; None if it was not listed.
 
     Raises:
         SourceChangedError: if the two differ.
     """
     if expected is not None and found != expected:
         why = f" ({found})" if found.startswith("unreadable") else ""
-        raise SourceChangedError(f"{path}: is not what it was when the scenes were listed{why}")
+        raise SourceChangedError(f"{path}: changed after the scenes were listed{why}")
 
 
 def decode(data: bytes, *, path: Path) -> str:

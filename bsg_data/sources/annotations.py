@@ -1,4 +1,4 @@
-"""HM3D's own annotation text: `<hash>.semantic.txt`.
+"""Read HM3D's annotation text `<hash>.semantic.txt`.
 
 The first line contains `HM3D Semantic Annotations`; every other is `id,HEXRGB,"name",region`.
 Quirks of the real files: names hold commas, slashes, odd case and non-ASCII letters; colours lack

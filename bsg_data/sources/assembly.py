@@ -1,4 +1,4 @@
-"""Scene graphs from lists of annotated instances."""
+"""Make scene graphs from lists of annotated instances."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ def assemble(
 ) -> SceneGraph:
     """Make the scene graph of one annotation.
 
-    A region with an id of 0 or more is a room if it holds an instance, or if the source tells of
-    it. Objects of the null region belong to the building. A nameless object and one outside the
+    A region with an id of 0 or more is a room if it holds an instance, or if the source lists it.
+    Objects of the null region belong to the building. Objects that are nameless or outside the
     classes stay, without a class.
 
     Args:

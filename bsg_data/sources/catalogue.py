@@ -1,4 +1,4 @@
-"""The catalogue of sources: one row a source, then the entry points of `bsg_data.sources`."""
+"""The catalogue of sources: one row per source, and the entry points of `bsg_data.sources`."""
 
 from __future__ import annotations
 
@@ -39,17 +39,20 @@ _PARSERS: Mapping[type, Callable[[str], object]] = {
 
 
 def open_source(name: str, path: Path, **options: object) -> Source:
-    """Open a path as a source of the catalogue; nothing of it is read yet.
+    """Open a path as a source of the catalogue; this reads no file yet.
 
     Args:
-        name: of a row, or of an installed entry point.
-        path: what the source reads.
-        options: the source's own, e.g. `meshes=False` for `hm3d`.
+        name: name of a row or of an installed entry point.
+        path: file or folder of the source.
+        options: options of the source, e.g. `meshes=False` for `hm3d`.
+
+    Returns:
+        The source, ready for `find` and `read`.
 
     Raises:
-        RecipeError: for a name that nobody knows, with the nearest.
-        SourceError: for an option that the source does not take, or for a row that opens something
-            else than a source of its name.
+        RecipeError: if the name is unknown; the error has the nearest name.
+        SourceError: if the source does not have an option, or the row does not open a source of
+            this name.
     """
     row = SOURCES[name]
     try:
@@ -62,31 +65,33 @@ def open_source(name: str, path: Path, **options: object) -> Source:
     source = row.open(path, **options)
     if not isinstance(source, Source):
         raise SourceError(
-            f"source {name!r}: its row opens a {type(source).__name__}, which is no source; "
-            "expected kind, path, options, find and read"
+            f"source {name!r}: its row opens a {type(source).__name__}; expected an object with "
+            "kind, path, options, find and read"
         )
     if source.kind not in SOURCES:
         raise SourceError(
-            f"source {name!r}: what it opens is of kind {source.kind!r}, which is no row; "
-            f"expected {name!r}, under which its terms are found"
+            f"source {name!r}: it opens a source of kind {source.kind!r}, which is no row; "
+            f"expected {name!r}, the row with its terms"
         )
     return source
 
 
 def parse_options(name: str, words: Mapping[str, str]) -> dict[str, object]:
-    """Return the options of a source from words, as a command has them.
+    """Parse the options of a source from the words of a command line.
 
-    A word becomes what the keyword of the row's `open` is annotated with: a bool from yes, no, true
-    or false, an int, a float or a path; otherwise it stays text.
+    The type of each option is the annotation of the keyword of the row's `open`: a bool (yes, no,
+    true, false), an int, a float or a path; any other stays text.
 
     Args:
-        name: of a row, or of an installed entry point.
-        words: the source's own options by name.
+        name: name of a row or of an installed entry point.
+        words: option → word.
+
+    Returns:
+        Option → value.
 
     Raises:
-        RecipeError: for a source that nobody knows, with the nearest.
-        SourceError: for an option that the source does not have, with those that it has, or for a
-            word that its type does not take.
+        RecipeError: if the source is unknown; the error has the nearest name.
+        SourceError: if the source does not have an option, or a word does not fit its type.
     """
     kinds = _list_options(SOURCES[name])
     for option in words:
@@ -101,10 +106,10 @@ def parse_options(name: str, words: Mapping[str, str]) -> dict[str, object]:
 
 
 def _list_options(row: SourceRow) -> dict[str, object]:
-    """Return name → annotation of what a row's `open` takes beside the path."""
+    """Return name → annotation of the keywords of a row's `open`, without the path."""
     try:
         signature = inspect.signature(row.open, eval_str=True)
-    except NameError:  # of an annotation that is for type checkers alone
+    except NameError:  # the annotation exists only for type checkers
         signature = inspect.signature(row.open)
     named = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
     _, *options = signature.parameters.values()
@@ -112,7 +117,7 @@ def _list_options(row: SourceRow) -> dict[str, object]:
 
 
 def _parse_word(word: str, kind: object, option: str) -> object:
-    """Return a word as the first of the types that an annotation names and a word can be."""
+    """Convert a word to the first suitable type of an annotation."""
     kinds = get_args(kind) or (kind,)
     for wanted, parse in _PARSERS.items():
         if wanted in kinds:
@@ -127,9 +132,9 @@ def _parse_word(word: str, kind: object, option: str) -> object:
 
 
 def find_terms(kind: str) -> Terms | None:
-    """Return the terms of a kind of source; None where its row has none, or nobody has its name.
+    """Return the terms of a kind of source; None if its row has none or the name is unknown.
 
     Raises:
-        RecipeError: if there is an entry point of that name and it cannot be imported.
+        RecipeError: if the entry point of that name cannot be imported.
     """
     return SOURCES[kind].terms if kind in SOURCES else None

@@ -1,4 +1,4 @@
-"""HM3D's own folders: annotation texts, and the semantic meshes beside them."""
+"""Read HM3D's folders: annotation texts, and the semantic meshes beside them."""
 
 from __future__ import annotations
 
@@ -44,16 +44,16 @@ _ENDS = 2**16  # bytes
 
 @dataclass(frozen=True)
 class HM3DFolder:
-    """A folder with HM3D's annotation text anywhere below it.
+    """A folder with HM3D's annotation texts at any depth below it.
 
-    `bsg-data synth` leaves a `synthetic.json` above the buildings that it writes, so that they are
-    never taken for real ones.
+    `bsg-data synth` writes a `synthetic.json` above its buildings, so they are never read as real
+    ones.
 
     Attributes:
         path: the folder.
-        meshes: read the mesh beside an annotation, if there is one.
-        snap_colours: how far a texel of a JPEG texture may be from an instance's colour; None
-            leaves meshes with such textures out.
+        meshes: whether to read the mesh beside an annotation, if there is one.
+        snap_colours: largest distance per channel between a texel of a JPEG texture and an
+            instance's colour; None leaves out meshes with such textures.
     """
 
     path: Path
@@ -62,7 +62,7 @@ class HM3DFolder:
 
     @property
     def options(self) -> dict[str, int | str]:
-        """Whether meshes are read, and how."""
+        """The options about meshes."""
         snap = {} if self.snap_colours is None else {"snap_colours": self.snap_colours}
         return {"meshes": int(self.meshes), **snap}
 
@@ -105,7 +105,7 @@ class HM3DFolder:
             return Reading(graph)
         try:
             if not mesh.is_file():
-                raise MeshError(f"{mesh}: not a file, or a link that leads nowhere")
+                raise MeshError(f"{mesh}: expected a file, found a broken link or something else")
             colours = [str(obj.colour) for obj in graph.objects]
             survey = survey_mesh(mesh, colours, snap_colours=self.snap_colours)
         except MeshError as error:
@@ -121,7 +121,7 @@ class HM3DFolder:
             if not above:
                 raise SourceError(
                     f"{self.path}: holds synthetic buildings in {mark.parent}; point --hm3d at "
-                    "these or at the real ones alone"
+                    "either these or the real buildings"
                 )
             if b'"finished": true' not in read_bytes(mark, SYNTHETIC):
                 raise SourceError(f"{mark.parent}: `bsg-data synth` was stopped; run it again")
@@ -149,9 +149,9 @@ def _mesh_beside(annotation: Path) -> Path | None:
 
 
 def _mesh_mark(annotation: Path) -> str | None:
-    """Return what tells one mesh from another: its size, and a hash of its beginning and its end.
+    """Return a fingerprint of a mesh: its size, and a hash of its beginning and its end.
 
-    Hashing all meshes of HM3D would take minutes before anything is read.
+    Hashing the whole of HM3D's meshes would take minutes.
     """
     mesh = _mesh_beside(annotation)
     if mesh is None or not mesh.is_file():
@@ -171,7 +171,7 @@ def _mesh_mark(annotation: Path) -> str | None:
 
 
 def _last(values: Iterator[str | None]) -> str | None:
-    """Return the last value that is not None: the folder nearest to the file decides."""
+    """Return the last value that is not None: that of the folder nearest to the file."""
     return next((value for value in reversed(list(values)) if value is not None), None)
 
 

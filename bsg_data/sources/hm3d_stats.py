@@ -1,7 +1,8 @@
-"""The public statistics of HM3DSem: every instance's corrected name, scene and region; no meshes.
+"""Read the public statistics of HM3DSem: corrected name, scene and region of each instance.
 
-`HM3DSem-v0.2.zip` holds `Per_Scene_Region_Neighborhoods.csv`: one row a region, its instances as
-`<corrected name>_<instance id>` joined by colons. The header has a sixth name without a column.
+There are no meshes. `HM3DSem-v0.2.zip` holds `Per_Scene_Region_Neighborhoods.csv`: one row per
+region, with its instances as `<corrected name>_<instance id>`, joined by colons. The header has a
+sixth name without a column.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ class HM3DStatistics:
 
     @property
     def options(self) -> dict[str, int | str]:
-        """None: there is nothing to choose."""
+        """No options."""
         return {}
 
     def find(self) -> FoundScenes:
@@ -86,7 +87,7 @@ class HM3DStatistics:
         return read_scene_lines(self.path)
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Travel to a worker without the table, which the worker reads itself."""
+        """Support pickling without the table; a worker reads it again."""
         return type(self), (self.path,)
 
 

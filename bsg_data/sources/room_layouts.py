@@ -1,8 +1,8 @@
-"""Room layouts of DomestiGraph (Gallagher et al. 2024): labels, boxes and connections of rooms.
+"""Read room layouts of DomestiGraph (Gallagher et al. 2024): labels, boxes and connections.
 
-One YAML file a building, `<scene id>.yaml`: `rooms` by name `room_k`, each with `label`, `centroid`
-and `dims` in metres, Y up, and `connections` as pairs of k. Room k is the k-th region, in the order
-of their ids and counted from 1, that the annotation has; a layout may lack some.
+There is one YAML file per building, `<scene id>.yaml`. It has `rooms` named `room_k`, each with
+`label`, `centroid` and `dims` in metres, Y up, and `connections` as pairs of k. Room k is the k-th
+region of the annotation by id, from 1. A layout may lack rooms.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _NAME = re.compile(r"room_([1-9][0-9]{0,5})")
 
 
 class LayoutError(SourceError):
-    """Report a layout that cannot be read or does not belong to its scene."""
+    """Report a layout that is malformed or does not belong to its scene."""
 
 
 Metres = Annotated[float, Field(ge=-MAX_METRES, le=MAX_METRES)]
@@ -123,18 +123,18 @@ def _box(room: _LayoutRoom) -> Box:
 def lay_out(graph: SceneGraph, layout: RoomLayout) -> SceneGraph:
     """Return the scene graph with the labels and connections of a layout.
 
-    Boxes come from the layout where there is no mesh: the two need not have the same origin. Rooms
-    that the layout lacks stay as they are, with the connections that a mesh gave them; among the
-    others the layout's connections replace these.
+    Boxes come from the layout only if there is no mesh, because the origins may differ. Between
+    rooms of the layout, its connections replace those of the mesh. All other rooms and connections
+    stay as they are.
 
     Raises:
-        LayoutError: if the layout has a room that the scene has not.
+        LayoutError: if the layout has a room that is not in the scene.
     """
     beyond = [number for number in layout.rooms if number > len(graph.rooms)]
     if beyond:
         raise LayoutError(
-            f"room_{min(beyond)} is one of {len(layout.rooms)}, and {graph.scene_id} has "
-            f"{len(graph.rooms)} rooms: the layout is of another scene or another version"
+            f"room_{min(beyond)} is not among the {len(graph.rooms)} rooms of {graph.scene_id}; "
+            f"the layout ({len(layout.rooms)} rooms) is of another scene or another version"
         )
     rooms = [
         _lay_out_room(room, *layout.rooms[room.room_index], placed=graph.up_axis is not None)
@@ -175,11 +175,11 @@ def _lay_out_room(room: Room, label: str, box: Box, *, placed: bool) -> Room:
 
 @dataclass(frozen=True)
 class WithLayouts:
-    """A source with room layouts beside it.
+    """A source combined with a folder of room layouts.
 
     Attributes:
-        source: what yields the scene graphs.
-        folder: `<scene id>.yaml` or `<hash>.yaml` of some of its scenes.
+        source: source of the scene graphs.
+        folder: folder with `<scene id>.yaml` or `<hash>.yaml` for some of its scenes.
     """
 
     source: Source
@@ -197,11 +197,11 @@ class WithLayouts:
 
     @property
     def options(self) -> dict[str, int | str]:
-        """The source's own, and that there are layouts."""
+        """The source's options, and a mark that there are layouts."""
         return {**self.source.options, "room_layouts": 1}
 
     def find(self) -> FoundScenes:
-        """Find the scenes of the source, and the layouts that no scene has.
+        """Find the scenes of the source, and the layouts that belong to no scene.
 
         Raises:
             SourceError: as the source does, or if no layout belongs to any scene.
@@ -227,7 +227,7 @@ class WithLayouts:
         return replace(own, scenes=scenes, unused=unused)
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
-        """Read a scene, then its layout; one that cannot be used is left out with the reason."""
+        """Read a scene and its layout; an unusable layout is left out, with the reason."""
         own = replace(ref, geometry=str(ref.geometry).rpartition(_LAYOUT)[0] or ref.geometry)
         reading = self.source.read(own, class_map)
         where = f"{self.folder}: the layout of {ref.scene_id}"

@@ -1,8 +1,8 @@
-"""What a source of scene graphs is: the protocol, the records that it gives, and its terms.
+"""The protocol of a source of scene graphs, its records and its terms.
 
-A source finds its scenes first, cheaply, then reads one scene at a time. All sources end in the
-same `SceneGraph`. A new one is a file with a `Source` and a `SourceRow`, and a row in
-`bsg_data.sources.catalogue` or an entry point of the group `bsg_data.sources`.
+A source first finds its scenes, which is cheap, then reads them one by one. Every source returns
+`SceneGraph`s. To add one, write a file with a `Source` and a `SourceRow`. Then add a row to
+`bsg_data.sources.catalogue` or an entry point to the group `bsg_data.sources`.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ LICENCE_REF = "LicenseRef-"  # SPDX's prefix for a licence that is not on its li
 
 @dataclass(frozen=True, slots=True)
 class SceneRef:
-    """Where one scene of a source is.
+    """The location of one scene of a source.
 
     Attributes:
-        scene_id: e.g. `00006-HkseAnWCgqk`, or the hash alone where the source has no number.
+        scene_id: e.g. `00006-HkseAnWCgqk`, or only the hash if the source has no number.
         location: path below the source's root, or the scene's name inside the zip.
-        fingerprint: hash of the annotation's bytes, so that a resumed build sees a change.
-        source_split: e.g. `train`; None where the source does not say.
-        source_version: e.g. `v0.2`; None where the source does not say.
-        geometry: what tells a resumed build that the mesh or the layout changed; None without one.
+        fingerprint: hash of the annotation; a resumed build uses it to detect changes.
+        source_split: e.g. `train`; None if the source has none.
+        source_version: e.g. `v0.2`; None if the source has none.
+        geometry: fingerprint of mesh and layout, to detect changes; None without them.
     """
 
     scene_id: str
@@ -50,7 +50,7 @@ class SceneRef:
 
 @dataclass(frozen=True, slots=True)
 class SkippedScene:
-    """A scene that a build leaves out, and why."""
+    """A scene that a build leaves out, with the reason."""
 
     scene_id: str
     location: str
@@ -59,12 +59,13 @@ class SkippedScene:
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """One scene as it was read.
+    """The result of reading one scene.
 
     Attributes:
         graph: its scene graph.
-        mesh: how much of its mesh is explained; None without one, or where it was left out.
-        left_out: meshes and layouts that could not be used, and why; the graph does without.
+        mesh: how much of its mesh the annotation explains; None without a mesh, or if it was left
+            out.
+        left_out: meshes and layouts that could not be used, with the reasons.
     """
 
     graph: SceneGraph
@@ -77,10 +78,10 @@ class FoundScenes:
     """The scenes of a source.
 
     Attributes:
-        scenes: sorted by scene id, every building once.
-        duplicates: further copies of the same buildings, left out.
-        unreadable: folders that could not be looked into.
-        unused: room layouts of no scene.
+        scenes: the scenes, sorted by scene id, each building once.
+        duplicates: further copies of the same buildings; they are not read.
+        unreadable: folders that could not be read.
+        unused: room layouts that belong to no scene.
     """
 
     scenes: tuple[SceneRef, ...]
@@ -91,49 +92,49 @@ class FoundScenes:
 
 @runtime_checkable
 class Source(Protocol):
-    """Anything that finds scenes and reads each as a scene graph.
+    """An object that finds scenes and reads each as a scene graph.
 
-    A build sends a source to its workers, so it must survive pickling.
+    A build sends a source to its workers, so it must support pickling.
     """
 
     @property
     def kind(self) -> str:
-        """Name the kind of source, e.g. `hm3d`: the name of its row in the catalogue."""
+        """Return the kind of source, e.g. `hm3d`: the name of its row in the catalogue."""
 
     @property
     def path(self) -> Path:
-        """Return what the source reads."""
+        """Return the file or folder of the source."""
 
     @property
     def options(self) -> dict[str, int | str]:
-        """Return the choices that the bytes of a build depend on."""
+        """Return the options that change the bytes of a build."""
 
     def find(self) -> FoundScenes:
         """Find the scenes without parsing them.
 
         Raises:
-            SourceError: if there is none, saying where it looked and what it expected.
+            SourceError: if there is none; it says where it looked and what it expected.
         """
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
-        """Read one scene; geometry that cannot be used is left out with the reason.
+        """Read one scene; unusable geometry is left out, with the reason in the result.
 
         Raises:
-            SourceError: if it cannot be read.
+            SourceError: if the scene is unreadable.
         """
 
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """The terms of what is derived from a source, for the cards of datasets.
+    """Licence and citation of data derived from a source, for the cards of datasets.
 
     Attributes:
         licence: its SPDX identifier, e.g. `Apache-2.0`; `LicenseRef-NAME` for a licence that SPDX
             does not list.
-        licence_url: where the licence is to be read.
-        homepage: of the source.
+        licence_url: address of the text of the licence.
+        homepage: address of the source.
         citation: how to cite the source, on one line.
-        sentence: what a user has to know of the terms, in one sentence.
+        sentence: what a user must know about the terms, in one sentence.
     """
 
     licence: str
@@ -157,29 +158,29 @@ class Terms:
 
 
 def is_address(text: str) -> bool:
-    """Say whether a text is an address of the web, without any sign that could end a link."""
+    """Say whether a text is a web address without characters that could end a link."""
     return re.fullmatch(r"https?://[^\s<>()\[\]|\"]+", text) is not None
 
 
 @runtime_checkable
 class SourceWithTerms(Protocol):
-    """A source that says itself under which terms its data are."""
+    """A source that knows the terms of its data."""
 
     @property
     def terms(self) -> Terms | None:
-        """Return them; None where nobody said any."""
+        """Return the terms; None if they are unknown."""
 
 
 @dataclass(frozen=True, slots=True)
 class SourceRow:
-    """One row of the catalogue of sources; its name is the `kind` of the source that it opens.
+    """One row of the catalogue of sources; its name is the `kind` of the opened source.
 
     Attributes:
         summary: what it reads, in one line.
-        open: takes a path, and the source's own options as keywords.
-        terms: of what is derived from the source; None where only whoever opens it can know them,
-            as of a table of a user's (`SourceWithTerms`).
-        class_map: the published map of its words, which a build takes unless it is told another.
+        open: opens a path; takes the source's options as keywords.
+        terms: terms of derived data; None if only the user knows them, as for the user's own table
+            (`SourceWithTerms`).
+        class_map: the published map of its names; the default of a build.
     """
 
     summary: str

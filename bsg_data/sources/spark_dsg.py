@@ -1,4 +1,4 @@
-"""Robots' graphs: a folder of what Hydra recorded, as Spark-DSG JSON."""
+"""Read scene graphs that Hydra recorded, as Spark-DSG JSON."""
 
 from __future__ import annotations
 

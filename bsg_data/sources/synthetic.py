@@ -1,4 +1,4 @@
-"""Buildings of `bsg-data synth`, which are in HM3D's own layout."""
+"""Read the buildings that `bsg-data synth` wrote."""
 
 from __future__ import annotations
 
@@ -19,7 +19,9 @@ def open_synthetic(
     """
     folder = HM3DFolder(path, meshes=meshes, snap_colours=snap_colours)
     if path.is_dir() and folder.kind != "synthetic":
-        raise SourceError(f"{path}: is not of `bsg-data synth`; read it as the source hm3d")
+        raise SourceError(
+            f"{path}: holds no buildings of `bsg-data synth`; read it as the source hm3d"
+        )
     return folder
 
 

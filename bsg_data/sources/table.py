@@ -1,7 +1,7 @@
-"""A table of objects, CSV or parquet: anybody's own buildings.
+"""Read a user's own buildings from a table of objects, CSV or parquet.
 
-A row is an object: `scene`, `room` and `category`, and what else is known of it. An object without
-a room is the building's; a row without a category tells of a room that holds nothing.
+Each row is an object with `scene`, `room`, `category` and optional columns. An object without a
+room belongs to the building. A row without a category describes an empty room.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Rows of tables in files: CSV, tab separated, gzip or not, and parquet, all read alike."""
+"""Read the rows of tables: CSV, tab-separated (both also gzipped) and parquet."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Synthetic buildings of a stated size, larger than any real one: for tests of size.
+"""Synthetic buildings of a given size, larger than any real one, to test large inputs.
 
-Rooms are of the same types, and hold the same kinds of things, as those of the usual size.
+Their rooms have the same types and kinds of objects as those of usual buildings.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ Counts = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class BuildingSize:
-    """How large buildings are; what is None is drawn as usual.
+    """The size of buildings; None means the usual random size.
 
     Attributes:
-        rooms: 1 to 100,000.
-        objects: in the rooms, as many as there are rooms to 4,000,000.
+        rooms: number of rooms, 1 to 100,000.
+        objects: number of objects in the rooms, at least the number of rooms, at most 4,000,000.
     """
 
     rooms: int | None = None
@@ -34,11 +34,11 @@ class BuildingSize:
 
     @property
     def name(self) -> str:
-        """What tells buildings of this size from those of another."""
+        """A name for this size."""
         return f"{self.rooms or 'any'}-rooms-{self.objects or 'any'}-objects"
 
     def require_possible(self, rates: SyntheticRates, *, meshes: bool) -> None:
-        """Refuse a size of which there is no building, or none with a mesh.
+        """Refuse an impossible size, or, with meshes, a size too large for a mesh.
 
         Raises:
             SyntheticError: naming what was expected and what was found.
@@ -51,12 +51,12 @@ class BuildingSize:
             most_rooms, most, what = MOST_ROOMS_OF_MESH, MOST_OBJECTS_OF_MESH, " with a mesh"
         if self.rooms is not None and not 1 <= self.rooms <= most_rooms:
             raise SyntheticError(
-                f"buildings{what} of {self.rooms:,} rooms asked for, expected 1 to {most_rooms:,}"
+                f"rooms of buildings{what}: expected 1 to {most_rooms:,}, found {self.rooms:,}"
             )
         if self.objects is not None and not least <= self.objects <= most:
             raise SyntheticError(
-                f"buildings{what} of {self.objects:,} objects asked for, expected {least:,}, one "
-                f"a room, to {most:,}"
+                f"objects of buildings{what}: expected {least:,} (one per room) to {most:,}, found "
+                f"{self.objects:,}"
             )
 
 

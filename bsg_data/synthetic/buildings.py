@@ -1,4 +1,4 @@
-"""Synthetic buildings in HM3D's own layout, statistically like HM3D.
+"""Write synthetic buildings in the file layout of HM3D, with similar statistics.
 
 A building has rooms, each of a latent type with a mean count per category. Counts vary with the
 building's richness and its style (a factor per category), with the room's size, and with a burst
@@ -70,7 +70,7 @@ class SyntheticBuilding:
 def synthesise(
     rates: SyntheticRates, *, seed: int, number: int, size: BuildingSize = USUAL
 ) -> SyntheticBuilding:
-    """Sample one building; it depends on the rates, the seed, the number and the size only.
+    """Sample one building; it depends only on rates, seed, number and size.
 
     Args:
         rates: what to draw from.
@@ -253,24 +253,23 @@ def write_synthetic(
     force: bool = False,
     executor: Executor | None = None,
 ) -> Iterator[Path]:
-    """Write buildings 0 to `scenes` - 1 of a seed as they are asked for, yielding their paths.
+    """Write buildings 0 to `scenes` - 1 of a seed, and yield their paths one by one.
 
-    A `synthetic.json` in the folder says what they are, so that nobody takes them for real ones,
-    and at the end that all are there.
+    A `synthetic.json` in the folder marks them as synthetic, and at the end as complete.
 
     Args:
         out: the folder above `train` and `val`.
         scenes: 1 to 10,000,000.
         seed: 0 or more; another seed gives other buildings.
-        size: of every building.
+        size: size of every building.
         geometry: how to write `<hash>.semantic.glb` and, as JSON, `<hash>.truth.json` beside each
             annotation; None writes none. The annotation is the same either way.
-        force: replace synthetic buildings that are there.
-        executor: where buildings are made; None makes them one after another here.
+        force: replace existing synthetic buildings.
+        executor: writes buildings in parallel; None writes them one by one in this process.
 
     Raises:
-        SyntheticError: at once, before anything is written, for a number that cannot be.
-        DatasetError: likewise, if something is in the way.
+        SyntheticError: before anything is written, if a number is out of range.
+        DatasetError: before anything is written, if something is in the way.
     """
     _check_seed(seed)
     if not 0 < scenes <= MAX_SCENES:
@@ -358,7 +357,7 @@ def _clear(out: Path, *, force: bool) -> None:
         return
     mark = out / SYNTHETIC_MARK
     if not mark.is_file():
-        raise DatasetError(f"{out}: holds something else and is left alone; choose another --out")
+        raise DatasetError(f"{out}: holds other files; choose another --out")
     said = read_bytes(mark, SYNTHETIC, error=DatasetError)
     if not force and _FINISHED in said:
         raise DatasetError(f"{out}: holds synthetic buildings; --force replaces them")

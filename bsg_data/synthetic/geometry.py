@@ -1,4 +1,4 @@
-"""Give a synthetic building a place: its floor plan, its mesh and what is true of both."""
+"""Make the floor plan, the mesh and the ground truth of a synthetic building."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ class GeometryOptions:
     """How the meshes of synthetic buildings are written.
 
     Attributes:
-        size: `small` or `full`, the size of a real one.
-        coloured_by: textures, vertex colours, or both.
-        up_axis: the axis that points up in the files; None for y in even buildings and z in odd.
+        size: `small`, or `full`, as large as a real mesh.
+        coloured_by: `texture`, `vertex` or `both`.
+        up_axis: the axis that points up in the files; None: y in even buildings, z in odd ones.
     """
 
     size: str = "small"
@@ -37,7 +37,7 @@ class GeometryOptions:
 def shape_building(
     rows: tuple[Instance, ...], options: GeometryOptions, *, seed: int, number: int
 ) -> tuple[bytes, dict[str, Any]]:
-    """Return the GLB of a building and the truth about it; same arguments, same bytes.
+    """Return the GLB of a building and its true geometry; equal arguments give equal bytes.
 
     Args:
         rows: its annotation; what is listed in the null region is put into any room.

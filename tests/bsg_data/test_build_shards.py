@@ -118,7 +118,9 @@ def test_a_mesh_that_goes_away_costs_no_geometry(hm3d_folder: Path, tmp_path: Pa
     def strike(done: int, total: int) -> None:
         mesh.unlink(missing_ok=True)
 
-    with pytest.raises(SourceChangedError, match=r"07\.semantic\.glb: is not what it was"):
+    with pytest.raises(
+        SourceChangedError, match=r"07\.semantic\.glb: changed after the scenes were listed"
+    ):
         build_dataset(
             HM3DFolder(hm3d_folder), tmp_path / "out", scenes_per_shard=1, progress=strike
         )

@@ -60,7 +60,7 @@ def test_files_in_the_way_are_replaced_under_force_alone(robots: Path, tmp_path:
     out.mkdir()
     (out / "b.semantic_config.json").write_text("mine")
     (out / "other.txt").write_text("stays")
-    with pytest.raises(DatasetError, match=r"b\.semantic_config\.json: is there; --force replaces"):
+    with pytest.raises(DatasetError, match=r"b\.semantic_config\.json: exists; --force replaces"):
         export_dataset(robots, out, to="habitat")
     assert sorted(path.name for path in out.iterdir()) == ["b.semantic_config.json", "other.txt"]
     assert (out / "b.semantic_config.json").read_text() == "mine"
@@ -84,7 +84,9 @@ def test_nothing_is_left_of_an_export_that_fails(
 
 
 def test_a_dataset_without_places_is_an_error(dataset: Path, tmp_path: Path) -> None:
-    with pytest.raises(DatasetError, match="none of its 12 scenes has anything for 'habitat'"):
+    with pytest.raises(
+        DatasetError, match="none of its 12 scenes has anything for the export 'habitat'"
+    ):
         export_dataset(dataset, tmp_path / "out", to="habitat")
     assert not (tmp_path / "out").exists()
 

@@ -43,7 +43,7 @@ def test_a_file_is_what_it_was_when_it_was_listed(tmp_path: Path) -> None:
     assert read_listed(path, bound, expected=known) == read_listed(path, bound) == b"1"
     for content in ("2", "far too large"):
         path.write_text(content)
-        with pytest.raises(SourceChangedError, match="is not what it was"):
+        with pytest.raises(SourceChangedError, match="changed after the scenes were listed"):
             read_listed(path, bound, expected=known)
     with pytest.raises(SourceError, match="expected at most 9"):
         read_listed(path, bound, expected=fingerprint(path, bound))

@@ -146,7 +146,10 @@ def test_a_source_from_outside_builds_under_its_own_terms(dolls: Path, tmp_path:
 @pytest.mark.usefixtures("dolls")
 @pytest.mark.parametrize(
     ("name", "expected"),
-    [("odd", "of kind 'stranger', which is no row; expected 'odd'"), ("none", "is no source")],
+    [
+        ("odd", "of kind 'stranger', which is no row; expected 'odd'"),
+        ("none", "expected an object with kind"),
+    ],
 )
 def test_a_row_that_opens_something_else_is_refused(
     name: str, expected: str, tmp_path: Path

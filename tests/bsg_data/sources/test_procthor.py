@@ -175,7 +175,7 @@ def test_a_file_that_was_changed_since_is_noticed(tmp_path: Path) -> None:
     source = ProcTHORHouses(path)
     first, second = source.find().scenes
     write_lines(path, house(doors=[]))
-    with pytest.raises(SourceError, match=r"h.jsonl:1: is not what it was"):
+    with pytest.raises(SourceError, match=r"h.jsonl:1: changed after the scenes were listed"):
         source.read(first, load_class_map())
     with pytest.raises(SourceError, match=r"h.jsonl:2: is not there any more"):
         source.read(second, load_class_map())

@@ -311,7 +311,7 @@ def test_a_negative_seed_is_refused(tmp_path: Path) -> None:
 def test_what_is_not_synthetic_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "train").mkdir()
     (tmp_path / "train" / "scan.txt").write_text("real")
-    with pytest.raises(DatasetError, match="is left alone"):
+    with pytest.raises(DatasetError, match="holds other files"):
         write_synthetic(tmp_path, scenes=1, seed=0, force=True)
     assert (tmp_path / "train" / "scan.txt").read_text() == "real"
 
