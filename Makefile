@@ -11,7 +11,7 @@ PYTEST := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 
 TESTED := tests bsg_data bsg_models $(VENV)/links/bsg_cli
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test fast coverage faults lint format docs bench audit clean
+.PHONY: help install demo test fast coverage faults lint format docs figures site bench audit clean
 
 help: ## Say what each target does.
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -87,8 +87,16 @@ format: $(INSTALLED) ## Format the code and mend what ruff can mend.
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-docs: $(INSTALLED) ## Write the generated parts of the docs anew.
+docs: $(INSTALLED) ## Write the generated parts of the docs anew, and execute tutorials and notebooks.
 	$(BIN)/python scripts/write_docs.py
+	$(BIN)/python scripts/site/execute.py docs/tutorials/*.md docs/notebooks/*.ipynb
+
+figures: $(INSTALLED) ## Draw the figures of the docs; that of the explorer needs Chromium.
+	$(BIN)/python scripts/figures/concepts.py --out docs/figures
+	$(BIN)/python scripts/figures/explorer.py --out docs/figures/explorer.png
+
+site: $(INSTALLED) ## Build the documentation as a site, strictly; open site/index.html.
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 bench: $(INSTALLED) ## Measure how fast the main jobs are, each beside something else: docs/results/speed.md.
 	$(BIN)/python scripts/bench/speed.py --out docs/results/speed.md
@@ -99,5 +107,5 @@ audit: ## Ask pip-audit for known weaknesses of what is locked; needs the networ
 	$(VENV)/audit/bin/pip-audit --strict --disable-pip --require-hashes --requirement requirements.lock --requirement requirements-torch.lock
 
 clean: ## Remove the environment, the demo and all caches.
-	rm -rf $(VENV) $(DEMO) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
+	rm -rf $(VENV) $(DEMO) build dist site *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

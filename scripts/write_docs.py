@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 import shlex
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import click
@@ -64,6 +65,8 @@ def _generate(kind: str, name: str) -> str:
     if kind == "bounds":
         rows = [(bound.what, _name_bytes(bound.bytes), bound.items or "–") for bound in BOUNDS]
         return "\n".join(format_markdown(rows, header=("what", "bytes at most", "and")))
+    if kind == "commands":
+        return "\n".join(_list_commands())
     if kind == "file":
         text = (DOCS / "docs" / name).read_text("utf-8").rstrip()
         return f"```{Path(name).suffix.removeprefix('.')}\n{text}\n```"
@@ -71,6 +74,27 @@ def _generate(kind: str, name: str) -> str:
         printed = _run(name, notes=kind == "run-with-notes")
         return f"```sh\n{name}\n```\n\n```text\n{printed}\n```"
     raise ValueError(f"no generated part of kind {kind!r}")
+
+
+def _list_commands() -> Iterator[str]:
+    """Yield a heading a program, and a line and the examples of each of its commands."""
+    for name, command in COMMANDS.items():
+        yield f"\n## {name}\n"
+        yield from _show_examples((name,), command)
+
+
+def _show_examples(words: tuple[str, ...], command: click.Command) -> Iterator[str]:
+    """Yield what a command does, and its examples; of a group, those of its commands."""
+    if isinstance(command, click.Group):
+        for name, child in command.commands.items():
+            yield from _show_examples((*words, name), child)
+        return
+    said = (command.help or "").replace("\b", "")
+    does = " ".join(said.strip().partition("\n\n")[0].split())
+    anchor = (*words, words[0])[1]  # the page has a heading for each program and command
+    lines = re.findall(r"^\s*(bsg-.*)$", said, re.MULTILINE)
+    yield f"[`{' '.join(words)}`](commands.md#{anchor}): {does}\n"
+    yield "```sh\n" + "\n".join(lines) + "\n```\n"
 
 
 def _name_bytes(number: int) -> str:

@@ -8,7 +8,6 @@ import shlex
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import click
 import pytest
@@ -110,6 +109,7 @@ def test_make_targets_explain_themselves() -> None:
         "lint",
         "format",
         "docs",
+        "site",
         "bench",
         "audit",
         "clean",
@@ -117,25 +117,35 @@ def test_make_targets_explain_themselves() -> None:
         assert re.search(rf"^{target}:.*## \S", text, re.MULTILINE), target
 
 
-def one_worker(command: click.Command) -> dict[str, Any]:
-    """Return defaults that keep a command in this process: what it writes does not depend on it."""
-    below = command.commands if isinstance(command, click.Group) else {}
-    return {"workers": 1} | {name: one_worker(sub) for name, sub in below.items()}
+def test_the_results_of_the_readme_are_those_of_the_leaderboard() -> None:
+    """Six models, three figures each, rounded from docs/results/leaderboard.md."""
+    page = (DOCS / "results" / "leaderboard.md").read_text("utf-8")
+    uniform, rooms = (page.split(f"## Masks: {mask}\n")[1].split("\n## ")[0] for mask in MASKS)
+
+    def figures(table: str, model: str) -> list[float]:
+        (row,) = re.findall(rf"^\| `{model}` \|(.*)$", table, re.MULTILINE)
+        return [float(cell.split()[0]) for cell in row.split("|") if re.match(r" \d", cell)]
+
+    readme = (REPOSITORY / "README.md").read_text("utf-8")
+    table = readme.split("<!-- results -->\n")[1].split("\n\n")[0].splitlines()[2:]
+    assert len(table) == 6
+    for line in table:
+        name, *shown = [cell.strip() for cell in line.strip("|").split("|")]
+        model = name.split("`")[1]
+        nll, _, *_ = figures(uniform, model)
+        hidden, _, _, _, unseen, *_ = figures(rooms, model)
+        assert shown == [f"{value:.3f}" for value in (nll, hidden, unseen)], model
 
 
-@pytest.mark.slow
-def test_readme_commands_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The quick start of the README, line by line, in an empty folder."""
-    monkeypatch.chdir(tmp_path)
-    text = (REPOSITORY / "README.md").read_text("utf-8")
-    block = text.split("<!-- quick start -->")[1].split("```")[1]
-    lines = [line for line in block.splitlines() if line.startswith("bsg-")]
-    assert len(lines) >= 6
-    for line in lines:
-        name, *words = shlex.split(line, comments=True)
-        defaults = one_worker(COMMANDS[name])
-        result = CliRunner().invoke(COMMANDS[name], words, default_map=defaults)
-        assert result.exit_code == 0, f"{line}: {result.output}"
+MASKS = ("uniform", "rooms")
+LONGEST = 40  # words of a sentence; CONTRIBUTING.md says so
+
+
+@pytest.mark.parametrize("path", load_script("measure/words").find_pages(), ids=lambda p: p.name)
+def test_no_sentence_has_to_be_read_twice(path: Path) -> None:
+    words = load_script("measure/words")
+    longest = words.find_longest(words.read_prose(path.read_text("utf-8")))
+    assert words.count_words(longest) <= LONGEST, longest
 
 
 @pytest.mark.parametrize("path", ["README.md", "docs/robot.md"])

@@ -1,0 +1,162 @@
+"""Execute the tutorials and the notebooks, and write what they print into them.
+
+    python scripts/site/execute.py docs/tutorials/*.md docs/notebooks/*.ipynb
+
+A tutorial is executed block by block in an empty folder. A block with a title, as
+```` ```json title="home.json" ````, is saved as that file. Of a `sh` block, lines that begin with
+`bsg-` are run; a `python` block is run whole. A `text` block below shows the output.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import io
+import os
+import re
+import shlex
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import click
+from click.testing import CliRunner
+
+from bsg_cli.registry import COMMANDS
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+INSTALL = "pip install -e ."
+GIVEN = ("dsg.json",)  # files that a tutorial links to, for they are too long to show
+_BLOCK = re.compile(
+    r'^```(?P<kind>\w+)(?: title="(?P<title>[^"]+)")?[^\n]*\n(?P<code>.*?)^```\n', re.M | re.S
+)
+_PRINTED = re.compile(r"\n```text\n.*?^```\n", re.M | re.S)
+
+
+def execute_page(text: str, folder: Path) -> str:
+    """Return a tutorial with what its blocks print when they are executed in a folder.
+
+    Raises:
+        ValueError: if a command fails, or a block prints what is not shown.
+    """
+    parts, end, names = [], 0, {"__name__": "tutorial"}
+    path = list(sys.path)
+    with contextlib.chdir(folder):
+        for block in _BLOCK.finditer(text):
+            if block.start() < end:  # what another block printed
+                continue
+            parts.append(text[end : block.end()])
+            end = block.end()
+            printed = _execute(block["kind"], block["title"], block["code"], names)
+            shown = _PRINTED.match(text, end)
+            if shown is not None and block["kind"] in ("sh", "python"):
+                parts.append(f"\n```text\n{printed}\n```\n")
+                end = shown.end()
+            elif block["kind"] == "python" and printed:
+                raise ValueError(f"a block prints what is not shown:\n{block['code']}{printed}")
+    sys.path[:] = path
+    return "".join([*parts, text[end:]])
+
+
+def _execute(kind: str, title: str | None, code: str, names: dict[str, Any]) -> str:
+    if title is not None:
+        Path(title).parent.mkdir(parents=True, exist_ok=True)
+        Path(title).write_text(code, "utf-8")
+    elif kind == "sh":
+        lines = [line for line in code.splitlines() if line.startswith(("bsg-", INSTALL))]
+        return "\n".join(filter(None, map(run_line, lines)))
+    elif kind == "python":
+        with contextlib.redirect_stdout(io.StringIO()) as said:
+            exec(compile(code, "tutorial", "exec"), names)
+        return said.getvalue().rstrip()
+    return ""
+
+
+def run_line(line: str) -> str:
+    """Run a command in this folder and return what it prints, also on stderr.
+
+    Raises:
+        ValueError: if it fails.
+    """
+    if line == INSTALL:
+        return _install()
+    name, *words = shlex.split(line, comments=True)
+    command = COMMANDS[name]
+    done = CliRunner().invoke(command, words, default_map=_one_worker(command))
+    if done.exit_code:
+        raise ValueError(f"{line}: {done.output}")
+    return done.output.rstrip()
+
+
+def _install() -> str:
+    """Let the package in this folder be found as an installed one; pip would need a network."""
+    from setuptools.build_meta import prepare_metadata_for_build_wheel
+
+    with contextlib.redirect_stdout(io.StringIO()):
+        prepare_metadata_for_build_wheel(".")
+    sys.path.insert(0, str(Path.cwd()))
+    importlib.invalidate_caches()
+    return ""
+
+
+def _one_worker(command: click.Command) -> dict[str, Any]:
+    """Return defaults that keep a command in this process: what it writes does not depend on it."""
+    below = command.commands if isinstance(command, click.Group) else {}
+    return {"workers": 1} | {name: _one_worker(sub) for name, sub in below.items()}
+
+
+def execute_notebook(path: Path, folder: Path) -> str:
+    """Return a notebook, as JSON, with the outputs of its cells when it runs in a folder.
+
+    Raises:
+        ValueError: if a cell writes to stderr: a warning tells of this machine, not of the notebook.
+    """
+    import nbformat
+    from nbclient import NotebookClient
+
+    notebook = nbformat.read(path, as_version=4)
+    quiet = ["--IPKernelApp.log_level=ERROR"]
+    client = NotebookClient(
+        notebook, kernel_name="python3", record_timing=False, timeout=300, extra_arguments=quiet
+    )
+    client.execute(cwd=str(folder), env={**os.environ, "PYTHONWARNINGS": "ignore"})
+    for cell in notebook.cells:
+        for output in cell.get("outputs", ()):
+            if output.get("name") == "stderr":
+                raise ValueError(f"{path}: a cell writes to stderr: {output['text']}")
+    notebook.metadata = nbformat.from_dict(
+        {"kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"}}
+    )
+    return str(nbformat.writes(notebook)) + "\n"
+
+
+@contextlib.contextmanager
+def working_folder() -> Iterator[Path]:
+    """Yield an empty folder but for the files that a reader is told to download."""
+    with tempfile.TemporaryDirectory() as name:
+        for given in GIVEN:
+            Path(name, given).write_bytes((DOCS / given).read_bytes())
+        yield Path(name)
+
+
+def main(paths: list[str]) -> int:
+    """Execute pages and notebooks; say which changed."""
+    os.environ["MPLBACKEND"] = "agg"
+    for path in map(Path, paths):
+        old = path.read_text("utf-8")
+        with working_folder() as folder:
+            new = (
+                execute_notebook(path, folder)
+                if path.suffix == ".ipynb"
+                else execute_page(old, folder)
+            )
+        if new != old:
+            path.write_text(new, "utf-8")
+            print(f"renewed {path}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

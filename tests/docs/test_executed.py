@@ -1,0 +1,96 @@
+"""The tutorials and the notebooks run as they stand, and show what they print."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from conftest import REPOSITORY, load_script
+
+EXECUTE = load_script("site/execute")
+TUTORIALS = sorted((REPOSITORY / "docs" / "tutorials").glob("*.md"))
+NOTEBOOKS = sorted((REPOSITORY / "docs" / "notebooks").glob("*.ipynb"))
+
+
+def test_there_are_three_tutorials_and_two_notebooks() -> None:
+    assert [path.stem for path in TUTORIALS] == ["data", "model", "robot"]
+    assert [path.stem for path in NOTEBOOKS] == ["ask", "dataset"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", TUTORIALS, ids=lambda path: path.stem)
+def test_a_tutorial_shows_what_it_prints(path: Path) -> None:
+    text = path.read_text("utf-8")
+    with EXECUTE.working_folder() as folder:
+        assert EXECUTE.execute_page(text, folder) == text, "run `make docs`"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_shows_what_it_prints(path: Path) -> None:
+    """Pictures are there; their bytes depend on the fonts of the machine."""
+    with EXECUTE.working_folder() as folder:
+        now = json.loads(EXECUTE.execute_notebook(path, folder))
+    kept = json.loads(path.read_text("utf-8"))
+    assert read_outputs(now) == read_outputs(kept), "run `make docs`"
+
+
+def read_outputs(notebook: dict[str, Any]) -> list[list[Any]]:
+    """Return what each cell of code shows: text as it is, of a picture its kind."""
+    shown = []
+    for cell in (cell for cell in notebook["cells"] if cell["cell_type"] == "code"):
+        outputs = []
+        for output in cell["outputs"]:
+            data = output.get("data", {})
+            outputs.append(sorted(data) if "image/png" in data else output.get("text") or data)
+        shown.append(outputs)
+    return shown
+
+
+def test_no_notebook_names_a_folder_of_a_machine() -> None:
+    for path in NOTEBOOKS:
+        assert "site-packages" not in path.read_text("utf-8"), path.name
+
+
+PAGE = """# Page
+
+```csv title="a.csv"
+scene,room,category
+```
+
+```python
+print(len(open("a.csv").read()))
+```
+
+```text
+what stood here before
+```
+
+```sh
+pip install something
+bsg-data map show chair    # a comment
+```
+
+```text
+```
+"""
+
+
+def test_a_page_by_hand(tmp_path: Path) -> None:
+    text = EXECUTE.execute_page(PAGE, tmp_path)
+    assert "```text\n20\n```" in text
+    assert "what stood here before" not in text
+    assert "class chair\n```" in text
+    assert EXECUTE.execute_page(text, tmp_path) == text
+
+
+def test_what_prints_and_is_not_shown_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="prints what is not shown"):
+        EXECUTE.execute_page("```python\nprint(1)\n```\n", tmp_path)
+
+
+def test_a_command_that_fails_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="bsg-data info nowhere"):
+        EXECUTE.execute_page("```sh\nbsg-data info nowhere\n```\n", tmp_path)
