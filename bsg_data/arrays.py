@@ -1,4 +1,4 @@
-"""The kinds of arrays that are passed around; docstrings give their shapes, as `[N, C]`."""
+"""Types of arrays; docstrings give shapes as `[N, C]`."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Two folders that change places in one step, so that at every moment something is at each place.
+"""Exchange two folders in one step, so that both paths exist at every moment.
 
-Linux can do that (`renameat2` with `RENAME_EXCHANGE`) on most of its file systems.
+Linux supports this (`renameat2` with `RENAME_EXCHANGE`) on most file systems.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ _NOT_HERE = {errno.ENOSYS, errno.EINVAL, errno.EOPNOTSUPP, errno.ENOTSUP, errno.
 
 
 def exchange(one: Path, other: Path) -> bool:
-    """Have two paths change places, and say whether this system can; if not, nothing happens.
+    """Exchange two paths; return False, and do nothing, if this system cannot.
 
     Raises:
-        OSError: if it can, and these two cannot.
+        OSError: if the system supports it, but these two paths cannot be exchanged.
     """
     if sys.platform != "linux":
         return False

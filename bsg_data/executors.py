@@ -1,4 +1,4 @@
-"""The one seam for parallel work: any `concurrent.futures.Executor`, or none."""
+"""Run tasks on any `concurrent.futures.Executor`, or one by one without one."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 from bsg_data.errors import BSGError
 
 Result = TypeVar("Result")
-WINDOW = 512  # tasks handed out at a time: work for that many workers, whose arguments are held
+WINDOW = 512  # largest number of tasks submitted and not done; bounds workers and memory
 
 
 def run_all(
@@ -24,16 +24,16 @@ def run_all(
 ) -> list[Result]:
     """Call `function` on every task and return the results in the order of the tasks.
 
-    Tasks are taken as they are needed: at most `WINDOW` are handed out and not done.
+    At most `WINDOW` tasks are submitted and not done.
 
     Args:
-        function: of the elements of a task; importable by name, if `executor` uses processes.
-        tasks: arguments.
-        executor: where to call it; None calls it here, one after another.
-        progress: called with (tasks done, tasks in all) as each is done.
+        function: called with the elements of a task; importable by name for process pools.
+        tasks: arguments of each call.
+        executor: runs the tasks in parallel; None runs them one by one in this process.
+        progress: called with (tasks done, tasks in all) after each task.
 
     Raises:
-        Exception: the first that a task raises; tasks not begun by then are cancelled.
+        Exception: the first exception of a task; tasks that have not begun are cancelled.
     """
     report = progress or (lambda done, total: None)
     results: dict[int, Result] = {}
@@ -49,10 +49,10 @@ def run_in_order(
     *,
     executor: Executor | None = None,
 ) -> Iterator[Result]:
-    """Yield the results of any number of tasks in their order, holding `WINDOW` of them at most.
+    """Yield the results of any number of tasks in order, with at most `WINDOW` in memory.
 
     Raises:
-        Exception: what a task raises, in its turn; tasks not begun by then are cancelled.
+        Exception: the exception of a task, in its turn; tasks that have not begun are cancelled.
     """
     if executor is None:
         yield from (function(*task) for task in tasks)
@@ -72,7 +72,7 @@ def _run(
     tasks: Iterable[tuple[Any, ...]],
     executor: Executor | None,
 ) -> Iterator[tuple[int, Result]]:
-    """Yield the number and the result of every task as it is done."""
+    """Yield number and result of every task as soon as it is done."""
     numbered = enumerate(tasks)
     if executor is None:
         yield from ((number, function(*task)) for number, task in numbered)
@@ -90,7 +90,7 @@ def _run(
 
 @contextmanager
 def _cancelled_when_left(waiting: Collection[Future[Any]]) -> Iterator[None]:
-    """Cancel what waits when the block is left, however it is, and say what a dead worker means."""
+    """Cancel waiting tasks when the block ends, and explain the death of a worker."""
     try:
         yield
     except BrokenExecutor as error:

@@ -1,4 +1,4 @@
-"""A figure as a file: drawn beside its place, so that no half of an image is ever there."""
+"""Write a figure beside its final path, then rename it; so no incomplete image appears."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from bsg_data.files import open_beside
 
 
 class Drawing(Protocol):
-    """What can be drawn into a file: a figure of matplotlib, which this package may lack."""
+    """An object that can be drawn into a file, such as a figure of matplotlib."""
 
     def savefig(self, fname: Any, **how: Any) -> None:
-        """Draw it."""
+        """Draw the object into a file."""
 
 
 def write_figure(figure: Drawing, path: Path, **how: Any) -> None:
-    """Draw a figure beside its place and rename it there; what was there stays until then.
+    """Draw a figure beside its final path and rename it there; an old file stays until then.
 
     Args:
         figure: of matplotlib.

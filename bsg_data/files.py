@@ -1,4 +1,4 @@
-"""Files that are whole or absent: written beside their place, then renamed there."""
+"""Write files so that they are complete or absent: beside their final path, then renamed."""
 
 from __future__ import annotations
 

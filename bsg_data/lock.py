@@ -1,4 +1,4 @@
-"""One writer at a time: a lock on a folder, which ends with the process that holds it."""
+"""Lock a folder for one writer; the lock ends with the process that holds it."""
 
 from __future__ import annotations
 

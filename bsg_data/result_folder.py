@@ -1,17 +1,16 @@
-"""Results that change together: folders and files of which none is seen before all are whole.
+"""Replace several result files together, so that new files appear only when all are complete.
 
-`replace_together` is the one way to write several files that belong together, into a folder that
-may hold other things, into several folders, or beside each other. New files are written into a
-hidden folder beside their place, and flushed; only renames are left then:
+`replace_together` writes files that belong together into one folder, into several folders, or
+beside each other. A folder may hold other files. New files are first written into a hidden folder
+beside their final place, and flushed. After that only renames are left:
 
     while files are written    the old files, and `.bsg-unfinished` beside them
     while files are renamed    no `last` file, so that no mix of old and new is taken for results
     after the last rename      the new files, and `.bsg-unfinished` with the old ones
 
-Whatever stops a command is undone: by the command itself, or, if it was killed, by the next one for
-the same places, before it looks whether anything is in its way. Until its renames are through there
-is a folder `own` in what is unfinished of the first place, where the new files have second names.
-By them the next command knows which files it may take away again, and removes nobody else's.
+An interrupted command undoes its changes. If it was killed, the next command for the same places
+undoes them first. Until all renames are done, a folder `own` in the first unfinished folder holds
+second names of the new files. By them the next command knows which files it may remove.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """The seal of a folder of results: `SHA256SUMS`, the hashes of all its files, written last.
 
-A folder with a seal is finished, and its files belong together. `sha256sum -c SHA256SUMS` checks it
-as `bsg-models check` does. A folder from before there were seals has none, and nothing can be told
-of it.
+A folder with a seal is finished, and its files belong together. `sha256sum -c SHA256SUMS` and
+`bsg-models check` both check it. Folders of older versions have no seal and cannot be checked.
 """
 
 from __future__ import annotations

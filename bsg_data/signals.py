@@ -1,4 +1,4 @@
-"""Signals that wait: what must not be left half-done is brought to its end first."""
+"""Delay signals until work that must not be interrupted is done."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _ENDING = (signal.SIGINT, signal.SIGTERM)
 
 @contextmanager
 def hold_signals() -> Iterator[None]:
-    """Hold back Ctrl-C and SIGTERM until the block is left, and let the first act then.
+    """Delay Ctrl-C and SIGTERM until the block ends; then the first one acts.
 
     It is for the last steps of a command, in which new files take the place of old ones: these take
     moments, and to undo them would take as long. In other threads than the main one nothing is held

@@ -1,4 +1,4 @@
-"""Names that were meant: the known names that are most like one that nobody knows."""
+"""Find the known names that are most similar to an unknown one."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def nearest_names(name: str, known: Iterable[str], *, most: int = 3) -> tuple[st
 
 
 def ask_if_meant(name: str, known: Iterable[str], *, most: int = 1) -> str:
-    """Return the question whether a near name was meant; nothing where none is near.
+    """Return the question whether a similar name was meant; empty if none is similar.
 
     >>> ask_if_meant("ratoi", ["ratio", "random"])
     'did you mean ratio?'

@@ -1,6 +1,6 @@
-"""Tables as text: aligned for a terminal, or as Markdown for cards and documents.
+"""Format tables as text: aligned for a terminal, or as Markdown.
 
-Every table that people read is made here, so that the same rows look the same everywhere.
+All tables of this project are made here, so they look the same everywhere.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def format_markdown(rows: Rows, *, header: Sequence[str], numeric: Sequence[str]
 
 
 def make_plain(text: str) -> str:
-    r"""Return text without what a terminal would obey: a mark stands for each such character.
+    r"""Return text with a mark in place of each character that controls a terminal.
 
     Controls, and signs that turn the direction of writing or cannot be seen; not line feeds and
     tabulators.
@@ -74,7 +74,7 @@ def make_plain(text: str) -> str:
 
 
 def escape_markdown(text: str) -> str:
-    r"""Return text that Markdown and HTML show as it is, on one line: it is a name, not markup.
+    r"""Return text on one line, escaped so that Markdown and HTML show it unchanged.
 
     >>> print(escape_markdown("<b>a|b</b> [x](y)"))
     &lt;b&gt;a\|b&lt;/b&gt; \[x\](y)
@@ -93,7 +93,7 @@ def mark_code(name: str) -> str:
 
 
 def is_obeyed(character: str) -> bool:
-    """Say whether a terminal would obey a character, and not show it; see `make_plain`."""
+    """Say whether a character controls a terminal instead of being shown; see `make_plain`."""
     kept = character.isprintable() or character in "\n\t"
     return not kept and unicodedata.category(character) != "Zs"  # spaces of other widths
 

@@ -1,7 +1,7 @@
-"""Contracts of sources, masks and exports: tests that a row of one's own inherits.
+"""Contract tests for your own sources, masks and exports.
 
-A subclass names a row of the registry, and pytest runs it (docs/extending.md). Rows of this project
-keep the same contracts.
+Subclass a contract, name a row of the registry, and run pytest (docs/extending.md). The rows of
+this project pass the same contracts.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def write_example_dataset(folder: Path, *, mask: MaskRecipe | None = None) -> Pa
 
 
 class SourceContract:
-    """What every source keeps.
+    """Tests that every source must pass.
 
     Attributes:
         name: of its row, or of its entry point.
@@ -148,7 +148,7 @@ def require_whole(graph: SceneGraph) -> None:
 
 
 class MaskContract:
-    """What every mask keeps.
+    """Tests that every mask must pass.
 
     Attributes:
         name: of its row, or of its entry point.
@@ -273,7 +273,7 @@ def _count_wrong(
 
 
 class ExportContract:
-    """What every export keeps.
+    """Tests that every export must pass.
 
     Attributes:
         name: of its row, or of its entry point.

@@ -1,4 +1,4 @@
-"""The dataset card and the Croissant description: the manifest, and the terms of its source."""
+"""Write the dataset card and the Croissant description from the manifest."""
 
 from __future__ import annotations
 

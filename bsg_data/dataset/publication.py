@@ -1,4 +1,4 @@
-"""Publish a dataset: cards first, manifest last, so that a manifest means a finished dataset."""
+"""Publish a dataset: cards first, manifest last; so a manifest means a finished dataset."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ def publish(dataset: Path, manifest: Manifest) -> None:
 
 
 def list_strays(dataset: Path, manifest: Manifest) -> list[str]:
-    """Return the files in a dataset's folder that are not the dataset's, sorted."""
+    """Return the sorted files in a dataset's folder that the manifest does not list."""
     known = {entry.path for entry in manifest.files} | {MANIFEST, CARD, CROISSANT}
     known |= set(list_kept(manifest))
     return [path for path in list_paths(dataset) if path not in known]
 
 
 def list_paths(folder: Path, *, below: str = ".") -> list[str]:
-    """Return the paths, from a folder on, of all that is no folder in it or below one, sorted."""
+    """Return the sorted relative paths of all files below a folder."""
     found = (path for path in (folder / below).rglob("*") if path.is_symlink() or not path.is_dir())
     return sorted(path.relative_to(folder).as_posix() for path in found)

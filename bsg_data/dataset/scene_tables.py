@@ -1,4 +1,4 @@
-"""Scene graphs as columns of the dataset's tables, and back."""
+"""Convert scene graphs to columns of the dataset's tables, and back."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""The dataset format, version 2: one explicit Arrow schema a table.
+"""The dataset format, version 2: one explicit Arrow schema per table.
 
 The writer, the reader, `bsg-data check` and the tables of the docs all read these constants. The
-metadata of a field says what it means and its unit.
+metadata of a field has its meaning and its unit.
 """
 
 from __future__ import annotations
@@ -165,7 +165,7 @@ def pairs_schema(num_classes: int, *, told: bool = True) -> pa.Schema:
 
     Args:
         num_classes: C.
-        told: with what a robot is told of the mask, which format 1 does not store.
+        told: whether to include the columns of the view, which format 1 does not have.
     """
     flags = pa.list_(pa.field("element", pa.bool_(), nullable=False), num_classes)
     view = [

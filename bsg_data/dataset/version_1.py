@@ -1,8 +1,8 @@
-"""Format version 1 of a dataset, which is read as version 2.
+"""Read datasets of format version 1 as version 2.
 
-It had one source and one class map; no roles of objects, no labels and areas of rooms; and edges
-between node indices, which run over the whole graph: 0 the building, 1..R the rooms, R+1..R+O the
-objects.
+Version 1 had one source and one class map. It had no roles of objects, and no labels and areas of
+rooms. Its edges used node indices over the whole graph: 0 the building, 1..R the rooms, R+1..R+O
+the objects.
 """
 
 from __future__ import annotations
@@ -52,9 +52,9 @@ TABLES_1: Mapping[str, pa.Schema] = MappingProxyType(
 
 
 def convert_manifest(said: dict[str, Any]) -> dict[str, Any]:
-    """Return what a manifest of version 1 says in the words of version 2.
+    """Convert a manifest of version 1 to version 2.
 
-    What is missing stays missing, for the record to refuse.
+    Missing keys stay missing; the record refuses them later.
     """
     source, class_map = said.pop("source", None), said.pop("class_map", None)
     options = said.pop("options", None)
@@ -85,7 +85,7 @@ def convert_manifest(said: dict[str, Any]) -> dict[str, Any]:
 def convert_table(
     table: pa.Table, name: str, *, class_map: str, read_sizes: Callable[[], pa.Table]
 ) -> pa.Table:
-    """Return a table of version 1 with the columns of version 2.
+    """Convert a table of version 1 to the columns of version 2.
 
     Args:
         table: all its columns.

@@ -1,1 +1,1 @@
-"""Datasets in the formats of other programs: one file a format, and a row each."""
+"""Export datasets to the formats of other programs: one module and one row per format."""

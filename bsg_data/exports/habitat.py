@@ -1,10 +1,10 @@
-"""Rooms as habitat-sim reads them: `<scene>.semantic_config.json` with `region_annotations`.
+"""Write rooms for habitat-sim: `<scene>.semantic_config.json` with `region_annotations`.
 
-habitat-sim takes these numbers as they are, in the axes of its world: Y up, and -Z to the front. A
-point is in a region if its y is between `floor_height` and `extrusion_height` above that, within
-the bounds, and if (x, z) is inside `poly_loop` (habitat-sim 0.3, SemanticScene.cpp). A dataset is Z
-up, and its (x, y, z) is (x, z, -y) there, whichever axis points up in the mesh file, as long as
-`up` and `front` of the stage say which one does: `find_orientation`.
+habitat-sim reads these numbers in the axes of its world: Y up, -Z to the front. A point is in a
+region if it lies within the bounds, its y is between `floor_height` and `floor_height` +
+`extrusion_height`, and (x, z) is inside `poly_loop` (habitat-sim 0.3, SemanticScene.cpp). Datasets
+are Z up: their (x, y, z) becomes (x, z, -y). This holds for meshes with any up axis, if the stage
+has the right `up` and `front`; see `find_orientation`.
 """
 
 from __future__ import annotations
@@ -61,10 +61,10 @@ class SemanticConfig(Record):
 
 
 def find_orientation(up_axis: str) -> tuple[Point, Point]:
-    """Return `up` and `front`, which a stage needs to stand upright in habitat-sim as we place it.
+    """Return the `up` and `front` that place a stage upright in habitat-sim.
 
     Args:
-        up_axis: of the mesh file, `scenes.up_axis`.
+        up_axis: up axis of the mesh file, `scenes.up_axis`.
 
     >>> find_orientation("y"), find_orientation("z")
     (((0, 1, 0), (0, 0, -1)), ((0, 0, 1), (0, 1, 0)))

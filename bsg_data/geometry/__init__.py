@@ -1,1 +1,1 @@
-"""What a semantic mesh says: boxes of objects and rooms, storeys, and which rooms adjoin."""
+"""Read semantic meshes: boxes of objects and rooms, storeys, and adjacent rooms."""

@@ -1,9 +1,9 @@
-"""Which rooms of a placed building connect: by doors and stairs that are seen, else by their boxes.
+"""Find which rooms of a placed building connect: by doors and stairs, otherwise by their boxes.
 
-A door that is annotated in one room and stands against the footprint of another joins the two. So
-do stairs that begin at the floor of one room and end at that of another. What no door explains,
-open kitchens and openings without a door, is left to the rule of `bsg_data.geometry.passages`,
-which then has to be surer than where no door is seen at all.
+A door joins the room of its annotation and the room whose footprint it touches. Stairs join the
+room where they begin and the room where they end. Open kitchens and other openings have no door:
+`bsg_data.geometry.passages` guesses them. In a building with doors it must be more certain than in
+one without.
 """
 
 from __future__ import annotations

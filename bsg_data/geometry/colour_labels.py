@@ -1,4 +1,4 @@
-"""Which instance each texel or vertex of a mesh belongs to: the one that has its exact colour."""
+"""Assign each texel or vertex of a mesh to the instance with its exact colour."""
 
 from __future__ import annotations
 

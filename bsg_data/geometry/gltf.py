@@ -1,9 +1,9 @@
 """Read a binary glTF file (GLB) into coloured triangle meshes, through trimesh.
 
-The header is checked first: a file that is cut off, points outside itself or asks for far more than
-a building needs is refused with the reason before anything of it is unpacked; so is what trimesh
-would misread in silence. What it, NumPy or json refuse by themselves is left to them. trimesh reads
-the file with one mesh a primitive: `merge_primitives` would drop the textures.
+The header is checked first. A file that is cut off, points outside itself or asks for far more than
+a building needs is refused, with the reason, before it is unpacked. So is a file that trimesh would
+misread silently. trimesh, NumPy and json refuse other faults themselves. trimesh reads one mesh per
+primitive, because `merge_primitives` would drop the textures.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ _COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_tex
 
 
 class MeshError(SourceError):
-    """Report a mesh that cannot be read or does not belong to its scene."""
+    """Report a mesh that is unreadable or does not belong to its scene."""
 
 
 @dataclass(frozen=True, slots=True)

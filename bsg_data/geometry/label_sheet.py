@@ -1,4 +1,4 @@
-"""The labels of a texture, and whether a triangle on it has one label or several."""
+"""The labels of a texture, and the number of labels on a triangle of it."""
 
 from __future__ import annotations
 

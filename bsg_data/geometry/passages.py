@@ -1,15 +1,14 @@
 """Guess which rooms one can walk between from their boxes alone.
 
-The connections of a building are nearly a tree: from every room one way leads towards the hall or
-the living room, and loops are few. So each pair of near rooms has two weights, that of reaching the
-first through the second and the reverse, and its probability is its share of all weighted spanning
-forests of the building, rooted anywhere (the directed matrix-tree theorem, Tutte 1948: one inverse
-of a matrix). Small rooms have one door, hubs attract, and another way in makes a pair less likely,
-all without a rule for it.
+The connections of a building are nearly a tree: one way leads from every room towards the hall or
+the living room, and loops are rare. Each pair of near rooms has two weights: for reaching the first
+room through the second, and the reverse. The probability of a pair is its share of all weighted
+spanning forests of the building, rooted anywhere. One matrix inverse gives it (the directed
+matrix-tree theorem, Tutte 1948). Without special rules it follows that small rooms have one door,
+that hubs attract, and that another way in makes a pair less likely.
 
 `scripts/fit/passages.py` fits the weights and cross-validates them; docs/geometry.md has the
-figures. Nothing depends on where a building stands, on quarter turns, mirroring or the order of its
-rooms.
+figures. Position, quarter turns, mirroring and the order of rooms change nothing.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Place a scene graph in space: which way is up, where every object and room is, on which storey.
+"""Place a scene graph in space: the up axis, the places of objects and rooms, and the storeys.
 
-A mesh is measured in the axes of its file. The glTF standard says Y up, HM3D's own configuration
-says Z up, and files of both kinds are about; so the labels decide: ceilings are above floors.
-The result is metres, Z up, right-handed.
+A mesh is measured in the axes of its file. The glTF standard says Y up, HM3D's configuration says Z
+up, and both kinds of files exist. So the labels decide: ceilings are above floors. The result is in
+metres, Z up, right-handed.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Runs of equal values, one after another in an array."""
+"""Find runs of equal values in an array."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 """Measure every instance of a `semantic.glb`: the surface that has its colour.
 
-In HM3D's semantic meshes every texel has the exact colour of an instance, so the texture decides
-and never an average of colours: a face of one colour counts whole, a face that straddles instances
-is divided among them texel by texel. Vertex colours stand in where there is no texture. All is
-measured in the axes of the file; `bsg_data.geometry.placement` turns it upright.
+In HM3D's semantic meshes every texel has the exact colour of an instance, so no colours are
+averaged. A face of one colour belongs to one instance. A face of several colours is divided among
+them texel by texel. Without a texture, vertex colours are used. All values are in the axes of the
+file; `bsg_data.geometry.placement` turns them upright.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The cells of a grid that surfaces reach, and the largest connected part of each surface."""
+"""Find the grid cells that surfaces touch, and the largest connected part of each surface."""
 
 from __future__ import annotations
 

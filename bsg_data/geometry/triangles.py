@@ -1,4 +1,4 @@
-"""Triangles as three arrays of corners, a row an axis: sums of rows beat sums along columns."""
+"""Triangles as three arrays of corners, one row per axis, because sums of rows are faster."""
 
 from __future__ import annotations
 

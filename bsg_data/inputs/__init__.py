@@ -1,1 +1,1 @@
-"""Files of strangers, read within bounds, and the documents, archives and tables in them."""
+"""Read untrusted files within bounds: documents, archives and tables."""

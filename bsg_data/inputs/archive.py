@@ -1,4 +1,4 @@
-"""Members of a zip of a stranger, read within a bound; nothing is ever unpacked onto a disk."""
+"""Read members of an untrusted zip within a bound; nothing is unpacked to disk."""
 
 from __future__ import annotations
 

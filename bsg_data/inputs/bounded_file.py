@@ -1,7 +1,7 @@
-"""Files of strangers, read within a bound: also a pipe, a device, or a file that grows.
+"""Read untrusted files within a bound, also pipes, devices and growing files.
 
-No reader of ours opens a file but through here. A file that is too large is refused before more
-than its bound is held, and one that never ends is refused once the bound was read.
+All readers of this project open files here. A file that is too large is refused before more than
+its bound is in memory. A file that never ends is refused after its bound was read.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _UNSUSPICIOUS = 16 * MIB  # unpacked, before a ratio is judged
 
 
 class TooLargeError(OSError):
-    """Report a file that is not hashed, for it is larger than its bound."""
+    """Report a file that is not hashed because it is larger than its bound."""
 
 
 def read_bytes(path: Path, bound: Bound, *, error: Refusal = SourceError) -> bytes:

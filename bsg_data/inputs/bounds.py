@@ -1,7 +1,7 @@
-"""How much is read of every kind of file, once: `docs/limits.md` has this table.
+"""The largest accepted size of every kind of file; `docs/limits.md` has this table.
 
-A file of a stranger is read by `bsg_data.inputs.bounded_file` within one of these bounds. They are
-far above everything real, and low enough for a machine with 2 GB.
+`bsg_data.inputs.bounded_file` reads untrusted files within these bounds. They are far above all
+real files, and low enough for a machine with 2 GB.
 """
 
 from __future__ import annotations

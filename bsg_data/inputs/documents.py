@@ -1,7 +1,7 @@
-"""JSON, YAML and TOML of strangers: in linear time, each key once, nested within reason.
+"""Parse untrusted JSON, YAML and TOML in linear time, with unique keys and limited nesting.
 
-What is wrong is one ValueError, with the line and the column where the parser knows them. No alias,
-no tag, no number without end, no text that cannot be written again.
+Any fault is one ValueError, with line and column if the parser knows them. Aliases, tags, infinite
+numbers and text that cannot be written again are refused.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Parquet of strangers: what a footer asks for is judged before a row is read.
+"""Read untrusted parquet: check what the footer asks for before any row is read.
 
-A few kilobytes can say 240 million rows, or one long word a million times. Rows, values and text
-are counted first, and a file that is damaged in any way is one error.
+A few kilobytes can describe 240 million rows, or one long word a million times. So rows, values and
+text are counted first. Any damage is reported as one error.
 """
 
 from __future__ import annotations

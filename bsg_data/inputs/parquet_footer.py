@@ -1,8 +1,8 @@
-"""What the footer of a parquet file says, read without Arrow.
+"""Read the footer of a parquet file without Arrow.
 
-Arrow ends the process where a footer is malformed and somebody asks for a column of it, so that the
-few numbers that are judged before a row is read are taken from its bytes: Thrift's compact protocol
-of the format's `FileMetaData`. https://github.com/apache/parquet-format
+Arrow aborts the process if a column of a malformed footer is accessed. So the few numbers that are
+checked before reading are taken from the bytes: the format's `FileMetaData` in Thrift's compact
+protocol. https://github.com/apache/parquet-format
 """
 
 from __future__ import annotations

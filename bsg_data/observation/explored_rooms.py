@@ -1,6 +1,6 @@
-"""Which rooms a robot explores, in which order, and what it sees of those that it does not enter.
+"""Sample which rooms a robot explores, in which order, and which others it glimpses.
 
-The parts of the masks that explore (`bsg_data.observation.masks`). Rooms are counted from 0 here.
+The masks use these functions (`bsg_data.observation.masks`). Rooms are counted from 0 here.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a mask hides of the objects outside the classes."""
+"""Sample which objects outside the classes a mask hides."""
 
 from __future__ import annotations
 

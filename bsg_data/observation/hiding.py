@@ -1,4 +1,4 @@
-"""Which objects are hidden under a view: ready to be drawn once, or for many draws."""
+"""Sample which objects are hidden under a view, for one draw or many."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""The random numbers of masks: a generator of its own for each part of each draw of each building.
+"""The random numbers of masks: one generator for each building, draw and stream.
 
-A generator is seeded by the seed of the recipe, the id of the building, the number of the draw and
-that of the stream, and by nothing else: never by order, workers or other buildings.
+The seed of a generator depends only on the seed of the recipe, the id of the building, the number
+of the draw and the number of the stream: never on order, workers or other buildings.
 """
 
 from __future__ import annotations

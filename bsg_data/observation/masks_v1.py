@@ -1,10 +1,10 @@
-"""The masks of format 1, whose pairs store which rooms were visited, and nothing else of the view.
+"""The masks of format 1, whose pairs store only which rooms were visited.
 
-What a model was told of them followed from the recipe, and was not true in the mean: `rooms` hid
-room after room until at least the fraction was hidden, and told the fraction; `frontier` hid
-exactly the fraction, and told that visited rooms lose f / (2 − f) whatever was left for them.
-Pairs of format 1 are read with what was told then, and `bsg-data check` still proves that they are
-the masks of their recipe. Nothing new is drawn by them. `uniform` is the same in both formats.
+The rest of their view followed from the recipe, and was biased. `rooms` hid room after room until
+at least the fraction was hidden, but reported the fraction. `frontier` hid exactly the fraction,
+but reported that visited rooms lose f / (2 − f). Pairs of format 1 are read with that view, and
+`bsg-data check` still compares them with their recipe. New pairs never use these masks. `uniform`
+is the same in both formats.
 """
 
 from __future__ import annotations

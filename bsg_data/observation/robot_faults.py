@@ -1,4 +1,4 @@
-"""What is wrong with a robot's JSON, in words that name the room or the object."""
+"""Explain a fault in a robot's JSON, naming the room or the object."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _ENTRIES = {"rooms": "room", "objects": "object", "adjacency": "pair of adjacenc
 
 
 def explain_fault(error: ValidationError, said: Any, *, keys: Mapping[str, Sequence[str]]) -> str:
-    """Return where a document is wrong and how: `room 'kitchen': hidden_share: Input should be …`.
+    """Return place and kind of a fault: `room 'kitchen': hidden_share: Input should be …`.
 
     A key that is unknown comes first, for what is missing may stand under it.
 

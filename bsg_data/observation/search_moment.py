@@ -1,9 +1,8 @@
-"""What a robot knows in the middle of a search (paper, section IV-D).
+"""Make the observation of a robot during a search (paper, section IV-D).
 
-Before it starts, a mask hid a part of the objects, and *no* instance of the artifact was put into
-the partial graph. A room that the search entered shows everything. So that none of a class is seen
-means nothing in a room that was not searched, if the class was *withheld* there, and is a fact in
-one that was; models are told which is which.
+Before the search, a mask hides some objects, and all instances of the artifact are *withheld* from
+the partial graph. A room that the search entered shows everything. So the absence of a withheld
+class is a fact in a searched room, and says nothing in any other. Models are told which is which.
 """
 
 from __future__ import annotations

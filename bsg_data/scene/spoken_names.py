@@ -1,7 +1,7 @@
-"""What a name means that no class map lists: the rules of separator, number, synonym and head noun.
+"""Resolve names that no class map lists, by the rules separator, number, synonym and head noun.
 
-A robot says `house-plants` where HM3D says `plant`. The rules are tried one after another, and each
-form that they make is looked up again. Which rule decided is always reported.
+A robot says `house-plants` where HM3D says `plant`. The rules are tried in this order, and each
+resulting form is looked up. The deciding rule is always reported.
 """
 
 from __future__ import annotations

@@ -3,8 +3,8 @@
 The package `bddl` holds `generated_data/combined_room_object_list.json`: `scenes` → room
 (`kitchen_0`, its type and number) → `category-model` → how many. It says nothing of places.
 
-A scene of BEHAVIOR is one floor of a house, with its garden or without; here a building is the
-whole house. Left apart, the same rooms would be trained on and tested on: `Rs_garden` has all the
+A scene of BEHAVIOR is one floor of a house, with or without its garden. Here a building is the
+whole house. Otherwise a model could train and be tested on the same rooms: `Rs_garden` has all
 rooms of `Rs_int`.
 """
 

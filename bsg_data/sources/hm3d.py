@@ -105,7 +105,7 @@ class HM3DFolder:
             return Reading(graph)
         try:
             if not mesh.is_file():
-                raise MeshError(f"{mesh}: expected a file, found a broken link or something else")
+                raise MeshError(f"{mesh}: not a file, or a link that leads nowhere")
             colours = [str(obj.colour) for obj in graph.objects]
             survey = survey_mesh(mesh, colours, snap_colours=self.snap_colours)
         except MeshError as error:

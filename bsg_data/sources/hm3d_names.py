@@ -1,4 +1,4 @@
-"""What names say in HM3D: the split, the version, and which of several copies to keep."""
+"""Read split and version from HM3D's names, and choose one of several copies."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Synthetic buildings in HM3D's own layout, with and without meshes."""
+"""Make synthetic buildings in the file layout of HM3D, with and without meshes."""

@@ -103,7 +103,9 @@ def test_evidence_is_left_out(office: Surroundings) -> None:
     assert less.building_kinds == ("office",)
     assert same(office.without(*EVIDENCE), Surroundings.unknown(nodes=3))
     assert same(office.without(), office)
-    with pytest.raises(RecipeError, match="'colour' is no evidence; there are floor_area, labels"):
+    with pytest.raises(
+        RecipeError, match="'colour' is no evidence; expected one of floor_area, labels"
+    ):
         office.without("colour")
 
 
