@@ -1,4 +1,4 @@
-"""Errors of `bsg_models` that several rooms raise. `bsg_data.errors` draws the tree of all."""
+"""Define the errors of `bsg_models`; `bsg_data.errors` shows the tree of all errors."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from bsg_data.errors import BSGError, RecipeError
 
 
 class ConfigError(RecipeError):
-    """Report a configuration that cannot be run, with the path of the key."""
+    """Report an invalid configuration, with the path of the key."""
 
 
 class CheckpointError(BSGError):
@@ -14,11 +14,11 @@ class CheckpointError(BSGError):
 
 
 class PredictionError(BSGError):
-    """Report an answer that cannot be used: not finite, or a file of predictions that is faulty."""
+    """Report a prediction that cannot be used: not finite, or in a faulty file of predictions."""
 
 
 class TrainingError(BSGError):
-    """Report a training that cannot start or go on."""
+    """Report a training that cannot start or continue."""
 
 
 class BeliefFileError(BSGError):

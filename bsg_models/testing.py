@@ -1,7 +1,7 @@
-"""Contracts of models, planners, metrics and formats: tests that a row of one's own inherits.
+"""Test your own models, planners, metrics and formats: contracts to inherit from.
 
-A subclass names a row of the registry, and pytest runs it (docs/extending.md). Rows of this project
-keep the same contracts.
+A subclass names a row of the registry, and pytest runs its tests (docs/extending.md). This
+project's own rows pass the same contracts.
 """
 
 from __future__ import annotations
@@ -44,19 +44,19 @@ from bsg_models.training.training import new_model
 from bsg_models.zoo.config import RunConfig, find_config, read_config, validate_config, write_toml
 from bsg_models.zoo.model import BeliefModel, Network
 
-_RTOL, _ATOL = 1e-4, 1e-5  # a network computes in float32
+_RTOL, _ATOL = 1e-4, 1e-5  # networks compute in float32
 
 
 @cache
 def _example() -> tuple[tempfile.TemporaryDirectory[str], Dataset]:
-    """Return a dataset of small buildings, and the folder that it lives in until the end."""
+    """Return a dataset of small buildings, and the temporary folder that holds it."""
     folder = tempfile.TemporaryDirectory()
     return folder, Dataset.open(write_example_dataset(Path(folder.name)))
 
 
 @cache
 def _fit(name: str) -> tuple[RunConfig, BeliefModel]:
-    """Return a row's configuration, and its model after `fit`; a network has no training here."""
+    """Return a row's configuration, and its model after `fit`; a network is not trained here."""
     data, config = _example()[1], find_config(name)
     model = new_model(config, data)
     model.fit(data, config.data)
@@ -69,7 +69,7 @@ def observe_building(
     """Return an observation of one building, half of whose objects are hidden.
 
     Args:
-        rooms: `[R, C]` what is seen in each.
+        rooms: `[R, C]` seen counts of each room.
         classes: C.
         vocabulary: `[V]` categories outside the classes, of which none is seen.
     """
@@ -89,16 +89,16 @@ def observe_building(
 
 
 class ModelContract:
-    """What every model keeps.
+    """The contract of every model.
 
     Attributes:
-        name: of its row, or of its entry point.
+        name: of the model's row in `ZOO`, or of its entry point.
     """
 
     name: ClassVar[str]
 
     def test_losses_are_numbers(self) -> None:
-        """Return losses that a network can be trained by, and a gradient."""
+        """Check that losses and gradients of a network are finite."""
         data, (config, model) = _example()[1], _fit(self.name)
         if not isinstance(model, Network):
             return
@@ -116,7 +116,7 @@ class ModelContract:
         assert any(one.grad is not None for one in network.parameters())
 
     def test_beliefs_are_numbers_and_inputs_stay(self) -> None:
-        """Believe in hidden counts of 0 and more and in probabilities, beside what was seen."""
+        """Check counts of 0 or more, valid probabilities, and unchanged inputs."""
         model = _fit(self.name)[1]
         seen = read_split(_example()[1], "test", vocabulary=model.vocabulary).seen
         for one in (seen, replace(seen, withheld=np.ones_like(seen.withheld))):
@@ -128,7 +128,7 @@ class ModelContract:
             assert ((beliefs.presence >= 0) & (beliefs.presence <= 1)).all()
 
     def test_beliefs_about_a_building_do_not_depend_on_others(self) -> None:
-        """Believe the same of a building alone and among others."""
+        """Check that a building gets the same belief alone and among others."""
         model = _fit(self.name)[1]
         seen = read_split(_example()[1], "test", vocabulary=model.vocabulary).seen
         assert len(seen) > 1
@@ -139,7 +139,7 @@ class ModelContract:
             np.testing.assert_allclose(alone, together[rows], rtol=_RTOL, atol=_ATOL)
 
     def test_the_order_of_the_rooms_does_not_matter(self) -> None:
-        """Believe the same of each room, wherever it stands."""
+        """Check that a room gets the same belief at any position."""
         model = _fit(self.name)[1]
         classes, order = model.inputs.classes, [2, 0, 3, 1]
         rooms = np.random.default_rng(0).poisson(1.0, (4, classes))
@@ -153,7 +153,7 @@ class ModelContract:
         np.testing.assert_allclose(shuffled[1:], there[1:][order], rtol=_RTOL, atol=_ATOL)
 
     def test_buildings_without_rooms_or_objects_get_an_answer(self) -> None:
-        """Answer in numbers where nothing is to be seen."""
+        """Check for finite answers if there are no rooms or no objects."""
         model = _fit(self.name)[1]
         classes = model.inputs.classes
         for rooms in ([], [[0] * classes] * 2, [[7] * classes]):
@@ -162,7 +162,7 @@ class ModelContract:
             assert np.isfinite(beliefs.log_probability(np.ones_like(beliefs.hidden))).all()
 
     def test_all_that_it_learns_is_in_its_checkpoint(self, tmp_path: Path) -> None:
-        """Believe the same, to the last bit, after a checkpoint was written and read."""
+        """Check that a checkpoint restores the same beliefs, to the last bit."""
         (config, model), data = _fit(self.name), _example()[1]
         save_fitted(model, config, data, tmp_path, calibrated=False)
         checkpoint = load_checkpoint(tmp_path / BEST)
@@ -172,17 +172,17 @@ class ModelContract:
         np.testing.assert_array_equal(restored.expect(seen).hidden, model.expect(seen).hidden)
 
     def test_its_configuration_is_written_and_read(self, tmp_path: Path) -> None:
-        """Read the same configuration back from TOML."""
+        """Check that TOML restores the same configuration."""
         config, path = find_config(self.name), tmp_path / "config.toml"
         path.write_text(write_toml(config), "utf-8")
         assert validate_config(read_config(path), source="TOML") == config
 
 
 class PlannerContract:
-    """What every planner keeps.
+    """The contract of every planner.
 
     Attributes:
-        name: of its row, or of its entry point.
+        name: of the planner's row in `PLANNERS`, or of its entry point.
     """
 
     name: ClassVar[str]
@@ -195,12 +195,12 @@ class PlannerContract:
                 yield make_knowledge(seed, nodes=nodes, artifacts=artifacts, task=task)
 
     def test_it_names_unexplored_rooms_that_can_be_reached(self) -> None:
-        """Name one of `unexplored` in every search; `ask_planner` refuses what is none."""
+        """Check that it names one of `unexplored` in every search, as `ask_planner` requires."""
         for known in self.moments():
             assert len(ask_planner(PLANNERS[self.name], known)) == len(known.here)
 
     def test_it_does_not_read_what_it_does_not_say(self) -> None:
-        """Go the same way whatever the presence is, if it reads none."""
+        """Check that its choice ignores the presence if it declares that it reads none."""
         planner = PLANNERS[self.name]
         if planner.reads != "none":
             return
@@ -210,7 +210,7 @@ class PlannerContract:
             np.testing.assert_array_equal(ask_planner(planner, blind), ask_planner(planner, known))
 
     def test_a_search_goes_the_same_way_alone_and_among_others(self) -> None:
-        """Name the same room for a search by itself."""
+        """Check that it names the same room for a search by itself."""
         planner = PLANNERS[self.name]
         for known in self.moments():
             together = ask_planner(planner, known)
@@ -219,7 +219,7 @@ class PlannerContract:
                 assert alone[0] == together[row]
 
     def test_what_it_is_given_stays_as_it_is(self) -> None:
-        """Change no array of what robots know."""
+        """Check that it changes no array of what robots know."""
         for known in self.moments():
             before = [known.presence.copy(), known.unexplored.copy(), known.lots.copy()]
             ask_planner(PLANNERS[self.name], known)
@@ -232,7 +232,7 @@ class PlannerContract:
 def make_knowledge(seed: int, *, nodes: int, artifacts: int, task: Task) -> Knowledge:
     """Return what six robots know in buildings of N nodes, one room of which is out of reach.
 
-    A presence is 0 or 1, so that it may also stand for the truth.
+    A presence is 0 or 1, so that it can also serve as the truth.
     """
     rng = np.random.default_rng(seed)
     searches, every = 6, np.arange(6)
@@ -274,10 +274,10 @@ def take_searches(known: Knowledge, rows: Ints) -> Knowledge:
 
 
 class MetricContract:
-    """What every metric keeps.
+    """The contract of every metric.
 
     Attributes:
-        name: of its row, or of its entry point.
+        name: of the metric's row in `METRICS`, or of its entry point.
     """
 
     name: ClassVar[str]
@@ -299,7 +299,7 @@ class MetricContract:
         return Prediction(truth, from_hidden_counts(truth.inputs, hidden))
 
     def test_it_has_the_values_that_it_says(self) -> None:
-        """Give a number for each node set and part, of no more nodes than there are."""
+        """Check for a number per node set and part, over no more nodes than there are."""
         metric, prediction = METRICS[self.name], self.prediction()
         assert set(metric.node_sets) <= set(NODE_SETS)
         prepared = prepare_metric(self.name, prediction)
@@ -313,7 +313,7 @@ class MetricContract:
             assert metric.label in head_value(value)
 
     def test_only_the_ratio_of_weights_counts(self) -> None:
-        """Give the same values if all weights are doubled."""
+        """Check that doubling all weights changes nothing."""
         prepared = prepare_metric(self.name, self.prediction())
         weights = np.array([1.0, 3.0, 2.0])
         once, twice = prepared.evaluate(weights), prepared.evaluate(2 * weights)
@@ -321,7 +321,7 @@ class MetricContract:
             np.testing.assert_allclose(twice[key], value, rtol=1e-9, atol=1e-12)
 
     def test_batches_do_not_matter(self) -> None:
-        """Give the same values of a prediction that comes in two batches."""
+        """Check that a prediction in two batches gets the same values."""
         prediction, metric = self.prediction(), METRICS[self.name]
         weights = np.array([[1, 2], [1, 0], [1, 1]])
         found = []
@@ -336,7 +336,7 @@ class MetricContract:
             np.testing.assert_allclose(found[1].values[key], value, rtol=1e-9, atol=1e-12)
 
     def test_a_building_that_counts_twice_is_there_twice(self) -> None:
-        """Take weights as repetitions, on which every bootstrap interval rests."""
+        """Check that weights act as repetitions, as every bootstrap interval requires."""
         prediction = self.prediction()
         weighted = prepare_metric(self.name, prediction).evaluate(np.array([2.0, 0.0, 1.0]))
         rows = np.concatenate([np.flatnonzero(prediction.truth.building == b) for b in (0, 0, 2)])
@@ -364,16 +364,16 @@ def _take_nodes(prediction: Prediction, rows: Ints) -> Prediction:
 
 
 class FormatContract:
-    """What every format keeps.
+    """The contract of every format.
 
     Attributes:
-        name: of its row, or of its entry point.
+        name: of the format's row in `FORMATS`, or of its entry point.
     """
 
     name: ClassVar[str]
 
     def beliefs(self) -> list[BeliefGraph]:
-        """Return belief graphs: one of nothing, and one with hostile names."""
+        """Return belief graphs: an empty one, and one with hostile names."""
         return [make_belief("empty", names=()), make_belief("hostile", names=HOSTILE)]
 
     def write(self, beliefs: Sequence[BeliefGraph], path: Path) -> None:
@@ -386,7 +386,7 @@ class FormatContract:
             row.write(belief, path)
 
     def read(self, path: Path) -> list[BeliefGraph] | None:
-        """Read what `write` wrote; None if the format is not read."""
+        """Read the output of `write`; None if the format cannot be read."""
         row = FORMATS[self.name]
         if row.read_all is not None:
             return list(row.read_all(path))
@@ -397,14 +397,14 @@ class FormatContract:
         return folder / f"belief{FORMATS[self.name].suffixes[0]}"
 
     def test_its_suffix_is_its_own(self) -> None:
-        """Choose the format by each of its suffixes."""
+        """Check that each of its suffixes chooses the format."""
         row = FORMATS[self.name]
         assert row.name == self.name
         for suffix in row.suffixes:
             assert choose_format(Path(f"belief{suffix}")) is row
 
     def test_what_is_written_is_read(self, tmp_path: Path) -> None:
-        """Read back equal graphs, also over an older file."""
+        """Check that equal graphs are read back, also over an older file."""
         path = self.path_in(tmp_path)
         for belief in self.beliefs():
             self.write([belief], path)
@@ -415,7 +415,7 @@ class FormatContract:
             assert self.read(path) in (None, self.beliefs())
 
     def test_nothing_half_written_stays(self, tmp_path: Path) -> None:
-        """Leave the older file, and nothing else, if writing fails at the end of a graph."""
+        """Check that a failed write leaves the older file, and nothing else."""
         belief, path = self.beliefs()[1], self.path_in(tmp_path)
         broken = replace(belief, blind=(*belief.blind, BlindNode(1, 10**6, 1.0, 0.5)))
         for older in (False, True):
@@ -424,11 +424,11 @@ class FormatContract:
             before = _bytes_below(tmp_path)
             try:
                 self.write([broken], path)
-            except Exception:  # the class does not exist: what is raised is the format's own
+            except Exception:  # the class does not exist; each format raises its own error
                 assert _bytes_below(tmp_path) == before
 
     def test_what_is_no_such_file_is_refused(self, tmp_path: Path) -> None:
-        """Raise an error of this project for garbage, and where nothing is."""
+        """Check that garbage and a missing file raise an error of this project."""
         path = self.path_in(tmp_path)
         row = FORMATS[self.name]
         if row.read is None and row.read_all is None:

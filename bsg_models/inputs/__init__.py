@@ -1,1 +1,1 @@
-"""What models read: masked buildings as graphs, their edges, and folds."""
+"""Prepare what models read: masked buildings as graphs, their edges, and folds."""

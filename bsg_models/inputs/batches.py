@@ -1,4 +1,4 @@
-"""Masked buildings in batches of one size, whatever the size of the parts that they come in."""
+"""Deal masked buildings in batches of one size, whatever the size of the stored parts."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from bsg_data.observation.masked_buildings import MaskedBuildings, stack_masked
 
 
 def in_batches(parts: Iterable[MaskedBuildings], size: int) -> Iterator[MaskedBuildings]:
-    """Yield the buildings of all parts in their order, `size` at a time; the last are the rest.
+    """Yield the buildings of all parts in order, `size` at a time; the last batch is the rest.
 
-    What is made of a batch then does not depend on how its buildings were stored. One part and one
-    batch are held at a time.
+    So a batch does not depend on how its buildings were stored. One part and one batch are in
+    memory at a time.
 
     Args:
         parts: of one building or more each.
         size: buildings of a batch, 1 or more.
     """
     held: list[MaskedBuildings] = []
-    number = 0  # of buildings that are held, fewer than `size` between two parts
+    number = 0  # of buildings in `held`, fewer than `size` between two parts
     for part in parts:
         first = 0
         while len(part) - first >= size - number:

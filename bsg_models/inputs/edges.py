@@ -1,4 +1,4 @@
-"""The edges of a graph: building and rooms, rooms that connect, or every room with every other."""
+"""List the edges of a graph: building and rooms, connected rooms, or all pairs of rooms."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from bsg_data.arrays import Ints
 from bsg_data.observation.observation import Observation
 from bsg_models.errors import PredictionError
 
-MOST_PAIRS = 16_000_000  # of rooms that a network looks at together: 4,000 rooms of one building
-MOST_BYTES = 512 * 2**20  # of what a network works out for all edges at once, several times over
+MOST_PAIRS = 16_000_000  # of rooms in one call of a network: 4,000 rooms of one building
+MOST_BYTES = 512 * 2**20  # that a network computes for all edges at once, several times over
 EdgeSet = Literal["up", "down", "adjacent", "complete"]
 
 
@@ -24,8 +24,8 @@ def connect(
 
     Args:
         nodes: N = 1 + R.
-        edges: `up` rooms → building, `down` building → rooms, `adjacent` both ways between rooms
-            that are known to connect, `complete` both ways between all rooms.
+        edges: `up` rooms → building, `down` building → rooms, `adjacent` both directions between
+            rooms that are known to connect, `complete` both directions between all rooms.
         adjacent: pairs of rooms.
 
     >>> connect(3, ["up"]).tolist()
@@ -45,7 +45,7 @@ def connect(
         every = np.stack([rooms.repeat(len(rooms)), np.tile(rooms, len(rooms))])
         parts.append(every[:, every[0] != every[1]])
     source, target = np.concatenate(parts, axis=1)
-    numbers = np.sort(source * nodes + target, kind="stable")  # which are nearly in order
+    numbers = np.sort(source * nodes + target, kind="stable")  # fast, as they are nearly sorted
     kept = np.diff(numbers, prepend=-1) > 0
     return np.stack(np.divmod(numbers[kept], nodes))
 
@@ -53,7 +53,7 @@ def connect(
 def edges_of(seen: Observation, edges: Sequence[EdgeSet]) -> Ints:
     """Return the directed edges of all buildings of an observation by row, `[2, E]`.
 
-    Those of a building are together and sorted, in the order of the buildings.
+    Edges are grouped by building, in the order of the buildings, and sorted within each.
 
     Raises:
         PredictionError: if there are too many of them.
@@ -72,20 +72,20 @@ def edges_of(seen: Observation, edges: Sequence[EdgeSet]) -> Ints:
 
 
 def require_pairs(pairs: int) -> None:
-    """Refuse more pairs of rooms than memory holds, before it is taken.
+    """Refuse more pairs of rooms than fit into memory, before it is allocated.
 
     Raises:
         PredictionError: naming models that take any number of rooms.
     """
     if pairs > MOST_PAIRS:
         raise PredictionError(
-            f"a model that looks at every pair of rooms takes at most {MOST_PAIRS:,} at "
-            f"once; found {pairs:,}. Ask `universal` or `ceci-sage`, which take any number of rooms"
+            f"a model that uses every pair of rooms takes at most {MOST_PAIRS:,} pairs at "
+            f"once; found {pairs:,}. Use `universal` or `ceci-sage`, which take any number of rooms"
         )
 
 
 def count_edges(seen: Observation, edges: Sequence[EdgeSet]) -> Ints:
-    """Return how many directed edges each building of an observation has at most, `[B]`."""
+    """Return the largest possible number of directed edges of each building, `[B]`."""
     rooms = np.diff(seen.starts) - 1
     number = rooms * (("up" in edges) + ("down" in edges))
     if "complete" in edges:
@@ -99,14 +99,14 @@ def count_edges(seen: Observation, edges: Sequence[EdgeSet]) -> Ints:
 def split_within(
     seen: Observation, number: Ints, *, bytes_each: int, model: str, filled: bool = False
 ) -> Iterator[Observation]:
-    """Yield the buildings of an observation in their order, as many at once as memory holds.
+    """Yield the buildings of an observation in their order, in groups that fit into memory.
 
     Args:
         seen: of one building or more.
-        number: `[B]` of the pairs of nodes that a model looks at in each.
-        bytes_each: that it works out for a pair.
+        number: `[B]` of the pairs of nodes that a model uses in each.
+        bytes_each: memory per pair.
         model: its name, for the error.
-        filled: whether it fills all buildings up to the largest.
+        filled: whether it pads all buildings to the largest.
 
     Raises:
         PredictionError: if one building is too large, before its pairs are listed.
@@ -116,8 +116,8 @@ def split_within(
     if number[largest] > most:
         rooms = int(seen.starts[largest + 1] - seen.starts[largest]) - 1
         raise PredictionError(
-            f"{model}: looks at {number[largest]:,} pairs of rooms in a building of {rooms:,} "
-            f"rooms, and takes at most {most:,} at once, for want of memory. Ask `universal` or "
+            f"{model}: uses {number[largest]:,} pairs of rooms in a building of {rooms:,} "
+            f"rooms; its memory limit is {most:,} pairs at once. Use `universal` or "
             "`ceci-sage`, which take any number of rooms"
         )
     first = total = widest = 0

@@ -1,4 +1,4 @@
-"""Which buildings of a dataset are trained on, validated on and tested on."""
+"""Choose the buildings of a dataset for training, validation and test."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ def splits_of(data: Dataset, split: Split, *, fold: int | None = None) -> tuple[
 
     Args:
         data: an open dataset.
-        split: which.
-        fold: with a dataset of K folds, the one to test on; see `scenes_of`.
+        split: train, val or test.
+        fold: in a dataset of K folds, the one to test on; see `scenes_of`.
 
     Raises:
         DatasetError: if the dataset is not split that way, or the split is empty.
@@ -30,7 +30,7 @@ def splits_of(data: Dataset, split: Split, *, fold: int | None = None) -> tuple[
     folds = len(names) if names[0].startswith("fold-") else 0
     if folds and fold is None:
         raise DatasetError(
-            f"{data.path}: is split into {folds} folds; say which one to test on, as in "
+            f"{data.path}: is split into {folds} folds; name the one to test on, e.g. "
             "`--set data.fold=0`"
         )
     if fold is not None and not 0 <= fold < folds:
@@ -49,9 +49,9 @@ def splits_of(data: Dataset, split: Split, *, fold: int | None = None) -> tuple[
 def scenes_of(data: Dataset, split: Split, *, fold: int | None = None) -> tuple[str, ...]:
     """Return the scene ids of train, val or test.
 
-    With a dataset of K folds, `fold` is tested on, every other building of the next fold is
-    validated on (a tenth of all for 5 folds), and all the rest is trained on: buildings are what
-    learning lacks.
+    In a dataset of K folds, test is `fold`. Validation is every other building of the next fold (a
+    tenth of all buildings for 5 folds), and training is all the rest, because training needs as
+    many buildings as possible.
 
     Raises:
         DatasetError: if the dataset is not split that way, or the split is empty.

@@ -1,4 +1,4 @@
-"""Observations as PyG graphs: node 0 the building, rooms after it."""
+"""Convert observations to PyG graphs: node 0 is the building, rooms follow."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ from bsg_models.inputs.folds import Split, scenes_of, splits_of
 
 
 def to_graph(seen: Observation, *, edges: Sequence[EdgeSet], targets: Counts | None = None) -> Data:
-    """Return an observation as one graph, whose buildings are parts that no edge joins.
+    """Return an observation as one graph, in which buildings are not connected with each other.
 
     It has `x` `[N, C]`, `others` `[N, V]`, `edge_index` `[2, E]`, `is_building`, `visited` and
     `hidden_share` `[N]`, `withheld` `[N, C]`, and `y` `[N, C]` if the targets are given.
 
-    Of the surroundings it has `floor_area` `[N]` in square metres, 0 where unknown; `labels`
-    `[N, L]`, all 0 where unknown; `building_kind` and `source` `[N]`, each node's place in
-    `BUILDING_KINDS` and `KNOWN_SOURCES`, -1 where unknown.
+    Its surroundings are `floor_area` `[N]` in square metres, 0 if unknown; `labels` `[N, L]`, all 0
+    if unknown; `building_kind` and `source` `[N]`, each an index in `BUILDING_KINDS` and
+    `KNOWN_SOURCES`, -1 if unknown.
 
     Args:
         seen: what was seen.
         edges: among each building and its rooms.
-        targets: `[N, C]` histograms of what is there.
+        targets: `[N, C]` true histograms.
     """
     nodes = to_nodes(seen, edges=torch.from_numpy(edges_of(seen, edges)))
     graph = Data(**{one.name: getattr(nodes, one.name) for one in fields(nodes)})
@@ -51,9 +51,9 @@ def to_graph(seen: Observation, *, edges: Sequence[EdgeSet], targets: Counts | N
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Nodes:
-    """An observation as tensors, to ask a network about it; `to_graph` says what they are.
+    """An observation as tensors, for predictions; `to_graph` describes them.
 
-    A record of PyG's takes longer to make and to read than a small network to answer.
+    Making and reading a PyG `Data` takes longer than the answer of a small network.
     """
 
     x: torch.Tensor
@@ -74,7 +74,7 @@ def to_nodes(seen: Observation, *, edges: Any) -> Nodes:
 
     Args:
         seen: what was seen.
-        edges: directed, `[2, E]`, or whatever the network takes in their place.
+        edges: directed, `[2, E]`, or whatever the network takes instead.
     """
     around, sizes = seen.surroundings, np.diff(seen.starts)
     return Nodes(
@@ -117,14 +117,14 @@ def stream_split(
     vocabulary: tuple[str, ...] = (),
     shuffle: np.random.Generator | None = None,
 ) -> Iterator[MaskedBuildings]:
-    """Yield the stored pairs of train, val or test, a file at a time: what `read_split` returns.
+    """Yield the stored pairs of train, val or test, one file at a time: the data of `read_split`.
 
     Args:
         data: an open dataset.
         split: train, val or test.
         fold: to test on, in a dataset of folds.
-        vocabulary: categories outside the classes that are looked for.
-        shuffle: for the files of each fold in a random order.
+        vocabulary: categories outside the classes that are read.
+        shuffle: generator for a random order of each fold's files; None keeps the order.
 
     Raises:
         DatasetError: if there are none.
@@ -179,7 +179,7 @@ class MaskedGraphs(GraphDataset):  # type: ignore[misc]
         edges: Sequence[EdgeSet] = ("up", "down"),
         vocabulary: tuple[str, ...] = (),
     ) -> MaskedGraphs:
-        """Read the stored pairs of a split, of a dataset's folder or of one that is open.
+        """Read the stored pairs of a split, from a dataset's folder or an open dataset.
 
         Raises:
             DatasetError: if there are none.
@@ -200,15 +200,15 @@ class MaskedGraphs(GraphDataset):  # type: ignore[misc]
         edges: Sequence[EdgeSet] = ("up", "down"),
         vocabulary: tuple[str, ...] = (),
     ) -> MaskedGraphs:
-        """Sample mask number `draw` of every building of a split, of a folder or an open dataset.
+        """Sample mask number `draw` of every building of a split.
 
         Args:
-            path: of the dataset, or one that is open.
+            path: folder of the dataset, or an open dataset.
             split: train, val or test.
             mask: how objects are hidden.
             draw: number of the mask.
-            fractions: from where to where the fraction varies from mask to mask, instead of that
-                of `mask`.
+            fractions: range of the fraction, which then varies from mask to mask; None uses that of
+                `mask`.
             fold: to test on, in a dataset of folds.
             edges: of the graphs.
             vocabulary: categories of `others`.

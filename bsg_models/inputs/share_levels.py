@@ -1,14 +1,14 @@
-"""Uncertain hidden shares, as levels at which a model is asked: quadrature over what is believed.
+"""Handle uncertain hidden shares by quadrature: a model is asked at several levels of the shares.
 
-What is hidden in a room whose share S is uncertain is the mixture over S of what is hidden at each
-share. K levels of probability u_k, with their weights w_k, are the nodes of Gauss and Legendre on
-(0, 1); at a level every uncertain room hides the u_k-quantile of its own Beta distribution:
+The hidden counts of a room with uncertain share S are the mixture, over S, of those at each share.
+The K levels, with probabilities u_k and weights w_k, are Gauss-Legendre nodes on (0, 1). At a
+level, every uncertain room hides the u_k-quantile of its own Beta distribution:
 
     P(H) = ∫ P(H | S = F⁻¹(u)) du ≈ Σ_k w_k P(H | S = F⁻¹(u_k))
 
-So a building takes K copies in one pass of a model, however many of its rooms are uncertain. Rooms
-are coupled: a robot that overlooked more than it thinks did so everywhere. docs/hidden-share.md has
-what eight levels and this coupling cost in accuracy.
+So a building takes K copies in one pass of a model, however many of its rooms are uncertain. The
+rooms are coupled: a robot that overlooked more than it thinks did so everywhere.
+docs/hidden-share.md reports the error of eight levels and of this coupling.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.observation import Observation, stack
 from bsg_data.observation.partial_graph import PartialGraph
 
-LEVELS = 8  # a presence is then off by .0004 in the mean, and by .011 at most
+LEVELS = 8  # the error of a presence is then .0004 on average, and .011 at most
 
 
 def spread_shares(
     graph: PartialGraph, seen: Observation, *, levels: int = LEVELS
 ) -> tuple[Observation, Floats]:
-    """Return what was seen at several levels of the hidden shares, and what each level weighs.
+    """Return the observation at several levels of the hidden shares, and the weight of each level.
 
     Args:
         graph: what a robot knows of R rooms.
@@ -38,8 +38,8 @@ def spread_shares(
         levels: K.
 
     Returns:
-        K copies of the building, one a level, and weights `[K]` whose sum is 1. Where every share
-        is certain it is the observation itself, and the weight 1.
+        K copies of the building, one per level, and weights `[K]` that sum to 1. If every share is
+        certain, the observation itself and the weight 1.
     """
     beliefs = [room.share for room in graph.rooms]
     if all(belief.is_certain for belief in beliefs):

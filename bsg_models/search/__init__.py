@@ -1,1 +1,1 @@
-"""Object search: shortest paths, orders of rooms, planners, room graphs, the simulator."""
+"""Simulate object search: shortest paths, orders of rooms, planners, room graphs."""

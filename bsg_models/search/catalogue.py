@@ -1,7 +1,7 @@
-"""All planners on one screen: a name stands for a function that chooses the next room.
+"""List all planners: each name stands for a function that chooses the next room.
 
-The table holds names alone, so that a command can list them without importing numba. A package of
-somebody else adds rows by the entry points of the group `bsg_models.planners`.
+The table holds names only, so a command can list them without importing numba. Packages add rows
+with entry points of the group `bsg_models.planners`.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ class Planner:
     """A rule for the next room.
 
     Attributes:
-        choose: function of `Knowledge` of E searches at once that returns an unexplored room for
-            each, `[E]`; the first line of its docstring stands in the docs.
-        reads: whose presence it is given: nobody's (`none`), the model's (`belief`), or what is
-            really there (`truth`). `Knowledge` holds nothing else about where things are.
-        so_that: what is gained by it, for the docs.
-        shares: whether it looks at `Knowledge.share`, which costs several times what a presence
-            does; without, it is given none.
-        most_rooms: of a building that a study asks it about, as it takes too long in more; None for
-            any number.
+        choose: function of `Knowledge` of E searches at once; returns an unexplored room for each,
+            `[E]`. The docs show the first line of its docstring.
+        reads: which presence it receives: none (`none`), the model's (`belief`), or the true one
+            (`truth`). `Knowledge` holds nothing else about where things are.
+        so_that: its advantage, for the docs.
+        shares: whether it reads `Knowledge.share`, which costs several times as much as a presence;
+            otherwise it receives none.
+        most_rooms: limit of a building's rooms in a study, because it is slow in larger ones; None
+            for no limit.
     """
 
     choose: Callable[[Knowledge], Ints]
@@ -43,7 +43,7 @@ class Planner:
     most_rooms: int | None = None
 
 
-# What may stand where a planner is asked for: a name of the table, a planner, or its function.
+# What can be given as a planner: a name of the table, a planner, or its function.
 AnyPlanner: TypeAlias = "str | Planner | Callable[[Knowledge], Ints]"
 
 _HERE = "bsg_models.search.planners:"
@@ -65,12 +65,12 @@ PLANNERS: Registry[Planner] = Registry(
 
 
 def find_planner(planner: AnyPlanner) -> Planner:
-    """Return the planner that a name, a planner or a function stands for.
+    """Return the planner for a name, a planner or a function.
 
     A bare function may read the belief; `Planner(function, reads="none")` says that it does not.
 
     Raises:
-        RecipeError: for a name that nobody knows, and for what is neither.
+        RecipeError: for an unknown name, or an object of another type.
     """
     if isinstance(planner, str):
         return PLANNERS[planner]

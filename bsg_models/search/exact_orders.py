@@ -1,4 +1,4 @@
-"""Orders of few rooms that are exactly the best, by dynamic programming over sets."""
+"""Compute exactly the best orders of few rooms, by dynamic programming over sets."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from numba import njit
 
 @njit(cache=True)
 def order_exactly(ways, miss, single):  # type: ignore[no-untyped-def]
-    """Return the best order of n rooms; the last row of `ways` is of where the robot is."""
+    """Return the best order of n rooms; the last row of `ways` is the robot's position."""
     n, classes = miss.shape
     sets = 1 << n
     product = np.ones((sets, classes))
@@ -27,7 +27,7 @@ def order_exactly(ways, miss, single):  # type: ignore[no-untyped-def]
             else:
                 over *= product[sets - 1 - s, a]
         goes_on[s] = 1.0 - over
-    value = np.zeros((sets, n))  # least cost to come, after the set with a room of it the last
+    value = np.zeros((sets, n))  # least remaining cost after a set, with its last room
     following = np.zeros((sets, n), dtype=np.int64)
     for s in range(sets - 2, 0, -1):
         for last in range(n):

@@ -1,4 +1,4 @@
-"""What robots know in the middle of their searches: all that a planner is given."""
+"""Define what robots know during their searches: the only input of a planner."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ Task = Literal["single", "all"]
 
 @dataclass(frozen=True, eq=False)
 class Knowledge:
-    """What E robots know in the middle of their searches of one building.
+    """What E robots know during their searches of one building.
 
     Attributes:
-        task: whether one instance of each class is enough, or all are to be found.
+        task: whether one instance of each class is enough, or all must be found.
         here: `[E]` node of the robot.
         travel: of all searches of the building.
-        rows: `[E]` which of them these are.
-        unexplored: `[E, N]` rooms that it can reach and has not entered.
+        rows: `[E]` indices of these searches in `travel`.
+        unexplored: `[E, N]` rooms that the robot can reach and has not entered.
         wanted: `[E, A]` classes still to be found.
-        presence: `[E, N, A]` believed P(at least one instance); of unexplored rooms alone.
+        presence: `[E, N, A]` believed P(at least one instance), of unexplored rooms only.
         share: `[E, N, A]` believed E″(α), the class's share of the room's objects; None for a
-            planner that does not look at it, and if a robot of its own was not given it.
-        lots: `[E, N]` random numbers, for a planner that draws lots.
-        tour: `[E, N]` places of the rooms in the oracle's tour; nobody else is given one.
+            planner that does not read it, and if the caller of `next_room` gave none.
+        lots: `[E, N]` random numbers, for a planner that chooses at random.
+        tour: `[E, N]` positions of the rooms in the oracle's tour; None for other planners.
     """
 
     task: Task

@@ -1,26 +1,26 @@
-"""Moves that improve an order of rooms, each priced at once by parts that compose.
+"""Improve an order of rooms by moves, each priced at once from parts that compose.
 
-A part of an order costs what its legs cost, each times the probability w that the search goes on
-until then. That probability is a sum of products of q over the rooms before (`single`) or from
-there on (`all`), so that a part is known by a few terms, each with
+The expected cost of a part of an order is the sum of its legs' costs, each times the probability w
+that the search is still running. That probability is a sum of products of q over the rooms before
+(`single`) or from there on (`all`). So a part is described by a few terms, each with
 
     sum      Σ of its legs, each times the product of q over the part's rooms before (or after) it
     product  Π of q over its rooms
 
-and two parts make a third in one step. So the price of a move needs no walk along the order, as for
-the minimum latency problem (Silva, Subramanian, Vidal and Ochi 2012). The terms are
+and two parts compose in one step. So the price of a move needs no walk along the order, as for the
+minimum latency problem (Silva, Subramanian, Vidal and Ochi 2012). The terms are
 
     all      w = 1 − q                                           two terms
     single   w = 1 − Π_classes (1 − q) / Π_classes (1 − q_all)   one for each subset of the classes
 
-of which the first is always the way itself, with q = 1. Arrays are:
+The first term is always the way itself, with q = 1. Arrays are:
 
-    ways      [n + 1, n + 1] costs between rooms; the last row is of where the robot is
+    ways      [n + 1, n + 1] costs between rooms; the last row is the robot's position
     weights   [K] of the terms
     factors   [n, K] of each room in each term
     order     [n] rooms
     around    [n + 1, K] products over the places before each (`single`), or from it on (`all`)
-    legs      [n + 1] what the way to each place is expected to cost
+    legs      [n + 1] expected cost of the way to each place
     sums, products   of parts of the order, [K] or [parts, K]
 """
 
@@ -31,14 +31,15 @@ from numba import njit
 
 from bsg_models.search.order_walks import LONGEST, sum_legs
 
-_LEAST_SHARE = 1e-9  # of the cost of an order, by which it has to get better
+_LEAST_SHARE = 1e-9  # least relative improvement of a move
 
 
 @njit(cache=True)
 def improve(ways, miss, single, order):  # type: ignore[no-untyped-def]
     """Improve an order in place until no move helps; return its cost.
 
-    A move turns a part where it is, or takes a short one elsewhere. It is made as soon as it helps.
+    A move reverses a part in place, or moves a short part elsewhere. The first helpful move is
+    made.
     """
     n, classes = miss.shape
     weights, factors = _expand(miss, single)
@@ -64,7 +65,7 @@ def improve(ways, miss, single, order):  # type: ignore[no-untyped-def]
                     if legs[n] < cost:
                         order[low : high + 1] = trial[low : high + 1]
                         improved = True
-                    else:  # it was better by rounding alone
+                    else:  # it only seemed better, by rounding
                         sum_legs(ways, miss, single, order, products, legs)
                     _sum_terms(factors, single, order, around)
     return legs[n]
@@ -72,7 +73,7 @@ def improve(ways, miss, single, order):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _move(order, trial, length, i, j):  # type: ignore[no-untyped-def]
-    """Write the order after a move: the part at i starts at j, or is turned from i to j."""
+    """Write the order after a move: the part at i now starts at j, or is reversed from i to j."""
     if length == 0:
         for k in range(i, j + 1):
             trial[k] = order[i + j - k]
@@ -87,7 +88,7 @@ def _move(order, trial, length, i, j):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _find_move(facts, length, i, least):  # type: ignore[no-untyped-def]
-    """Return the first j from `least` on for which a move helps, and what it changes; n if none."""
+    """Return the first j from `least` on for which a move helps, and its gain; n if none."""
     if length == 0:
         j = _find_turn(facts, i, max(least, i + 1))
         return j, i, j
@@ -137,12 +138,12 @@ def _sum_terms(factors, single, order, around):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _find_turn(facts, i, least):  # type: ignore[no-untyped-def]
-    """Return the first j from `least` on for which turning the places from i to j helps, or n."""
+    """Return the first j from `least` on for which reversing places i to j helps, or n."""
     ways, weights, factors, order, around, legs, single = facts
     n, terms = len(order), len(weights)
     margin = legs[i] + _LEAST_SHARE * legs[n]
     before, first = order[i - 1] if i else n, order[i]
-    sums, products = np.zeros(terms), factors[first].copy()  # of the part that is turned, so far
+    sums, products = np.zeros(terms), factors[first].copy()  # of the part reversed so far
     for j in range(i + 1, n):
         room = order[j]
         middle = ways[room, order[j - 1]]
@@ -209,7 +210,7 @@ def _find_later(facts, length, i, least):  # type: ignore[no-untyped-def]
     enter = ways[order[i - 1] if i else n, order[i + length]]
     margin = legs[i] + _LEAST_SHARE * legs[n]
     for end in range(i + length + 1, n + 1):
-        room = order[end - 1]  # the last of those that the part is moved past
+        room = order[end - 1]  # the last room that the part moves past
         if end > i + length + 1:
             between = ways[order[end - 2], room]
             for t in range(terms):
@@ -238,7 +239,7 @@ def _find_later(facts, length, i, least):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _read_part(facts, start, end):  # type: ignore[no-untyped-def]
-    """Return the terms of the part of the places from start up to end, which is not in it."""
+    """Return the terms of the part of the places from start to before end."""
     ways, weights, factors, order, _, _, single = facts
     sums, products = np.zeros(len(weights)), factors[order[start]].copy()
     for k in range(start + 1, end):
@@ -254,7 +255,7 @@ def _read_part(facts, start, end):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _read_parts_before(facts, end, least):  # type: ignore[no-untyped-def]
-    """Return the terms of the parts of the places from k up to end, for every k from `least` on."""
+    """Return the terms of the parts from each k, from `least` on, to before end."""
     ways, weights, factors, order, _, _, single = facts
     sums, products = np.zeros((end, len(weights))), np.empty((end, len(weights)))
     products[end - 1] = factors[order[end - 1]]

@@ -1,7 +1,7 @@
-"""Moves that improve an order of rooms, each priced by a walk along the places that it changes.
+"""Improve an order of rooms by moves, each priced by a walk along the places that it changes.
 
-Slow in many rooms, but exact for any number of classes and however unlikely they are, which
-`order_moves` is not: `orders` chooses between the two.
+This is slow in many rooms. But it is exact for any number of classes, however unlikely they are,
+which `order_moves` is not: `orders` chooses between the two.
 """
 
 from __future__ import annotations
@@ -9,15 +9,15 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-LONGEST = 3  # rooms that are moved together
+LONGEST = 3  # most rooms moved together
 
 
 @njit(cache=True)
 def improve_slowly(ways, miss, single, order):  # type: ignore[no-untyped-def]
     """Improve an order in place until no move helps; return its cost.
 
-    A move changes the places from `low` to `high` alone, and which rooms are visited before and
-    after these stays: only the legs into them and into the next place are compared.
+    A move changes only the places from `low` to `high`. The rooms visited before and after stay the
+    same, so only the legs into these places and into the next one are compared.
     """
     n = len(order)
     products, legs = np.ones((n + 1, miss.shape[1])), np.zeros(n + 1)
@@ -29,7 +29,7 @@ def improve_slowly(ways, miss, single, order):  # type: ignore[no-untyped-def]
         for length in range(min(LONGEST, n - 1) + 1):
             for i in range(n):
                 for j in range(n):
-                    if length == 0:  # turn a part where it is
+                    if length == 0:  # reverse a part in place
                         low, high = i, j
                         if i >= j:
                             continue
@@ -58,14 +58,14 @@ def improve_slowly(ways, miss, single, order):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _window(ways, miss, single, trial, products, low, high, limit):  # type: ignore[no-untyped-def]
-    """Return what the legs into the places from low to high + 1 cost, or something above limit.
+    """Return the cost of the legs into the places from low to high + 1, or a value above limit.
 
-    `products` and the places outside of it are those before the move. The last row of `ways` is of
-    where the robot is.
+    `products` and the places outside the window are those before the move. The last row of `ways`
+    is the robot's position.
     """
     n, classes = miss.shape
     total, last = 0.0, min(high + 1, n - 1)
-    if not single:  # from the end: what is left after the window is left as before
+    if not single:  # from the end: the part after the window stays the same
         left = products[last + 1, 0]
         for k in range(last, low - 1, -1):
             left *= miss[trial[k], 0]
@@ -93,7 +93,7 @@ def _window(ways, miss, single, trial, products, low, high, limit):  # type: ign
 def sum_legs(ways, miss, single, order, products, legs):  # type: ignore[no-untyped-def]
     """Write products of q `[n + 1, A]` and sums of the costs of legs `[n + 1]` of an order.
 
-    `single` has the products over the places before each, `all` those from each place on.
+    The products are over the places before each (`single`), or from each place on (`all`).
     """
     n, classes = miss.shape
     if single:

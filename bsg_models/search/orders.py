@@ -1,21 +1,21 @@
-"""In which order to visit rooms, so that a search is expected to cost least.
+"""Order rooms so that the expected cost of a search is least.
 
-A plan is an order v₁ … vₙ of the unexplored rooms, from where the robot is. Leg k costs d(vₖ₋₁, vₖ)
-and is walked only if the search goes on until then, so that
+A plan is an order v₁ … vₙ of the unexplored rooms, from the robot's position. Leg k costs d(vₖ₋₁,
+vₖ) and is walked only if the search is still running, so
 
     expected cost = Σₖ d(vₖ₋₁, vₖ) · w(v₁ … vₖ₋₁)
 
-with w the probability that the search goes on after these rooms. With q the probability that a room
-holds no instance of a class, rooms being independent:
+with w the probability that the search continues after these rooms. With q the probability that a
+room holds no instance of a class, rooms being independent:
 
     all       w = 1 − Π_{unvisited} Π_classes q                       something is left
     single    w = 1 − Π_classes (1 − u),                              a class is still to be found
               u = (Π_visited q − Π_all q) / (1 − Π_all q)             given that it is somewhere
 
-The best order is found by dynamic programming over sets of rooms (Held and Karp) up to `EXACT`
-rooms, and beyond by moving and turning parts of several good orders until nothing gets better.
-Passing through an unexplored room on the way to another explores it; such a plan costs as much as
-the one that names it, so that orders with the cheapest ways between rooms leave nothing out.
+Up to `EXACT` rooms, dynamic programming over sets of rooms (Held and Karp) finds the best order.
+Beyond, parts of several good orders are moved and reversed until nothing improves. Passing through
+an unexplored room on the way to another explores it. Such a plan costs the same as one that names
+the room, so orders with the cheapest ways between rooms miss nothing.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ from bsg_models.search.order_walks import improve_slowly, sum_legs
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 Bools = npt.NDArray[np.bool_]
-EXACT = 9  # rooms; each more doubles the time and memory
-UNLIKELY = 1e-6  # P(each class is somewhere) below which differences of like sums say nothing
-LEAST = 1e-6  # no room is certainly empty: a wrong belief must not end a search
+EXACT = 9  # rooms; each further room doubles time and memory
+UNLIKELY = 1e-6  # P(each class is somewhere) below which differences of sums are rounding error
+LEAST = 1e-6  # least presence: a wrong belief must not end a search
 
 
 def choose_rooms(
@@ -55,7 +55,7 @@ def choose_rooms(
         presence: `[E, N, A]` P(at least one instance) of A classes.
         wanted: `[E, A]` classes still to be found.
         single: whether one instance of each class is enough.
-        exact: most rooms that are ordered exactly.
+        exact: largest number of rooms that is ordered exactly.
 
     Raises:
         ValueError: if a presence is not finite.
@@ -72,14 +72,14 @@ def choose_rooms(
 
 
 def plan_tours(costs: Floats, here: Ints, holds: Bools, *, exact: int, kicks: int) -> Ints:
-    """Return the place of each room in the shortest way through some rooms, `[E, N]`.
+    """Return the position of each room in the shortest way through some rooms, `[E, N]`.
 
     Args:
         costs: `[E, N, N]` of the cheapest ways.
         here: `[E]` node of the robot.
-        holds: `[E, N]` rooms to be visited; the others' places come last.
-        exact: most rooms that are ordered exactly.
-        kicks: times that a good order is disturbed and improved anew.
+        holds: `[E, N]` rooms to be visited; other rooms come last.
+        exact: largest number of rooms that is ordered exactly.
+        kicks: number of times that a good order is disturbed and improved again.
     """
     certain = np.full((*holds.shape, 1), LEAST)
     wanted = np.ones((len(here), 1), dtype=bool)
@@ -93,7 +93,7 @@ def plan_tours(costs: Floats, here: Ints, holds: Bools, *, exact: int, kicks: in
 def choose_cover(costs: Floats, here: Ints, holds: Bools, *, wanted: Bools) -> Ints:
     """Return the first room of the cheapest way that passes an instance of each class, `[E]`.
 
-    Exact, whatever the number of rooms: dynamic programming over the sets of classes found.
+    It is exact for any number of rooms: dynamic programming over the sets of classes found.
 
     Args:
         costs: `[E, N, N]` of the cheapest ways.
@@ -111,10 +111,10 @@ def order_rooms(
 
     Args:
         costs: `[n + 1, n + 1]` between rooms, and from `here`.
-        here: row of where the robot is.
-        miss: `[n, A]` q, of classes that are all still to be found.
+        here: row of the robot's position.
+        miss: `[n, A]` q, of the classes that are still to be found.
         single: whether one instance of each class is enough.
-        exact: most rooms that are ordered exactly.
+        exact: largest number of rooms that is ordered exactly.
     """
     one, rooms = np.array([here]), np.arange(len(costs))[None] < len(miss)
     padded = np.ones((1, len(costs), miss.shape[1]))
@@ -125,7 +125,7 @@ def order_rooms(
 
 
 def expected_cost(costs: Floats, here: int, miss: Floats, order: Ints, *, single: bool) -> float:
-    """Return the expected cost of an order; arguments as of `order_rooms`."""
+    """Return the expected cost of an order; arguments as for `order_rooms`."""
     products, legs = np.ones((len(miss) + 1, miss.shape[1])), np.zeros(len(miss) + 1)
     ways = _take_ways(costs, here, np.arange(len(miss)))
     sum_legs(ways, miss, single, order, products, legs)
@@ -136,7 +136,7 @@ def expected_cost(costs: Floats, here: int, miss: Floats, order: Ints, *, single
 def _order_all(costs, here, rooms, miss, wanted, single, exact, kicks):  # type: ignore[no-untyped-def]
     """Return the orders of E searches, `[E, N]`; −1 after the last room.
 
-    All that is compiled begins here, because what is compiled twice takes twice the time.
+    This is the single entry to the compiled code, because a second one would compile it again.
     """
     orders = np.full(rooms.shape, -1)
     for e in range(len(here)):
@@ -172,9 +172,9 @@ def _order(ways, miss, single, exact, kicks):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _disturb(order, state):  # type: ignore[no-untyped-def]
-    """Return an order with rooms exchanged at random, always the same way, and the next state.
+    """Return an order with rooms exchanged pseudo-randomly, and the next state.
 
-    The random numbers are those of the example of `rand` in the standard of C.
+    The random numbers follow the example of `rand` in the C standard.
     """
     order = order.copy()
     for _ in range(3):
@@ -188,7 +188,7 @@ def _disturb(order, state):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _composes(miss, single):  # type: ignore[no-untyped-def]
-    """Say whether the terms of `order_moves` are few, and large beside their rounding."""
+    """Return whether the terms of `order_moves` are few, and large relative to rounding."""
     n, classes = miss.shape
     if not single:
         return True
@@ -210,7 +210,7 @@ def _improve(ways, miss, single, order, composes):  # type: ignore[no-untyped-de
 
 @njit(cache=True)
 def _take_ways(costs, here, rooms):  # type: ignore[no-untyped-def]
-    """Return the costs between some rooms, and in a last row those from where the robot is."""
+    """Return the costs between some rooms; the last row is from the robot's position."""
     n = len(rooms)
     ways = np.zeros((n + 1, n + 1))
     for i in range(n):
@@ -222,7 +222,7 @@ def _take_ways(costs, here, rooms):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _begin(ways, miss, start):  # type: ignore[no-untyped-def]
-    """Return an order to start from: nearest first, likeliest first, or most likely a cost."""
+    """Return a starting order: nearest first, likeliest first, or by presence per cost."""
     left = len(miss)
     order = np.empty(left, dtype=np.int64)
     open_ = np.ones(left, dtype=np.bool_)

@@ -1,9 +1,9 @@
-"""Planners: from what a robot knows to the room where it goes next.
+"""Define the planners: functions from what a robot knows to the room where it goes next.
 
-Each is a function of `Knowledge` of E searches at once that returns a node for each, `[E]`. What a
-robot does not know is not in `Knowledge`. With several classes a planner works on the probability
-that a room holds any that is still to be found, while the orders of `expected-cost`, `routing` and
-`oracle` depend on when all are found. Ties go to the room with the lowest index.
+Each takes `Knowledge` of E searches at once and returns a node for each, `[E]`. `Knowledge` holds
+nothing that a robot does not know. With several classes, a planner uses the probability that a room
+holds any class still to be found. The orders of `expected-cost`, `routing` and `oracle` instead
+depend on when all are found. Ties go to the room with the lowest index.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from bsg_models.search.knowledge import Knowledge, Task
 from bsg_models.search.orders import choose_cover, choose_rooms, plan_tours
 from bsg_models.search.shortest_paths import Bools, Floats, Ints, Travel, find_ways
 
-_ALIKE = 1e-4  # presence of one instance that may be anywhere
+_ALIKE = 1e-4  # presence in every room, for one instance that may be anywhere
 _ORACLE_EXACT, _ORACLE_KICKS = 12, 200
-_MOST_ORDERED = 300  # rooms; a decision takes time that grows with more than their cube
+_MOST_ORDERED = 300  # rooms; the time of a decision grows faster than their cube
 
 
 def nearest(known: Knowledge) -> Ints:
@@ -32,13 +32,15 @@ def random_order(known: Knowledge) -> Ints:
 
 
 def greedy_share(known: Knowledge) -> Ints:
-    """Go to the room with the greatest E″(α), the class's share of what is expected there.
+    """Go to the room with the greatest E″(α), the class's share of the objects expected there.
 
     Raises:
         RecipeError: if the share is not known.
     """
     if known.share is None:
-        raise RecipeError("greedy-share reads E″(α), the share of the class in each room: give it")
+        raise RecipeError(
+            "greedy-share reads E″(α), the share of the class in each room: give share"
+        )
     return _best(known, np.where(known.wanted[:, None], known.share, 0.0).sum(axis=2))
 
 
@@ -48,7 +50,7 @@ def greedy_belief(known: Knowledge) -> Ints:
 
 
 def ratio(known: Knowledge) -> Ints:
-    """Go to the room with the most probability of an instance per cost of going there."""
+    """Go to the room with the highest probability of an instance per cost of going there."""
     return _best(known, known.any_presence / np.maximum(known.distance, 1e-9))
 
 
@@ -65,7 +67,7 @@ def expected_cost(known: Knowledge) -> Ints:
 
 
 def routing(known: Knowledge) -> Ints:
-    """Do as `expected-cost` if one instance were anywhere with the same probability."""
+    """Do as `expected-cost` if one instance were equally likely in every room."""
     return choose_rooms(
         known.costs,
         known.here,
@@ -77,10 +79,10 @@ def routing(known: Knowledge) -> Ints:
 
 
 def oracle(known: Knowledge) -> Ints:
-    """Go the cheapest way that finds what is sought, which it knows.
+    """Go the cheapest way that finds what is sought, with knowledge of the truth.
 
-    Its `presence` is the truth. In `single` it is exact, in `all` it follows the tour that it
-    planned at the start.
+    Its `presence` is the truth. For `single` it is exact; for `all` it follows a tour planned at
+    the start.
     """
     if known.tour is not None:
         return _best(known, np.where(known.any_presence > 0.5, -known.tour, -np.inf))
@@ -89,11 +91,11 @@ def oracle(known: Knowledge) -> Ints:
 
 NEAREST = Planner(nearest, "none", so_that="the next leg is short")
 RANDOM = Planner(random_order, "none")
-GREEDY_SHARE = Planner(greedy_share, "belief", so_that="the paper's rule is kept to the letter")
+GREEDY_SHARE = Planner(greedy_share, "belief", so_that="the search follows the paper's rule")
 GREEDY_BELIEF = Planner(
-    greedy_belief, "belief", so_that="it is found in few rooms, wherever they are", shares=False
+    greedy_belief, "belief", so_that="few rooms are entered, however far apart", shares=False
 )
-RATIO = Planner(ratio, "belief", so_that="the next leg pays", shares=False)
+RATIO = Planner(ratio, "belief", so_that="each leg gains much for its cost", shares=False)
 EXPECTED_COST = Planner(
     expected_cost,
     "belief",
@@ -104,14 +106,14 @@ EXPECTED_COST = Planner(
 ROUTING = Planner(
     routing,
     "none",
-    so_that="one sees what good routes save without a belief",
+    so_that="you see how much good routes save without a belief",
     most_rooms=_MOST_ORDERED,
 )
-ORACLE = Planner(oracle, "truth", so_that="nobody is better", most_rooms=_MOST_ORDERED)
+ORACLE = Planner(oracle, "truth", so_that="no planner is better", most_rooms=_MOST_ORDERED)
 
 
 def plan_tour(travel: Travel, here: Ints, holds: Bools) -> Ints:
-    """Return the places `[E, N]` of the rooms that hold an artifact `[E, N]` in the oracle's tour.
+    """Return the position `[E, N]` of each room with an artifact `[E, N]` in the oracle's tour.
 
     Exact up to twelve rooms; beyond, the best of 200 improved orders.
     """
@@ -129,27 +131,27 @@ def next_room(
     planner: AnyPlanner = "expected-cost",
     seed: int = 0,
 ) -> int | None:
-    """Return where a robot should go next, for one search of its own.
+    """Return where a robot should go next, in one search.
 
     Args:
-        edges: `[N, N]` costs ≥ 0 between nodes, ∞ where there is no edge; the building is node 0.
+        edges: `[N, N]` costs ≥ 0 between nodes, ∞ without an edge; the building is node 0.
         here: node of the robot.
         explored: `[N]` rooms that it has searched.
         presence: `[N]` or `[N, A]` P(at least one hidden instance) of what it still looks for, such
             as a column of `Expectation.presence`.
-        share: of the same shape, E″(α), such as a column of `Expectation.distribution`; read by
-            `greedy-share` alone.
+        share: E″(α) in the same shape, such as a column of `Expectation.distribution`; only
+            `greedy-share` reads it.
         task: `single` or `all`.
-        planner: a name of `PLANNERS`, a `Planner`, or a function of `Knowledge`; any that does not
-            read the truth.
-        seed: of the lots that `random` draws.
+        planner: a name of `PLANNERS`, a `Planner`, or a function of `Knowledge`; it must not read
+            the truth.
+        seed: for the planner `random`.
 
     Returns:
-        a room; None if no unexplored one can be reached.
+        A room; None if no unexplored room can be reached.
 
     Raises:
-        RecipeError: for a planner that needs what is not given here or names another room than an
-            unexplored one, and for arrays of other shapes or values.
+        RecipeError: if the planner needs something that is not given, or names a room that is not
+            unexplored; or if an array has another shape or invalid values.
     """
     edges, presence = np.asarray(edges, dtype=float), np.asarray(presence, dtype=float)
     nodes = len(edges)
@@ -164,11 +166,11 @@ def next_room(
             f"explored {list(np.shape(explored))}, here {here}: expected {nodes} nodes"
         )
     if task not in ("single", "all"):
-        raise RecipeError(f"task {task!r}: give single or all")
+        raise RecipeError(f"task {task!r}: expected single or all")
     chosen = find_planner(planner)
     if chosen.reads == "truth":
         raise RecipeError(
-            f"planner {planner!r} reads the truth, which no robot knows; expected-cost does not"
+            f"planner {planner!r} reads the truth, which no robot knows; use expected-cost instead"
         )
     travel = find_ways(edges[None])
     unexplored = ~np.asarray(explored, dtype=bool) & np.isfinite(travel.costs[0, here])
@@ -220,5 +222,5 @@ def _name(planner: Planner) -> str:
 
 
 def _best(known: Knowledge, score: Floats) -> Ints:
-    """Return the unexplored room with the highest score, the lowest index among equals."""
+    """Return the unexplored room with the highest score; ties go to the lowest index."""
     return np.asarray(np.where(known.unexplored, score, -np.inf).argmax(axis=1))

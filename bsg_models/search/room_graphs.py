@@ -1,18 +1,19 @@
-"""Worlds: the room graphs that a robot travels in, with what it costs.
+"""Make worlds: the room graphs that a robot travels in, with their costs.
 
-The paper draws the cost of every edge at random and does not say of which graph, and that decides
-what a belief is worth. So there are several kinds:
+The paper draws the cost of every edge at random, but does not say of which graph. That decides how
+much a belief saves. So there are several kinds:
 
-- `star`: every room hangs on the building node, the paper's scene graph read literally.
+- `star`: every room is joined to the building node, the paper's scene graph read literally.
 - `complete`: an edge between any two rooms, and the robot takes that edge.
-- `complete-paths`: the same, but it takes the cheapest way, through other rooms if need be.
+- `complete-paths`: the same, but it takes the cheapest way, if need be through other rooms.
 - `tree`: every room but the first is joined to a random one before it.
-- `tree-plus`: with half as many edges more as there are rooms, at random (some fall together).
-- `layout`: the rooms that connect in a room layout, the distance between their centroids in metres.
-- `geometry`: the same of connections found in a mesh.
+- `tree-plus`: a tree with random further edges, half as many as there are rooms (some may
+coincide).
+- `layout`: the rooms that connect in a room layout; costs are metres between their centroids.
+- `geometry`: the same for connections found in a mesh.
 
 The costs of the first five are uniform between `low` and `high`. A world has the rooms that can be
-reached from each other: where a layout falls into parts, it is the part with the most rooms.
+reached from each other. If a layout falls into parts, it is the part with the most rooms.
 """
 
 from __future__ import annotations
@@ -37,19 +38,19 @@ from bsg_models.search.shortest_paths import Floats, Travel, find_ways, go_strai
 
 WorldKind = Literal["star", "complete", "complete-paths", "tree", "tree-plus", "layout", "geometry"]
 MEASURED: tuple[Literal["layout", "geometry"], ...] = ("layout", "geometry")
-MOST_ROOMS = 2000  # of a world: a way is kept for each pair of them
+MOST_ROOMS = 2000  # of a world, which stores a way for each pair of rooms
 MOST_WAYS = 100_000_000  # of all searches of a building, 10 bytes each
 METHODS = {"layout": ("layout",), "geometry": ("door", "stairs", "boxes")}
 _SPELLING = re.compile(r"([a-z-]+?)(?::([0-9.]+)-([0-9.]+))?")
 
 
 class WorldRecipe(Record):
-    """How the room graphs of a building are made.
+    """The recipe for the room graphs of a building.
 
     Attributes:
-        kind: see above.
-        low: least cost of an edge; of measured kinds it is not read.
-        high: greatest cost of an edge.
+        kind: one of the kinds above.
+        low: least cost of an edge; measured kinds ignore it.
+        high: greatest cost of an edge; measured kinds ignore it.
     """
 
     kind: WorldKind
@@ -79,7 +80,7 @@ def parse_world(text: str) -> WorldRecipe:
     """Return the recipe that a text like `complete:5-10` or `layout` names.
 
     Raises:
-        RecipeError: if it names none, with the nearest.
+        RecipeError: if it names none; the message suggests the nearest.
     """
     match = _SPELLING.fullmatch(text.strip())
     kinds = get_args(WorldKind)
@@ -90,11 +91,11 @@ def parse_world(text: str) -> WorldRecipe:
         defaults = {world.kind: world for world in DEFAULT_WORLDS}
         return defaults.get(match[1], WorldRecipe(kind=match[1]))  # type: ignore[arg-type]
     if match[1] in MEASURED:
-        raise RecipeError(f"{text}: the costs of {match[1]} are metres, not drawn")
+        raise RecipeError(f"{text}: the costs of {match[1]} are metres; leave out LOW-HIGH")
     try:
         return WorldRecipe(kind=match[1], low=float(match[2]), high=float(match[3]))
     except ValueError as error:
-        raise RecipeError(f"{text}: 0 ≤ LOW ≤ HIGH, and HIGH above 0") from error
+        raise RecipeError(f"{text}: expected 0 ≤ LOW ≤ HIGH, and HIGH above 0") from error
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,8 +104,8 @@ class RoomGraph:
 
     Attributes:
         nodes: N = 1 + R.
-        edges: `[N, N]` metres; ∞ where there is no edge.
-        rooms: `[N]` those of the largest connected part; nothing if no connection is known.
+        edges: `[N, N]` metres; ∞ without an edge.
+        rooms: `[N]` those of the largest connected part; none if no connection is known.
     """
 
     nodes: int
@@ -138,9 +139,9 @@ def measure_rooms(
 def sample_travel(
     recipe: WorldRecipe, *, nodes: int, episodes: int, scene_id: str, seed: int
 ) -> Travel:
-    """Sample the travel of a building's episodes, which depends on these arguments alone.
+    """Sample the travel of a building's episodes, which depends only on these arguments.
 
-    The travel of an episode does not depend on how many there are.
+    The travel of an episode does not depend on their number.
 
     Args:
         recipe: of a kind whose costs are drawn.
@@ -156,7 +157,7 @@ def sample_travel(
         edges[:, 0, 1:] = edges[:, 1:, 0] = costs
         return find_ways(edges)
     left, right = 1 + np.stack(np.triu_indices(nodes - 1, 1))
-    for one in edges:  # what is drawn for all at once takes as much memory as the edges
+    for one in edges:  # drawing for all at once would take as much memory as the edges
         one[left, right] = one[right, left] = rng.uniform(recipe.low, recipe.high, len(left))
     if recipe.kind == "complete":
         return go_straight(edges)
@@ -169,7 +170,7 @@ def sample_travel(
 
 
 def world_generator(seed: int, scene_id: str, part: str) -> np.random.Generator:
-    """Return the generator of one part of the episodes of a building."""
+    """Return the random generator for one part of the episodes of a building."""
     hashes = (
         np.frombuffer(hashlib.sha256(t.encode()).digest()[:16], "<u4") for t in (scene_id, part)
     )
@@ -180,7 +181,7 @@ def world_generator(seed: int, scene_id: str, part: str) -> np.random.Generator:
 def _sample_trees(
     rng: np.random.Generator, episodes: int, nodes: int, more: int
 ) -> npt.NDArray[np.bool_]:
-    """Return random trees of the rooms with some edges more, `[E, N, N]`."""
+    """Return random trees of the rooms with some further edges, `[E, N, N]`."""
     rooms = nodes - 1
     drawn = rng.random((episodes, 2 * rooms + 2 * more))
     joined = np.zeros((episodes, nodes, nodes), dtype=bool)

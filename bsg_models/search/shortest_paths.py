@@ -1,4 +1,4 @@
-"""Travel: the cheapest way between any two nodes of many room graphs at once."""
+"""Find the cheapest way between any two nodes of many room graphs at once."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import shortest_path
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 Bools = npt.NDArray[np.bool_]
-_TOGETHER = 128  # nodes; of more, graphs are worked on one by one, over the edges that they have
+_TOGETHER = 128  # nodes; larger graphs are processed one by one, over their edges only
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,8 +20,8 @@ class Travel:
     """Ways between the nodes of E graphs of N nodes.
 
     Attributes:
-        costs: `[E, N, N]` of the cheapest way; 0 to itself, ∞ where there is none.
-        steps: `[E, N, N]` node after the first on that way; itself where there is none.
+        costs: `[E, N, N]` of the cheapest way; 0 to itself, ∞ if there is none.
+        steps: `[E, N, N]` second node on that way; the node itself if there is none.
     """
 
     costs: Floats
@@ -32,8 +32,8 @@ class Travel:
 
         Args:
             rows: `[M]` graphs.
-            here: `[M]` where the ways begin; not looked at.
-            target: `[M]` where they end.
+            here: `[M]` starts of the ways, which do not count.
+            target: `[M]` ends of the ways.
             wanted: `[M, N]`.
         """
         every = np.arange(len(rows))
@@ -50,10 +50,10 @@ class Travel:
 
 
 def find_ways(edges: Floats) -> Travel:
-    """Return the cheapest ways: by Floyd and Warshall, of all graphs at once if they are small.
+    """Return the cheapest ways, by Floyd and Warshall for all graphs at once if they are small.
 
     Args:
-        edges: `[E, N, N]` costs ≥ 0 from row to column; ∞ where there is no edge.
+        edges: `[E, N, N]` costs ≥ 0 from row to column; ∞ without an edge.
     """
     nodes = edges.shape[1]
     if nodes > _TOGETHER:
@@ -71,7 +71,7 @@ def find_ways(edges: Floats) -> Travel:
 
 
 def _find_ways_one_by_one(edges: Floats) -> Travel:
-    """Return the cheapest ways; sums differ from those of all graphs at once in the last bits."""
+    """Return the cheapest ways, one graph at a time; sums may differ in the last bits."""
     nodes = edges.shape[1]
     costs, steps = np.empty(edges.shape), np.empty(edges.shape, dtype=np.int16)
     every = np.arange(nodes)
@@ -86,7 +86,7 @@ def _find_ways_one_by_one(edges: Floats) -> Travel:
 
 
 def go_straight(edges: Floats) -> Travel:
-    """Return travel along single edges `[E, N, N]`, even where a detour is cheaper."""
+    """Return travel along single edges `[E, N, N]`, even if a detour is cheaper."""
     costs = edges.astype(np.float64)
     every = np.arange(costs.shape[1])
     costs[:, every, every] = 0.0

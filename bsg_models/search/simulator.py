@@ -1,13 +1,13 @@
-"""Object search (paper, section IV-D): the simulator.
+"""Simulate object search (paper, section IV-D).
 
-A robot starts in a room without the artifact. It goes to the room that a planner names, entering
-every room on the way; a room that is entered shows all that is in it, the belief is asked again,
-and the planner too. The run ends with the first instance of each class that is sought (`single`),
-or when all are found (`all`), which the simulator knows and the robot does not; or, with `stop_at`,
-when the robot believes that nothing is left.
+A robot starts in a room without the artifact. It goes to the room that a planner names, and enters
+every room on the way. An entered room shows everything in it; then the belief and the planner are
+asked again. A run ends with the first instance of each sought class (`single`), or when all are
+found (`all`), which the simulator knows and the robot does not. With `stop_at`, it ends when the
+robot believes that nothing is left.
 
-All searches of one building go on in lockstep: one call of the planner moves each of them once. So
-do several planners (`search_together`), whose questions are asked at once.
+All searches of one building run in lockstep: one call of the planner moves each of them once.
+Several planners also run together (`search_together`), and their questions are asked at once.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ class Episodes:
     """E searches of one building.
 
     Attributes:
-        travel: of each.
-        rooms: `[N]` that belong to the world.
+        travel: of each search.
+        rooms: `[N]` rooms of the world.
         starts: `[E]` rooms without the artifact.
-        artifacts: `[E, A]` classes that each looks for.
-        instances: `[E, N, A]` how many of them are where: the truth.
+        artifacts: `[E, A]` classes that each search looks for.
+        instances: `[E, N, A]` number of instances per node: the truth.
         lots: `[E, N]` random numbers.
     """
 
@@ -66,10 +66,10 @@ class Beliefs(Protocol):
         Args:
             rows: `[M]` numbers of the searches.
             explored: `[M, N]` rooms that each has entered.
-            shares: whether the share is asked for.
+            shares: whether the share is needed.
 
         Returns:
-            both `[M, N, A]`, of unexplored rooms; the second may be None without `shares`.
+            Both `[M, N, A]`, of unexplored rooms; the second may be None without `shares`.
         """
 
 
@@ -81,10 +81,10 @@ class Outcome:
     """How E searches ended.
 
     Attributes:
-        costs: `[E]` of all that each travelled.
-        entered: `[E]` rooms, without the one where it started.
-        missed: `[E]` instances that it did not find; in `single`, those of classes of which it
-            found none.
+        costs: `[E]` total cost of travel.
+        entered: `[E]` number of rooms, without the start.
+        missed: `[E]` instances that were not found; for `single`, those of classes of which none
+            was found.
     """
 
     costs: Floats
@@ -94,7 +94,7 @@ class Outcome:
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """What a planner has to be told before it can go on: the arguments of `Beliefs`."""
+    """What a planner must be told before it can continue: the arguments of `Beliefs`."""
 
     rows: Ints
     explored: Bools
@@ -107,7 +107,7 @@ _Key = TypeVar("_Key")
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """A moment of searches that go on, as `watch` of `search` is given.
+    """One step of the running searches, as `watch` of `search` receives it.
 
     Attributes:
         rows: `[M]` numbers of the searches.
@@ -137,15 +137,14 @@ def search(
         episodes: E searches of one building.
         planner: a row of `PLANNERS`, or any other.
         task: when a search ends.
-        beliefs: whose presence the planner is given; not read by planners without a belief, nor by
-            one that is given the truth.
-        stop_at: the robot itself ends the search, once it believes that anything is left with at
-            most this probability; None leaves that to the simulator.
+        beliefs: source of the presence; ignored by planners that read none, or the truth.
+        stop_at: the robot ends the search itself once P(anything is left) is at most this; None
+            leaves the end to the simulator.
         watch: called at each step.
 
     Raises:
-        RecipeError: if the planner needs a belief and there is none, or names another room than an
-            unexplored one.
+        RecipeError: if the planner needs a belief and there is none, or names a room that is not
+            unexplored.
     """
     going = begin_search(episodes, planner, task=task, stop_at=stop_at, watch=watch)
     return search_together({None: going}, beliefs=beliefs)[None]
@@ -154,14 +153,14 @@ def search(
 def search_together(
     begun: Mapping[_Key, Going], *, beliefs: Beliefs | None = None
 ) -> dict[_Key, Outcome]:
-    """Run the searches of several planners to their ends, asking what all of them ask at once.
+    """Run the searches of several planners to their ends, and ask all their questions at once.
 
     Args:
-        begun: key → searches that begin, of `begin_search`.
-        beliefs: about the searches of them all; not read by planners without a belief.
+        begun: key → started searches, from `begin_search`.
+        beliefs: about the searches of all of them; ignored by planners without a belief.
 
     Raises:
-        RecipeError: as of `search`.
+        RecipeError: as for `search`.
     """
     outcomes: dict[_Key, Outcome] = {}
     answers: dict[_Key, Answer | None] = dict.fromkeys(begun)
@@ -206,12 +205,12 @@ def begin_search(
     stop_at: float | None = None,
     watch: Callable[[Step], None] | None = None,
 ) -> Going:
-    """Yield what has to be asked before each step of searches; return how they end.
+    """Yield the question before each step of the searches; return their outcome.
 
-    Args and errors are those of `search`.
+    Arguments and errors are those of `search`.
     """
     if planner.reads == "truth":
-        # Others do not see that a way through a third room may cost less than the edge.
+        # Other planners do not see that a way through a third room may cost less than the edge.
         episodes = replace(episodes, travel=find_ways(episodes.travel.costs))
     tour = None
     if planner.reads == "truth" and task == "all":
@@ -221,7 +220,7 @@ def begin_search(
     explored = np.zeros(episodes.lots.shape, dtype=bool)
     explored[np.arange(number), episodes.starts] = True
     here, costs, entered = episodes.starts.copy(), np.zeros(number), np.zeros(number, np.int64)
-    unfound = episodes.instances.sum(axis=1)  # where it starts is none
+    unfound = episodes.instances.sum(axis=1)  # the start holds none
     going, rooms = np.ones(number, dtype=bool), int(episodes.rooms.sum()) - 1
     while True:
         if stop_at is None:
@@ -257,7 +256,7 @@ def begin_search(
 def still_to_find(before: Ints, seen: Ints, *, task: Task) -> Ints:
     """Return the instances still to be found after some were seen, all `[E, A]`.
 
-    In `single` one instance of a class is as good as all of them.
+    For `single`, one instance of a class completes the class.
     """
     if task == "all":
         return before - seen
@@ -284,7 +283,7 @@ def _look(
     elif answer is not None:
         presence = np.where(open_, answer[0], 0.0)
         share = None if answer[1] is None else np.where(open_, answer[1], 0.0)
-    # What is wanted in `all` is every class: a robot does not know when it has found all of one.
+    # For `all`, every class stays wanted: a robot does not know when it has found all of one
     wanted = unfound[rows] > 0 if task == "single" else np.ones_like(unfound[rows], dtype=bool)
     return Knowledge(
         task=task,

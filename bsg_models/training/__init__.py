@@ -1,1 +1,1 @@
-"""Training: epochs, optimisers, learning curves."""
+"""Train networks: masked buildings per epoch, optimisers, processes, learning curves."""

@@ -1,12 +1,11 @@
-"""The masked buildings of a training: every epoch in an order of its own, a window at a time.
+"""Deal the masked buildings of a training: every epoch in its own order, one window at a time.
 
-What is trained on is never held whole. An epoch shuffles the parts of the dataset (or the files of
-its stored pairs), holds a window of some of them, shuffles what is in it and deals it in batches.
-Data that fit one window are shuffled as a whole.
+The training data are never all in memory. An epoch shuffles the parts of the dataset (or the files
+of its stored pairs), loads a window of them, shuffles its buildings and deals them in batches. Data
+that fit into one window are shuffled as a whole.
 
-The order of an epoch is drawn from (seed, epoch) alone, its masks from (the mask's own seed,
-epoch): they do not depend on the epochs before it having run in this process, nor on how many
-processes take part.
+The order of an epoch depends only on (seed, epoch), and its masks on (the mask's own seed, epoch).
+So neither depends on earlier epochs having run in this process, nor on the number of processes.
 """
 
 from __future__ import annotations
@@ -38,24 +37,24 @@ from bsg_models.training.ranks import Ranks
 from bsg_models.zoo.config import RunConfig
 
 WINDOW = 4096  # masked buildings that are shuffled together
-_VAL_DRAWS = 10  # of every val building, where the stored pairs are not what is trained for
+_VAL_DRAWS = 10  # of every val building, if the stored pairs are of another kind than the training
 
-# Masked buildings that are held, and which of them this process takes, in their order.
+# Masked buildings in memory, and those that this process takes, in their order.
 _Dealt = tuple[MaskedBuildings, Ints]
 
 
 class TrainingBuildings:
-    """The masked buildings of every epoch of one training, from a dataset that was opened once.
+    """The masked buildings of every epoch of one training, from an open dataset.
 
     Args:
         config: of the run.
         data: an open dataset.
-        vocabulary: categories outside the classes that are looked for.
+        vocabulary: categories outside the classes that the model reads.
         ranks: this process among those of the training.
-        window: masked buildings that are shuffled together.
+        window: number of masked buildings that are shuffled together.
 
     Raises:
-        DatasetError: if the dataset is not split, or stored pairs are needed and there are none.
+        DatasetError: if the dataset is not split, or needed stored pairs are missing.
         TrainingError: if a process would have nothing to do.
     """
 
@@ -74,30 +73,30 @@ class TrainingBuildings:
         self._scenes = scenes_of(data, "train", fold=config.data.fold)
         self._number = len(self._scenes)
         if config.data.masks == "fixed":
-            next(self._stored(None))  # says what is missing before anything is replaced
+            next(self._stored(None))  # raises for missing pairs before anything is replaced
             parts = data.in_parts(self._scenes)
             fitting = sum(fits_pairs(data.cells(scene)) for part in parts for scene in part)
             self._number = fitting * (data.manifest.pairs or PairsRecipe()).draws
         if self._number < self._ranks.size:
             raise TrainingError(
                 f"{data.path}: {self._number} training buildings cannot be dealt to "
-                f"{self._ranks.size} processes; start fewer by torchrun"
+                f"{self._ranks.size} processes; start fewer processes with torchrun"
             )
 
     @property
     def steps(self) -> int:
-        """The number of steps of an epoch."""
+        """Number of steps of an epoch."""
         return -(-self._number // self._config.training.batch_size)
 
     def batches(self, epoch: int) -> Iterator[MaskedBuildings]:
         """Yield this process's share of every batch of an epoch, one or more buildings each.
 
-        Where the last batch has fewer buildings than there are processes, those that have none of
-        it are not given a share.
+        If the last batch has fewer buildings than there are processes, some processes get no share
+        of it.
         """
         seed = epoch_seed(self._config, epoch)
         order = torch.Generator().manual_seed(seed)
-        torch.empty((), dtype=torch.int64).random_(generator=order)  # torch's loader drew one first
+        torch.empty((), dtype=torch.int64).random_(generator=order)  # as torch's loader did
         whole = self._number <= self._window
         parts = None if whole else np.random.Generator(np.random.PCG64(seed))
         if self._config.data.masks == "fixed":
@@ -112,7 +111,7 @@ class TrainingBuildings:
         """Yield mask number `epoch` of the training buildings, window after window."""
         choice = self._config.data
         recipes = vary_fractions(choice.fresh_mask, choice.fractions, epoch, len(self._scenes))
-        place = np.zeros(len(self._scenes), dtype=np.int64)  # of a building among those held
+        place = np.zeros(len(self._scenes), dtype=np.int64)  # index of a building in the window
         first = 0
         for window in self._windows(parts):
             dealt = window[_permute(len(window), order)]
@@ -137,7 +136,7 @@ class TrainingBuildings:
     def _windows(self, parts: np.random.Generator | None) -> Iterator[Ints]:
         """Yield the numbers of the buildings of every window: whole parts, in a random order.
 
-        Without a generator that is all of them, in the order of the split.
+        Without a generator, yield all of them, in the order of the split.
         """
         if parts is None:
             yield np.arange(len(self._scenes))
@@ -181,7 +180,7 @@ class TrainingBuildings:
 
     @cached_property
     def _every_pair(self) -> MaskedBuildings:
-        """The stored pairs of the training buildings, where one window holds all of them."""
+        """The stored pairs of the training buildings, if one window holds all of them."""
         fold = self._config.data.fold
         return read_split(self._data, "train", fold=fold, vocabulary=self._vocabulary)
 
@@ -192,7 +191,7 @@ class TrainingBuildings:
         )
 
     def _mine(self, first: int, number: int) -> Ints:
-        """Return which of some places of the epoch, from the first, are of this process."""
+        """Return which of some places of the epoch, from the first, belong to this process."""
         places = np.arange(first, first + number)
         size = self._config.training.batch_size
         return np.flatnonzero(self._ranks.takes(places, batch_size=size))
@@ -207,17 +206,17 @@ def epoch_seed(config: RunConfig, epoch: int, *, rank: int = 0) -> int:
 def stream_validation(
     config: RunConfig, data: Dataset, *, vocabulary: tuple[str, ...]
 ) -> Iterator[MaskedBuildings]:
-    """Yield val under masks of the kind that is trained on: stored pairs, or ten fresh masks.
+    """Yield val under masks of the kind of the training: stored pairs, or ten fresh masks.
 
-    Some buildings at a time, so that no more of them are held, however many there are.
+    Buildings are yielded in batches, which limits the memory.
 
     Args:
         config: of the run.
         data: an open dataset.
-        vocabulary: categories outside the classes that are looked for.
+        vocabulary: categories outside the classes that the model reads.
 
     Raises:
-        DatasetError: if stored pairs are needed, and there are none.
+        DatasetError: if needed stored pairs are missing.
     """
     choice = config.data
     if not _draws_own(config, data):
@@ -228,7 +227,7 @@ def stream_validation(
         vary_fractions(choice.fresh_mask, choice.fractions, draw, len(scenes))
         for draw in range(_VAL_DRAWS)
     ]
-    for first in range(0, len(scenes), BATCH):  # all draws of some, so that parts are read once
+    for first in range(0, len(scenes), BATCH):  # all draws of a batch, so parts are read once
         some = slice(first, first + BATCH)
         for draw, own in enumerate(recipes):
             yield sample_each(data, scenes[some], own[some], draw=draw, vocabulary=vocabulary)
@@ -244,10 +243,10 @@ def count_validation(config: RunConfig, data: Dataset) -> int:
 def validation_buildings(
     config: RunConfig, data: Dataset, *, vocabulary: tuple[str, ...]
 ) -> MaskedBuildings:
-    """Return all that `stream_validation` yields, as one.
+    """Return everything that `stream_validation` yields, as one.
 
     Raises:
-        DatasetError: if stored pairs are needed, and there are none.
+        DatasetError: if needed stored pairs are missing.
     """
     return stack_masked(list(stream_validation(config, data, vocabulary=vocabulary)))
 
@@ -263,7 +262,7 @@ def _permute(number: int, order: torch.Generator) -> Ints:
 
 
 def _cut(dealt: Iterable[_Dealt], size: int) -> Iterator[MaskedBuildings]:
-    """Yield what is dealt, cut where batches end, so that few are put together again."""
+    """Yield dealt buildings cut at the ends of batches, so that few are joined again."""
     missing = size
     for window, mine in dealt:
         first = 0
@@ -275,9 +274,10 @@ def _cut(dealt: Iterable[_Dealt], size: int) -> Iterator[MaskedBuildings]:
 
 
 def _narrow(masked: MaskedBuildings) -> MaskedBuildings:
-    """Return the same with counts of the vocabulary, which is wide, in as few bytes as hold them.
+    """Return the same with the counts of the wide vocabulary in as few bytes as possible.
 
-    A window of 4,096 buildings of 15 rooms and 1,600 categories then takes 0.1 GB, not 0.8.
+    A window of 4,096 buildings of 15 rooms and 1,600 categories then takes 0.1 GB instead of 0.8
+    GB.
     """
     others = masked.seen.others
     if not others.size:

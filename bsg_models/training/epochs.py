@@ -1,8 +1,7 @@
-"""Training by gradient, epoch by epoch, on masked graphs (paper, section IV-A).
+"""Train by gradient, epoch by epoch, on masked graphs (paper, section IV-A).
 
-The order and the dropout of an epoch are drawn from (seed, epoch) alone, its masks from (the mask's
-own seed, epoch): they do not depend on the epochs before it having run in this process. A run that
-was stopped therefore goes on to the same weights as one that was not.
+The order and dropout of an epoch depend only on (seed, epoch), and its masks on (the mask's own
+seed, epoch). So a stopped run continues to the same weights as one that was not stopped.
 """
 
 from __future__ import annotations
@@ -52,19 +51,19 @@ from bsg_models.training.ranks import Ranks
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.model import Network
 
-_HELD = 1024  # masked buildings whose graphs stay in memory to validate on
+_HELD = 1024  # masked buildings whose validation graphs stay in memory
 
 
 class Validation:
-    """What a training is validated on; small data stay in memory as the graphs that are read.
+    """The validation of a training; for small data its graphs stay in memory.
 
     Args:
-        model: the network that is trained, or another that reads the same.
+        model: the network that is trained, or another with the same inputs.
         config: of the run.
         data: an open dataset.
 
     Raises:
-        DatasetError: if stored pairs are needed, and there are none.
+        DatasetError: if needed stored pairs are missing.
     """
 
     def __init__(self, model: Network, config: RunConfig, data: Dataset) -> None:
@@ -72,10 +71,10 @@ class Validation:
         held = count_validation(config, data) <= _HELD
         self._graphs = list(self._read()) if held else None
         if not held:
-            next(self._read())  # says what is missing before anything is replaced
+            next(self._read())  # raises for missing pairs before anything is replaced
 
     def loss(self, model: Network) -> float:
-        """Return a model's loss per cell (node, class)."""
+        """Return a model's loss per (node, class) cell."""
         parts = [model.validation_loss(some) for some in self._graphs or self._read()]
         return sum(total for total, _ in parts) / max(sum(cells for _, cells in parts), 1)
 
@@ -86,12 +85,12 @@ class Validation:
 
 
 class GradientSteps:
-    """The steps of a training: what computes them, on what device, in how many processes.
+    """The steps of a training, on a device, in one of several processes.
 
     Args:
         model: that is trained; it is moved to the device.
         config: of the run.
-        device: that the steps are computed on.
+        device: of the steps.
         ranks: this process among those of the training.
     """
 
@@ -105,11 +104,11 @@ class GradientSteps:
 
     @contextmanager
     def join(self) -> Iterator[None]:
-        """Begin with the weights of the process that leads, and share gradients for the while.
+        """Start from the weights of the leading process, and share gradients in this context.
 
-        What shares them is gone at the end, whatever a traceback held of it: if it held the last
-        reference to torch's group of processes, the end of that would hold Python's lock and wait
-        for a thread that waits for this lock.
+        The object that shares them is deleted at the end, even if a traceback held it. Otherwise it
+        could hold the last reference to torch's process group, whose end would hold Python's lock
+        and wait for a thread that waits for this lock.
         """
         if self._ranks.size == 1:
             yield
@@ -122,7 +121,7 @@ class GradientSteps:
             raise
         finally:
             self._loss = self.model.loss
-            gc.collect()  # its parts hold one another
+            gc.collect()  # its parts reference each other
 
     def train_epoch(self, buildings: TrainingBuildings, epoch: int) -> float:
         """Take the steps of an epoch; return the mean of their losses."""
@@ -132,7 +131,7 @@ class GradientSteps:
         self.model.train()
         losses, graphs = [], Data()
         for step in range((epoch - 1) * steps, epoch * steps):
-            some = next(batches, None)  # none of the last batch, if it has fewer than processes
+            some = next(batches, None)  # None in a last batch with fewer buildings than processes
             if some is None and ranks.size == 1:
                 raise TrainingError(f"epoch {epoch}: has fewer buildings than its steps need")
             if some is not None:
@@ -150,9 +149,9 @@ class GradientSteps:
         return float(np.mean(total.cpu().numpy().astype(np.float64)))
 
     def _weigh(self, loss: torch.Tensor, graphs: Data, *, takes: bool) -> torch.Tensor:
-        """Return the loss so that its mean over the processes is that of the whole batch.
+        """Return the loss, weighted so that its mean over the processes is that of the whole batch.
 
-        One that takes no share of the batch computes that of the batch before, which weighs 0.
+        A process without a share computes the loss of the batch before, with weight 0.
         """
         if self._ranks.size == 1:
             return loss
@@ -162,12 +161,12 @@ class GradientSteps:
         return loss * (self._ranks.size * cells) / every
 
     def on_cpu(self) -> Network:
-        """Return the model on the CPU, to validate it or to save it."""
+        """Return the model on the CPU, for validation or saving."""
         return self.model if self._device.type == "cpu" else copy.deepcopy(self.model).cpu()
 
 
 class _LossModule(nn.Module):
-    """The loss as what a module returns, which `DistributedDataParallel` asks for."""
+    """The loss as the output of a module, as `DistributedDataParallel` needs it."""
 
     def __init__(self, model: Network) -> None:
         super().__init__()
@@ -188,20 +187,19 @@ def train_epochs(
     """Train a model from its last checkpoint, or from the start, into the folder of a run.
 
     Args:
-        steps: of a model that is new, or of any weights if the run has a last checkpoint; its
-            processes have joined.
+        steps: of a new model, or of any weights if the run has a last checkpoint; its processes
+            have joined.
         config: of the run.
         data: an open dataset.
-        run: folder, which the caller holds; what it has is of `require_same_training`.
+        run: folder, whose lock the caller holds; its content passed `require_same_training`.
         buildings: of every epoch.
-        validation: what is validated on; None in a process that does not lead, which writes
-            nothing.
+        validation: of the training; None in a process that does not lead, which writes nothing.
 
     Yields:
-        one report an epoch.
+        One report per epoch.
 
     Raises:
-        TrainingError: if the loss is not finite, or the run lost a part.
+        TrainingError: if the loss is not finite, or a file of the run is missing.
     """
     training = config.training
     start, best_epoch, best_loss = 0, 0, float("inf")
@@ -220,7 +218,7 @@ def train_epochs(
             raise TrainingError(
                 f"{run}: the loss of epoch {epoch} is not finite (training {train_loss}, "
                 f"validation {val_loss}); lower training.learning_rate. "
-                "What was saved is of earlier epochs"
+                "The saved checkpoints are of earlier epochs"
             )
         is_best = val_loss is not None and val_loss < best_loss
         if val_loss is not None and is_best:
@@ -250,7 +248,7 @@ def train_epochs(
 
 
 def _save(steps: GradientSteps, header: CheckpointHeader, run: Path, *, is_best: bool) -> None:
-    """Write the last checkpoint, and the best one if it is that."""
+    """Write the last checkpoint, and the best one if this epoch is the best."""
     state = name_tensors("model", steps.on_cpu().state_dict())
     if is_best:
         save_checkpoint(run / BEST, header, state)
@@ -270,12 +268,12 @@ def _restore(model: Network, optimiser: torch.optim.Optimizer, run: Path) -> Che
 
 
 def require_same_training(config: RunConfig, data: Dataset, path: Path) -> None:
-    """Refuse to go on with a run of another dataset or configuration; epochs and device may differ.
+    """Refuse to continue a run of another dataset or configuration; epochs and device may differ.
 
     Args:
         config: of the run.
         data: an open dataset.
-        path: of the checkpoint to go on from, which need not be there.
+        path: of the checkpoint to continue from, which may be missing.
 
     Raises:
         TrainingError: naming what differs.
@@ -287,14 +285,14 @@ def require_same_training(config: RunConfig, data: Dataset, path: Path) -> None:
     if header.dataset_sha256 != data.sha256:
         raise TrainingError(
             f"{path}: was trained on another dataset (manifest {header.dataset_sha256[:12]}…, "
-            f"this one {data.sha256[:12]}…); resume with the same, or start a new run"
+            f"this one {data.sha256[:12]}…); resume with the same one, or start a new run"
         )
     if config.training.schedule == "one-cycle" and header.config.training.epochs != (
         config.training.epochs
     ):
         raise TrainingError(
             f"{path}: its learning rate falls over {header.config.training.epochs} epochs "
-            "(training.schedule one-cycle), so that it cannot be made longer; --force starts again"
+            "(training.schedule one-cycle), so it cannot be made longer; --force starts again"
         )
     theirs = header.config.training
     aside = {"epochs": theirs.epochs, "device": theirs.device}
@@ -308,7 +306,7 @@ def require_same_training(config: RunConfig, data: Dataset, path: Path) -> None:
 
 
 def _differences(old: dict[str, Any], new: dict[str, Any], path: str = "") -> Iterator[str]:
-    """Yield `path: old → new` of every value that differs."""
+    """Yield `path: old → new` for every value that differs."""
     for key in old.keys() | new.keys():
         a, b = old.get(key), new.get(key)
         if isinstance(a, dict) and isinstance(b, dict):

@@ -1,4 +1,4 @@
-"""What every epoch of a training came to, and the CSV that keeps it."""
+"""Record the result of every epoch of a training, as CSV."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from bsg_models.errors import TrainingError
 
 @dataclass(frozen=True, slots=True)
 class EpochReport:
-    """What one epoch came to.
+    """The result of one epoch.
 
     Attributes:
         epoch: counted from 1.
         epochs: of the whole training.
         train_loss: mean over the epoch's steps.
-        val_loss: on the stored pairs; None if this epoch was not validated.
-        best_epoch: with the lowest val_loss so far.
+        val_loss: validation loss; None if this epoch was not validated.
+        best_epoch: epoch with the lowest val_loss so far.
         seconds: that the epoch took.
     """
 
@@ -47,7 +47,7 @@ def encode_metrics(rows: list[EpochReport]) -> bytes:
 
 
 def read_metrics(path: Path) -> list[EpochReport]:
-    """Read what `encode_metrics` wrote.
+    """Read the output of `encode_metrics`.
 
     Raises:
         TrainingError: if the file is missing or damaged.

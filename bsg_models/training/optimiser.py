@@ -1,4 +1,4 @@
-"""Adam as the paper has it (section IV-A), AdamW, and their state by name for checkpoints."""
+"""Make Adam as in the paper (section IV-A), or AdamW, and store its state by name."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from bsg_models.zoo.settings import TrainingConfig
 def make_optimiser(model: BeliefModel, training: TrainingConfig) -> torch.optim.Optimizer:
     """Return Adam with the decay as `training.decay_as` reads it.
 
-    `foreach` takes a step of all tensors in a few calls: the same numbers, in a third of the time.
-    `fused` would be faster still, and round otherwise.
+    `foreach` steps all tensors in a few calls: the same numbers in a third of the time. `fused`
+    would be faster still, but rounds differently.
     """
     if training.decay_as == "decoupled":
         matrices = [p for p in model.parameters() if p.ndim > 1]  # norms and biases do not decay
@@ -33,7 +33,7 @@ def make_optimiser(model: BeliefModel, training: TrainingConfig) -> torch.optim.
 
 
 def learning_rate(training: TrainingConfig, step: int, *, steps: int) -> float:
-    """Return the learning rate of a step, counted from 0, of so many.
+    """Return the learning rate of a step, counted from 0, of `steps` in all.
 
     >>> learning_rate(TrainingConfig(decay=0.5, decay_as="learning-rate"), 2, steps=9)
     0.005
@@ -70,10 +70,10 @@ def load_optimiser(
     *,
     path: Path,
 ) -> None:
-    """Give Adam back what `optimiser_state` took from it.
+    """Restore the state that `optimiser_state` returned.
 
     Raises:
-        CheckpointError: if a tensor is missing or of another shape.
+        CheckpointError: if a tensor is missing or has another shape.
     """
     for name, parameter in model.named_parameters():
         if not parameter.requires_grad:
@@ -85,6 +85,6 @@ def load_optimiser(
         ):
             tensor = state.get(f"{name}.{key}")
             if tensor is None or tensor.shape != shape:
-                raise CheckpointError(f"{path}: adam.{name}.{key} is missing or of another shape")
+                raise CheckpointError(f"{path}: adam.{name}.{key} is missing or has another shape")
             device = "cpu" if key == "step" else parameter.device
             optimiser.state[parameter][key] = tensor.to(device, copy=True)

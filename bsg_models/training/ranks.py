@@ -1,8 +1,8 @@
-"""The processes of one training: `torchrun` starts several, and each takes a share of every batch.
+"""Coordinate the processes of one training, each of which takes a share of every batch.
 
-One process leads: it alone validates, calibrates and writes. Each of the others computes the
-gradient of its share; torch's `DistributedDataParallel` takes the mean of all (gloo on CPUs, NCCL
-on GPUs), weighed so that it is the gradient of the whole batch.
+`torchrun` starts the processes. One of them leads: only it validates, calibrates and writes. The
+others compute the gradient of their share. torch's `DistributedDataParallel` averages all gradients
+(gloo on CPUs, NCCL on GPUs), weighted so that the result is the gradient of the whole batch.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ class Ranks:
     """This process among those of a training.
 
     Attributes:
-        number: of this process, from 0, which leads.
-        size: how many there are.
+        number: of this process; 0 leads.
+        size: number of processes.
     """
 
     number: int = 0
@@ -38,7 +38,7 @@ class Ranks:
         return self.number == 0
 
     def takes(self, places: Ints, *, batch_size: int) -> Bools:
-        """Return which places of an epoch are of this process, `[M]`: in each batch every size-th.
+        """Return which places of an epoch belong to this process `[M]`: every size-th of a batch.
 
         Args:
             places: `[M]` of buildings in the order of the epoch, from 0.
@@ -48,7 +48,7 @@ class Ranks:
         return mine
 
     def share_of(self, batch_size: int) -> int:
-        """Return how many buildings of a batch are of this process.
+        """Return how many buildings of a batch belong to this process.
 
         Raises:
             TrainingError: if a process would have none.
@@ -56,12 +56,12 @@ class Ranks:
         if batch_size < self.size:
             raise TrainingError(
                 f"training.batch_size {batch_size} cannot be dealt to {self.size} processes; start "
-                "fewer by torchrun, or choose larger batches"
+                "fewer processes with torchrun, or choose larger batches"
             )
         return -(-(batch_size - self.number) // self.size)
 
     def add(self, values: torch.Tensor) -> torch.Tensor:
-        """Return the sum of a tensor over all processes, as each of them gets it."""
+        """Return the sum of a tensor over all processes, the same in each of them."""
         if self.size > 1:
             distributed.all_reduce(values)
         return values
@@ -74,7 +74,7 @@ class Ranks:
 
 @contextmanager
 def join_ranks(device: torch.device) -> Iterator[Ranks]:
-    """Join the processes that torchrun started; without it there is this one alone."""
+    """Join the processes that torchrun started; without torchrun, this process is alone."""
     if not distributed.is_torchelastic_launched():
         yield Ranks()
         return
@@ -91,12 +91,12 @@ def join_ranks(device: torch.device) -> Iterator[Ranks]:
 
 
 def leads_training() -> bool:
-    """Say whether this process is the one of its training that writes, and tells of it."""
+    """Return whether this process writes the files and messages of its training."""
     return not distributed.is_torchelastic_launched() or os.environ.get("RANK", "0") == "0"
 
 
 def find_device(wanted: Device) -> torch.device:
-    """Return what a training computes on.
+    """Return the device of a training.
 
     Args:
         wanted: `auto` for a GPU if there is one.
@@ -107,7 +107,7 @@ def find_device(wanted: Device) -> torch.device:
     there = torch.cuda.is_available()
     if wanted == "cuda" and not there:
         raise TrainingError(
-            "training.device is cuda, and torch finds no GPU here; say `--set training.device=cpu`"
+            "training.device is cuda, but torch finds no GPU here; use `--set training.device=cpu`"
             ", or install a torch that is built for this machine's GPU"
         )
     if wanted == "cpu" or not there:

@@ -59,7 +59,7 @@ from bsg_models.zoo.model import BeliefModel, Network
 from bsg_models.zoo.threads import one_thread
 
 _BATCH = 256  # buildings
-_CALIBRATED_NODES = 5_000  # under masks; the distributions of so many are a few hundred megabytes
+_CALIBRATED_NODES = 5_000  # under masks; their distributions take a few hundred megabytes
 
 
 def train_run(
@@ -67,23 +67,23 @@ def train_run(
 ) -> Iterator[EpochReport]:
     """Train a configuration on a dataset, epoch by epoch, into the folder of a run.
 
+    Several processes that torchrun started train one network together; one of them writes.
+
     Args:
         config: of the run.
-        dataset: that is split and has pairs.
-        run: folder for `best.safetensors`, `last.safetensors`, `metrics.csv`, `config.toml`, which
-            says what is trained, and `log.jsonl`, which says when and how it ended.
-        resume: go on from `last.safetensors`, or from the members of an ensemble that are finished;
-            what is fitted by counting starts again, unless it is finished. Without it, start.
-        force: replace a run that is there; it stays until the new one is whole. With `resume`, one
-            of another training alone is replaced.
-
-    Several processes that torchrun started train one network together: one of them writes.
+        dataset: folder of a split dataset with pairs.
+        run: folder for `best.safetensors`, `last.safetensors`, `metrics.csv`, `config.toml` (the
+            configuration) and `log.jsonl` (when each training began and how it ended).
+        resume: continue from `last.safetensors`, or from the finished members of an ensemble. A
+            model fitted by counting starts again, unless it is finished. Without `resume`, start.
+        force: replace an existing run, which stays until the new one is complete. With `resume`,
+            replace it only if it is of another training.
 
     Yields:
-        one report an epoch; a model that is fitted by counting yields none.
+        One report per epoch; none for a model that is fitted by counting.
 
     Raises:
-        TrainingError: if the run is in the way, cannot be resumed, or the loss is not finite.
+        TrainingError: if a run is in the way, cannot be resumed, or the loss is not finite.
         DatasetError: if the dataset lacks a split or its pairs.
     """
     data, device = Dataset.open(dataset), find_device(config.training.device)
@@ -108,15 +108,15 @@ def train_run(
 
 def _refuse_several(ranks: Ranks, why: str) -> None:
     if ranks.size > 1:
-        raise TrainingError(f"{why}: train it by one process, without torchrun")
+        raise TrainingError(f"{why}: train it with one process, without torchrun")
 
 
 def _is_fitted(config: RunConfig, data: Dataset, run: Path) -> bool:
-    """Say whether a run is finished that has one checkpoint; one that was stopped starts again.
+    """Return whether a run with one checkpoint is finished; a stopped one starts again.
 
     Raises:
         TrainingError: if it is of another dataset or configuration.
-        DatasetError: if it is not what its seal says.
+        DatasetError: if it does not match its seal.
     """
     place = growing_run(run)
     require_same_training(config, data, place / BEST)
@@ -143,9 +143,9 @@ def _train_network(
     resume: bool,
     force: bool,
 ) -> Iterator[EpochReport]:
-    """Train by gradient; the process that leads holds the run's folder and writes into it."""
+    """Train by gradient; the leading process holds the run's folder and writes into it."""
     model = steps.model
-    # A dataset that cannot be trained on fails here, before anything is replaced.
+    # An unsuitable dataset fails here, before anything is replaced.
     buildings = TrainingBuildings(config, data, vocabulary=model.vocabulary, ranks=ranks)
     validation = Validation(model, config, data) if ranks.leads else None
     notes: list[str] = []
@@ -154,7 +154,7 @@ def _train_network(
             place = held.enter_context(open_run(run, resume=resume, force=force))
             _require_resumable(config, data, place)
             notes = held.enter_context(keep_log(place, config, data))
-        ranks.wait()  # until the folder is as the training begins with it
+        ranks.wait()  # until the folder is ready
         place = growing_run(run)
         held.enter_context(one_thread())
         model.fit(data, config.data)
@@ -165,7 +165,7 @@ def _train_network(
 
 
 def _is_other_training(config: RunConfig, data: Dataset, run: Path) -> bool:
-    """Say whether a run cannot be gone on with, as it is of another training or damaged."""
+    """Return whether a run cannot be continued, because it is of another training or damaged."""
     try:
         _require_resumable(config, data, run)
         require_seal(run)
@@ -175,20 +175,20 @@ def _is_other_training(config: RunConfig, data: Dataset, run: Path) -> bool:
 
 
 def _require_resumable(config: RunConfig, data: Dataset, run: Path) -> None:
-    """Refuse to go on with a run of another training, a model that counts too: it has no last.
+    """Refuse to continue a run of another training, also of a model without a last checkpoint.
 
-    An ensemble that was stopped is known by its members.
+    A stopped ensemble is recognised by its members.
     """
     last = run / LAST
     require_same_training(config, data, last if last.is_file() else run / BEST)
     if isinstance(config.model, EnsembleConfig):
         for name in config.model.members:
-            with suppress(CheckpointError):  # a member that is damaged is made again
+            with suppress(CheckpointError):  # a damaged member is trained again
                 _require_resumable(member_config(config, name), data, run / MEMBERS / name)
 
 
 def new_model(config: RunConfig, data: Dataset) -> BeliefModel:
-    """Return a new model for a dataset; what it reads outside the classes is in its training set.
+    """Return a new model for a dataset; its vocabulary is that of the training set.
 
     Raises:
         DatasetError: if the dataset lacks the split.
@@ -206,7 +206,7 @@ def new_model(config: RunConfig, data: Dataset) -> BeliefModel:
 
 
 def calibrate_run(config: RunConfig, data: Dataset, run: Path) -> tuple[str, ...]:
-    """Calibrate a run's best checkpoint, if its configuration says so; return the model's notes."""
+    """Calibrate a run's best checkpoint if its configuration says so; return the model's notes."""
     checkpoint = load_checkpoint(run / BEST)
     model = restore_model(run / BEST, checkpoint)
     if calibrate_if_wanted(model, config, data):
@@ -216,7 +216,7 @@ def calibrate_run(config: RunConfig, data: Dataset, run: Path) -> tuple[str, ...
 
 
 def calibrate_if_wanted(model: BeliefModel, config: RunConfig, data: Dataset) -> bool:
-    """Calibrate a model on val if its configuration says so; say whether."""
+    """Calibrate a model on val if its configuration says so; return whether it did."""
     if not (isinstance(model, CalibratedModel) and getattr(config.model, "calibrate", False)):
         return False
     calibrate(model, stream_validation(config, data, vocabulary=model.vocabulary))
@@ -226,18 +226,18 @@ def calibrate_if_wanted(model: BeliefModel, config: RunConfig, data: Dataset) ->
 def calibrate(model: CalibratedModel, batches: Iterable[MaskedBuildings]) -> None:
     """Fit a model's calibration on masked buildings with their targets.
 
-    Of many rooms it reads a sample: what is fitted is seven numbers, and the distributions of all
-    rooms are held at once. A note of the model says so.
+    Of many rooms it uses a sample: only seven numbers are fitted, and the distributions of all
+    rooms are in memory at once. A note of the model reports the sample.
 
     Args:
         model: whose calibration is fitted.
-        batches: one or more; the result does not depend on how buildings are dealt to them.
+        batches: one or more; the result does not depend on how buildings are batched.
     """
     masked, buildings = take_sample(batches, most=_CALIBRATED_NODES)
     if len(masked) < buildings:
         note = (
-            f"calibrated on {len(masked):,} of {buildings:,} masked val buildings, drawn at "
-            f"random: {_CALIBRATED_NODES:,} nodes at most"
+            f"calibrated on a random sample of {len(masked):,} of {buildings:,} masked val "
+            f"buildings: at most {_CALIBRATED_NODES:,} nodes"
         )
         model.notes = (*model.notes, note)
     rooms = ~masked.seen.is_building
@@ -254,7 +254,7 @@ def calibrate(model: CalibratedModel, batches: Iterable[MaskedBuildings]) -> Non
 
 
 def _predict_rooms(model: CalibratedModel, masked: MaskedBuildings) -> CountDistribution:
-    """Return the hidden counts of all rooms as learned, some buildings at a time."""
+    """Return the uncalibrated hidden counts of all rooms, some buildings at a time."""
     return concatenate(
         [
             model.predict_hidden_counts(some.seen).take(np.flatnonzero(~some.seen.is_building))
@@ -273,9 +273,9 @@ def _train_ensemble(
     force: bool,
 ) -> Iterator[EpochReport]:
     """Train the members into `members/NAME` of the run, one after another, then mix them."""
-    new_model(config, data)  # a configuration that cannot be made fails before anything is replaced
+    new_model(config, data)  # an invalid configuration fails before anything is replaced
     if (run / MEMBERS).exists() and not (run / MEMBERS).is_dir():
-        raise TrainingError(f"{run / MEMBERS}: is a file, where folders go; move it away")
+        raise TrainingError(f"{run / MEMBERS}: is a file, expected a folder; move it away")
     for name in ensemble.members:
         refuse_links(run, run / MEMBERS / name)
         refuse_foreign_files(run / MEMBERS / name)

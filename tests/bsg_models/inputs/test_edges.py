@@ -82,7 +82,7 @@ def test_a_building_has_the_same_edges_alone_and_among_others(edges: tuple[EdgeS
 
 def test_more_pairs_of_rooms_than_memory_holds_are_refused() -> None:
     require_pairs(MOST_PAIRS)
-    with pytest.raises(PredictionError, match=r"found 16,000,001\. Ask `universal`"):
+    with pytest.raises(PredictionError, match=r"found 16,000,001\. Use `universal`"):
         require_pairs(MOST_PAIRS + 1)
 
 
@@ -115,5 +115,7 @@ def test_buildings_are_asked_about_as_many_at_once_as_memory_holds(
 def test_what_fits_is_asked_about_as_it_is_and_one_that_does_not_is_refused() -> None:
     seen = stack([observe_building([[0]] * 3, scene_id=name) for name in "ab"])
     assert [*split_within(seen, np.array([5, 5]), bytes_each=MOST_BYTES // 10, model="")] == [seen]
-    with pytest.raises(PredictionError, match=r"a model: looks at 11 pairs .* of 2 rooms.* 10 at"):
+    with pytest.raises(
+        PredictionError, match=r"a model: uses 11 pairs .* of 2 rooms.* 10 pairs at"
+    ):
         next(split_within(seen, np.array([5, 11]), bytes_each=MOST_BYTES // 10, model="a model"))

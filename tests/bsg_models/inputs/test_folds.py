@@ -40,7 +40,7 @@ def test_folds_rotate_and_never_overlap(folded: Path) -> None:
         assert len(MaskedGraphs.stored(folded, "train", fold=fold)) == len(parts[0])
         tested += parts[2]
     assert sorted(tested) == sorted(data.scene_ids)
-    with pytest.raises(DatasetError, match="say which one to test on"):
+    with pytest.raises(DatasetError, match="name the one to test on"):
         scenes_of(data, "test")
     with pytest.raises(DatasetError, match="there is no fold 3"):
         scenes_of(data, "test", fold=3)

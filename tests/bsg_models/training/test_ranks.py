@@ -59,7 +59,7 @@ def test_shares_of_a_batch_are_the_batch(batch_size: int, size: int) -> None:
 def test_a_gpu_that_is_not_there_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
     assert find_device("auto") == find_device("cpu") == torch.device("cpu")
-    with pytest.raises(TrainingError, match=r"finds no GPU here; say `--set training\.device=cpu`"):
+    with pytest.raises(TrainingError, match=r"finds no GPU here; use `--set training\.device=cpu`"):
         find_device("cuda")
 
 
