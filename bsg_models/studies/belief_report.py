@@ -1,4 +1,4 @@
-"""What a run believes about robots' graphs or masked buildings, with the files that it leaves."""
+"""Apply a run to robots' graphs or masked buildings, and write the belief graphs."""
 
 from __future__ import annotations
 
@@ -43,18 +43,18 @@ from bsg_models.runs.predictor import Predictor
 from bsg_models.runs.run_folder import refuse_run
 from bsg_models.runs.shipped import DEFAULT_MODEL
 
-MOST_HELD = 200  # belief graphs that are held, and on a page; tables take any number
+MOST_HELD = 200  # belief graphs kept in memory and put on a page; tables take any number
 
 
 class MaskedScenes(Record):
-    """Buildings of a dataset, of which a mask hides a part.
+    """Masked buildings of a dataset.
 
     Attributes:
-        dataset: that is split, unless `scene` is named.
-        mask: how objects are hidden.
-        split: whose buildings.
-        fold: to test on, in a dataset of folds.
-        scene: this building alone.
+        dataset: folder of a dataset; it must be split unless `scene` is named.
+        mask: recipe that hides objects.
+        split: split whose buildings are taken.
+        fold: fold to test on, in a dataset of folds.
+        scene: take this building alone.
     """
 
     dataset: Path
@@ -68,20 +68,21 @@ class BeliefRequest(Record):
     """What to believe about, and which files to write.
 
     Attributes:
-        run: a model, as `find_model` takes it: the path of a run, or the name of a shipped one.
-        graphs: files with robots' graphs, of ours or Spark-DSG's.
-        scenes: masked buildings, in the place of graphs.
+        run: a model, as `find_model` takes it: path of a run, or name of a shipped model.
+        graphs: files with robots' graphs, in this project's format or Spark-DSG's.
+        scenes: masked buildings, instead of graphs.
         labels: label space of Hydra's graphs, as `load_label_space` takes it.
-        hidden_share: share of the objects of every room that was not seen; None, what graphs say.
-        hidden_shares: the same of single rooms, by their ids or labels.
-        mode: which blind nodes: as many as are expected, or the top unseen classes.
-        top: unseen classes a room.
-        out: file of belief graphs in the format of its suffix.
-        hydra: file of one belief graph as Spark-DSG JSON: a graph of Hydra's as it was, with what
-            is believed in it, or a new one.
-        tables: folder of all belief graphs as parquet.
-        html: file of the explorer, with the first `MOST_HELD`.
-        force: replace files that are there.
+        hidden_share: share of the objects of every room that was not seen; None takes it from the
+            graphs.
+        hidden_shares: hidden share of single rooms, by room id or label.
+        mode: which blind nodes to make: as many as are expected, or the top unseen classes.
+        top: number of unseen classes per room.
+        out: file for belief graphs, in the format of its suffix.
+        hydra: file for one belief graph as Spark-DSG JSON: Hydra's own graph with the beliefs
+            added, or a new one.
+        tables: folder for all belief graphs as parquet.
+        html: file for the explorer, with the first `MOST_HELD` graphs.
+        force: replace existing files.
     """
 
     run: Path | str = DEFAULT_MODEL
@@ -100,18 +101,18 @@ class BeliefRequest(Record):
 
     @property
     def results(self) -> tuple[Path, ...]:
-        """The files to write."""
+        """Files to write."""
         return tuple(self.named_results.values())
 
     @property
     def named_results(self) -> dict[str, Path]:
-        """Attribute → file to write; the tables first, for they are most."""
+        """Attribute → file to write; the tables first, because they are the largest."""
         named = {name: getattr(self, name) for name in ("tables", "out", "hydra", "html")}
         return {name: path for name, path in named.items() if path is not None}
 
 
 class UnseenClass(NamedTuple):
-    """A class of which nothing was seen in a room, and how likely one is hidden there."""
+    """A class that was not seen in a room, with the probability that one is hidden there."""
 
     name: str
     presence: float
@@ -123,10 +124,10 @@ class RoomBelief(NamedTuple):
 
     Attributes:
         scene_id: of the building.
-        room: its label, or its name.
-        seen: classified objects that were seen.
+        room: its label, else its name.
+        seen: number of classified objects seen.
         expected_more: expected number of hidden objects.
-        unseen: classes of which nothing was seen, the likeliest first.
+        unseen: classes not seen in the room, the likeliest first.
     """
 
     scene_id: str
@@ -141,15 +142,15 @@ class BeliefReport(NamedTuple):
 
     Attributes:
         model: its name.
-        graphs: one a partial graph, of the first `MOST_HELD`.
+        graphs: one belief graph per partial graph, the first `MOST_HELD`.
         number: of all graphs.
         blind: number of blind nodes of all graphs.
-        rooms: of all graphs.
-        unmapped: file → names that the class map does not know, most frequent first; what the first
-            `COMPARED` of them look like.
+        rooms: what is believed of each room of all graphs.
+        unmapped: file → names that the class map does not know, the most frequent first, with the
+            nearest known names for the first `COMPARED`.
         resolved: file → names that a rule explained.
-        unknown_sources: file → its source, where that is none of `KNOWN_SOURCES`.
-        notes: file → what else to know of how it was read, a sentence each.
+        unknown_sources: file → its source, if that is not one of `KNOWN_SOURCES`.
+        notes: file → further facts about how it was read, a sentence each.
     """
 
     model: str
@@ -166,15 +167,15 @@ class BeliefReport(NamedTuple):
 def report_beliefs(
     request: BeliefRequest, *, progress: Callable[[int, int], None] | None = None
 ) -> BeliefReport:
-    """Believe as a request asks, write its files, and return what is believed.
+    """Apply a model as a request asks, write the files, and return what is believed.
 
     Args:
-        request: about what, by which run, into which files.
-        progress: called with (graphs done, in all).
+        request: the graphs or buildings, the model, and the files to write.
+        progress: called with (graphs done, graphs in all).
 
     Raises:
-        DatasetError: if the dataset lacks what is asked for, or a file is there already.
-        RecipeError: if a file is named twice, or a file of one graph is asked for many.
+        DatasetError: if the dataset lacks what is asked for, or a file already exists.
+        RecipeError: if a file is named twice, or a file for one graph is asked to hold several.
         BSGError: if a graph cannot be read.
         CheckpointError: if the run cannot be loaded.
     """
@@ -190,7 +191,7 @@ def report_beliefs(
 
 
 def _report(request: BeliefRequest, *, progress: Callable[[int, int], None] | None) -> BeliefReport:
-    """Do what `report_beliefs` does for somebody who sees to the places of the files."""
+    """Do the work of `report_beliefs`; the caller handles the places of the files."""
     wanted = _choose(request.scenes) if request.scenes else frozenset()
     predictor = Predictor(request.run)
     class_map = predictor.class_map if request.graphs else load_class_map()
@@ -202,7 +203,7 @@ def _report(request: BeliefRequest, *, progress: Callable[[int, int], None] | No
     total = len(graphs) or len(wanted)
     out_holds_one = request.out is not None and not choose_format(request.out).many
     if (out_holds_one or request.hydra) and total != 1:
-        raise RecipeError(f"--out and --hydra take one graph, not {total}; --tables takes all")
+        raise RecipeError(f"--out and --hydra take one graph, found {total}; use --tables")
     partial_graphs: Iterable[tuple[PartialGraph, Counts | None]]
     partial_graphs = ((graph, None) for graph in graphs.values())
     if request.scenes:
@@ -268,7 +269,7 @@ def describe_rooms(
 
     Args:
         belief: about a building with R rooms.
-        ranked: for each of its 1 + R nodes the unseen classes to name, the likeliest first.
+        ranked: for each of the 1 + R nodes, the unseen classes to name, the likeliest first.
     """
     partial, classes = belief.partial, belief.partial.class_space.classes
     inputs = belief.inputs
@@ -291,14 +292,14 @@ def describe_rooms(
 
 
 def _withheld(scenes: MaskedScenes | None, graph: PartialGraph) -> tuple[int, ...]:
-    """Return the classes that the mask of a graph withholds; of a robot's own graph none."""
+    """Return the classes that the mask of a graph withholds; none for a robot's own graph."""
     if scenes is None:
         return ()
     return list_withheld(scenes.mask, graph)
 
 
 def _choose(scenes: MaskedScenes) -> frozenset[str]:
-    """Return the scenes of a dataset that are asked for."""
+    """Return the scenes of a dataset that were asked for."""
     data = Dataset.open(scenes.dataset)
     if scenes.scene is None:
         return frozenset(scenes_of(data, scenes.split, fold=scenes.fold))
@@ -315,12 +316,12 @@ def _check_names(request: BeliefRequest) -> None:
 
 
 def _place(name: str, path: Path) -> Place:
-    """Return where one of the results goes."""
+    """Return where one of the results is written."""
     return Place(path.resolve(), last=SEAL) if name == "tables" else Place(path, is_file=True)
 
 
 def _refuse_replacing(request: BeliefRequest) -> None:
-    """Refuse to replace files without being told to, and any that belong to other results."""
+    """Refuse to replace files without --force, and files that belong to other results."""
     for name, path in request.named_results.items():
         if name == "tables":
             refuse_other_results(path, NODES)
@@ -335,7 +336,7 @@ def _refuse_replacing(request: BeliefRequest) -> None:
 
 
 def _write_all(request: BeliefRequest, beliefs: Iterator[BeliefGraph]) -> None:
-    """Write the files of any number of belief graphs as they come; ask for all in any case."""
+    """Write belief graphs as they come; consume all of them even if no file needs them."""
     places = [request.tables] if request.tables else []
     if request.out and choose_format(request.out).many:
         places.append(request.out)
@@ -351,7 +352,7 @@ def _write_all(request: BeliefRequest, beliefs: Iterator[BeliefGraph]) -> None:
 def _write(
     request: BeliefRequest, views: list[View], originals: Sequence[HydraFile | None]
 ) -> None:
-    """Write the other files; into a graph of Hydra's, if what is believed is about one."""
+    """Write the other files; a belief about Hydra's graph is added to that graph."""
     beliefs = [view.belief for view in views]
     original = originals[0] if len(originals) == 1 else None
     if request.out and original is not None and choose_format(request.out).name == SPARK_DSG.name:

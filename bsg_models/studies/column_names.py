@@ -1,4 +1,4 @@
-"""What the columns of a comparison are called: by models, and by folders only where it must be."""
+"""Name the columns of a comparison: by model, and by folder only if two names would be equal."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from bsg_models.zoo.catalogue import BASELINES
 
 
 def name_runs(runs: Sequence[tuple[FoundModel, CheckpointHeader]]) -> tuple[str, ...]:
-    """Return a name for each run: its model's, as `ceci-gcn`.
+    """Return a name for each run: its model's, such as `ceci-gcn`.
 
-    Runs of one model, and a run of a baseline's model, have their folder in it, too, as
-    `ceci-gcn (second)`. Where that is still taken, a number follows.
+    Runs of one model, and a run whose model is also a baseline, get their folder as well:
+    `ceci-gcn (second)`. If that name is taken too, a number follows.
     """
     models = [name_model(found, header) for found, header in runs]
     times = Counter([*models, *BASELINES])
@@ -29,7 +29,7 @@ def name_runs(runs: Sequence[tuple[FoundModel, CheckpointHeader]]) -> tuple[str,
 def first_free(name: str, taken: Collection[str]) -> str:
     """Return a name, or the first of `name-2`, `name-3` … that is not taken.
 
-    Two names of which files would be called the same count as one.
+    Two names count as equal if files named after them would have the same name.
 
     >>> first_free("mine", ["mine", "mine-2"])
     'mine-3'

@@ -45,18 +45,18 @@ from bsg_models.zoo.settings import DataConfig
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Runs and baselines on one truth.
+    """Runs and baselines measured on the same truth.
 
     Attributes:
         runs: names of the runs, in the order given; the baselines follow them.
         split: that they were measured on.
-        bootstraps: model → its metrics, and the same of every resample of the buildings.
-        shown: run → the nodes that its figures are drawn of.
+        bootstraps: model → its metrics, with their values on every resample of the buildings.
+        shown: run → the nodes in its figures.
         survey: of the buildings that they were measured on.
-        classes: one row a model, node set and class.
+        classes: one row per model, node set and class.
         class_names: `[C]`.
         facts: what was measured on: dataset, class map, buildings, draws, empty nodes.
-        notes: what a reader must know of these figures.
+        notes: warnings that a reader of the values needs.
     """
 
     runs: tuple[str, ...]
@@ -71,12 +71,12 @@ class Comparison:
 
     @property
     def has_verdicts(self) -> bool:
-        """Whether there are buildings enough to say which model is better."""
+        """Whether there are enough buildings to say which model is better."""
         return len(self.survey.scene_ids) >= LEAST_BUILDINGS
 
     @cached_property
     def estimates(self) -> dict[str, dict[str, Estimate]]:
-        """Model → metric → value with interval."""
+        """Model → metric → value with its interval."""
         return {name: measured.estimates() for name, measured in self.bootstraps.items()}
 
 
@@ -95,7 +95,7 @@ class Loaded(NamedTuple):
 
     @property
     def header(self) -> CheckpointHeader:
-        """What its checkpoint says of itself."""
+        """Header of its checkpoint."""
         return self.checkpoint.header
 
 
@@ -113,24 +113,24 @@ def compare_runs(
 ) -> Comparison:
     """Measure runs, predictions of other programs and baselines on the stored pairs of a split.
 
-    A run has the name of its model; several runs of one model have their folders' names, too.
-    Without runs a dataset in folds is measured fold by fold, and the values are averaged. Buildings
-    are read, predicted and measured some at a time.
+    A run is named after its model; several runs of one model also get their folders' names. Without
+    runs, a dataset in folds is measured fold by fold, and the values are averaged. Buildings are
+    read, predicted and measured in batches.
 
     Args:
         runs: trained models, as `find_model` takes them.
-        dataset: that is split and has pairs.
+        dataset: folder of a split dataset with pairs.
         split: `train`, `val` or `test`.
         predictions: files of predictions, or folders of such files.
-        fold: the one to measure where there is no run; None for all of them.
-        resamples: of the bootstrap over buildings.
+        fold: fold to measure if there is no run; None for all.
+        resamples: number of bootstrap resamples of the buildings.
         seed: of the bootstrap.
-        write: returns what takes the predictions of a run, by its name, on a fold.
+        write: called with a run's name and a fold; returns a receiver of its predictions.
         progress: called with (masked buildings done, in all), over all models.
 
     Raises:
         CheckpointError: if a run cannot be loaded, or the runs were trained for different folds.
-        MismatchError: if a run is of another class map.
+        MismatchError: if a run predicts the classes of another class map.
         DatasetError: if the split has no pairs.
         PredictionError: if predictions cannot be read, or do not fit the pairs.
     """
@@ -186,7 +186,7 @@ def compare_runs(
 
 
 def _opener(run: Loaded | None, name: str, data: Dataset) -> Callable[[int | None], NodePredictor]:
-    """Return what opens a run, or fits the baseline of a name without a fold."""
+    """Return a function that opens a run, or fits the baseline of that name, for a fold."""
 
     def open_fold(fold: int | None) -> NodePredictor:
         if run is not None:
@@ -199,7 +199,7 @@ def _opener(run: Loaded | None, name: str, data: Dataset) -> Callable[[int | Non
 
 
 def _order(runs: Iterable[str], entries: Sequence[Entry]) -> dict[str, Entry | None]:
-    """Return all that is measured by name: runs, then predictions, then baselines."""
+    """Return everything that is measured, by name: runs, then predictions, then baselines."""
     names: dict[str, Entry | None] = dict.fromkeys(runs)
     for entry in entries:
         names[first_free(entry.name, {*names, *BASELINES})] = entry
@@ -207,7 +207,7 @@ def _order(runs: Iterable[str], entries: Sequence[Entry]) -> dict[str, Entry | N
 
 
 def _describe(loaded: Sequence[Loaded]) -> dict[str, Any]:
-    """Return folder, epoch, dataset and configuration of each run by its name."""
+    """Return folder, epoch, dataset and configuration of each run, by name."""
     return {
         run.name: {
             "folder": run.found.name,
@@ -225,7 +225,7 @@ def _one_fold(loaded: Sequence[Loaded], asked: int | None) -> int | None:
     if asked is not None and folds != {asked}:
         raise CheckpointError(f"expected runs that test on fold {asked}, found {listed}")
     if len(folds) > 1:
-        raise CheckpointError(f"the runs test on different folds ({listed}); compare those of one")
+        raise CheckpointError(f"the runs test on different folds ({listed}); name runs of one fold")
     return folds.pop()
 
 
@@ -269,17 +269,17 @@ def _notes(loaded: Sequence[Loaded], data: Dataset, survey: Survey, split: str) 
     if (buildings := len(survey.scene_ids)) < LEAST_BUILDINGS:
         notes.append(
             f"note: measured on {buildings} building{'' if buildings == 1 else 's'}: intervals (±) "
-            f"and verdicts are over buildings, and need {LEAST_BUILDINGS} of them"
+            f"and verdicts need at least {LEAST_BUILDINGS} of them"
         )
     if (stride := choose_stride(survey)) > 1:
-        notes.append(f"note: figures are drawn of one in {stride} masked buildings")
+        notes.append(f"note: the figures show one in {stride} masked buildings")
     if split == "train":
-        notes.append("note: these are the buildings that the models were trained on")
+        notes.append("note: the models were trained on these buildings")
     return notes
 
 
 def _count(progress: Callable[[int, int], None] | None, *, total: int) -> Callable[[int], None]:
-    """Return what adds up the masked buildings that were measured, and reports their number."""
+    """Return a function that adds up measured masked buildings and reports their number."""
     done = 0
 
     def add(number: int) -> None:

@@ -1,4 +1,4 @@
-"""What a comparison of runs leaves: JSON for machines, rows of text for a terminal or a page."""
+"""Format a comparison of runs: JSON for programs, rows of text for a terminal or a page."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ def encode_comparison(comparison: Comparison) -> dict[str, Any]:
 
 
 def headline_rows(comparison: Comparison) -> list[list[str]]:
-    """Return a row for each headline: its label, and the value of every model."""
+    """Return one row per headline metric: its label, and the value of every model."""
     names = list_headlines(comparison.bootstraps)
     return [[head_value(name), *_cells(comparison, name)] for name in names]
 
 
 def metric_rows(comparison: Comparison) -> list[list[str]]:
-    """Return a row for each metric: its name, its number of nodes, and the value of every model."""
+    """Return one row per metric: its name, its number of nodes, and the value of every model."""
     first = next(iter(comparison.estimates.values()))
     return [[name, str(e.nodes), *_cells(comparison, name)] for name, e in first.items()]
 

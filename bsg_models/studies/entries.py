@@ -1,7 +1,7 @@
-"""Entries of the benchmark: predictions of other programs beside ours, and ours as such files.
+"""Read and write benchmark entries: predictions of any program as parquet files.
 
-PREDICTIONS/MODEL.parquet           of a run that was trained on a split
-PREDICTIONS/MODEL/fold-K.parquet    of a run that was trained without fold K; the folder is an entry
+PREDICTIONS/MODEL.parquet           of a model trained on the train split
+PREDICTIONS/MODEL/fold-K.parquet    of a model trained without fold K; the folder is one entry
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ Folds = tuple[int | None, ...]
 
 @dataclass(frozen=True, eq=False)
 class Entry:
-    """A file of predictions, or a folder of them, laid beside what is measured.
+    """A file of predictions or a folder of them, aligned with the measured nodes.
 
     Attributes:
         name: stem of the file, or name of the folder.
-        laid: what it says of all nodes that are measured.
-        facts: where it is from.
+        laid: predictions of all measured nodes.
+        facts: where the entry comes from.
     """
 
     name: str
@@ -44,7 +44,7 @@ class Entry:
     facts: dict[str, Any]
 
     def open_fold(self, fold: int | None) -> NodePredictor:
-        """Return what it says of a fold; it is the same for all folds."""
+        """Return the predictor of a fold; an entry has the same for all folds."""
         return NodePredictor(self.laid.expect)
 
 
@@ -61,12 +61,13 @@ def hash_measured(data: Dataset, split: Split, folds: Folds) -> str:
 
 
 def read_entry(path: Path, data: Dataset, *, split: Split, folds: Folds) -> Entry:
-    """Read what somebody predicts, and lay it beside what is measured.
+    """Read an entry and align it with the nodes that are measured.
 
-    Rows of other folds are passed over where one fold of several is measured.
+    If only one of several folds is measured, rows of other folds are skipped.
 
     Raises:
-        PredictionError: if it cannot be read, is of other masks, or a row is wrong or missing.
+        PredictionError: if the entry cannot be read or is for other masks, or a row is wrong or
+            missing.
     """
     names = {scene for fold in folds for scene in scenes_of(data, split, fold=fold)}
     others = frozenset(s for name in data.splits.values() for s in name if s not in names)
@@ -86,7 +87,7 @@ def read_entry(path: Path, data: Dataset, *, split: Split, folds: Folds) -> Entr
 
 
 def _count_cells(data: Dataset) -> int:
-    """Return the number of nodes times classes of all pairs."""
+    """Return the number of (node, class) cells of all pairs."""
     rows = sum(entry.rows for entry in data.manifest.files_of("pairs"))
     return rows * len(data.manifest.class_space.classes)
 
@@ -94,10 +95,10 @@ def _count_cells(data: Dataset) -> int:
 def open_entry(
     folder: Path, name: str, data: Dataset, *, split: Split, fold: int | None, force: bool = False
 ) -> PredictionWriter:
-    """Begin to write what a run expects as an entry; it is there when the writer is closed.
+    """Open a writer of a run's expectations as an entry; the file appears when the writer closes.
 
     Raises:
-        DatasetError: if it is there already and not `force`, or cannot be written.
+        DatasetError: if the file exists and not `force`, or it cannot be written.
     """
     stem = stem_of(name)
     path = folder / f"{stem}.parquet" if fold is None else folder / stem / f"fold-{fold}.parquet"
@@ -113,6 +114,6 @@ def _require_masks(
     ours = {hash_measured(data, split, folds), *hash_splits(data).values()}
     if other := sorted(predictions.masks - ours):
         raise PredictionError(
-            f"{predictions.path}: was made for other masks ({other[0][:12]}…); `bsg-data info` "
-            f"lists those of {data.path}"
+            f"{predictions.path}: was made for other masks ({other[0][:12]}…) than those of "
+            f"{data.path}; `bsg-data info` lists the masks of a dataset"
         )

@@ -1,9 +1,9 @@
-"""The evaluation of runs: what to compare, and the files that it leaves.
+"""Evaluate runs and write the results.
 
 OUT/evaluation.json     every metric
-OUT/classes.csv         one row a model, node set and class
+OUT/classes.csv         one row per model, node set and class
 OUT/MODEL-*.png         the paper's figures
-OUT/SHA256SUMS          the seal of all of them, put in place last: it means finished
+OUT/SHA256SUMS          the seal of all files, written last: its presence means finished
 """
 
 from __future__ import annotations
@@ -44,17 +44,18 @@ class EvaluationRequest(Record):
 
     Attributes:
         runs: trained models, as `find_model` takes them: paths of runs, or names.
-        dataset: that is split and has pairs.
-        split: to measure on.
+        dataset: folder of a split dataset with pairs.
+        split: split to measure on.
         predictions: files of predictions of other programs, or folders of such files.
-        fold: the one to measure where there is no run; None for all of them.
-        write_predictions: folder where the beliefs of the runs are written as predictions.
-        out: folder of the results; None for `evaluation` in the first run, or here if that is no
-            folder, or beside the first predictions.
-        html: one page with all results; None for none.
-        resamples: of the bootstrap over buildings; 0 for no intervals.
+        fold: fold to measure if there is no run; None for all.
+        write_predictions: folder for the expectations of the runs, written as predictions.
+        out: folder of the results. None means `evaluation` in the folder of the first run; if that
+            run is no folder, `evaluation` here; without runs, `STEM-evaluation` beside the first
+            predictions.
+        html: file for one page with all results; None for none.
+        resamples: number of bootstrap resamples of the buildings; 0 gives no intervals.
         seed: of the bootstrap.
-        force: replace results that are there.
+        force: replace existing results.
     """
 
     runs: tuple[Path | str, ...] = ()
@@ -77,7 +78,7 @@ class EvaluationRequest(Record):
 
     @property
     def folder(self) -> Path:
-        """The folder of the results."""
+        """Folder of the results."""
         if self.out is None and not self.runs:
             first = self.predictions[0]
             return first.with_name(f"{first.stem}-evaluation")
@@ -91,10 +92,10 @@ class EvaluationReport(NamedTuple):
 
     Attributes:
         comparison: of the runs and the baselines.
-        summary: the same as JSON.
+        summary: the comparison as JSON.
         report: file of the summary.
         classes: file of the metrics by class.
-        figures: what is drawn → file.
+        figures: caption → file.
     """
 
     comparison: Comparison
@@ -107,16 +108,16 @@ class EvaluationReport(NamedTuple):
 def report_evaluation(
     request: EvaluationRequest, *, progress: Callable[[int, int], None] | None = None
 ) -> EvaluationReport:
-    """Measure runs beside the baselines, and write the results.
+    """Measure runs and baselines, and write the results.
 
     Args:
-        request: what to compare, on what.
+        request: what to compare, on which buildings.
         progress: called with (masked buildings done, in all).
 
     Raises:
-        DatasetError: if the split has no pairs, or results are there already.
+        DatasetError: if the split has no pairs, or results already exist.
         CheckpointError: if a run cannot be loaded, or the runs were trained for different folds.
-        MismatchError: if a run is of another class map.
+        MismatchError: if a run predicts the classes of another class map.
         PredictionError: if predictions cannot be read, or do not fit the pairs.
     """
     pages = [Place(path, is_file=True) for path in [request.html] if path is not None]
@@ -156,7 +157,7 @@ def report_evaluation(
 
 
 def _refuse_done(request: EvaluationRequest) -> None:
-    """Refuse to replace results without being told to."""
+    """Refuse to replace results without --force."""
     report = request.folder / REPORT
     refuse_run(request.folder)
     if report.exists() and not request.force:
@@ -170,7 +171,7 @@ def _refuse_done(request: EvaluationRequest) -> None:
 def _begin_entries(
     request: EvaluationRequest, staged: Path, open_files: ExitStack
 ) -> Callable[[str, int | None], PredictionWriter]:
-    """Return what begins to write what a run expects, as predictions of other programs are."""
+    """Return a function that opens the writer of a run's predictions for a fold."""
 
     def begin(name: str, fold: int | None) -> PredictionWriter:
         data = Dataset.open(request.dataset)
@@ -186,15 +187,15 @@ def _begin_entries(
 def _write_page(
     path: Path, comparison: Comparison, request: EvaluationRequest, figures: Mapping[str, Path]
 ) -> None:
-    """Write the evaluation as one page, with buildings that the likeliest run believes in."""
+    """Write the evaluation as one page, with an explorer of the run of lowest hidden NLL."""
     estimates = comparison.estimates
     likelihood = [estimates[name]["rooms/hidden_nll"].value for name in comparison.facts["runs"]]
     write_report(
         path,
-        title=f"What is hidden, and how well it is known: {', '.join(comparison.runs)}",
+        title=f"Evaluation: {', '.join(comparison.runs)}",
         facts=[
-            f"{len(comparison.survey.scene_ids)} {request.split} buildings of "
-            f"{request.dataset.name}, beside baselines. "
+            f"Measured on {len(comparison.survey.scene_ids)} {request.split} buildings of "
+            f"{request.dataset.name}, compared with the baselines. "
             "± is half of a 95 % interval over buildings; ↓ less is better, ↑ more is better.",
             *comparison.notes,
         ],
@@ -225,7 +226,7 @@ def _write_page(
 
 
 def _look_into(comparison: Comparison, run: Path | str, data: Path) -> list[View]:
-    """Return what a run believes about the median, the smallest and the largest building."""
+    """Return a run's beliefs about the median, the smallest and the largest building."""
     manifest, predictor = read_manifest(data), Predictor(run)
     by_size = comparison.survey.by_size
     wanted = [comparison.survey.example, by_size[0], by_size[-1]]

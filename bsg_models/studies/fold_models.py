@@ -1,6 +1,6 @@
-"""The trained models of a leaderboard's folder, each beside the buildings that it never saw.
+"""Open the trained models of a leaderboard, each with the fold that it was not trained on.
 
-`NAME@MASK` names a model by its configuration and the mask that it was trained on: the runs
+`NAME@MASK` names a model by its configuration and the mask of its training. Its runs are
 `OUT/MASK/fold-K/NAME`, K from 0.
 """
 
@@ -36,7 +36,7 @@ from bsg_models.zoo.threads import one_thread
 
 @dataclass(frozen=True, eq=False)
 class FoldModel:
-    """A model, and the fold that it is tested on.
+    """A model and the fold that it is tested on.
 
     Attributes:
         name: `NAME@MASK`.
@@ -55,7 +55,7 @@ class FoldModel:
     run: Path
 
     def stream(self, mask: MaskRecipe, *, draws: int) -> Iterator[MaskedBuildings]:
-        """Yield masks 0 to `draws` - 1 of every building of the fold, some at a time."""
+        """Yield masks 0 to `draws` - 1 of every building of the fold, in batches."""
         for draw in range(draws):
             yield from stream_sampled(
                 self.data, self.scenes, mask=mask, draw=draw, vocabulary=self.model.vocabulary
@@ -71,10 +71,10 @@ def list_models(board: Path, masks: Sequence[str] | None = None) -> tuple[str, .
 
     Args:
         board: folder of the leaderboard.
-        masks: that models were trained on; None for all.
+        masks: masks of the trainings; None for all.
 
     Raises:
-        DatasetError: if there is none.
+        DatasetError: if there is no such model.
     """
     found = []
     for folder in sorted({path.parent for path in board.glob("*/fold-0")}):
@@ -99,7 +99,7 @@ def open_dataset(board: Path, name: str) -> Dataset:
     """Return the dataset in folds that the runs of `NAME@MASK` were trained on.
 
     Raises:
-        DatasetError: if the name is of another form, or the leaderboard has no such mask.
+        DatasetError: if the name has another form, or the leaderboard lacks the mask.
     """
     model, _, mask = name.partition("@")
     if not model or not mask or "/" in name:
@@ -118,7 +118,7 @@ def open_folds(board: Path, name: str) -> Iterator[FoldModel]:
 
     Raises:
         DatasetError: if there is no such run.
-        CheckpointError: if one is damaged.
+        CheckpointError: if a checkpoint is damaged.
     """
     data = open_dataset(board, name)
     model_name, _, mask = name.partition("@")
@@ -138,9 +138,9 @@ def open_folds(board: Path, name: str) -> Iterator[FoldModel]:
 
 
 def mask_of(board: Path, name: str, strategy: str) -> MaskRecipe:
-    """Return the mask by which a leaderboard would test a model on a kind of mask.
+    """Return the recipe by which a leaderboard would test a model on a kind of mask.
 
-    Its fraction and seed are those of the leaderboard; nothing is withheld.
+    Fraction and seed are the leaderboard's; no class is withheld.
     """
     pairs = open_dataset(board, name).manifest.pairs
     base = MaskRecipe() if pairs is None else pairs.mask
@@ -156,7 +156,7 @@ def measure_models(
     by_fold: bool = False,
     without: Sequence[str] = (),
 ) -> BuildingMeans:
-    """Return some means over the buildings of several folds, each tested on by its own model.
+    """Return means over the buildings of several folds, each predicted by its own model.
 
     Args:
         models: of different buildings, as `open_folds` yields them.
@@ -164,8 +164,8 @@ def measure_models(
         mask: that the buildings are tested under.
         draws: masks of every building.
         by_fold: whether a value is the mean over the folds.
-        without: evidence that is withheld from the models, any of `EVIDENCE` of the surroundings;
-            the tally is told it all the same.
+        without: evidence withheld from the models, any of `EVIDENCE` of the surroundings; the tally
+            still receives it.
     """
     parts = []
     with one_thread():
@@ -190,7 +190,7 @@ def measure_masks(
     resamples: int,
     by_fold: bool = True,
 ) -> dict[str, Bootstrap]:
-    """Return some means of `NAME@MASK` under several kinds of mask, all on the same resamples."""
+    """Return means of `NAME@MASK` under several kinds of mask, all on the same resamples."""
     return {
         mask: bootstrap(
             measure_models(
@@ -207,8 +207,8 @@ def measure_masks(
 
 
 def hash_unsplit(data: Dataset) -> str:
-    """Return the sha256 of a dataset's manifest before it was split, which names what is in it.
+    """Return the sha256 of a dataset's manifest before the split, which identifies its content.
 
-    Without the seal, so that it is the one that programs from before there were seals found.
+    The seal is left out, so that the hash equals that of versions without seals.
     """
     return hashlib.sha256(encode_manifest(data.manifest.without_split())).hexdigest()

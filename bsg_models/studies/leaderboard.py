@@ -1,11 +1,11 @@
-"""The leaderboard: every model trained and measured on the same folds, for each kind of mask.
+"""Train and measure every model on the same folds, for each kind of mask.
 
-    OUT/MASK/dataset          a copy of the dataset, in folds, with masked pairs
-    OUT/MASK/fold-K/MODEL     a run: trained on that kind of mask, without fold K
-    OUT/leaderboard.json      written last; with leaderboard.md and leaderboard.png
+    OUT/MASK/dataset          a copy of the dataset, in folds, with pairs
+    OUT/MASK/fold-K/MODEL     a run trained on that kind of mask, without fold K
+    OUT/leaderboard.json      written last, with leaderboard.md and leaderboard.png
 
-A leaderboard that was stopped goes on where it was: finished runs of the same configuration and
-dataset are kept. All models meet the same masks of the same buildings, and the same resamples.
+A stopped leaderboard continues: finished runs of the same configuration and dataset are kept. All
+models meet the same masks of the same buildings, and the same resamples.
 """
 
 from __future__ import annotations
@@ -66,9 +66,9 @@ class ModelResult:
     """One model on one kind of mask.
 
     Attributes:
-        metrics: the mean over the folds, and on resamples of the buildings.
-        seconds: that a training took, mean over the folds; of an ensemble with its members.
-        trained_on: kind of mask, if it is the model's own and not the one that is measured on.
+        metrics: mean over the folds, with values on every resample of the buildings.
+        seconds: time of a training, mean over the folds; for an ensemble, including its members.
+        trained_on: kind of mask of the training, if the model names its own; else None.
     """
 
     metrics: Bootstrap
@@ -103,15 +103,15 @@ def make_leaderboard(
     """Train and measure models in cross-validation.
 
     Args:
-        dataset: of `bsg-data build`; it is copied, not changed.
+        dataset: folder of `bsg-data build`; it is copied and not changed.
         out: folder of the leaderboard.
         models: name → configuration.
         recipe: masks, folds and resamples.
-        executor: where trainings and measurements are done; None does them here.
+        executor: runs trainings and measurements; None runs them in this process.
         progress: called with (what, done, in all).
 
     Raises:
-        DatasetError: if the dataset is unfinished, or `out` holds one of another dataset.
+        DatasetError: if the dataset is unfinished, or `out` holds a leaderboard of another dataset.
         TrainingError: if a training fails.
     """
     report = progress or (lambda what, done, total: None)
@@ -120,7 +120,7 @@ def make_leaderboard(
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise DatasetError(f"{out}: cannot be made ({error.strerror})") from error
-    out = out.absolute()  # who trains may stand in another folder
+    out = out.absolute()  # a worker may run in another folder
     runs = plan_runs(models, recipe)
     for place in (*runs.single, *runs.ensembles):
         for fold in range(recipe.folds):
@@ -160,23 +160,23 @@ def make_leaderboard(
 
 
 def _refuse_one_inside_the_other(dataset: Path, out: Path) -> None:
-    """Refuse to copy a dataset into itself, or to write beside it as if it were ours."""
+    """Refuse a dataset and an output folder of which one contains the other."""
     there, own = out.resolve(), dataset.resolve()
     if there.is_relative_to(own) or own.is_relative_to(there):
         raise DatasetError(
-            f"{out}: and the dataset {dataset} lie one inside the other; choose another --out"
+            f"{out} and the dataset {dataset} lie one inside the other; choose another --out"
         )
 
 
 def _refuse_link(path: Path) -> None:
     if path.is_symlink():
-        raise DatasetError(f"{path}: is a link, which leads out of the leaderboard; remove it")
+        raise DatasetError(f"{path}: is a link that leads out of the leaderboard; remove it")
 
 
 def _copy_listed(source: Path, entry: FileEntry, place: Path) -> None:
-    """Copy a file of a dataset, which has to be what the manifest says."""
+    """Copy a file of a dataset if it matches the manifest."""
     place.parent.mkdir(parents=True, exist_ok=True)
-    is_whole = source.stat().st_size == entry.bytes  # what is larger would be copied for long
+    is_whole = source.stat().st_size == entry.bytes  # refuse an oversized file before the copy
     if is_whole:
         shutil.copyfile(source, place)
     if not is_whole or hash_file(place) != entry.sha256:
@@ -187,7 +187,7 @@ def prepare_dataset(source: Path, copy: Path, recipe: LeaderboardRecipe, *, mask
     """Copy a dataset, split it into folds and draw its pairs, unless that is done.
 
     Raises:
-        DatasetError: if another dataset, or a file that is not ours, is there.
+        DatasetError: if another dataset, or a file not made by this project, is there.
     """
     manifest = read_manifest(source)
     split = SplitRecipe(method="folds", ratios=None, folds=recipe.folds, seed=recipe.seed)
@@ -199,7 +199,7 @@ def prepare_dataset(source: Path, copy: Path, recipe: LeaderboardRecipe, *, mask
     for path in (copy.parent, copy, partial):
         _refuse_link(path)
     if not (copy / MANIFEST).is_file():
-        if partial.exists():  # of a leaderboard that was stopped
+        if partial.exists():  # left by a stopped leaderboard
             remove_own(partial)
         try:
             for entry in manifest.without_split().files:
@@ -235,7 +235,7 @@ def _train(folder: Path, name: str, config: RunConfig) -> None:
 
 
 def _combine(folder: Path, name: str, config: RunConfig, names: Mapping[str, str]) -> None:
-    """Make one ensemble for one fold of the runs there, by member → name."""
+    """Combine the runs of one fold into an ensemble, by member → name of its run."""
     fold = config.data.fold or 0
     data = Dataset.open(folder / DATASET)
     members = {member: run_of(folder, run, fold) for member, run in names.items()}

@@ -1,9 +1,9 @@
-"""The files of a leaderboard.
+"""Write the files of a leaderboard.
 
 OUT/leaderboard.json    every metric
 OUT/leaderboard.md      the tables
 OUT/MASK.png            a figure for each kind of mask
-OUT/SHA256SUMS          the seal of all of them, put in place last: it means finished
+OUT/SHA256SUMS          the seal of all files, written last: its presence means finished
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ class LeaderboardReport(NamedTuple):
     """The files of a leaderboard.
 
     Attributes:
-        summary: of the leaderboard as JSON.
-        report: its file.
+        summary: the leaderboard as JSON.
+        report: file of the summary.
         table: the Markdown document.
-        figures: one a kind of mask.
+        figures: one per kind of mask.
     """
 
     summary: dict[str, Any]
@@ -47,10 +47,10 @@ class LeaderboardReport(NamedTuple):
 
 
 def refuse_finished(out: Path, *, force: bool) -> None:
-    """Refuse a folder with a finished leaderboard, unless it is to be replaced, or other results.
+    """Refuse a folder with a finished leaderboard unless `force`, and a folder with other results.
 
     Raises:
-        DatasetError: if there is one, or results of another command.
+        DatasetError: if there is a finished leaderboard, or results of another command.
     """
     refuse_other_results(out, REPORT)
     refuse_run(out)
@@ -73,7 +73,7 @@ def report_leaderboard(board: Leaderboard, out: Path) -> LeaderboardReport:
 
 
 def summary_rows(results: dict[str, ModelResult]) -> tuple[list[str], list[list[str]]]:
-    """Return the header and the rows of the table for a terminal, the best model first."""
+    """Return header and rows of the table for a terminal, the best model first."""
     columns = HIDDEN[:6]
     rows = [
         [
@@ -90,5 +90,5 @@ def _plot(results: dict[str, ModelResult], path: Path, mask: str) -> None:
     headlines = (*HIDDEN, *WHOLE, *(UNVISITED if mask != "uniform" else ()))
     labels = {name: head_value(name) for name in headlines}
     estimates = {name: results[name].metrics.estimates() for name in rank_models(results)}
-    title = f"`{mask}` masks; 95 % intervals over buildings; dashed: the best; grey: far beyond"
+    title = f"`{mask}` masks; 95 % intervals over buildings; dashed: the best; grey: outside"
     plot_leaderboard(estimates, labels, path, title=title)

@@ -1,8 +1,8 @@
-"""The runs of a leaderboard: which configuration is trained on which masks.
+"""Plan the runs of a leaderboard: which configuration is trained on which masks.
 
-A model is trained on each kind of mask that the leaderboard has, to be measured on the same kind. A
-configuration that names a mask of its own, such as `mixed`, is for whatever a robot has seen: it is
-trained once, on that, and measured on every kind.
+Each model is trained on every kind of mask of the leaderboard and measured on the same kind. A
+configuration that names its own mask, such as `mixed`, is trained once, on that mask, and measured
+on every kind.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from bsg_models.zoo.ensemble import EnsembleConfig
 
 
 class LeaderboardRecipe(Record):
-    """All that a leaderboard depends on besides the dataset and the models.
+    """Everything that a leaderboard depends on besides the dataset and the models.
 
     Attributes:
-        masks: kinds of masks to measure on; what has no mask of its own is trained on each.
+        masks: kinds of masks to measure on; a model without its own mask is trained on each.
         fraction: share of the objects that they hide.
-        folds: of the buildings; every building is tested on once.
+        folds: number of folds; every building is tested on once.
         draws: masks of every building.
         seed: of the folds, the masks and the trainings.
-        resamples: of the bootstrap over buildings.
+        resamples: number of bootstrap resamples of the buildings.
     """
 
     masks: tuple[str, ...] = ("uniform", "rooms")
@@ -48,7 +48,7 @@ class LeaderboardRecipe(Record):
 
 
 class Place(NamedTuple):
-    """Where the runs of a model are, one a fold.
+    """Where the runs of a model are, one per fold.
 
     Attributes:
         mask: kind of mask that it is trained on.
@@ -60,11 +60,11 @@ class Place(NamedTuple):
 
 
 class Runs(NamedTuple):
-    """All runs of a leaderboard, before they are dealt to folds.
+    """All runs of a leaderboard, the same for every fold.
 
     Attributes:
-        single: place → configuration of what is trained, with what ensembles need.
-        ensembles: place → configuration of what is made of trained members.
+        single: place → configuration of each trained model, including members of ensembles.
+        ensembles: place → configuration of each ensemble.
         members: place of an ensemble → member → name of its run, trained on the same mask.
     """
 
@@ -74,15 +74,15 @@ class Runs(NamedTuple):
 
     @property
     def masks(self) -> tuple[str, ...]:
-        """The kinds of masks that are trained on."""
+        """Kinds of masks that are trained on."""
         return tuple(dict.fromkeys(place.mask for place in (*self.single, *self.ensembles)))
 
 
 def plan_runs(models: Mapping[str, RunConfig], recipe: LeaderboardRecipe) -> Runs:
-    """Return the runs that the models of a leaderboard need; one that two of them need is one.
+    """Return the runs that the models of a leaderboard need; models share equal runs.
 
-    An ensemble is made of the runs that are there where these are what it needs. A member that is
-    there in another configuration is trained once more, as `ENSEMBLE+MEMBER`.
+    An ensemble reuses a run of the leaderboard if its configuration is the one it needs. Otherwise
+    the member is trained once more, as `ENSEMBLE+MEMBER`.
 
     Raises:
         ConfigError: if another model has that name.
@@ -112,7 +112,7 @@ def _plan_member(
     needed: RunConfig,
     recipe: LeaderboardRecipe,
 ) -> str:
-    """Plan the run of a member of an ensemble, unless it is planned; return its name."""
+    """Plan the run of an ensemble's member unless it is planned; return its name."""
     mask, name = ensemble.mask, member
     for name in (member, f"{ensemble.name}+{member}"):
         planned = single.setdefault(Place(mask, name), needed)
@@ -129,14 +129,14 @@ def trained_on(config: RunConfig, mask: str) -> str:
 
 
 def members_of(config: RunConfig) -> tuple[str, ...]:
-    """Return the names of an ensemble's members; none of another model."""
+    """Return the names of an ensemble's members; none for other models."""
     return config.model.members if isinstance(config.model, EnsembleConfig) else ()
 
 
 def fit_to(config: RunConfig, recipe: LeaderboardRecipe, *, mask: str, fold: int) -> RunConfig:
     """Return a configuration for one kind of mask and one fold.
 
-    Its seeds are added to the leaderboard's. A mask of its own stays what it is.
+    The leaderboard's seed is added to its seeds. A mask that the configuration names is kept.
     """
     fitted = _fit(config, recipe, mask=mask)
     return fitted.model_copy(update={"data": fitted.data.model_copy(update={"fold": fold})})

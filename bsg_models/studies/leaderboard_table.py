@@ -1,4 +1,4 @@
-"""A leaderboard as Markdown for people and JSON for machines."""
+"""Format a leaderboard: Markdown for people, JSON for programs."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from bsg_models.evaluation.metrics import Moments
 from bsg_models.evaluation.verdict import HEADLINES, judge
 from bsg_models.studies.leaderboard import Leaderboard, ModelResult
 
-REFERENCE = "gamma-poisson"  # whose likelihood counts as 1
-CONSTANT = "train-mean"  # which predicts the same of every unvisited room
+REFERENCE = "gamma-poisson"  # the model whose likelihood counts as 1
+CONSTANT = "train-mean"  # the model that predicts the same for every unvisited room
 HIDDEN, UNVISITED, WHOLE = HEADLINES.values()
 RANKED_BY = "rooms/hidden_nll"
 
@@ -25,7 +25,7 @@ def write_json(board: Leaderboard) -> dict[str, Any]:
     """Return a leaderboard as JSON.
 
     `masks` → mask → model → `seconds`, `trained_on` (a kind of mask), `metrics` (value, interval,
-    nodes), and what `compare` says.
+    nodes), and the values of `compare`.
     """
     masks: dict[str, Any] = {}
     for mask, results in board.results.items():
@@ -52,10 +52,11 @@ def write_json(board: Leaderboard) -> dict[str, Any]:
 
 
 def compare(results: Mapping[str, ModelResult], name: str) -> dict[str, Estimate | None]:
-    """Return a model's paired comparisons; None where the model to compare with is missing.
+    """Return a model's paired comparisons; None if the model to compare with is missing.
 
-    `nll_over_gamma_poisson` is a ratio of hidden NLL over rooms, `unvisited_ap_minus_train_mean` a
-    difference of average precision over unvisited rooms, `nll_minus_best` a difference of NLL.
+    `nll_over_gamma_poisson` is a ratio of hidden NLL over rooms. `unvisited_ap_minus_train_mean` is
+    a difference of average precision over unvisited rooms. `nll_minus_best` is a difference of
+    hidden NLL over rooms.
     """
     ours, ap = results[name].metrics, UNVISITED[0]
     reference, constant = (results.get(other) for other in (REFERENCE, CONSTANT))
@@ -75,7 +76,7 @@ def rank_models(results: Mapping[str, ModelResult]) -> list[str]:
 
 
 def write_markdown(board: Leaderboard) -> str:
-    """Return a leaderboard as a document."""
+    """Return a leaderboard as a Markdown document."""
     recipe, totals = board.recipe, board.manifest.totals
     lines = [
         "# Leaderboard",
@@ -84,9 +85,9 @@ def write_markdown(board: Leaderboard) -> str:
         f"{escape_markdown(board.manifest.class_space.name)}; {recipe.folds} folds by building, "
         f"{recipe.draws} masks of every test building that hide {100 * recipe.fraction:g} %, "
         f"seed {recipe.seed}. "
-        "Means over the folds, also of the training times; ± is half the 95 % interval over "
-        "buildings. In bold the best of a column and what its paired interval does not tell from "
-        "it. docs/evaluation.md says what the metrics are.",
+        "Values and training times are means over the folds; ± is half the 95 % interval over "
+        "buildings. Bold marks the best of a column, and each model that the paired interval "
+        "cannot distinguish from it. docs/evaluation.md defines the metrics.",
         "",
         *_own_masks(board),
     ]
@@ -103,7 +104,7 @@ def write_markdown(board: Leaderboard) -> str:
 
 
 def _own_masks(board: Leaderboard) -> Iterator[str]:
-    """Yield which models were trained once for all kinds of masks, and on which."""
+    """Yield the models that were trained once for all kinds of masks, with their mask."""
     own = {
         name: result.trained_on
         for results in board.results.values()
@@ -146,8 +147,8 @@ def _headline_tables(results: Mapping[str, ModelResult]) -> Iterator[str]:
         yield from _table(rows, ["model", *map(head_value, UNVISITED), "AP micro − train-mean"])
         yield from _explain(UNVISITED)
         yield (
-            "Of whole histograms nothing is in bold here: a model that predicts nothing in an "
-            "unvisited room is at half the largest distance there, nearer than an honest guess."
+            "Whole histograms have no bold values here: in an unvisited room, a model that "
+            "predicts nothing is at half the largest distance, nearer than an honest guess."
         )
         yield ""
     bold = _mark_best(results, () if some_unvisited else WHOLE)
@@ -162,7 +163,7 @@ def _explain(headlines: tuple[str, ...]) -> Iterator[str]:
 
 
 def _moments(results: Mapping[str, ModelResult]) -> Iterator[str]:
-    """Yield the paper's Table I in its own four-column form."""
+    """Yield the paper's Table I in its four-column form."""
     yield "The paper's Table I: distances of the probabilities as values, rooms and buildings."
     yield ""
     header = [f"{letter} {moment}" for letter in "WE" for moment in Moments._fields]
@@ -229,7 +230,7 @@ def _plain(estimate: Estimate | None) -> dict[str, float | int | None] | None:
 
 
 def _table(rows: Mapping[str, list[str]], header: list[str]) -> Iterator[str]:
-    """Yield a table with a row for each model."""
+    """Yield a table with one row per model."""
     named = [[escape_markdown(name), *cells] for name, cells in rows.items()]
     yield from format_markdown(named, header=header)
     yield ""

@@ -1,7 +1,6 @@
-"""One model on the stored pairs of a split, some buildings at a time: metrics, classes, figures.
+"""Measure one model on the stored pairs of a split, batch by batch: metrics, classes, figures.
 
-Nothing of a batch is kept but what the next steps need: sums, the cells that are ranked, and the
-nodes that figures are drawn of.
+Of a batch only the sums, the ranked cells and the nodes for figures are kept.
 """
 
 from __future__ import annotations
@@ -28,10 +27,11 @@ from bsg_models.zoo.model import BeliefModel
 
 
 class NodePredictor(NamedTuple):
-    """What says something of masked buildings.
+    """A source of expectations for masked buildings.
 
     Attributes:
-        expect: of masked buildings, asked in the order of the stored pairs.
+        expect: returns the expectation of masked buildings, called in the order of the stored
+            pairs.
         vocabulary: categories outside the classes that it reads.
     """
 
@@ -40,19 +40,19 @@ class NodePredictor(NamedTuple):
 
 
 class Receiver(Protocol):
-    """Takes what is predicted, batch by batch."""
+    """A receiver of predictions, batch by batch."""
 
     def add(self, expectation: Expectation, masked: MaskedBuildings) -> None:
-        """Take in some masked buildings."""
+        """Take one batch of masked buildings with its expectation."""
 
 
 class MeasuredModel(NamedTuple):
-    """What is found of one model.
+    """The measurements of one model.
 
     Attributes:
-        bootstrap: every metric, and the same of every resample of the buildings.
-        classes: a row a node set and class, as `ClassErrors.rows` gives them.
-        shown: the nodes that its figures are drawn of; None if there are none.
+        bootstrap: every metric, with its values on every resample of the buildings.
+        classes: one row per node set and class, as `ClassErrors.rows` gives them.
+        shown: the nodes for its figures; None if it has no figures.
     """
 
     bootstrap: Bootstrap
@@ -67,15 +67,15 @@ def predict_by(model: BeliefModel) -> NodePredictor:
 
 @dataclass(frozen=True, eq=False)
 class Measuring:
-    """The pairs that all models are measured on, and the weights that all meet.
+    """The stored pairs and bootstrap weights that all models are measured with.
 
     Attributes:
         data: an open dataset.
-        split: to measure on.
-        folds: that are measured one by one; (None,) of a dataset without folds.
+        split: split to measure on.
+        folds: folds measured one by one; (None,) for a dataset without folds.
         surveys: of each fold.
-        weights: of the buildings of all folds.
-        progress: called with the number of masked buildings that were measured, after each batch.
+        weights: bootstrap weights of the buildings of all folds.
+        progress: called after each batch with the number of masked buildings measured in it.
     """
 
     data: Dataset
@@ -97,9 +97,9 @@ class Measuring:
 
         Args:
             name: of the model.
-            open_fold: returns what predicts a fold; asked when its turn comes.
-            receive: returns what takes the predictions of a fold; None if nothing does.
-            is_drawn: whether figures are drawn of it.
+            open_fold: returns the predictor of a fold; called when the fold is measured.
+            receive: returns the receiver of a fold's predictions; None for no receiver.
+            is_drawn: whether the model gets figures.
         """
         survey = join_surveys(self.surveys)
         shown = ShownCollector(choose_stride(survey), survey.example)

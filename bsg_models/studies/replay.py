@@ -1,6 +1,6 @@
-"""One search as it went, by a planner and by `nearest`, for a page or a picture.
+"""Prepare one search, by a planner and by `nearest`, for a page or an animation.
 
-The search is not run again: its steps were kept by the study, and are folded into stops.
+The search is not run again: the study kept its steps, and this module groups them into stops.
 """
 
 from __future__ import annotations
@@ -31,23 +31,23 @@ from bsg_models.studies.search_steps import (
 )
 from bsg_models.studies.search_study import Study
 
-_TOLD = 6  # classes of a room that are named
+_TOLD = 6  # classes named per room
 
 
 def choose_replay(study: Study, results: Sequence[WorldResult], *, named: bool) -> KeptSearch:
-    """Return the search to show of those that a study kept: in metres where there is a choice.
+    """Return the kept search to show; one with costs in metres if there is one.
 
     Args:
-        study: that kept searches.
+        study: a study that kept searches.
         results: of the study.
-        named: whether they were named by their number; then it is that of the first building.
+        named: whether the searches were named by number; the first building's is then shown.
 
     Raises:
         RecipeError: if the study kept none.
     """
     kept = [one for searches in study.searches for one in searches.kept]
     if not kept:
-        raise RecipeError("the study kept no search; ask for one by a KeepRequest")
+        raise RecipeError("the study kept no search; pass a KeepRequest to `study_search`")
     world = min((one.world for one in kept), key=lambda name: name not in MEASURED)
     there = [one for one in kept if one.world == world]
     if named:
@@ -65,22 +65,22 @@ def replay_search(
     model: str | None,
     named: bool,
 ) -> Replay:
-    """Return a search as it went, beside what all searches of the study came to.
+    """Return a kept search stop by stop, with the means over all searches of the study.
 
     Args:
         dataset: that was searched.
         study: that kept the search.
         results: of the study.
         kept: the search.
-        model: whose beliefs the study asked; None for nobody's.
-        named: whether somebody named the search by its number, and no rule chose it.
+        model: whose beliefs the study used; None for none.
+        named: whether the search was named by its number instead of chosen by the rule.
 
     Raises:
         DatasetError: if the dataset does not have the building.
-        RecipeError: if artifacts were put where the model believes them, and not where they are.
+        RecipeError: if the artifacts were placed by the model's belief instead of the truth.
     """
     if study.recipe.truth == "posterior":
-        raise RecipeError("a replay shows searches for what is really there, not truth posterior")
+        raise RecipeError("a replay needs searches for what is really there (--truth real)")
     graph, data = _find_building(dataset, kept.scene_id), Dataset.open(dataset)
     cells, classes = data.cells(kept.scene_id), data.manifest.class_space.classes
     ground = _Ground(cells, classes, kept)
@@ -125,7 +125,7 @@ def replay_search(
 
 @dataclass(frozen=True, eq=False)
 class _Ground:
-    """What is really there in the building of a search.
+    """The truth of the building of a search.
 
     Attributes:
         cells: `[N, C]` objects.
@@ -154,7 +154,7 @@ class _Ground:
         return tuple(room for room in self.reachable if self.cells[room, sought].any())
 
     def stops(self, planner: str, *, reads: bool) -> Iterator[Stop]:
-        """Yield where a robot begins, and each room that it enters."""
+        """Yield the start of a robot, then each room that it enters."""
         walk = self.kept.walks[planner]
         room, cost = self.kept.start, 0.0
         way: tuple[int, ...] = ()
@@ -165,7 +165,7 @@ class _Ground:
             given = step or (walk[-1] if walk else None)
             yield Stop(
                 room=room,
-                way=tuple(node for node in way if node),  # the building is no room
+                way=tuple(node for node in way if node),  # node 0 is the building, not a room
                 cost=round(cost, 3),
                 seen=self._list_seen(room),
                 found=tuple(self.classes[c] for c in here),
@@ -177,7 +177,7 @@ class _Ground:
                 room, way, cost = step.entered, step.way, cost + step.cost
 
     def _list_seen(self, room: int) -> tuple[tuple[str, int], ...]:
-        """Return what is in a room, artifacts first, then the classes of most objects."""
+        """Return the content of a room: artifacts first, then the most frequent classes."""
         counts, sought = self.cells[room], np.zeros(len(self.classes), dtype=bool)
         sought[list(self.kept.artifacts)] = True
         order = np.lexsort((-counts, ~sought)).tolist()
@@ -193,7 +193,7 @@ class _Ground:
 
 
 def _draw(rooms: Iterable[Room]) -> Plan:
-    """Return the plan of some rooms, with the names that their source has for them."""
+    """Return the plan of some rooms, with the names of their source."""
     return draw_plan(
         [
             KnownOutline(
@@ -220,18 +220,19 @@ def _result_of(results: Sequence[WorldResult], kept: KeptSearch) -> WorldResult:
 
 
 def _say_why(kept: KeptSearch, *, named: bool) -> str:
-    """Return how a search came to be shown."""
+    """Return why this search is shown."""
     if named:
-        return "It was named by its number: it may be any kind of search."
+        return "This search was named by its number, so it need not be typical."
     if not kept.eventful:
         return (
-            "It was chosen for being worth watching, but none of the searches is: artifacts are in "
-            "many rooms, or a robot finds one in a few. Of the searches whose saving is nearest to "
-            "that of all, it is the one in which beliefs change most."
+            "This search was chosen as worth watching, but no search met the rule: artifacts are "
+            "in many rooms, or a robot finds one within a few rooms. Of the searches whose "
+            "saving is nearest to that of all, it is the one in which beliefs change most."
         )
     return (
-        f"It was chosen for being worth watching, by a rule: at most {100 * MOST_HOLDING:.0f} % of "
-        f"the rooms hold what is sought, every robot enters at least {LEAST_ENTERED} rooms, and "
-        f"the saving is within {100 * TYPICAL:.0f} points of that of all searches, or as near as "
-        "there is. Of such searches it is the one in which beliefs change most."
+        "This search was chosen as worth watching, by a rule. "
+        f"At most {100 * MOST_HOLDING:.0f} % of the rooms hold what is sought, and every robot "
+        f"enters at least {LEAST_ENTERED} rooms. The saving is within {100 * TYPICAL:.0f} points "
+        "of that of all searches, or as near as there is. Of these searches, beliefs change most "
+        "in this one."
     )

@@ -1,4 +1,4 @@
-"""What trainings left in a run, in short, with the learning curve drawn."""
+"""Summarise the trainings of a run, and draw its learning curve."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ class RunSummary:
 
     Attributes:
         run: its folder.
-        config: that it was trained by.
-        epochs: that were trained; 0 for a model that is fitted by counting.
+        config: its configuration.
+        epochs: number trained; 0 for a model that is fitted by counting.
         last: epoch that was saved last; None without epochs.
-        best: the epoch with the lowest validation loss; None without epochs.
+        best: epoch with the lowest validation loss; None without epochs.
         seconds: that the epochs took.
-        log: of every training of the run, oldest first; nothing where none was kept.
+        log: every training of the run, the oldest first; empty if no log was kept.
     """
 
     run: Path
@@ -43,17 +43,17 @@ class RunSummary:
 
     @property
     def model(self) -> str:
-        """The name of the model."""
+        """Name of the model."""
         return self.config.name
 
     @property
     def members(self) -> tuple[str, ...]:
-        """The members of an ensemble."""
+        """Members of an ensemble."""
         return self.config.model.members if isinstance(self.config.model, EnsembleConfig) else ()
 
     @property
     def folder(self) -> Path:
-        """The folder with the runs of an ensemble's members."""
+        """Folder with the runs of an ensemble's members."""
         return self.run / MEMBERS
 
     @property
@@ -63,29 +63,29 @@ class RunSummary:
 
     @property
     def curve(self) -> Path:
-        """The figure of the learning curve."""
+        """Figure of the learning curve."""
         return self.run / CURVE
 
     @property
     def written_config(self) -> Path:
-        """The configuration as TOML, by which `bsg-train --config` trains the same again."""
+        """Configuration as TOML; `bsg-train --config` repeats the training with it."""
         return self.run / CONFIG
 
     @property
     def saved(self) -> str:
-        """What a training that was stopped has saved."""
+        """What a stopped training has saved, in words."""
         if self.members:
             return "finished members are kept"
         return f"saved up to epoch {self.last.epoch}" if self.last else "nothing is saved yet"
 
     @property
     def again(self) -> str:
-        """What the same training does when it runs again."""
+        """What happens if the same training is started again, in words."""
         return "with --resume goes on" if can_resume(self.config) else "starts again"
 
     @property
     def trainings(self) -> tuple[tuple[Begun, Ended | None], ...]:
-        """When each training began and how it ended; nothing for one that was killed or runs."""
+        """When each training began and how it ended; None as the end of one killed or running."""
         return tuple(
             (begun, ended if isinstance(ended, Ended) else None)
             for begun, ended in pairwise((*self.log, None))
@@ -94,7 +94,7 @@ class RunSummary:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the last training left out; nothing of one that was killed or runs."""
+        """What the last training left out; empty if it was killed or is running."""
         ended = self.trainings[-1][1] if self.trainings else None
         return ended.notes if ended else ()
 
@@ -113,7 +113,7 @@ class RunSummary:
 
 
 def summarise_run(run: Path) -> RunSummary:
-    """Return what trainings have saved so far in a run; nothing is written.
+    """Return what trainings have saved so far in a run, without writing anything.
 
     Raises:
         CheckpointError: if there is no run.
@@ -130,7 +130,7 @@ def summarise_run(run: Path) -> RunSummary:
 
 
 def plot_run(run: Path) -> None:
-    """Plot the learning curve of a run into it; nothing for a model that counts."""
+    """Plot the learning curve of a run into its folder, unless the model is fitted by counting."""
     if not (run / METRICS).is_file():
         return
     config, reports = _config_of(run), read_metrics(run / METRICS)
@@ -142,12 +142,12 @@ def plot_run(run: Path) -> None:
 
 
 def _config_of(run: Path) -> RunConfig:
-    """Return the configuration of a run; of one that kept none, what its checkpoint says."""
+    """Return the configuration of a run; if it kept none, that of its checkpoint."""
     if (run / CONFIG).is_file():
         try:
             return validate_config(read_config(run / CONFIG), source=str(run / CONFIG))
-        except ConfigError as error:  # nothing that was asked for: the run was changed
+        except ConfigError as error:  # the caller asked for no configuration: the file was changed
             raise CheckpointError(str(error)) from error
     if not (run / BEST).is_file():
-        raise CheckpointError(f"{run}: no run there: it has no {CONFIG} and no {BEST}")
+        raise CheckpointError(f"{run}: no run there: it has neither {CONFIG} nor {BEST}")
     return read_header(run / BEST).config

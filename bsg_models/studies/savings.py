@@ -1,7 +1,7 @@
-"""What planners save: the statistics of a search study.
+"""Compute what planners save: the statistics of a search study.
 
 A saving is 1 − Σ cost / Σ cost of `nearest` over the same searches, with a bootstrap interval over
-buildings. The mean and the median over single searches differ from it: a few searches in which
+buildings. Mean and median over single searches differ from it, because a few searches in which
 `nearest` was lucky dominate the mean.
 """
 
@@ -24,25 +24,25 @@ from bsg_models.search.simulator import Outcome
 from bsg_models.studies.search_cases import BASELINE, ROUTING
 from bsg_models.studies.search_study import Searches, Study
 
-_TIE = 1e-9  # costs that differ by less than this share are a tie
+_TIE = 1e-9  # relative difference below which two costs are a tie
 
 
 @dataclass(frozen=True, slots=True)
 class Saving:
-    """How one planner did in one world and task, beside `nearest` in the same searches.
+    """The result of one planner in one world and task, compared with `nearest`.
 
     Attributes:
         saved: 1 − ratio of the total costs.
-        beyond_routing: minus what `routing` saves without a belief; NaN for a planner that reads
-            none, or without `routing`.
+        beyond_routing: `saved` minus that of `routing`, which uses no belief; NaN without
+            `routing`, or for a planner that reads no belief.
         of_oracle: share of what `oracle` saves; NaN without it.
-        mean: over the searches of 1 − ratio of the costs.
+        mean: of 1 − ratio of the costs, over the searches.
         median: of the same.
         wins: searches that cost less than with `nearest`.
-        ties: that cost the same.
-        losses: that cost more.
-        cost: mean of a search.
-        entered: rooms, mean of a search.
+        ties: searches that cost the same.
+        losses: searches that cost more.
+        cost: mean over the searches.
+        entered: rooms, mean over the searches.
     """
 
     saved: Estimate
@@ -59,13 +59,13 @@ class Saving:
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """A robot that ends its search itself, beside entering every room, nearest first.
+    """The result of a robot that stops by itself, compared with entering every room, nearest first.
 
     Attributes:
         saved: 1 − ratio of the total costs.
         missed: share of all instances that were not found.
-        incomplete: share of the searches that missed one at least.
-        entered: rooms, mean of a search.
+        incomplete: share of the searches that missed at least one.
+        entered: rooms, mean over the searches.
     """
 
     saved: Estimate
@@ -81,12 +81,12 @@ class WorldResult:
     Attributes:
         world: its name.
         task: when a search ends.
-        buildings: that were searched.
+        buildings: number searched.
         searches: in all.
-        ranked_first: share of the searches at whose start the likeliest room holds an artifact.
-        chance: the same of a room drawn at random.
+        ranked_first: share of the searches whose likeliest room at the start holds an artifact.
+        chance: the same for a room drawn at random.
         savings: planner → saving, in the order of the study.
-        stops: threshold → how a robot did that stops itself.
+        stops: threshold → result of the robot that stops by itself.
     """
 
     world: str
@@ -104,7 +104,7 @@ def summarise(study: Study, *, resamples: int = 1000) -> list[WorldResult]:
 
     Args:
         study: of `study_search`.
-        resamples: of the bootstrap; below 2 for no intervals, as where buildings are few.
+        resamples: of the bootstrap; fewer than 2, or too few buildings, give no intervals.
     """
     results = []
     for world in dict.fromkeys(one.world for one in study.searches):
@@ -216,5 +216,5 @@ def _divide(a: Floats, b: Floats) -> Floats:
 
 
 def _estimate(values: Floats, searches: int) -> Estimate:
-    """Return the first value with the interval of the others."""
+    """Return the first value, with the interval of the others."""
     return estimate_value(float(values[0]), values[1:], nodes=searches, rule="percentile")

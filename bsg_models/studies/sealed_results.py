@@ -1,4 +1,4 @@
-"""Whether a folder of results is what its seal says, and its files are what they should be."""
+"""Check a folder of results against its seal, and load its checkpoints and tables."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ def check_results(path: Path) -> tuple[str, ...]:
         path: of the folder, or of a checkpoint.
 
     Returns:
-        the names of the files that are as they were written.
+        Names of the files that are as they were written.
 
     Raises:
         DatasetError: naming a file that was changed, or if the folder has no seal.
         CheckpointError: if a checkpoint is damaged.
-        BeliefFileError: if belief tables are.
+        BeliefFileError: if belief tables are damaged.
     """
     if path.is_file():
         _load(path)
@@ -36,11 +36,11 @@ def check_results(path: Path) -> tuple[str, ...]:
         raise DatasetError(f"{path}: is a dataset; `bsg-data check {path}` checks it")
     if not sums:
         raise DatasetError(
-            f"{path}: has no {SEAL}, or an empty one: its command was stopped, or is of an earlier "
-            "version, or it is no folder of results; nothing can be told of it"
+            f"{path}: has no {SEAL}, or an empty one, so it cannot be checked: its command was "
+            "stopped, an earlier version wrote it, or it is not a folder of results"
         )
     for folder in {(path / name).parent for name in sums} - {path}:
-        require_seal(folder)  # of an ensemble's member
+        require_seal(folder)  # the run of an ensemble's member
     for name in sums:
         if name.endswith(_WEIGHTS):
             _load(path / name)
@@ -52,9 +52,9 @@ def check_results(path: Path) -> tuple[str, ...]:
 
 
 def _load(path: Path) -> None:
-    """Make the model of a checkpoint, to see that it is one.
+    """Make the model of a checkpoint, to check that it can be made.
 
-    What makes models takes seconds to import, and a file that is no checkpoint is refused before.
+    The import of the models takes seconds, so a file that is no checkpoint is refused before.
     """
     require_safetensors(path)
     from bsg_models.runs.checkpoint import load_checkpoint, restore_model

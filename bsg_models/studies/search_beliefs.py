@@ -1,7 +1,7 @@
-"""What a model believes about the artifacts of searches, asked again after every room.
+"""Ask a model about the artifacts of searches, again after every room.
 
-Many searches of a building come through the same state: the same mask, artifacts and explored
-rooms. Each state is asked once, and remembered as long as the building is worked on.
+Many searches of a building reach the same state: the same mask, artifacts and explored rooms. The
+model is asked once per state; answers are kept while the building is searched.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from bsg_models.search.shortest_paths import Bools, Floats, Ints
 from bsg_models.search.simulator import Answer
 from bsg_models.zoo.model import BeliefModel
 
-_NODES = 4096  # of all graphs that a model is asked about at once
+_NODES = 4096  # of all graphs in one call of the model
 
 
 class ModelBeliefs:
@@ -31,8 +31,8 @@ class ModelBeliefs:
         data: an open dataset.
         scene_id: the building.
         mask: that hid objects before the searches began.
-        draws: `[E]` number of the mask of each.
-        artifacts: `[E, A]` classes that each looks for, which are withheld.
+        draws: `[E]` number of each search's mask.
+        artifacts: `[E, A]` classes that each search looks for; they are withheld.
     """
 
     def __init__(
@@ -89,21 +89,21 @@ class ModelBeliefs:
         ]
 
     def _must_ask(self, key: bytes, *, shares: bool) -> bool:
-        """Say whether a state was not asked yet, or not for its shares."""
+        """Return whether a state was not asked yet, or was asked without its shares."""
         answer = self._remembered.get(key)
         return answer is None or (shares and answer[1] is None)
 
     def _ask(self, states: Counts, *, shares: bool) -> tuple[Floats, Floats]:
         """Return presence and share of the artifacts in states `[S, 1 + A + N]`, `[S, N, A]`.
 
-        The model is asked about rooms that are not explored alone, and without `shares` about the
-        artifacts alone: all else is 0.
+        The model is asked about unexplored rooms only and, without `shares`, about the artifacts
+        only. All other values are 0.
         """
         width = self._artifacts.shape[1]
         seen = self._observe(states, width)
         shape = (len(states), len(self._cells), width)
         open_ = states[:, 1 + width :] == 0
-        open_[:, 0] = False  # the building
+        open_[:, 0] = False  # node 0 is the building
         rows = np.flatnonzero(open_)
         columns = np.repeat(states[:, 1 : 1 + width], len(self._cells), axis=0)[rows]
         presence, share = np.zeros((2, open_.size, width))
@@ -118,7 +118,7 @@ class ModelBeliefs:
         return presence.reshape(shape), share.reshape(shape)
 
     def _observe(self, states: Counts, width: int) -> Observation:
-        """Return states as one observation, a building each."""
+        """Return states as one observation, one building each."""
         left = [self._left[draw] for draw in states[:, 0].tolist()]
         withheld = np.zeros((len(states), self._cells.shape[1]), dtype=bool)
         np.put_along_axis(withheld, states[:, 1 : 1 + width], True, axis=1)
@@ -137,7 +137,7 @@ class ModelBeliefs:
 
 
 class FixedBeliefs:
-    """Beliefs that no exploration changes: presence, and share if it differs, `[E, N, A]`."""
+    """Beliefs that exploration does not change: presence, and share if it differs, `[E, N, A]`."""
 
     def __init__(self, presence: Floats, share: Floats | None = None) -> None:
         self._presence = presence

@@ -1,4 +1,4 @@
-"""Which searches a study makes: artifacts, starts, masks and worlds, drawn by a recipe."""
+"""Sample the searches of a study by its recipe: artifacts, starts, masks and worlds."""
 
 from __future__ import annotations
 
@@ -38,27 +38,26 @@ _NOT_MEASURED = {
 
 
 class StudyRecipe(Record):
-    """All that a study depends on besides the dataset and the models.
+    """Everything that a study depends on besides the dataset and the models.
 
     Attributes:
         worlds: kinds of room graphs.
         tasks: `single`, `all`.
-        planners: names of `PLANNERS`, also of installed entry points; see `all_planners`.
-        artifacts: classes that are searched for, None for every one; a search takes those that some
-            room has and another has not.
+        planners: names of `PLANNERS`, or of installed entry points; see `all_planners`.
+        artifacts: classes that may be searched for, None for every class; a search takes those that
+            at least one room has and another has not.
         at_once: classes that one search looks for.
         episodes: searches of every building in every world.
         masks: of every building; the searches take turns.
-        strategy: of the masks, which say what the robot saw before it searched.
+        strategy: of the masks, which say what the robot saw before its search.
         fraction: share of the objects that a mask hides.
         withhold: share of the classes that a mask withholds, besides the artifacts.
-        parts: whether parts of things are hidden with the things, and those of the artifacts with
-            the artifacts.
-        stops: of `all`, with `expected-cost`: probabilities of anything left at which the robot
-            itself ends a search.
-        truth: `real`; or `posterior`, where the artifact is put where the model's first belief
-            says, so that the belief is exactly right and no planner could know better.
-        seed: of all chance.
+        parts: whether hiding an object also hides its parts; the same for artifacts.
+        stops: probabilities that anything is left at which the robot stops by itself; for task
+            `all` with `expected-cost`.
+        truth: `real`, or `posterior`: artifacts are placed by the model's first belief, so that the
+            belief is exactly right and no planner could know better.
+        seed: of all random draws.
     """
 
     worlds: tuple[WorldRecipe, ...] = DEFAULT_WORLDS
@@ -90,13 +89,13 @@ class StudyRecipe(Record):
 
     @property
     def all_planners(self) -> tuple[str, ...]:
-        """The planners, with what they are measured by: `nearest`, and `routing` for beliefs."""
+        """The named planners and their references: `nearest`, and `routing` for beliefs."""
         believing = any(PLANNERS[name].reads == "belief" for name in self.planners)
         return tuple(dict.fromkeys((BASELINE, *self.planners, *[ROUTING] * believing)))
 
     @property
     def mask(self) -> MaskRecipe:
-        """The masks' recipe."""
+        """The recipe of the masks."""
         return MaskRecipe(
             strategy=self.strategy,
             fraction=self.fraction,
@@ -108,7 +107,7 @@ class StudyRecipe(Record):
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """The searches of a building in a world before any planner was asked."""
+    """The searches of a building in a world, before any planner is asked."""
 
     episodes: Episodes
     draws: Ints
@@ -128,19 +127,22 @@ def measure_building(
 
 
 def find_too_large(rooms: int, recipe: StudyRecipe, planners: Mapping[str, Planner]) -> str | None:
-    """Return why a building with this many rooms is too large to be searched; None if it is not.
+    """Return why a building with this many rooms is too large to search; None if it is not.
 
     Args:
         rooms: R of the building.
         recipe: of the study.
-        planners: name → planner that is asked.
+        planners: name → planner.
     """
     if rooms > MOST_ROOMS:
-        return f"more than {MOST_ROOMS:,} rooms, between which ways are measured"
+        return f"more than {MOST_ROOMS:,} rooms, the limit of measured worlds"
     drawn = any(world.kind not in MEASURED for world in recipe.worlds)
     if drawn and recipe.episodes * (1 + rooms) ** 2 > MOST_WAYS:
         most = int((MOST_WAYS / recipe.episodes) ** 0.5) - 1
-        return f"more than {most:,} rooms, with {recipe.episodes:,} searches each; make fewer"
+        return (
+            f"more than {most:,} rooms, the limit with {recipe.episodes:,} searches each; "
+            "ask for fewer searches"
+        )
     asked = dict(planners)
     if recipe.stops and "all" in recipe.tasks:
         asked["expected-cost"] = PLANNERS["expected-cost"]
@@ -149,7 +151,7 @@ def find_too_large(rooms: int, recipe: StudyRecipe, planners: Mapping[str, Plann
     if not slow:
         return None
     least = min(limits[name] for name in slow)
-    return f"more than {least:,} rooms, too many for {', '.join(slow)}; name other planners"
+    return f"more than {least:,} rooms, the limit of {', '.join(slow)}; name other planners"
 
 
 def sample_case(
@@ -160,7 +162,7 @@ def sample_case(
     scene_id: str,
     measured: Mapping[str, RoomGraph],
 ) -> Case | str:
-    """Sample the searches of one building in one world, or say why there are none."""
+    """Sample the searches of one building in one world, or return why there are none."""
     nodes = len(cells)
     if world.kind in MEASURED:
         rooms = measured[world.kind].rooms
@@ -188,17 +190,20 @@ def sample_case(
 def sample_searches(
     cells: Counts, rooms: Bools, recipe: StudyRecipe, *, scene_id: str
 ) -> tuple[Ints, Ints] | None:
-    """Sample artifacts `[E, A]` and starts `[E]`, or nothing if no search is possible.
+    """Sample artifacts `[E, A]` and starts `[E]`; empty if no search is possible.
 
-    The first artifact is uniform over the classes that some room has and another has not, the start
-    over the rooms without it, further artifacts over the classes that the start has not, either.
+    The first artifact is uniform over the classes that some room has and another has not. The start
+    is uniform over the rooms without it. Further artifacts are uniform over the classes that the
+    start also lacks.
 
     Raises:
-        RecipeError: if an artifact is no class.
+        RecipeError: if an artifact is not a class.
     """
     strange = [c for c in recipe.artifacts or () if not 0 <= c < cells.shape[1]]
     if strange:
-        raise RecipeError(f"artifact {strange[0]}: there are {cells.shape[1]} classes, from 0")
+        raise RecipeError(
+            f"artifact {strange[0]}: there are {cells.shape[1]} classes, numbered from 0"
+        )
     pool = np.full(cells.shape[1], recipe.artifacts is None)
     pool[list(recipe.artifacts or ())] = True
     there = (cells > 0) & rooms[:, None]
@@ -226,10 +231,10 @@ def sample_searches(
 
 
 def sample_presence(presence: Floats, rooms: Bools, rng: np.random.Generator) -> Bools:
-    """Sample in which rooms the artifacts are, given that each is in one at least.
+    """Sample the rooms of the artifacts, given that each artifact is in at least one room.
 
     Args:
-        presence: `[E, N, A]` P(at least one instance), rooms being independent.
+        presence: `[E, N, A]` P(at least one instance); rooms are independent.
         rooms: `[E, N]` where they may be.
         rng: generator.
 
@@ -237,8 +242,8 @@ def sample_presence(presence: Floats, rooms: Bools, rng: np.random.Generator) ->
         `[E, N, A]`.
     """
     likely = np.where(rooms[:, :, None], np.clip(presence, 1e-6, 1 - 1e-12), 0.0)
-    # P(none from room n on), from the last room to the first: given that one is left, the first
-    # room has it with probability p / (1 − P(none)).
+    # P(none from room n on), from the last room to the first. Given that one is left, room n holds
+    # it with probability p / (1 − P(none)).
     none = np.cumprod((1 - likely)[:, ::-1], axis=1)[:, ::-1]
     drawn, level = np.zeros(likely.shape, dtype=bool), rng.random(likely.shape)
     waiting = np.ones((len(likely), likely.shape[2]), dtype=bool)

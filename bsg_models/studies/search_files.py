@@ -1,4 +1,4 @@
-"""What a search study leaves: one row a search as parquet, its results as JSON."""
+"""Write a search study: one parquet row per search, and its results as JSON."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ SEARCHES = pa.schema(
 
 
 def write_searches(study: Study, classes: tuple[str, ...], path: Path) -> None:
-    """Write every search of every planner, whole or not at all."""
+    """Write every search of every planner. A failed write leaves no partial file."""
     names = np.array(classes, dtype=object)
     buffer = io.BytesIO()
     with pq.ParquetWriter(buffer, SEARCHES, compression="zstd") as writer:
@@ -66,7 +66,7 @@ def encode_study(
     classes: tuple[str, ...],
     facts: dict[str, Any],
 ) -> dict[str, Any]:
-    """Return a study as JSON: facts, its recipe and its results; what is not known is null."""
+    """Return a study as JSON: facts, recipe and results; unknown values are null."""
     recipe = study.recipe.model_dump(mode="json")
     recipe["worlds"] = [world.name for world in study.recipe.worlds]
     chosen = study.recipe.artifacts
@@ -81,7 +81,7 @@ def encode_study(
 
 
 def _plain(value: Any) -> Any:
-    """Return nested records for JSON: an estimate is its value and interval, not known is null."""
+    """Return nested records for JSON: an estimate becomes value and interval, unknown null."""
     if isinstance(value, dict):
         if "nodes" in value and "value" in value:
             if np.isnan(value["value"]):

@@ -1,10 +1,10 @@
-"""A search study as it is asked for: whose buildings, which searches, and the files that it leaves.
+"""Run a search study as a request asks, and write its files.
 
 OUT/search.json         every result
-OUT/searches.parquet    one row a search
+OUT/searches.parquet    one row per search
 OUT/savings.png         a box plot over buildings
-OUT/trace.html          one search, room by room, beside the same by `nearest`
-OUT/SHA256SUMS          the seal of all of them, put in place last: it means finished
+OUT/trace.html          one search, room by room, beside the same search by `nearest`
+OUT/SHA256SUMS          the seal of all files, written last: its presence means finished
 """
 
 from __future__ import annotations
@@ -62,29 +62,31 @@ REPORT, TABLE, FIGURE, TRACE = "search.json", "searches.parquet", "savings.png",
 
 
 class SearchRequest(Record):
-    """Whose buildings to search, how, and what to write.
+    """Which buildings to search, how, and what to write.
 
     Attributes:
-        dataset: that is split.
-        runs: folders of trained models, or checkpoints, as `locate_run` finds them; of a dataset of
-            folds, one for each fold that is searched.
-        split: whose buildings are searched; `all` only without runs.
-        scene: this building alone.
-        planners: names of planners; None for all, or without runs those that read no belief.
+        dataset: folder of a split dataset.
+        runs: trained models or checkpoints, as `locate_run` finds them; for a dataset of folds, one
+            per fold that is searched.
+        split: split whose buildings are searched; `all` only without runs.
+        scene: search this building alone.
+        planners: names; None for all, or without runs for those that read no belief.
         worlds: kinds of room graphs, as `parse_world` reads them; None for the default ones and
             those that the dataset knows.
         task: `single`, `all` or `both`.
         artifacts: names of classes, or `every`, or `room-specific`.
-        stops: of `all`: probabilities of anything left at which the robot itself stops.
+        stops: probabilities that anything is left at which the robot stops by itself; for task
+            `all`.
         mask: strategy of the masks, the recipe's `strategy`.
         at_once, episodes, masks, fraction, withhold, parts, truth, seed: of the recipe; see
             `StudyRecipe`.
-        resamples: of the bootstrap over buildings.
-        trace: number of the search of the first building to replay, `auto` for one that is worth
-            watching by the rule of `search_steps`; None for none.
-        animation: picture of the replay, whose suffix says the format; None for none.
-        out: folder of the results; None for `search` in the first run, or `search`.
-        force: replace results that are there.
+        resamples: number of bootstrap resamples of the buildings.
+        trace: number of the search of the first building to replay; `auto` chooses one by the rule
+            of `search_steps`; None for none.
+        animation: file for the replay as an animation, in the format of its suffix; None for none.
+        out: folder of the results; None for `search` in the first run or, without runs, `search`
+            here.
+        force: replace existing results.
     """
 
     dataset: Path
@@ -113,7 +115,7 @@ class SearchRequest(Record):
 
     @property
     def folder(self) -> Path:
-        """The folder of the results."""
+        """Folder of the results."""
         inside = self.runs and self.runs[0].is_dir()
         return self.out or (self.runs[0] / "search" if inside else Path("search"))
 
@@ -124,12 +126,12 @@ class SearchReport(NamedTuple):
     Attributes:
         study: all searches.
         results: of every world and task.
-        summary: the same as JSON.
-        model: that the beliefs are of; None without one.
+        summary: the study as JSON.
+        model: whose beliefs were used; None for none.
         sought: names of the classes that were searched for.
         report: file of the summary.
-        written: what else was written → file.
-        notes: what a reader must know of these figures.
+        written: other content → file.
+        notes: warnings that a reader of the results needs.
     """
 
     study: Study
@@ -151,14 +153,13 @@ def report_search(
     """Search buildings with every planner, and write the results.
 
     Args:
-        request: whose buildings, how.
-        executor: where buildings are worked on; None does it here.
+        request: which buildings, and how.
+        executor: works on the buildings; None works in this process.
         progress: called with (buildings done, in all).
 
     Raises:
-        DatasetError: if results are there already, cannot be written, or no building can be
-            searched.
-        RecipeError: if the request asks for what is not, or needs a run.
+        DatasetError: if results already exist or cannot be written, or no building can be searched.
+        RecipeError: if the request names something unknown, or needs a run.
         CheckpointError: if a run cannot be loaded.
     """
     report = request.folder / REPORT
@@ -222,7 +223,7 @@ def _search_into(
 
 
 def _refuse_done(report: Path, *, force: bool) -> None:
-    """Refuse to replace results without being told to."""
+    """Refuse to replace results without --force."""
     refuse_run(report.parent)
     if report.exists() and not force:
         raise DatasetError(
@@ -231,7 +232,7 @@ def _refuse_done(report: Path, *, force: bool) -> None:
 
 
 def _place(path: Path, staged: Path, request: SearchRequest) -> Path:
-    """Return where a file is once all are in place."""
+    """Return where a staged file will be in the end."""
     if path.is_relative_to(staged):
         return request.folder / path.relative_to(staged)
     return path if request.animation is None else request.animation
@@ -242,18 +243,18 @@ def choose_default_run(
 ) -> tuple[tuple[Path, ...], str]:
     """Return the default model for a search that names none, and a line about it.
 
-    There is none, and the line says why, if nothing asks for a belief, the buildings may have
-    trained it (`all`), none is shipped, or the dataset is of other classes or in folds.
+    No model is returned, and the line says why, if no planner reads a belief, the buildings may
+    have been in its training (`all`), none is shipped, or the dataset has other classes or folds.
 
     Raises:
         DatasetError: if the dataset is damaged.
-        CheckpointError: if the shipped model is.
+        CheckpointError: if the shipped model is damaged.
     """
     why = ""
     if planners is not None and all(PLANNERS[name].reads != "belief" for name in planners):
         why = "no planner reads one"
     elif split == "all":
-        why = "--split all may hold buildings that trained it"
+        why = "--split all may include buildings of its training"
     elif DEFAULT_MODEL not in shipped_names():
         why = f"no model {DEFAULT_MODEL!r} is shipped with this build"
     if why:
@@ -266,7 +267,7 @@ def choose_default_run(
             f"{header.class_space}, the dataset has those of {data.manifest.class_space}"
         )
     if "fold-0" in data.splits:
-        return (), f"without a belief: the model {DEFAULT_MODEL!r} is of no fold of the dataset"
+        return (), f"without a belief: the model {DEFAULT_MODEL!r} was not trained for these folds"
     return (run,), f"model: {describe_model()}"
 
 
@@ -274,7 +275,7 @@ def make_recipe(request: SearchRequest, classes: Sequence[str]) -> StudyRecipe:
     """Return the recipe of the study that a request asks for.
 
     Raises:
-        RecipeError: if a class, a planner or a world is none, or the searches need a run.
+        RecipeError: if a class, planner or world is unknown, or the searches need a run.
     """
     recipe = StudyRecipe(
         worlds=_choose_worlds(request),
@@ -294,15 +295,17 @@ def make_recipe(request: SearchRequest, classes: Sequence[str]) -> StudyRecipe:
     )
     trace, posterior = request.trace, request.truth == "posterior"
     if request.stops and request.task == "single":
-        raise RecipeError("--stop is of the task all")
+        raise RecipeError("--stop needs --task all or both")
     if isinstance(trace, int) and trace >= request.episodes:
-        raise RecipeError(f"--trace {trace}: a building has {request.episodes} searches, from 0")
+        raise RecipeError(
+            f"--trace {trace}: a building has {request.episodes} searches, numbered from 0"
+        )
     if request.animation is not None:
         require_suffix(request.animation)
         if trace is None:
-            raise RecipeError("--animation is of a replay: give --trace, too")
+            raise RecipeError("--animation shows a replay: add --trace")
     if trace is not None and posterior:
-        raise RecipeError("--trace replays searches for what is really there")
+        raise RecipeError("--trace replays searches for what is really there (--truth real)")
     if not request.runs and (trace is not None or request.stops or posterior):
         raise RecipeError("--trace, --stop and --truth posterior need a --model")
     return recipe
@@ -315,27 +318,30 @@ def choose_buildings(
     split: Literal["train", "val", "test", "all"],
     scene: str | None,
 ) -> tuple[dict[str, Path | None], list[str]]:
-    """Return which run is asked about which building, and what a reader should know of it.
+    """Return building → run to ask, and notes about the choice.
 
     Raises:
-        RecipeError: if the split would search buildings that a run was trained on, or needs a run.
-        DatasetError: if `scene` is none of the buildings.
-        MismatchError: if a run is of another class map.
+        RecipeError: if the split would search buildings of a run's training, or needs a run.
+        DatasetError: if `scene` is not one of the buildings.
+        MismatchError: if a run predicts the classes of another class map.
     """
     chosen: dict[str, Path | None]
     notes: list[str] = []
     folds = "fold-0" in opened.splits
     if runs and split == "all":
-        raise RecipeError("--split all would search buildings that the RUN was trained on")
+        raise RecipeError(
+            "--split all would search buildings that the RUN was trained on; name a split"
+        )
     if runs and split != "all":
         chosen, notes = choose_runs(opened.path, runs, part=split)
         if split == "train":
             notes.append(
-                "these buildings trained the runs: what is saved here is not what to expect"
+                "the runs were trained on these buildings: expect smaller savings elsewhere"
             )
         if folds and split == "test" and scene is None and len(chosen) < len(opened.scene_ids):
             notes.append(
-                f"{len(chosen)} of {len(opened.scene_ids)} buildings: give a --run for every fold"
+                f"{len(chosen)} of {len(opened.scene_ids)} buildings searched: give a --run for "
+                "every fold"
             )
     elif folds and split not in ("all", "test"):
         raise RecipeError(f"--split {split} of a dataset of folds needs a --run")
@@ -388,7 +394,7 @@ def _note_left_out(study: Study) -> list[str]:
 
 
 def _plot(study: Study, path: Path, model: str | None) -> bool:
-    """Plot what planners save, if there are any beside `nearest`; say whether."""
+    """Plot what planners save; return False if there is no planner besides `nearest`."""
     shown = [name for name in study.recipe.all_planners if name != BASELINE]
     if not shown:
         return False
@@ -405,7 +411,7 @@ def _plot(study: Study, path: Path, model: str | None) -> bool:
 
 
 def _choose_trace(recipe: StudyRecipe, trace: int | Literal["auto"]) -> KeepRequest:
-    """Return the request to keep searches by the planner whose beliefs tell most."""
+    """Return the request that keeps searches by the planner that uses beliefs most."""
     names = [name for name in recipe.planners if PLANNERS[name].reads == "belief"]
     planner = "expected-cost" if "expected-cost" in names else (names or recipe.planners)[0]
     episode = None if trace == "auto" else trace
@@ -421,7 +427,7 @@ def _write_replay(
     page: Path,
     picture: Path | None,
 ) -> dict[str, Path]:
-    """Replay a kept search as a page and, if asked for, as a picture; return what is where."""
+    """Write a kept search as a page and, if asked, as an animation; return content → file."""
     named = request.trace != "auto"
     kept = choose_replay(study, results, named=named)
     replay = replay_search(request.dataset, study, results, kept, model=model, named=named)

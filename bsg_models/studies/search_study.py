@@ -1,7 +1,7 @@
 """Compare planners over many searches of the buildings of a dataset.
 
-Every planner meets the same searches: the same worlds, starts, artifacts and masks. They depend on
-the recipe and the building alone.
+Every planner meets the same searches: the same worlds, starts, artifacts and masks. They depend
+only on the recipe and the building.
 """
 
 from __future__ import annotations
@@ -54,12 +54,12 @@ from bsg_models.studies.search_steps import (
 from bsg_models.zoo.model import BeliefModel
 from bsg_models.zoo.threads import one_thread
 
-SWEEP = -1.0  # P(anything left) is never so low: such a search enters every room
+SWEEP = -1.0  # a threshold never reached: such a search enters every room
 
 
 @dataclass(frozen=True, eq=False)
 class Searches:
-    """The searches of one building in one world, and how each planner did.
+    """The searches of one building in one world, and the outcome of each planner.
 
     Attributes:
         scene_id: of the building.
@@ -68,12 +68,11 @@ class Searches:
         artifacts: `[E, A]` classes.
         draws: `[E]` number of the mask.
         instances: `[E]` of the artifacts.
-        ranked_first: `[E]` whether the room that is believed likeliest at the start holds one; NaN
-            without a belief.
+        ranked_first: `[E]` whether the likeliest room at the start holds one; NaN without a belief.
         chance: `[E]` share of the rooms that hold one.
-        outcomes: (task, planner) → outcome; a robot that stops itself is (`all`, `stop 0.1`), and
+        outcomes: (task, planner) → outcome; (`all`, `stop 0.1`) is the robot that stops by itself,
             `sweep` enters every room, nearest first.
-        kept: the searches whose steps were asked for, of these.
+        kept: those of the searches whose steps were asked for.
     """
 
     scene_id: str
@@ -90,13 +89,13 @@ class Searches:
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """All searches, and what could not be searched.
+    """All searches of a study, and what could not be searched.
 
     Attributes:
         recipe: that it was made by.
         scenes: buildings that were asked for.
         searches: of every building in every world.
-        left_out: world → reason → buildings that are not in it.
+        left_out: world → reason → number of buildings that it lacks.
         planners: name → planner, in the order of the tables.
     """
 
@@ -120,26 +119,26 @@ def study_search(
     """Search buildings with every planner.
 
     Args:
-        dataset: with room adjacency, if a world is measured.
-        runs: building → run whose beliefs are asked; None if no planner reads a belief.
+        dataset: folder; a measured world needs its room adjacency.
+        runs: building → run whose beliefs are used; None if no planner reads a belief.
         recipe: of the study.
-        planners: name → planner of your own, beside those of the recipe.
-        keep: whose steps are kept, for `replay_search`; the result is `kept` of its `Searches`.
-        executor: where buildings are worked on; None does it here.
+        planners: name → planner of your own, besides those of the recipe.
+        keep: which searches keep their steps for `replay_search`; they are `kept` of `Searches`.
+        executor: works on the buildings; None works in this process.
         progress: called with (buildings done, in all).
 
     Raises:
         DatasetError: if the dataset is damaged or no building can be searched.
-        RecipeError: if a belief is needed and a building has no run, an artifact is no class, or
-            a planner of your own has a name that is taken or cannot reach the executor, or the
-            search to be kept is none of the recipe's.
+        RecipeError: if a planner needs a belief and a building has no run; if an artifact is not a
+            class; if your own planner has a taken name or cannot reach the executor; or if the
+            recipe has no search that `keep` asks for.
     """
     chosen = choose_planners(recipe, planners or {}, remote=executor is not None)
     _check_keep(keep, recipe, chosen)
     if recipe.truth == "posterior" and None in runs.values():
         raise RecipeError("truth posterior needs a belief: give the run of a model")
     own = {name: chosen[name] for name in planners or {}}
-    place = dataset.absolute()  # who works on a building may stand in another folder
+    place = dataset.absolute()  # a worker may run in another folder
     tasks = [
         (place, None if run is None else run.absolute(), scene, recipe, own, keep)
         for scene, run in runs.items()
@@ -163,7 +162,7 @@ def study_search(
 def choose_planners(
     recipe: StudyRecipe, own: Mapping[str, Planner], *, remote: bool
 ) -> dict[str, Planner]:
-    """Return the planners of a study by name: those of its recipe, and those of its caller.
+    """Return the planners of a study by name: those of its recipe, and the caller's own.
 
     Args:
         recipe: of the study.
@@ -171,12 +170,12 @@ def choose_planners(
         remote: whether other processes ask them.
 
     Raises:
-        RecipeError: if a planner of the caller has a name of `PLANNERS`, any planner has a name of
-            the study's own outcomes, or another process cannot import a function.
+        RecipeError: if the caller's planner has a name of `PLANNERS`, a planner has a name of the
+            study's own outcomes, or another process cannot import a function.
     """
     for name in (*own, *recipe.all_planners):
         if name == "sweep" or name.startswith("stop ") or (name in own and name in PLANNERS):
-            raise RecipeError(f"planner {name!r}: this name is taken; give yours another one")
+            raise RecipeError(f"planner {name!r}: this name is taken; rename your planner")
     for name, planner in own.items():
         place = getattr(planner.choose, "__qualname__", "")
         if remote and ("<locals>" in place or "<lambda>" in place):
@@ -196,7 +195,9 @@ def _check_keep(
     if keep is None:
         return
     if keep.episode is not None and not 0 <= keep.episode < recipe.episodes:
-        raise RecipeError(f"no search {keep.episode}: a building has {recipe.episodes}, from 0")
+        raise RecipeError(
+            f"no search {keep.episode}: a building has {recipe.episodes}, numbered from 0"
+        )
     if keep.task not in recipe.tasks or keep.planner not in planners:
         raise RecipeError(f"the study has no task {keep.task!r} with planner {keep.planner!r}")
 
@@ -204,13 +205,13 @@ def _check_keep(
 def choose_runs(
     dataset: Path, runs: Sequence[Path], *, part: Split = "test"
 ) -> tuple[dict[str, Path | None], list[str]]:
-    """Return which run is asked about which building, and what a reader should know of it.
+    """Return building → run to ask, and notes about the choice.
 
-    With a dataset of folds, each run answers about the fold that it was not trained on.
+    In a dataset of folds, each run answers about the fold that it was not trained on.
 
     Raises:
-        MismatchError: if a run is of another class map.
-        DatasetError: if two runs are of one fold, or the dataset is not split.
+        MismatchError: if a run predicts the classes of another class map.
+        DatasetError: if two runs are for one fold, or the dataset is not split.
     """
     data = Dataset.open(dataset)
     chosen: dict[str, Path | None] = {}
@@ -227,15 +228,16 @@ def choose_runs(
         if "fold-0" in data.splits and fold is None:
             raise DatasetError(
                 f"{name_run(run)}: was trained for no fold, and {dataset} is in folds; name a run "
-                "of each fold, or split the dataset with --ratios"
+                "for each fold, or split the dataset with --ratios"
             )
         scenes = scenes_of(data, part, fold=fold)
         taken = sorted(set(scenes) & set(chosen))
         if taken:
-            raise DatasetError(f"{run}: is of the same buildings as another run, e.g. {taken[0]}")
+            raise DatasetError(f"{run}: is for the same buildings as another run, e.g. {taken[0]}")
         if header.dataset_sha256 != data.sha256:
             notes.append(
-                f"{name_run(run)}: was trained on another dataset; it may know these buildings"
+                f"{name_run(run)}: was trained on another dataset, which may contain these "
+                "buildings"
             )
         chosen.update(dict.fromkeys(scenes, run))
     if len(models) > 1:
@@ -244,7 +246,7 @@ def choose_runs(
 
 
 def known_worlds(dataset: Path) -> tuple[WorldRecipe, ...]:
-    """Return the measured worlds of which a dataset has any connection."""
+    """Return the measured worlds for which a dataset has at least one connection."""
     methods = Dataset.open(dataset).connection_methods
     return tuple(WorldRecipe(kind=kind) for kind in MEASURED if methods & set(METHODS[kind]))
 
@@ -265,7 +267,7 @@ def search_building(
     if reason := find_too_large(len(cells) - 1, recipe, planners):
         return {world.name: reason for world in recipe.worlds}
     measured = measure_building(data, scene_id, recipe.worlds)
-    asked: dict[bytes, ModelBeliefs] = {}  # worlds of the same rooms have the same searches
+    asked: dict[bytes, ModelBeliefs] = {}  # worlds with the same rooms have the same searches
     with one_thread():
         for world in recipe.worlds:
             case = sample_case(cells, world, recipe, scene_id=scene_id, measured=measured)
@@ -313,7 +315,7 @@ def compare_planners(
     *,
     keep: KeepRequest | None = None,
 ) -> Searches:
-    """Return how every planner did in the searches of one building in one world."""
+    """Return the outcome of every planner in the searches of one building in one world."""
     episodes = case.episodes
     every = np.arange(len(episodes.starts))
     ranked_first = np.full(len(every), np.nan)
@@ -366,7 +368,7 @@ def compare_planners(
 def _keep(
     searches: Searches, asked: KeepRequest, steps: Mapping[str, Sequence[Step]]
 ) -> tuple[KeptSearch, ...]:
-    """Return the searches that were asked for, out of the steps of all of them by planner."""
+    """Return the searches that were asked for, out of the steps of all searches by planner."""
     entered = [searches.outcomes[asked.task, name].entered for name in steps]
     eventful = find_eventful(searches.chance, entered)
     changes = belief_changes(steps[asked.planner], len(searches.starts))

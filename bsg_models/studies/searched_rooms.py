@@ -1,8 +1,8 @@
-"""Do beliefs about the rooms that are left improve as a robot searches the others?
+"""Measure whether beliefs about the remaining rooms improve while a robot searches the others.
 
-A robot begins with nothing seen, or with half of every room seen, and searches the rooms of a
-building in random orders. The gain is by how many nats a room that was not searched is less of a
-surprise (−log P of all that it hides) once a quarter, a half and three quarters were searched.
+A robot starts with nothing seen, or with half of every room seen, and searches the rooms of a
+building in random orders. The gain is the decrease of −log P (in nats) of everything that an
+unsearched room hides, after a quarter, a half and three quarters of the rooms were searched.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ LEAST_ROOMS = 4
 
 
 def search_rooms(seen: Observation, all_: Observation, rooms: Bools) -> Observation:
-    """Return what is seen of one building once some of its rooms were searched.
+    """Return the observation of one building after some of its rooms were searched.
 
     Args:
         seen: of the building before.
-        all_: the same when nothing is hidden.
-        rooms: `[N]` that are searched; the building (0) is none.
+        all_: of the building when nothing is hidden.
+        rooms: `[N]` that are searched; never the building (0).
     """
     share = np.where(rooms, 0.0, seen.hidden_share.astype(float))
     share[0] = share_of_building(share)
@@ -59,12 +59,12 @@ def search_rooms(seen: Observation, all_: Observation, rooms: Bools) -> Observat
 def measure_searched(
     one: FoldModel, *, start: Start = "nothing", orders: int = ORDERS
 ) -> BuildingMeans:
-    """Return the gains after each of the `STOPS`, a mean over buildings; nats a room.
+    """Return the gains after each of the `STOPS`, a mean over buildings; nats per room.
 
     Args:
-        one: a model and the buildings that it is asked about; those of four rooms or more are.
-        start: what was seen before.
-        orders: in which the rooms of a building are searched.
+        one: a model and its test buildings; only those of four rooms or more are used.
+        start: what the robot has seen before: `nothing`, or `half` of every room.
+        orders: number of random orders in which the rooms of a building are searched.
     """
     vocabulary = one.model.vocabulary
     before, after = (
@@ -116,7 +116,7 @@ def _gain(one: FoldModel, begun: MaskedBuildings, all_: Observation, orders: int
 
 
 def _show(seen: Counts, all_: Counts, rooms: Bools) -> Counts:
-    """Return histograms in which some rooms show everything, and the building what they show."""
+    """Return histograms in which some rooms show everything, with the building's sum updated."""
     shown = np.where(rooms[:, None], all_, seen)
     shown[0] = seen[0] + (shown - seen)[1:].sum(axis=0)
     return shown

@@ -1,4 +1,4 @@
-"""What the stored pairs of a split are, taken in one pass before anything is measured on them."""
+"""Count the stored pairs of a split in one pass, before anything is measured on them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from bsg_models.evaluation.measurement import count_empty, read_truth
 from bsg_models.inputs.folds import Split
 from bsg_models.inputs.graphs import stream_split
 
-MOST_SHOWN = 20_000  # nodes that figures are drawn of: more are not seen, and would be held
+MOST_SHOWN = 20_000  # nodes in figures: more cannot be told apart, and would fill memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +25,7 @@ class Survey:
     Attributes:
         scene_ids: `[B]` of the buildings, in their order.
         sizes: `[B]` number of classified objects of each.
-        masked: number of masked buildings, every draw counted.
+        masked: number of masked buildings; every draw counts.
         counts: `rooms`, `building`, `empty_inputs`, `empty_targets`: numbers of nodes.
     """
 
@@ -36,19 +36,19 @@ class Survey:
 
     @property
     def by_size(self) -> list[str]:
-        """The buildings by their size, the smallest first."""
+        """The buildings by size, the smallest first."""
         return [self.scene_ids[number] for number in np.argsort(self.sizes, kind="stable")]
 
     @property
     def example(self) -> str:
-        """The building of median size: for the figures."""
+        """The building of median size, for the figures."""
         return self.by_size[len(self.scene_ids) // 2]
 
 
 def stream_batches(
     data: Dataset, split: Split, *, fold: int | None, vocabulary: tuple[str, ...] = ()
 ) -> Iterator[MaskedBuildings]:
-    """Yield the stored pairs of a split, `BATCH` masked buildings at most at a time."""
+    """Yield the stored pairs of a split, at most `BATCH` masked buildings at a time."""
     for masked in stream_split(data, split, fold=fold, vocabulary=vocabulary):
         yield from masked.batches(BATCH)
 
@@ -71,7 +71,7 @@ def survey_split(data: Dataset, split: Split, *, fold: int | None) -> Survey:
             counts[name] += nodes
         totals = masked.targets[masked.seen.starts[:-1]].sum(axis=1)
         sizes |= dict(zip(masked.seen.scene_ids, totals.astype(float).tolist(), strict=True))
-    if not sizes:  # those of too many objects have no pairs
+    if not sizes:  # buildings with too many objects have no pairs
         raise DatasetError(f"{data.path}: no building of the split {split!r} has pairs")
     return Survey(tuple(sizes), np.array(list(sizes.values())), number, counts)
 
@@ -87,5 +87,5 @@ def join_surveys(parts: Sequence[Survey]) -> Survey:
 
 
 def choose_stride(survey: Survey, *, most: int = MOST_SHOWN) -> int:
-    """Return k, such that every k-th masked building together have `most` nodes at the most."""
+    """Return k such that every k-th masked building together have at most `most` nodes."""
     return max(1, -(-(survey.counts["rooms"] + survey.counts["building"]) // most))

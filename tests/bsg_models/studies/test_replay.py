@@ -95,8 +95,8 @@ def test_without_a_number_the_rule_chooses(dataset: Path, run: Path, scene: str)
     shown = choose_replay(study, results, named=False)
     assert shown.world == "star:1-10"  # the first, as none is measured
     replay = replay_search(dataset, study, results, shown, model=None, named=False)
-    assert replay.chosen.startswith("It was chosen for being worth watching")
-    assert ("but none of the searches is" in replay.chosen) == (not shown.eventful)
+    assert replay.chosen.startswith("This search was chosen as worth watching")
+    assert ("but no search met the rule" in replay.chosen) == (not shown.eventful)
     with pytest.raises(RecipeError, match="kept no search"):
         choose_replay(replace(study, searches=study.searches[:0]), results, named=False)
 
@@ -168,7 +168,7 @@ def test_the_means_of_all_searches_stand_beside_the_one(study: Study, replay: Re
     for walk in replay.walks:
         assert walk.mean_cost == result.savings[walk.planner].cost
         assert walk.mean_saved.value == result.savings[walk.planner].saved.value
-    assert replay.chosen == "It was named by its number: it may be any kind of search."
+    assert replay.chosen == "This search was named by its number, so it need not be typical."
     assert replay.unit == ""
     assert replay.doors == ()  # of a drawn world they would be wrong
 
@@ -194,7 +194,7 @@ def test_a_room_that_cannot_be_reached_is_not_drawn(
 @pytest.mark.parametrize(
     ("keep", "expected"),
     [
-        (KeepRequest(5, "all", "ratio"), "no search 5: a building has 5, from 0"),
+        (KeepRequest(5, "all", "ratio"), "no search 5: a building has 5, numbered from 0"),
         (KeepRequest(-1, "all", "ratio"), "no search -1"),
         (KeepRequest(None, "all", "oracle"), "no task 'all' with planner 'oracle'"),
     ],

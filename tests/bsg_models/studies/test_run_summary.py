@@ -62,5 +62,5 @@ def test_what_is_no_run_is_said(tmp_path: Path, run: Path) -> None:
     with pytest.raises(DatasetError, match=r"log\.jsonl: was changed"):
         summarise_run(run)
     (run / SEAL).unlink()
-    with pytest.raises(TrainingError, match=r"log\.jsonl, line 1: is none of a log of ours"):
+    with pytest.raises(TrainingError, match=r"log\.jsonl, line 1: is not a line of"):
         summarise_run(run)

@@ -67,7 +67,7 @@ def test_a_file_that_is_no_checkpoint_is_refused_before_torch_is_imported(tmp_pa
     done = subprocess.run([sys.executable, "-c", code, str(graph)], capture_output=True, text=True)
     assert done.stderr == ""
     assert done.stdout.splitlines() == [
-        f"{graph}: not a readable checkpoint (it is cut off, or no safetensors: those begin with "
-        "the length of their header)",
+        f"{graph}: not a readable checkpoint (it is cut off, or not safetensors: such a file "
+        "begins with the length of its header)",
         "[]",
     ]

@@ -58,7 +58,7 @@ def test_the_default_model_is_taken_where_it_fits(
     assert choose(split="all")[0] == ()
     folds, other = (Path(shutil.copytree(dataset, tmp_path / name)) for name in ("f", "o"))
     split_dataset(folds, SplitRecipe(method="folds", folds=3, ratios=None), force=True)
-    assert "is of no fold of the dataset" in choose(data=folds)[1]
+    assert "was not trained for these folds" in choose(data=folds)[1]
     text = encode_manifest(read_manifest(other)).replace(b"hm3d45-v2", b"hm3d45-v9")
     (other / "dataset.json").write_bytes(text)
     assert "the dataset has those of hm3d45-v9" in choose(data=other)[1]
@@ -74,12 +74,12 @@ def test_the_default_model_is_taken_where_it_fits(
         ({"artifacts": ("spaceship",)}, "no class 'spaceship'"),
         ({"worlds": ("ring",)}, "no world 'ring'"),
         ({"stops": (0.1,)}, "need a --model"),
-        ({"stops": (0.1,), "task": "single"}, "of the task all"),
-        ({"trace": 5, "episodes": 5}, "has 5 searches, from 0"),
+        ({"stops": (0.1,), "task": "single"}, "--stop needs --task all"),
+        ({"trace": 5, "episodes": 5}, "has 5 searches, numbered from 0"),
         ({"trace": 0, "truth": "posterior"}, "really there"),
         ({"trace": "auto", "truth": "posterior"}, "really there"),
         ({"trace": "auto"}, "need a --model"),
-        ({"animation": Path("a.gif")}, "give --trace, too"),
+        ({"animation": Path("a.gif")}, "add --trace"),
         ({"trace": 0, "animation": Path("a.jpg")}, "ends in .gif or .png"),
     ],
 )

@@ -113,7 +113,7 @@ def test_a_building_too_large_for_a_planner_is_left_out_alone(dataset: Path) -> 
     large = {scene for scene, number in rooms.items() if number > most}
     assert len(large) == 1
     assert not large & {one.scene_id for one in study.searches}
-    reason = f"more than {most} rooms, too many for patient; name other planners"
+    reason = f"more than {most} rooms, the limit of patient; name other planners"
     assert study.left_out[recipe.worlds[0].name][reason] == 1
 
 
