@@ -15,14 +15,14 @@ from bsg_data.errors import DatasetError
 
 @contextmanager
 def open_beside(path: Path) -> Iterator[Path]:
-    """Yield a path beside a file's place; rename it there when the block ends well.
+    """Yield a path beside a file's final path; rename it there when the block succeeds.
 
-    The folder is made where it is missing. What was at `path` stays until the rename, and for good
-    if the block raises. The data reach the disk before the rename does, and the name before the
-    function returns.
+    A missing folder is made. The old file at `path` stays until the rename, and stays for good if
+    the block raises. The data are flushed before the rename, and the name before the function
+    returns.
 
     Raises:
-        DatasetError: if the file cannot be written, or its place is no file's, as `/dev/null`.
+        DatasetError: if the file cannot be written, or `path` is a device such as `/dev/null`.
     """
     refuse_devices(path)
     partial = path.with_name(f".{path.name}.partial")
@@ -41,21 +41,21 @@ def open_beside(path: Path) -> Iterator[Path]:
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Write a small file beside its place and rename it there.
+    """Write a small file beside its final path and rename it there.
 
     Raises:
-        DatasetError: if it cannot be written; what was there stays.
+        DatasetError: if it cannot be written; an old file stays.
     """
     with open_beside(path) as partial, partial.open("xb") as file:
         file.write(data)
 
 
 def encode_json(value: object, **style: Any) -> str:
-    """Return a value as JSON, which has no NaN and no infinity; all that we write goes through it.
+    """Return a value as JSON; refuse NaN and infinity. All JSON of this project is made here.
 
     Args:
-        value: of what JSON knows.
-        style: as `json.dumps` takes it.
+        value: a value of types that JSON has.
+        style: keywords of `json.dumps`.
 
     Raises:
         DatasetError: if a number in it is not finite.
@@ -64,13 +64,13 @@ def encode_json(value: object, **style: Any) -> str:
         return json.dumps(value, allow_nan=False, **style)  # noqa: TID251
     except ValueError as error:
         raise DatasetError(
-            f"a number that was computed is not finite, and JSON has none such ({error}); nothing "
-            "was written: please report it"
+            f"a computed number is not finite, which JSON cannot hold ({error}); nothing was "
+            "written; please report this"
         ) from error
 
 
 def stem_of(name: str) -> str:
-    """Return a name as the stem of a file: other characters than letters, digits and -_. are -.
+    """Return a name as the stem of a file; all but letters, digits, - _ and . become -.
 
     >>> stem_of("ceci-gcn (second)"), stem_of("../owner/name")
     ('ceci-gcn-second', 'owner-name')
@@ -79,11 +79,11 @@ def stem_of(name: str) -> str:
 
 
 def refuse_links(root: Path, path: Path) -> None:
-    """Refuse a place below a folder of ours that a link leads to: it may lie anywhere.
+    """Refuse a path below a folder if a link is on the way, because it may lead anywhere.
 
     Args:
-        root: the folder that a user named, which may be a link itself.
-        path: below it, there or not.
+        root: the folder that the user named; it may be a link itself.
+        path: a path below it, existing or not.
 
     Raises:
         DatasetError: naming the link.
@@ -92,21 +92,23 @@ def refuse_links(root: Path, path: Path) -> None:
         if place == root:
             return
         if place.is_symlink():
-            raise DatasetError(f"{place}: is a link, and nothing is written through one; remove it")
+            raise DatasetError(
+                f"{place}: is a link, and this program does not write through links; remove it"
+            )
 
 
 def refuse_devices(path: Path) -> None:
-    """Refuse a place that holds a device, a pipe or a socket: a rename would put an end to it.
+    """Refuse a path that is a device, a pipe or a socket, because a rename would replace it.
 
     Raises:
         DatasetError: naming it.
     """
     if path.exists() and not (path.is_file() or path.is_dir()):
-        raise DatasetError(f"{path}: is a device or a pipe, and only a file is replaced")
+        raise DatasetError(f"{path}: is a device or a pipe; expected a file or a free path")
 
 
 def flush_file(path: Path) -> None:
-    """Have the data of a file reach the disk.
+    """Flush the data of a file to the disk.
 
     Raises:
         OSError: if they do not.
@@ -119,7 +121,7 @@ def flush_file(path: Path) -> None:
 
 
 def flush_folder(path: Path) -> None:
-    """Have the names in a folder reach the disk, where the system can do that for a folder."""
+    """Flush the names in a folder to the disk, if the system supports it."""
     with suppress(OSError):
         descriptor = os.open(path, os.O_RDONLY)
         try:

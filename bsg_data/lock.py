@@ -20,15 +20,15 @@ def hold(folder: Path, *, wait: float = 0.0) -> Iterator[None]:
     behind is not locked, and harms nobody.
 
     Args:
-        folder: to be locked.
-        wait: seconds to wait for whoever holds it.
+        folder: folder to lock; it need not exist.
+        wait: seconds to wait for the current holder.
 
     Raises:
-        DatasetError: if anybody holds it still, this process too, or if it cannot be made.
+        DatasetError: if another holder (also this process) keeps it, or it cannot be made.
     """
     folder = folder.resolve()  # a link and what it leads to have one lock
     if not folder.name:
-        raise DatasetError(f"{folder}: is no place to write; choose a folder below it")
+        raise DatasetError(f"{folder}: cannot be written to; choose a folder below it")
     path = folder.with_name(f".{folder.name}.lock")
     if not path.parent.is_dir():  # filelock would make it
         raise DatasetError(f"{path.parent}: no such folder")
@@ -41,8 +41,8 @@ def hold(folder: Path, *, wait: float = 0.0) -> Iterator[None]:
         ) from error
     except OSError as error:
         raise DatasetError(
-            f"{folder}: cannot be locked by {path} ({error.strerror or error}); whoever writes "
-            "into a folder must be allowed to write beside it"
+            f"{folder}: cannot be locked by {path} ({error.strerror or error}); to write into a "
+            "folder you need permission to write beside it"
         ) from error
     try:
         yield

@@ -38,14 +38,14 @@ _OURS = (_NEW, _OLD, _OWN, *_DECIDED, SCRATCH, f".{_NEW}.lock")
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where results go.
+    """The final place of results: a folder or a file.
 
     Attributes:
-        path: of a folder, or of a file.
-        is_file: which of the two.
-        last: of a folder: the file that says that results are there, which has to be written. It is
-            removed before any other file is replaced, and comes to its place after all others.
-            None where each file stands for itself.
+        path: path of a folder or of a file.
+        is_file: whether it is a file.
+        last: for a folder: name of the file that marks complete results. It must be written. It is
+            removed before any other file is replaced, and put in place after all others. None if
+            the files are independent.
     """
 
     path: Path
@@ -54,17 +54,17 @@ class Place:
 
     @property
     def folder(self) -> Path:
-        """The folder that the files are put into."""
+        """The folder of the final files."""
         return self.path.parent if self.is_file else self.path
 
     @property
     def unfinished(self) -> Path:
-        """The hidden folder with what is not in its place yet, or not any more."""
+        """The hidden folder with new files before, and old files after, the replacement."""
         return self.folder / (f".{self.path.name}{UNFINISHED}" if self.is_file else UNFINISHED)
 
     @property
     def staged(self) -> Path:
-        """What is written: the new file, or the folder of the new files."""
+        """The path to write: the new file, or the folder of the new files."""
         return self.unfinished / _NEW / self.path.name if self.is_file else self.unfinished / _NEW
 
 
@@ -73,21 +73,21 @@ _Path = tuple[Place, str]  # a file: its place, and its path below the folder of
 
 @contextmanager
 def replace_files(folder: Path, *, last: str | None, wait: float = 0.0) -> Iterator[Path]:
-    """Hold the lock of a folder, yield one to write into, and put its files in place at the end.
+    """Lock a folder, yield an empty folder to write into, and put its files in place at the end.
 
-    The folder is made where it is missing. Files in it that the block does not write stay.
+    A missing folder is made. Files in it that the block does not write stay.
 
     Args:
-        folder: of the results; through a link, what it leads to.
-        last: as of a `Place`.
-        wait: seconds to wait for whoever holds the lock.
+        folder: folder of the results; a link is followed.
+        last: as in `Place`.
+        wait: seconds to wait for the current holder of the lock.
 
     Yields:
         An empty folder; a file at `a/b` in it goes to `a/b` in `folder`.
 
     Raises:
         DatasetError: if another command is writing there, a link or a folder is in the way, or a
-            file cannot be written; what was there stays.
+            file cannot be written; old files stay.
         ValueError: if the block does not write `last`.
     """
     with replace_together([Place(folder.resolve(), last=last)], wait=wait) as (staged,):
@@ -98,17 +98,16 @@ def replace_files(folder: Path, *, last: str | None, wait: float = 0.0) -> Itera
 def replace_together(
     places: Sequence[Place], *, refuse: Callable[[], None] | None = None, wait: float = 0.0
 ) -> Iterator[tuple[Path, ...]]:
-    """Hold the locks of places, yield where to write, and put all files in place at the end.
+    """Lock several places, yield paths to write to, and put all files in place at the end.
 
     Args:
-        places: the first decides: another command with the same first place, and no other, undoes
-            what one that was killed had begun.
-        refuse: called when the locks are held and nothing of a killed command is left, to raise if
-            anything is in the way.
-        wait: seconds to wait for whoever holds a lock.
+        places: the places. Only a later command with the same first place undoes the changes of a
+            killed command.
+        refuse: called after locking and cleaning up, to raise an error if anything is in the way.
+        wait: seconds to wait for the current holder of a lock.
 
     Yields:
-        for each place an empty folder to write into, or the path of the file to write; a file that
+        For each place an empty folder to write into, or the path of the file to write. A file that
         is not written is not replaced.
 
     Raises:
@@ -122,10 +121,10 @@ def replace_together(
 
 
 def hold_places(held: ExitStack, places: Sequence[Place], *, wait: float = 0.0) -> None:
-    """Hold the locks of places until a stack is left; the folders above them are made.
+    """Lock places until a stack is closed; make the folders above them.
 
     Raises:
-        DatasetError: if somebody else holds one, it is in a dataset, or a folder cannot be made.
+        DatasetError: if a lock is held, a place is in a dataset, or a folder cannot be made.
     """
     for place in places:
         refuse_datasets(place)
@@ -137,7 +136,7 @@ def hold_places(held: ExitStack, places: Sequence[Place], *, wait: float = 0.0) 
 
 
 def refuse_datasets(place: Place) -> None:
-    """Refuse a place in a dataset, all of whose files are listed and hashed.
+    """Refuse a place inside a dataset, because a dataset lists and hashes all its files.
 
     Raises:
         DatasetError: naming the dataset.
@@ -152,7 +151,7 @@ def refuse_datasets(place: Place) -> None:
 def stage_files(
     places: Sequence[Place], *, refuse: Callable[[], None] | None = None
 ) -> Iterator[tuple[Path, ...]]:
-    """Do what `replace_together` does for somebody who holds the locks already."""
+    """Do the work of `replace_together` for a caller that holds the locks already."""
     made = [place.path for place in places if not place.is_file and not place.path.exists()]
     for place in places:
         _refuse_foreign(place.unfinished)
@@ -186,7 +185,7 @@ def _refuse_foreign(unfinished: Path) -> None:
 
 
 def is_vacant(folder: Path) -> bool:
-    """Say whether nothing is in a place but what a killed command may have left."""
+    """Say whether a folder is missing, empty, or holds only leftovers of a killed command."""
     if not folder.exists():
         return True
     return folder.is_dir() and {path.name for path in folder.iterdir()} <= {UNFINISHED}
@@ -245,7 +244,7 @@ def _is_begun(places: Sequence[Place]) -> bool:
 
 
 def recover(places: Sequence[Place]) -> None:
-    """Undo what a killed command had begun, and remove what it left; the locks are held.
+    """Undo the changes of a killed command and remove its leftovers; the caller holds the locks.
 
     Raises:
         OSError: if it cannot be removed, or is no folder.
@@ -307,7 +306,7 @@ def _list_files(new: Path) -> list[str]:
     found = sorted(path for path in new.rglob("*") if path.is_symlink() or not path.is_dir())
     for path in found:
         if path.is_symlink():
-            raise DatasetError(f"{path.relative_to(new)}: is a link, and results are files")
+            raise DatasetError(f"{path.relative_to(new)}: is a link; expected a file")
     return [path.relative_to(new).as_posix() for path in found]
 
 
@@ -315,12 +314,14 @@ def _refuse_what_is_in_the_way(folder: Path, paths: Sequence[str]) -> None:
     """Refuse a folder where a file goes, and a link on the way there: it may lead anywhere."""
     for path in paths:
         if (folder / path).is_dir() and not (folder / path).is_symlink():
-            raise DatasetError(f"{folder / path}: is a folder, where a file goes; move it away")
+            raise DatasetError(f"{folder / path}: is a folder; expected a file; move it away")
         refuse_devices(folder / path)
         way = (folder / path).parent
         while way != folder:
             if way.is_symlink() or (way.exists() and not way.is_dir()):
-                raise DatasetError(f"{way}: is no folder, where files go; move it away")
+                raise DatasetError(
+                    f"{way}: expected a folder, found a file or a link; move it away"
+                )
             way = way.parent
 
 
@@ -337,7 +338,7 @@ def _keep(places: Sequence[Place], files: Sequence[_Path]) -> None:
 
 
 def link_or_copy(source: Path, target: Path) -> None:
-    """Give a file a second name, or copy it where a file has only one; folders above are made."""
+    """Hard-link a file, or copy it if links are not supported; make the folders above."""
     target.parent.mkdir(parents=True, exist_ok=True)
     try:
         os.link(source, target, follow_symlinks=False)

@@ -29,19 +29,19 @@ def replace_sealed(
     beside: Sequence[Place] = (),
     refuse: Callable[[], None] | None = None,
 ) -> Iterator[tuple[Path, ...]]:
-    """Hold the lock of a folder, yield one to write into, and put its files in place, sealed.
+    """Lock a folder, yield an empty folder to write into, and put its files in place with a seal.
 
-    What the seal before listed and the new one does not is removed, unless somebody changed it; all
-    other files stay. The new ones are put in place as `replace_together` does.
+    Files of the old seal that are not in the new one are removed, unless somebody changed them. All
+    other files stay. New files are put in place by `replace_together`.
 
     Args:
-        folder: of the results; one that holds another kind of results is refused.
-        report: the file that is among all results of this kind, and of no other.
-        beside: other places that change together with it.
-        refuse: as of `replace_together`.
+        folder: folder of the results; a folder with another kind of results is refused.
+        report: name of the file that marks this kind of results.
+        beside: other places that change together with the folder.
+        refuse: as in `replace_together`.
 
     Yields:
-        the folder to write into, then where to write what goes to the other places.
+        The folder to write into, then the paths to write for the other places.
 
     Raises:
         DatasetError: if another command is writing there, other results or somebody's own files
@@ -80,7 +80,7 @@ def refuse_other_results(folder: Path, report: str) -> None:
     """Refuse a folder with results of another kind: they would lose their seal.
 
     Args:
-        folder: where results are to be written.
+        folder: folder for the results.
         report: the file that is among all results of their kind, and of no other.
 
     Raises:
@@ -89,13 +89,13 @@ def refuse_other_results(folder: Path, report: str) -> None:
     sealed = _list_sealed(folder)
     if sealed and report not in sealed:
         raise DatasetError(
-            f"{folder}: holds other results ({min(sealed)}), which would not be whole any more; "
-            "choose another folder"
+            f"{folder}: holds other results ({min(sealed)}), which would become incomplete; choose "
+            "another folder"
         )
 
 
 def refuse_sealed_file(path: Path) -> None:
-    """Refuse to replace a file of sealed results by something else.
+    """Refuse to replace a file that belongs to sealed results.
 
     Raises:
         DatasetError: if the folder of the file has a seal that lists it.
@@ -105,7 +105,7 @@ def refuse_sealed_file(path: Path) -> None:
 
 
 def _list_sealed(folder: Path) -> dict[str, str]:
-    """Return what the seal of a folder lists; what a damaged one lists is nobody's any more."""
+    """Return the files that the seal of a folder lists; empty for a damaged seal."""
     try:
         return read_seal(folder) or {}
     except DatasetError:
@@ -113,7 +113,7 @@ def _list_sealed(folder: Path) -> dict[str, str]:
 
 
 def refuse_replacing(folder: Path, report: str, names: Iterable[str]) -> None:
-    """Refuse to replace files of a folder that no results of the same kind list.
+    """Refuse to replace files that do not belong to results of the same kind.
 
     Args:
         folder: of results, which need not be there.
@@ -129,7 +129,7 @@ def refuse_replacing(folder: Path, report: str, names: Iterable[str]) -> None:
     for name in sorted({*names} - before.keys() if before else {*names, SEAL}):
         if (folder / name).is_symlink() or (folder / name).exists():
             raise DatasetError(
-                f"{folder / name}: belongs to no results of this command, which would replace it; "
+                f"{folder / name}: belongs to no results of this command, but would be replaced; "
                 "move it away, or choose another folder"
             )
 
@@ -167,23 +167,23 @@ def read_seal(folder: Path) -> dict[str, str] | None:
     try:
         text = data.decode()
     except UnicodeDecodeError as error:
-        raise DatasetError(f"{path}: is damaged: no text ({error})") from error
+        raise DatasetError(f"{path}: is damaged: not text ({error})") from error
     if not text.endswith("\n"):
-        raise DatasetError(f"{path}: is damaged: its last line has no end")
+        raise DatasetError(f"{path}: is damaged: its last line has no line feed")
     sums = {}
     for number, line in enumerate(text[:-1].split("\n"), 1):
         found = _LINE.fullmatch(line)
         if found is None or ".." in found["name"].split("/") or found["name"] in sums:
             raise DatasetError(
                 f"{path}, line {number}: expected a sha256, two spaces and the name of a file in "
-                f"the folder, each file once; found {line[:120]!r}"
+                f"the folder, with each file once; found {line[:120]!r}"
             )
         sums[found["name"]] = found["sha256"]
     return sums
 
 
 def require_seal(folder: Path) -> dict[str, str] | None:
-    """Refuse a folder that is not what its seal says; return the seal, None if it has none.
+    """Check a folder against its seal and return the seal; None if it has none.
 
     Raises:
         DatasetError: naming the first file that is missing or was changed.

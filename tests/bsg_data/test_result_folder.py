@@ -183,7 +183,7 @@ def test_undoing_follows_no_link(tmp_path: Path) -> None:
         folder.mkdir(parents=True)
         (folder / "one.png").write_text("")
     (tmp_path / "out" / "pictures").symlink_to(victim)
-    with pytest.raises(DatasetError, match="pictures: is no folder, where files go"):
+    with pytest.raises(DatasetError, match="pictures: expected a folder"):
         replace_all(tmp_path, "new")
     assert list(victim.iterdir()) == []
 
@@ -225,11 +225,11 @@ def test_links_and_folders_in_the_way_are_refused(tmp_path: Path) -> None:
     victim.mkdir()
     out.mkdir()
     (out / "pictures").symlink_to(victim)
-    with pytest.raises(DatasetError, match="pictures: is no folder, where files go"):
+    with pytest.raises(DatasetError, match="pictures: expected a folder"):
         write(out, "new")
     (out / "pictures").unlink()
     (out / "report.json").mkdir()
-    with pytest.raises(DatasetError, match=r"report\.json: is a folder, where a file goes"):
+    with pytest.raises(DatasetError, match=r"report\.json: is a folder; expected a file"):
         write(out, "new")
     (out / "report.json").rmdir()
     os.mkfifo(out / "report.json")  # as /dev/null and /dev/stdout

@@ -143,7 +143,7 @@ def test_a_file_that_is_gone_or_changed_is_named(tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match="cannot be sealed"):
         write_seal(tmp_path, ["a"])
     (tmp_path / SEAL).write_bytes(b"\xff\n")
-    with pytest.raises(DatasetError, match="is damaged: no text"):
+    with pytest.raises(DatasetError, match="is damaged: not text"):
         read_seal(tmp_path)
     (tmp_path / SEAL).write_text("no end of a line")
     with pytest.raises(DatasetError, match="is damaged"):
