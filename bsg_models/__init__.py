@@ -4,6 +4,27 @@ The public names are in `__init__.pyi`. Each is imported when it is first asked 
 `import bsg_models` does not wait for torch.
 """
 
+from typing import Any
+
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_load, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name.
+
+    Raises:
+        ModuleNotFoundError: if a package of the extra `models` is missing; the message names it.
+    """
+    try:
+        return _load(name)
+    except ModuleNotFoundError as error:
+        missing = (error.name or "").partition(".")[0]
+        if missing in ("", "bsg_data", "bsg_models"):
+            raise
+        raise ModuleNotFoundError(
+            f"{missing} is not installed; bsg_models needs it: "
+            "pip install 'belief-scene-graphs[models]'",
+            name=error.name,
+        ) from error

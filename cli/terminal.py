@@ -86,6 +86,11 @@ class Command(click.Command):
         except MemoryError:
             print_note(NO_MEMORY)
             sys.exit(FAILED)
+        except ModuleNotFoundError as error:
+            if "pip install" not in str(error):  # no package of an extra
+                raise
+            print_note(f"Error: {error}")
+            sys.exit(FAILED)
         except OSError as error:
             where = f"{error.filename}: " if error.filename else ""
             print_note(f"Error: {where}{error.strerror or error}{_hint_at(error)}")

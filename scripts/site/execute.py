@@ -111,7 +111,7 @@ def execute_notebook(path: Path, folder: Path) -> str:
     """Return a notebook, as JSON, with the outputs of its cells when it runs in a folder.
 
     Raises:
-        ValueError: if a cell writes to stderr: a warning tells of this machine, not of the notebook.
+        ValueError: if a cell writes to stderr: warnings tell of a machine, not of the notebook.
     """
     import nbformat
     from nbclient import NotebookClient
