@@ -1,6 +1,6 @@
 """Write a partial graph as a new Spark-DSG graph, if it does not come from a Spark-DSG file.
 
-What Spark-DSG has no field for goes into metadata under `bsg`, so that `read_hydra` reads it back.
+Facts without a Spark-DSG field go into metadata under `bsg`, and `read_hydra` reads them back.
 """
 
 from __future__ import annotations

@@ -159,7 +159,7 @@ def _open(path: Path) -> pq.ParquetFile:
 class SceneRows:
     """The rows of each scene of a table, sorted.
 
-    Of a sorted table, as `write_tables` makes it from a dataset, one row group is read at a time.
+    A sorted table, as `write_tables` makes it from a dataset, is read one row group at a time.
     Any other table is read whole, and sorted once.
 
     Args:

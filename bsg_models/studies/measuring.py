@@ -1,6 +1,6 @@
 """Measure one model on the stored pairs of a split, batch by batch: metrics, classes, figures.
 
-Of a batch only the sums, the ranked cells and the nodes for figures are kept.
+Only the sums, the ranked cells and the nodes for figures are kept of a batch.
 """
 
 from __future__ import annotations

@@ -226,8 +226,8 @@ def calibrate_if_wanted(model: BeliefModel, config: RunConfig, data: Dataset) ->
 def calibrate(model: CalibratedModel, batches: Iterable[MaskedBuildings]) -> None:
     """Fit a model's calibration on masked buildings with their targets.
 
-    Of many rooms it uses a sample: only seven numbers are fitted, and the distributions of all
-    rooms are in memory at once. A note of the model reports the sample.
+    If there are many rooms it uses a sample: only seven numbers are fitted, and the distributions
+    of all rooms are in memory at once. A note of the model reports the sample.
 
     Args:
         model: whose calibration is fitted.

@@ -16,10 +16,10 @@ n counts rooms of the training buildings under masks. b_j means that class j was
 "classes"`), or seen 1, 2, 3 or more times (`"counts"`). c means that an object of the class was
 hidden. s is the smoothing. Each pair (c, b_j) is estimated separately.
 
-Of equation 3's distribution of the hidden count, P(0) and the mean are kept, and averaged in the
-same way. The result is the zero-inflated Poisson with both; if the mean is too small for that, the
-Poisson with this P(0). If nothing was seen, the values are those of all rooms. At another fraction
-than that of the counting, the rate is scaled.
+P(0) and the mean of equation 3's distribution of the hidden count are averaged in the same way. The
+result is the zero-inflated Poisson with both; if the mean is too small for that, the Poisson with
+this P(0). If nothing was seen, the values are those of all rooms. At another fraction than that of
+the counting, the rate is scaled.
 """
 
 from __future__ import annotations
