@@ -11,10 +11,10 @@ PYTEST := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 
 TESTED := tests bsg_data bsg_models $(VENV)/links/bsg_cli
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test fast coverage faults lint format docs figures site bench audit clean
+.PHONY: help install demo test fast coverage faults lint format docs figures site bench package release test-lowest test-latest audit clean
 
 help: ## Say what each target does.
-	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 # What requirements.lock fits is installed by its hashes; what it lacks, such as CUDA's packages where
 # torch comes from the package index, and all of it on another system, by constraints.txt alone.
@@ -100,6 +100,28 @@ site: $(INSTALLED) ## Build the documentation as a site, strictly; open site/ind
 
 bench: $(INSTALLED) ## Measure how fast the main jobs are, each beside something else: docs/results/speed.md.
 	$(BIN)/python scripts/bench/speed.py --out docs/results/speed.md
+
+package: $(INSTALLED) ## Build wheel and source archive into dist, and try both in fresh environments.
+	$(BIN)/python -m pip install --quiet 'build>=1.2,<2'
+	$(BIN)/python scripts/package/try_out.py --out dist --constraint constraints.txt
+
+release: $(INSTALLED) ## Prepare a release: make release VERSION=0.2.0; stops before any upload.
+	@test -n "$(VERSION)" || { echo "say which: make release VERSION=0.2.0" >&2; exit 2; }
+	$(BIN)/python -m pip install --quiet 'build>=1.2,<2' 'twine>=6,<8'
+	$(BIN)/python scripts/package/release.py $(VERSION)
+
+# Both leave .venv alone. uv resolves, because pip has no way to ask for the lowest versions.
+test-lowest: ## Run the tests with the lowest versions of the dependencies that pyproject.toml allows.
+	$(call TEST_RESOLVED,lowest-direct)
+
+test-latest: ## Run the tests with the latest versions of the dependencies.
+	$(call TEST_RESOLVED,highest)
+
+define TEST_RESOLVED
+	$(PYTHON) -m venv --clear $(VENV)/$(1) && $(VENV)/$(1)/bin/python -m pip install --quiet 'uv>=0.5,<1'
+	$(VENV)/$(1)/bin/uv pip install --quiet --python $(VENV)/$(1)/bin/python --resolution $(1) --editable '.[test]'
+	$(subst $(BIN)/,$(VENV)/$(1)/bin/,$(PYTEST)) tests
+endef
 
 audit: ## Ask pip-audit for known weaknesses of what is locked; needs the network.
 	$(PYTHON) -m venv $(VENV)/audit

@@ -110,8 +110,13 @@ def test_make_targets_explain_themselves() -> None:
         "lint",
         "format",
         "docs",
+        "figures",
         "site",
         "bench",
+        "package",
+        "release",
+        "test-lowest",
+        "test-latest",
         "audit",
         "clean",
     ):

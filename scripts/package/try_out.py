@@ -1,9 +1,10 @@
 """Build the wheel and the source archive, and try both in fresh environments.
 
-    python scripts/package/try_out.py --out dist [--python python3.12] [--extras models]
-
     python scripts/package/try_out.py --out dist --python python3.12
-the commands of `make demo` have to run. What pip took is printed: seconds and size.
+
+Without extras, `bsg-data` has to work, and every other command has to name the extra that it needs.
+With them, the commands of `make demo` have to run. It prints the seconds and the size of each
+installation.
 """
 
 from __future__ import annotations
