@@ -15,6 +15,7 @@ import pytest
 from click.testing import CliRunner
 from conftest import REPOSITORY
 
+import bsg_models
 from bsg_cli.terminal import Command, print_json, print_text, progress_bar, tell_now_and_then
 from bsg_data.errors import BSGError
 
@@ -55,6 +56,34 @@ def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
             break
         time.sleep(0.05)
     assert not any(map(is_running, workers))
+
+
+def test_a_command_that_lacks_an_extra_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    def load(name: str) -> None:
+        raise ModuleNotFoundError("No module named 'torch'", name="torch.nn")
+
+    @click.command(cls=Command)
+    def ask() -> None:
+        bsg_models.open_graph("home.json")
+
+    monkeypatch.setattr(bsg_models, "_load", load)
+    monkeypatch.delitem(vars(bsg_models), "open_graph", raising=False)
+    done = CliRunner().invoke(ask)
+    assert done.exit_code == 1
+    assert done.output == (
+        "Error: torch is not installed; bsg_models needs it: "
+        "pip install 'belief-scene-graphs[models]'\n"
+    )
+
+
+def test_a_module_of_ours_that_is_missing_is_no_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    def load(name: str) -> None:
+        raise ModuleNotFoundError("No module named 'bsg_data.gone'", name="bsg_data.gone")
+
+    monkeypatch.setattr(bsg_models, "_load", load)
+    monkeypatch.delitem(vars(bsg_models), "Predictor", raising=False)
+    with pytest.raises(ModuleNotFoundError, match=r"bsg_data\.gone"):
+        _ = bsg_models.Predictor
 
 
 @pytest.mark.slow

@@ -153,6 +153,6 @@ def test_what_is_missing_is_said(dataset: Path, tmp_path: Path) -> None:
     split_dataset(dataset, SplitRecipe(ratios=(0.5, 0.5, 0.0)), force=True)
     with pytest.raises(DatasetError, match="its test split is empty"):
         MaskedGraphs.stored(dataset, "test")
-    with pytest.raises(DatasetError, match="run `bsg-data pairs .*` first"):
+    with pytest.raises(DatasetError, match=r"run `bsg-data pairs .*` first"):
         MaskedGraphs.stored(dataset, "train")
     assert np.shape(MaskedGraphs.fresh(dataset, "val", mask=MaskRecipe(), draw=0)[0].x)[1] == 45
