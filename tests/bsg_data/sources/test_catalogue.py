@@ -122,7 +122,7 @@ def test_an_unknown_name_gets_the_nearest(tmp_path: Path) -> None:
 
 
 def test_real_buildings_are_no_synthetic_ones(tmp_path: Path) -> None:
-    with pytest.raises(SourceError, match="not of `bsg-data synth`"):
+    with pytest.raises(SourceError, match="holds no buildings of `bsg-data synth`"):
         open_source("synthetic", write_twelve(tmp_path / "real"))
 
 
