@@ -30,7 +30,7 @@ HOUSE = (
     "bsg_data.build bsg_data.synthetic bsg_data.checks bsg_data.exports",
     "bsg_data.build_parts bsg_data.merge",
     "bsg_data.testing",
-    "bsg_models.errors",
+    "bsg_models.compilation bsg_models.errors",
     "bsg_models.belief bsg_models.search bsg_models.inputs",
     "bsg_models.zoo",
     "bsg_models.runs bsg_models.evaluation",

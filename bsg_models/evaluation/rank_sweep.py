@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from bsg_data.arrays import Bools, Floats, Ints
+from bsg_models.compilation import compiled
 from bsg_models.evaluation.streams import Weights
 
 Flags = npt.NDArray[np.uint8]
@@ -59,7 +59,7 @@ class RankSweep:
         return auroc, np.divide(self._sums[:, _PRECISION], true, out=unknown, where=true > 0)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled(nogil=True)
 def _sweep(
     scores: Floats,
     flags: Flags,
@@ -98,7 +98,7 @@ def _sweep(
         start = end
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled(nogil=True)
 def _close(sums: Floats, is_open: Bools) -> None:
     """Close the open run of every selection: its cells tie, and ties count half."""
     for s in range(len(sums)):

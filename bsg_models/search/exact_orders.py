@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from bsg_models.compilation import compiled
 
 
-@njit(cache=True)
+@compiled()
 def order_exactly(ways, miss, single):  # type: ignore[no-untyped-def]
     """Return the best order of n rooms; the last row of `ways` is the robot's position."""
     n, classes = miss.shape
@@ -54,7 +55,7 @@ def order_exactly(ways, miss, single):  # type: ignore[no-untyped-def]
     return order
 
 
-@njit(cache=True)
+@compiled()
 def pass_all_classes(costs, here, holds, wanted):  # type: ignore[no-untyped-def]
     """Return the first room of the cheapest way past each class; see `orders.choose_cover`."""
     target = np.full(len(here), -1)

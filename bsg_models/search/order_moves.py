@@ -27,14 +27,14 @@ The first term is always the way itself, with q = 1. Arrays are:
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from bsg_models.compilation import compiled
 from bsg_models.search.order_walks import LONGEST, sum_legs
 
 _LEAST_SHARE = 1e-9  # least relative improvement of a move
 
 
-@njit(cache=True)
+@compiled()
 def improve(ways, miss, single, order):  # type: ignore[no-untyped-def]
     """Improve an order in place until no move helps; return its cost.
 
@@ -71,7 +71,7 @@ def improve(ways, miss, single, order):  # type: ignore[no-untyped-def]
     return legs[n]
 
 
-@njit(cache=True)
+@compiled()
 def _move(order, trial, length, i, j):  # type: ignore[no-untyped-def]
     """Write the order after a move: the part at i now starts at j, or is reversed from i to j."""
     if length == 0:
@@ -86,7 +86,7 @@ def _move(order, trial, length, i, j):  # type: ignore[no-untyped-def]
         trial[j + k] = order[i + k]
 
 
-@njit(cache=True)
+@compiled()
 def _find_move(facts, length, i, least):  # type: ignore[no-untyped-def]
     """Return the first j from `least` on for which a move helps, and its gain; n if none."""
     if length == 0:
@@ -100,7 +100,7 @@ def _find_move(facts, length, i, least):  # type: ignore[no-untyped-def]
     return j, i, j + length - 1
 
 
-@njit(cache=True)
+@compiled()
 def _expand(miss, single):  # type: ignore[no-untyped-def]
     """Return the weight of each term `[K]`, and each room's factor in it `[n, K]`."""
     n, classes = miss.shape
@@ -124,7 +124,7 @@ def _expand(miss, single):  # type: ignore[no-untyped-def]
     return weights, factors
 
 
-@njit(cache=True)
+@compiled()
 def _sum_terms(factors, single, order, around):  # type: ignore[no-untyped-def]
     """Write the products of the terms over the places before each, or from it on."""
     n = len(order)
@@ -136,7 +136,7 @@ def _sum_terms(factors, single, order, around):  # type: ignore[no-untyped-def]
                 around[n - 1 - k, t] = around[n - k, t] * factors[order[n - 1 - k], t]
 
 
-@njit(cache=True)
+@compiled()
 def _find_turn(facts, i, least):  # type: ignore[no-untyped-def]
     """Return the first j from `least` on for which reversing places i to j helps, or n."""
     ways, weights, factors, order, around, legs, single = facts
@@ -170,7 +170,7 @@ def _find_turn(facts, i, least):  # type: ignore[no-untyped-def]
     return n
 
 
-@njit(cache=True)
+@compiled()
 def _find_earlier(facts, length, i, least):  # type: ignore[no-untyped-def]
     """Return the first j from `least` on for which the part at i is better before j; i if none."""
     ways, weights, _, order, around, legs, single = facts
@@ -197,7 +197,7 @@ def _find_earlier(facts, length, i, least):  # type: ignore[no-untyped-def]
     return i
 
 
-@njit(cache=True)
+@compiled()
 def _find_later(facts, length, i, least):  # type: ignore[no-untyped-def]
     """Return the first j from `least` on for which the part at i is better starting at j, or n."""
     ways, weights, factors, order, around, legs, single = facts
@@ -237,7 +237,7 @@ def _find_later(facts, length, i, least):  # type: ignore[no-untyped-def]
     return n
 
 
-@njit(cache=True)
+@compiled()
 def _read_part(facts, start, end):  # type: ignore[no-untyped-def]
     """Return the terms of the part of the places from start to before end."""
     ways, weights, factors, order, _, _, single = facts
@@ -253,7 +253,7 @@ def _read_part(facts, start, end):  # type: ignore[no-untyped-def]
     return sums, products
 
 
-@njit(cache=True)
+@compiled()
 def _read_parts_before(facts, end, least):  # type: ignore[no-untyped-def]
     """Return the terms of the parts from each k, from `least` on, to before end."""
     ways, weights, factors, order, _, _, single = facts

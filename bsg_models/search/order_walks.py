@@ -7,12 +7,13 @@ which `order_moves` is not: `orders` chooses between the two.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from bsg_models.compilation import compiled
 
 LONGEST = 3  # most rooms moved together
 
 
-@njit(cache=True)
+@compiled()
 def improve_slowly(ways, miss, single, order):  # type: ignore[no-untyped-def]
     """Improve an order in place until no move helps; return its cost.
 
@@ -56,7 +57,7 @@ def improve_slowly(ways, miss, single, order):  # type: ignore[no-untyped-def]
     return legs[n]
 
 
-@njit(cache=True)
+@compiled()
 def _window(ways, miss, single, trial, products, low, high, limit):  # type: ignore[no-untyped-def]
     """Return the cost of the legs into the places from low to high + 1, or a value above limit.
 
@@ -89,7 +90,7 @@ def _window(ways, miss, single, trial, products, low, high, limit):  # type: ign
     return total
 
 
-@njit(cache=True)
+@compiled()
 def sum_legs(ways, miss, single, order, products, legs):  # type: ignore[no-untyped-def]
     """Write products of q `[n + 1, A]` and sums of the costs of legs `[n + 1]` of an order.
 

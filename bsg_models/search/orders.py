@@ -22,8 +22,8 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from bsg_models.compilation import compiled
 from bsg_models.search.exact_orders import order_exactly, pass_all_classes
 from bsg_models.search.order_moves import improve
 from bsg_models.search.order_walks import improve_slowly, sum_legs
@@ -132,7 +132,7 @@ def expected_cost(costs: Floats, here: int, miss: Floats, order: Ints, *, single
     return float(legs[-1])
 
 
-@njit(cache=True)
+@compiled()
 def _order_all(costs, here, rooms, miss, wanted, single, exact, kicks):  # type: ignore[no-untyped-def]
     """Return the orders of E searches, `[E, N]`; −1 after the last room.
 
@@ -153,7 +153,7 @@ def _order_all(costs, here, rooms, miss, wanted, single, exact, kicks):  # type:
     return orders
 
 
-@njit(cache=True)
+@compiled()
 def _order(ways, miss, single, exact, kicks):  # type: ignore[no-untyped-def]
     if len(miss) <= exact:
         return order_exactly(ways, miss, single)
@@ -170,7 +170,7 @@ def _order(ways, miss, single, exact, kicks):  # type: ignore[no-untyped-def]
     return best
 
 
-@njit(cache=True)
+@compiled()
 def _disturb(order, state):  # type: ignore[no-untyped-def]
     """Return an order with rooms exchanged pseudo-randomly, and the next state.
 
@@ -186,7 +186,7 @@ def _disturb(order, state):  # type: ignore[no-untyped-def]
     return order, state
 
 
-@njit(cache=True)
+@compiled()
 def _composes(miss, single):  # type: ignore[no-untyped-def]
     """Return whether the terms of `order_moves` are few, and large relative to rounding."""
     n, classes = miss.shape
@@ -201,14 +201,14 @@ def _composes(miss, single):  # type: ignore[no-untyped-def]
     return somewhere >= UNLIKELY and classes < 20 and 1 << classes <= max(n, 2)
 
 
-@njit(cache=True)
+@compiled()
 def _improve(ways, miss, single, order, composes):  # type: ignore[no-untyped-def]
     if composes:
         return improve(ways, miss, single, order)
     return improve_slowly(ways, miss, single, order)
 
 
-@njit(cache=True)
+@compiled()
 def _take_ways(costs, here, rooms):  # type: ignore[no-untyped-def]
     """Return the costs between some rooms; the last row is from the robot's position."""
     n = len(rooms)
@@ -220,7 +220,7 @@ def _take_ways(costs, here, rooms):  # type: ignore[no-untyped-def]
     return ways
 
 
-@njit(cache=True)
+@compiled()
 def _begin(ways, miss, start):  # type: ignore[no-untyped-def]
     """Return a starting order: nearest first, likeliest first, or by presence per cost."""
     left = len(miss)

@@ -31,7 +31,7 @@ from typing import Any, NamedTuple
 
 REPOSITORY = Path(__file__).resolve().parent.parent.parent
 EXPLAINED = Path(__file__).with_name("explained_mutants.toml")
-COMPILED = "@njit(cache=True)"
+COMPILED = "@compiled()"
 KILLED = {1, 3, 24, 36, 152, 255, -24, -11, -9}  # tests failed, time was up, or Python died
 COPIED = ("cli", "docs", "mappings", "scripts", "weights", "CHANGELOG.md", "Makefile", "README.md")
 
