@@ -127,7 +127,8 @@ def hold_places(held: ExitStack, places: Sequence[Place], *, wait: float = 0.0) 
         DatasetError: if a lock is held, a place is in a dataset, or a folder cannot be made.
     """
     for place in places:
-        refuse_datasets(place)
+        refuse_datasets(place.path, is_file=place.is_file)
+    for place in places:
         try:
             place.path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -135,23 +136,39 @@ def hold_places(held: ExitStack, places: Sequence[Place], *, wait: float = 0.0) 
         held.enter_context(hold(place.path, wait=wait))
 
 
-def refuse_datasets(place: Place) -> None:
-    """Refuse a place inside a dataset, because a dataset lists and hashes all its files.
+def refuse_datasets(path: Path, *, is_file: bool = False) -> None:
+    """Refuse to write into a dataset, because a dataset lists and hashes all its files.
+
+    Call this before anything is written, also before a lock: its file lies beside the folder.
+
+    Args:
+        path: where a command is to write; links on the way are followed.
+        is_file: whether it is a file, not a folder.
 
     Raises:
         DatasetError: naming the dataset.
     """
-    folder = place.folder.resolve()
+    folder = (path.parent if is_file else path).resolve()
     for outer in (folder, *folder.parents):
         if (outer / _DATASET).is_file():
-            raise DatasetError(f"{place.path}: is in the dataset {outer}; choose another place")
+            raise DatasetError(f"{path}: is in the dataset {outer}; choose another place")
 
 
 @contextmanager
 def stage_files(
-    places: Sequence[Place], *, refuse: Callable[[], None] | None = None
+    places: Sequence[Place],
+    *,
+    refuse: Callable[[], None] | None = None,
+    leaving: Callable[[], Collection[str]] | None = None,
 ) -> Iterator[tuple[Path, ...]]:
-    """Do the work of `replace_together` for a caller that holds the locks already."""
+    """Do the work of `replace_together` for a caller that holds the locks already.
+
+    Args:
+        places: as in `replace_together`.
+        refuse: as in `replace_together`.
+        leaving: called when all is written; returns the files of the first place that go when the
+            new ones come, by their paths in its folder.
+    """
     made = [place.path for place in places if not place.is_file and not place.path.exists()]
     for place in places:
         _refuse_foreign(place.unfinished)
@@ -165,7 +182,7 @@ def stage_files(
             (place.unfinished / _NEW).mkdir(parents=True)
         yield tuple(place.staged for place in places)
         with hold_signals():
-            _put_in_place(places)
+            _put_in_place(places, [] if leaving is None else sorted(leaving()))
     except OSError as error:
         raise _explain(places[0], error, "written") from error
     finally:
@@ -195,7 +212,7 @@ def _explain(place: Place, error: OSError, what: str) -> DatasetError:
     return DatasetError(f"{place.path}: cannot be {what} ({error.strerror or error})")
 
 
-def _put_in_place(places: Sequence[Place]) -> None:
+def _put_in_place(places: Sequence[Place], leaving: Sequence[str]) -> None:
     files: list[_Path] = []
     for place in places:
         paths = _list_files(place.unfinished / _NEW)
@@ -208,13 +225,16 @@ def _put_in_place(places: Sequence[Place]) -> None:
     files.sort(key=_is_last)
     for place, path in files:
         flush_file(place.unfinished / _NEW / path)
-    _keep(places, files)
+    gone = [(places[0], path) for path in leaving]
+    _keep(places, files, gone)
     done: list[_Path] = []
     try:
         for place in places:
             if place.last is not None:
                 (place.folder / place.last).unlink(missing_ok=True)
                 flush_folder(place.folder)
+        for place, path in gone:
+            (place.folder / path).unlink()
         for place, path in files:
             (place.folder / path).parent.mkdir(parents=True, exist_ok=True)
             if _is_last((place, path)):
@@ -224,7 +244,7 @@ def _put_in_place(places: Sequence[Place]) -> None:
         _flush_folders(files)
         _decide(places, "done")
     except BaseException:
-        _undo(places, files, done)
+        _undo(places, [*gone, *files], done)
         raise
 
 
@@ -256,7 +276,8 @@ def recover(places: Sequence[Place]) -> None:
         files: list[_Path] = []
         for place in places:
             if not place.unfinished.is_symlink():
-                paths = _list_files(place.unfinished / _OWN)
+                kept = (_list_files(place.unfinished / name) for name in (_OWN, _OLD))
+                paths = sorted(set().union(*kept))
                 for folder in (place.folder, place.unfinished / _OLD):
                     _refuse_what_is_in_the_way(folder, paths)
                 files += [(place, path) for path in paths]
@@ -325,9 +346,11 @@ def _refuse_what_is_in_the_way(folder: Path, paths: Sequence[str]) -> None:
             way = way.parent
 
 
-def _keep(places: Sequence[Place], files: Sequence[_Path]) -> None:
-    """Give the files that will be replaced, and those that replace them, a second name."""
+def _keep(places: Sequence[Place], files: Sequence[_Path], gone: Sequence[_Path]) -> None:
+    """Give the files that go or are replaced, and those that replace them, a second name."""
     (places[0].unfinished / _OWN).mkdir()
+    for place, path in gone:
+        link_or_copy(place.folder / path, place.unfinished / _OLD / path)
     for place, path in files:
         target, unfinished = place.folder / path, place.unfinished
         if os.path.lexists(target):

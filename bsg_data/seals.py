@@ -61,19 +61,28 @@ def replace_sealed(
             if refuse is not None:
                 refuse()
 
-        with stage_files([place, *beside], refuse=look) as staged:
+        names: list[str] = []
+
+        def list_leaving() -> list[str]:
+            gone = (name for name in before if name not in names)
+            return [name for name in gone if _is_unchanged(place.path, name, before[name])]
+
+        with stage_files([place, *beside], refuse=look, leaving=list_leaving) as staged:
             yield staged
             files = (path for path in staged[0].rglob("*") if path.is_file())
-            names = sorted(path.relative_to(staged[0]).as_posix() for path in files)
+            names += sorted(path.relative_to(staged[0]).as_posix() for path in files)
             for other in beside:
                 _refuse_twice(other, place.path, names)
             write_seal(staged[0], names)
             refuse_replacing(place.path, report, names)
-        for name in before.keys() - set(names):
-            with suppress(OSError, DatasetError):  # no seal speaks of what is behind a link
-                refuse_links(place.path, place.path / name)
-                if hash_file(place.path / name) == before[name]:
-                    (place.path / name).unlink()
+
+
+def _is_unchanged(folder: Path, name: str, sha256: str) -> bool:
+    """Say whether a file is what its seal says; no seal speaks of what is behind a link."""
+    with suppress(OSError, DatasetError):
+        refuse_links(folder, folder / name)
+        return hash_file(folder / name) == sha256
+    return False
 
 
 def refuse_other_results(folder: Path, report: str) -> None:
@@ -98,10 +107,14 @@ def refuse_sealed_file(path: Path) -> None:
     """Refuse to replace a file that belongs to sealed results.
 
     Raises:
-        DatasetError: if the folder of the file has a seal that lists it.
+        DatasetError: if the file is a seal, or if the seal of a folder above lists it.
     """
-    if path.name == SEAL or path.name in _list_sealed(path.parent):
-        raise DatasetError(f"{path}: is one of the results that {SEAL} lists; name another file")
+    place = path.parent.resolve() / path.name  # a link to the folder leads to the same file
+    for folder in place.parents:
+        if place.name == SEAL or place.relative_to(folder).as_posix() in _list_sealed(folder):
+            raise DatasetError(
+                f"{path}: is one of the results that {SEAL} lists in {folder}; name another file"
+            )
 
 
 def _list_sealed(folder: Path) -> dict[str, str]:

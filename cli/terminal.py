@@ -30,6 +30,7 @@ from bsg_cli.dataset_paths import require_datasets
 from bsg_data.errors import BSGError, RecipeError
 from bsg_data.files import encode_json
 from bsg_data.recipes import name_fault
+from bsg_data.signals import IN_PLACE
 from bsg_data.tables import is_obeyed, make_plain
 
 FAILED, WRONG_USAGE, INTERRUPTED, ENDED = 1, 2, 130, 143
@@ -80,8 +81,10 @@ class Command(click.Command):
             print_note(f"Error: {name_fault(error)}")
             sys.exit(WRONG_USAGE)
         except (click.Abort, KeyboardInterrupt) as error:  # click turns Ctrl-C into Abort
-            asked = isinstance(error.__cause__ or error, AskedToEndError)
-            print_note("asked to end" if asked else "interrupted")
+            cause = error.__cause__ or error
+            asked = isinstance(cause, AskedToEndError)
+            done = f"; {IN_PLACE}" if IN_PLACE in cause.args else ""
+            print_note(("asked to end" if asked else "interrupted") + done)
             sys.exit(ENDED if asked else INTERRUPTED)
         except MemoryError:
             print_note(NO_MEMORY)

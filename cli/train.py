@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import click
@@ -16,6 +16,7 @@ from bsg_cli.configurations import load_config
 from bsg_cli.options import PATH, data_option, force_option, json_option, out_option
 from bsg_cli.terminal import Command, print_json, print_note, print_text, progress_bar
 from bsg_data.errors import BSGError
+from bsg_data.files import refuse_links
 from bsg_data.seals import SEAL, read_seal
 from bsg_data.tables import format_text
 
@@ -215,7 +216,13 @@ def _bar(config: bsg_models.RunConfig) -> Iterator[Callable[[bsg_models.EpochRep
 
 @contextmanager
 def _board(run: Path | None) -> Iterator[Callable[[bsg_models.EpochReport], None]]:
-    """Yield a callback that logs for TensorBoard; it does nothing without a run."""
+    """Yield a callback that logs for TensorBoard; it does nothing without a run.
+
+    The first report makes the files: by then the training has checked the run and holds its lock.
+
+    Raises:
+        BSGError: if a link or a file is where the logs go, or tensorboard is not installed.
+    """
     if run is None:
         yield lambda report: None
         return
@@ -225,18 +232,24 @@ def _board(run: Path | None) -> Iterator[Callable[[bsg_models.EpochReport], None
         raise bsg_models.ConfigError(
             "--tensorboard needs tensorboard: pip install 'belief-scene-graphs[all]'"
         ) from error
-    writer = SummaryWriter(str(run / "tensorboard"))
-    print_note(f"TensorBoard: tensorboard --logdir {run / 'tensorboard'}")
+    folder = run / "tensorboard"
+    refuse_links(run, folder)
+    if folder.exists() and not folder.is_dir():
+        raise BSGError(f"{folder}: is a file; expected a folder; move it away")
+    with ExitStack() as opened:
+        writer: SummaryWriter | None = None
 
-    def log(report: bsg_models.EpochReport) -> None:
-        writer.add_scalar("loss/train", report.train_loss, report.epoch)
-        if report.val_loss is not None:
-            writer.add_scalar("loss/val", report.val_loss, report.epoch)
+        def log(report: bsg_models.EpochReport) -> None:
+            nonlocal writer
+            if writer is None:
+                writer = SummaryWriter(str(folder))
+                opened.callback(writer.close)
+                print_note(f"TensorBoard: tensorboard --logdir {folder}")
+            writer.add_scalar("loss/train", report.train_loss, report.epoch)
+            if report.val_loss is not None:
+                writer.add_scalar("loss/val", report.val_loss, report.epoch)
 
-    try:
         yield log
-    finally:
-        writer.close()
 
 
 if __name__ == "__main__":  # torchrun -m bsg_cli.train

@@ -10,6 +10,8 @@ import pandas as pd
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import BSGError
 from bsg_data.figure_file import write_figure
+from bsg_data.result_folder import refuse_datasets
+from bsg_data.seals import refuse_sealed_file
 
 _MARK = "belief-scene-graphs: frequencies"  # in the figure: marks it as written by this program
 _HEAD = 4096  # bytes in which the mark is, in PNG and SVG
@@ -39,17 +41,20 @@ def count_frequencies(dataset: Path) -> pd.DataFrame:
 
 
 def refuse_figure(path: Path, *, force: bool) -> None:
-    """Refuse a path for a figure that holds something else.
+    """Refuse a path for a figure that is in a dataset, in sealed results, or holds something else.
 
     Args:
         path: path of the figure.
         force: allow replacing a file that this program did not write.
 
     Raises:
-        BSGError: if the path is a folder, or, without `force`, another file.
+        BSGError: if the path is a folder, in a dataset, one of the files of sealed results, or,
+            without `force`, another file.
     """
+    refuse_datasets(path, is_file=True)
     if path.is_dir():
         raise BSGError(f"{path}: is a folder; name a file in it, e.g. {path / 'classes.png'}")
+    refuse_sealed_file(path)
     if path.exists() and not force:
         with path.open("rb") as file:
             if _MARK.encode() not in file.read(_HEAD):

@@ -88,6 +88,7 @@ CHECKPOINT = Bound(
 )
 CHECKPOINT_HEADER = Bound("header of a checkpoint", 16 * MIB)
 PRIOR = Bound("prior table, JSON", 16 * MIB, _NESTED)
+RESULTS = Bound("results of an evaluation or a search, JSON", 256 * MIB, _NESTED)
 RUN_RECORD = Bound("log, metrics, seconds and figures of a run", 16 * MIB, _NESTED)
 CARD = Bound("card of a model, Markdown with YAML", MIB, _NESTED)
 CHECKSUMS = Bound("list of checksums, `SHA256SUMS`", MIB)

@@ -27,6 +27,7 @@ from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import SYNTHETIC
 from bsg_data.inputs.documents import parse_json
 from bsg_data.lock import hold
+from bsg_data.result_folder import refuse_datasets
 from bsg_data.sources.annotations import HEADER, Instance
 from bsg_data.sources.hm3d import SYNTHETIC_MARK
 from bsg_data.synthetic.building_size import BuildingSize, draw_many_types, share_objects
@@ -276,6 +277,7 @@ def write_synthetic(
         raise SyntheticError(f"{scenes} scenes asked for, expected 1 to {MAX_SCENES}")
     rates = load_rates()
     size.require_possible(rates, meshes=geometry is not None)
+    refuse_datasets(out)
     mark: dict[str, Any] = {"what": "synthetic buildings of bsg-data synth", "scenes": scenes}
     mark["seed"] = seed
     if size != USUAL:

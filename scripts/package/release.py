@@ -89,10 +89,10 @@ def set_version(text: str, pattern: str, version: str) -> str:
 
 
 def date_changelog(text: str, version: str, today: datetime.date) -> str:
-    """Return the changelog with what was unreleased under a version and a date.
+    r"""Return the changelog with what was unreleased under a version and a date.
 
-    >>> date_changelog("## Unreleased\\n\\n- new\\n", "1.0.0", datetime.date(2026, 1, 2))
-    '## 1.0.0 (2026-01-02)\\n\\n- new\\n'
+    >>> date_changelog("## Unreleased\n\n- new\n", "1.0.0", datetime.date(2026, 1, 2))
+    '## 1.0.0 (2026-01-02)\n\n- new\n'
     """
     return text.replace("## Unreleased", f"## {version} ({today.isoformat()})", 1)
 

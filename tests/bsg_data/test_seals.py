@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -90,6 +91,48 @@ def test_what_fails_leaves_the_old(tmp_path: Path) -> None:
         fail()
     assert require_seal(out)
     assert (out / "a").read_text() == "1"
+
+
+REPLACE = """
+import os, sys
+from pathlib import Path
+from bsg_data.seals import replace_sealed
+
+left = int(sys.argv[2])
+
+def count(event, args):
+    global left
+    if event in ("os.rename", "os.remove", "os.link", "os.mkdir", "os.rmdir"):
+        left -= 1
+        if left == 0:
+            os._exit(9)
+
+sys.addaudithook(count)
+with replace_sealed(Path(sys.argv[1]), report="a") as (staged,):
+    (staged / "a").write_text("2")
+"""
+
+
+@pytest.mark.slow
+def test_what_is_no_longer_written_goes_also_if_the_command_was_killed(tmp_path: Path) -> None:
+    """Killed before every change of a folder, then run again: the same files as without."""
+    for at in range(1, 100):
+        out = tmp_path / str(at)
+        write(out, a="1", b="1")
+        killed = run(REPLACE, out, at)
+        seen = read_seal(out)
+        assert seen is None or require_seal(out), "what is visible belongs together"
+        assert run(REPLACE, out, 0) == 0
+        assert {path.name for path in out.iterdir()} == {"a", SEAL}
+        assert (out / "a").read_text() == "2"
+        if killed == 0:
+            break
+    assert 10 < at < 99
+
+
+def run(code: str, out: Path, at: int) -> int:
+    words = [sys.executable, "-c", code, str(out), str(at)]
+    return subprocess.run(words, check=False).returncode
 
 
 @pytest.mark.parametrize("name", ["a", SEAL, "b"])

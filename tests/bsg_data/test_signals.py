@@ -8,7 +8,7 @@ from threading import Thread
 
 import pytest
 
-from bsg_data.signals import hold_signals
+from bsg_data.signals import IN_PLACE, hold_signals
 
 
 def interrupt(done: list[str], *, inner: bool = False) -> None:
@@ -43,6 +43,14 @@ def test_blocks_within_blocks_wait_for_the_outermost() -> None:
     with pytest.raises(KeyboardInterrupt):
         interrupt(done, inner=True)
     assert done == ["after the signal"]
+
+
+def test_the_interrupt_says_that_the_block_was_completed() -> None:
+    with pytest.raises(KeyboardInterrupt, match=IN_PLACE):
+        interrupt([])
+    with pytest.raises(KeyboardInterrupt) as caught:
+        fail_interrupted()
+    assert caught.value.args == ()
 
 
 def fail_interrupted() -> None:
