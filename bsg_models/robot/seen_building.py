@@ -468,11 +468,15 @@ class SeenBuilding:
 
     @cached_property
     def _class_maps(self) -> tuple[ClassMap, ...]:
-        """The model's class map, then that of the wide model if it has another class space."""
+        """The model's class map, then that of the wide model if it may answer, too.
+
+        It has to have another class space. A model that everybody may use is not helped by one
+        with terms of its own.
+        """
         own = self._models[0].class_map
         wide = load_class_map(WIDE_MAP)
         has_wide = WIDE_MODEL in shipped_names() and own.space != wide.space
-        return (own, wide) if has_wide else (own,)
+        return (own, wide) if has_wide and not self._models[0].is_free else (own,)
 
     def _belief(self, model: int) -> Expectation:
         """Return what a model believes of the graph as it is now."""

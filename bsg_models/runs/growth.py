@@ -119,7 +119,7 @@ def refuse_foreign_files(run: Path) -> None:
         TrainingError: naming the first of them.
         DatasetError: if results of another command are there, or the folder is in a dataset.
     """
-    refuse_datasets(Place(run))
+    refuse_datasets(run)
     if run.exists() and not run.is_dir():
         raise TrainingError(f"{run}: is a file; expected a folder for the run")
     refuse_other_results(run, BEST)

@@ -95,6 +95,11 @@ class ModelCard(Record):
         return tuple(strict or every) or ((UNKNOWN, ""),)
 
     @property
+    def is_restricted(self) -> bool:
+        """Whether the weights have terms of their own, or unknown ones; not if SPDX lists them."""
+        return any(name.startswith(LICENCE_REF) or name == UNKNOWN for name, _ in self.licences)
+
+    @property
     def licence(self) -> str:
         """The licences of the weights, as a phrase."""
         return ", ".join(name for name, _ in self.licences)

@@ -18,8 +18,9 @@ from bsg_models.inputs.share_levels import spread_shares
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.class_maps import choose_class_map
 from bsg_models.runs.found_model import find_model, name_model
+from bsg_models.runs.model_card import read_card
 from bsg_models.runs.share_posterior import update_shares
-from bsg_models.runs.shipped import DEFAULT_MODEL
+from bsg_models.runs.shipped import DEFAULT_MODEL, read_shipped_card, weights_folder
 
 
 class Predictor:
@@ -53,6 +54,14 @@ class Predictor:
         self._model = restore_model(path, checkpoint)
         self.name = name_model(found, self._header)
         self.classes = self.class_space.classes
+
+    @property
+    def is_free(self) -> bool:
+        """Whether it is a shipped model that everybody may use for anything, as its card says."""
+        if self._path.parent != weights_folder():
+            return False
+        card = read_card(read_shipped_card(self._path.stem), origin=str(self._path))
+        return not card.is_restricted
 
     @property
     def class_map(self) -> ClassMap:

@@ -231,6 +231,13 @@ def test_a_wide_model_asks_nobody_else() -> None:
     assert seen.asked("shoes") == seen.asked("sink") == seen.model == "universal-wide"
 
 
+def test_a_model_for_any_use_is_not_helped_by_one_for_research() -> None:
+    seen = open_graph(OFFICE, model="behavior")
+    assert seen.asked("sink") == "behavior"
+    with pytest.raises(RecipeError, match="no model can look for 'shoes'|no model knows 'shoes'"):
+        seen.where("shoes")
+
+
 def test_a_graph_is_a_file_or_a_document() -> None:
     document = json.loads(OFFICE.read_text("utf-8"))
     by_file, by_document = (open_graph(graph, model="mixture") for graph in (OFFICE, document))
