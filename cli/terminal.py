@@ -27,6 +27,7 @@ from tqdm import tqdm  # noqa: TID251 -- the command line is where bars belong
 
 from bsg_cli.cluster import connect
 from bsg_cli.dataset_paths import require_datasets
+from bsg_cli.drawing_settings import keep_from_working_folder, kept_from_working_folder
 from bsg_data.errors import BSGError, RecipeError
 from bsg_data.files import encode_json
 from bsg_data.recipes import name_fault
@@ -63,12 +64,13 @@ class Command(click.Command):
 
         Errors of the libraries become messages.
         """
+        _replace_closed_streams()
         for stream in (sys.stdout, sys.stderr):
             if isinstance(stream, TextIOWrapper):  # a terminal may lack a letter of a name
                 stream.reconfigure(errors="replace")
         try:
             kwargs["standalone_mode"] = False
-            with _ended_in_order():
+            with _ended_in_order(), kept_from_working_folder():
                 code = super().main(*args, **kwargs)
         except click.ClickException as error:
             error.message = make_plain(error.message)  # type: ignore[misc]
@@ -99,6 +101,20 @@ class Command(click.Command):
             print_note(f"Error: {where}{error.strerror or error}{_hint_at(error)}")
             sys.exit(FAILED)
         sys.exit(code if isinstance(code, int) else 0)
+
+
+def _replace_closed_streams() -> None:
+    """Open streams that the caller closed, as by `2>&-`, and drop what is written to them.
+
+    Otherwise the next file that is opened would get the number of the stream, and libraries write
+    their messages to that number.
+    """
+    if sys.stdin is None:  # it stays None, so that a reader of it can say that it is closed
+        os.open(os.devnull, os.O_RDONLY)
+    if sys.stdout is None:
+        sys.stdout = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 -- for good
+    if sys.stderr is None:
+        sys.stderr = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 -- for good
 
 
 def _hint_at(error: OSError) -> str:
@@ -214,7 +230,7 @@ def worker_pool(
     with (
         _importing_nothing_from_here(),
         ProcessPoolExecutor(
-            workers.processes, mp_context=get_context("spawn"), initializer=end_with_parent
+            workers.processes, mp_context=get_context("spawn"), initializer=_begin_worker
         ) as pool,
     ):
         # Only this process handles Ctrl-C. Processes that start while it is ignored here ignore it
@@ -240,6 +256,12 @@ def _importing_nothing_from_here() -> Iterator[None]:
     finally:
         if before is None:
             del os.environ["PYTHONSAFEPATH"]
+
+
+def _begin_worker() -> None:
+    """Prepare a worker process for its tasks."""
+    end_with_parent()
+    keep_from_working_folder()
 
 
 def end_with_parent() -> None:

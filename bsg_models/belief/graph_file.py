@@ -53,7 +53,7 @@ def open_graph_file(
     if path == STANDARD_INPUT:
         with tempfile.TemporaryDirectory() as folder:
             copy = Path(folder, "standard input")
-            copy.write_bytes(sys.stdin.buffer.read(SPARK_DSG.bytes + 1))
+            copy.write_bytes(_read_standard_input())
             return open_graph_file(copy, labels=labels, class_map=class_map)
     text = read_text(path)
     try:
@@ -77,6 +77,21 @@ def open_graph_file(
     except ValueError as error:
         raise RobotGraphError(f"{path}: no JSON ({error})") from error
     return GraphFile(parse_robot_graph(said, path=path, class_map=class_map))
+
+
+def _read_standard_input() -> bytes:
+    """Return the bytes of standard input, up to one more than a graph may have.
+
+    Raises:
+        BSGError: if it is closed.
+    """
+    stream = getattr(sys.stdin, "buffer", None)  # None also for text that a notebook puts there
+    if stream is None or stream.closed:
+        raise BSGError(
+            "standard input: expected a robot's graph, found it closed; send the graph to it, or "
+            "name a file instead of -"
+        )
+    return bytes(stream.read(SPARK_DSG.bytes + 1))
 
 
 def read_graph(

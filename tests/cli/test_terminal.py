@@ -150,6 +150,34 @@ def test_a_terminal_gets_a_bar(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "val 2" in screen.getvalue()
 
 
+CLOSED = """
+import os, sys, click
+from bsg_cli.terminal import Command, print_note, print_text, progress_bar
+
+@click.command(cls=Command)
+def main():
+    with progress_bar("check", unit="part") as report:
+        report(1, 1)
+    print_note("a note")
+    print_text("a result")
+    with open(sys.argv[1], "wb") as file:
+        assert file.fileno() > 2
+    open(sys.argv[1] + " done", "w").close()
+
+main(args=[])
+"""
+
+
+@pytest.mark.parametrize("closed", ["2>&-", ">&-", "<&-", "<&- >&- 2>&-"])
+def test_a_closed_stream_harms_no_command(tmp_path: Path, closed: str) -> None:
+    (tmp_path / "script.py").write_text(CLOSED, "utf-8")
+    words = [sys.executable, str(tmp_path / "script.py"), str(tmp_path / "file")]
+    ended = subprocess.run(["sh", "-c", f'"$@" {closed}', "sh", *words], capture_output=True)
+    assert ended.returncode == 0, ended
+    assert (tmp_path / "file done").exists()
+    assert (b"a result" in ended.stdout) == (" >&-" not in f" {closed}")
+
+
 ENDED_BY = """
 import os, signal, sys, click
 from bsg_cli.terminal import Command

@@ -50,3 +50,12 @@ def test_a_graph_of_hydra_is_known_by_its_content(
     piped = open_graph_file(Path("-"))
     assert piped.graph.rooms == file.graph.rooms
     assert piped.hydra is not None, "its text is kept, to be annotated"
+
+
+@pytest.mark.parametrize("stream", [None, io.StringIO("{}")])
+def test_a_closed_standard_input_is_refused(
+    monkeypatch: pytest.MonkeyPatch, stream: io.StringIO | None
+) -> None:
+    monkeypatch.setattr("sys.stdin", stream)
+    with pytest.raises(BSGError, match="standard input: expected a robot's graph, found it closed"):
+        open_graph_file(Path("-"))
