@@ -23,7 +23,7 @@ from bsg_data.files import encode_json, write_bytes
 from bsg_data.observation.partial_graph import list_withheld, mask_dataset
 from bsg_data.recipes import MaskRecipe, Record
 from bsg_data.result_folder import Place
-from bsg_data.seals import replace_sealed
+from bsg_data.seals import refuse_sealed_file, replace_sealed
 from bsg_models.belief.belief_graph import believe
 from bsg_models.evaluation.prediction_files import PredictionWriter
 from bsg_models.evaluation.verdict import BESIDE_DOUBLED, judge_all
@@ -176,7 +176,10 @@ def _begin_entries(
     def begin(name: str, fold: int | None) -> PredictionWriter:
         data = Dataset.open(request.dataset)
         writer = open_entry(staged, name, data, split=request.split, fold=fold)
-        path = (request.write_predictions or staged) / writer.path.relative_to(staged)
+        into = request.write_predictions or staged
+        path = into / writer.path.relative_to(staged)
+        if into.resolve() != request.folder.resolve():  # else they are part of the results
+            refuse_sealed_file(path)
         if path.exists() and not request.force:
             raise DatasetError(f"{path}: is there already; --force replaces it")
         return open_files.enter_context(writer)

@@ -33,6 +33,7 @@ from bsg_data.inputs.documents import read_json
 from bsg_data.lock import hold
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
+from bsg_data.result_folder import refuse_datasets
 from bsg_models.errors import TrainingError
 from bsg_models.evaluation.bootstrap import Bootstrap
 from bsg_models.evaluation.measurement import (
@@ -111,10 +112,12 @@ def make_leaderboard(
         progress: called with (what, done, in all).
 
     Raises:
-        DatasetError: if the dataset is unfinished, or `out` holds a leaderboard of another dataset.
+        DatasetError: if the dataset is unfinished, or `out` is in a dataset or holds a leaderboard
+            of another one.
         TrainingError: if a training fails.
     """
     report = progress or (lambda what, done, total: None)
+    refuse_datasets(out)
     _refuse_one_inside_the_other(dataset, out)
     try:
         out.mkdir(parents=True, exist_ok=True)

@@ -12,7 +12,14 @@ import pytest
 from bsg_data.errors import DatasetError
 from bsg_data.lock import hold
 from bsg_data.result_folder import Place
-from bsg_data.seals import SEAL, read_seal, replace_sealed, require_seal, write_seal
+from bsg_data.seals import (
+    SEAL,
+    read_seal,
+    refuse_sealed_file,
+    replace_sealed,
+    require_seal,
+    write_seal,
+)
 
 
 def write(folder: Path, **files: str) -> None:
@@ -151,6 +158,23 @@ def test_a_file_beside_results_is_none_of_them(tmp_path: Path, name: str) -> Non
         write_more()
     assert (tmp_path / SEAL).read_bytes() == before
     assert require_seal(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["results/sub/b", "results/link/b", "link/b", "results/sub/a"])
+def test_a_file_in_a_folder_of_results_is_one_of_them(tmp_path: Path, name: str) -> None:
+    """The seal of a folder above lists it, by whatever way it is named."""
+    (tmp_path / "results" / "sub").mkdir(parents=True)
+    (tmp_path / "results" / "sub" / "b").write_text("1")
+    write_seal(tmp_path / "results", ["sub/b"])
+    for link in (tmp_path / "link", tmp_path / "results" / "link"):
+        link.symlink_to(tmp_path / "results" / "sub")
+    if name.endswith("/a"):
+        refuse_sealed_file(tmp_path / name)
+        return
+    with pytest.raises(
+        DatasetError, match=r"is one of the results that SHA256SUMS lists in .*/res"
+    ):
+        refuse_sealed_file(tmp_path / name)
 
 
 def test_one_at_a_time(tmp_path: Path) -> None:
