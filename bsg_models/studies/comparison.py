@@ -12,6 +12,7 @@ import pandas as pd
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError
+from bsg_data.inputs.bounded_file import hash_file
 from bsg_models.errors import CheckpointError
 from bsg_models.evaluation.bootstrap import LEAST_BUILDINGS, Bootstrap, Estimate
 from bsg_models.evaluation.measurement import EVALUATOR_VERSION, SplitWeights
@@ -55,7 +56,8 @@ class Comparison:
         survey: of the buildings that they were measured on.
         classes: one row per model, node set and class.
         class_names: `[C]`.
-        facts: what was measured on: dataset, class map, buildings, draws, empty nodes.
+        facts: what was measured on: dataset, class map, buildings, draws, empty nodes; and which
+            runs, with the sha256 of their checkpoints in the same order.
         notes: warnings that a reader of the values needs.
     """
 
@@ -137,6 +139,7 @@ def compare_runs(
     data = Dataset.open(dataset)
     found = [find_model(run) for run in runs]
     checkpoints = [load_checkpoint(one.path) for one in found]
+    sums = [hash_file(one.path) for one in found]
     columns = name_runs([(one, c.header) for one, c in zip(found, checkpoints, strict=True)])
     loaded = [Loaded(*one) for one in zip(columns, found, checkpoints, strict=True)]
     for run in loaded:
@@ -179,6 +182,7 @@ def compare_runs(
         | {
             "masks_sha256": hash_measured(data, part, folds),
             "runs": _describe(loaded),
+            "checkpoints_sha256": sums,
             "predictions": {name: entry.facts for name, entry in names.items() if entry},
         },
         notes=tuple(_notes(loaded, data, survey, split)),

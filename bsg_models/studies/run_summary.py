@@ -13,6 +13,7 @@ from bsg_models.rendering.figures import plot_learning_curve
 from bsg_models.runs.checkpoint import read_header
 from bsg_models.runs.run_folder import BEST, CONFIG, CURVE, MEMBERS, METRICS, reseal
 from bsg_models.runs.run_log import Begun, Ended, read_log
+from bsg_models.studies.sealed_results import list_of_other_weights
 from bsg_models.training.learning_curve import EpochReport, read_metrics
 from bsg_models.zoo.config import RunConfig, read_config, validate_config
 from bsg_models.zoo.construction import can_resume
@@ -31,6 +32,7 @@ class RunSummary:
         best: epoch with the lowest validation loss; None without epochs.
         seconds: that the epochs took.
         log: every training of the run, the oldest first; empty if no log was kept.
+        outdated: folders in the run with an evaluation or a search of other weights.
     """
 
     run: Path
@@ -40,6 +42,7 @@ class RunSummary:
     best: EpochReport | None
     seconds: float
     log: tuple[Begun | Ended, ...]
+    outdated: tuple[Path, ...] = ()
 
     @property
     def model(self) -> str:
@@ -94,9 +97,14 @@ class RunSummary:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the last training left out; empty if it was killed or is running."""
+        """What the last training left out, unless it was killed or is running; what is outdated."""
         ended = self.trainings[-1][1] if self.trainings else None
-        return ended.notes if ended else ()
+        outdated = (
+            f"note: {folder} measures other weights than {self.checkpoint}; measure the run again "
+            "with --force"
+            for folder in self.outdated
+        )
+        return (*(ended.notes if ended else ()), *outdated)
 
     def encode(self) -> dict[str, Any]:
         """Return the summary, ready for JSON."""
@@ -126,7 +134,8 @@ def summarise_run(run: Path) -> RunSummary:
     last = reports[-1] if reports else None
     best = next((r for r in reports if last and r.epoch == last.best_epoch), None)
     seconds = round(sum(report.seconds for report in reports), 3)
-    return RunSummary(run, config, len(reports), last, best, seconds, read_log(run))
+    outdated = list_of_other_weights(run)
+    return RunSummary(run, config, len(reports), last, best, seconds, read_log(run), outdated)
 
 
 def plot_run(run: Path) -> None:

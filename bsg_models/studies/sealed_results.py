@@ -1,15 +1,24 @@
-"""Check a folder of results against its seal, and load its checkpoints and tables."""
+"""Check a folder of results against its seal, and load its checkpoints and tables.
+
+An evaluation or a search of a run lies in the run's folder and lists the sha256 of the checkpoints
+that it measured. A later training may replace the run: then its checkpoint is none of these.
+"""
 
 from __future__ import annotations
 
 from collections import deque
 from pathlib import Path
 
-from bsg_data.errors import DatasetError
+from bsg_data.errors import BSGError, DatasetError
+from bsg_data.inputs.bounded_file import hash_file, read_bytes
+from bsg_data.inputs.bounds import RESULTS
+from bsg_data.inputs.documents import parse_json
 from bsg_data.seals import SEAL, require_seal
 from bsg_models.runs.checkpoint_file import require_safetensors
 
 _WEIGHTS, _NODES = ".safetensors", "nodes.parquet"
+_BEST = "best.safetensors"
+_OF_A_RUN = {"evaluation": "evaluation.json", "search": "search.json"}  # folder in a run → report
 
 
 def check_results(path: Path) -> tuple[str, ...]:
@@ -22,7 +31,8 @@ def check_results(path: Path) -> tuple[str, ...]:
         Names of the files that are as they were written.
 
     Raises:
-        DatasetError: naming a file that was changed, or if the folder has no seal.
+        DatasetError: naming a file that was changed, or if the folder has no seal or is the
+            evaluation or the search of a run that has other weights by now.
         CheckpointError: if a checkpoint is damaged.
         BeliefFileError: if belief tables are damaged.
     """
@@ -48,7 +58,39 @@ def check_results(path: Path) -> tuple[str, ...]:
         from bsg_models.belief.tables import read_tables
 
         deque(read_tables(path), maxlen=0)
+    here = path.resolve()
+    if here.name in _OF_A_RUN and measures_other_weights(here):
+        raise DatasetError(
+            f"{path}: measures other weights than those of its run: the sha256 of "
+            f"{path.parent / _BEST} is not in {_OF_A_RUN[here.name]}; measure the run again with "
+            "--force"
+        )
     return tuple(sums)
+
+
+def list_of_other_weights(run: Path) -> tuple[Path, ...]:
+    """Return the folders of an evaluation and a search in a run that measure other weights."""
+    return tuple(run / name for name in _OF_A_RUN if measures_other_weights(run / name))
+
+
+def measures_other_weights(results: Path) -> bool:
+    """Say whether the evaluation or the search of a run is not of the run's present checkpoint.
+
+    Args:
+        results: its folder in the run, as `bsg-evaluate` and `bsg-search` choose it.
+
+    Returns:
+        False also if it does not say which checkpoints it measured, as those of earlier versions.
+    """
+    report, best = results / _OF_A_RUN[results.name], results.parent / _BEST
+    if not (report.is_file() and best.is_file()):
+        return False
+    try:
+        said = parse_json(read_bytes(report, RESULTS, error=DatasetError))
+        measured = said.get("checkpoints_sha256") if isinstance(said, dict) else None
+        return isinstance(measured, list) and hash_file(best) not in measured
+    except (BSGError, OSError, ValueError):  # the seal speaks of damage
+        return False
 
 
 def _load(path: Path) -> None:

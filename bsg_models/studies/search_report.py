@@ -19,6 +19,7 @@ from pydantic import Field
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.files import encode_json, write_bytes
+from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.recipes import Record, Share
 from bsg_data.registry import require_known
 from bsg_data.result_folder import Place
@@ -190,6 +191,7 @@ def _search_into(
     classes = opened.manifest.class_space.classes
     chosen, notes = choose_buildings(opened, runs, split=request.split, scene=request.scene)
     recipe = make_recipe(request, classes)
+    sums = [hash_file(checkpoint_of(run)) for run in runs]
     keep = None if request.trace is None else _choose_trace(recipe, request.trace)
     study = study_search(
         request.dataset, chosen, recipe, keep=keep, executor=executor, progress=progress
@@ -207,6 +209,7 @@ def _search_into(
     facts = {
         "dataset": str(request.dataset),
         "runs": [name_run(run) for run in runs],
+        "checkpoints_sha256": sums,
         "model": model,
         "split": None if request.split == "all" else request.split,
         "resamples": request.resamples,

@@ -11,6 +11,7 @@ from click.testing import CliRunner, Result
 
 from bsg_cli import train
 from bsg_cli.evaluate import main
+from bsg_data.inputs.bounded_file import hash_file
 from bsg_models.evaluation.catalogue import head_value
 from bsg_models.evaluation.verdict import HEADLINES
 from bsg_models.zoo.catalogue import BASELINES
@@ -45,6 +46,7 @@ def test_a_run_beside_the_baselines(dataset: Path, trained: Path) -> None:
     assert report["draws"] == 4
     assert report["runs"]["ceci-gcn"]["config"]["model"]["width"] == 8
     assert report["runs"]["ceci-gcn"]["folder"] == "run"
+    assert report["checkpoints_sha256"] == [hash_file(trained / "best.safetensors")]
     classes = pd.read_csv(trained / "evaluation" / "classes.csv")
     assert len(classes) == 5 * 2 * 45
     assert len(list((trained / "evaluation").glob("ceci-gcn-*.png"))) == 3

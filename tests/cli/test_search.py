@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from bsg_cli.search import main
+from bsg_data.inputs.bounded_file import hash_file
 
 
 def run_command(*arguments: object) -> Result:
@@ -27,6 +28,7 @@ def test_a_study_with_everything(dataset: Path, run: Path) -> None:
     assert "beyond routing" not in result.stdout
     out = run / "search"
     report = json.loads((out / "search.json").read_text("utf-8"))
+    assert report["checkpoints_sha256"] == [hash_file(run / "best.safetensors")]
     assert len(report["standings"]) == 4
     assert report["standings"][0]["savings"]["nearest"]["saved"]["value"] == 0
     assert (out / "savings.png").stat().st_size > 10_000

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
+from click.testing import CliRunner, Result
 
 from bsg_cli.models import main
+from bsg_cli.registry import COMMANDS
 from bsg_data.errors import DatasetError
+from bsg_data.inputs.bounded_file import hash_file
+from bsg_data.seals import write_seal
 from bsg_models.errors import CheckpointError
 from bsg_models.studies.sealed_results import check_results
 
@@ -49,6 +53,56 @@ def test_every_path_is_checked_and_a_dataset_is_named(run: Path, dataset: Path) 
         f"Error: {dataset}: is a dataset; `bsg-data check {dataset}` checks it",
         f"Error: {run / 'nothing'}: no such folder or file",
     ]
+
+
+def test_an_evaluation_of_replaced_weights_is_told(
+    run: Path, dataset: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`bsg-train --force` leaves the evaluation of the old weights in the folder of the new run."""
+    monkeypatch.setattr("bsg_models.studies.evaluation_report.plot_evaluation", lambda *_, **__: {})
+
+    def invoke(line: str) -> Result:
+        name, *words = line.split()
+        done = CliRunner().invoke(COMMANDS[name], words)
+        assert done.exit_code == 0, done.output
+        return done
+
+    evaluate = f"bsg-evaluate {run} --data {dataset} --resamples 0"
+    train = f"bsg-train --data {dataset} --out {run} --force --config"
+    invoke(evaluate)
+    assert "evaluation.json" in check_results(run / "evaluation")
+    assert "other weights" not in invoke(f"bsg-train --show {run}").stderr
+    told = invoke(f"{train} doubled").stderr
+    assert f"{run / 'evaluation'} measures other weights than" in told
+    with pytest.raises(DatasetError, match=r"run/evaluation: measures other weights than"):
+        check_results(run / "evaluation")
+    monkeypatch.chdir(run / "evaluation")
+    with pytest.raises(DatasetError, match="measures other weights than"):
+        check_results(Path())
+    invoke(f"{evaluate} --force")
+    assert check_results(run / "evaluation")
+    assert "other weights" not in invoke(f"bsg-train --show {run}").stderr
+
+
+@pytest.mark.parametrize("name", ["evaluation", "search"])
+def test_results_are_of_other_weights_only_if_they_say_so(name: str, run: Path) -> None:
+    """Those of earlier versions name no checkpoint; those in another folder are of any run."""
+    own = hash_file(run / "best.safetensors")
+    results = run / name
+
+    def check(text: str) -> None:
+        (results / f"{name}.json").write_text(text)
+        write_seal(results, [f"{name}.json"])
+        assert check_results(results) == (f"{name}.json",)
+
+    results.mkdir()
+    for text in ("{}", "[]", "{", '{"checkpoints_sha256": 1}'):
+        check(text)
+    check(json.dumps({"checkpoints_sha256": ["0" * 64, own]}))
+    with pytest.raises(DatasetError, match=f"{name}: measures other weights"):
+        check(json.dumps({"checkpoints_sha256": ["0" * 64]}))
+    results = results.rename(run / "earlier")
+    assert check_results(results)
 
 
 def test_a_file_that_is_no_checkpoint_is_refused_before_torch_is_imported(tmp_path: Path) -> None:
