@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict
+from threading import Timer
 from typing import Any
 
 import bsg_models
@@ -11,6 +14,8 @@ from bsg_cli.terminal import print_json, print_note, print_text
 from bsg_data.tables import format_text
 
 MOST_ROWS = 20
+SECONDS_BEFORE_NOTE = 2.0
+COMPILING = "compiling the planner, once for this installation: this can take a minute"
 
 
 def find_thing(
@@ -21,7 +26,8 @@ def find_thing(
     JSON has room ids; text has labels as well.
     """
     meaning, places = seen.understand(thing), seen.where(thing, here=here)
-    first = seen.next_room(thing, here=here)
+    with _told_after(SECONDS_BEFORE_NOTE, COMPILING):
+        first = seen.next_room(thing, here=here)
     unit = None if here is None else seen.ways().unit
     if as_json:
         print_json(
@@ -51,6 +57,21 @@ def find_thing(
     print_text(f"somewhere in the building: {somewhere}, by the model {seen.asked(thing)}")
     goes = "no room is left to search" if first is None else f"go first to {_name(first, places)}"
     print_text(goes)
+
+
+@contextmanager
+def _told_after(seconds: float, note: str) -> Iterator[None]:
+    """Tell a terminal if the block takes longer than some seconds."""
+    if sys.stderr is None or not sys.stderr.isatty():
+        yield
+        return
+    timer = Timer(seconds, print_note, [note])
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 def _row(place: bsg_models.Place, unit: str | None, words: Mapping[str, str]) -> tuple[Any, ...]:
