@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from numbers import Real
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from bsg_data.errors import RecipeError
+from bsg_data.spelling import show_value
 
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
@@ -20,6 +25,29 @@ def name_fault(error: ValidationError) -> str:
     first = error.errors()[0]
     where = ".".join(str(part) for part in first["loc"]) or "the whole file"
     return f"{where}: {first['msg'].removeprefix('Value error, ')}"
+
+
+def read_number(name: str, value: object, *, most: float, wanted: str = "") -> float:
+    """Return a number from 0 to `most`, of Python or of NumPy, as Python's.
+
+    Args:
+        name: what the number says, for an error.
+        value: what the caller gave.
+        most: the largest number; it may be infinite.
+        wanted: what was expected, for an error; empty says the range.
+
+    Raises:
+        RecipeError: naming it, if it is no such number; True and False are none.
+    """
+    try:
+        is_number = isinstance(value, Real) and not isinstance(value, bool)
+        number = float(value) if is_number else math.nan  # type: ignore[arg-type]
+    except OverflowError:  # an integer beyond all floats
+        number = math.nan
+    if 0 <= number <= most:
+        return number
+    span = "0 or more" if most == math.inf else f"0 to {most:g}"
+    raise RecipeError(f"{name}: expected {wanted or span}, found {show_value(value)}")
 
 
 class SplitRecipe(Record):

@@ -29,3 +29,17 @@ def ask_if_meant(name: str, known: Iterable[str], *, most: int = 1) -> str:
     """
     near = nearest_names(name, known, most=most)
     return f"did you mean {', '.join(near)}?" if near else ""
+
+
+def show_value(value: object) -> str:
+    """Return what a caller gave instead of what was expected, in at most `SHOWN` characters.
+
+    >>> show_value("half"), show_value([1, 2]), show_value(10**400)
+    ("'half'", '[1, 2]', 'an integer of more than 80 digits')
+    """
+    if isinstance(value, int) and abs(value) >= 10**SHOWN:  # Python refuses to print larger ones
+        return f"an integer of more than {SHOWN} digits"
+    try:
+        return repr(value)[:SHOWN]
+    except Exception:  # an integer too large within it, or a class of the caller's
+        return f"a {type(value).__name__}"

@@ -26,6 +26,7 @@ import numpy as np
 
 from bsg_data.arrays import Floats
 from bsg_data.errors import RecipeError
+from bsg_data.recipes import read_number
 
 CERTAIN = 1e-6  # a smaller standard deviation counts as 0: no share is known so exactly
 
@@ -51,17 +52,15 @@ class ShareBelief:
     sd: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check the moments."""
-        if not 0 <= self.mean <= 1:
-            raise RecipeError(f"hidden share: expected 0 to 1, found {self.mean}")
-        most = math.sqrt(self.mean * (1 - self.mean))
-        if not (self.sd == 0 or 0 < self.sd < most):
-            raise RecipeError(
-                f"standard deviation of a hidden share of {self.mean:g}: expected 0, or less than "
-                f"{most:.3g}, found {self.sd:g}"
-            )
-        for name in ("mean", "sd"):  # NumPy's numbers would pass, but JSON cannot encode them
-            object.__setattr__(self, name, float(getattr(self, name)))
+        """Check the moments, and keep them as numbers of Python, which JSON can encode."""
+        mean = read_number("hidden share", self.mean, most=1.0)
+        most = math.sqrt(mean * (1 - mean))
+        name, wanted = f"standard deviation of a hidden share of {mean:g}", f"less than {most:.3g}"
+        sd = read_number(name, self.sd, most=math.inf, wanted=f"0, or {wanted}")
+        if not (sd == 0 or sd < most):
+            raise RecipeError(f"{name}: expected 0, or {wanted}, found {sd:g}")
+        object.__setattr__(self, "mean", mean)
+        object.__setattr__(self, "sd", sd)
 
     def __str__(self) -> str:
         """Return the mean in per cent, with ± the standard deviation.
@@ -179,11 +178,11 @@ def estimate_hidden_share(
         >>> round(share.mean, 2), round(share.sd, 2)
         (0.55, 0.2)
     """
-    for name, value in (("floor_in_view", floor_in_view), ("walls_in_view", walls_in_view)):
-        _check(name, value, most=1.0)
-    _check("seconds_inside", seconds_inside, most=math.inf)
-    _check("floor_area", floor_area, most=math.inf)
-    _check("recall", recall, most=1.0)
+    floor_in_view = _read_if_given("floor_in_view", floor_in_view, most=1.0)
+    walls_in_view = _read_if_given("walls_in_view", walls_in_view, most=1.0)
+    seconds_inside = _read_if_given("seconds_inside", seconds_inside, most=math.inf)
+    floor_area = _read_if_given("floor_area", floor_area, most=math.inf)
+    recall = read_number("recall", recall, most=1.0)
     if seconds_inside and not visited:
         raise RecipeError("seconds_inside: expected none for a room that was not visited")
     if floor_in_view is not None:
@@ -204,7 +203,5 @@ def estimate_hidden_share(
     return ShareBelief(mean, math.sqrt(mean * (1 - mean) / (curve.size + 1)))
 
 
-def _check(name: str, value: float | None, *, most: float) -> None:
-    """Refuse a number that is neither None nor 0 to `most`."""
-    if value is not None and not 0 <= value <= most:
-        raise RecipeError(f"{name}: expected 0 to {most:g}, found {value:g}")
+def _read_if_given(name: str, value: object, *, most: float) -> float | None:
+    return None if value is None else read_number(name, value, most=most)

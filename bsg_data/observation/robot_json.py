@@ -26,11 +26,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from numbers import Real
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
-from pydantic import AfterValidator, Field, PlainValidator, ValidationError
+from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, ValidationError
 
 from bsg_data.dataset.manifest import ClassSpaceEntry
 from bsg_data.errors import RecipeError, SourceError
@@ -50,13 +51,23 @@ from bsg_data.scene.surroundings import (
     check_building_kind,
     check_room_type,
 )
-from bsg_data.spelling import SHOWN
+from bsg_data.spelling import SHOWN, show_value
 
 _MOST_ROOMS = 5  # named in an error
 AnyRecord = TypeVar("AnyRecord", bound=Record)
 Id = Annotated[str, Field(min_length=1, max_length=500)]
 Text = Annotated[str, Field(max_length=500)]
-Metres = Annotated[float, Field(ge=-1e6, le=1e6)]
+
+
+def _refuse_other_than_number(said: object) -> object:
+    """Refuse what pydantic would take for a number: true, false and text."""
+    if isinstance(said, bool) or not isinstance(said, Real):
+        raise ValueError(f"expected a number, found {show_value(said)}")
+    return said
+
+
+Number = BeforeValidator(_refuse_other_than_number)
+Metres = Annotated[float, Number, Field(ge=-1e6, le=1e6)]
 Triple = tuple[Metres, Metres, Metres]
 SquareMetres = Annotated[float, Field(gt=0, le=MAX_FLOOR_AREA, strict=True)]
 BuildingKind = Annotated[Text | None, AfterValidator(check_building_kind)]
@@ -90,7 +101,7 @@ class _Room(SaidShare):
     position: Triple | None = None
     box: tuple[Triple, Triple] | None = None
     footprint: Annotated[tuple[tuple[Metres, Metres], ...], Field(min_length=3)] | None = None
-    floor_index: Annotated[int, Field(ge=-1000, le=1000)] | None = None
+    floor_index: Annotated[int, Number, Field(ge=-1000, le=1000)] | None = None
     floor_area: SquareMetres | None = None
     room_type: RoomTypes = None
 
@@ -106,7 +117,7 @@ class _Object(Record):
 
 class _Graph(Record):
     format: Literal["bsg-partial-graph"] = "bsg-partial-graph"
-    version: Literal[1, 2, 3] = 3
+    version: Annotated[Literal[1, 2, 3], Number] = 3
     scene_id: Id
     hidden_share: Share | None = None
     building_kind: BuildingKind = None
@@ -326,7 +337,7 @@ def check_object(seen: SeenObject) -> SeenObject:
         RecipeError: naming what is wrong with it.
     """
     said = {"id": seen.name, "category": seen.raw_category, "position": seen.position}
-    found = _check(_Object, said, f"object {str(seen.name)[:SHOWN]!r}")
+    found = _check(_Object, said, f"object {show_value(seen.name)}")
     return replace(seen, name=found.id, raw_category=found.category, position=found.position)
 
 
@@ -337,7 +348,7 @@ def check_room(room: KnownRoom) -> KnownRoom:
         RecipeError: naming what is wrong with it.
     """
     said = {"id": room.name, "position": room.position, "floor_area": room.floor_area}
-    found = _check(_Room, said, f"room {str(room.name)[:SHOWN]!r}")
+    found = _check(_Room, said, f"room {show_value(room.name)}")
     area = None if found.floor_area is None else float(found.floor_area)
     return replace(room, name=found.id, position=found.position, floor_area=area)
 

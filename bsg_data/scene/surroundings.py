@@ -18,8 +18,9 @@ import numpy.typing as npt
 
 from bsg_data.arrays import Floats, Ints
 from bsg_data.errors import RecipeError
+from bsg_data.recipes import read_number
 from bsg_data.scene.room_label import ANY_SOURCE, label_of, list_room_labels, normalise_room
-from bsg_data.spelling import SHOWN, ask_if_meant
+from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 
 # Models know each by its index here; add new kinds and sources at the end.
 BUILDING_KINDS = ("home", "office", "school", "shop", "restaurant", "hotel", "hall")
@@ -224,17 +225,23 @@ def check_room_type(said: RoomType | None) -> RoomType | None:
     """
     if said is None or isinstance(said, str):
         return None if said is None else _find_label(said)
+    if not isinstance(said, Mapping):
+        raise RecipeError(
+            f"expected a room label, or labels with their probabilities, found {show_value(said)}"
+        )
     if not said:
         raise RecipeError("expected at least one label, found none; leave it out, or give null")
     if len(said) > _MOST_LABELS:
         raise RecipeError(f"expected at most {_MOST_LABELS} labels, found {len(said)}")
     found: dict[str, float] = {}
     for word, share in said.items():
-        if not 0 <= share <= 1 + _ROUNDING:  # which NaN is not, either
-            raise RecipeError(f"{word[:80]!r}: expected a probability, 0 to 1, found {share}")
+        if not isinstance(word, str):
+            raise RecipeError(f"expected a room label, found {show_value(word)}")
+        most, wanted = 1 + _ROUNDING, "a probability, 0 to 1"
+        share = read_number(show_value(word), share, most=most, wanted=wanted)
         label = _find_label(word)
         if label is not None and share > 0:
-            found[label] = found.get(label, 0.0) + float(share)
+            found[label] = found.get(label, 0.0) + share
     total = math.fsum(said.values())
     if total > 1 + _ROUNDING:
         raise RecipeError(f"expected probabilities that add up to 1 or less, found {total:g}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from bsg_data.errors import RecipeError
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.scene.class_map import normalise_name
-from bsg_data.spelling import SHOWN, ask_if_meant
+from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 
 _LISTED = 8  # rooms listed in an error
 
@@ -18,10 +18,11 @@ def find_room(graph: PartialGraph, name: str) -> int:
     Raises:
         RecipeError: if no room has the name, or several have the label.
     """
+    name = name if isinstance(name, str) else show_value(name)
     ids = [room.name for room in graph.rooms]
     if name in ids:
         return ids.index(name) + 1
-    said = normalise_name(str(name))
+    said = normalise_name(name)
     labelled = [
         number
         for number, room in enumerate(graph.rooms, 1)
@@ -35,7 +36,7 @@ def find_room(graph: PartialGraph, name: str) -> int:
             f"{graph.scene_id}: {len(labelled)} rooms are called {name!r}; give the id of one: "
             f"{those}"
         )
-    raise RecipeError(f"{graph.scene_id}: no room {str(name)[:SHOWN]!r}{_suggest(graph, said)}")
+    raise RecipeError(f"{graph.scene_id}: no room {name[:SHOWN]!r}{_suggest(graph, said)}")
 
 
 def _suggest(graph: PartialGraph, said: str) -> str:

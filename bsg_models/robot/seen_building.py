@@ -8,6 +8,7 @@ All names are the robot's own: ids or labels of its rooms, and any word for a th
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import cached_property, wraps
 from pathlib import Path
@@ -37,6 +38,7 @@ from bsg_data.observation.robot_json import (
 from bsg_data.observation.sightings import discover, enter, see_object
 from bsg_data.scene.class_map import ClassMap, list_class_maps, load_class_map
 from bsg_data.scene.surroundings import RoomType, check_room_type
+from bsg_data.spelling import show_value
 from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, Mode, believe
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.graph_file import GraphFile, open_graph_file
@@ -74,8 +76,18 @@ def open_graph(
     Raises:
         BSGError: if the graph cannot be read.
         CheckpointError: if there is no such model.
-        RecipeError: if a share is not 0 to 1, or names an unknown room.
+        RecipeError: if a share is not 0 to 1 or names an unknown room, or an argument has another
+            type.
     """
+    if not isinstance(graph, (Mapping, str, os.PathLike)):
+        raise RecipeError(
+            "graph: expected the path of a file, or a document as json.loads returns it; found "
+            f"{show_value(graph)}"
+        )
+    if labels is not None and not isinstance(labels, str):
+        raise RecipeError(
+            f"labels: expected the name or path of a label space, found {show_value(labels)}"
+        )
     predictor = Predictor(model)
     class_map = predictor.class_map
     if isinstance(graph, Mapping):
@@ -193,7 +205,7 @@ class SeenBuilding:
             RecipeError: if there is no such room, or the object is not valid.
         """
         if not isinstance(thing, str) or not thing.strip():
-            raise RecipeError(f"saw: expected the name of a thing, found {thing!r}")
+            raise RecipeError(f"saw: expected the name of a thing, found {show_value(thing)}")
         index = 0 if room is None else find_room(self._graph, room)
         name = self._free_id() if object_id is None else object_id
         found = self._class_maps[0].classify(thing)
@@ -283,7 +295,11 @@ class SeenBuilding:
             floor_area=floor_area,
             room_type=check_room_type(room_type),
         )
-        others = [beside] if isinstance(beside, str) else beside
+        if not isinstance(beside, Collection):
+            raise RecipeError(
+                f"beside: expected the id of a room, or several; found {show_value(beside)}"
+            )
+        others = [beside] if isinstance(beside, str) else list(beside)
         new = check_room(new)
         neighbours = [find_room(self._graph, other) for other in others]
         self._change(discover(self._graph, new, beside=neighbours))
@@ -388,7 +404,11 @@ class SeenBuilding:
             RecipeError: if a word means no class, there is no such room, or the planner cannot be
                 used.
         """
-        presence, seen = self._presence([things] if isinstance(things, str) else things)
+        if not isinstance(things, Collection):
+            raise RecipeError(
+                f"things: expected a word, or a list of words; found {show_value(things)}"
+            )
+        presence, seen = self._presence([things] if isinstance(things, str) else list(things))
         explored = np.array([True, *(room.hidden_share == 0 for room in self._graph.rooms)])
         explored &= ~seen.any(axis=1)
         explored[0] = True  # node 0 holds objects of no room, and nobody can go there
@@ -439,7 +459,7 @@ class SeenBuilding:
         Raises:
             RecipeError: if the word means no class; the message names similar words.
         """
-        if thing not in self._meanings:
+        if not isinstance(thing, str) or thing not in self._meanings:
             own = self._class_maps[0].version not in list_class_maps()
             self._meanings[thing] = find_meaning(thing, self._class_maps, prefer_exact=not own)
         return self._meanings[thing]

@@ -9,6 +9,8 @@ from types import MappingProxyType
 from bsg_data.errors import RecipeError
 from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.partial_graph import PartialGraph, hide_of_room
+from bsg_data.recipes import read_number
+from bsg_data.spelling import show_value
 from bsg_models.robot.room_names import find_room
 
 _NONE: Mapping[str, float] = MappingProxyType({})
@@ -30,17 +32,27 @@ def tell_shares(
     Raises:
         RecipeError: if a share is not 0 to 1, or a name means no room or several.
     """
-    for name, share in {"every room": every, **rooms}.items():
-        if share is not None and not 0 <= share <= 1:
-            raise RecipeError(f"{graph.scene_id}: hidden share of {name}: {share}: expected 0 to 1")
-    told = dict.fromkeys(range(1, len(graph.rooms) + 1), every)
-    told |= {find_room(graph, name): share for name, share in rooms.items()}
+    if not isinstance(rooms, Mapping):
+        raise RecipeError(
+            f"{graph.scene_id}: hidden shares: expected a mapping of rooms to shares, found "
+            f"{show_value(rooms)}"
+        )
+    if every is not None:
+        every = _read_share(graph, "every room", every)
+    told: dict[int, float | None] = dict.fromkeys(range(1, len(graph.rooms) + 1), every)
+    for name, said in rooms.items():
+        index = find_room(graph, name)
+        told[index] = None if said is None else _read_share(graph, name, said)
     if not graph.rooms and every is not None:
         return replace(graph, hidden_share=every)
     for index, share in told.items():
         if share is not None:
             graph = _hide(graph, index, share)
     return graph
+
+
+def _read_share(graph: PartialGraph, name: str, share: object) -> float:
+    return read_number(f"{graph.scene_id}: hidden share of {name}", share, most=1.0)
 
 
 def _hide(graph: PartialGraph, index: int, share: float) -> PartialGraph:

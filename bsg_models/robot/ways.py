@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
@@ -14,6 +15,8 @@ from scipy.spatial.distance import cdist
 from bsg_data.arrays import Floats
 from bsg_data.errors import RecipeError
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph
+from bsg_data.recipes import read_number
+from bsg_data.spelling import show_value
 from bsg_models.robot.room_names import find_room
 
 MOST_ROOMS = 2000  # limit of measured rooms: tables hold a number for each pair
@@ -84,11 +87,16 @@ def _find_cheapest(edges: Floats) -> Floats:
 
 
 def _lay_over(edges: Floats, graph: PartialGraph, costs: Costs) -> None:
-    for (one, other), cost in costs.items():
-        if not cost >= 0:
-            raise RecipeError(f"costs: {one!r} to {other!r}: expected 0 or more, found {cost}")
-        a, b = find_room(graph, one), find_room(graph, other)
-        edges[a, b] = edges[b, a] = cost
+    if not isinstance(costs, Mapping):
+        raise RecipeError(
+            f"costs: expected a mapping of (room, room) to a cost, found {show_value(costs)}"
+        )
+    for ends, cost in costs.items():
+        if not isinstance(ends, tuple) or len(ends) != 2:
+            raise RecipeError(f"costs: expected (room, room), found {show_value(ends)}")
+        a, b = (find_room(graph, end) for end in ends)
+        what = f"costs: {ends[0]!r} to {ends[1]!r}"
+        edges[a, b] = edges[b, a] = read_number(what, cost, most=math.inf)
 
 
 def _straight_lines(graph: PartialGraph) -> Floats:

@@ -8,7 +8,7 @@ from difflib import SequenceMatcher
 
 from bsg_data.errors import RecipeError
 from bsg_data.scene.class_map import ClassMap, normalise_name
-from bsg_data.spelling import nearest_names
+from bsg_data.spelling import nearest_names, show_value
 
 MOST_CHARACTERS = 100
 SHORT = 5  # letters: nearly every shorter word resembles another one
@@ -58,7 +58,7 @@ def find_meaning(
     if not isinstance(word, str) or not word.strip() or len(word) > MOST_CHARACTERS:
         raise RecipeError(
             f"expected the name of a thing, of 1 to {MOST_CHARACTERS} characters, found "
-            f"{str(word)[:MOST_CHARACTERS]!r}"
+            f"{show_value(word)}"
         )
     found = [one for model in range(len(class_maps)) if (one := _look_up(word, class_maps, model))]
     if found:

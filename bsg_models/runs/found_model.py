@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from bsg_data.spelling import SHOWN
+from bsg_data.errors import RecipeError
+from bsg_data.spelling import SHOWN, show_value
 from bsg_models.errors import CheckpointError
 from bsg_models.runs.checkpoint import CheckpointHeader
 from bsg_models.runs.hub_files import HUB_ID, HUB_WEIGHTS, find_downloaded
@@ -52,7 +53,13 @@ def find_model(model: Path | str) -> FoundModel:
     Raises:
         CheckpointError: if there is no such model; the message lists what was tried and the names
             that exist.
+        RecipeError: if it is neither text nor a path.
     """
+    if not isinstance(model, (str, Path)):
+        raise RecipeError(
+            f"model: expected a path or the name of a model, found {show_value(model)}; "
+            f"{describe_shipped()}"
+        )
     try:
         return _find(model)
     except (OSError, ValueError) as error:  # no file system takes such a name

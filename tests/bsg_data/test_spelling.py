@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bsg_data.scene.class_map import load_class_map
-from bsg_data.spelling import SHOWN, ask_if_meant, nearest_names
+from bsg_data.spelling import SHOWN, ask_if_meant, nearest_names, show_value
 
 WORDS = st.text(alphabet="abc ", min_size=1, max_size=8)
 
@@ -34,3 +34,14 @@ def test_a_name_of_any_length_is_answered_at_once() -> None:
     nearest_names("chair", ["chairs" * 1_000_000, "chairs"])
     assert time.perf_counter() - began < 2
     assert nearest_names("b" * SHOWN + "tail", ["b" * SHOWN]) == ("b" * SHOWN,)
+
+
+def test_any_value_is_shown_in_a_few_characters() -> None:
+    class Silent:
+        def __repr__(self) -> str:
+            raise RuntimeError
+
+    assert show_value("x" * 1000) == "'" + "x" * (SHOWN - 1)
+    assert show_value(-(10**5000)) == "an integer of more than 80 digits"
+    assert show_value([10**5000]) == "a list"
+    assert show_value(Silent()) == "a Silent"

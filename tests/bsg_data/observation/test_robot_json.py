@@ -150,6 +150,17 @@ def room(**values: Any) -> str:
         (changed(adjacency=[["hall", "hall"]]), "'hall' with itself"),
         (changed(adjacency=[["hall", "attic"]]), "'hall' and 'attic': .*no room 'attic'"),
         (changed(version=4), "version"),
+        (changed(version=True), "version: expected a number, found True"),
+        (
+            room(position=[True, False, True]),
+            "'kitchen': position.0: expected a number, found True",
+        ),
+        (room(position=["1", 2, 3]), "'kitchen': position.0: expected a number, found '1'"),
+        (
+            room(footprint=[[0, 0], [1, 0], [1, True]]),
+            "'kitchen': footprint.2.1: expected a number",
+        ),
+        (room(floor_index=True), "'kitchen': floor_index: expected a number, found True"),
         (room(hidden_share=0.5, hidden_share_sd=0.5), "'kitchen': .*less than 0.5, found 0.5"),
         (room(hidden_share=0, hidden_share_sd=0.1), "'kitchen': .*of a hidden share of 0"),
         (room(hidden_share=1, hidden_share_sd=0.1), "'kitchen': .*of a hidden share of 1"),
@@ -257,6 +268,13 @@ def test_a_look_stands_in_the_place_of_a_share() -> None:
     ]
     written = json.loads(json.dumps(encode_robot_graph(graph)))
     assert parse_robot_graph(written, path=Path("x")) == graph
+
+
+def test_whole_numbers_are_metres() -> None:
+    said = {**SAID, "rooms": [{"id": "kitchen", "position": [1, 2.5, -3], "floor_index": 2}]}
+    (kitchen,) = parse_robot_graph({**said, "objects": [], "adjacency": []}, path=Path("x")).rooms
+    assert kitchen.position == (1.0, 2.5, -3.0)
+    assert kitchen.floor_index == 2
 
 
 def test_version_2_is_read() -> None:

@@ -108,6 +108,21 @@ def test_a_room_hides_what_the_look_at_it_leaves(seen: SeenBuilding) -> None:
         lambda seen: seen.discovered(""),
         lambda seen: seen.discovered("attic", floor_area=-5.0),
         lambda seen: seen.discovered("attic", beside="cellar"),
+        lambda seen: seen.discovered("attic", beside=5),
+        lambda seen: seen.discovered("attic", room_type=5),
+        lambda seen: seen.discovered("attic", room_type={"kitchen": "x"}),
+        lambda seen: seen.discovered("attic", room_type={5: 0.5}),
+        lambda seen: seen.entered("kitchen", hidden_share="x"),
+        lambda seen: seen.entered("kitchen", floor_in_view="x"),
+        lambda seen: seen.entered("kitchen", floor_in_view=10**400),
+        lambda seen: seen.entered("kitchen", seconds_inside="x"),
+        lambda seen: seen.entered("kitchen", seconds_inside=10**400),
+        lambda seen: seen.entered([]),
+        lambda seen: seen.entered(np.zeros(2)),
+        lambda seen: seen.where([]),
+        lambda seen: seen.where({}),
+        lambda seen: seen.where(10**5000),
+        lambda seen: seen.next_room(5),
     ],
 )
 def test_what_cannot_be_is_refused_and_changes_nothing(
@@ -234,7 +249,7 @@ def test_a_wide_model_asks_nobody_else() -> None:
 def test_a_model_for_any_use_is_not_helped_by_one_for_research() -> None:
     seen = open_graph(OFFICE, model="behavior")
     assert seen.asked("sink") == "behavior"
-    with pytest.raises(RecipeError, match="no model can look for 'shoes'|no model knows 'shoes'"):
+    with pytest.raises(RecipeError, match=r"no model can look for 'shoes'|no model knows 'shoes'"):
         seen.where("shoes")
 
 
@@ -244,6 +259,17 @@ def test_a_graph_is_a_file_or_a_document() -> None:
     assert by_file.graph == by_document.graph == read_robot_graph(OFFICE)
     with pytest.raises(Exception, match="graph: rooms"):
         open_graph({"scene_id": "x"}, model="mixture")
+
+
+@pytest.mark.parametrize("said", [None, 5, [], b"x"])
+def test_what_is_no_graph_no_model_and_no_label_space_is_refused(said: Any) -> None:
+    with pytest.raises(RecipeError, match="graph: expected the path of a file, or a document"):
+        open_graph(said)
+    with pytest.raises(RecipeError, match="model: expected a path or the name of a model, found"):
+        open_graph(OFFICE, model=said)
+    if said is not None:
+        with pytest.raises(RecipeError, match="labels: expected the name or path of a label space"):
+            open_graph(OFFICE, labels=said)
 
 
 def test_a_graph_of_other_classes_is_refused() -> None:

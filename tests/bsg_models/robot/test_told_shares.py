@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from conftest import REPOSITORY
@@ -42,8 +43,14 @@ def test_a_building_without_rooms_is_told(office: PartialGraph) -> None:
 
 
 def test_what_is_no_share_or_no_room_is_named(office: PartialGraph) -> None:
-    for share in (-0.1, 1.5, math.nan):
-        with pytest.raises(RecipeError, match=r"hidden share of kitchen: .*: expected 0 to 1"):
+    wrong: tuple[Any, ...] = (-0.1, 1.5, math.nan, "x", True, 10**400)
+    for share in wrong:
+        with pytest.raises(RecipeError, match="hidden share of kitchen: expected 0 to 1, found"):
             tell_shares(office, rooms={"kitchen": share})
+        with pytest.raises(RecipeError, match="hidden share of every room: expected 0 to 1, found"):
+            tell_shares(office, every=share)
+    listed: Any = [("kitchen", 0.5)]
+    with pytest.raises(RecipeError, match=r"mapping of rooms to shares, found \[\('kitchen'"):
+        tell_shares(office, rooms=listed)
     with pytest.raises(RecipeError, match="no room 'attic'"):
         tell_shares(office, rooms={"attic": 0.5})

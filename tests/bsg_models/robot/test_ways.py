@@ -76,6 +76,9 @@ def test_costs_that_are_given_take_the_place_of_measured_ones() -> None:
     assert np.isinf(measure_ways(graph, {("a", "b"): np.inf}).costs[1, 3])
     with pytest.raises(RecipeError, match="'a' to 'b': expected 0 or more, found -1"):
         measure_ways(graph, {("a", "b"): -1})
+    for wrong in ([("a", "b", 1)], {"ab": 1}, {("a", "b"): "x"}):
+        with pytest.raises(RecipeError, match=r"costs: .*expected"):
+            measure_ways(graph, wrong)  # type: ignore[arg-type]
     with pytest.raises(RecipeError, match="no room 'cellar'"):
         measure_ways(graph, {("a", "cellar"): 1})
 
