@@ -23,6 +23,7 @@ from bsg_data.dataset.growth import (
     make_parent,
     open_partial,
     recall,
+    refuse_long_name,
     refuse_overwriting,
     remove_growing,
 )
@@ -154,6 +155,7 @@ def build_dataset(
         DatasetError: if `out` is taken or cannot be written.
     """
     out = out.resolve()  # a linked --out stays a link; its target is replaced
+    refuse_long_name(out)
     if is_settled(out):
         refuse_overwriting(out, force=force)
     planned = plan_build(

@@ -20,7 +20,13 @@ from pydantic import ValidationError
 
 from bsg_data.build import SCENES_PER_SHARD, BuildPlan, finish_build, plan_build
 from bsg_data.build_shards import is_reported, read_report
-from bsg_data.dataset.growth import join_partial, make_parent, recall, refuse_overwriting
+from bsg_data.dataset.growth import (
+    join_partial,
+    make_parent,
+    recall,
+    refuse_long_name,
+    refuse_overwriting,
+)
 from bsg_data.dataset.manifest import MANIFEST, Manifest
 from bsg_data.dataset.publication import PLAN, REPORTS
 from bsg_data.dataset.replacement import is_settled, name_growing
@@ -102,6 +108,7 @@ def build_part(
         DatasetError: if parts of another build are there, or a file cannot be written.
     """
     out = out.resolve()
+    refuse_long_name(out)
     refuse_overwriting(out, force=force)
     planned = plan_build(
         source, class_map=class_map, strict=strict, scenes_per_shard=scenes_per_shard

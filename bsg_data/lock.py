@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -40,6 +41,8 @@ def hold(folder: Path, *, wait: float = 0.0) -> Iterator[None]:
             f"{folder}: another command is writing there; wait until it is done"
         ) from error
     except OSError as error:
+        if error.errno == errno.ENAMETOOLONG:
+            raise DatasetError(f"{folder}: the name is too long; choose a shorter one") from error
         raise DatasetError(
             f"{folder}: cannot be locked by {path} ({error.strerror or error}); to write into a "
             "folder you need permission to write beside it"

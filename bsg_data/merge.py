@@ -21,6 +21,7 @@ from bsg_data.dataset.growth import (
     make_parent,
     open_partial,
     recall,
+    refuse_long_name,
     refuse_overwriting,
     remove_growing,
 )
@@ -105,6 +106,8 @@ def merge_datasets(
         DatasetError: if two datasets hold the same building, one is unreadable, or `out` is taken
             or cannot be written.
     """
+    out = out.resolve()
+    refuse_long_name(out)
     if len(datasets) < 2:
         raise RecipeError(f"expected two or more datasets to merge, found {len(datasets)}")
     parts = sorted(map(MergedPart.open, datasets), key=lambda part: part.sha256)
@@ -115,7 +118,6 @@ def merge_datasets(
     count_shards(scenes, scenes_per_shard=scenes_per_shard)
     _refuse_shared_buildings(parts)
     merged = _combine([part.manifest for part in parts], scenes_per_shard=scenes_per_shard)
-    out = out.resolve()
     if is_settled(out):
         refuse_overwriting(out, force=force)
     make_parent(out)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import glob
+import os
 import shutil
 from collections.abc import Callable
 from contextlib import suppress
@@ -19,7 +20,22 @@ from bsg_data.inputs.bounds import MANIFEST_FILE
 from bsg_data.lock import hold
 from bsg_data.recipes import Record
 
+MOST_BYTES = 255  # of a name, in usual file systems
+_ADDED = len("..partial.shard-00000.abcdefgh")  # to the name of a dataset while it grows
 SECONDS_TO_JOIN = 60.0  # a part waits so long while another one makes the folder
+
+
+def refuse_long_name(out: Path) -> None:
+    """Refuse a path for a dataset if the files beside the growing dataset would have no name.
+
+    Raises:
+        DatasetError: with the number of bytes that the name may have.
+    """
+    size, most = len(os.fsencode(out.name)), MOST_BYTES - _ADDED
+    if size > most:
+        raise DatasetError(
+            f"{out}: expected a name of at most {most} bytes, found {size}; choose a shorter one"
+        )
 
 
 def make_parent(out: Path) -> None:

@@ -204,7 +204,7 @@ def _deal(strata: Sequence[list[str]], recipe: SplitRecipe) -> dict[str, str]:
 def _cut(strata: Sequence[list[str]], recipe: SplitRecipe) -> dict[str, str]:
     """Cut the shuffled scenes of each stratum by the ratios, apportioned by largest remainder."""
     ratios = np.array(recipe.ratios or ())
-    if not np.isfinite(ratios).all() or (ratios < 0).any() or abs(ratios.sum() - 1) > 1e-9:
+    if not ((ratios >= 0) & (ratios <= 1)).all() or abs(ratios.sum() - 1) > 1e-9:
         raise RecipeError(
             f"ratios: expected three numbers of 0 or more that add up to 1; found {recipe.ratios}"
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from bsg_data.errors import AnnotationError, SourceChangedError, SourceError, find_io_error
@@ -81,6 +81,26 @@ def _why_not(path: Path) -> str | None:
     if not str(path).isprintable() and any("\ud800" <= c <= "\udfff" for c in str(path)):
         return "its path is not UTF-8"
     return None
+
+
+def refuse_unreadable(root: Path, unreadable: Sequence[SkippedScene]) -> None:
+    """Refuse a folder in which nothing that was found can be read; there may be nothing.
+
+    Args:
+        root: the folder.
+        unreadable: what cannot be read, as `walk_files` collects it.
+
+    Raises:
+        SourceError: naming the first, and why it cannot be read.
+    """
+    if unreadable:
+        first = unreadable[0]
+        more = f" and {len(unreadable) - 1:,} more" if len(unreadable) > 1 else ""
+        shown = os.fsencode(root).decode("utf-8", "backslashreplace")
+        raise SourceError(
+            f"{shown}: nothing there can be read; left out are {first.location} ({first.reason})"
+            f"{more}; rename them or the folders above, or make them readable"
+        )
 
 
 def fingerprint(path: Path, bound: Bound) -> str:

@@ -17,7 +17,12 @@ from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import ANNOTATION, SYNTHETIC
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_id import split_scene_id
-from bsg_data.sources.annotation_files import fingerprint, require_fingerprint, walk_files
+from bsg_data.sources.annotation_files import (
+    fingerprint,
+    refuse_unreadable,
+    require_fingerprint,
+    walk_files,
+)
 from bsg_data.sources.annotations import read_annotation
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.hm3d_names import keep_one_copy, split_by_number, split_of_folder, version_of
@@ -85,6 +90,7 @@ class HM3DFolder:
         unreadable: list[SkippedScene] = []
         refs = [self._refer(path) for path in walk_files(self.path, _SUFFIXES, unreadable)]
         if not refs:
+            refuse_unreadable(self.path, unreadable)
             raise SourceError(
                 f"{self.path}: no scene found; looked in every folder below it for "
                 "<hash>.semantic.txt or <hash>_semantic.txt, as in "

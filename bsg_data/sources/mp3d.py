@@ -19,7 +19,13 @@ from bsg_data.inputs.bounds import HOUSE
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import label_of
 from bsg_data.scene.scene_graph import Box, Edge, Point, Room, SceneGraph, SceneObject
-from bsg_data.sources.annotation_files import decode, fingerprint, list_files, read_listed
+from bsg_data.sources.annotation_files import (
+    decode,
+    fingerprint,
+    list_files,
+    read_listed,
+    refuse_unreadable,
+)
 from bsg_data.sources.hm3d_names import keep_one_copy
 from bsg_data.sources.house_file import NOWHERE, House, HouseObject, HouseRegion, parse_house
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SkippedScene, SourceRow, Terms
@@ -83,6 +89,7 @@ class MatterportHouses:
         unreadable: list[SkippedScene] = []
         files = list_files(self.path, _SUFFIXES, unreadable)
         if not files:
+            refuse_unreadable(self.path, unreadable)
             raise SourceError(
                 f"{self.path}: no house found; expected files named <house>.house or "
                 "<house>.house.gz, which Matterport3D has in its house_segmentations"

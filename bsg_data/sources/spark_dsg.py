@@ -15,7 +15,13 @@ from bsg_data.inputs.bounds import SPARK_DSG
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import label_of
 from bsg_data.scene.scene_graph import Box, Edge, Point, Room, SceneGraph, SceneObject
-from bsg_data.sources.annotation_files import decode, fingerprint, list_files, read_listed
+from bsg_data.sources.annotation_files import (
+    decode,
+    fingerprint,
+    list_files,
+    read_listed,
+    refuse_unreadable,
+)
 from bsg_data.sources.dsg_file import DSGFile, DSGNode, parse_dsg
 from bsg_data.sources.hm3d_names import keep_one_copy
 from bsg_data.sources.label_space import LabelSpace, load_label_space
@@ -55,6 +61,7 @@ class RobotGraphs:
         unreadable: list[SkippedScene] = []
         files = list_files(self.path, _SUFFIXES, unreadable)
         if not files:
+            refuse_unreadable(self.path, unreadable)
             raise SourceError(
                 f"{self.path}: no graph found; expected Spark-DSG files named *.json or "
                 "*.json.gz, such as the dsg.json that Hydra leaves in its backend folder"

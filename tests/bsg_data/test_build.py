@@ -13,6 +13,7 @@ import pytest
 from conftest import KITCHEN, REPOSITORY, annotation_text, write_scene
 
 from bsg_data.build import build_dataset
+from bsg_data.build_parts import Part, build_part
 from bsg_data.checks.dataset import check_dataset
 from bsg_data.dataset.coverage import measure_coverage
 from bsg_data.dataset.manifest import count_shards, encode_manifest, read_manifest
@@ -267,6 +268,23 @@ def test_an_empty_result_is_a_failure(tmp_path: Path) -> None:
     ):
         build_dataset(HM3DFolder(tmp_path / "root"), tmp_path / "out")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["root"]
+
+
+def test_a_name_is_refused_that_leaves_none_for_the_files_beside_it(
+    hm3d_folder: Path, tmp_path: Path
+) -> None:
+    source, words = HM3DFolder(hm3d_folder), "expected a name of at most 225 bytes, found 226"
+    for name in ("n" * 226, "\N{BED}" * 56 + "nn"):
+        with pytest.raises(DatasetError, match=words):
+            build_dataset(source, tmp_path / name)
+        with pytest.raises(DatasetError, match=words):
+            build_part(source, tmp_path / name, Part(1, 2))
+        with pytest.raises(DatasetError, match=words):
+            merge_datasets([tmp_path / "a", tmp_path / "b"], tmp_path / name)
+    assert sorted(tmp_path.iterdir()) == [hm3d_folder]
+    build_dataset(source, tmp_path / ("n" * 225))
+    build_dataset(source, tmp_path / ("n" * 225), force=True)
+    assert len(list(tmp_path.iterdir())) == 2
 
 
 def test_an_unknown_class_map_is_named_before_anything_is_written(

@@ -57,6 +57,8 @@ def test_what_is_in_the_way_is_named_and_stays(tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match="cannot be locked"):
         hold(tmp_path / "third").__enter__()
     assert not (tmp_path / "victim").exists()
+    with pytest.raises(DatasetError, match="nnn: the name is too long; choose a shorter one"):
+        hold(tmp_path / ("n" * 250)).__enter__()
 
 
 def test_the_root_of_a_disk_is_no_place() -> None:

@@ -117,6 +117,7 @@ def test_official_holds_the_sources_val_out() -> None:
         (20, SplitRecipe(ratios=(0.5, 0.1, 0.1)), "add up to 1"),
         (20, SplitRecipe(ratios=(1.5, -0.5, 0.0)), "0 or more"),
         (20, SplitRecipe(ratios=(float("nan"), 0.5, 0.5)), "add up to 1"),
+        (20, SplitRecipe(ratios=(1e308, 1e308, 1.0)), "add up to 1"),  # without a warning of NumPy
         (20, SplitRecipe(ratios=None), "add up to 1; found None"),
         (3, SplitRecipe(method="folds", ratios=None, folds=4), "folds: expected 2 to"),
         (20, SplitRecipe(method="folds", ratios=None), "folds: expected 2 to .* 20; found None"),

@@ -170,6 +170,20 @@ def test_hidden_files_of_archives_are_no_scenes(tmp_path: Path) -> None:
     assert len(HM3DFolder(tmp_path).find().scenes) == 1
 
 
+def test_a_folder_whose_name_is_no_text_is_named(tmp_path: Path) -> None:
+    root = Path(os.fsdecode(os.fsencode(tmp_path) + b"/caf\xe9/b"))
+    try:
+        write_scene(root, "00006-HkseAnWCgqk", TEXT)
+    except OSError:
+        pytest.skip("this file system takes no such name")
+    with pytest.raises(
+        SourceError,
+        match=r"caf\\xe9/b: nothing there can be read; left out are train/00006-.* \(its path is "
+        r"not UTF-8\); rename",
+    ):
+        HM3DFolder(root).find()
+
+
 def test_an_empty_source_says_where_it_looked(tmp_path: Path) -> None:
     with pytest.raises(SourceError, match=r"no scene found.*semantic\.txt"):
         HM3DFolder(tmp_path).find()
