@@ -15,6 +15,7 @@ second names of the new files. By them the next command knows which files it may
 
 from __future__ import annotations
 
+import filecmp
 import os
 import shutil
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -181,8 +182,9 @@ def stage_files(
         for place in places:
             (place.unfinished / _NEW).mkdir(parents=True)
         yield tuple(place.staged for place in places)
+        gone = [] if leaving is None else sorted(leaving())
         with hold_signals():
-            _put_in_place(places, [] if leaving is None else sorted(leaving()))
+            _put_in_place(places, gone)
     except OSError as error:
         raise _explain(places[0], error, "written") from error
     finally:
@@ -292,7 +294,8 @@ def _undo(places: Sequence[Place], files: Sequence[_Path], done: Collection[_Pat
         (place.folder / path).unlink(missing_ok=True)
     for place, path in files:
         old, target = place.unfinished / _OLD / path, place.folder / path
-        if os.path.lexists(old) and ((place, path) in ours or not os.path.lexists(target)):
+        gives_way = (place, path) in ours or not os.path.lexists(target) or _is_alike(place, path)
+        if os.path.lexists(old) and gives_way:
             old.replace(target)
         elif (place, path) in ours:
             target.unlink(missing_ok=True)
@@ -307,6 +310,18 @@ def _is_own(place: Place, path: str) -> bool:
         return os.path.samestat(
             (place.unfinished / _OWN / path).lstat(), (place.folder / path).lstat()
         )
+    return False
+
+
+def _is_alike(place: Place, path: str) -> bool:
+    """Say whether a file in its place has the bytes of the one that was put there.
+
+    That is all that is known where the file system has no hard links. Such a file gives way to the
+    old one, and is never removed without.
+    """
+    own, there = place.unfinished / _OWN / path, place.folder / path
+    with suppress(OSError):
+        return not there.is_symlink() and filecmp.cmp(own, there, shallow=False)
     return False
 
 
@@ -355,9 +370,7 @@ def _keep(places: Sequence[Place], files: Sequence[_Path], gone: Sequence[_Path]
         target, unfinished = place.folder / path, place.unfinished
         if os.path.lexists(target):
             link_or_copy(target, unfinished / _OLD / path)
-        (unfinished / _OWN / path).parent.mkdir(parents=True, exist_ok=True)
-        with suppress(OSError, NotImplementedError):  # a copy would not say which file is ours
-            os.link(unfinished / _NEW / path, unfinished / _OWN / path)
+        link_or_copy(unfinished / _NEW / path, unfinished / _OWN / path)
 
 
 def link_or_copy(source: Path, target: Path) -> None:

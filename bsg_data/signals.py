@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from threading import current_thread, main_thread
 from types import FrameType
 
@@ -36,21 +36,20 @@ def hold_signals() -> Iterator[None]:
     # None is a handler that was not set by Python, which Python could not set again.
     held = {number: handler for number, handler in before.items() if handler is not None}
     completed = False
-    try:
-        for number in held:
+    with ExitStack() as stack:
+        stack.callback(lambda: _act(came, completed=completed))
+        for number, handler in held.items():  # each is restored, whatever happens at the others
+            stack.callback(signal.signal, number, handler)
             signal.signal(number, note)
         yield
         completed = True
-    finally:
-        for number, handler in held.items():
-            signal.signal(number, handler)
-        if came:
-            _act(came[0], completed=completed)
 
 
-def _act(number: int, *, completed: bool) -> None:
+def _act(came: Sequence[int], *, completed: bool) -> None:
+    """Let the first signal that came act now, if any did."""
     try:
-        signal.raise_signal(number)
+        for number in came[:1]:
+            signal.raise_signal(number)
     except KeyboardInterrupt as error:
         if completed:
             error.args = (IN_PLACE,)

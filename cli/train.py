@@ -67,7 +67,8 @@ def main(
     Example:
       bsg-train --config ceci-gcn --data dataset --out run --set training.epochs=50
       bsg-train --show run
-      torchrun --nproc-per-node 2 -m bsg_cli.train --config universal --data dataset --out run
+      PYTHONSAFEPATH=1 torchrun --nproc-per-node 2 -m bsg_cli.train --config universal \\
+        --data dataset --out run
     """
     if show is not None:
         _show(bsg_models.summarise_run(show), as_json=as_json)

@@ -63,7 +63,7 @@ TABLE = Bound(
     4 * GIB,
     f"{MAX_OBJECT_ROWS:,} rows; lines of {MAX_LINE:,} characters; packed {MAX_RATIO} to 1 at most",
 )
-MAX_ROBOT_ROOMS = 20_000  # a model takes about 100 kB for each where their shares are not known
+MAX_ROBOT_ROOMS = 10_000  # a model takes about 100 kB for each where their shares are not known
 _ROOMS = f"{_NESTED}; {MAX_ROBOT_ROOMS:,} rooms"
 ROBOT = Bound("robot's graph, JSON", 64 * MIB, _ROOMS)
 SPARK_DSG = Bound("Spark-DSG graph, JSON or binary", 256 * MIB, _ROOMS)

@@ -49,9 +49,9 @@ def splits_of(data: Dataset, split: Split, *, fold: int | None = None) -> tuple[
 def scenes_of(data: Dataset, split: Split, *, fold: int | None = None) -> tuple[str, ...]:
     """Return the scene ids of train, val or test.
 
-    In a dataset of K folds, test is `fold`. Validation is every other building of the next fold (a
-    tenth of all buildings for 5 folds), and training is all the rest, because training needs as
-    many buildings as possible.
+    In a dataset of K folds, `fold` is the test split. Half of the buildings of the next fold, every
+    second one in the order of the split, are for validation. All others are for training, which
+    needs as many buildings as possible.
 
     Raises:
         DatasetError: if the dataset is not split that way, or the split is empty.

@@ -454,7 +454,8 @@ class SeenBuilding:
         """Return the class and model that answer for a word, and why.
 
         The building's own model is preferred. If it has no class for the word, the shipped model
-        `universal-wide` with its 170 classes answers.
+        `universal-wide` with its 170 classes answers. It does not if everybody may use the
+        building's model: `universal-wide` is for research.
 
         Raises:
             RecipeError: if the word means no class; the message names similar words.

@@ -20,7 +20,7 @@ from bsg_models.runs.class_maps import choose_class_map
 from bsg_models.runs.found_model import find_model, name_model
 from bsg_models.runs.model_card import read_card
 from bsg_models.runs.share_posterior import update_shares
-from bsg_models.runs.shipped import DEFAULT_MODEL, read_shipped_card, weights_folder
+from bsg_models.runs.shipped import DEFAULT_MODEL, find_name_of_shipped, read_shipped_card
 
 
 class Predictor:
@@ -58,10 +58,10 @@ class Predictor:
     @property
     def is_free(self) -> bool:
         """Whether it is a shipped model that everybody may use for anything, as its card says."""
-        if self._path.parent != weights_folder():
+        name = find_name_of_shipped(self._path)
+        if name is None:
             return False
-        card = read_card(read_shipped_card(self._path.stem), origin=str(self._path))
-        return not card.is_restricted
+        return not read_card(read_shipped_card(name), origin=name).is_restricted
 
     @property
     def class_map(self) -> ClassMap:

@@ -11,7 +11,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from bsg_data.inputs.bounded_file import hash_file, read_bytes
-from bsg_data.inputs.bounds import CHECKSUMS
+from bsg_data.inputs.bounds import CHECKPOINT, CHECKSUMS
 from bsg_data.inputs.documents import decode
 from bsg_data.registry import require_known
 from bsg_data.spelling import ask_if_meant
@@ -56,6 +56,18 @@ def name_run(run: Path) -> str:
     """Return the name of a run for people: a shipped model's name, else the path."""
     shipped = run.parent == weights_folder() and run.suffix == SUFFIX
     return run.stem if shipped else str(run)
+
+
+def find_name_of_shipped(path: Path) -> str | None:
+    """Return which shipped model a checkpoint is, wherever it lies; None for any other.
+
+    Raises:
+        CheckpointError: if the list of shipped models is damaged.
+        OSError: if the checkpoint cannot be read.
+    """
+    sha256 = hash_file(path, CHECKPOINT)
+    listed = read_sums(weights_folder()).items()
+    return next((name.removesuffix(SUFFIX) for name, digest in listed if digest == sha256), None)
 
 
 def read_shipped_card(name: str) -> str:

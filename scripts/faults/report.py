@@ -101,13 +101,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--tally", type=Path, required=True, help="file that the tests wrote")
     parser.add_argument("--out", type=Path, required=True, help="page to write")
+    parser.add_argument("--note", help="sentence about the runs that the tally is of")
     options = parser.parse_args(argv)
     trials = read_tally(options.tally)
     made = describe_run([__file__], date=date.today().isoformat())
     made = replace(made, command="make faults", machine=describe_machine())
-    page = ResultsPage(
-        "Reliability", (*conclude(trials), *list_misses(trials)), (tabulate(trials),), made
-    )
+    said = (*conclude(trials), *list_misses(trials), *filter(None, [options.note]))
+    page = ResultsPage("Reliability", said, (tabulate(trials),), made)
     write_page(page, options.out)
     return 0
 

@@ -42,11 +42,12 @@ def main(version: str, skip_tests: bool) -> None:
     run("git", "commit", "--quiet", "--all", "--message", f"Version {version}")
     try:
         run(sys.executable, "scripts/package/try_out.py", "--out", "dist")
-    except click.ClickException:
+        files = sorted(map(str, (REPOSITORY / "dist").glob(f"belief_scene_graphs-{version}*")))
+        run(sys.executable, "-m", "twine", "check", "--strict", *files)
+    except BaseException:  # also Ctrl-C
         run("git", "reset", "--quiet", "--hard", "HEAD~1")
         raise
     run("git", "tag", "--annotate", f"v{version}", "--message", f"Version {version}")
-    run(sys.executable, "-m", "twine", "check", "--strict", *map(str, Path("dist").glob("*-*")))
     print(f"\nv{version} is tagged, and its files are in dist. To publish them:")
     print(f"  git push origin main v{version} && python -m twine upload dist/*")
     print("To take it back:")
@@ -61,6 +62,9 @@ def require_ready(version: str) -> None:
     """
     if VERSION.fullmatch(version) is None:
         raise click.ClickException(f"{version}: expected a version like 0.2.0")
+    current = find_version((REPOSITORY / "pyproject.toml").read_text("utf-8"))
+    if tuple(map(int, version.split("."))) < tuple(map(int, current.split("."))):
+        raise click.ClickException(f"{version}: is lower than {current}, the present version")
     if tell("git", "status", "--porcelain"):
         raise click.ClickException("the checkout has changes; commit them first")
     if tell("git", "rev-parse", "--abbrev-ref", "HEAD") != "main":
@@ -69,6 +73,11 @@ def require_ready(version: str) -> None:
         raise click.ClickException(f"v{version} is tagged already; choose the next version")
     if "\n## Unreleased\n" not in (REPOSITORY / "CHANGELOG.md").read_text("utf-8"):
         raise click.ClickException("CHANGELOG.md has no part `## Unreleased`: nothing to release")
+
+
+def find_version(text: str) -> str:
+    """Return the version that pyproject.toml says."""
+    return str(re.findall(PLACES["pyproject.toml"], text, re.MULTILINE)[0])
 
 
 def set_version(text: str, pattern: str, version: str) -> str:
@@ -104,7 +113,7 @@ def run(*words: str) -> None:
         ClickException: if it fails.
     """
     if subprocess.run(words, cwd=REPOSITORY).returncode:
-        raise click.ClickException(f"{' '.join(words)} failed; nothing was tagged")
+        raise click.ClickException(f"{' '.join(words)} failed")
 
 
 def tell(*words: str) -> str:

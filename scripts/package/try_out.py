@@ -23,6 +23,7 @@ from pathlib import Path
 import click
 
 REPOSITORY = Path(__file__).resolve().parents[2]
+NAME = "belief_scene_graphs"
 NEED_MODELS = (
     "bsg-train --config mixture --data dataset --out run",
     "bsg-evaluate run --data dataset",
@@ -60,10 +61,10 @@ def build(out: Path) -> list[Path]:
         source = Path(name, "source")
         run("git", "clone", "--quiet", "--depth", "1", f"file://{REPOSITORY}", str(source))
         out.mkdir(parents=True, exist_ok=True)
-        for old in (*out.glob("*.whl"), *out.glob("*.tar.gz")):
+        for old in out.glob(f"{NAME}-*"):
             old.unlink()
         run(sys.executable, "-m", "build", "--outdir", str(out), str(source))
-    return sorted([*out.glob("*.whl"), *out.glob("*.tar.gz")], reverse=True)
+    return sorted(out.glob(f"{NAME}-*"), reverse=True)
 
 
 class Environment:

@@ -25,6 +25,7 @@ import click
 from click.testing import CliRunner
 
 from bsg_cli.registry import COMMANDS
+from bsg_data.registry import _installed
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 INSTALL = "pip install -e ."
@@ -42,8 +43,7 @@ def execute_page(text: str, folder: Path) -> str:
         ValueError: if a command fails, or a block prints what is not shown.
     """
     parts, end, names = [], 0, {"__name__": "tutorial"}
-    path = list(sys.path)
-    with contextlib.chdir(folder):
+    with contextlib.chdir(folder), _packages_as_before(folder):
         for block in _BLOCK.finditer(text):
             if block.start() < end:  # what another block printed
                 continue
@@ -56,8 +56,21 @@ def execute_page(text: str, folder: Path) -> str:
                 end = shown.end()
             elif block["kind"] == "python" and printed:
                 raise ValueError(f"a block prints what is not shown:\n{block['code']}{printed}")
-    sys.path[:] = path
     return "".join([*parts, text[end:]])
+
+
+@contextlib.contextmanager
+def _packages_as_before(folder: Path) -> Iterator[None]:
+    """Forget the packages of a folder, which a page has installed, when the page is done."""
+    path = list(sys.path)
+    try:
+        yield
+    finally:
+        sys.path[:] = path
+        for name, module in list(sys.modules.items()):
+            if str(getattr(module, "__file__", None) or "").startswith(str(folder.resolve())):
+                del sys.modules[name]
+        _look_again()
 
 
 def _execute(kind: str, title: str | None, code: str, names: dict[str, Any]) -> str:
@@ -97,8 +110,14 @@ def _install() -> str:
     with contextlib.redirect_stdout(io.StringIO()):
         prepare_metadata_for_build_wheel(".")
     sys.path.insert(0, str(Path.cwd()))
-    importlib.invalidate_caches()
+    _look_again()
     return ""
+
+
+def _look_again() -> None:
+    """Have entry points be looked for where packages are now."""
+    importlib.invalidate_caches()
+    _installed.cache_clear()
 
 
 def _one_worker(command: click.Command) -> dict[str, Any]:

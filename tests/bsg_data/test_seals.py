@@ -11,7 +11,7 @@ import pytest
 
 from bsg_data.errors import DatasetError
 from bsg_data.lock import hold
-from bsg_data.result_folder import Place
+from bsg_data.result_folder import Place, recover
 from bsg_data.seals import (
     SEAL,
     read_seal,
@@ -100,6 +100,14 @@ def test_what_fails_leaves_the_old(tmp_path: Path) -> None:
     assert (out / "a").read_text() == "1"
 
 
+NO_LINKS = """
+import os
+
+def refuse(*words, **options):
+    raise OSError(1, "Operation not permitted")
+
+os.link = refuse
+"""
 REPLACE = """
 import os, sys
 from pathlib import Path
@@ -121,15 +129,22 @@ with replace_sealed(Path(sys.argv[1]), report="a") as (staged,):
 
 
 @pytest.mark.slow
-def test_what_is_no_longer_written_goes_also_if_the_command_was_killed(tmp_path: Path) -> None:
+@pytest.mark.parametrize("before", ["", NO_LINKS], ids=["links", "no links"])
+def test_what_is_no_longer_written_goes_also_if_the_command_was_killed(
+    before: str, tmp_path: Path
+) -> None:
     """Killed before every change of a folder, then run again: the same files as without."""
+    code = before + REPLACE
     for at in range(1, 100):
         out = tmp_path / str(at)
         write(out, a="1", b="1")
-        killed = run(REPLACE, out, at)
+        killed = run(code, out, at)
         seen = read_seal(out)
         assert seen is None or require_seal(out), "what is visible belongs together"
-        assert run(REPLACE, out, 0) == 0
+        if killed:
+            recover([Place(out, last=SEAL)])
+            assert require_seal(out), "what was there is there again, or what is new"
+        assert run(code, out, 0) == 0
         assert {path.name for path in out.iterdir()} == {"a", SEAL}
         assert (out / "a").read_text() == "2"
         if killed == 0:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import re
 
 import click
 import pytest
@@ -16,7 +17,8 @@ def test_the_version_stands_once_in_each_place(name: str) -> None:
     text, pattern = (REPOSITORY / name).read_text("utf-8"), RELEASE.PLACES[name]
     changed = RELEASE.set_version(text, pattern, "7.8.9")
     assert changed.count("7.8.9") == 1
-    assert RELEASE.set_version(changed, pattern, "0.1.0") == text.replace("0.0.0", "0.1.0")
+    current = RELEASE.find_version((REPOSITORY / "pyproject.toml").read_text("utf-8"))
+    assert RELEASE.set_version(changed, pattern, current) == text
 
 
 def test_a_version_that_stands_twice_is_refused() -> None:
@@ -25,11 +27,15 @@ def test_a_version_that_stands_twice_is_refused() -> None:
 
 
 def test_the_changelog_gets_the_version_and_the_day() -> None:
-    text = (REPOSITORY / "CHANGELOG.md").read_text("utf-8")
-    assert text.count("## Unreleased\n") == 1
+    text = "# Changelog\n\n## Unreleased\n\n- more\n\n## 0.1.0 (2026-01-01)\n"
     dated = RELEASE.date_changelog(text, "7.8.9", datetime.date(2030, 1, 2))
-    assert "## 7.8.9 (2030-01-02)\n" in dated
-    assert "Unreleased" not in dated.split("## 7.8.9")[1].splitlines()[0]
+    assert dated == text.replace("Unreleased", "7.8.9 (2030-01-02)")
+
+
+def test_the_changelog_says_what_is_released() -> None:
+    text = (REPOSITORY / "CHANGELOG.md").read_text("utf-8")
+    assert text.count("\n## Unreleased\n") <= 1
+    assert re.search(r"^## (Unreleased|\d+\.\d+\.\d+ \(\d{4}-\d\d-\d\d\))$", text, re.MULTILINE)
 
 
 @pytest.mark.parametrize("version", ["1", "v1.2.3", "1.2.3rc1", "1.2.3; rm -rf"])

@@ -215,7 +215,7 @@ def test_what_is_wrong_is_named(tmp_path: Path, text: str, expected: str) -> Non
 def test_a_graph_has_a_bound_of_rooms() -> None:
     """A small file would ask for more memory than a machine has."""
     said = {"scene_id": "huge", "rooms": [{"id": f"r{i}"} for i in range(MAX_ROBOT_ROOMS + 1)]}
-    with pytest.raises(RobotGraphError, match="rooms: expected at most 20,000, found 20,001"):
+    with pytest.raises(RobotGraphError, match="rooms: expected at most 10,000, found 10,001"):
         parse_robot_graph(said, path=Path("huge.json"))
 
 

@@ -1,8 +1,10 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,6 +19,7 @@ from bsg_data.scene.class_map import load_class_map
 from bsg_models.belief.belief_graph import believe
 from bsg_models.robot.seen_building import SeenBuilding, open_graph
 from bsg_models.runs.predictor import Predictor
+from bsg_models.runs.shipped import find_shipped, weights_folder
 from bsg_models.search.planners import next_room
 
 OFFICE = REPOSITORY / "docs" / "office.json"
@@ -246,9 +249,16 @@ def test_a_wide_model_asks_nobody_else() -> None:
     assert seen.asked("shoes") == seen.asked("sink") == seen.model == "universal-wide"
 
 
-def test_a_model_for_any_use_is_not_helped_by_one_for_research() -> None:
-    seen = open_graph(OFFICE, model="behavior")
-    assert seen.asked("sink") == "behavior"
+@pytest.mark.parametrize("how", ["name", "path", "copy"])
+def test_a_model_for_any_use_is_not_helped_by_one_for_research(how: str, tmp_path: Path) -> None:
+    (tmp_path / "folder").mkdir()
+    shutil.copy(find_shipped("behavior"), tmp_path / "mine.safetensors")
+    models = {
+        "name": "behavior",
+        "path": weights_folder() / "." / "behavior.safetensors",
+        "copy": tmp_path / "folder" / ".." / "mine.safetensors",
+    }
+    seen = open_graph(OFFICE, model=models[how])
     with pytest.raises(RecipeError, match=r"no model can look for 'shoes'|no model knows 'shoes'"):
         seen.where("shoes")
 
