@@ -104,7 +104,7 @@ def run_by_torchrun(command: list[str], folder: Path) -> str:
     with subprocess.Popen(
         [sys.executable, "-m", *torchrun],
         cwd=folder,
-        env={**os.environ, "OMP_NUM_THREADS": "1"},
+        env={**os.environ, "OMP_NUM_THREADS": "1", "PYTHONSAFEPATH": "1"},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -125,9 +125,12 @@ def test_two_processes_train_as_one(dataset: Path, tmp_path: Path) -> None:
     config = validate_config(override(tables, SETTINGS), source="test")
     reports = list(train_run(config, dataset, tmp_path / "one"))
     (tmp_path / "run.toml").write_text(write_toml(config))
+    if sys.version_info >= (3, 11):  # else Python does not know PYTHONSAFEPATH
+        (tmp_path / "random.py").write_text("open('it ran', 'w')", "utf-8")
     train = ["bsg_cli.train", "--config", "run.toml", "--data", str(dataset), "--out", "two"]
     said = run_by_torchrun(train, tmp_path)
     assert said.count("epochs in") == 1
+    assert not (tmp_path / "it ran").exists()
     two = read_metrics(tmp_path / "two" / METRICS)
     for one, other in zip(reports, two, strict=True):
         assert other.train_loss == pytest.approx(one.train_loss, rel=1e-5)
