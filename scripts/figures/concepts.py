@@ -75,7 +75,7 @@ def draw_masks() -> Figure:
     graph, space = _make_building()
     panels = [("what is there", None)]
     panels += [
-        (f"what `{name}` leaves", MaskRecipe(strategy=name)) for name in ("uniform", "explore")
+        (f"what {name} leaves", MaskRecipe(strategy=name)) for name in ("uniform", "explore")
     ]
     figure = Figure(figsize=(11, 3), layout="constrained")
     for axes, (title, recipe) in zip(figure.subplots(1, 3), panels, strict=True):
@@ -164,7 +164,7 @@ def draw_planners() -> Figure:
                     color=ORANGE,
                     weight="bold",
                 )
-        axes.set_title(f"`{planner}` finds the {THING} after {length:.1f} m", size=11)
+        axes.set_title(f"{planner} finds the {THING} after {length:.1f} m", size=11)
         axes.set(xlim=(-1.3, 10.3), ylim=(-1, 6.3), aspect="equal")
         axes.axis("off")
     return figure

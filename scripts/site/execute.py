@@ -140,7 +140,8 @@ def execute_notebook(path: Path, folder: Path) -> str:
     client = NotebookClient(
         notebook, kernel_name="python3", record_timing=False, timeout=300, extra_arguments=quiet
     )
-    client.execute(cwd=str(folder), env={**os.environ, "PYTHONWARNINGS": "ignore"})
+    inline = {name: value for name, value in os.environ.items() if name != "MPLBACKEND"}
+    client.execute(cwd=str(folder), env={**inline, "PYTHONWARNINGS": "ignore"})
     for cell in notebook.cells:
         for output in cell.get("outputs", ()):
             if output.get("name") == "stderr":

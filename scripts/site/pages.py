@@ -68,7 +68,12 @@ def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
 
 
 def on_post_page(output: str, page: Page, **_: Any) -> str:
-    """Load the script that the search needs on a disk from the site; the theme names a server."""
+    """Load the script that the search needs on a disk from the site; the theme names a server.
+
+    Links of notebooks lead to pages; mkdocs-jupyter leaves them as they are.
+    """
+    if page.file.src_uri.endswith(".ipynb"):
+        output = re.sub(r'href="(\.\./[\w/-]+)\.md(#[^"]*)?"', r'href="\1.html\2"', output)
     return output.replace(_SHIM, posixpath.relpath(SHIM, posixpath.dirname(page.url) or "."))
 
 
