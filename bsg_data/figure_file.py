@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 from bsg_data.errors import BSGError
 from bsg_data.files import open_beside
+
+# Settings of matplotlib for all figures: names are shown as they are, a $ as a $.
+PLAIN_TEXT: Final[dict[Any, Any]] = {"text.usetex": False, "text.parse_math": False}
+
+
+class FigureError(BSGError):
+    """Report a figure that cannot be drawn, though its file could be written."""
 
 
 class Drawing(Protocol):
@@ -25,7 +34,8 @@ def write_figure(figure: Drawing, path: Path, **how: Any) -> None:
         how: as `savefig` takes it.
 
     Raises:
-        BSGError: if the suffix names no format, or the file cannot be written.
+        FigureError: if the figure cannot be drawn in the format that the suffix names.
+        BSGError: if there is no suffix, or the file cannot be written.
     """
     if not path.suffix:  # matplotlib would take another path
         raise BSGError(f"{path}: no suffix names the format of the figure; take {path}.png")
@@ -33,4 +43,17 @@ def write_figure(figure: Drawing, path: Path, **how: Any) -> None:
         with open_beside(path) as partial:
             figure.savefig(partial, format=path.suffix[1:], **how)
     except (ValueError, RuntimeError) as error:  # it lists what it knows; .pgf needs LaTeX
-        raise BSGError(f"{path}: the figure cannot be written ({error})") from error
+        raise FigureError(f"{path}: the figure cannot be written ({error})") from error
+
+
+@contextmanager
+def noting_failures(notes: list[str]) -> Iterator[None]:
+    """Add a note if the figure of the block cannot be drawn, so that finished work is kept.
+
+    Args:
+        notes: takes the note.
+    """
+    try:
+        yield
+    except FigureError as error:
+        notes.append(f"note: a figure is missing: {error}")

@@ -77,7 +77,7 @@ def main(runs: tuple[str, ...], all_metrics: bool, as_json: bool, **options: Any
     with progress_bar("evaluate", unit="building") as progress:
         report = bsg_models.report_evaluation(request, progress=progress)
     comparison = report.comparison
-    for note in comparison.notes:
+    for note in (*comparison.notes, *report.notes):
         print_note(note)
     if as_json:
         print_json(report.summary)

@@ -109,6 +109,8 @@ def main(
         print_note(f"{out}: finished runs are kept; run the same command again to continue")
         raise
     report = bsg_models.report_leaderboard(board, out)
+    for note in report.notes:
+        print_note(note)
     if as_json:
         print_json(report.summary)
         return

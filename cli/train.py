@@ -101,7 +101,8 @@ def main(
         raise
     if before and not trained and _seal_of(out) == before:
         print_note(f"{out}: the run is finished already; nothing was trained")
-    bsg_models.plot_run(out)
+    for note in bsg_models.plot_run(out):
+        print_note(note)
     summary = bsg_models.summarise_run(out)
     if as_json:
         print_json(summary.encode())
@@ -194,7 +195,8 @@ def _print_summary(summary: bsg_models.RunSummary) -> None:
             f"{summary.model}: {summary.epochs} epochs in {summary.seconds:.1f} s; lowest "
             f"validation loss {best.val_loss:.4f} at epoch {best.epoch}"
         )
-        print_text(f"checkpoint {summary.checkpoint}, learning curve {summary.curve}")
+        curve = f", learning curve {summary.curve}" if summary.curve.is_file() else ""
+        print_text(f"checkpoint {summary.checkpoint}{curve}")
     for note in summary.notes:
         print_note(note)
 

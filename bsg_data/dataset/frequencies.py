@@ -9,7 +9,7 @@ import pandas as pd
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import BSGError
-from bsg_data.figure_file import write_figure
+from bsg_data.figure_file import PLAIN_TEXT, write_figure
 from bsg_data.result_folder import refuse_datasets
 from bsg_data.seals import refuse_sealed_file
 
@@ -70,22 +70,24 @@ def plot_frequencies(frame: pd.DataFrame, path: Path, *, title: str) -> None:
         BSGError: if matplotlib is not installed or the file cannot be written.
     """
     try:
+        from matplotlib import rc_context
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
     except ImportError as error:
         raise BSGError(
             "a figure needs matplotlib: pip install 'belief-scene-graphs[figures]'"
         ) from error
-    figure = Figure(figsize=(9, 0.22 * len(frame) + 1.2), layout="constrained")
-    FigureCanvasAgg(figure)
-    left, right = figure.subplots(1, 2, sharey=True)
-    for axes, column, colour in ((left, "instances", "#FF8000"), (right, "rooms", "#9702FA")):
-        bars = axes.barh(frame["class"], frame[column], color=colour, height=0.75)
-        axes.bar_label(bars, fontsize=7, padding=2)
-        axes.set_xlabel(column)
-        axes.margins(x=0.12, y=0.01)
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.tick_params(labelsize=8)
-    left.invert_yaxis()
-    figure.suptitle(title, fontsize=10)
-    write_figure(figure, path, dpi=150, metadata={"Creator": _MARK})
+    with rc_context(PLAIN_TEXT):
+        figure = Figure(figsize=(9, 0.22 * len(frame) + 1.2), layout="constrained")
+        FigureCanvasAgg(figure)
+        left, right = figure.subplots(1, 2, sharey=True)
+        for axes, column, colour in ((left, "instances", "#FF8000"), (right, "rooms", "#9702FA")):
+            bars = axes.barh(frame["class"], frame[column], color=colour, height=0.75)
+            axes.bar_label(bars, fontsize=7, padding=2)
+            axes.set_xlabel(column)
+            axes.margins(x=0.12, y=0.01)
+            axes.spines[["top", "right"]].set_visible(False)
+            axes.tick_params(labelsize=8)
+        left.invert_yaxis()
+        figure.suptitle(title, fontsize=10)
+        write_figure(figure, path, dpi=150, metadata={"Creator": _MARK})

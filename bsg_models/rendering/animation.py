@@ -20,6 +20,7 @@ from matplotlib.patheffects import withStroke
 from PIL import Image
 
 from bsg_data.errors import RecipeError
+from bsg_data.figure_file import PLAIN_TEXT
 from bsg_data.files import write_bytes
 from bsg_models.rendering.plan import PlannedRoom
 from bsg_models.rendering.replay import Replay, Stop, Walk, describe_share
@@ -85,7 +86,7 @@ def share_palette(frames: Sequence[Image.Image]) -> list[Image.Image]:
     return [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
 
 
-@rc_context({"text.parse_math": False})  # show a $ in a name as a $
+@rc_context(PLAIN_TEXT)
 def draw_frame(replay: Replay, step: int) -> Image.Image:
     """Return the picture after `step` rooms; a robot that is done stays in its last room."""
     plan = replay.plan

@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from bsg_data.figure_file import write_figure
+from bsg_data.figure_file import PLAIN_TEXT, noting_failures, write_figure
 from bsg_data.files import stem_of
 from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.evaluation.metrics import Floats, correlation_matrix, normalise
@@ -20,6 +21,7 @@ from bsg_models.training.learning_curve import EpochReport
 INPUT, PREDICTED, TRUE = "#BBBBBB", "#0018EC", "#FF8000"
 
 
+@rc_context(PLAIN_TEXT)
 def plot_class_errors(errors: Floats, classes: Sequence[str], path: Path, *, title: str) -> None:
     """Plot the error in number per class as a box plot (the paper's figure of O″ − O).
 
@@ -55,6 +57,7 @@ def plot_class_errors(errors: Floats, classes: Sequence[str], path: Path, *, tit
     _save(figure, path)
 
 
+@rc_context(PLAIN_TEXT)
 def plot_correlations(
     predicted: Floats, true: Floats, classes: Sequence[str], path: Path, *, title: str
 ) -> None:
@@ -80,6 +83,7 @@ def plot_correlations(
     _save(figure, path)
 
 
+@rc_context(PLAIN_TEXT)
 def plot_building(shown: ShownNodes, classes: Sequence[str], path: Path, *, title: str) -> None:
     """Plot the input, predicted and true histogram and the distribution of one building.
 
@@ -112,6 +116,7 @@ def plot_building(shown: ShownNodes, classes: Sequence[str], path: Path, *, titl
     _save(figure, path)
 
 
+@rc_context(PLAIN_TEXT)
 def plot_learning_curve(
     reports: Sequence[EpochReport], path: Path, *, title: str, loss: str
 ) -> None:
@@ -158,29 +163,42 @@ def plot_evaluation(
     shown: ShownNodes,
     classes: Sequence[str],
     building: str,
+    notes: list[str],
 ) -> Mapping[str, Path]:
-    """Plot the three figures of one model into a folder; return caption → path."""
+    """Plot the three figures of one model into a folder.
+
+    Args:
+        folder: folder of the images.
+        name: name of the model.
+        shown: nodes with what the model expects of them.
+        classes: `[C]` names.
+        building: name of the building that is shown.
+        notes: takes a note about each figure that cannot be drawn.
+
+    Returns:
+        Caption → path of the figures that were drawn.
+    """
     rooms = ~shown.is_building
     errors = shown.totals - shown.targets
     stem = stem_of(name)
-    paths = {
-        "error in number per class, rooms": folder / f"{stem}-class-errors.png",
-        "correlations of the classes, rooms": folder / f"{stem}-correlations.png",
-        f"histogram and distribution of {building}": folder / f"{stem}-building.png",
-    }
-    first, second, third = paths.values()
-    plot_class_errors(errors[rooms], classes, first, title=f"{name}: error in number, rooms")
-    plot_correlations(
-        shown.totals[rooms],
-        shown.targets[rooms],
-        classes,
-        second,
-        title=f"{name}: correlations of the classes over rooms",
-    )
-    plot_building(shown, classes, third, title=f"{name}: building {building}")
-    return paths
+    drawn: dict[str, Path] = {}
+    with noting_failures(notes):
+        path = folder / f"{stem}-class-errors.png"
+        plot_class_errors(errors[rooms], classes, path, title=f"{name}: error in number, rooms")
+        drawn["error in number per class, rooms"] = path
+    with noting_failures(notes):
+        path = folder / f"{stem}-correlations.png"
+        title = f"{name}: correlations of the classes over rooms"
+        plot_correlations(shown.totals[rooms], shown.targets[rooms], classes, path, title=title)
+        drawn["correlations of the classes, rooms"] = path
+    with noting_failures(notes):
+        path = folder / f"{stem}-building.png"
+        plot_building(shown, classes, path, title=f"{name}: building {building}")
+        drawn[f"histogram and distribution of {building}"] = path
+    return drawn
 
 
+@rc_context(PLAIN_TEXT)
 def plot_leaderboard(
     standings: Mapping[str, Mapping[str, Estimate]],
     headlines: Mapping[str, str],
@@ -234,6 +252,7 @@ def plot_leaderboard(
     _save(figure, path)
 
 
+@rc_context(PLAIN_TEXT)
 def plot_savings(
     savings: Mapping[str, Mapping[str, Floats]], path: Path, *, title: str, whole: str
 ) -> None:

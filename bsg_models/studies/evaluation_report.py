@@ -96,6 +96,7 @@ class EvaluationReport(NamedTuple):
         report: file of the summary.
         classes: file of the metrics by class.
         figures: caption → file.
+        notes: about figures that cannot be drawn.
     """
 
     comparison: Comparison
@@ -103,6 +104,7 @@ class EvaluationReport(NamedTuple):
     report: Path
     classes: Path
     figures: dict[str, Path]
+    notes: tuple[str, ...]
 
 
 def report_evaluation(
@@ -145,14 +147,20 @@ def report_evaluation(
                 progress=progress,
             )
         summary = encode_comparison(comparison)
-        figures = _plot(comparison, staged)
+        notes: list[str] = []
+        figures = _plot(comparison, staged, notes)
         write_bytes(staged / CLASSES, comparison.classes.to_csv(index=False).encode())
         write_bytes(staged / REPORT, (encode_json(summary, indent=1) + "\n").encode())
         if pages:
             _write_page(others[0], comparison, request, figures)
     figures = {what: request.folder / path.name for what, path in figures.items()}
     return EvaluationReport(
-        comparison, summary, request.folder / REPORT, request.folder / CLASSES, figures
+        comparison,
+        summary,
+        request.folder / REPORT,
+        request.folder / CLASSES,
+        figures,
+        tuple(notes),
     )
 
 
@@ -242,7 +250,7 @@ def _look_into(comparison: Comparison, run: Path | str, data: Path) -> list[View
     return [views[scene] for scene in dict.fromkeys(wanted)]
 
 
-def _plot(comparison: Comparison, out: Path) -> dict[str, Path]:
+def _plot(comparison: Comparison, out: Path, notes: list[str]) -> dict[str, Path]:
     figures: dict[str, Path] = {}
     for name in comparison.runs:
         drawn = plot_evaluation(
@@ -251,6 +259,7 @@ def _plot(comparison: Comparison, out: Path) -> dict[str, Path]:
             shown=comparison.shown[name],
             classes=comparison.class_names,
             building=comparison.survey.example,
+            notes=notes,
         )
         figures.update({f"{name}: {what}": path for what, path in drawn.items()})
     return figures

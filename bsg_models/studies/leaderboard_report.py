@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from bsg_data.errors import DatasetError
+from bsg_data.figure_file import noting_failures
 from bsg_data.files import encode_json, write_bytes
 from bsg_data.seals import refuse_other_results, replace_sealed
 from bsg_models.evaluation.catalogue import head_value
@@ -38,12 +39,14 @@ class LeaderboardReport(NamedTuple):
         report: file of the summary.
         table: the Markdown document.
         figures: one per kind of mask.
+        notes: about figures that cannot be drawn.
     """
 
     summary: dict[str, Any]
     report: Path
     table: Path
     figures: tuple[Path, ...]
+    notes: tuple[str, ...]
 
 
 def refuse_finished(out: Path, *, force: bool) -> None:
@@ -64,12 +67,16 @@ def report_leaderboard(board: Leaderboard, out: Path) -> LeaderboardReport:
     """Write the files of a leaderboard."""
     summary = write_json(board)
     with replace_sealed(out, report=REPORT) as (staged,):
+        drawn: list[str] = []
+        notes: list[str] = []
         for mask, results in board.results.items():
-            _plot(results, staged / f"{mask}.png", mask)
+            with noting_failures(notes):
+                _plot(results, staged / f"{mask}.png", mask)
+                drawn.append(f"{mask}.png")
         write_bytes(staged / TABLE, write_markdown(board).encode())
         write_bytes(staged / REPORT, (encode_json(summary, indent=1) + "\n").encode())
-    figures = tuple(out / f"{mask}.png" for mask in board.results)
-    return LeaderboardReport(summary, out / REPORT, out / TABLE, figures)
+    figures = tuple(out / name for name in drawn)
+    return LeaderboardReport(summary, out / REPORT, out / TABLE, figures, tuple(notes))
 
 
 def summary_rows(results: dict[str, ModelResult]) -> tuple[list[str], list[list[str]]]:

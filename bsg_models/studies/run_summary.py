@@ -7,6 +7,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from bsg_data.figure_file import noting_failures
 from bsg_data.seals import require_seal
 from bsg_models.errors import CheckpointError, ConfigError
 from bsg_models.rendering.figures import plot_learning_curve
@@ -138,16 +139,22 @@ def summarise_run(run: Path) -> RunSummary:
     return RunSummary(run, config, len(reports), last, best, seconds, read_log(run), outdated)
 
 
-def plot_run(run: Path) -> None:
-    """Plot the learning curve of a run into its folder, unless the model is fitted by counting."""
+def plot_run(run: Path) -> tuple[str, ...]:
+    """Plot the learning curve of a run into its folder, unless the model is fitted by counting.
+
+    Returns:
+        A note if the curve cannot be drawn.
+    """
+    notes: list[str] = []
     if not (run / METRICS).is_file():
-        return
+        return ()
     config, reports = _config_of(run), read_metrics(run / METRICS)
     likelihood = getattr(config.model, "likelihood", "mse")
     loss = "mean squared error" if likelihood == "mse" else "-log P(hidden count), mean over cells"
     title = f"{config.name}, seed {config.seed}"
-    with reseal(run):
+    with reseal(run), noting_failures(notes):
         plot_learning_curve(reports, run / CURVE, title=title, loss=loss)
+    return tuple(notes)
 
 
 def _config_of(run: Path) -> RunConfig:

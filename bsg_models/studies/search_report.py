@@ -18,6 +18,7 @@ from pydantic import Field
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError, RecipeError
+from bsg_data.figure_file import noting_failures
 from bsg_data.files import encode_json, write_bytes
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.recipes import Record, Share
@@ -200,8 +201,9 @@ def _search_into(
     model = ", ".join(dict.fromkeys(_family(run) for run in runs)) or None
     written = {"every search": staged / TABLE}
     write_searches(study, classes, staged / TABLE)
-    if _plot(study, staged / FIGURE, model):
-        written["box plot over buildings"] = staged / FIGURE
+    with noting_failures(notes):
+        if _plot(study, staged / FIGURE, model):
+            written["box plot over buildings"] = staged / FIGURE
     if keep is not None:
         written |= _write_replay(
             request, study, results, model, page=staged / TRACE, picture=picture

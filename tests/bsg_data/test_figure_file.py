@@ -7,7 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from bsg_data.errors import BSGError
-from bsg_data.figure_file import write_figure
+from bsg_data.figure_file import FigureError, noting_failures, write_figure
 
 
 class Cut:
@@ -41,8 +41,15 @@ def test_a_format_that_needs_a_program_is_refused(tmp_path: Path) -> None:
         def savefig(self, fname: Any, **how: Any) -> None:
             raise RuntimeError("xelatex not found")
 
-    with pytest.raises(BSGError, match=r"a\.pgf: the figure cannot be written \(xelatex"):
+    with pytest.raises(FigureError, match=r"a\.pgf: the figure cannot be written \(xelatex"):
         write_figure(Lacking(), tmp_path / "a.pgf")
+    notes: list[str] = []
+    with noting_failures(notes):
+        write_figure(Lacking(), tmp_path / "a.pgf")
+    (note,) = notes
+    assert note.startswith("note: a figure is missing: ")
+    with pytest.raises(BSGError, match="cannot be written"), noting_failures(notes):
+        write_figure(Cut(), tmp_path / "a.png")  # a full disk is no fault of the figure
 
 
 @pytest.mark.parametrize(("name", "said"), [("a", "take .*a.png"), ("a.doc", "a.doc: the figure")])

@@ -8,10 +8,13 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from click.testing import CliRunner, Result
+from matplotlib.figure import Figure
 
 from bsg_cli import train
 from bsg_cli.evaluate import main
+from bsg_data.figure_file import FigureError, write_figure
 from bsg_data.inputs.bounded_file import hash_file
+from bsg_data.seals import read_seal
 from bsg_models.evaluation.catalogue import head_value
 from bsg_models.evaluation.verdict import HEADLINES
 from bsg_models.zoo.catalogue import BASELINES
@@ -56,6 +59,31 @@ def test_a_run_beside_the_baselines(dataset: Path, trained: Path) -> None:
 def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave the figures out, which take most of the time of an evaluation."""
     monkeypatch.setattr("bsg_models.studies.evaluation_report.plot_evaluation", lambda *_, **__: {})
+
+
+def test_results_are_kept_if_a_figure_cannot_be_drawn(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(figure: Figure, path: Path) -> None:
+        if "building" not in path.name:
+            raise FigureError(f"{path.name}: no LaTeX")
+        write_figure(figure, path)
+
+    monkeypatch.setattr("bsg_models.rendering.figures._save", fail)
+    words = ["--config", "ceci-gcn", "--data", str(dataset), "--out", str(tmp_path / "run")]
+    words += ["--set", "training.epochs=1", "--set", "model.width=8"]
+    done = CliRunner().invoke(train.main, words)
+    assert done.exit_code == 0, done.output
+    assert "note: a figure is missing: curve.png: no LaTeX\n" in done.stderr
+    assert "learning curve" not in done.stdout
+    assert "best.safetensors" in read_seal(tmp_path / "run")
+    result = run(tmp_path / "run", "--data", dataset, "--resamples", "0")
+    assert result.stderr.count("note: a figure is missing: ") == 2
+    assert [line for line in result.stdout.splitlines() if ".png" in line] == [
+        result.stdout.splitlines()[-1]
+    ]
+    names = sorted(path.name for path in (tmp_path / "run" / "evaluation").iterdir())
+    assert names == ["SHA256SUMS", "ceci-gcn-building.png", "classes.csv", "evaluation.json"]
 
 
 @pytest.mark.usefixtures("no_figures", "shipped")

@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from bsg_cli.search import main
+from bsg_data.figure_file import FigureError
 from bsg_data.inputs.bounded_file import hash_file
 
 
@@ -50,6 +51,21 @@ def test_without_a_model_planners_have_no_belief(dataset: Path, tmp_path: Path) 
         result = run_command("--data", dataset, *few, *refused, "--force")
         assert result.exit_code == 2
         assert "--model" in result.stderr
+
+
+def test_results_are_kept_if_the_figure_cannot_be_drawn(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(figure: object, path: Path) -> None:
+        raise FigureError(f"{path.name}: no LaTeX")
+
+    monkeypatch.setattr("bsg_models.rendering.figures._save", fail)
+    few = ("--episodes", 1, "--workers", 1, "--out", tmp_path / "out", "--split", "all")
+    result = run_command("--data", dataset, *few, "--no-model", "--worlds", "star")
+    assert result.exit_code == 0, result.stderr
+    assert "note: a figure is missing: savings.png: no LaTeX\n" in result.stderr
+    assert "savings.png" not in result.stdout
+    assert (tmp_path / "out" / "search.json").is_file()
 
 
 @pytest.mark.usefixtures("shipped")

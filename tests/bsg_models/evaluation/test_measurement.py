@@ -208,6 +208,7 @@ def test_batches_and_their_order_do_not_matter(truth: Truth) -> None:
 
 @pytest.mark.slow
 def test_figures_are_drawn(truth: Truth, tmp_path: Path) -> None:
+    notes: list[str] = []
     drawn = plot_evaluation(
         tmp_path / "figures",
         name="m",
@@ -216,7 +217,9 @@ def test_figures_are_drawn(truth: Truth, tmp_path: Path) -> None:
         ),
         classes=load_class_map().classes[:5],
         building="a",
+        notes=notes,
     )
+    assert notes == []
     report = EpochReport(1, 1, 2.0, 3.0, 1, 0.1)
     plot_learning_curve([report], tmp_path / "curve.png", title="m", loss="loss")
     for path in (*drawn.values(), tmp_path / "curve.png"):

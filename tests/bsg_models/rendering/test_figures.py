@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib import rc_context
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -101,3 +102,15 @@ def test_a_figure_that_cannot_be_written_is_said(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(BSGError, match="cannot be written"):
         figures.plot_class_errors(np.zeros((2, 3)), CLASSES, tmp_path / "file" / "x.png", title="")
+
+
+def test_a_name_is_shown_as_it_is_whatever_the_settings(
+    saved: list[Figure], tmp_path: Path
+) -> None:
+    """In the words of matplotlib this name is a formula, and one that it cannot read."""
+    name = r"$\nothing$ 5 %"
+    report = EpochReport(1, 1, 2.0, 3.0, 1, 0.1)
+    with rc_context({"text.usetex": True}):
+        figures.plot_learning_curve([report], tmp_path / "x.png", title=name, loss=name)
+    assert saved[0].axes[0].get_title() == name
+    assert (tmp_path / "x.png").is_file()
