@@ -62,7 +62,9 @@ scene,room,category
 ```
 
 ```python
-print(len(open("a.csv").read()))
+from pathlib import Path
+
+print(len(Path("a.csv").read_text()))
 ```
 
 ```text
@@ -71,7 +73,7 @@ what stood here before
 
 ```sh
 pip install something
-bsg-data map show chair    # a comment
+bsg-data map show "trash can"    # a comment
 ```
 
 ```text
@@ -83,7 +85,7 @@ def test_a_page_by_hand(tmp_path: Path) -> None:
     text = EXECUTE.execute_page(PAGE, tmp_path)
     assert "```text\n20\n```" in text
     assert "what stood here before" not in text
-    assert "class chair\n```" in text
+    assert "class garbage bin\n```" in text
     assert EXECUTE.execute_page(text, tmp_path) == text
 
 
