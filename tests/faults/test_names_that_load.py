@@ -184,7 +184,10 @@ def test_a_configuration_loads_nothing(name: str) -> None:
 
 
 def test_no_source_runs_what_a_file_holds() -> None:
-    found = [fault for path in sources() for fault in find_faults(path, path.read_text("utf-8"))]
+    tutorials = REPOSITORY / "scripts" / "site" / "execute.py"  # runs the pages of our own docs
+    files = [path for path in sources() if path != tutorials]
+    assert len(files) == len(list(sources())) - 1
+    found = [fault for path in files for fault in find_faults(path, path.read_text("utf-8"))]
     assert found == []
 
 

@@ -115,7 +115,7 @@ def test_a_leaderboard_and_its_dataset_lie_apart(dataset: Path, tmp_path: Path) 
     before = sorted(dataset.rglob("*"))
     (tmp_path / "link").symlink_to(dataset)
     for out in (dataset / "board", dataset, dataset.parent, tmp_path / "link" / "board"):
-        with pytest.raises(DatasetError, match="one inside the other"):
+        with pytest.raises(DatasetError, match=r"one inside the other|is in the dataset"):
             make_leaderboard(dataset, out, models, recipe)
     assert sorted(dataset.rglob("*")) == before
     (tmp_path / "board").mkdir()
