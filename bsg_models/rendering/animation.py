@@ -28,14 +28,14 @@ from bsg_models.rendering.replay import Replay, Stop, Walk, describe_share
 FORMATS = {".gif": "GIF", ".png": "PNG"}
 FRAME_MS, LAST_MS = 1200, 5000  # milliseconds that a frame and the last frame are shown
 _WIDTH, _DPI = 10.0, 120  # inches
-_HEAD, _FOOT = 1.15, 0.95  # inches above and below the plans
+_HEAD, _FOOT = 1.15, 1.12  # inches above and below the plans
 _COLOURS = 128
 # the colours of theme.css, light
 _INK, _SOFT, _WALL, _PAPER = "#1d2330", "#566074", "#cf8dfd", "#ffffff"
 _LIKELY, _ENTERED, _HOLDS = "#a876de", "#eceef3", "#ff0000"
 _LEGEND = (
-    "Shade and %: probability that a room holds one. Grey: entered. Red outline: holds one (hidden "
-    "from the robots). Numbers: rooms in the order entered; dotted: next room."
+    "Shade and %: probability that a room holds one. Red outline: holds one, which no robot knows.",
+    "Grey: entered. Numbers: the order of the rooms entered. Dotted: the next room.",
 )
 
 
@@ -109,8 +109,8 @@ def draw_frame(replay: Replay, step: int) -> Image.Image:
             (left + 0.012, _FOOT / height, 1 / len(replay.walks) - 0.024, deep / height)
         )
         _draw_plan(axes, replay, stops)
-    figure.text(0.012, 0.34 / height, _LEGEND, size=9, color=_SOFT)
-    figure.text(0.012, 0.11 / height, _describe_all(replay), size=9, color=_SOFT)
+    for k, line in enumerate((_describe_all(replay), *reversed(_LEGEND))):
+        figure.text(0.012, (0.11 + 0.21 * k) / height, line, size=9, color=_SOFT)
     canvas.draw()  # type: ignore[no-untyped-call]
     pixels = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]
     return Image.fromarray(pixels).convert("RGB")
@@ -127,7 +127,7 @@ def _write_head(
     figure.text(x, 1 - 0.95 / height, done, size=12, color=_INK)
     saw = ", ".join(f"{count} {name}" for name, count in here.seen[:4]) or "no object of a class"
     line = f"in {replay.plan.find(here.room).name}: {saw}"
-    figure.text(x, 0.68 / height, _cut(line, 68), size=9.5, color=_SOFT)
+    figure.text(x, (_FOOT - 0.27) / height, _cut(line, 68), size=9.5, color=_SOFT)
 
 
 def _draw_plan(axes: Axes, replay: Replay, stops: Sequence[Stop]) -> None:

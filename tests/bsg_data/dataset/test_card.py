@@ -31,7 +31,8 @@ def test_mlcroissant_reads_every_record_set(
     assert len(scenes) == 12
     pair = next(iter(found.records("records/pairs/val")))
     assert len(pair["pairs/val/input"]) == 45
-    assert not caplog.records
+    # Another test of the same process may have turned on mlcroissant's notes of each step.
+    assert not [record for record in caplog.records if record.levelno >= logging.WARNING]
 
 
 @pytest.mark.filterwarnings("ignore")  # of what `datasets` uses

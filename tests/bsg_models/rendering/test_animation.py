@@ -52,6 +52,13 @@ def test_one_robot_alone_has_the_page_to_itself() -> None:
     assert alone.size[0] == 1200
 
 
+def test_no_line_is_cut_off_at_an_edge() -> None:
+    for step in range(make_replay().steps + 1):
+        frame = np.asarray(draw_frame(make_replay(), step))
+        assert (frame[:, -6:] == 255).all()
+        assert (frame[:, :6] == 255).all()
+
+
 def test_another_format_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RecipeError, match=r"search\.mp4: expected a name that ends in \.gif or"):
         write_animation(make_replay(), tmp_path / "search.mp4")
