@@ -24,6 +24,8 @@ from bsg_models.studies.results_page import (
     write_page,
 )
 
+MUTANTS = "mutants"  # what `scripts/faults/mutants.py` calls its trials; they should not survive
+
 
 class Trial(TypedDict):
     """One line of the tally; tests/faults/tally.py describes the fields."""
@@ -62,26 +64,59 @@ def read_tally(path: Path) -> list[Trial]:
     return sorted(found.values(), key=lambda trial: (tests.index(trial["test"]), trial["command"]))
 
 
-def conclude(trials: Sequence[Trial]) -> tuple[str, ...]:
-    """Return the sentence that says how many tries survived."""
-    tried = sum(trial["tried"] for trial in trials)
-    survived = sum(trial["survived"] for trial in trials)
-    return (f"{survived:,} of {tried:,} tries survived.",)
+def conclude(trials: Sequence[Trial], mutants: Sequence[Trial]) -> tuple[str, ...]:
+    """Return the sentences that say how many tries survived, and how many mutants did not."""
+    tried, survived = add_up(trials)
+    sentences = [f"{survived:,} of {tried:,} tries survived."]
+    if mutants:
+        tried, killed = add_up(mutants)
+        sentences.append(f"The tests noticed {killed:,} of {tried:,} changes of the code.")
+    return (" ".join(sentences),)
 
 
-def tabulate(trials: Iterable[Trial]) -> ResultsTable:
-    """Return the table: one row for each test and command."""
+def add_up(trials: Iterable[Trial]) -> tuple[int, int]:
+    """Return how many were tried and how many survived."""
+    counts = [(trial["tried"], trial["survived"]) for trial in trials]
+    return sum(tried for tried, _ in counts), sum(survived for _, survived in counts)
+
+
+def tabulate_tests(trials: Iterable[Trial]) -> ResultsTable:
+    """Return the summary: one row for each test."""
+    tests: dict[str, list[Trial]] = {}
+    for trial in trials:
+        tests.setdefault(trial["test"], []).append(trial)
     rows = tuple(
-        (trial["test"], trial["command"], f"{trial['tried']:,}", f"{trial['survived']:,}")
-        for trial in trials
+        (test, str(len(found)), *(f"{count:,}" for count in add_up(found)))
+        for test, found in tests.items()
     )
     reading = (
         "[Reliability](../reliability.md) says what each test does and when a try counts as "
         "survived."
     )
-    return ResultsTable(
-        "Tries by test and command", ("test", "command", "tried", "survived"), rows, reading
+    header = "test", "commands or readers", "tried", "survived"
+    return ResultsTable("Tries by test", header, rows, reading)
+
+
+def tabulate_mutants(mutants: Iterable[Trial]) -> ResultsTable:
+    """Return the table of mutants: one row for each room of code."""
+    rows = tuple(
+        (room["command"], f"{room['tried']:,}", f"{room['survived']:,}") for room in mutants
     )
+    reading = (
+        "A mutant is one changed place of the code that decides. It is killed if a test fails. "
+        "`scripts/faults/mutants.py` draws a sample of each room."
+    )
+    return ResultsTable("Mutants", ("code", "tried", "killed"), rows, reading)
+
+
+def tabulate_commands(trials: Iterable[Trial]) -> ResultsTable:
+    """Return the long table: one row for each test and command."""
+    rows = tuple(
+        (trial["test"], trial["command"], f"{trial['tried']:,}", f"{trial['survived']:,}")
+        for trial in trials
+    )
+    header = "test", "command or reader", "tried", "survived"
+    return ResultsTable("Tries by test and command", header, rows)
 
 
 def list_misses(trials: Iterable[Trial]) -> tuple[str, ...]:
@@ -93,7 +128,7 @@ def list_misses(trials: Iterable[Trial]) -> tuple[str, ...]:
     ]
     if not misses:
         return ("There are no misses.",)
-    return ("These tries did not survive:\n\n" + "\n".join(misses),)
+    return ("These are the misses:\n\n" + "\n".join(misses),)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -103,11 +138,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, required=True, help="page to write")
     parser.add_argument("--note", help="sentence about the runs that the tally is of")
     options = parser.parse_args(argv)
-    trials = read_tally(options.tally)
+    found = [trial for trial in read_tally(options.tally) if trial["tried"]]
+    mutants = [trial for trial in found if trial["test"] == MUTANTS]
+    trials = [trial for trial in found if trial["test"] != MUTANTS]
     made = describe_run([__file__], date=date.today().isoformat())
     made = replace(made, command="make faults", machine=describe_machine())
-    said = (*conclude(trials), *list_misses(trials), *filter(None, [options.note]))
-    page = ResultsPage("Reliability", said, (tabulate(trials),), made)
+    said = (*conclude(trials, mutants), *list_misses(found), *filter(None, [options.note]))
+    tables = [tabulate_tests(trials), tabulate_commands(trials)]
+    if mutants:
+        tables.insert(1, tabulate_mutants(mutants))
+    page = ResultsPage("Reliability", said, tuple(tables), made)
     write_page(page, options.out)
     return 0
 

@@ -15,6 +15,7 @@ import io
 import os
 import re
 import shlex
+import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -105,10 +106,9 @@ def run_line(line: str) -> str:
 
 def _install() -> str:
     """Let the package in this folder be found as an installed one; pip would need a network."""
-    from setuptools.build_meta import prepare_metadata_for_build_wheel
-
-    with contextlib.redirect_stdout(io.StringIO()):
-        prepare_metadata_for_build_wheel(".")
+    # In a process of its own: setuptools changes the level of the root logger for good.
+    build = "from setuptools.build_meta import prepare_metadata_for_build_wheel as f; f('.')"
+    subprocess.run([sys.executable, "-c", build], check=True, stdout=subprocess.DEVNULL)
     sys.path.insert(0, str(Path.cwd()))
     _look_again()
     return ""
@@ -138,7 +138,12 @@ def execute_notebook(path: Path, folder: Path) -> str:
     notebook = nbformat.read(path, as_version=4)
     quiet = ["--IPKernelApp.log_level=ERROR"]
     client = NotebookClient(
-        notebook, kernel_name="python3", record_timing=False, timeout=300, extra_arguments=quiet
+        notebook,
+        kernel_name="python3",
+        record_timing=False,
+        timeout=300,
+        extra_arguments=quiet,
+        coalesce_streams=True,  # a busy machine sends the lines of a cell in several pieces
     )
     inline = {name: value for name, value in os.environ.items() if name != "MPLBACKEND"}
     client.execute(cwd=str(folder), env={**inline, "PYTHONWARNINGS": "ignore"})

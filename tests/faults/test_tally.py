@@ -14,11 +14,17 @@ def test_trials_are_kept_and_told(tmp_path: Path) -> None:
     tally(test="killed", command="bsg-data build", tried=2, survived=2)
     tally(test="killed", command="bsg-data split", tried=1, survived=1)
     tally(test="flips", command="bsg-data check", tried=1_000, survived=1_000)
+    tally(test="flips", command="bsg-models check", tried=0, survived=0)
+    tally(test="mutants", command="masks", tried=60, survived=59, misses=["masks.py:3: `a`"])
     report = load_script("faults/report")
     page = tmp_path / "page.md"
     report.main(["--tally", str(tally.path), "--out", str(page)])
     text = page.read_text("utf-8")
-    assert "1,005 of 1,006 tries survived" in text
+    assert "1,005 of 1,006 tries survived. The tests noticed 59 of 60 changes" in text
+    assert "| killed | 2 | 6 | 5 |" in text
+    assert "| masks | 60 | 59 |" in text
+    assert "- mutants, masks: masks.py:3: `a`" in text
+    assert "bsg-models check" not in text
     assert "| killed | bsg-data build | 5 | 4 |" in text
     assert "| killed | bsg-data split | 1 | 1 |" in text
     assert "| flips | bsg-data check | 1,000 | 1,000 |" in text
