@@ -14,11 +14,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 REPOSITORY = Path(__file__).resolve().parent.parent.parent
-NO_PROSE = (
+BLOCKS = (
     r"\A---\n.*?\n---\n",  # front matter
     r"<!-- generated:.*?<!-- end -->",
     r"```.*?```",
     r"<!--.*?-->",
+)
+LINES = (
     r"<[^>\n]+>",
     r"^\s*\|.*$",  # rows of tables
     r"^#.*$",
@@ -42,10 +44,15 @@ def read_prose(text: str) -> str:
 
     >>> read_prose("# Title\n\nSee `a b` [here](x.md).\n\n| a | b |\n")
     'See Code here.'
+    >>> read_prose("| `<a` |\n\nFirst.\n\n`b>` is next.")
+    'First.\n\nCode is next.'
     """
-    for pattern in NO_PROSE:
-        text = re.sub(pattern, "\n", text, flags=re.DOTALL if ".*?" in pattern else re.MULTILINE)
-    return LINK.sub(r"\1", CODE.sub("Code", text)).strip()
+    for pattern in BLOCKS:
+        text = re.sub(pattern, "\n", text, flags=re.DOTALL)
+    text = CODE.sub("Code", text)  # before tags: code may hold a bracket
+    for pattern in LINES:
+        text = re.sub(pattern, "\n", text, flags=re.MULTILINE)
+    return LINK.sub(r"\1", text).strip()
 
 
 def split_sentences(prose: str) -> Iterator[str]:
