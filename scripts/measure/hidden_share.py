@@ -39,7 +39,7 @@ from bsg_models.studies.results_page import (
 )
 
 MASK = MaskRecipe(strategy="explore")
-LEARNED = "The model was trained on these buildings"
+LEARNED = "The model was trained on the val and test buildings"
 CALIBRATED = "The model was calibrated on the val buildings and has not seen the test buildings"
 LEAST = 1e-6  # keeps a presence this far from 0 and 1 before the logarithm
 TRUE, NUMBER = "the true share", "an estimate, its mean only"
@@ -137,9 +137,22 @@ def measure(
 
 
 def tabulate(
-    title: str, found: Mapping[str, Bootstrap], errors: Mapping[str, Floats], *, shipped: bool
+    title: str,
+    found: Mapping[str, Bootstrap],
+    errors: Mapping[str, Floats],
+    *,
+    shipped: bool,
+    again: bool = False,
 ) -> ResultsTable:
-    """Return the means, a row a way; shipped models were trained on all buildings."""
+    """Return the means, a row a way.
+
+    Args:
+        title: name of the model.
+        found: means of each way.
+        errors: errors of the share's mean of each way.
+        shipped: whether the model was trained on all buildings.
+        again: whether a table above explains the values.
+    """
     rows = []
     for way, means in found.items():
         gap = means.difference(found[TRUE], "nll")
@@ -157,12 +170,15 @@ def tabulate(
         )
     said = found[TRUE].nodes["nll"]
     known = LEARNED if shipped else CALIBRATED
-    reading = (
-        f"Means over {said:,} (room, class, mask) cells of half-seen rooms of the val and test "
-        f"buildings. {known}. Masks: {MASK}. Differences are paired, with 95 % intervals over "
+    values = (
+        "All else is as above."
+        if again
+        else f"Values are means over {said:,} (room, class, mask) cells of half-seen rooms of the "
+        f"val and test buildings. Masks: {MASK}. Differences are paired, with 95 % intervals over "
         "buildings. The error of the share is the root mean square error of its mean. "
         "[Hidden share](../hidden-share.md) explains the estimates."
     )
+    reading = f"{known}. {values}"
     header = (
         *("told", "error of the share", "−log P(hidden counts)", "difference from true share"),
         *("log-loss of presence", "Brier", "presence predicted / true", "counts expected / true"),
@@ -206,12 +222,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = parser.parse_args(argv)
     data = Dataset.open(options.data)
     cases = list(read_cases(data, options.data, draws=options.draws))
-    tables, conclusions = [], []
+    tables: list[ResultsTable] = []
+    conclusions = []
     for name in options.models:
         predictor = Predictor(name)
         found, errors = measure(predictor, cases, size=options.look)
         shipped = find_model(name).kind == "shipped"
-        tables.append(tabulate(predictor.name, found, errors, shipped=shipped))
+        again = bool(tables)
+        tables.append(tabulate(predictor.name, found, errors, shipped=shipped, again=again))
         conclusions.append(conclude(predictor.name, found))
     page = ResultsPage(
         "The cost of an unknown hidden share",

@@ -103,15 +103,17 @@ def tabulate_views(found: dict[str, dict[str, Bootstrap]]) -> ResultsTable:
 
 def tabulate_searched(gains: dict[Start, dict[str, Bootstrap]]) -> list[ResultsTable]:
     """Return how much the likelihood of the unsearched rooms improves, a table a start."""
-    tables = []
+    tables: list[ResultsTable] = []
     for start, by_name in gains.items():
         rows = [
             (f"`{name}`", *(format_estimate(g.estimate(s), digits=2, signed=True) for s in STOPS))
             for name, g in by_name.items()
         ]
         reading = (
-            "Gain of log-likelihood in the rooms not yet searched, in nats per room. A column is "
-            f"the part of the rooms that was searched. At the start, {BEGUN[start]}. More is "
+            f"As above, but at the start {BEGUN[start]}."
+            if tables
+            else "Gain of log-likelihood in the rooms not yet searched, in nats per room. A column "
+            f"is the part of the rooms that was searched. At the start, {BEGUN[start]}. More is "
             "better; below 0, searching made the belief worse."
         )
         title = f"Gain by searching rooms, {start} seen at the start"

@@ -37,8 +37,16 @@ def format_percent(estimate: Estimate) -> str:
     return f"{value:.1f}" if low != low else f"{value:.1f} ({low:.1f} to {high:.1f})"
 
 
-def tabulate(found: dict[str, list[WorldResult]], task: str) -> ResultsTable:
-    """Return the cost that each model and planner saves, a column a world, for one task."""
+def tabulate(
+    found: dict[str, list[WorldResult]], task: str, *, again: bool = False
+) -> ResultsTable:
+    """Return the cost that each model and planner saves, a column a world, for one task.
+
+    Args:
+        found: results of each model.
+        task: which of its results are shown.
+        again: whether a table above explains the values.
+    """
     worlds = list(dict.fromkeys(one.world for results in found.values() for one in results))
     rows = []
     for model, results in found.items():
@@ -51,11 +59,14 @@ def tabulate(found: dict[str, list[WorldResult]], task: str) -> ResultsTable:
             rows.append((who, f"`{planner}`", *cells))
     first = [one for one in next(iter(found.values())) if one.task == task]
     number = ", ".join(f"{one.buildings} of `{one.world}`" for one in first)
-    reading = (
-        f"The search ends when {ENDS[task]} found. Values are the cost saved compared "
-        "with going to the nearest room, in per cent, with 95 % intervals over buildings. Below "
-        f"0, the planner costs more. Buildings: {number}."
+    values = (
+        "All else is as above."
+        if again
+        else "Values are the cost saved compared with going to the nearest room, in per cent, with "
+        "95 % intervals over buildings. Below 0, the planner costs more. "
+        f"Buildings: {number}."
     )
+    reading = f"The search ends when {ENDS[task]} found. {values}"
     return ResultsTable(f"Task `{task}`", ("belief of", "planner", *worlds), tuple(rows), reading)
 
 
@@ -120,7 +131,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     page = ResultsPage(
         "What a belief saves in object search",
         conclude(found),
-        (tabulate(found, "single"), tabulate(found, "all")),
+        (tabulate(found, "single"), tabulate(found, "all", again=True)),
         describe(data, [__file__, *(argv or sys.argv[1:])], date=date.today().isoformat()),
     )
     write_page(page, options.out)
