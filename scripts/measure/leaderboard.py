@@ -12,6 +12,7 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,16 @@ COLUMNS = {
     "AUROC unseen ↑": "rooms/presence_auroc_macro/unseen",
     "calibration error ↓": "rooms/presence_calibration_error/all",
 }
+UNVISITED = {
+    "AUROC macro ↑": "rooms/presence_auroc_macro/unvisited",
+    "AP macro ↑": "rooms/presence_ap_macro/unvisited",
+    "AP micro ↑": "rooms/presence_ap_micro/unvisited",
+    "calibration error ↓": "rooms/presence_calibration_error/unvisited",
+}
+DILUTED = (
+    "All rooms count here. Those that were entered hide nothing, so a model that only knows which "
+    "rooms were entered has an AUROC well above 0.5."
+)
 
 
 def read_board(path: Path) -> dict[str, Any]:
@@ -62,9 +73,14 @@ def write_cell(value: dict[str, float | None] | None, *, digits: int = 4) -> str
     return text if low is None or high is None else f"{text} ± {(high - low) / 2:.1g}"
 
 
+def rank(models: dict[str, Any]) -> list[str]:
+    """Return the names of the models, the best first."""
+    return sorted(models, key=lambda name: models[name]["metrics"][RANKED_BY]["value"])
+
+
 def tabulate(mask: str, models: dict[str, Any]) -> ResultsTable:
     """Return the models under a mask, the best first."""
-    ranked = sorted(models, key=lambda name: models[name]["metrics"][RANKED_BY]["value"])
+    ranked = rank(models)
     rows = []
     for name in ranked:
         one = models[name]
@@ -76,6 +92,37 @@ def tabulate(mask: str, models: dict[str, Any]) -> ResultsTable:
     first, *others = COLUMNS
     header = ("model", first, "behind the best", "÷ gamma-poisson", *others, "training, s")
     return ResultsTable(f"Masks: {mask}", header, tuple(rows))
+
+
+def tabulate_unvisited(mask: str, models: dict[str, Any]) -> ResultsTable:
+    """Return the models in the rooms that were not entered, in the order of `tabulate`."""
+    rows = tuple(
+        (f"`{name}`", *(write_cell(models[name]["metrics"][one]) for one in UNVISITED.values()))
+        for name in rank(models)
+    )
+    reading = "Only rooms of which nothing was seen. An AUROC of 0.5 is guessing."
+    return ResultsTable(f"Rooms not entered, masks: {mask}", ("model", *UNVISITED), rows, reading)
+
+
+def list_tables(board: dict[str, Any]) -> list[ResultsTable]:
+    """Return a table for each kind of mask, and one more if it leaves rooms unentered."""
+    tables = []
+    for mask, models in board["masks"].items():
+        table = tabulate(mask, models)
+        if not has_unvisited(models):
+            tables.append(table)
+            continue
+        tables += [replace(table, reading=DILUTED), tabulate_unvisited(mask, models)]
+    return tables
+
+
+def has_unvisited(models: dict[str, Any]) -> bool:
+    """Say whether a mask left rooms unentered, so that they can be measured alone."""
+    return all(
+        (one["metrics"].get(metric) or {}).get("value") is not None
+        for one in models.values()
+        for metric in UNVISITED.values()
+    )
 
 
 def write_difference(gap: dict[str, float | None] | None) -> str:
@@ -122,13 +169,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--leaderboard", type=Path, required=True, help="folder of bsg-leaderboard")
     parser.add_argument("--out", type=Path, required=True, help="page to write")
+    parser.add_argument("--title", default="Leaderboard", help="heading of the page")
     options = parser.parse_args(argv)
     board = read_board(options.leaderboard / REPORT)
     mask = next(iter(board["masks"]))
     page = ResultsPage(
-        "Leaderboard",
+        options.title,
         conclude(board),
-        tuple(tabulate(mask, models) for mask, models in board["masks"].items()),
+        tuple(list_tables(board)),
         describe(
             Dataset.open(options.leaderboard / mask / DATASET),
             [__file__, *(argv or sys.argv[1:])],

@@ -45,6 +45,20 @@ def test_a_script_writes_its_page(board: Path, tmp_path: Path, name: str) -> Non
         assert len({line.count("|") for line in table.splitlines()}) == 1
 
 
+def test_rooms_that_were_not_entered_are_measured_alone(board: Path, tmp_path: Path) -> None:
+    """There, and only there, a model that gives every room the same answer has an AUROC of 0.5."""
+    page = tmp_path / "page.md"
+    load_script("measure/leaderboard").main([f"--leaderboard={board}", f"--out={page}"])
+    uniform, rooms, alone = page.read_text("utf-8").split("\n## ")[1:4]
+    assert uniform.startswith("Masks: uniform\n\n|")
+    assert rooms.startswith("Masks: rooms\n\nAll rooms count here.")
+    assert alone.startswith("Rooms not entered, masks: rooms\n")
+    (row,) = re.findall(r"^\| `gamma-poisson` \| ([\d.]+) ", alone, re.MULTILINE)
+    assert row == "0.5000"
+    (row,) = re.findall(r"^\| `gamma-poisson` .*$", rooms, re.MULTILINE)
+    assert float(row.split("|")[5].split()[0]) > 0.6
+
+
 def test_rooms_without_area_or_label_are_no_result(board: Path, tmp_path: Path) -> None:
     script = load_script("measure/room_size")
     with pytest.raises(DatasetError, match="no unvisited room has a known floor area"):
