@@ -13,6 +13,7 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import Generic, TypeVar
 
 from bsg_data.errors import RecipeError
+from bsg_data.extras import ask_to_install
 from bsg_data.spelling import SHOWN, ask_if_meant
 
 Row = TypeVar("Row")
@@ -69,8 +70,8 @@ class Registry(Generic[Row]):
             if not isinstance(error, ModuleNotFoundError):
                 raise
             raise RecipeError(
-                f"{self.kind} {name!r} needs {error.name}, which is not installed; "
-                "pip install 'belief-scene-graphs[all]' installs all that this project needs"
+                f"{self.kind} {name!r} needs {error.name}, which is not installed; all that this "
+                f"project needs: {ask_to_install('all')}"
             ) from error
         if not isinstance(row, self._row_type):
             raise RecipeError(

@@ -8,6 +8,8 @@ from typing import Any
 
 import lazy_loader
 
+from bsg_data.extras import ask_to_install
+
 _load, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 
@@ -24,7 +26,6 @@ def __getattr__(name: str) -> Any:
         if missing in ("", "bsg_data", "bsg_models"):
             raise
         raise ModuleNotFoundError(
-            f"{missing} is not installed; bsg_models needs it: "
-            "pip install 'belief-scene-graphs[models]'",
+            f"{missing} is not installed; bsg_models needs it: {ask_to_install('models')}",
             name=error.name,
         ) from error

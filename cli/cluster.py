@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from bsg_data.errors import BSGError
+from bsg_data.extras import ask_to_install
 from bsg_data.inputs.bounded_file import hash_bounded
 from bsg_data.inputs.bounds import MANIFEST_FILE, RUN_RECORD
 from bsg_data.inputs.documents import read_json
@@ -53,9 +54,7 @@ def connect(
     try:
         from distributed import Client, KilledWorker
     except ImportError as error:
-        raise BSGError(
-            "--scheduler needs Dask: pip install 'belief-scene-graphs[cluster]'"
-        ) from error
+        raise BSGError(f"--scheduler needs Dask: {ask_to_install('cluster')}") from error
     place = {"scheduler_file": address} if Path(address).is_file() else {"address": address}
     try:
         # Try a bare connection first: a client without a scheduler takes a minute to close.

@@ -34,6 +34,7 @@ from bsg_cli.terminal import (
     progress_bar,
     worker_pool,
 )
+from bsg_data.extras import ask_to_install
 from bsg_data.tables import format_text
 
 # Models that need a package of an optional extra: name → package, extra.
@@ -130,7 +131,7 @@ def choose_models(models: str | None) -> dict[str, bsg_models.RunConfig]:
                 names.remove(name)
                 print_note(
                     f"note: {name} is left out, because its package is not installed; "
-                    f"pip install 'belief-scene-graphs[{extra}]'"
+                    f"{ask_to_install(extra)}"
                 )
         return {name: load_config(name) for name in names}
     names = [name.strip() for name in models.split(",") if name.strip()]

@@ -16,6 +16,7 @@ from bsg_cli.configurations import load_config
 from bsg_cli.options import PATH, data_option, force_option, json_option, out_option
 from bsg_cli.terminal import Command, print_json, print_note, print_text, progress_bar
 from bsg_data.errors import BSGError
+from bsg_data.extras import ask_to_install
 from bsg_data.files import refuse_links
 from bsg_data.seals import SEAL, read_seal
 from bsg_data.tables import format_text
@@ -233,7 +234,7 @@ def _board(run: Path | None) -> Iterator[Callable[[bsg_models.EpochReport], None
         from torch.utils.tensorboard import SummaryWriter
     except ImportError as error:
         raise bsg_models.ConfigError(
-            "--tensorboard needs tensorboard: pip install 'belief-scene-graphs[all]'"
+            f"--tensorboard needs tensorboard: {ask_to_install('all')}"
         ) from error
     folder = run / "tensorboard"
     refuse_links(run, folder)

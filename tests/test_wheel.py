@@ -1,4 +1,7 @@
-"""What is installed from a wheel is what lies in the source tree, and it works alone."""
+"""What is installed from a wheel is what lies in the source tree, and it works alone.
+
+The wheel is built from the source archive, as `python -m build` does.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tarfile
 import zipfile
 from pathlib import Path
 
@@ -21,7 +25,12 @@ FOLDERS = {
     "bsg_models": "bsg_models",
     "bsg_weights": "weights",
 }
-BUILD = "import sys; from setuptools.build_meta import build_wheel; build_wheel(sys.argv[1])"
+BUILD = "import sys; from setuptools.build_meta import {0}; {0}(sys.argv[1])"
+BESIDE = (  # what the source archive has besides the packages, and what setuptools writes itself
+    *("pyproject.toml", "setup.py", "MANIFEST.in"),
+    *("README.md", "LICENSE", "NOTICE", "CHANGELOG.md", "CITATION.cff"),
+)
+WRITTEN = {"PKG-INFO", "setup.cfg"}
 IMPORT = """
 import sys
 import bsg_data, bsg_models, bsg_models.zoo.catalogue, bsg_cli.registry
@@ -52,24 +61,57 @@ def test_the_listed_packages_are_the_folders_of_code() -> None:
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A wheel, built without a network from a copy: the build leaves files beside the sources."""
-    return build_wheel(tmp_path_factory.mktemp("wheel"))
+def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The source archive, built without a network."""
+    return build_archive(tmp_path_factory.mktemp("archive"))
 
 
-def build_wheel(folder: Path) -> Path:
+@pytest.fixture(scope="module")
+def wheel(archive: Path) -> Path:
+    """The wheel of the source archive."""
+    return build_wheel(archive)
+
+
+def build_archive(folder: Path) -> Path:
+    """Build from a copy, which has tests too: the build leaves files beside the sources."""
     copy = folder / "copy"
-    for source in FOLDERS.values():
+    for source in (*FOLDERS.values(), "tests"):
         hidden = shutil.ignore_patterns("__pycache__")
         shutil.copytree(REPOSITORY / source, copy / source, ignore=hidden)
-    for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE", "NOTICE"):
+    for name in BESIDE:
         shutil.copy(REPOSITORY / name, copy)
-    done = subprocess.run(
-        [sys.executable, "-c", BUILD, str(folder)], cwd=copy, capture_output=True, text=True
-    )
+    return build("build_sdist", copy, folder)
+
+
+def build_wheel(archive: Path) -> Path:
+    folder = archive.parent / "unpacked"
+    with tarfile.open(archive) as file:
+        for one in filter(tarfile.TarInfo.isfile, file):
+            held = file.extractfile(one)
+            assert held is not None
+            (folder / one.name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / one.name).write_bytes(held.read())
+    (source,) = folder.iterdir()
+    return build("build_wheel", source, archive.parent)
+
+
+def build(what: str, source: Path, folder: Path) -> Path:
+    """Build one of the files that packages are published as."""
+    before = set(folder.iterdir())
+    command = [sys.executable, "-c", BUILD.format(what), str(folder)]
+    done = subprocess.run(command, cwd=source, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    (path,) = folder.glob("*.whl")
+    (path,) = set(folder.iterdir()) - before
     return path
+
+
+@pytest.mark.slow
+def test_the_source_archive_holds_the_packages_and_what_tells_of_them(archive: Path) -> None:
+    with tarfile.open(archive) as file:
+        names = [one.name.partition("/")[2] for one in file.getmembers() if one.isfile()]
+    packages = {path.relative_to(REPOSITORY).as_posix() for path in source_files().values()}
+    held = {name for name in names if ".egg-info/" not in name}
+    assert held == packages | set(BESIDE) | WRITTEN
 
 
 @pytest.mark.slow
@@ -142,4 +184,4 @@ def spell(asked: tuple[str, str]) -> tuple[str, str, tuple[str, ...]]:
 
 @pytest.mark.slow
 def test_the_same_sources_give_the_same_bill(wheel: Path, tmp_path: Path) -> None:
-    assert read_bill(build_wheel(tmp_path)) == read_bill(wheel)
+    assert read_bill(build_wheel(build_archive(tmp_path))) == read_bill(wheel)

@@ -9,6 +9,7 @@ import pandas as pd
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import BSGError
+from bsg_data.extras import ask_to_install
 from bsg_data.figure_file import PLAIN_TEXT, write_figure
 from bsg_data.result_folder import refuse_datasets
 from bsg_data.seals import refuse_sealed_file
@@ -74,9 +75,7 @@ def plot_frequencies(frame: pd.DataFrame, path: Path, *, title: str) -> None:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
     except ImportError as error:
-        raise BSGError(
-            "a figure needs matplotlib: pip install 'belief-scene-graphs[figures]'"
-        ) from error
+        raise BSGError(f"a figure needs matplotlib: {ask_to_install('figures')}") from error
     with rc_context(PLAIN_TEXT):
         figure = Figure(figsize=(9, 0.22 * len(frame) + 1.2), layout="constrained")
         FigureCanvasAgg(figure)

@@ -12,6 +12,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+from bsg_data.extras import ask_to_install
 from bsg_models.errors import HydraError
 
 MAX_MEMORY = 4 * 2**30  # bytes, besides Python and spark_dsg; a real graph takes a tenth
@@ -31,8 +32,8 @@ def convert(path: Path) -> str:
     """
     if importlib.util.find_spec("spark_dsg") is None:
         raise HydraError(
-            f"{path}: binary graphs need spark-dsg (pip install 'belief-scene-graphs[hydra]'); or "
-            "save the graph as .json"
+            f"{path}: binary graphs need spark-dsg; save the graph as .json, or "
+            f"{ask_to_install('hydra')}"
         )
     if not path.is_file():
         raise HydraError(f"{path}: cannot be read (no such file)")

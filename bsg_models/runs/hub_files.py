@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+from bsg_data.extras import ask_to_install
 from bsg_models.errors import CheckpointError
 from bsg_models.runs.checkpoint import load_checkpoint
 
@@ -58,7 +59,7 @@ def _library(name: str) -> Any:
     except ImportError as error:
         raise CheckpointError(
             f"{name}: no such folder; as a model of the hub it needs huggingface-hub: "
-            "pip install 'belief-scene-graphs[hub]'"
+            f"{ask_to_install('hub')}"
         ) from error
     return huggingface_hub
 

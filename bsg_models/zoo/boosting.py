@@ -20,6 +20,7 @@ from pydantic import Field
 
 from bsg_data.arrays import Floats
 from bsg_data.dataset.dataset import Dataset
+from bsg_data.extras import ask_to_install
 from bsg_data.files import encode_json
 from bsg_data.inputs.bounds import MAX_RATIO
 from bsg_data.inputs.documents import parse_json
@@ -225,7 +226,7 @@ def _import_lightgbm() -> Any:
         import lightgbm
     except (ImportError, OSError) as error:  # OSError: its OpenMP library is missing
         raise TrainingError(
-            "poisson-boosting needs lightgbm: pip install 'belief-scene-graphs[boosting]'"
+            f"poisson-boosting needs lightgbm: {ask_to_install('boosting')}"
         ) from error
     return lightgbm
 

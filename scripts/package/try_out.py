@@ -3,8 +3,10 @@
     python scripts/package/try_out.py --out dist --python python3.12
 
 Without extras, `bsg-data` has to work, and every other command has to name the extra that it needs.
-With them, the commands of `make demo` have to run. It prints the seconds and the size of each
-installation.
+With them, the commands of `make demo` have to run; this is tried on the wheel alone, for `build`
+makes the wheel from the source archive. It prints the seconds and the size of each installation.
+
+Both files get into the folder when both were tried. Files of other versions stay there.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ import hashlib
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -42,29 +45,34 @@ ONE_THREAD = {"OMP_NUM_THREADS": "1", "MPLBACKEND": "agg"}
 @click.option("--constraint", type=click.Path(path_type=Path), help="Versions, as pip takes them.")
 def main(out: Path, python: str, extras: str, constraint: Path | None) -> None:
     """Build, install, run."""
-    out = out.absolute()
-    for path in build(out):
-        with tempfile.TemporaryDirectory() as name:
-            folder = Path(name)
-            environment = Environment(folder / "venv", python, constraint)
-            environment.install(f"{path}")
-            environment.try_data(folder)
-            if path.suffix == ".whl":
-                environment.install(f"{path}[{extras}]")
-                environment.try_demo(folder / "demo")
-        print(f"{path.name}: runs; sha256 {hashlib.sha256(path.read_bytes()).hexdigest()}")
-
-
-def build(out: Path) -> list[Path]:
-    """Build both files from what git has, so that nothing of this checkout gets into them."""
     with tempfile.TemporaryDirectory() as name:
-        source = Path(name, "source")
-        run("git", "clone", "--quiet", "--depth", "1", f"file://{REPOSITORY}", str(source))
+        paths = build(Path(name))
+        for path in paths:
+            try_file(path, python, extras, constraint)
+            print(f"{path.name}: runs; sha256 {hashlib.sha256(path.read_bytes()).hexdigest()}")
         out.mkdir(parents=True, exist_ok=True)
-        for old in out.glob(f"{NAME}-*"):
-            old.unlink()
-        run(sys.executable, "-m", "build", "--outdir", str(out), str(source))
+        for path in paths:
+            shutil.copy(path, out)
+
+
+def build(folder: Path) -> list[Path]:
+    """Build both files from what git has, so that nothing of this checkout gets into them."""
+    source, out = folder / "source", folder / "built"
+    run("git", "clone", "--quiet", "--depth", "1", f"file://{REPOSITORY}", str(source))
+    run(sys.executable, "-m", "build", "--outdir", str(out), str(source))
     return sorted(out.glob(f"{NAME}-*"), reverse=True)
+
+
+def try_file(path: Path, python: str, extras: str, constraint: Path | None) -> None:
+    """Install a file into a fresh environment, without extras and, if a wheel, with them."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        environment = Environment(folder / "venv", python, constraint)
+        environment.install(f"{path}")
+        environment.try_data(folder)
+        if path.suffix == ".whl":
+            environment.install(f"{path}[{extras}]")
+            environment.try_demo(folder / "demo")
 
 
 class Environment:
@@ -99,7 +107,10 @@ class Environment:
         (folder / "home.json").write_bytes((REPOSITORY / "docs/home.json").read_bytes())
         for line in NEED_MODELS:
             done = self._run(line, folder, fails=True)
-            if "pip install 'belief-scene-graphs[" not in done.stderr or "Traceback" in done.stderr:
+            if (
+                "pip install './belief-scene-graphs[" not in done.stderr
+                or "Traceback" in done.stderr
+            ):
                 raise click.ClickException(f"{line}: does not say what it lacks:\n{done.stderr}")
 
     def try_demo(self, folder: Path) -> None:

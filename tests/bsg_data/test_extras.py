@@ -1,0 +1,61 @@
+"""What users are told to install is there: an extra of ours, from a place and not from an index."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from conftest import REPOSITORY, tomllib
+
+from bsg_data.extras import ask_to_install
+
+CODE = [
+    path
+    for folder in ("bsg_data", "bsg_models", "cli", "scripts")
+    for path in sorted((REPOSITORY / folder).rglob("*.py"))
+]
+PAGES = [*REPOSITORY.glob("*.md"), *(REPOSITORY / "docs").rglob("*.md")]
+ASKED = re.compile(r"""ask_to_install\(["'](\w+)["']\)""")
+BY_BARE_NAME = re.compile(r"pip install[^\n`]*[\s'\"]belief-scene-graphs\b")
+
+
+def test_the_command_names_the_extra_and_a_place() -> None:
+    assert ask_to_install("hub") == (
+        "pip install './belief-scene-graphs[hub]' (the folder of your checkout, or your wheel file)"
+    )
+
+
+def test_each_extra_that_code_asks_for_is_one_of_ours() -> None:
+    with (REPOSITORY / "pyproject.toml").open("rb") as file:
+        extras = tomllib.load(file)["project"]["optional-dependencies"]
+    asked = {extra for path in CODE for extra in ASKED.findall(path.read_text("utf-8"))}
+    assert asked == {"all", "boosting", "cluster", "figures", "glove", "hub", "hydra", "models"}
+    assert asked <= extras.keys()
+
+
+@pytest.mark.parametrize(
+    ("line", "bare"),
+    [
+        ("pip install belief-scene-graphs", True),
+        ("pip install torch 'belief-scene-graphs[models]'", True),
+        ("pip install './belief-scene-graphs[models]'", False),
+        ("pip install -e .", False),
+    ],
+)
+def test_a_bare_name_by_hand(line: str, bare: bool) -> None:
+    assert bool(BY_BARE_NAME.search(line)) is bare
+
+
+def test_nothing_is_installed_by_the_bare_name() -> None:
+    """The package is on no index: the name fails there, or is a stranger's."""
+    texts = {str(path): path.read_text("utf-8") for path in [*CODE, *PAGES]}
+    assert [name for name, text in texts.items() if BY_BARE_NAME.search(text)] == []
+
+
+def test_no_page_names_a_file_of_one_version() -> None:
+    """The next release makes another file."""
+    texts = {str(path): path.read_text("utf-8") for path in PAGES}
+    assert len(texts) > 30
+    assert [
+        name for name, text in texts.items() if re.search(r"belief_scene_graphs-\d", text)
+    ] == []
