@@ -76,7 +76,22 @@ def measure_ways(graph: PartialGraph, costs: Costs | None = None) -> Ways:
     if costs is not None:
         _lay_over(edges, graph, costs)
     unit: Unit = "given" if costs else "m" if len(known) else "rooms"
-    return Ways(edges, _find_cheapest(edges), unit)
+    straight = not graph.adjacency and costs is None
+    ways = _go_straight(edges, lines, usual) if straight else _find_cheapest(edges)
+    return Ways(edges, ways, unit)
+
+
+def _go_straight(edges: Floats, lines: Floats, usual: float) -> Floats:
+    """Return the costs of the cheapest ways where all rooms connect and nothing is in the way.
+
+    A straight line is the cheapest way. Only a room whose place is unknown can shorten it: it is
+    `usual` from every room.
+    """
+    some_unknown = np.isinf(np.diagonal(lines)[1:]).any()
+    ways = np.minimum(edges, 2 * usual) if some_unknown and len(edges) > 3 else edges.copy()
+    ways[0, 1:] = ways[1:, 0] = np.inf
+    np.fill_diagonal(ways, 0)
+    return ways
 
 
 def _find_cheapest(edges: Floats) -> Floats:
@@ -118,16 +133,32 @@ def _place_of(room: KnownRoom) -> tuple[float, ...]:
 
 
 def _join_parts(edges: Floats, lines: Floats, usual: float) -> None:
-    """Join the parts of a graph between their nearest rooms, one part after another."""
-    while len(edges) > 1:
-        parts, part = connected_components(np.isfinite(edges[1:, 1:]), directed=False)
-        if parts == 1:
+    """Join the parts of a graph between their nearest rooms, one part after another.
+
+    This is Prim's algorithm over parts: it looks at each pair of rooms once. Of pairs that are
+    equally near, the one with the lowest numbers is joined.
+    """
+    if len(edges) < 2:
+        return
+    part = np.append(-1, connected_components(np.isfinite(edges[1:, 1:]), directed=False)[1])
+    outside = part >= 0
+    nearest = np.full(len(edges), np.inf)  # metres from the joined rooms to each room
+    via = np.full(len(edges), len(edges))  # the joined room that is so near
+    joined = part == part[1]
+    while True:
+        for room in np.flatnonzero(joined):
+            closer = lines[room] < nearest
+            closer |= (lines[room] == nearest) & (via > room)
+            nearest[closer], via[closer] = lines[room, closer], room
+        outside &= ~joined
+        if not outside.any():
             return
-        inside = np.concatenate([[False], part == part[0]])
-        outside = np.concatenate([[False], part != part[0]])
-        between = np.where(inside[:, None] & outside[None], lines, np.inf)
-        a, b = np.unravel_index(between.argmin(), between.shape)
-        length = float(between[a, b])
-        if not np.isfinite(length):
-            a, b, length = inside.argmax(), outside.argmax(), 2 * usual
+        length = float(nearest[outside].min())
+        if np.isfinite(length):
+            tied = np.flatnonzero(outside & (nearest == length))
+            b = tied[via[tied].argmin()]
+            a = via[b]
+        else:
+            a, b, length = 1, outside.argmax(), 2 * usual
         edges[a, b] = edges[b, a] = length
+        joined = part == part[b]

@@ -1,4 +1,4 @@
-"""Small files that ask for much: each is one clear error, in little memory and time.
+"""Small files that ask for much: each is an error or an answer, in little memory and time.
 
 Every file is made here and opened by the reader that a command uses, in a process of its own that
 may take 2 GiB of memory beyond what its imports took, and 20 seconds of the processor.
@@ -35,6 +35,7 @@ resource.setrlimit(resource.RLIMIT_AS, (used + {most}, used + {most}))
 path = Path(sys.argv[1])
 try:
     {read}
+    print("answered")
 except BSGError as error:
     print("refused:", str(error)[:300])
 """
@@ -51,6 +52,11 @@ ZIP = (
 TABLE = (
     "from bsg_data.sources.table_rows import read_cells",
     "list(read_cells(path, known=('room', 'category')).rows)",
+)
+WAYS = (
+    "from bsg_data.observation.robot_json import read_robot_graph\n"
+    "from bsg_models.robot.ways import measure_ways",
+    "measure_ways(read_robot_graph(path))",
 )
 MANIFEST = ("from bsg_data.dataset.manifest import read_manifest", "read_manifest(path.parent)")
 PROCTHOR = (
@@ -119,6 +125,12 @@ def make_trees(path: Path, *, classes: int, trees: int, configured: int) -> None
     save_checkpoint(path, header, state)
 
 
+def make_rooms(path: Path, *, joined: list[list[str]]) -> None:
+    rooms = [{"id": str(n), "position": [n % 40, n // 40, 0]} for n in range(2000)]
+    graph = {"scene_id": "t", "rooms": rooms, "adjacency": joined}
+    path.write_text(json.dumps(graph), "utf-8")
+
+
 def text(what: str) -> Callable[[Path], None]:
     return lambda path: path.write_text(what, "utf-8") and None
 
@@ -152,6 +164,11 @@ BOMBS = {
     "houses of packed line feeds": (make_packed_lines, "a.jsonl.gz", PROCTHOR),
     "class map without an end": (link("/dev/zero"), "a.csv", CLASS_MAP),
 }
+LARGE = {
+    # what is answered: as many rooms as ways are measured between
+    "2,000 rooms, two of them joined": (partial(make_rooms, joined=[["0", "1"]]), "a.json", WAYS),
+    "2,000 rooms, none joined": (partial(make_rooms, joined=[]), "a.json", WAYS),
+}
 TREES = {
     # of a reader that an extra brings
     "200,000 trees, 80 configured": (
@@ -172,8 +189,11 @@ def limit_seconds() -> None:
 
 
 def open_bomb(name: str, folder: Path) -> str:
-    """Return what is wrong with how a file is read; nothing if it is refused in a line."""
-    make, file, (imports, read) = {**BOMBS, **TREES}[name]
+    """Return what is wrong with how a file is read; nothing if it is refused in a line.
+
+    Of a file that is only large, nothing is wrong if there is an answer.
+    """
+    make, file, (imports, read) = {**BOMBS, **TREES, **LARGE}[name]
     path = folder / file
     make(path)
     code = READ.format(imports=imports, read=read, most=BYTES)
@@ -184,10 +204,9 @@ def open_bomb(name: str, folder: Path) -> str:
         check=False,
         preexec_fn=limit_seconds,
     )
-    refused = done.returncode == 0 and done.stdout.startswith("refused:") and not done.stderr
-    return (
-        "" if refused else f"{name}: exit {done.returncode}, {(done.stderr or done.stdout)[-200:]}"
-    )
+    expected = "answered" if name in LARGE else "refused:"
+    ended = done.returncode == 0 and done.stdout.startswith(expected) and not done.stderr
+    return "" if ended else f"{name}: exit {done.returncode}, {(done.stderr or done.stdout)[-200:]}"
 
 
 def try_bombs(names: Sequence[str], folder: Path, tally: Tally) -> None:
@@ -219,3 +238,7 @@ def test_very_many_trees_are_refused_in_little_memory_and_time(
 ) -> None:
     pytest.importorskip("lightgbm", reason="the extra `boosting` is not installed")
     try_bombs(list(TREES) if full else list(TREES)[:1], tmp_path, tally)
+
+
+def test_large_graphs_are_answered_in_little_memory_and_time(tmp_path: Path, tally: Tally) -> None:
+    try_bombs(list(LARGE), tmp_path, tally)

@@ -103,6 +103,21 @@ def test_every_room_can_be_reached_by_the_cheapest_way(data: st.DataObject) -> N
             assert ways.costs[a, b] == pytest.approx(length)
 
 
+@given(st.lists(st.tuples(*[st.integers(-5, 5)] * 3), min_size=2, max_size=12), st.data())
+def test_parts_are_joined_by_the_shortest_edges(places: list[Any], data: st.DataObject) -> None:
+    """networkx's minimum spanning tree, where edges that are there cost nothing, is as long."""
+    rooms = range(1, len(places) + 1)
+    every = [(a, b) for a in rooms for b in rooms if a < b]
+    there = data.draw(st.lists(st.sampled_from(every), min_size=1, max_size=8, unique=True))
+    edges = measure_ways(graph_of(places, there)).edges
+    added = sum(edges[a, b] for a, b in every if np.isfinite(edges[a, b]) and (a, b) not in there)
+    full = nx.Graph()
+    for a, b in every:
+        line = float(np.linalg.norm(np.subtract(places[a - 1], places[b - 1])))
+        full.add_edge(a, b, weight=0 if (a, b) in there else line)
+    assert added == pytest.approx(nx.minimum_spanning_tree(full).size(weight="weight"))
+
+
 @pytest.mark.parametrize("rooms", [4, 200])
 def test_a_way_may_cost_nothing(rooms: int) -> None:
     """Few rooms and many, between which ways are found by other algorithms."""
