@@ -96,7 +96,7 @@ figures: $(INSTALLED) ## Draw the figures of the docs; that of the explorer need
 	$(BIN)/python scripts/figures/explorer.py --out docs/figures/explorer.png
 
 site: $(INSTALLED) ## Build the documentation as a site, strictly; open site/index.html.
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 bench: $(INSTALLED) ## Measure how fast the main jobs are, each beside something else: docs/results/speed.md.
 	$(BIN)/python scripts/bench/speed.py --out docs/results/speed.md
