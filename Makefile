@@ -93,10 +93,11 @@ docs: $(INSTALLED) ## Write the generated parts of the docs anew, and execute tu
 
 figures: $(INSTALLED) ## Draw the figures of the docs; that of the explorer needs Chromium.
 	$(BIN)/python scripts/figures/concepts.py --out docs/figures
+	$(BIN)/python scripts/figures/search.py --out docs/figures/search.png
 	$(BIN)/python scripts/figures/explorer.py --out docs/figures/explorer.png
 
 site: $(INSTALLED) ## Build the documentation as a site, strictly; open site/index.html.
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 bench: $(INSTALLED) ## Measure how fast the main jobs are, each beside something else: docs/results/speed.md.
 	$(BIN)/python scripts/bench/speed.py --out docs/results/speed.md

@@ -9,13 +9,16 @@ import shutil
 from collections.abc import Iterator
 from decimal import ROUND_HALF_UP, Decimal
 from pathlib import Path
+from typing import Any
 
 import click
+import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
 from conftest import REPOSITORY, load_script
 
 from bsg_cli.registry import COMMANDS
+from bsg_data.build import build_dataset
 from bsg_data.dataset.schema import SPLITS, TABLES, pairs_schema
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.observation.hidden_share import ShareBelief
@@ -23,6 +26,7 @@ from bsg_data.observation.pairs import write_pairs
 from bsg_data.observation.partial_graph import hide_of_room
 from bsg_data.observation.robot_json import parse_robot_graph, read_robot_graph
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
+from bsg_data.sources.catalogue import open_source
 from bsg_models.runs.predictor import Predictor
 
 DOCS = REPOSITORY / "docs"
@@ -215,15 +219,73 @@ def test_the_example_of_asking_a_model_runs(
     assert names["expectation"].presence.shape[1] == 45  # type: ignore[attr-defined]
 
 
+def read_blocks(page: str) -> list[str]:
+    """Return the blocks of Python of a page of the docs."""
+    return re.findall(r"```python\n(.*?)```", (DOCS / page).read_text("utf-8"), re.DOTALL)
+
+
+# Both are what mlcroissant uses of other libraries.
+@pytest.mark.filterwarnings("ignore:ConjunctiveGraph is deprecated:DeprecationWarning")
+@pytest.mark.filterwarnings("ignore:The inplace keyword in DataFrame:DeprecationWarning")
 def test_loading_examples_run(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The very lines of docs/loading.md, in order, beside a folder `dataset`."""
     monkeypatch.chdir(dataset.parent)
     monkeypatch.setenv("HF_HOME", str(dataset.parent / "hf"))
-    text = (DOCS / "loading.md").read_text("utf-8")
-    blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
-    assert len(blocks) >= 5
+    blocks = read_blocks("loading.md")
+    assert len(blocks) >= 12
     for number, block in enumerate(blocks, 1):
         exec(compile(block, f"docs/loading.md, block {number}", "exec"), {"__name__": "loading"})
+
+
+def test_the_heterogeneous_graph_goes_both_ways(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The last lines of docs/loading.md on three rooms in a row, worked out by hand."""
+    rows = (
+        "scene,room,category,connected",
+        "flat,,painting,",
+        "flat,bath,toilet,",
+        "flat,hall,,bath;kitchen",
+        "flat,kitchen,chair,",
+        "flat,kitchen,stove,",
+    )
+    (tmp_path / "objects.csv").write_text("\n".join(rows) + "\n", "utf-8")
+    build_dataset(open_source("table", tmp_path / "objects.csv"), tmp_path / "dataset")
+    monkeypatch.chdir(tmp_path)
+    *_, block = read_blocks("loading.md")
+    names: dict[str, Any] = {"__name__": "loading"}
+    exec(compile(block, "docs/loading.md", "exec"), names)
+    graph = names["graph"]
+    assert (graph["room"].num_nodes, graph["object"].num_nodes) == (3, 4)
+    ends = {kind: graph[kind].edge_index.T.tolist() for kind in graph.edge_types}
+    down = {
+        ("building", "contains", "room"): [[0, 0], [0, 1], [0, 2]],
+        ("building", "contains", "object"): [[0, 0]],
+        ("room", "contains", "object"): [[0, 1], [2, 2], [2, 3]],
+    }
+    up = {
+        (target, "rev_contains", source): [[end, start] for start, end in edges]
+        for (source, _, target), edges in down.items()
+    }
+    adjacent = {("room", "adjacent", "room"): [[0, 1], [1, 0], [1, 2], [2, 1]]}
+    assert ends == {**down, **up, **adjacent}
+    assert read_rows(ends) == read_edges(tmp_path / "dataset"), "the way back to the table"
+
+
+def read_rows(ends: dict[tuple[str, str, str], list[list[int]]]) -> set[tuple[object, ...]]:
+    """Return the rows of the table of edges that a heterogeneous graph was made of."""
+    return {
+        (kind, source, start + (source != "building"), target, end + 1)
+        for (source, kind, target), edges in ends.items()
+        for start, end in edges
+        if kind == "contains" or (kind == "adjacent" and start < end)
+    }
+
+
+def read_edges(dataset: Path) -> set[tuple[object, ...]]:
+    columns = ["kind", "source_kind", "source_index", "target_kind", "target_index"]
+    table = pq.read_table(dataset / "edges", columns=columns)
+    return {tuple(row.values()) for row in table.to_pylist()}
 
 
 def test_the_entry_of_the_benchmark_is_measured(

@@ -35,8 +35,9 @@ def count_cells(
 def to_histograms(cells: Counts) -> Counts:
     """Return cells `[..., N, C]` as histograms: row 0 becomes the sum over all rows.
 
-    >>> to_histograms(np.array([[1, 0], [2, 3]])).tolist()
-    [[3, 3], [2, 3]]
+    Examples:
+        >>> to_histograms(np.array([[1, 0], [2, 3]])).tolist()
+        [[3, 3], [2, 3]]
     """
     histograms = cells.copy()
     histograms[..., 0, :] = cells.sum(axis=-2)

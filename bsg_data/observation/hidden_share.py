@@ -43,7 +43,7 @@ class ShareBelief:
     Raises:
         RecipeError: if no Beta distribution has these moments.
 
-    Example:
+    Examples:
         >>> ShareBelief(0.5, 0.25).beta
         (1.5, 1.5)
     """
@@ -173,7 +173,7 @@ def estimate_hidden_share(
     Raises:
         RecipeError: if a value is impossible.
 
-    Example:
+    Examples:
         >>> share = estimate_hidden_share(floor_in_view=0.6)
         >>> round(share.mean, 2), round(share.sd, 2)
         (0.55, 0.2)

@@ -51,8 +51,9 @@ class View:
             alone: hidden share of a building without rooms.
             exact: see the attribute.
 
-        >>> View.of_rooms(np.array([0.0, 0.5, 1.0]), classes=45).hidden_share.tolist()
-        [0.5, 0.0, 0.5, 1.0]
+        Examples:
+            >>> View.of_rooms(np.array([0.0, 0.5, 1.0]), classes=45).hidden_share.tolist()
+            [0.5, 0.0, 0.5, 1.0]
         """
         inside = shares < 1 if entered is None else entered
         share = np.concatenate([[alone], shares])

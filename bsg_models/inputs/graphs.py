@@ -156,7 +156,7 @@ class MaskedGraphs(GraphDataset):  # type: ignore[misc]
 
     Each graph also has `scene_id` and `draw`.
 
-    Example:
+    Examples:
         >>> graphs = MaskedGraphs.stored(Path("dataset"), "train")  # doctest: +SKIP
         >>> graphs[0].x.shape  # doctest: +SKIP
         torch.Size([15, 45])

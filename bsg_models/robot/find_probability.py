@@ -33,7 +33,7 @@ class FindProbability:
     A thing is any word. A number at its end (`cup_4`) means one of several; a seen object counts as
     this one only if it has this very id.
 
-    Example:
+    Examples:
         >>> probability = FindProbability(seen, {"sofa": "living", "start": None})  # doctest: +SKIP
         >>> probability("robot1", "sofa", "remote control")  # doctest: +SKIP
         0.41

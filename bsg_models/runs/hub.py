@@ -31,7 +31,7 @@ class HubModel(
     Attributes:
         predictor: the loaded model.
 
-    Example:
+    Examples:
         >>> model = HubModel.from_pretrained("folder")  # doctest: +SKIP
         >>> model.push_to_hub("me/my-rooms")  # doctest: +SKIP
         >>> model.predictor(graph).presence.shape  # doctest: +SKIP

@@ -31,7 +31,7 @@ class Predictor:
         classes: `[C]` that it predicts.
         class_space: of these classes.
 
-    Example:
+    Examples:
         >>> predictor = Predictor()  # doctest: +SKIP
         >>> predictor(graph).presence.shape  # doctest: +SKIP
         (15, 45)

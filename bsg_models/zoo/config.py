@@ -111,8 +111,9 @@ def read_config(path: Path) -> dict[str, Any]:
 def override(tables: Mapping[str, Any], settings: Sequence[str]) -> dict[str, Any]:
     """Return the tables with `path=value` settings applied; values are TOML, or bare text.
 
-    >>> override({"seed": 0}, ["seed=3", "training.epochs=50", "data.masks=fixed"])
-    {'seed': 3, 'training': {'epochs': 50}, 'data': {'masks': 'fixed'}}
+    Examples:
+        >>> override({"seed": 0}, ["seed=3", "training.epochs=50", "data.masks=fixed"])
+        {'seed': 3, 'training': {'epochs': 50}, 'data': {'masks': 'fixed'}}
     """
     result = _copy(tables)
     for setting in settings:

@@ -17,6 +17,7 @@ import click
 import matplotlib as mpl
 import networkx as nx
 import numpy as np
+import numpy.typing as npt
 from matplotlib.figure import Figure
 
 from bsg_data import (
@@ -48,6 +49,7 @@ STEPS = (
     ("belief graph", "the partial graph\nwith blind nodes"),
     ("search", "where to look first"),
 )
+Floats = npt.NDArray[np.float64]
 BLUE, ORANGE, GREY, LIGHT = "#3f51b5", "#e8710a", "#9aa0a6", "#e8eaf6"
 THING = "bed"
 
@@ -154,20 +156,21 @@ def draw_planners() -> Figure:
         )
         for step, (one, two) in enumerate(pairwise(route), 1):
             for start, end in pairwise(nx.shortest_path(connections, one, two)):
-                (x, y), (right, top) = spots[start], spots[end]
-                aside = 0.22 * (step - 1)  # ways that are gone twice lie beside each other
-                _point(axes, (x + aside, y - aside), (right + aside, top - aside), shrink=19)
-                axes.text(
-                    x + 0.4 * (right - x) + aside + 0.1,
-                    y + 0.4 * (top - y) - aside + 0.15,
-                    str(step),
-                    color=ORANGE,
-                    weight="bold",
-                )
+                _draw_step(axes, step, np.array(spots[start]), np.array(spots[end]))
         axes.set_title(f"{planner} finds the {THING} after {length:.1f} m", size=11)
         axes.set(xlim=(-1.3, 10.3), ylim=(-1, 6.3), aspect="equal")
         axes.axis("off")
     return figure
+
+
+def _draw_step(axes: Any, step: int, start: Floats, end: Floats) -> None:
+    """Draw an arrow and its number on the right of the way, so that the way back is beside it."""
+    ahead = (end - start) / np.linalg.norm(end - start)
+    right = np.array([ahead[1], -ahead[0]])
+    _point(axes, start + 0.12 * right, end + 0.12 * right, shrink=19)
+    place = (start + end) / 2 + 0.4 * right
+    style = {"color": ORANGE, "weight": "bold", "ha": "center", "va": "center"}
+    axes.text(*place, str(step), **style)
 
 
 def _search(seen: SeenBuilding, planner: str) -> tuple[list[str], float]:
@@ -194,7 +197,9 @@ def _make_building() -> tuple[SceneGraph, ClassSpaceEntry]:
         return next(read_scene_graphs(dataset)), read_manifest(dataset).class_space
 
 
-def _point(axes: Any, start: Sequence[float], end: Sequence[float], *, shrink: float = 0) -> None:
+def _point(
+    axes: Any, start: Sequence[float] | Floats, end: Sequence[float] | Floats, *, shrink: float = 0
+) -> None:
     """Draw an arrow between two points."""
     style = {"arrowstyle": "-|>", "color": ORANGE if shrink else BLUE, "lw": 1.6}
     axes.annotate("", end, start, arrowprops={**style, "shrinkA": shrink, "shrinkB": shrink})
@@ -214,10 +219,10 @@ FIGURES: dict[str, Callable[[], Figure]] = {
 )
 def main(out: Path) -> None:
     """Draw all figures."""
-    mpl.rcParams["svg.hashsalt"] = "belief-scene-graphs"  # else ids in an SVG are random
     out.mkdir(parents=True, exist_ok=True)
-    for name, draw in FIGURES.items():
-        draw().savefig(out / name, metadata={"Date": None})
+    with mpl.rc_context({"svg.hashsalt": "belief-scene-graphs"}):  # else ids in an SVG are random
+        for name, draw in FIGURES.items():
+            draw().savefig(out / name, metadata={"Date": None})
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Fit the rates behind `bsg-data synth` on HM3D, and say how close the result is.
 
-Fit:      python scripts/fit/synthetic_rates.py --hm3d-stats ../shared/hm3d/HM3DSem-v0.2-train.zip \
-              --annotations ../shared/hm3d/annotations --out bsg_data/synthetic/rates.json
+Fit:      python scripts/fit/synthetic_rates.py --hm3d-stats PATH/TO/HM3DSem-v0.2-train.zip \
+              --annotations PATH/TO/annotations --out bsg_data/synthetic/rates.json
 Compare:  the same two inputs with `--compare DIR`, a folder written by `bsg-data synth`; prints the
           Markdown tables of docs/synthetic.md.
 

@@ -47,7 +47,7 @@ def test_folds_rotate_and_never_overlap(folded: Path) -> None:
 
 
 def test_a_rotation_by_hand(folded: Path) -> None:
-    """Fold 2 is tested on; every other building of fold 0 is validated on, the rest is trained."""
+    """Fold 2 is the test split, half of fold 0 is for validation, and the rest for training."""
     data = Dataset.open(folded)
     first, second, third = (data.splits[f"fold-{k}"] for k in range(3))
     assert len(first) == len(second) == len(third) == 4

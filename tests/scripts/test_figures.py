@@ -1,0 +1,53 @@
+"""The pictures of README and the docs are those that `make figures` draws."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from conftest import REPOSITORY, load_script
+
+from bsg_cli.registry import COMMANDS
+
+CONCEPTS, SEARCH = load_script("figures/concepts"), load_script("figures/search")
+FIGURES = REPOSITORY / "docs" / "figures"
+
+
+def test_every_picture_is_drawn_by_make_figures() -> None:
+    recipe = (REPOSITORY / "Makefile").read_text("utf-8").split("\nfigures:")[1].split("\n\n")[0]
+    drawn = set(re.findall(r"--out docs/figures/(\S+)", recipe)) | set(CONCEPTS.FIGURES)
+    assert drawn == {path.name for path in FIGURES.iterdir()}
+
+
+def test_the_last_command_of_the_page_draws_the_picture() -> None:
+    commands = [shlex.split(line) for line in SEARCH.read_commands()]
+    assert [words[:2] for words in commands[:-1]] == [
+        ["bsg-data", "synth"],
+        ["bsg-data", "build"],
+        ["bsg-data", "split"],
+    ]
+    name, *words = commands[-1]
+    assert name == "bsg-search"
+    result = CliRunner().invoke(COMMANDS[name], [*words, "--help"])
+    assert result.exit_code == 0, result.output
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CONCEPTS.FIGURES)
+def test_a_figure_of_the_concepts_is_drawn_with_the_same_bytes(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (locked,) = re.findall(
+        r"^matplotlib==(\S+)", (REPOSITORY / "constraints.txt").read_text("utf-8"), re.MULTILINE
+    )
+    found = importlib.metadata.version("matplotlib")
+    if found != locked:
+        pytest.skip(f"matplotlib {found} draws other bytes than the locked {locked}")
+    monkeypatch.setattr(CONCEPTS, "FIGURES", {name: CONCEPTS.FIGURES[name]})
+    result = CliRunner().invoke(CONCEPTS.main, ["--out", str(tmp_path)])
+    assert result.exit_code == 0, result.output
+    assert (tmp_path / name).read_bytes() == (FIGURES / name).read_bytes(), "run `make figures`"
