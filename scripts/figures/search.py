@@ -1,11 +1,10 @@
-"""Draw the replay of a search that README.md shows, by the commands that docs/search.md lists.
+"""Draw the replay of a search that README.md shows, by the commands of `make demo`.
 
 python scripts/figures/search.py --out docs/figures/search.png
 """
 
 from __future__ import annotations
 
-import re
 import shlex
 import shutil
 import subprocess
@@ -15,17 +14,17 @@ from pathlib import Path
 
 import click
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "search.md"
+MAKEFILE = Path(__file__).resolve().parents[2] / "Makefile"
 PICTURE = "search.png"
+NEEDED = ("synth", "build", "split", "bsg-search")
 
 
 def read_commands() -> list[str]:
-    """Return the commands of the block whose last line draws the picture."""
-    blocks: list[str] = re.findall(
-        r"^```sh\n(.*?)^```$", PAGE.read_text("utf-8"), re.DOTALL | re.MULTILINE
-    )
-    (block,) = (block for block in blocks if block.endswith(f"--animation {PICTURE}\n"))
-    return block.splitlines()
+    """Return the commands of `make demo` that the picture needs, for results in `demo`."""
+    recipe = MAKEFILE.read_text("utf-8").split("\ndemo:")[1].split("\n\n")[0]
+    lines = recipe.replace("$(BIN)/", "").replace("$(DEMO)", "demo").splitlines()[1:]
+    found = (line.strip() for line in lines)
+    return [line for line in found if set(NEEDED) & set(line.split()[:2])]
 
 
 @click.command(help=__doc__, context_settings={"help_option_names": ["-h", "--help"]})
@@ -37,7 +36,7 @@ def main(out: Path) -> None:
         for line in read_commands():
             name, *words = shlex.split(line)
             subprocess.run([programs / name, *words], cwd=folder, check=True)
-        shutil.copyfile(Path(folder, PICTURE), out)
+        shutil.copyfile(Path(folder, "demo", "search", PICTURE), out)
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ from bsg_cli.registry import COMMANDS
 
 CONCEPTS, SEARCH = load_script("figures/concepts"), load_script("figures/search")
 FIGURES = REPOSITORY / "docs" / "figures"
+NUMBER = re.compile(r"\d+\.\d+")  # a place; processors differ in its last digits
 
 
 def test_every_picture_is_drawn_by_make_figures() -> None:
@@ -23,7 +24,7 @@ def test_every_picture_is_drawn_by_make_figures() -> None:
     assert drawn == {path.name for path in FIGURES.iterdir()}
 
 
-def test_the_last_command_of_the_page_draws_the_picture() -> None:
+def test_the_last_command_of_the_demo_draws_the_picture() -> None:
     commands = [shlex.split(line) for line in SEARCH.read_commands()]
     assert [words[:2] for words in commands[:-1]] == [
         ["bsg-data", "synth"],
@@ -32,13 +33,14 @@ def test_the_last_command_of_the_page_draws_the_picture() -> None:
     ]
     name, *words = commands[-1]
     assert name == "bsg-search"
+    assert words[words.index("--animation") + 1] == f"demo/search/{SEARCH.PICTURE}"
     result = CliRunner().invoke(COMMANDS[name], [*words, "--help"])
     assert result.exit_code == 0, result.output
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CONCEPTS.FIGURES)
-def test_a_figure_of_the_concepts_is_drawn_with_the_same_bytes(
+def test_a_figure_of_the_concepts_is_drawn_the_same(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (locked,) = re.findall(
@@ -50,4 +52,7 @@ def test_a_figure_of_the_concepts_is_drawn_with_the_same_bytes(
     monkeypatch.setattr(CONCEPTS, "FIGURES", {name: CONCEPTS.FIGURES[name]})
     result = CliRunner().invoke(CONCEPTS.main, ["--out", str(tmp_path)])
     assert result.exit_code == 0, result.output
-    assert (tmp_path / name).read_bytes() == (FIGURES / name).read_bytes(), "run `make figures`"
+    now, kept = ((folder / name).read_text("utf-8") for folder in (tmp_path, FIGURES))
+    assert NUMBER.sub("", now) == NUMBER.sub("", kept), "run `make figures`"
+    places = [[float(one) for one in NUMBER.findall(text)] for text in (now, kept)]
+    assert places[0] == pytest.approx(places[1], abs=0.01), "run `make figures`"
