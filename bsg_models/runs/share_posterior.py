@@ -9,7 +9,7 @@ many mean that many are hidden.
 
 Counts of different classes are correlated, through the fullness of a room and the care of its
 annotation. So C classes carry less evidence than C independent ones. τ is the measured correction
-(docs/hidden-share.md).
+(docs/results/share_estimates.md).
 """
 
 from __future__ import annotations

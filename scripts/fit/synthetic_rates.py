@@ -3,7 +3,7 @@
 Fit:      python scripts/fit/synthetic_rates.py --hm3d-stats PATH/TO/HM3DSem-v0.2-train.zip \
               --annotations PATH/TO/annotations --out bsg_data/synthetic/rates.json
 Compare:  the same two inputs with `--compare DIR`, a folder written by `bsg-data synth`; prints the
-          Markdown tables of docs/synthetic.md.
+          Markdown tables of docs/results/synthetic.md.
 
 Only aggregates leave this script: a category is named if at least MIN_SCENES scenes hold it, a
 spelling has a share of its own under the same rule, a latent room type occurs in as many scenes.
@@ -730,7 +730,7 @@ def distances(one: Corpus, other: Corpus) -> dict[str, float]:
 
 
 def compare(instances: Sequence[Instance], folder: Path) -> str:
-    """Return the Markdown tables of docs/synthetic.md for a folder of synthetic buildings."""
+    """Return the tables of docs/results/synthetic.md for a folder of synthetic buildings."""
     votes: defaultdict[str, Counter[str]] = defaultdict(Counter)
     for one in instances:
         votes[one.raw][one.category] += 1

@@ -221,7 +221,7 @@ def main() -> int:
     page = ResultsPage(
         "Readings of the paper's CECI",
         (
-            "[Reproduction](../reproduction.md) gives the conclusions from these tables. Every "
+            "docs/results/reproduction.md gives the conclusions from these tables. Every "
             f"reading was trained on {options.seeds} splits of the buildings. A value is the mean "
             "over the splits, with its 95 % interval over buildings.",
             "\n".join(lines),

@@ -10,7 +10,9 @@ import pytest
 from conftest import REPOSITORY, annotation_text, load_script, write_scene
 
 from bsg_data.build import build_dataset
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError
+from bsg_data.recipes import MaskRecipe
 from bsg_data.sources.hm3d import HM3DFolder
 
 PAGES = (
@@ -97,17 +99,98 @@ def test_a_variant_is_compared_with_its_base(board: Path, tmp_path: Path) -> Non
     assert rows == ["mixture@rooms", "gamma-poisson@rooms"]
 
 
-@pytest.mark.parametrize("path", sorted((REPOSITORY / "docs" / "results").glob("*.md")), ids=str)
+RESULTS = REPOSITORY / "docs" / "results"
+MEASURED = sorted(path for path in RESULTS.glob("*.md") if path.name != "README.md")
+WITHOUT_SCRIPT = {"installation.md": "pip install"}  # page → the program that was measured
+
+
+@pytest.mark.parametrize("path", MEASURED, ids=lambda path: path.stem)
+def test_a_page_of_results_says_how_it_was_made(path: Path) -> None:
+    """A section at its end, with the command, the date and the versions."""
+    _, *sections = path.read_text("utf-8").split("\n## ")
+    assert sections[-1].startswith("How it was made\n\n```sh\n"), path.name
+    assert re.search(r"^- Date: \d{4}-\d\d-\d\d$", sections[-1], re.MULTILINE), path.name
+    assert re.search(r"^- Versions: belief-scene-graphs \d", sections[-1], re.MULTILINE), path.name
+
+
+@pytest.mark.parametrize("path", [RESULTS / "README.md", *MEASURED], ids=lambda path: path.stem)
 def test_a_page_of_the_docs_names_a_command_that_exists(path: Path) -> None:
-    text = path.read_text("utf-8")
-    commands = re.findall(r"^python (scripts/(?:measure|bench)/\w+\.py)", text, re.MULTILINE)
+    text = "\n".join(re.findall(r"```sh\n(.*?)```", path.read_text("utf-8"), re.DOTALL))
+    commands = re.findall(r"^python (scripts/(?:measure|bench|fit)/\w+\.py)", text, re.MULTILINE)
     targets = re.findall(r"^make (\w+)$", text, re.MULTILINE)
-    assert commands or targets, f"{path.name}: names no command that makes it"
+    if path.name in WITHOUT_SCRIPT:
+        assert WITHOUT_SCRIPT[path.name] in text
+    else:
+        assert commands or targets, f"{path.name}: names no command that makes it"
     for target in targets:
         makefile = (REPOSITORY / "Makefile").read_text("utf-8")
         assert f"\n{target}: " in makefile, f"{path.name}: the Makefile makes no {target}"
     for command in commands:
         assert (REPOSITORY / command).is_file(), f"{path.name}: {command} is not there"
+
+
+def rows_of_results() -> list[tuple[str, str]]:
+    """Return page and conclusion of every row of docs/results/README.md."""
+    text = (RESULTS / "README.md").read_text("utf-8")
+    return re.findall(r"^\| \[\w+\]\(([^)]+)\) \| (.+?) \|", text, re.MULTILINE)
+
+
+def test_every_page_of_results_has_a_row() -> None:
+    assert sorted(name for name, _ in rows_of_results()) == [path.name for path in MEASURED]
+
+
+@pytest.mark.parametrize(("name", "conclusion"), rows_of_results(), ids=lambda text: text[:12])
+def test_the_numbers_of_a_conclusion_are_on_its_page(name: str, conclusion: str) -> None:
+    page = (RESULTS / name).read_text("utf-8")
+    tables = re.findall(r"(?:^\|.*\n)+", page, re.MULTILINE)
+    for models in re.findall(r"(\d+) models", conclusion):
+        assert int(models) in [table.count("\n") - 2 for table in tables], models
+    said = re.sub(r"\d+ models", "", conclusion)
+    for number in re.findall(r"(?<![\w.])(?:\.?\d[\d,.]*\d|\d)", said):
+        assert re.search(rf"(?<![\d.,]){re.escape(number)}(?!\d|[.,]\d)", page), number
+
+
+def test_all_tries_are_said_to_have_survived_only_if_all_did() -> None:
+    page = (RESULTS / "reliability.md").read_text("utf-8")
+    found = re.search(r"^([\d,]+) of ([\d,]+) tries survived", page, re.MULTILINE)
+    assert found
+    every = found[1] == found[2]
+    assert (f"all {found[2]} tries survived" in dict(rows_of_results())["reliability.md"]) == every
+    about = (REPOSITORY / "docs" / "reliability.md").read_text("utf-8")
+    assert ("every try survived" in about) == every
+    assert every or "There are no misses" not in page
+
+
+def test_told_shares_are_beside_true_ones(dataset: Path, tmp_path: Path) -> None:
+    """One half is told under `uniform`; rooms that were entered hide nothing under `rooms`."""
+    page = tmp_path / "told.md"
+    argv = [f"--data={dataset}", f"--out={page}", "--draws=20"]
+    assert load_script("measure/told_shares").main(argv) == 0
+    text = page.read_text("utf-8")
+    rows = re.findall(
+        r"^\| `(\w+)` \| ([\d.]+) \| (.+), (.+) \| (.+), (.+) \|$", text, re.MULTILINE
+    )
+    shares = {(name, fraction): list(map(float, cells)) for name, fraction, *cells in rows}
+    assert len(shares) == 25
+    assert shares["uniform", "0.5"][0] == 50
+    assert shares["rooms", "0.5"][2:] == [0, 0]
+    assert all(abs(told - true) < 10 for told, true, *_ in shares.values())
+    assert "python scripts/measure/told_shares.py --data=dataset" in text
+
+
+def test_a_part_is_shown_or_hidden_with_its_thing(tmp_path: Path) -> None:
+    """Of curtain and bed one is hidden, and of rod and wall: half of the curtains gone show it."""
+    write_scene(tmp_path / "raw", "00900-zyxwvutsr00", annotation_text({0: CURTAINS}))
+    build_dataset(HM3DFolder(tmp_path / "raw"), tmp_path / "dataset")
+    data, script = Dataset.open(tmp_path / "dataset"), load_script("measure/told_shares")
+    found, shown = script.count_parts(data, MaskRecipe(), 400)
+    assert found == pytest.approx(200, abs=40)
+    assert shown == pytest.approx(found / 2, abs=35)
+    again, together = script.count_parts(data, MaskRecipe(parts=True), 400)
+    assert (again, together) == (found, 0)
+
+
+CURTAINS = ["curtain", "bed", "curtain rod", "wall"]
 
 
 def test_ways_to_tell_the_hidden_share_are_compared(

@@ -61,7 +61,7 @@ def test_an_empty_histogram_has_no_place_among_the_classes() -> None:
 
 
 def test_the_papers_distances_cannot_tell_one_class_from_another() -> None:
-    """The true histogram with its classes permuted scores 0: docs/reproduction.md."""
+    """The true histogram with its classes permuted scores 0: docs/results/reproduction.md."""
     rng = np.random.default_rng(0)
     true = metrics.normalise(rng.poisson(0.5, (20, 45)).astype(float))
     permuted = true[:, rng.permutation(45)]
