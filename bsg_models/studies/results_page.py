@@ -54,6 +54,7 @@ class Provenance:
         class_space: class space of the dataset; "" without a dataset.
         dataset_sha256: hash of the dataset before it was split; "" without a dataset.
         buildings: number of buildings in the dataset; 0 without a dataset.
+        with_geometry: those of which room sizes and places are known, which some models read.
         machine: where times were measured (`describe_machine`); "" if the page has no times.
     """
 
@@ -63,6 +64,7 @@ class Provenance:
     class_space: str = ""
     dataset_sha256: str = ""
     buildings: int = 0
+    with_geometry: int = 0
     machine: str = ""
 
 
@@ -97,8 +99,9 @@ def format_page(page: ResultsPage) -> str:
     lines += ["## How it was made", "", "```sh", made.command, "```", ""]
     lines += [f"- Date: {made.date}", f"- Versions: {versions}"]
     if made.dataset_sha256:
+        geometry = f" ({made.with_geometry} with geometry)" if made.with_geometry else ""
         lines.append(
-            f"- Dataset: {made.buildings} buildings, class space "
+            f"- Dataset: {made.buildings} buildings{geometry}, class space "
             f"{escape_markdown(made.class_space)}, `{made.dataset_sha256[:16]}` (start of the "
             "sha256 of `dataset.json` before the split)"
         )
@@ -128,6 +131,7 @@ def describe(data: Dataset, argv: Sequence[str], *, date: str) -> Provenance:
         class_space=data.manifest.class_space.name,
         dataset_sha256=hash_unsplit(data),
         buildings=data.manifest.totals.scenes,
+        with_geometry=data.manifest.totals.placed,
     )
 
 

@@ -24,7 +24,7 @@ PAGE = ResultsPage(
     "Beds",
     ("`a` is best.",),
     (ResultsTable("How many", ("model", "beds"), (("`a`", "2"),), "More is better."),),
-    Provenance("python x.py", "2026-01-02", (("numpy", "2.0"),), "hm3d45-v2", "ab" * 32, 145),
+    Provenance("python x.py", "2026-01-02", (("numpy", "2.0"),), "hm3d45-v2", "ab" * 32, 145, 50),
 )
 TEXT = """\
 # Beds
@@ -47,7 +47,7 @@ python x.py
 
 - Date: 2026-01-02
 - Versions: numpy 2.0
-- Dataset: 145 buildings, class space hm3d45-v2, `abababababababab` \
+- Dataset: 145 buildings (50 with geometry), class space hm3d45-v2, `abababababababab` \
 (start of the sha256 of `dataset.json` before the split)
 """
 
