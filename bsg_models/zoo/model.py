@@ -115,6 +115,13 @@ class BeliefModel(torch.nn.Module, ABC):
         """Return the hidden counts of some rooms; arguments as for `expect_rooms`."""
         return take_cells(self.predict(seen).hidden_counts, rows, columns)
 
+    def require_size(self, seen: Observation) -> None:
+        """Refuse a building that takes too much memory, before anything is computed.
+
+        Raises:
+            PredictionError: naming models that take any number of rooms.
+        """
+
     def not_finite(self) -> PredictionError:
         """Return the error for an answer that is not finite, naming the checkpoint."""
         return PredictionError(
@@ -142,6 +149,10 @@ class Network(BeliefModel):
             return iter((seen,))
         number = count_edges(seen, self.inputs.edges)
         return split_within(seen, number, bytes_each=self.edge_bytes, model=self.label)
+
+    def require_size(self, seen: Observation) -> None:
+        """Refuse a building whose edges do not fit into memory."""
+        next(self.in_bounds(seen), None)
 
     @property
     def label(self) -> str:
