@@ -314,7 +314,7 @@ def _list_facts(header: CheckpointHeader) -> list[tuple[str, str]]:
         ("sha256 of the dataset", f"`{header.dataset_sha256}`"),
     ]
     if header.epoch:
-        facts.append(("epochs", str(header.best_epoch)))
+        facts.append(("best epoch", str(header.best_epoch)))
     return facts
 
 
