@@ -210,6 +210,16 @@ def is_vacant(folder: Path) -> bool:
     return folder.is_dir() and {path.name for path in folder.iterdir()} <= {UNFINISHED}
 
 
+def require_vacant(place: Path) -> None:
+    """Refuse to replace results without `--force`.
+
+    Raises:
+        DatasetError: naming the place.
+    """
+    if not is_vacant(place):
+        raise DatasetError(f"{place}: is there already; --force replaces it")
+
+
 def _explain(place: Place, error: OSError, what: str) -> DatasetError:
     return DatasetError(f"{place.path}: cannot be {what} ({error.strerror or error})")
 

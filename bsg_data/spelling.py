@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable
 
 SHOWN = 80  # characters of a wrong name that are compared, and shown in errors
+LIKE = 0.75  # difflib's ratio: keeps shoos for shoes and vaze for vase; not mobile for bicycle
+BEGUN = 4  # letters by which a word of a name is known
 
 
 def nearest_names(name: str, known: Iterable[str], *, most: int = 3) -> tuple[str, ...]:
@@ -21,13 +24,31 @@ def nearest_names(name: str, known: Iterable[str], *, most: int = 3) -> tuple[st
     return tuple(listed[one] for one in near)
 
 
+def meant_names(name: str, known: Iterable[str], *, most: int = 3) -> tuple[str, ...]:
+    """Return the known names that a misspelt or cut off name may stand for, the most like first.
+
+    Unlike the nearest names, they are more than names that share letters.
+
+    >>> meant_names("microwav", ["microwave", "wave"]), meant_names("bicycle", ["boiler"])
+    (('microwave',), ())
+    >>> meant_names("fridg", ["mini fridge", "fruit"])
+    ('mini fridge',)
+    """
+    listed, said = {one[:SHOWN].casefold(): one for one in known}, name[:SHOWN].casefold()
+    near = difflib.get_close_matches(said, listed, n=most, cutoff=LIKE)
+    if len(said) >= BEGUN:
+        word = re.compile(rf"\b{re.escape(said)}")
+        near += sorted(filter(word.search, listed), key=len)
+    return tuple(listed[one] for one in dict.fromkeys(near))[:most]
+
+
 def ask_if_meant(name: str, known: Iterable[str], *, most: int = 1) -> str:
     """Return the question whether a similar name was meant; empty if none is similar.
 
     >>> ask_if_meant("ratoi", ["ratio", "random"])
     'did you mean ratio?'
     """
-    near = nearest_names(name, known, most=most)
+    near = meant_names(name, known, most=most)
     return f"did you mean {', '.join(near)}?" if near else ""
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from click.core import ParameterSource
 
 import bsg_data
 import bsg_models
-from bsg_cli.find import find_thing
+from bsg_cli.find import find_things
 from bsg_cli.options import (
     PATH,
     data_option,
@@ -26,11 +27,15 @@ from bsg_cli.options import (
     split_option,
 )
 from bsg_cli.terminal import Command, print_json, print_note, print_text, progress_bar
+from bsg_data.result_folder import Place, require_vacant
+from bsg_data.seals import refuse_sealed_file
 from bsg_data.spelling import SHOWN
 from bsg_data.tables import format_text
 
 MOST_ROWS = 60
 MOST_NAMES = 10
+MOST_CLASSLESS = 3  # names in the note on objects without a class
+CHECKED_FIRST = 1_000_000  # bytes of a graph; a larger one takes long to read twice
 
 
 @click.command("bsg-belief", cls=Command)
@@ -51,7 +56,12 @@ MOST_NAMES = 10
     help="Share of a room's objects that the robot has not seen, from 0 (searched) to 1 (not "
     "entered); without ROOM for all other rooms.",
 )
-@click.option("--find", metavar="THING", help="Say where one thing is. THING is any word.")
+@click.option(
+    "--find",
+    metavar="THING",
+    multiple=True,
+    help="Say where a thing is, and where to go first. THING is any word. Repeat it for several.",
+)
 @click.option("--from", "here", metavar="ROOM", help="With --find: the room of the robot.")
 @click.option(
     "--mode",
@@ -80,7 +90,7 @@ MOST_NAMES = 10
 @force_option
 @json_option
 def main(
-    dataset: Path | None, as_json: bool, find: str | None, here: str | None, **options: Any
+    dataset: Path | None, as_json: bool, find: tuple[str, ...], here: str | None, **options: Any
 ) -> None:
     """Say which unseen objects a model expects in each room, or where one thing is.
 
@@ -98,17 +108,19 @@ def main(
     """
     if bool(options["graphs"]) == (dataset is not None):
         raise click.UsageError("expected either GRAPHs or --data DATASET; give one of them")
-    if here is not None and find is None:
+    if here is not None and not find:
         raise click.UsageError("--from needs --find THING; give both or neither")
     require_files(options["graphs"])
     named = read_model(options.pop("model"), options.pop("run"))
     if named is not None:
         options["run"] = named
     options |= read_shares(options.pop("shares"), dataset)
-    if find is not None:
-        seen = open_seen(options)
-        find_thing(seen, find, here=here, as_json=as_json)
+    if find:
+        seen = open_seen(options, here=here)
+        find_things(seen, tuple(dict.fromkeys(find)), here=here, as_json=as_json)
         return
+    refuse_present(options)
+    check_graphs(options)
     request = read_request(dataset, options)
     with progress_bar("belief", unit="graph") as progress:
         report = bsg_models.report_beliefs(request, progress=progress)
@@ -125,6 +137,7 @@ def main(
     for path, notes in report.notes.items():
         note_reading(path, notes)
     for path, graph in zip(request.graphs, report.graphs, strict=False):
+        note_classless(path, graph.partial, model=report.model)
         note_shares(path, graph.partial)
     if as_json:
         print_json([encode_room(room) for room in report.rooms])
@@ -145,7 +158,7 @@ def main(
         print_text(f"written: {', '.join(map(str, written))}")
 
 
-def open_seen(options: dict[str, Any]) -> bsg_models.SeenBuilding:
+def open_seen(options: dict[str, Any], *, here: str | None) -> bsg_models.SeenBuilding:
     """Return the one graph of the options with its model.
 
     Raises:
@@ -163,11 +176,13 @@ def open_seen(options: dict[str, Any]) -> bsg_models.SeenBuilding:
         raise click.UsageError(f"--find writes no files; leave out --find or --{written[0]}")
     model = options.get("run", bsg_models.DEFAULT_MODEL)
     told = {name: options[name] for name in ("labels", "hidden_share", "hidden_shares")}
+    check_graphs(options, here=here)
     seen = bsg_models.open_graph(graphs[0], model=model, **told)
     note_model(options)
     if seen.unmapped:
         note_unmapped(graphs[0], seen.unmapped)
     note_reading(graphs[0], seen.notes)
+    note_classless(graphs[0], seen.graph, model=seen.model)
     note_shares(graphs[0], seen.graph)
     return seen
 
@@ -183,6 +198,45 @@ def require_files(graphs: Sequence[Path]) -> None:
             raise bsg_data.BSGError(f"{path}: cannot be read (No such file or directory)")
 
 
+def refuse_present(options: dict[str, Any]) -> None:
+    """Refuse files that are there already before the models are imported, which is slow.
+
+    The library refuses what is left: folders, and files beside what a killed command left, which
+    it undoes first.
+
+    Raises:
+        DatasetError: naming the first such file.
+    """
+    read = {path.absolute() for path in options["graphs"]}  # naming one of them is another error
+    for name in ("out", "hydra", "html"):
+        path: Path | None = options[name]
+        if path is None or options["force"] or path.absolute() in read:
+            continue
+        if path.is_file() and not Place(path, is_file=True).unfinished.exists():
+            refuse_sealed_file(path)
+            require_vacant(path)
+
+
+def check_graphs(options: dict[str, Any], *, here: str | None = None) -> None:
+    """Refuse faulty graphs and unknown rooms before the models are imported, which is slow.
+
+    A pipe is read once only, and a large file too.
+
+    Raises:
+        BSGError: as `open_graph` raises it.
+    """
+    for path in options["graphs"]:
+        if str(path) == "-" or not path.is_file() or path.stat().st_size > CHECKED_FIRST:
+            continue
+        graph = bsg_models.read_graph(path, labels=options["labels"])
+        told = {"every": options["hidden_share"], "rooms": options["hidden_shares"]}
+        bsg_models.tell_shares(graph, **told)
+        if here is not None:
+            from bsg_models.robot.room_names import find_room
+
+            find_room(graph, here)
+
+
 def note_model(options: dict[str, Any]) -> None:
     """Print which model was used, if the user named none; call it after the graphs are read."""
     if "run" not in options:
@@ -195,6 +249,29 @@ def note_unmapped(path: Path, names: Sequence[bsg_data.UnmappedEntry]) -> None:
     shown = ", ".join(map(_describe_unmapped, names[:MOST_NAMES]))
     more = f", and {len(names) - MOST_NAMES:,} more" if len(names) > MOST_NAMES else ""
     print_note(f"{path}: {what} not in the class map: {shown}{more}")
+
+
+def note_classless(path: Path, graph: bsg_data.PartialGraph, *, model: str) -> None:
+    """Print how many seen objects have a known name but no class, and which names most often.
+
+    Parts of the building are left out, because models count objects.
+    """
+    structure = bsg_data.load_class_map().structure
+    names = Counter(
+        obj.raw_category
+        for obj in graph.objects
+        if obj.class_index is None and obj.category is not None and obj.category not in structure
+    )
+    if not names:
+        return
+    number = names.total()
+    most = ", ".join(repr(name[:SHOWN]) for name, _ in names.most_common(MOST_CLASSLESS))
+    which = f"most often {most}" if len(names) > MOST_CLASSLESS else most
+    what = (
+        "1 object that was seen has" if number == 1 else f"{number:,} objects that were seen have"
+    )
+    counted = "is not counted as seen" if number == 1 else "are not counted as seen"
+    print_note(f"{path}: {what} no class in {model} and {counted}: {which}")
 
 
 def note_reading(path: Path, notes: Sequence[str]) -> None:

@@ -1,4 +1,4 @@
-"""Answer `bsg-belief --find`: which room holds a thing, and where to go first."""
+"""Answer `bsg-belief --find`: which rooms hold things, and where to go first."""
 
 from __future__ import annotations
 
@@ -18,31 +18,54 @@ SECONDS_BEFORE_NOTE = 2.0
 COMPILING = "compiling the planner, once for this installation: this can take a minute"
 
 
-def find_thing(
-    seen: bsg_models.SeenBuilding, thing: str, *, here: str | None, as_json: bool
+def find_things(
+    seen: bsg_models.SeenBuilding, things: Sequence[str], *, here: str | None, as_json: bool
 ) -> None:
-    """Print where a thing probably is in a partly seen building.
+    """Print where things probably are in a partly seen building, and where to go first.
 
     JSON has room ids; text has labels as well.
     """
-    meaning, places = seen.understand(thing), seen.where(thing, here=here)
+    meanings = [seen.understand(thing) for thing in things]
+    answers = [seen.where(thing, here=here) for thing in things]
     with _told_after(SECONDS_BEFORE_NOTE, COMPILING):
-        first = seen.next_room(thing, here=here)
+        first = seen.next_room(things, here=here)
     unit = None if here is None else seen.ways().unit
     if as_json:
-        print_json(
-            {
-                "thing": thing,
-                "class": meaning.class_name,
-                "how": meaning.how,
-                "model": seen.asked(thing),
-                "go_first": first,
-                "anywhere": seen.anywhere(thing),
-                "cost_unit": unit,
-                "places": [asdict(place) for place in places],
-            }
-        )
+        facts = [_encode(seen, *answer) for answer in zip(meanings, answers, strict=True)]
+        together = {"go_first": first, "cost_unit": unit}
+        print_json({**facts[0], **together} if len(facts) == 1 else {"things": facts, **together})
         return
+    for meaning, places in zip(meanings, answers, strict=True):
+        _print_places(seen, meaning, places, unit)
+        if len(things) > 1:
+            print_text("")
+    going = (
+        "no room is left to search" if first is None else f"go first to {_name(first, answers[0])}"
+    )
+    print_text(going)
+
+
+def _encode(
+    seen: bsg_models.SeenBuilding, meaning: bsg_models.Meaning, places: Sequence[bsg_models.Place]
+) -> dict[str, Any]:
+    """Return what is known of one thing, ready for JSON."""
+    return {
+        "thing": meaning.word,
+        "class": meaning.class_name,
+        "how": meaning.how,
+        "model": seen.asked(meaning.word),
+        "anywhere": seen.anywhere(meaning.word),
+        "places": [asdict(place) for place in places],
+    }
+
+
+def _print_places(
+    seen: bsg_models.SeenBuilding,
+    meaning: bsg_models.Meaning,
+    places: Sequence[bsg_models.Place],
+    unit: str | None,
+) -> None:
+    """Print the rooms of one thing as a table, then how likely the building has one."""
     if meaning.how:
         print_note(meaning.how)
     header = ("room", f"P({meaning.class_name})", "expected more", "seen", "cost")
@@ -53,10 +76,8 @@ def find_thing(
     print_text(format_text(shown, header=header[:columns], numeric=(*header[1:3], "cost")))
     if len(rows) > MOST_ROWS:
         print_note(f"… and {len(rows) - MOST_ROWS:,} less likely rooms; --json prints all")
-    somewhere = _percent(seen.anywhere(thing))
-    print_text(f"somewhere in the building: {somewhere}, by the model {seen.asked(thing)}")
-    goes = "no room is left to search" if first is None else f"go first to {_name(first, places)}"
-    print_text(goes)
+    somewhere = _percent(seen.anywhere(meaning.word))
+    print_text(f"somewhere in the building: {somewhere}, by the model {seen.asked(meaning.word)}")
 
 
 @contextmanager

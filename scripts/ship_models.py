@@ -35,7 +35,8 @@ from bsg_models.inputs.folds import scenes_of
 from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model, save_checkpoint
 from bsg_models.runs.disclosure import find_disclosed, measure_membership
-from bsg_models.runs.model_card import ModelCard, describe_training, read_figures, write_card
+from bsg_models.runs.model_card import describe_training, read_figures, write_card
+from bsg_models.runs.model_facts import ModelCard
 from bsg_models.runs.run_folder import BEST, LAST, is_finished, name_tensors
 from bsg_models.runs.shipped import SUFFIX, SUMS, encode_sums
 from bsg_models.training.training import train_run

@@ -145,7 +145,8 @@ def shipped(_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path
     """
     from bsg_models.runs import shipped
     from bsg_models.runs.checkpoint import read_header
-    from bsg_models.runs.model_card import ModelCard, TrainedOn, write_card
+    from bsg_models.runs.model_card import write_card
+    from bsg_models.runs.model_facts import ModelCard, TrainedOn
 
     folder = tmp_path / "weights"
     folder.mkdir()

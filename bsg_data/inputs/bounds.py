@@ -48,7 +48,9 @@ SYNTHETIC = Bound("mark of synthetic buildings, `synthetic.json`", 64 * KIB, _NE
 LAYOUT = Bound("room layout, YAML", MIB, _NESTED)
 LABEL_SPACE = Bound("label space, YAML or CSV", 4 * MIB, _NESTED)
 MESH = Bound(
-    "mesh, GLB", 512 * MIB, "10,000,000 triangles, 8,192 texels a side, 32 MiB of JSON; its own"
+    "mesh, GLB",
+    512 * MIB,
+    "10,000,000 triangles, 8,192 texels a side, 32 MiB of JSON; all in this file",
 )
 HOUSE = Bound("house of Matterport3D, `.house`", 256 * MIB)
 MAX_HOUSE = 4 * MIB  # of ProcTHOR; the largest of 150 real houses has 84 kB

@@ -8,7 +8,7 @@ from difflib import SequenceMatcher
 
 from bsg_data.errors import RecipeError
 from bsg_data.scene.class_map import ClassMap, normalise_name
-from bsg_data.spelling import nearest_names, show_value
+from bsg_data.spelling import meant_names, show_value
 
 MOST_CHARACTERS = 100
 SHORT = 5  # letters: nearly every shorter word resembles another one
@@ -104,7 +104,7 @@ def _spelled_alike(word: str, class_maps: Sequence[ClassMap]) -> list[tuple[str,
                 names.setdefault(normalise_name(entry.category), (model, entry.class_index))
         for index, name in enumerate(class_map.classes):
             names.setdefault(normalise_name(name), (model, index))
-    close = nearest_names(said, names)
+    close = meant_names(said, names)
     return [(name, *names[name], SequenceMatcher(None, name, said).ratio()) for name in close]
 
 

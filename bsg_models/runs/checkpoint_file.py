@@ -1,12 +1,14 @@
-"""Check the first bytes of a checkpoint before anything slow is imported."""
+"""Check the first bytes of a checkpoint, and read its header, before anything slow is imported."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
 from bsg_data.inputs.bounded_file import open_waiting_for_none
 from bsg_data.inputs.bounds import CHECKPOINT, CHECKPOINT_HEADER
+from bsg_data.inputs.documents import parse_json
 from bsg_models.errors import CheckpointError
 
 _LENGTH = 8  # bytes that hold the length of the header
@@ -37,6 +39,23 @@ def require_safetensors(path: Path) -> None:
         )
     if header > CHECKPOINT_HEADER.bytes:
         raise _refuse(path, header, " in its header", CHECKPOINT_HEADER.bytes)
+
+
+def read_plain_header(path: Path) -> dict[str, Any]:
+    """Return the header of a checkpoint as it stands; only for a file whose hash is known.
+
+    Raises:
+        CheckpointError: if it is not a checkpoint.
+    """
+    require_safetensors(path)
+    with path.open("rb") as file:
+        text = file.read(int.from_bytes(file.read(_LENGTH), "little"))
+    try:
+        return dict(parse_json(parse_json(text)["__metadata__"]["bsg"]))
+    except (ValueError, KeyError, TypeError) as error:
+        raise CheckpointError(
+            f"{path}: its header is not a checkpoint's of this project"
+        ) from error
 
 
 def _refuse(path: Path, found: int, where: str, most: int) -> CheckpointError:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from bsg_data.errors import RecipeError
 from bsg_data.spelling import SHOWN, show_value
@@ -19,13 +18,12 @@ from bsg_models.runs.hub_files import HUB_ID, HUB_WEIGHTS, find_downloaded
 from bsg_models.runs.run_folder import BEST
 from bsg_models.runs.shipped import (
     SUFFIX,
+    Kind,
     describe_shipped,
     find_shipped,
     shipped_names,
     suggest_shipped,
 )
-
-Kind = Literal["run", "file", "hub folder", "shipped", "hub"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
-"""Write and read model cards: training data, terms, accuracy and limits of a model.
+"""Write model cards: training data, terms, accuracy and limits of a model.
 
 The front matter is what the Hugging Face hub reads. Its key `bsg` holds the facts that commands
-show, so that a card can be read back.
+show; `model_facts.py` reads them back.
 """
 
 from __future__ import annotations
@@ -13,15 +13,13 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from pydantic import Field, ValidationError
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.shards import read_table
 from bsg_data.errors import RecipeError
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import CARD, RUN_RECORD
-from bsg_data.inputs.documents import parse_yaml, read_json
-from bsg_data.recipes import Record, name_fault
+from bsg_data.inputs.documents import read_json
 from bsg_data.sources.source import LICENCE_REF, is_address
 from bsg_data.tables import escape_markdown, format_markdown, make_plain, mark_code
 from bsg_models.errors import CheckpointError
@@ -29,13 +27,12 @@ from bsg_models.runs.checkpoint import CheckpointHeader
 from bsg_models.runs.disclosure import Disclosure, Membership
 from bsg_models.runs.found_model import FoundModel
 from bsg_models.runs.hub_files import HUB_CARD
+from bsg_models.runs.model_facts import UNKNOWN, ModelCard, TrainedOn
 from bsg_models.runs.shipped import read_shipped_card
 
 LIBRARY = "belief-scene-graphs"
 PAPER = "https://arxiv.org/abs/2402.03840"
 TAGS = ("belief-scene-graphs", "object-search", "robotics", "scene-graph")
-UNKNOWN = "unknown"
-_MOST_BYTES = 1_000_000
 _MEASURED = int | float | str | None
 _CANNOT = (
     "A presence is a probability, not an observation. Do not let a robot act on it where a mistake "
@@ -49,69 +46,6 @@ _CANNOT = (
     "people.",
     "Its training buildings are public. Do not test it on them: it looks better there than it is.",
 )
-
-
-class TrainedOn(Record):
-    """One source of a model's training data.
-
-    Attributes:
-        source: its kind, e.g. `hm3d`.
-        buildings: number used for training or validation.
-        licence: SPDX, or `unknown`.
-        licence_url: link to the licence; empty if unknown.
-        sentence: what a user must know of the terms.
-        citation: of the source.
-    """
-
-    source: str
-    buildings: int = Field(ge=0)
-    licence: str = UNKNOWN
-    licence_url: str = ""
-    sentence: str = ""
-    citation: str = ""
-
-
-class ModelCard(Record):
-    """The facts of a card.
-
-    Attributes:
-        name: of the model.
-        purpose: what it is for, in one line.
-        trained_on: the sources, in the order of the dataset.
-    """
-
-    name: str
-    purpose: str
-    trained_on: tuple[TrainedOn, ...] = ()
-
-    @property
-    def licences(self) -> tuple[tuple[str, str], ...]:
-        """Licence and link of the weights: those of the most restrictive sources.
-
-        Licences that SPDX does not list, and unknown terms, count as more restrictive.
-        """
-        every = dict.fromkeys((one.licence, one.licence_url) for one in self.trained_on)
-        strict = [one for one in every if one[0].startswith(LICENCE_REF) or one[0] == UNKNOWN]
-        return tuple(strict or every) or ((UNKNOWN, ""),)
-
-    @property
-    def is_restricted(self) -> bool:
-        """Whether the weights have terms of their own, or unknown ones; not if SPDX lists them."""
-        return any(name.startswith(LICENCE_REF) or name == UNKNOWN for name, _ in self.licences)
-
-    @property
-    def licence(self) -> str:
-        """The licences of the weights, as a phrase."""
-        return ", ".join(name for name, _ in self.licences)
-
-    @property
-    def data(self) -> str:
-        """The training data, as a phrase: `145 buildings of hm3d and 37 of behavior`."""
-        parts = [f"{one.buildings} of {one.source}" for one in self.trained_on]
-        if not parts:
-            return "buildings that nobody named"
-        parts[0] = parts[0].replace(" of", " buildings of", 1)
-        return " and ".join(filter(None, [", ".join(parts[:-1]), parts[-1]]))
 
 
 def describe_training(data: Dataset) -> tuple[TrainedOn, ...]:
@@ -184,31 +118,6 @@ def write_card(
         lines += [f"{sentence}\n" for sentence in (disclosure, membership) if sentence is not None]
     lines += ["## Limits", "", *(f"- {sentence}" for sentence in _CANNOT), ""]
     return "\n".join(lines)
-
-
-def read_card(text: str, *, origin: str) -> ModelCard:
-    """Return the facts of a card.
-
-    Args:
-        text: of the card.
-        origin: the file, for errors.
-
-    Raises:
-        CheckpointError: if it is not a card of this project.
-    """
-    _, fence, rest = text.partition("---\n")
-    front, end, _ = rest.partition("\n---")
-    try:
-        if not (fence and end) or len(text) > _MOST_BYTES:
-            raise ValueError("expected front matter between two lines of ---")
-        found = parse_yaml(front.encode())
-        if not isinstance(found, dict) or not isinstance(found.get("bsg"), dict):
-            raise ValueError("its front matter has no `bsg`")
-        return ModelCard.model_validate(found["bsg"])
-    except ValidationError as error:
-        raise CheckpointError(f"{origin}: not a card of a model: {name_fault(error)}") from error
-    except ValueError as error:
-        raise CheckpointError(f"{origin}: not a card of a model: {error}") from error
 
 
 def card_text(found: FoundModel, header: CheckpointHeader) -> str:
@@ -314,7 +223,7 @@ def _list_facts(header: CheckpointHeader) -> list[tuple[str, str]]:
         ("sha256 of the dataset", f"`{header.dataset_sha256}`"),
     ]
     if header.epoch:
-        facts.append(("epochs", str(header.best_epoch)))
+        facts.append(("best epoch", str(header.best_epoch)))
     return facts
 
 

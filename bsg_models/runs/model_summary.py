@@ -1,52 +1,15 @@
-"""Summarise a model in a few facts, for lists and for the line that names the model used."""
+"""Summarise any model in a few facts, also for the line that names the model used."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from bsg_data.inputs.bounded_file import hash_file
-from bsg_data.recipes import Record
 from bsg_models.runs.checkpoint import read_header
-from bsg_models.runs.found_model import FoundModel, Kind, find_model
-from bsg_models.runs.model_card import card_text, read_card
-from bsg_models.runs.shipped import DEFAULT_MODEL, shipped_names
-
-
-class ModelSummary(Record):
-    """A model in short.
-
-    Attributes:
-        name: by which it is found.
-        kind: how it was found.
-        zoo_name: of its configuration, as in the zoo.
-        class_space: name of the space that it predicts.
-        class_space_sha256: of the names of its classes.
-        classes: number of classes.
-        dataset_sha256: of the manifest of its training data.
-        config: of the run that trained it.
-        bytes: of its checkpoint.
-        sha256: of its checkpoint.
-        data: its training data, in words.
-        licence: of the weights.
-        purpose: what it is for, in one line.
-        card: full text of its card.
-    """
-
-    name: str
-    kind: Kind
-    zoo_name: str
-    class_space: str
-    class_space_sha256: str
-    classes: int
-    dataset_sha256: str
-    config: dict[str, Any]
-    bytes: int
-    sha256: str
-    data: str
-    licence: str
-    purpose: str
-    card: str
+from bsg_models.runs.found_model import FoundModel, find_model
+from bsg_models.runs.model_card import card_text
+from bsg_models.runs.model_facts import ModelSummary, read_card
+from bsg_models.runs.shipped import DEFAULT_MODEL
 
 
 def summarise_model(model: Path | str | FoundModel = DEFAULT_MODEL) -> ModelSummary:
@@ -78,15 +41,6 @@ def summarise_model(model: Path | str | FoundModel = DEFAULT_MODEL) -> ModelSumm
         purpose=card.purpose,
         card=text,
     )
-
-
-def list_shipped() -> list[ModelSummary]:
-    """Return the facts of every shipped model, in the listed order.
-
-    Raises:
-        CheckpointError: if a model was changed since it was shipped.
-    """
-    return [summarise_model(name) for name in shipped_names()]
 
 
 def describe_model(model: Path | str = DEFAULT_MODEL) -> str:

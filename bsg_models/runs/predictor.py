@@ -18,7 +18,7 @@ from bsg_models.inputs.share_levels import spread_shares
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.class_maps import choose_class_map
 from bsg_models.runs.found_model import find_model, name_model
-from bsg_models.runs.model_card import read_card
+from bsg_models.runs.model_facts import read_card
 from bsg_models.runs.share_posterior import update_shares
 from bsg_models.runs.shipped import DEFAULT_MODEL, find_name_of_shipped, read_shipped_card
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from importlib.resources import files
 from pathlib import Path
+from typing import Literal
 
 from bsg_data.inputs.bounded_file import hash_file, read_bytes
 from bsg_data.inputs.bounds import CHECKPOINT, CHECKSUMS
@@ -22,6 +23,7 @@ WIDE_MODEL = "universal-wide"  # answers for words for which the default model h
 WIDE_MAP = "hm3d-wide-v1"
 SUFFIX = ".safetensors"
 SUMS = "SHA256SUMS"
+Kind = Literal["run", "file", "hub folder", "shipped", "hub"]  # how a model was found
 _LINE = re.compile(r"(?P<sha256>[0-9a-f]{64})  (?P<name>[a-z0-9][a-z0-9-]*\.(safetensors|md))")
 _AGAIN = "install the package again"
 

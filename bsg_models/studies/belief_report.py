@@ -25,7 +25,7 @@ from bsg_data.observation.partial_graph import PartialGraph, list_withheld, mask
 from bsg_data.observation.robot_json import list_unmapped
 from bsg_data.observation.said_share import Share
 from bsg_data.recipes import MaskRecipe, Record
-from bsg_data.result_folder import Place, is_vacant, replace_together
+from bsg_data.result_folder import Place, replace_together, require_vacant
 from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.scene.surroundings import KNOWN_SOURCES
 from bsg_data.seals import SEAL, refuse_other_results, refuse_replacing, refuse_sealed_file
@@ -327,8 +327,8 @@ def _refuse_replacing(request: BeliefRequest) -> None:
             refuse_other_results(path, NODES)
         else:
             refuse_sealed_file(path)
-        if not (is_vacant(path) or request.force):
-            raise DatasetError(f"{path}: is there already; --force replaces it")
+        if not request.force:
+            require_vacant(path)
     for folder in (request.tables, request.out):
         if folder is not None and folder.is_dir():
             refuse_run(folder)

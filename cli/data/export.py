@@ -26,7 +26,7 @@ from bsg_data.exports.catalogue import EXPORTS
 @force_option
 @json_option
 def command(dataset: Path, to: str, out: Path, force: bool, as_json: bool) -> None:
-    """Write a dataset in the format of another program.
+    """Write a dataset in the format of another program; habitat needs geometry.
 
     habitat: one <scene>.semantic_config.json per scene, with rooms for habitat-sim.
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bsg_data.scene.class_map import load_class_map
-from bsg_data.spelling import SHOWN, ask_if_meant, nearest_names, show_value
+from bsg_data.spelling import SHOWN, ask_if_meant, meant_names, nearest_names, show_value
 
 WORDS = st.text(alphabet="abc ", min_size=1, max_size=8)
 
@@ -18,6 +18,25 @@ def test_the_nearest_by_hand() -> None:
     assert nearest_names("x", ["stove"]) == ()
     assert ask_if_meant("chiar", ["chair", "char", "bed"], most=2) == "did you mean char, chair?"
     assert ask_if_meant("x", ["stove"]) == ""
+
+
+def test_a_name_that_only_shares_letters_is_not_meant() -> None:
+    known = ["mobile", "boiler", "microwave", "shoes", "stools", "vase", "mini fridge", "fruit"]
+    assert nearest_names("bicycle", known) == ("mobile", "boiler")
+    assert ask_if_meant("bicycle", known) == ""
+    for typo, name in (("microwav", "microwave"), ("shoos", "shoes"), ("vaze", "vase")):
+        assert meant_names(typo, known) == (name,)
+
+
+def test_a_name_that_is_cut_off_is_meant() -> None:
+    known = ["universal", "universal-transformer", "mini fridge", "stand", "abcdefz"]
+    assert meant_names("fridg", known) == ("mini fridge",)
+    assert meant_names("TRANSFORMER", known) == ("universal-transformer",)
+    assert meant_names("univ", known) == ("universal", "universal-transformer")
+    assert meant_names("univ", known, most=1) == ("universal",)
+    assert meant_names("tand", ["understanding"]) == (), "a word begins with it, or it is another"
+    assert meant_names("uni", known) == (), "too short to tell"
+    assert meant_names("a.*z", known) == (), "no pattern"
 
 
 @given(WORDS, st.lists(WORDS, unique=True))

@@ -5,6 +5,8 @@ from __future__ import annotations
 import gzip
 import json
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -13,6 +15,7 @@ from conftest import REPOSITORY
 from dsg_files import write_graph
 
 from bsg_cli.belief import main
+from bsg_data.result_folder import Place
 from bsg_models.belief.annotation import strip_annotation
 from bsg_models.belief.document import read_document
 from bsg_models.belief.hydra import read_hydra_belief
@@ -184,6 +187,79 @@ def test_a_model_that_is_not_named_is_the_shipped_one(run: Path) -> None:
         assert "model:" not in named.stderr
     assert "give one of them" in call(OFFICE, "--run", run, "--model", "other").stderr
     assert "did you mean universal?" in call(OFFICE, "--model", "universl").stderr
+
+
+@pytest.mark.parametrize("words", [(), ("--find", "sink")])
+def test_seen_objects_without_a_class_are_told_once(
+    run: Path, tmp_path: Path, words: tuple[str, ...]
+) -> None:
+    """A coat rack has no class, a wall is no object, and models do not know a zzqx thing."""
+    seen = ["coat rack", "wall", "sink", "zzqx thing"]
+    said = "1 object that was seen has no class in gamma-poisson and is not counted as seen: 'coat "
+    assert f"{said}rack'\n" in call(write_seen(tmp_path, seen), "--run", run, *words).stderr
+    many = ["bicycle"] * 2 + ["coat rack"] * 3 + ["scale", "ladder", "sink"]
+    done = call(write_seen(tmp_path, many), "--run", run, *words)
+    assert "7 objects that were seen have no class in gamma-poisson" in done.stderr
+    assert "are not counted as seen: most often 'coat rack', 'bicycle', 'scale'\n" in done.stderr
+    assert done.stderr.count("no class") == 1
+    assert "no class" not in call(write_seen(tmp_path, ["sink"]), "--run", run, *words).stderr
+
+
+def write_seen(folder: Path, categories: list[str]) -> Path:
+    objects = [
+        {"id": str(number), "room": "hall", "category": category}
+        for number, category in enumerate(categories)
+    ]
+    rooms = [{"id": "hall", "hidden_share": 0.5}]
+    path = folder / "seen.json"
+    path.write_text(json.dumps({"scene_id": "home", "rooms": rooms, "objects": objects}), "utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        ((OFFICE, "--find", "sink", "--from", "kitchn"), 2, "did you mean kitchen?"),
+        ((OFFICE, "--hidden-share", "attic=0.5"), 2, "no room 'attic'"),
+        (("misspelt.json",), 1, "'rom' is no key; did you mean room?"),
+        ((OFFICE, "--html", "there.html"), 1, "there.html: is there already; --force replaces it"),
+        ((OFFICE, "--labels", "nyu"), 2, "labels are for Hydra's graphs"),
+    ],
+)
+def test_what_needs_no_model_is_refused_before_models_are_imported(
+    tmp_path: Path, words: tuple[object, ...], code: int, said: str
+) -> None:
+    objects = [{"id": "1", "rom": "hall", "category": "sink"}]
+    misspelt = {"scene_id": "home", "rooms": [{"id": "hall"}], "objects": objects}
+    (tmp_path / "misspelt.json").write_text(json.dumps(misspelt), "utf-8")
+    (tmp_path / "there.html").touch()
+    lines = (
+        "import sys\n"
+        "sys.modules['torch'] = sys.modules['numba'] = None\n"  # any import of them raises now
+        "from bsg_cli.belief import main\n"
+        f"main({[str(word) for word in words]!r})\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", lines], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert (done.returncode, done.stdout) == (code, ""), done.stderr
+    assert said in done.stderr
+
+
+def test_a_file_that_a_killed_command_put_there_is_no_reason_to_refuse(
+    run: Path, tmp_path: Path
+) -> None:
+    """It was killed between its renames: the second names of its files are in `own`."""
+    page = tmp_path / "page.html"
+    left = Place(page, is_file=True).unfinished
+    assert call(OFFICE, "--run", run, "--html", page).exit_code == 0
+    for name in ("new", "old", "own"):
+        (left / name).mkdir(parents=True)
+    (left / "own" / "page.html").hardlink_to(page)
+    again = call(OFFICE, "--run", run, "--html", page)
+    assert again.exit_code == 0, again.output
+    assert not left.exists()
+    assert "page.html: is there already" in call(OFFICE, "--run", run, "--html", page).output
 
 
 def test_a_share_that_was_estimated_is_told(run: Path, tmp_path: Path) -> None:

@@ -46,6 +46,24 @@ def test_json_tells_ids_and_the_numbers_of_python() -> None:
     assert places == [(one.room, one.probability, one.cost) for one in found]
 
 
+def test_several_things_get_a_table_each_and_one_room_to_go_to_first() -> None:
+    words = (OFFICE, "--model", "mixture", "--find", "microwave", "--find", "sofa")
+    done = call(*words, "--find", "microwave", "--from", "waiting-room")
+    assert done.exit_code == 0, done.output
+    seen = open_graph(OFFICE, model="mixture")
+    first = seen.next_room(["microwave", "sofa"], here="waiting-room")
+    assert done.stdout.count("P(microwave)") == done.stdout.count("P(couch)") == 1
+    assert done.stdout.count("go first to") == 1
+    assert done.stdout.splitlines()[-1].startswith(f"go first to {first} (")
+    answer = json.loads(call(*words, "--from", "waiting-room", "--json").stdout)
+    assert [one["class"] for one in answer["things"]] == ["microwave", "couch"]
+    assert [one["anywhere"] for one in answer["things"]] == [
+        seen.anywhere("microwave"),
+        seen.anywhere("sofa"),
+    ]
+    assert (answer["go_first"], answer["cost_unit"]) == (first, "rooms")
+
+
 def test_a_word_for_the_wide_model_says_which_model_answers() -> None:
     done = call(OFFICE, "--model", "mixture", "--find", "shoes")
     assert done.exit_code == 0, done.output

@@ -49,6 +49,20 @@ def read_outputs(notebook: dict[str, Any]) -> list[list[Any]]:
     return shown
 
 
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_every_picture_of_a_notebook_is_told_in_words(path: Path) -> None:
+    """The site takes `alt` of a cell as the words of its picture."""
+    cells = [
+        cell
+        for cell in json.loads(path.read_text("utf-8"))["cells"]
+        if any("image/png" in output.get("data", {}) for output in cell.get("outputs", ()))
+    ]
+    assert cells
+    for cell in cells:
+        assert len(cell["outputs"]) == 1, "one picture a cell: the site counts them"
+        assert len(cell["metadata"].get("alt", "").split()) >= 5, cell["source"]
+
+
 def test_no_notebook_names_a_folder_of_a_machine() -> None:
     for path in NOTEBOOKS:
         text = path.read_text("utf-8")

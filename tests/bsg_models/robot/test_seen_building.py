@@ -17,6 +17,7 @@ from bsg_data.observation.partial_graph import reclassify
 from bsg_data.observation.robot_json import encode_robot_graph, read_robot_graph
 from bsg_data.scene.class_map import load_class_map
 from bsg_models.belief.belief_graph import believe
+from bsg_models.belief.formats import write_belief
 from bsg_models.robot.seen_building import SeenBuilding, open_graph
 from bsg_models.runs.predictor import Predictor
 from bsg_models.runs.shipped import find_shipped, weights_folder
@@ -65,6 +66,25 @@ def test_what_was_seen_is_certain(seen: SeenBuilding) -> None:
     assert seen.next_room("couch", here="waiting-room") == "waiting-room"
     seen.searched("waiting-room")
     assert seen.next_room("couch", here="kitchen") == "waiting-room"
+
+
+def test_a_saved_building_goes_on_with_the_same_answers(seen: SeenBuilding, tmp_path: Path) -> None:
+    """What was told is in the file, also a share that is uncertain."""
+    seen.entered("kitchen", floor_in_view=0.5)
+    seen.saw("kitchen", "sink", object_id="7a")
+    seen.saw(None, "zzqx thing")
+    seen.searched("waiting-room")
+    seen.discovered("store", beside="kitchen", room_type="storage", position=(1.0, 2.0, 0.0))
+    write_belief(seen.belief(), tmp_path / "saved.json")
+    again = open_graph(tmp_path / "saved.json", model="mixture")
+    assert again.graph == seen.graph
+    assert not again.graph.rooms[1].share.is_certain
+    for thing in ("microwave", "sink", "shoes"):
+        assert again.where(thing, here="kitchen") == seen.where(thing, here="kitchen")
+        assert again.next_room(thing, here="kitchen") == seen.next_room(thing, here="kitchen")
+    again.searched("kitchen")
+    seen.searched("kitchen")
+    assert again.where("microwave") == seen.where("microwave")
 
 
 def test_an_object_in_no_room_has_a_place_of_its_own(seen: SeenBuilding) -> None:

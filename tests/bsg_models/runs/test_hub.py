@@ -15,7 +15,7 @@ from bsg_models.errors import CheckpointError
 from bsg_models.runs.found_model import find_model
 from bsg_models.runs.hub import HubModel
 from bsg_models.runs.hub_files import download
-from bsg_models.runs.model_card import read_card
+from bsg_models.runs.model_facts import read_card
 
 OFFICE = REPOSITORY / "docs" / "office.json"
 

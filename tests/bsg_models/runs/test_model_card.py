@@ -14,15 +14,8 @@ from bsg_models.errors import CheckpointError
 from bsg_models.runs.checkpoint import read_header
 from bsg_models.runs.disclosure import Membership
 from bsg_models.runs.found_model import find_model
-from bsg_models.runs.model_card import (
-    ModelCard,
-    TrainedOn,
-    card_text,
-    describe_training,
-    read_card,
-    read_figures,
-    write_card,
-)
+from bsg_models.runs.model_card import card_text, describe_training, read_figures, write_card
+from bsg_models.runs.model_facts import ModelCard, TrainedOn, read_card
 
 HM3D = TrainedOn(
     source="hm3d",

@@ -13,6 +13,9 @@ from bsg_data.observation.robot_json import read_robot_graph
 from bsg_data.scene.class_map import map_into
 from bsg_models.errors import CheckpointError
 from bsg_models.runs import shipped as shipped_module
+from bsg_models.runs.checkpoint import read_header
+from bsg_models.runs.model_card import write_card
+from bsg_models.runs.model_facts import ModelCard
 from bsg_models.runs.model_summary import summarise_model
 from bsg_models.runs.predictor import Predictor
 from bsg_models.runs.shipped import (
@@ -107,3 +110,14 @@ def test_a_build_without_models_says_so(tmp_path: Path, monkeypatch: pytest.Monk
 def test_a_run_is_named_by_its_path_and_a_shipped_model_by_its_name() -> None:
     assert name_run(weights_folder() / "universal.safetensors") == "universal"
     assert name_run(Path("universal.safetensors")) == "universal.safetensors"
+
+
+@pytest.mark.parametrize("name", sorted(PUBLISHED))
+def test_the_facts_of_a_card_are_those_of_its_checkpoint(name: str) -> None:
+    """The part of a card that follows from the checkpoint is what the program would write now."""
+    header = read_header(find_shipped(name))
+    written = write_card(ModelCard(name=name, purpose=""), header=header)
+    facts = written.split("## Facts\n")[1].split("\n## ")[0]
+    assert read_shipped_card(name).split("## Facts\n")[1].split("\n## ")[0] == facts
+    assert ("| best epoch | " in facts) == (header.epoch > 0)
+    assert "| epochs |" not in facts
