@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
+from bsg_data.files import AnyPath
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.recipes import Record
 from bsg_models.runs.checkpoint import read_header
@@ -49,7 +49,7 @@ class ModelSummary(Record):
     card: str
 
 
-def summarise_model(model: Path | str | FoundModel = DEFAULT_MODEL) -> ModelSummary:
+def summarise_model(model: AnyPath | FoundModel = DEFAULT_MODEL) -> ModelSummary:
     """Return the facts of a model, without loading its weights.
 
     Args:
@@ -89,7 +89,7 @@ def list_shipped() -> list[ModelSummary]:
     return [summarise_model(name) for name in shipped_names()]
 
 
-def describe_model(model: Path | str = DEFAULT_MODEL) -> str:
+def describe_model(model: AnyPath = DEFAULT_MODEL) -> str:
     """Return which model is used: `universal (shipped; trained on 145 buildings of hm3d)`.
 
     Raises:
