@@ -138,7 +138,10 @@ def room(**values: Any) -> str:
             changed(objects=[{"id": "7", "clas": "bed"}]),
             "object '7': 'clas' is no key; did you mean class",
         ),
-        (changed(objects=[{"id": "7", "category": "bed"}] * 11 + [5]), "the 12th object: expected a JSON object"),
+        (
+            changed(objects=[{"id": "7", "category": "bed"}] * 11 + [5]),
+            "the 12th object: expected a JSON object",
+        ),
         (changed(adjacency=[["hall", "kitchen"], ["hall", 5]]), "the 2nd pair of adjacency: 1: "),
         (room(room_type={}), "'kitchen': room_type: .*at least one label, found none"),
         (changed(**{"x" * 10_000: 1}), r"graph.json: 'x{80}' is no key; known are format"),
