@@ -8,6 +8,7 @@ workers nor on interruptions.
 from __future__ import annotations
 
 import hashlib
+import os
 from collections import Counter
 from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
@@ -23,8 +24,8 @@ from bsg_data.dataset.growth import (
     make_parent,
     open_partial,
     recall,
-    refuse_long_name,
     refuse_overwriting,
+    refuse_place,
     remove_growing,
 )
 from bsg_data.dataset.kept_maps import keep_class_map, name_kept
@@ -44,6 +45,7 @@ from bsg_data.dataset.replacement import is_settled, name_growing
 from bsg_data.dataset.schema import FORMAT_VERSION
 from bsg_data.errors import SourceError
 from bsg_data.executors import run_all
+from bsg_data.files import AnyPath
 from bsg_data.inputs.bounds import MAX_PARTS
 from bsg_data.lock import hold
 from bsg_data.recipes import Record
@@ -124,9 +126,9 @@ class PlannedBuild:
 
 def build_dataset(
     source: Source,
-    out: Path,
+    out: AnyPath,
     *,
-    class_map: str | None = None,
+    class_map: AnyPath | None = None,
     strict: bool = False,
     force: bool = False,
     scenes_per_shard: int = SCENES_PER_SHARD,
@@ -154,8 +156,8 @@ def build_dataset(
         RecipeError: if `scenes_per_shard` is impossible.
         DatasetError: if `out` is taken or cannot be written.
     """
-    out = out.resolve()  # a linked --out stays a link; its target is replaced
-    refuse_long_name(out)
+    out = Path(out).resolve()  # a linked --out stays a link; its target is replaced
+    refuse_place(out)
     if is_settled(out):
         refuse_overwriting(out, force=force)
     planned = plan_build(
@@ -177,7 +179,7 @@ def build_dataset(
 def plan_build(
     source: Source,
     *,
-    class_map: str | None = None,
+    class_map: AnyPath | None = None,
     strict: bool = False,
     scenes_per_shard: int = SCENES_PER_SHARD,
 ) -> PlannedBuild:
@@ -188,7 +190,7 @@ def plan_build(
         ClassMapError: if the class map does not exist.
         RecipeError: if `scenes_per_shard` is impossible.
     """
-    chosen = class_map or name_class_map(source)
+    chosen = os.fspath(class_map or name_class_map(source))
     own = read_own_map(Path(chosen)) if is_own_map(chosen) else None
     loaded = load_class_map(chosen) if own is None else parse_own_map(own)
     listing = source.find()

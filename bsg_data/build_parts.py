@@ -24,13 +24,14 @@ from bsg_data.dataset.growth import (
     join_partial,
     make_parent,
     recall,
-    refuse_long_name,
     refuse_overwriting,
+    refuse_place,
 )
 from bsg_data.dataset.manifest import MANIFEST, Manifest
 from bsg_data.dataset.publication import PLAN, REPORTS
 from bsg_data.dataset.replacement import is_settled, name_growing
 from bsg_data.errors import DatasetError, RecipeError
+from bsg_data.files import AnyPath
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import MANIFEST_FILE
 from bsg_data.lock import hold
@@ -75,10 +76,10 @@ class BuiltPart:
 
 def build_part(
     source: Source,
-    out: Path,
+    out: AnyPath,
     part: Part,
     *,
-    class_map: str | None = None,
+    class_map: AnyPath | None = None,
     strict: bool = False,
     force: bool = False,
     scenes_per_shard: int = SCENES_PER_SHARD,
@@ -107,8 +108,8 @@ def build_part(
         RecipeError: if `scenes_per_shard` is impossible.
         DatasetError: if parts of another build are there, or a file cannot be written.
     """
-    out = out.resolve()
-    refuse_long_name(out)
+    out = Path(out).resolve()
+    refuse_place(out)
     refuse_overwriting(out, force=force)
     planned = plan_build(
         source, class_map=class_map, strict=strict, scenes_per_shard=scenes_per_shard
@@ -124,7 +125,7 @@ def build_part(
 
 
 def finalise_dataset(
-    out: Path, *, force: bool = False, progress: Callable[[int, int], None] | None = None
+    out: AnyPath, *, force: bool = False, progress: Callable[[int, int], None] | None = None
 ) -> Manifest:
     """Finish a dataset that was built in parts, and return its manifest.
 
@@ -139,7 +140,7 @@ def finalise_dataset(
         DatasetError: if there are no parts, a shard is missing or damaged, or `out` is taken.
         SourceError: if no scene could be read.
     """
-    out = out.resolve()
+    out = Path(out).resolve()
     growing = name_growing(out)
     if (out / PLAN).is_file() and out.name.endswith(".partial"):
         dataset = out.with_name(out.name.removesuffix(".partial"))
@@ -147,6 +148,7 @@ def finalise_dataset(
             f"{out}: is the folder of the growing dataset; name the dataset itself: "
             f"bsg-data finalise {dataset}"
         )
+    refuse_place(out)
     if is_settled(out):
         _refuse_finished(out)
         refuse_overwriting(out, force=force)

@@ -24,6 +24,7 @@ line or the id, what was expected, what was found, and what to do.
 from __future__ import annotations
 
 import errno
+import os
 from pathlib import Path
 
 _LASTING = {errno.EACCES, errno.EPERM, errno.ELOOP, errno.ENAMETOOLONG, errno.EISDIR}
@@ -48,7 +49,7 @@ class AnnotationError(SourceError):
     """
 
     def __init__(
-        self, path: Path | str, line_number: int | None, line: str, *, expected: str
+        self, path: str | os.PathLike[str], line_number: int | None, line: str, *, expected: str
     ) -> None:
         self.path = Path(path)
         self.line_number = line_number

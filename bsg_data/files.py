@@ -8,9 +8,11 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from bsg_data.errors import DatasetError
+
+AnyPath: TypeAlias = "str | os.PathLike[str]"  # what a public function takes for a path
 
 
 @contextmanager

@@ -21,8 +21,8 @@ from bsg_data.dataset.growth import (
     make_parent,
     open_partial,
     recall,
-    refuse_long_name,
     refuse_overwriting,
+    refuse_place,
     remove_growing,
 )
 from bsg_data.dataset.kept_maps import copy_class_maps
@@ -44,6 +44,7 @@ from bsg_data.dataset.schema import FORMAT_VERSION
 from bsg_data.dataset.shards import read_scene_graphs, read_table, write_shards
 from bsg_data.dataset.splits import write_splits
 from bsg_data.errors import DatasetError, RecipeError
+from bsg_data.files import AnyPath
 from bsg_data.lock import hold
 from bsg_data.observation.pairs import rewrite_pairs
 from bsg_data.recipes import Record
@@ -80,8 +81,8 @@ class MergedPart:
 
 
 def merge_datasets(
-    datasets: Sequence[Path],
-    out: Path,
+    datasets: Sequence[AnyPath],
+    out: AnyPath,
     *,
     force: bool = False,
     scenes_per_shard: int = SCENES_PER_SHARD,
@@ -106,11 +107,11 @@ def merge_datasets(
         DatasetError: if two datasets hold the same building, one is unreadable, or `out` is taken
             or cannot be written.
     """
-    out = out.resolve()
-    refuse_long_name(out)
+    out = Path(out).resolve()
+    refuse_place(out)
     if len(datasets) < 2:
         raise RecipeError(f"expected two or more datasets to merge, found {len(datasets)}")
-    parts = sorted(map(MergedPart.open, datasets), key=lambda part: part.sha256)
+    parts = sorted(map(MergedPart.open, map(Path, datasets)), key=lambda part: part.sha256)
     for part in parts:
         first = parts[0].manifest
         require_class_space(first, part.manifest.class_space, what=str(part.dataset))
@@ -126,7 +127,7 @@ def merge_datasets(
 
 
 def upgrade_dataset(
-    dataset: Path, *, progress: Callable[[int, int], None] | None = None
+    dataset: AnyPath, *, progress: Callable[[int, int], None] | None = None
 ) -> Manifest:
     """Rewrite a dataset of format version 1 as version 2, and return its manifest.
 
@@ -135,10 +136,11 @@ def upgrade_dataset(
     Raises:
         DatasetError: if it cannot be read or replaced.
     """
-    dataset = dataset.resolve()
+    dataset = Path(dataset).resolve()
     manifest = read_manifest(dataset)
     if manifest.format_version == FORMAT_VERSION and is_settled(dataset):
         return manifest
+    refuse_place(dataset)
     with hold(dataset):
         settle(dataset)
         part = MergedPart.open(dataset)  # read again: it may have changed

@@ -72,6 +72,8 @@ def main(runs: tuple[str, ...], all_metrics: bool, as_json: bool, **options: Any
     """
     if not runs and not options["predictions"]:
         raise click.UsageError("nothing to measure; give a RUN or --predictions FILE")
+    if options["write_predictions"] is not None and not runs:
+        raise click.UsageError("--write-predictions writes what a RUN predicts; give a RUN too")
     models = tuple(Path(run) if Path(run).exists() else run for run in runs)
     request = bsg_models.EvaluationRequest(runs=models, **options)
     with progress_bar("evaluate", unit="building") as progress:

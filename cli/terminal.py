@@ -97,8 +97,7 @@ class Command(click.Command):
             print_note(f"Error: {error}")
             sys.exit(FAILED)
         except OSError as error:
-            where = f"{error.filename}: " if error.filename else ""
-            print_note(f"Error: {where}{error.strerror or error}{_hint_at(error)}")
+            print_note(f"Error: {_explain(error)}")
             sys.exit(FAILED)
         sys.exit(code if isinstance(code, int) else 0)
 
@@ -117,10 +116,22 @@ def _replace_closed_streams() -> None:
         sys.stderr = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 -- for good
 
 
-def _hint_at(error: OSError) -> str:
-    """Return what the user can do about an error that does not say it."""
+def _explain(error: OSError) -> str:
+    """Return what went wrong and, where the error does not say it, what the user can do."""
+    if isinstance(error, FileNotFoundError) and not error.filename and _has_no_working_folder():
+        return "the working folder was removed or renamed; change to another folder, and run again"
+    where = f"{error.filename}: " if error.filename else ""
     lacks_folder = "temporary directory" in (error.strerror or "")  # words of `tempfile`
-    return "; set TMPDIR to a folder that can be written" if lacks_folder else ""
+    hint = "; set TMPDIR to a folder that can be written" if lacks_folder else ""
+    return f"{where}{error.strerror or error}{hint}"
+
+
+def _has_no_working_folder() -> bool:
+    try:
+        Path.cwd()
+    except FileNotFoundError:
+        return True
+    return False
 
 
 class CommandGroup(Command, click.Group):

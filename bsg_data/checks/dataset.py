@@ -37,6 +37,7 @@ from bsg_data.dataset.publication import CARD, CROISSANT, REPLACES, list_strays
 from bsg_data.dataset.replacement import find_replaced
 from bsg_data.dataset.schema import TABLES
 from bsg_data.errors import ClassMapError
+from bsg_data.files import AnyPath
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.inputs.bounds import DATASET_CARD
 from bsg_data.observation.pairs import split_of_file
@@ -45,7 +46,7 @@ from bsg_data.scene.class_space import list_class_spaces, load_class_space
 
 
 def check_dataset(
-    dataset: Path, *, progress: Callable[[int, int], None] | None = None
+    dataset: AnyPath, *, progress: Callable[[int, int], None] | None = None
 ) -> tuple[Fault, ...]:
     """Return all faults of a dataset; an empty list means that it is sound.
 
@@ -58,6 +59,7 @@ def check_dataset(
     Raises:
         DatasetError: if the manifest is unreadable, so nothing can be compared with it.
     """
+    dataset = Path(dataset)
     manifest, sha256 = read_hashed_manifest(dataset)
     files = FileReader(dataset, manifest, progress)
     faults = [*_check_classes(manifest), *_check_kept_maps(dataset, manifest)]

@@ -9,6 +9,7 @@ import pandas as pd
 
 from bsg_data.dataset.manifest import Manifest, read_manifest
 from bsg_data.dataset.shards import stream_table
+from bsg_data.files import AnyPath
 from bsg_data.scene.class_map import Role
 
 _COLUMNS = {
@@ -22,7 +23,7 @@ _SHOWN = (
 )
 
 
-def count_sources(dataset: Path, *, manifest: Manifest | None = None) -> pd.DataFrame:
+def count_sources(dataset: AnyPath, *, manifest: Manifest | None = None) -> pd.DataFrame:
     """Return one row per source, most buildings first.
 
     Columns:
@@ -35,6 +36,7 @@ def count_sources(dataset: Path, *, manifest: Manifest | None = None) -> pd.Data
     - `placed`: buildings with geometry
     - `connections`: pairs of adjacent rooms
     """
+    dataset = Path(dataset)
     manifest = manifest or read_manifest(dataset)
     streams = (
         stream_table(dataset, name, columns=columns, manifest=manifest)

@@ -12,6 +12,7 @@ import pandas as pd
 
 from bsg_data.arrays import Counts
 from bsg_data.dataset.shards import stream_table
+from bsg_data.files import AnyPath
 from bsg_data.scene.class_map import ClassMap, Role
 
 
@@ -49,7 +50,7 @@ class Coverage:
 
 
 def measure_coverage(
-    dataset: Path, class_map: ClassMap | None = None, *, most: int = 20
+    dataset: AnyPath, class_map: ClassMap | None = None, *, most: int = 20
 ) -> Coverage:
     """Measure how much of a dataset a class map covers.
 
@@ -59,6 +60,7 @@ def measure_coverage(
             one for each source.
         most: number of left-out names to list.
     """
+    dataset = Path(dataset)
     roles: Counter[str] = Counter()
     left_out: Counter[str] = Counter()
     for (raw, category, role), count in _count_names(dataset).items():
@@ -86,12 +88,13 @@ def _count_names(dataset: Path) -> Counter[tuple[str, str | None, str]]:
     return counts
 
 
-def count_classes(dataset: Path, class_map: ClassMap) -> pd.DataFrame:
+def count_classes(dataset: AnyPath, class_map: ClassMap) -> pd.DataFrame:
     """Return one row per class of a class map, in the order of its class space.
 
     Every object of the dataset is looked up again in this map. Columns: `class`; `instances`;
     `rooms` and `buildings` with at least one instance; `doubles`, the rooms with two or more.
     """
+    dataset = Path(dataset)
     columns = ["scene_id", "room_index", "raw_category"]
     totals = np.zeros((4, len(class_map.classes)), dtype=np.int64)
     index: dict[str, int | None] = {}

@@ -28,6 +28,7 @@ from bsg_data.dataset.schema import TABLES
 from bsg_data.dataset.shards import read_table
 from bsg_data.dataset.splits import read_splits
 from bsg_data.errors import DatasetError
+from bsg_data.files import AnyPath
 from bsg_data.scene.connections import Connections
 from bsg_data.scene.surroundings import Surroundings
 
@@ -49,7 +50,7 @@ class Dataset:
     sha256: str
 
     @classmethod
-    def open(cls, path: Path) -> Dataset:
+    def open(cls, path: AnyPath) -> Dataset:
         """Open a dataset; an unchanged dataset is returned from memory.
 
         This checks that the files exist with the right sizes. Hashes are compared when a file is
@@ -58,6 +59,7 @@ class Dataset:
         Raises:
             DatasetError: if the dataset is missing, unfinished or damaged.
         """
+        path = Path(path)
         try:
             return _open_once(path.absolute(), hash_manifest(path))
         except OSError:
@@ -195,14 +197,16 @@ def _open_once(path: Path, sha256: str) -> Dataset:
     return Dataset(path, manifest, sha256)
 
 
-def read_cells(dataset: Path) -> dict[str, Counts]:
+def read_cells(dataset: AnyPath) -> dict[str, Counts]:
     """Return scene id → cells `[1 + R, C]` for all scenes, in the order of the tables."""
+    dataset = Path(dataset)
     data = Dataset.open(dataset)
     return {scene_id: data.cells(scene_id) for scene_id in data.scene_ids}
 
 
-def read_adjacency(dataset: Path) -> dict[str, list[tuple[int, int]]]:
+def read_adjacency(dataset: AnyPath) -> dict[str, list[tuple[int, int]]]:
     """Return scene id → pairs of adjacent rooms, for all scenes that have any."""
+    dataset = Path(dataset)
     data = Dataset.open(dataset)
     pairs = {scene_id: data.connections(scene_id).pairs.tolist() for scene_id in data.scene_ids}
     return {scene_id: [(a, b) for a, b in own] for scene_id, own in pairs.items() if own}

@@ -11,6 +11,7 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import BSGError
 from bsg_data.extras import ask_to_install
 from bsg_data.figure_file import PLAIN_TEXT, write_figure
+from bsg_data.files import AnyPath
 from bsg_data.result_folder import refuse_datasets
 from bsg_data.seals import refuse_sealed_file
 
@@ -18,11 +19,12 @@ _MARK = "belief-scene-graphs: frequencies"  # in the figure: marks it as written
 _HEAD = 4096  # bytes in which the mark is, in PNG and SVG
 
 
-def count_frequencies(dataset: Path) -> pd.DataFrame:
+def count_frequencies(dataset: AnyPath) -> pd.DataFrame:
     """Return one row per class, most frequent first.
 
     Columns: `class`; `instances`; `rooms` and `scenes` with at least one instance.
     """
+    dataset = Path(dataset)
     data = Dataset.open(dataset)
     classes = data.manifest.class_space.classes
     totals = np.zeros((3, len(classes)), dtype=np.int64)
@@ -41,7 +43,7 @@ def count_frequencies(dataset: Path) -> pd.DataFrame:
     return frame.sort_values(["instances", "class"], ascending=[False, True], ignore_index=True)
 
 
-def refuse_figure(path: Path, *, force: bool) -> None:
+def refuse_figure(path: AnyPath, *, force: bool) -> None:
     """Refuse a path for a figure that is in a dataset, in sealed results, or holds something else.
 
     Args:
@@ -52,6 +54,7 @@ def refuse_figure(path: Path, *, force: bool) -> None:
         BSGError: if the path is a folder, in a dataset, one of the files of sealed results, or,
             without `force`, another file.
     """
+    path = Path(path)
     refuse_datasets(path, is_file=True)
     if path.is_dir():
         raise BSGError(f"{path}: is a folder; name a file in it, e.g. {path / 'classes.png'}")
@@ -64,12 +67,13 @@ def refuse_figure(path: Path, *, force: bool) -> None:
                 )
 
 
-def plot_frequencies(frame: pd.DataFrame, path: Path, *, title: str) -> None:
+def plot_frequencies(frame: pd.DataFrame, path: AnyPath, *, title: str) -> None:
     """Plot the instances and the rooms of every class as bars, into an image file.
 
     Raises:
         BSGError: if matplotlib is not installed or the file cannot be written.
     """
+    path = Path(path)
     try:
         from matplotlib import rc_context
         from matplotlib.backends.backend_agg import FigureCanvasAgg

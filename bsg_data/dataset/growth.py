@@ -25,17 +25,28 @@ _ADDED = len("..partial.shard-00000.abcdefgh")  # to the name of a dataset while
 SECONDS_TO_JOIN = 60.0  # a part waits so long while another one makes the folder
 
 
-def refuse_long_name(out: Path) -> None:
-    """Refuse a path for a dataset if the files beside the growing dataset would have no name.
+def refuse_place(out: Path) -> None:
+    """Refuse a path where a growing dataset could not be renamed to.
+
+    The files beside it need names. The working folder cannot be in it: the shell would go on in the
+    folder that was replaced, which is removed.
 
     Raises:
-        DatasetError: with the number of bytes that the name may have.
+        DatasetError: with the number of bytes that the name may have, or with another folder to
+            work in.
     """
     size, most = len(os.fsencode(out.name)), MOST_BYTES - _ADDED
     if size > most:
         raise DatasetError(
             f"{out}: expected a name of at most {most} bytes, found {size}; choose a shorter one"
         )
+    with suppress(FileNotFoundError):  # the working folder was removed
+        here = Path.cwd()
+        if out in (here, *here.parents):
+            raise DatasetError(
+                f"{out}: is the working folder or contains it, so it cannot be replaced; change to "
+                f"another folder, such as {out.parent}, and run again"
+            )
 
 
 def make_parent(out: Path) -> None:

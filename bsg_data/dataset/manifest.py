@@ -18,6 +18,7 @@ from pydantic import Field, ValidationError, model_validator
 from bsg_data.dataset.schema import FORMAT_VERSION, SPLIT_NAME
 from bsg_data.dataset.version_1 import convert_manifest
 from bsg_data.errors import DatasetError, MismatchError, RecipeError, SourceError
+from bsg_data.files import AnyPath
 from bsg_data.inputs.bounded_file import hash_bounded, read_bytes
 from bsg_data.inputs.bounds import MANIFEST_FILE, MAX_PARTS, MAX_ROWS
 from bsg_data.inputs.documents import parse_json, read_json
@@ -257,13 +258,14 @@ class Manifest(Record):
         return self.without_pairs().with_table("splits", (), split=None)
 
 
-def read_manifest(dataset: Path) -> Manifest:
+def read_manifest(dataset: AnyPath) -> Manifest:
     """Read the manifest of a finished dataset.
 
     Raises:
         DatasetError: if there is none or it is damaged.
         MismatchError: if it is of another format version.
     """
+    dataset = Path(dataset)
     return read_hashed_manifest(dataset)[0]
 
 
@@ -276,6 +278,11 @@ def read_hashed_manifest(dataset: Path) -> tuple[Manifest, str]:
     """
     path = dataset / MANIFEST
     if not path.is_file():
+        if dataset.is_file():
+            raise DatasetError(
+                f"{dataset}: is a file; expected the folder of a dataset, which `bsg-data build` "
+                "makes"
+            )
         if not dataset.is_dir():
             raise DatasetError(f"{dataset}: no such folder{_tell_growing(dataset)}")
         raise DatasetError(
@@ -312,7 +319,8 @@ def read_hashed_manifest(dataset: Path) -> tuple[Manifest, str]:
 
 def _tell_growing(dataset: Path) -> str:
     """Return a hint about an unfinished dataset beside a missing one; empty without."""
-    growing = dataset.with_name(f"{dataset.name}.partial") if dataset.name else dataset
+    place = dataset.resolve() if dataset.is_symlink() else dataset
+    growing = place.with_name(f"{place.name}.partial") if place.name else place
     if not growing.is_dir():
         return ""
     return (

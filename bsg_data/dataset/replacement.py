@@ -29,18 +29,22 @@ from bsg_data.signals import hold_signals
 
 def name_growing(out: Path) -> Path:
     """Return the folder that a dataset grows in."""
-    return out.with_name(f"{_name_of(out)}.partial")
+    place = _find_place(out)
+    return place.with_name(f"{place.name}.partial")
 
 
 def name_replaced(out: Path) -> Path:
     """Return where an old dataset is until it is removed."""
-    return out.with_name(f".{_name_of(out)}.replaced")
+    place = _find_place(out)
+    return place.with_name(f".{place.name}.replaced")
 
 
-def _name_of(out: Path) -> str:
-    if not out.name:
+def _find_place(out: Path) -> Path:
+    """Return where a dataset is that is named `.`, `..` or by a link; a link stays a link."""
+    place = out.resolve()
+    if not place.name:
         raise DatasetError(f"{out}: cannot be a dataset; choose a folder below it")
-    return out.name
+    return place
 
 
 def put_in_place(out: Path) -> None:
@@ -57,7 +61,7 @@ def put_in_place(out: Path) -> None:
 
 
 def _rename(out: Path) -> None:
-    growing, replaced = name_growing(out), name_replaced(out)
+    out, growing, replaced = _find_place(out), name_growing(out), name_replaced(out)
     try:
         for folder in (*filter(Path.is_dir, growing.iterdir()), growing):
             flush_folder(folder)  # the names in it, before the dataset gets its own
@@ -84,7 +88,7 @@ def restore(out: Path) -> None:
     Raises:
         DatasetError: if it cannot be put there.
     """
-    growing, replaced = name_growing(out), name_replaced(out)
+    out, growing, replaced = _find_place(out), name_growing(out), name_replaced(out)
     try:
         if not out.exists() and _is_replaced(replaced, by=growing):
             growing.rename(out)

@@ -20,7 +20,7 @@ from bsg_data.dataset.scene_tables import assemble_graphs, collect_columns
 from bsg_data.dataset.schema import FORMAT_VERSION, SPLITS, TABLES, pairs_schema
 from bsg_data.dataset.version_1 import TABLES_1, convert_table
 from bsg_data.errors import DatasetError, MismatchError
-from bsg_data.files import encode_json, open_beside
+from bsg_data.files import AnyPath, encode_json, open_beside
 from bsg_data.inputs.bounded_file import Refusal, hash_file, read_bytes
 from bsg_data.inputs.bounds import DATASET_TABLE
 from bsg_data.inputs.parquet import reading_parquet, words_of
@@ -30,13 +30,14 @@ _ROOM = 32 * 2**20  # bytes; encoding a table of usual size takes less
 
 
 def write_shards(
-    graphs: Sequence[SceneGraph], folder: Path, *, part: int, class_space: ClassSpaceEntry
+    graphs: Sequence[SceneGraph], folder: AnyPath, *, part: int, class_space: ClassSpaceEntry
 ) -> tuple[FileEntry, ...]:
     """Write one part of every table for some scenes, in the order given.
 
     Raises:
         DatasetError: if a file cannot be written; no incomplete file stays.
     """
+    folder = Path(folder)
     columns = collect_columns(graphs, classes=class_space.classes)
     entries = []
     for name, schema in TABLES.items():
@@ -49,7 +50,11 @@ def write_shards(
 
 
 def read_table(
-    dataset: Path, name: str, *, columns: list[str] | None = None, manifest: Manifest | None = None
+    dataset: AnyPath,
+    name: str,
+    *,
+    columns: list[str] | None = None,
+    manifest: Manifest | None = None,
 ) -> pa.Table:
     """Read a whole table of a dataset, with rows in order.
 
@@ -63,6 +68,7 @@ def read_table(
         DatasetError: if a file is missing or unreadable.
         MismatchError: if a file has another class space or format than the manifest.
     """
+    dataset = Path(dataset)
     return pa.concat_tables(stream_table(dataset, name, columns=columns, manifest=manifest))
 
 
@@ -198,8 +204,11 @@ def _require_scene_ids(path: Path, names: Sequence[object]) -> None:
             raise DatasetError(f"{path}: {name!r} is no scene id: it must be usable as a file name")
 
 
-def read_scene_graphs(dataset: Path, *, manifest: Manifest | None = None) -> Iterator[SceneGraph]:
+def read_scene_graphs(
+    dataset: AnyPath, *, manifest: Manifest | None = None
+) -> Iterator[SceneGraph]:
     """Yield the scene graphs of a dataset, with one shard in memory at a time."""
+    dataset = Path(dataset)
     manifest = manifest or read_manifest(dataset)
     parts = zip(*(manifest.files_of(name) for name in TABLES), strict=True)
     for files in parts:

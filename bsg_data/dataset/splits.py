@@ -15,6 +15,7 @@ from bsg_data.dataset.revision import revise
 from bsg_data.dataset.schema import SPLIT_NAME, SPLITS
 from bsg_data.dataset.shards import describe_file, open_parquet, read_table
 from bsg_data.errors import DatasetError, RecipeError
+from bsg_data.files import AnyPath
 from bsg_data.recipes import SplitRecipe
 
 NAMES = ("train", "val", "test")
@@ -61,7 +62,7 @@ def assign_splits(
     return {scene: chosen[scene] for scene in ids}
 
 
-def split_dataset(dataset: Path, recipe: SplitRecipe, *, force: bool = False) -> Manifest:
+def split_dataset(dataset: AnyPath, recipe: SplitRecipe, *, force: bool = False) -> Manifest:
     """Write `splits.parquet` into a dataset and return its new manifest.
 
     Raises:
@@ -69,6 +70,7 @@ def split_dataset(dataset: Path, recipe: SplitRecipe, *, force: bool = False) ->
         DatasetError: if there is a split already and `force` is not set. `force` replaces it and
             removes the pairs made from it.
     """
+    dataset = Path(dataset)
 
     def write(manifest: Manifest, folder: Path) -> Manifest:
         require_current(manifest, dataset)
@@ -155,12 +157,15 @@ def _write_file(
     return describe_file(folder, "splits.parquet", rows=len(table))
 
 
-def read_splits(dataset: Path, *, manifest: Manifest | None = None) -> dict[str, tuple[str, ...]]:
+def read_splits(
+    dataset: AnyPath, *, manifest: Manifest | None = None
+) -> dict[str, tuple[str, ...]]:
     """Return split → scene ids, with train, val and test first.
 
     Raises:
         DatasetError: if the dataset has no split yet, or a split has an impossible name.
     """
+    dataset = Path(dataset)
     manifest = manifest or read_manifest(dataset)
     if manifest.split is None:
         raise DatasetError(f"{dataset}: is not split yet; run `bsg-data split {dataset}` first")

@@ -26,6 +26,7 @@ from bsg_data.dataset.shards import describe_file, open_listed, open_parquet, re
 from bsg_data.dataset.splits import read_splits
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.executors import run_all
+from bsg_data.files import AnyPath
 from bsg_data.observation.masks import sample_hidden_draws, sample_views
 from bsg_data.observation.masks_v1 import view_of_format_1
 from bsg_data.observation.view import View
@@ -76,7 +77,7 @@ def sample_pairs(
 
 
 def write_pairs(
-    dataset: Path,
+    dataset: AnyPath,
     recipe: PairsRecipe,
     *,
     force: bool = False,
@@ -100,6 +101,7 @@ def write_pairs(
         DatasetError: if the dataset has no split, has pairs and not `force`, or cannot be written.
         RecipeError: if the recipe asks for masks of version 1.
     """
+    dataset = Path(dataset)
 
     def write(manifest: Manifest, folder: Path) -> Manifest:
         require_current(manifest, dataset)
@@ -121,12 +123,13 @@ def write_pairs(
     return revise(dataset, write)
 
 
-def read_pairs(dataset: Path, split: str, *, manifest: Manifest | None = None) -> pa.Table:
+def read_pairs(dataset: AnyPath, split: str, *, manifest: Manifest | None = None) -> pa.Table:
     """Read the pairs of one split or fold.
 
     Raises:
         DatasetError: if there are none, naming the splits that have some.
     """
+    dataset = Path(dataset)
     manifest = manifest or read_manifest(dataset)
     tables = list(stream_pairs(dataset, split, manifest=manifest))
     return pa.concat_tables(tables) if tables else schema_of("pairs", manifest).empty_table()

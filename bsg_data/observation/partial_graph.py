@@ -20,6 +20,7 @@ from bsg_data.dataset.histograms import count_cells, to_histograms
 from bsg_data.dataset.manifest import ClassSpaceEntry
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import RecipeError
+from bsg_data.files import AnyPath
 from bsg_data.geometry.floor_area import find_floor_area
 from bsg_data.observation.hidden_others import sample_hidden_others
 from bsg_data.observation.hidden_share import ShareBelief
@@ -354,9 +355,10 @@ def enter_room(known: PartialGraph, graph: SceneGraph, room_index: int) -> Parti
 
 
 def mask_dataset(
-    dataset: Path, scenes: Collection[str], recipe: MaskRecipe, *, draw: int = 0
+    dataset: AnyPath, scenes: Collection[str], recipe: MaskRecipe, *, draw: int = 0
 ) -> Iterator[tuple[PartialGraph, Counts]]:
     """Yield the partial graphs of some masked scenes with their true histograms `[N, C]`."""
+    dataset = Path(dataset)
     data = Dataset.open(dataset)
     for graph in read_scene_graphs(dataset):
         if graph.scene_id in scenes:

@@ -37,8 +37,10 @@ def explain_fault(error: ValidationError, said: Any, *, keys: Mapping[str, Seque
 def _say(fault: Mapping[str, Any]) -> str:
     """Return what is wrong, in the words of pydantic but where they are of Python's types."""
     if fault["type"] == "too_long":
-        size = fault["ctx"]
-        return f"expected at most {size['max_length']:,}, found {size['actual_length']:,}"
+        most, found = fault["ctx"]["max_length"], fault["ctx"]["actual_length"]
+        return f"expected at most {most:,}, found {'more' if found is None else f'{found:,}'}"
+    if fault["type"] == "model_type":
+        return "expected a JSON object (docs/belief.md)"
     return str(fault["msg"]).removeprefix("Value error, ")
 
 
@@ -49,7 +51,8 @@ def _name_entry(loc: tuple[int | str, ...], said: Any) -> tuple[str, tuple[int |
     """
     if len(loc) < 2 or loc[0] not in _ENTRIES or not isinstance(loc[1], int):
         return "", loc
-    kind, entry = _ENTRIES[str(loc[0])], said[loc[0]][loc[1]]
+    kind, entries = _ENTRIES[str(loc[0])], said[loc[0]]
+    entry = entries[loc[1]] if isinstance(entries, Sequence) else None  # JSON has sequences only
     name = entry.get("id") if isinstance(entry, Mapping) else None
     if isinstance(name, str) and name:
         return f"{kind} {name[:SHOWN]!r}", loc[2:]

@@ -35,6 +35,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, Val
 
 from bsg_data.dataset.manifest import ClassSpaceEntry
 from bsg_data.errors import RecipeError, SourceError
+from bsg_data.files import AnyPath
 from bsg_data.geometry.floor_area import find_floor_area
 from bsg_data.inputs.bounds import MAX_ROBOT_ROOMS, ROBOT
 from bsg_data.inputs.documents import read_json
@@ -143,7 +144,9 @@ GRAPH_WORDS = tuple(
 )
 
 
-def read_robot_graph(path: Path, *, class_map: str | ClassMap = DEFAULT_CLASS_MAP) -> PartialGraph:
+def read_robot_graph(
+    path: AnyPath, *, class_map: AnyPath | ClassMap = DEFAULT_CLASS_MAP
+) -> PartialGraph:
     """Read a partial graph from a JSON file.
 
     The class map gives each category its class. Objects with an unknown category stay in the graph
@@ -156,12 +159,13 @@ def read_robot_graph(path: Path, *, class_map: str | ClassMap = DEFAULT_CLASS_MA
     Raises:
         RobotGraphError: naming the file, the entry, and what was expected there.
     """
+    path = Path(path)
     said = read_json(path, ROBOT, error=RobotGraphError)
     return parse_robot_graph(said, path=path, class_map=class_map)
 
 
 def parse_robot_graph(
-    said: Any, *, path: Path, class_map: str | ClassMap = DEFAULT_CLASS_MAP
+    said: Any, *, path: Path, class_map: AnyPath | ClassMap = DEFAULT_CLASS_MAP
 ) -> PartialGraph:
     """Return the partial graph in a robot's JSON document.
 
@@ -205,6 +209,16 @@ def _assemble(
 ) -> PartialGraph:
     if isinstance(said, dict) and said.get("format") == "bsg-belief-graph":
         said = said.get("partial")  # a belief graph holds the partial graph
+        if said is None:
+            raise RobotGraphError(
+                f"{path}: a belief graph without `partial`, the graph that the robot has seen; "
+                "expected it there (docs/belief.md)"
+            )
+    if not isinstance(said, dict):
+        raise RobotGraphError(
+            f"{path}: expected a JSON object with `scene_id`, `rooms` and `objects` "
+            f"(docs/belief.md), found {show_value(said)}"
+        )
     try:
         document = _Graph.model_validate(said)
     except ValidationError as error:

@@ -8,6 +8,7 @@ whether rules resolve names that it does not list.
 from __future__ import annotations
 
 import hashlib
+import os
 import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -17,6 +18,7 @@ from pathlib import Path
 from typing import Literal
 
 from bsg_data.errors import ClassMapError
+from bsg_data.files import AnyPath
 from bsg_data.scene.class_space import (
     DEFAULT_CLASS_SPACE,
     ClassSpace,
@@ -207,7 +209,7 @@ def list_class_maps() -> tuple[str, ...]:
     return tuple(sorted(published_maps()))
 
 
-def load_class_map(name: str | ClassMap = DEFAULT_CLASS_MAP) -> ClassMap:
+def load_class_map(name: AnyPath | ClassMap = DEFAULT_CLASS_MAP) -> ClassMap:
     """Load a published map by its version, or your own map by the path of its NAME.csv.
 
     A `ClassMap` is returned unchanged.
@@ -215,7 +217,7 @@ def load_class_map(name: str | ClassMap = DEFAULT_CLASS_MAP) -> ClassMap:
     Raises:
         ClassMapError: if the map is missing or malformed, or a published file was changed.
     """
-    return name if isinstance(name, ClassMap) else _load(name)
+    return name if isinstance(name, ClassMap) else _load(os.fspath(name))
 
 
 @cache

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import get_args
 
 from bsg_data.errors import SourceError
+from bsg_data.files import AnyPath
 from bsg_data.registry import Registry
 from bsg_data.sources.source import Source, SourceRow, Terms
 from bsg_data.spelling import ask_if_meant
@@ -38,7 +39,7 @@ _PARSERS: Mapping[type, Callable[[str], object]] = {
 }
 
 
-def open_source(name: str, path: Path, **options: object) -> Source:
+def open_source(name: str, path: AnyPath, **options: object) -> Source:
     """Open a path as a source of the catalogue; this reads no file yet.
 
     Args:
@@ -54,6 +55,7 @@ def open_source(name: str, path: Path, **options: object) -> Source:
         SourceError: if the source does not have an option, or the row does not open a source of
             this name.
     """
+    path = Path(path)
     row = SOURCES[name]
     try:
         inspect.signature(row.open).bind(path, **options)

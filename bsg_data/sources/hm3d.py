@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from bsg_data.errors import SourceChangedError, SourceError, find_io_error
+from bsg_data.files import AnyPath
 from bsg_data.geometry.adjacency import connect_rooms
 from bsg_data.geometry.gltf import MeshError
 from bsg_data.geometry.placement import place_scene
@@ -64,6 +65,11 @@ class HM3DFolder:
     path: Path
     meshes: bool = True
     snap_colours: int | None = None
+
+    def __init__(self, path: AnyPath, meshes: bool = True, snap_colours: int | None = None) -> None:
+        object.__setattr__(self, "path", Path(path))
+        object.__setattr__(self, "meshes", meshes)
+        object.__setattr__(self, "snap_colours", snap_colours)
 
     @property
     def options(self) -> dict[str, int | str]:

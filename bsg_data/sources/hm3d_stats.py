@@ -17,6 +17,7 @@ from functools import cached_property
 from pathlib import Path
 
 from bsg_data.errors import AnnotationError, SourceChangedError, SourceError
+from bsg_data.files import AnyPath
 from bsg_data.inputs.archive import read_member
 from bsg_data.inputs.bounds import STATISTICS
 from bsg_data.scene.class_map import ClassMap
@@ -44,6 +45,9 @@ class HM3DStatistics:
     """The public zip of HM3DSem's statistics."""
 
     path: Path
+
+    def __init__(self, path: AnyPath) -> None:
+        object.__setattr__(self, "path", Path(path))
 
     @property
     def kind(self) -> str:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
@@ -23,6 +24,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from bsg_data.errors import ClassMapError, SourceError
+from bsg_data.files import AnyPath
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import LABEL_SPACE
 from bsg_data.inputs.documents import parse_yaml
@@ -102,7 +104,7 @@ def _read_published(name: str) -> LabelSpace:
     )
 
 
-def load_label_space(name: str) -> LabelSpace:
+def load_label_space(name: AnyPath) -> LabelSpace:
     """Load a published label space by its name, or one of your own by its path.
 
     Args:
@@ -114,7 +116,7 @@ def load_label_space(name: str) -> LabelSpace:
     """
     path = Path(name)
     if path.suffix.casefold() not in (".yaml", ".yml", ".csv"):
-        return _read_published(name)
+        return _read_published(os.fspath(name))
     data = read_bytes(path, LABEL_SPACE)
     labels = _parse_csv(data, path) if path.suffix.casefold() == ".csv" else _parse_yaml(data, path)
     names: dict[int, str] = {}

@@ -16,6 +16,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from bsg_data.errors import SourceChangedError, SourceError, find_io_error
+from bsg_data.files import AnyPath
 from bsg_data.geometry.adjacency import measure_distance
 from bsg_data.geometry.placement import find_storeys, measure_area
 from bsg_data.inputs.bounded_file import read_bytes
@@ -184,6 +185,10 @@ class WithLayouts:
 
     source: Source
     folder: Path
+
+    def __init__(self, source: Source, folder: AnyPath) -> None:
+        object.__setattr__(self, "source", source)
+        object.__setattr__(self, "folder", Path(folder))
 
     @property
     def kind(self) -> str:

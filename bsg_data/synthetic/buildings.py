@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from bsg_data.errors import DatasetError
 from bsg_data.executors import run_in_order
-from bsg_data.files import encode_json, write_bytes
+from bsg_data.files import AnyPath, encode_json, write_bytes
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import SYNTHETIC
 from bsg_data.inputs.documents import parse_json
@@ -245,7 +245,7 @@ def write_building(building: SyntheticBuilding, out: Path) -> Path:
 
 
 def write_synthetic(
-    out: Path,
+    out: AnyPath,
     *,
     scenes: int,
     seed: int,
@@ -272,6 +272,7 @@ def write_synthetic(
         SyntheticError: before anything is written, if a number is out of range.
         DatasetError: before anything is written, if something is in the way.
     """
+    out = Path(out)
     _check_seed(seed)
     if not 0 < scenes <= MAX_SCENES:
         raise SyntheticError(f"{scenes} scenes asked for, expected 1 to {MAX_SCENES}")

@@ -8,7 +8,8 @@ adds one for each of the likeliest classes of which the room shows none.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from numbers import Integral
+from typing import Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +17,7 @@ import numpy.typing as npt
 from bsg_data.arrays import Floats
 from bsg_data.errors import RecipeError
 from bsg_data.observation.partial_graph import PartialGraph
+from bsg_data.spelling import show_value
 from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import PredictionError
 
@@ -102,9 +104,13 @@ def believe(
         model: name to put into the result.
 
     Raises:
-        RecipeError: if the expectation does not belong to this graph.
+        RecipeError: if the expectation does not belong to this graph, or there is no such mode or
+            number of classes.
         PredictionError: if it is not finite.
     """
+    if not isinstance(mode, str) or mode not in get_args(Mode):
+        raise RecipeError(f"mode: expected complete or unseen, found {show_value(mode)}")
+    _check_top(top)
     inputs = graph.histograms().astype(np.float64)
     if not np.array_equal(expectation.inputs, inputs):
         raise RecipeError(
@@ -132,6 +138,16 @@ def believe(
     return BeliefGraph(graph, expectation.expected, presence, tuple(blind), mode, model)
 
 
+def _check_top(top: object) -> None:
+    """Refuse what is no number of classes: 1 or more.
+
+    Raises:
+        RecipeError: naming it.
+    """
+    if isinstance(top, bool) or not isinstance(top, Integral) or top < 1:
+        raise RecipeError(f"top: expected a whole number of 1 or more, found {show_value(top)}")
+
+
 def complete(hidden: Floats) -> npt.NDArray[np.int64]:
     """Return how many blind nodes of each class complete each room, `[R, C]`.
 
@@ -152,7 +168,11 @@ def rank_unseen(expectation: Expectation, top: int) -> list[npt.NDArray[np.int64
     """Return for every node at most `top` classes that were not seen there, by presence.
 
     Ties go to the lower class index. Classes with a presence below `LEAST_PRESENCE` are left out.
+
+    Raises:
+        RecipeError: if `top` is no number of classes.
     """
+    _check_top(top)
     ranked = []
     for inputs, presence in zip(expectation.inputs, expectation.presence, strict=True):
         belief = np.where(inputs > 0, 0.0, presence)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bsg_data.errors import RecipeError
+from bsg_data.files import AnyPath
 from bsg_data.registry import Registry
 from bsg_models.belief.belief_graph import BeliefGraph
 from bsg_models.errors import BeliefFileError
@@ -91,7 +92,7 @@ def choose_format(path: Path, format: str | None = None) -> FormatRow:  # noqa: 
 
 def write_belief(
     belief: BeliefGraph,
-    path: Path | str,
+    path: AnyPath,
     format: str | None = None,  # noqa: A002
 ) -> None:
     """Write a belief graph in the format of a path's suffix.
@@ -132,7 +133,7 @@ def write_beliefs(
     row.write(several[0], path)
 
 
-def read_belief(path: Path | str, format: str | None = None) -> BeliefGraph:  # noqa: A002
+def read_belief(path: AnyPath, format: str | None = None) -> BeliefGraph:  # noqa: A002
     """Read the belief graph of a file, in the format of its suffix.
 
     Args:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bsg_data.errors import BSGError, RecipeError
+from bsg_data.files import AnyPath
 from bsg_data.inputs.bounds import ROBOT, SPARK_DSG
 from bsg_data.inputs.documents import parse_json
 from bsg_data.observation.partial_graph import PartialGraph
@@ -37,7 +38,7 @@ class GraphFile:
 
 
 def open_graph_file(
-    path: Path, *, labels: str | None = None, class_map: str | ClassMap = DEFAULT_CLASS_MAP
+    path: Path, *, labels: AnyPath | None = None, class_map: AnyPath | ClassMap = DEFAULT_CLASS_MAP
 ) -> GraphFile:
     """Read a robot's graph of either kind, and keep its source.
 
@@ -70,7 +71,7 @@ def open_graph_file(
         )
     if labels is not None:
         raise RecipeError(f"labels are for Hydra's graphs, and {path} is not one")
-    if len(text) > ROBOT.bytes:
+    if len(text) > ROBOT.bytes or len(text.encode()) > ROBOT.bytes:
         raise RobotGraphError(f"{path}: expected at most {ROBOT.bytes:,} bytes")
     try:
         said = parse_json(text.removeprefix(BOM))  # refuses a repeated key
@@ -95,7 +96,11 @@ def _read_standard_input() -> bytes:
 
 
 def read_graph(
-    path: Path, *, labels: str | None = None, class_map: str | ClassMap = DEFAULT_CLASS_MAP
+    path: AnyPath,
+    *,
+    labels: AnyPath | None = None,
+    class_map: AnyPath | ClassMap = DEFAULT_CLASS_MAP,
 ) -> PartialGraph:
     """Read a robot's graph of either kind; see `open_graph_file`."""
+    path = Path(path)
     return open_graph_file(path, labels=labels, class_map=class_map).graph

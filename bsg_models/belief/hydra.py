@@ -10,7 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from bsg_data.files import encode_json, write_bytes
+from bsg_data.files import AnyPath, encode_json, write_bytes
 from bsg_data.inputs.documents import parse_json
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap
@@ -29,7 +29,10 @@ _BELOW = 2**56 - 1  # mask for the number of a symbol
 
 
 def read_hydra(
-    path: Path, *, labels: str | None = None, class_map: str | ClassMap = DEFAULT_CLASS_MAP
+    path: AnyPath,
+    *,
+    labels: AnyPath | None = None,
+    class_map: AnyPath | ClassMap = DEFAULT_CLASS_MAP,
 ) -> PartialGraph:
     """Read a partial graph from a Spark-DSG file.
 
@@ -49,11 +52,12 @@ def read_hydra(
         HydraError: if it cannot be read.
         ClassMapError: if there is no such label space.
     """
+    path = Path(path)
     space = None if labels is None else load_label_space(labels)
     return open_hydra(path).partial(labels=space, class_map=class_map)
 
 
-def annotate_hydra(belief: BeliefGraph, original: Path | HydraFile, path: Path) -> None:
+def annotate_hydra(belief: BeliefGraph, original: AnyPath | HydraFile, path: AnyPath) -> None:
     """Write a Spark-DSG graph unchanged, byte for byte, with the beliefs about it added.
 
     Blind nodes get a layer of their own, `BLIND`; everything else goes into metadata, under
@@ -69,41 +73,45 @@ def annotate_hydra(belief: BeliefGraph, original: Path | HydraFile, path: Path) 
         HydraError: if the original lacks a room of the belief, or the name does not end in .json.
         DatasetError: if it cannot be written.
     """
+    path = Path(path)
     _check_name(path)
-    file = original if isinstance(original, HydraFile) else open_hydra(original)
+    file = original if isinstance(original, HydraFile) else open_hydra(Path(original))
     write_bytes(path, file.annotated(belief).encode())
 
 
-def strip_hydra(original: Path, path: Path) -> None:
+def strip_hydra(original: AnyPath, path: AnyPath) -> None:
     """Write a Spark-DSG graph without what `annotate_hydra` added: the original.
 
     Raises:
         HydraError: if it is not a Spark-DSG graph, or the name does not end in .json.
         DatasetError: if it cannot be written.
     """
+    original, path = Path(original), Path(path)
     _check_name(path)
     write_bytes(path, strip_annotation(open_hydra(original).text).encode())
 
 
-def write_hydra(belief: BeliefGraph, path: Path) -> None:
+def write_hydra(belief: BeliefGraph, path: AnyPath) -> None:
     """Write a belief graph as a new Spark-DSG graph; `read_hydra_belief` reads it back exactly.
 
     Raises:
         HydraError: if the name does not end in .json.
         DatasetError: if it cannot be written.
     """
+    path = Path(path)
     _check_name(path)
     text = encode_json(encode_dsg(belief.partial), separators=(",", ":"))
     annotate_hydra(belief, HydraFile(path, text, parse_dsg(text, path=path)), path)
 
 
-def read_hydra_belief(path: Path) -> BeliefGraph:
+def read_hydra_belief(path: AnyPath) -> BeliefGraph:
     """Read the belief graph that `annotate_hydra` or `write_hydra` wrote into a Spark-DSG graph.
 
     Raises:
         HydraError: if there is none.
         BeliefFileError: if it is damaged.
     """
+    path = Path(path)
     file = open_hydra(path)
     if file.document is not None:
         return decode_belief(file.document, path=path)

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from bsg_data.errors import SourceError
+from bsg_data.files import AnyPath
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import SPARK_DSG
 from bsg_data.observation.partial_graph import PartialGraph
@@ -58,7 +59,7 @@ class HydraFile:
     graph: DSGFile
 
     def partial(
-        self, *, labels: LabelSpace | None = None, class_map: str | ClassMap = DEFAULT_CLASS_MAP
+        self, *, labels: LabelSpace | None = None, class_map: AnyPath | ClassMap = DEFAULT_CLASS_MAP
     ) -> PartialGraph:
         """Return what the robot has seen; see `read_hydra`."""
         try:

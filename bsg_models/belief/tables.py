@@ -20,7 +20,7 @@ import pyarrow.compute as pc
 
 from bsg_data.arrays import Floats
 from bsg_data.errors import DatasetError
-from bsg_data.files import encode_json
+from bsg_data.files import AnyPath, encode_json
 from bsg_data.inputs.bounds import MAX_STREAMED_ROWS
 from bsg_data.inputs.documents import parse_json
 from bsg_data.inputs.parquet import open_parquet_file
@@ -40,13 +40,14 @@ KINDS = ("building", "room", "object", "blind")  # in the order of their numbers
 _HEADERS = b"bsg.beliefs"
 
 
-def write_tables(beliefs: Iterable[BeliefGraph], folder: Path) -> None:
+def write_tables(beliefs: Iterable[BeliefGraph], folder: AnyPath) -> None:
     """Write belief graphs as `nodes`, `edges` and `histograms`.parquet, a row group at a time.
 
     Raises:
         BeliefFileError: if two belief graphs have the same building.
         DatasetError: if they cannot be written.
     """
+    folder = Path(folder)
     headers: dict[str, Any] = {}
     packed = _pack_all(beliefs, headers, folder)
     write_rows(packed, folder, metadata=lambda: {"nodes": {_HEADERS: encode_json(headers)}})
@@ -167,7 +168,7 @@ def _lists(values: npt.NDArray[Any], kind: pa.DataType) -> pa.ListArray:
     return pa.ListArray.from_arrays(np.arange(rows + 1, dtype=np.int32) * columns, flat)
 
 
-def read_tables(folder: Path) -> Iterator[BeliefGraph]:
+def read_tables(folder: AnyPath) -> Iterator[BeliefGraph]:
     """Yield the belief graphs of `write_tables`, in the order of their scene ids.
 
     Rows may be in any order.
@@ -175,6 +176,7 @@ def read_tables(folder: Path) -> Iterator[BeliefGraph]:
     Raises:
         BeliefFileError: if a table is missing or is not a belief table.
     """
+    folder = Path(folder)
     try:
         require_whole(folder)
         headers = _read_headers(folder)

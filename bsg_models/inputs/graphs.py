@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from torch_geometric.data import Dataset as GraphDataset
 
 from bsg_data.arrays import Counts
 from bsg_data.dataset.dataset import Dataset
+from bsg_data.files import AnyPath
 from bsg_data.observation.masked_buildings import (
     MaskedBuildings,
     read_masked,
@@ -172,7 +172,7 @@ class MaskedGraphs(GraphDataset):  # type: ignore[misc]
     @classmethod
     def stored(
         cls,
-        path: Path | Dataset,
+        path: AnyPath | Dataset,
         split: Split,
         *,
         fold: int | None = None,
@@ -190,7 +190,7 @@ class MaskedGraphs(GraphDataset):  # type: ignore[misc]
     @classmethod
     def fresh(
         cls,
-        path: Path | Dataset,
+        path: AnyPath | Dataset,
         split: Split,
         *,
         mask: MaskRecipe,

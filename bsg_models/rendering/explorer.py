@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from bsg_data.files import write_bytes
+from bsg_data.files import AnyPath, write_bytes
 from bsg_data.observation.partial_graph import KnownRoom
 from bsg_models.belief.belief_graph import BeliefGraph
 from bsg_models.belief.formats import FormatRow
@@ -47,8 +47,9 @@ class View:
     title: str = ""
 
 
-def write_explorer(views: Sequence[View], path: Path) -> None:
+def write_explorer(views: Sequence[View], path: AnyPath) -> None:
     """Write the explorer page of some belief graphs. A failed write leaves no partial file."""
+    path = Path(path)
     write_bytes(path, explorer_page(views).encode())
 
 

@@ -21,6 +21,7 @@ import numpy as np
 from bsg_data.arrays import Bools, Floats
 from bsg_data.dataset.manifest import COMPARED, UnmappedEntry, describe_unmapped
 from bsg_data.errors import RecipeError
+from bsg_data.files import AnyPath
 from bsg_data.observation.hidden_share import ShareBelief, estimate_hidden_share
 from bsg_data.observation.partial_graph import (
     KnownRoom,
@@ -55,10 +56,10 @@ from bsg_models.search.knowledge import Task
 
 
 def open_graph(
-    graph: Path | str | Mapping[str, Any],
+    graph: AnyPath | Mapping[str, Any],
     *,
-    model: Path | str = DEFAULT_MODEL,
-    labels: str | None = None,
+    model: AnyPath = DEFAULT_MODEL,
+    labels: AnyPath | None = None,
     hidden_share: float | None = None,
     hidden_shares: Mapping[str, float] = MappingProxyType({}),
 ) -> SeenBuilding:
@@ -84,7 +85,7 @@ def open_graph(
             "graph: expected the path of a file, or a document as json.loads returns it; found "
             f"{show_value(graph)}"
         )
-    if labels is not None and not isinstance(labels, str):
+    if labels is not None and not isinstance(labels, (str, os.PathLike)):
         raise RecipeError(
             f"labels: expected the name or path of a label space, found {show_value(labels)}"
         )
@@ -129,7 +130,7 @@ class SeenBuilding:
     def __init__(
         self,
         graph: PartialGraph,
-        model: Predictor | Path | str = DEFAULT_MODEL,
+        model: Predictor | AnyPath = DEFAULT_MODEL,
         *,
         notes: tuple[str, ...] = (),
     ) -> None:
@@ -142,7 +143,13 @@ class SeenBuilding:
 
         Raises:
             CheckpointError: if there is no such model.
+            RecipeError: if the graph is none.
         """
+        if not isinstance(graph, PartialGraph):
+            raise RecipeError(
+                f"graph: expected a PartialGraph, found {show_value(graph)}; `open_graph` opens "
+                "files and documents"
+            )
         self.notes = notes
         self._lock = RLock()
         self._graph = graph
@@ -437,6 +444,9 @@ class SeenBuilding:
             mode: which blind nodes: as many as expected (`complete`), or the top unseen classes
                 (`unseen`).
             top: number of classes per room that get a blind node under `unseen`.
+
+        Raises:
+            RecipeError: if there is no such mode or number of classes.
         """
         return believe(self._graph, self._belief(0), mode=mode, top=top, model=self.model)
 

@@ -23,7 +23,7 @@ from safetensors.torch import save
 
 from bsg_data.dataset.manifest import ClassSpaceEntry, Manifest, require_class_space
 from bsg_data.dataset.schema import FORMAT_VERSION
-from bsg_data.files import write_bytes
+from bsg_data.files import AnyPath, write_bytes
 from bsg_data.inputs.documents import parse_json
 from bsg_data.recipes import Record, name_fault
 from bsg_data.scene.class_space import hash_classes
@@ -156,12 +156,13 @@ def read_header(path: Path) -> CheckpointHeader:
         return _parse_header(path, file)
 
 
-def load_checkpoint(path: Path) -> Checkpoint:
+def load_checkpoint(path: AnyPath) -> Checkpoint:
     """Read a checkpoint.
 
     Raises:
         CheckpointError: if it is missing, damaged, or has another version.
     """
+    path = Path(path)
     with _open(path) as file:
         header = _parse_header(path, file)
         tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
@@ -257,12 +258,13 @@ def _hash_text(text: str) -> str:
     return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
 
 
-def restore_model(path: Path, checkpoint: Checkpoint) -> BeliefModel:
+def restore_model(path: AnyPath, checkpoint: Checkpoint) -> BeliefModel:
     """Make the model of a checkpoint and load its weights.
 
     Raises:
         CheckpointError: if a tensor is missing, unknown or has another shape.
     """
+    path = Path(path)
     header = checkpoint.header
     _require_size(path, checkpoint)
     try:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bsg_data.errors import RecipeError
+from bsg_data.files import AnyPath
 from bsg_data.spelling import SHOWN, show_value
 from bsg_models.errors import CheckpointError
 from bsg_models.runs.checkpoint import CheckpointHeader
@@ -41,25 +42,25 @@ class FoundModel:
     kind: Kind
 
 
-def find_model(model: Path | str) -> FoundModel:
+def find_model(model: AnyPath) -> FoundModel:
     """Return the checkpoint of a model.
 
-    A `Path` is taken as a path. Text is tried, in this order, as: an existing path, if it looks
-    like one (it has a separator, begins with a full stop or ends with `.safetensors`); the name of
-    a shipped model; a folder of that name; the id `OWNER/NAME` of a downloaded hub model.
+    A path object is taken as a path. Text is tried, in this order, as: an existing path, if it
+    looks like one (it has a separator, begins with a full stop or ends with `.safetensors`); the
+    name of a shipped model; a folder of that name; the id `OWNER/NAME` of a downloaded hub model.
 
     Raises:
         CheckpointError: if there is no such model; the message lists what was tried and the names
             that exist.
         RecipeError: if it is neither text nor a path.
     """
-    if not isinstance(model, (str, Path)):
+    if not isinstance(model, (str, os.PathLike)):
         raise RecipeError(
             f"model: expected a path or the name of a model, found {show_value(model)}; "
             f"{describe_shipped()}"
         )
     try:
-        return _find(model)
+        return _find(model if isinstance(model, str) else Path(model))
     except (OSError, ValueError) as error:  # no file system takes such a name
         said = getattr(error, "strerror", None) or error
         raise CheckpointError(
@@ -85,7 +86,7 @@ def _find(model: Path | str) -> FoundModel:
     )
 
 
-def locate_run(model: Path | str) -> Path:
+def locate_run(model: AnyPath) -> Path:
     """Return the folder of a run, or the checkpoint of a model without a run folder.
 
     Raises:

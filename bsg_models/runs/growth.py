@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from bsg_data.errors import DatasetError
-from bsg_data.files import refuse_links
+from bsg_data.files import AnyPath, refuse_links
 from bsg_data.lock import hold
 from bsg_data.result_folder import (
     UNFINISHED,
@@ -91,8 +91,9 @@ def open_run(run: Path, *, resume: bool = False, force: bool = True) -> Iterator
         _put_in_place(run)
 
 
-def growing_run(run: Path) -> Path:
+def growing_run(run: AnyPath) -> Path:
     """Return the folder into which a run is trained: its own, or that of a begun replacement."""
+    run = Path(run)
     replacement = run / REPLACEMENT
     return replacement if replacement.is_dir() and not replacement.is_symlink() else run
 

@@ -6,13 +6,14 @@ A hub model is three files: `model.safetensors`, an unchanged checkpoint with it
 
 from __future__ import annotations
 
+import os
 import shutil
 from pathlib import Path
 from typing import Any
 
 from huggingface_hub import ModelHubMixin
 
-from bsg_data.files import encode_json, write_bytes
+from bsg_data.files import AnyPath, encode_json, write_bytes
 from bsg_models.runs.checkpoint import read_header
 from bsg_models.runs.found_model import find_model
 from bsg_models.runs.hub_files import HUB_CARD, HUB_CONFIG, HUB_WEIGHTS, download
@@ -38,7 +39,7 @@ class HubModel(
         (15, 45)
     """
 
-    def __init__(self, model: Path | str) -> None:
+    def __init__(self, model: AnyPath) -> None:
         """Load a model: a run, a folder of a hub model, a file, or a shipped model.
 
         Raises:
@@ -61,7 +62,7 @@ class HubModel(
         write_bytes(save_directory / HUB_CARD, card.encode())
 
     @classmethod
-    def from_pretrained(cls, pretrained_model_name_or_path: str | Path, **options: Any) -> HubModel:
+    def from_pretrained(cls, pretrained_model_name_or_path: AnyPath, **options: Any) -> HubModel:
         """Load a model from a local folder, or download it from the hub.
 
         Args:
@@ -71,5 +72,5 @@ class HubModel(
         Raises:
             CheckpointError: if there is no such model, it cannot be downloaded, or it is damaged.
         """
-        name = str(pretrained_model_name_or_path)
+        name = os.fspath(pretrained_model_name_or_path)
         return cls(Path(name) if Path(name).is_dir() else download(name, **options))

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
+from bsg_data.files import AnyPath
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_models.runs.checkpoint import read_header
 from bsg_models.runs.found_model import FoundModel, find_model
@@ -12,7 +11,7 @@ from bsg_models.runs.model_facts import ModelSummary, read_card
 from bsg_models.runs.shipped import DEFAULT_MODEL
 
 
-def summarise_model(model: Path | str | FoundModel = DEFAULT_MODEL) -> ModelSummary:
+def summarise_model(model: AnyPath | FoundModel = DEFAULT_MODEL) -> ModelSummary:
     """Return the facts of a model, without loading its weights.
 
     Args:
@@ -43,7 +42,7 @@ def summarise_model(model: Path | str | FoundModel = DEFAULT_MODEL) -> ModelSumm
     )
 
 
-def describe_model(model: Path | str = DEFAULT_MODEL) -> str:
+def describe_model(model: AnyPath = DEFAULT_MODEL) -> str:
     """Return which model is used: `universal (shipped; trained on 145 buildings of hm3d)`.
 
     Raises:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from pathlib import Path
 
 import numpy as np
 
 from bsg_data.arrays import Bools, Floats
 from bsg_data.errors import MismatchError
+from bsg_data.files import AnyPath
 from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.observation import Observation
 from bsg_data.observation.partial_graph import PartialGraph
@@ -37,7 +37,7 @@ class Predictor:
         (15, 45)
     """
 
-    def __init__(self, model: Path | str = DEFAULT_MODEL) -> None:
+    def __init__(self, model: AnyPath = DEFAULT_MODEL) -> None:
         """Load a model.
 
         Args:

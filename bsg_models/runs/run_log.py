@@ -22,7 +22,7 @@ from typing import Annotated, Literal
 from pydantic import Field, TypeAdapter, ValidationError
 
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.files import write_bytes
+from bsg_data.files import AnyPath, write_bytes
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import RUN_RECORD
 from bsg_data.inputs.documents import decode
@@ -130,12 +130,13 @@ def keep_log(run: Path, config: RunConfig, data: Dataset) -> Iterator[list[str]]
         _add(run, ended)
 
 
-def read_log(run: Path) -> tuple[Begun | Ended, ...]:
+def read_log(run: AnyPath) -> tuple[Begun | Ended, ...]:
     """Return the entries of a run's log, the oldest first; empty for a run without a log.
 
     Raises:
         TrainingError: naming the faulty line.
     """
+    run = Path(run)
     path = run / LOG
     if not path.is_file():
         return ()

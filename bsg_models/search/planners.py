@@ -8,9 +8,12 @@ depend on when all are found. Ties go to the room with the lowest index.
 
 from __future__ import annotations
 
+from typing import get_args
+
 import numpy as np
 
 from bsg_data.errors import RecipeError
+from bsg_data.spelling import show_value
 from bsg_models.search.catalogue import AnyPlanner, Planner, find_planner
 from bsg_models.search.knowledge import Knowledge, Task
 from bsg_models.search.orders import choose_cover, choose_rooms, plan_tours
@@ -165,8 +168,8 @@ def next_room(
         raise RecipeError(
             f"explored {list(np.shape(explored))}, here {here}: expected {nodes} nodes"
         )
-    if task not in ("single", "all"):
-        raise RecipeError(f"task {task!r}: expected single or all")
+    if not isinstance(task, str) or task not in get_args(Task):
+        raise RecipeError(f"task {show_value(task)}: expected single or all")
     chosen = find_planner(planner)
     if chosen.reads == "truth":
         raise RecipeError(

@@ -12,6 +12,7 @@ import pandas as pd
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError
+from bsg_data.files import AnyPath
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_models.errors import CheckpointError
 from bsg_models.evaluation.bootstrap import LEAST_BUILDINGS, Bootstrap, Estimate
@@ -102,11 +103,11 @@ class Loaded(NamedTuple):
 
 
 def compare_runs(
-    runs: Sequence[Path | str],
-    dataset: Path,
+    runs: Sequence[AnyPath],
+    dataset: AnyPath,
     *,
     split: str,
-    predictions: Sequence[Path] = (),
+    predictions: Sequence[AnyPath] = (),
     fold: int | None = None,
     resamples: int = 200,
     seed: int = 0,
@@ -136,6 +137,7 @@ def compare_runs(
         DatasetError: if the split has no pairs.
         PredictionError: if predictions cannot be read, or do not fit the pairs.
     """
+    dataset = Path(dataset)
     data = Dataset.open(dataset)
     found = [find_model(run) for run in runs]
     checkpoints = [load_checkpoint(one.path) for one in found]
@@ -149,7 +151,7 @@ def compare_runs(
     folds: Folds = (fold,) if loaded else folds_of(data, fold)
     surveys = [survey_split(data, part, fold=one) for one in folds]
     survey = join_surveys(surveys)
-    entries = [read_entry(p, data, split=part, folds=folds) for p in predictions]
+    entries = [read_entry(Path(p), data, split=part, folds=folds) for p in predictions]
     names = _order((run.name for run in loaded), entries)
     measuring = Measuring(
         data,

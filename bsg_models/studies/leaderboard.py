@@ -26,7 +26,7 @@ from bsg_data.dataset.revision import remove_left
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.executors import run_all
-from bsg_data.files import encode_json, flush_folder, refuse_links, write_bytes
+from bsg_data.files import AnyPath, encode_json, flush_folder, refuse_links, write_bytes
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.inputs.bounds import RUN_RECORD
 from bsg_data.inputs.documents import read_json
@@ -93,8 +93,8 @@ class Leaderboard:
 
 
 def make_leaderboard(
-    dataset: Path,
-    out: Path,
+    dataset: AnyPath,
+    out: AnyPath,
     models: Mapping[str, RunConfig],
     recipe: LeaderboardRecipe,
     *,
@@ -116,6 +116,7 @@ def make_leaderboard(
             of another one.
         TrainingError: if a training fails.
     """
+    dataset, out = Path(dataset), Path(out)
     report = progress or (lambda what, done, total: None)
     refuse_datasets(out)
     _refuse_one_inside_the_other(dataset, out)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from bsg_data.errors import DatasetError
 from bsg_data.figure_file import noting_failures
-from bsg_data.files import encode_json, write_bytes
+from bsg_data.files import AnyPath, encode_json, write_bytes
 from bsg_data.seals import refuse_other_results, replace_sealed
 from bsg_models.evaluation.catalogue import head_value
 from bsg_models.rendering.figures import plot_leaderboard
@@ -49,12 +49,13 @@ class LeaderboardReport(NamedTuple):
     notes: tuple[str, ...]
 
 
-def refuse_finished(out: Path, *, force: bool) -> None:
+def refuse_finished(out: AnyPath, *, force: bool) -> None:
     """Refuse a folder with a finished leaderboard unless `force`, and a folder with other results.
 
     Raises:
         DatasetError: if there is a finished leaderboard, or results of another command.
     """
+    out = Path(out)
     refuse_other_results(out, REPORT)
     refuse_run(out)
     if (out / REPORT).exists() and not force:
@@ -63,8 +64,9 @@ def refuse_finished(out: Path, *, force: bool) -> None:
         )
 
 
-def report_leaderboard(board: Leaderboard, out: Path) -> LeaderboardReport:
+def report_leaderboard(board: Leaderboard, out: AnyPath) -> LeaderboardReport:
     """Write the files of a leaderboard."""
+    out = Path(out)
     summary = write_json(board)
     with replace_sealed(out, report=REPORT) as (staged,):
         drawn: list[str] = []

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from bsg_data.figure_file import noting_failures
+from bsg_data.files import AnyPath
 from bsg_data.seals import require_seal
 from bsg_models.errors import CheckpointError, ConfigError
 from bsg_models.rendering.figures import plot_learning_curve
@@ -121,7 +122,7 @@ class RunSummary:
         }
 
 
-def summarise_run(run: Path) -> RunSummary:
+def summarise_run(run: AnyPath) -> RunSummary:
     """Return what trainings have saved so far in a run, without writing anything.
 
     Raises:
@@ -129,6 +130,7 @@ def summarise_run(run: Path) -> RunSummary:
         TrainingError: if its log or its metrics are damaged.
         DatasetError: if a file of a finished run was changed.
     """
+    run = Path(run)
     require_seal(run)
     config = _config_of(run)
     reports = read_metrics(run / METRICS) if (run / METRICS).is_file() else []
@@ -139,12 +141,13 @@ def summarise_run(run: Path) -> RunSummary:
     return RunSummary(run, config, len(reports), last, best, seconds, read_log(run), outdated)
 
 
-def plot_run(run: Path) -> tuple[str, ...]:
+def plot_run(run: AnyPath) -> tuple[str, ...]:
     """Plot the learning curve of a run into its folder, unless the model is fitted by counting.
 
     Returns:
         A note if the curve cannot be drawn.
     """
+    run = Path(run)
     notes: list[str] = []
     if not (run / METRICS).is_file():
         return ()

@@ -10,6 +10,7 @@ from collections import deque
 from pathlib import Path
 
 from bsg_data.errors import BSGError, DatasetError
+from bsg_data.files import AnyPath
 from bsg_data.inputs.bounded_file import hash_file, read_bytes
 from bsg_data.inputs.bounds import RESULTS
 from bsg_data.inputs.documents import parse_json
@@ -21,7 +22,7 @@ _BEST = "best.safetensors"
 _OF_A_RUN = {"evaluation": "evaluation.json", "search": "search.json"}  # folder in a run → report
 
 
-def check_results(path: Path) -> tuple[str, ...]:
+def check_results(path: AnyPath) -> tuple[str, ...]:
     """Check a run, a checkpoint, belief tables, or the results of a search or an evaluation.
 
     Args:
@@ -36,6 +37,7 @@ def check_results(path: Path) -> tuple[str, ...]:
         CheckpointError: if a checkpoint is damaged.
         BeliefFileError: if belief tables are damaged.
     """
+    path = Path(path)
     if path.is_file():
         _load(path)
         return (path.name,)

@@ -19,7 +19,7 @@ from pydantic import Field
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.figure_file import noting_failures
-from bsg_data.files import encode_json, write_bytes
+from bsg_data.files import AnyPath, encode_json, write_bytes
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.recipes import Record, Share
 from bsg_data.registry import require_known
@@ -244,7 +244,7 @@ def _place(path: Path, staged: Path, request: SearchRequest) -> Path:
 
 
 def choose_default_run(
-    dataset: Path, *, planners: Sequence[str] | None, split: str
+    dataset: AnyPath, *, planners: Sequence[str] | None, split: str
 ) -> tuple[tuple[Path, ...], str]:
     """Return the default model for a search that names none, and a line about it.
 
@@ -255,6 +255,7 @@ def choose_default_run(
         DatasetError: if the dataset is damaged.
         CheckpointError: if the shipped model is damaged.
     """
+    dataset = Path(dataset)
     why = ""
     if planners is not None and all(PLANNERS[name].reads != "belief" for name in planners):
         why = "no planner reads one"

@@ -17,6 +17,7 @@ import numpy as np
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError, MismatchError, RecipeError
 from bsg_data.executors import run_all
+from bsg_data.files import AnyPath
 from bsg_data.recipes import MaskRecipe
 from bsg_models.inputs.folds import Split, scenes_of
 from bsg_models.runs.checkpoint import load_checkpoint, read_header, restore_model
@@ -107,8 +108,8 @@ class Study:
 
 
 def study_search(
-    dataset: Path,
-    runs: Mapping[str, Path | None],
+    dataset: AnyPath,
+    runs: Mapping[str, AnyPath | None],
     recipe: StudyRecipe,
     *,
     planners: Mapping[str, Planner] | None = None,
@@ -133,6 +134,7 @@ def study_search(
             class; if your own planner has a taken name or cannot reach the executor; or if the
             recipe has no search that `keep` asks for.
     """
+    dataset = Path(dataset)
     chosen = choose_planners(recipe, planners or {}, remote=executor is not None)
     _check_keep(keep, recipe, chosen)
     if recipe.truth == "posterior" and None in runs.values():
@@ -140,7 +142,7 @@ def study_search(
     own = {name: chosen[name] for name in planners or {}}
     place = dataset.absolute()  # a worker may run in another folder
     tasks = [
-        (place, None if run is None else run.absolute(), scene, recipe, own, keep)
+        (place, None if run is None else Path(run).absolute(), scene, recipe, own, keep)
         for scene, run in runs.items()
     ]
     by_building = run_all(search_building, tasks, executor=executor, progress=progress)

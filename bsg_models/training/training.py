@@ -12,7 +12,7 @@ import torch
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError
-from bsg_data.files import refuse_links
+from bsg_data.files import AnyPath, refuse_links
 from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_data.seals import require_seal
 from bsg_models.belief.count_distribution import CountDistribution, concatenate
@@ -63,7 +63,7 @@ _CALIBRATED_NODES = 5_000  # under masks; their distributions take a few hundred
 
 
 def train_run(
-    config: RunConfig, dataset: Path, run: Path, *, resume: bool = False, force: bool = False
+    config: RunConfig, dataset: AnyPath, run: AnyPath, *, resume: bool = False, force: bool = False
 ) -> Iterator[EpochReport]:
     """Train a configuration on a dataset, epoch by epoch, into the folder of a run.
 
@@ -86,6 +86,7 @@ def train_run(
         TrainingError: if a run is in the way, cannot be resumed, or the loss is not finite.
         DatasetError: if the dataset lacks a split or its pairs.
     """
+    dataset, run = Path(dataset), Path(run)
     data, device = Dataset.open(dataset), find_device(config.training.device)
     with join_ranks(device) as ranks:
         if ranks.leads:

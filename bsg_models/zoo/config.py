@@ -21,6 +21,7 @@ from pydantic import (
 )
 
 from bsg_data.errors import RecipeError
+from bsg_data.files import AnyPath
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import CONFIG
 from bsg_data.inputs.documents import parse_toml
@@ -94,12 +95,13 @@ def find_config(name: str) -> RunConfig:
     return RunConfig(name=name, model=row.config, data=row.data, training=row.training)
 
 
-def read_config(path: Path) -> dict[str, Any]:
+def read_config(path: AnyPath) -> dict[str, Any]:
     """Read a TOML file as nested tables.
 
     Raises:
         ConfigError: if it is missing or not TOML, with the line.
     """
+    path = Path(path)
     try:
         return parse_toml(read_bytes(path, CONFIG, error=ConfigError))
     except ConfigError:

@@ -455,3 +455,20 @@ def test_a_bug_of_a_source_names_the_scene(hm3d_folder: Path, tmp_path: Path) ->
 
     with pytest.raises(RuntimeError, match=r"'hm3d' has a bug: scene '00005-.* raised KeyError"):
         build_dataset(Buggy(hm3d_folder), tmp_path / "out")
+
+
+@pytest.mark.parametrize(("stand", "name"), [("", "."), ("scenes", ".."), ("scenes", "OUT")])
+def test_the_folder_that_the_shell_stands_in_is_not_replaced(
+    hm3d_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stand: str, name: str
+) -> None:
+    out = tmp_path / "out"
+    build_dataset(HM3DFolder(hm3d_folder), out)
+    before = all_bytes(out)
+    monkeypatch.chdir(out / stand)
+    with pytest.raises(DatasetError, match=f"change to another folder, such as {tmp_path},"):
+        build_dataset(HM3DFolder(hm3d_folder), name.replace("OUT", str(out)), force=True)
+    assert all_bytes(out) == before
+    assert [path.name for path in tmp_path.glob("*out*")] == ["out"]
+    monkeypatch.chdir(tmp_path)
+    build_dataset(HM3DFolder(hm3d_folder), "out", force=True)
+    assert all_bytes(out) == before

@@ -101,3 +101,11 @@ def test_words_that_end_nowhere_end() -> None:
     command = COMMANDS["bsg-data"].commands["pairs"]  # type: ignore[attr-defined]
     words = ["--zzqx=" + "x" * 10_000] * 50 + ["--draws"]
     require_datasets(command, click.Context(command), words)
+
+
+def test_a_file_is_not_said_to_be_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("home.json").write_text("{}")
+    result = run("bsg-train --data home.json --config mixture")
+    assert result.exit_code == 1
+    assert "home.json: is a file; expected the folder of a dataset" in result.stderr

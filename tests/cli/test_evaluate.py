@@ -183,3 +183,9 @@ def test_what_runs_predict_is_written_and_measured(
         "--predictions", dataset / "dataset.json", *words, "--out", tmp_path / "o", code=1
     )
     assert "dataset.json: not readable as parquet" in refused.stderr
+
+
+def test_predictions_are_not_written_without_a_run(dataset: Path, tmp_path: Path) -> None:
+    words = ("--predictions", "p.parquet", "--write-predictions", tmp_path / "q")
+    assert "give a RUN too" in run(*words, "--data", dataset, code=2).stderr
+    assert not (tmp_path / "q").exists()

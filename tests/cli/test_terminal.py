@@ -277,3 +277,21 @@ def test_json_says_what_a_terminal_would_obey_as_escapes(
     assert not any(c in said for c in "\x9b\u202e\u2028\x7f\U000e0001")
     assert "é 🛏" in said
     assert json.loads(said) == {name: [name]}
+
+
+def test_a_working_folder_that_is_gone_is_named_with_what_to_do(tmp_path: Path) -> None:
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    code = (
+        "import os; os.rmdir(os.getcwd())\n"
+        "from bsg_cli.registry import COMMANDS\n"
+        "COMMANDS['bsg-data'](['synth', '--out', 's'])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", code], cwd=gone, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    assert done.stderr == (
+        "Error: the working folder was removed or renamed; change to another folder, and run "
+        "again\n"
+    )

@@ -16,7 +16,7 @@ from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
 from bsg_data.dataset import replacement
 from bsg_data.dataset.growth import finish, open_partial, recall
-from bsg_data.dataset.manifest import read_manifest
+from bsg_data.dataset.manifest import hash_manifest, read_manifest
 from bsg_data.dataset.publication import RECIPE, REPLACES
 from bsg_data.dataset.replacement import (
     find_replaced,
@@ -251,3 +251,39 @@ def test_a_recipe_larger_than_any_is_refused(dataset: Path) -> None:
     os.truncate(recipe, 100 * 2**30)
     with pytest.raises(DatasetError, match=r"recipe\.json: 107,374,182,400 bytes; .* move it away"):
         open_partial(dataset, NEW)
+
+
+@pytest.mark.parametrize("name", [".", "..", "link", "out/../out"])
+def test_what_was_begun_is_found_by_any_name_of_the_dataset(
+    dataset: Path, other: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    out = grow(tmp_path / "here", dataset, other)
+    (tmp_path / "there").mkdir()
+    (tmp_path / "there" / "link").symlink_to(out)
+    monkeypatch.setattr("bsg_data.dataset.replacement.settle", lambda out: None)  # as if killed
+    finish(out, read_manifest(other), force=True)
+    monkeypatch.undo()
+    stand = {".": out, "..": out / "scenes", "link": tmp_path / "there"}
+    monkeypatch.chdir(stand.get(name, out.parent))
+    named = Path(name)
+    assert find_replaced(named) == name_growing(out)
+    assert not is_settled(named)
+    split_dataset(named, OLD, force=True)
+    assert is_settled(named)
+    assert check_dataset(named) == ()
+    assert [path.name for path in out.parent.iterdir()] == ["out"]
+    assert (tmp_path / "there" / "link").is_symlink()
+
+
+def test_a_dataset_that_a_link_led_to_comes_back_where_it_was(
+    dataset: Path, other: Path, tmp_path: Path
+) -> None:
+    out = grow(tmp_path / "here", dataset, other)
+    (tmp_path / "link").symlink_to(out)
+    (name_growing(out) / REPLACES).write_text(hash_manifest(out))
+    out.rename(name_replaced(out))  # killed between two renames
+    with pytest.raises(DatasetError, match=r"out\.partial beside it"):
+        read_manifest(tmp_path / "link")
+    settle(tmp_path / "link")
+    assert out.is_dir()
+    assert (tmp_path / "link").is_symlink()

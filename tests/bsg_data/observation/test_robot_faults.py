@@ -22,14 +22,14 @@ KEYS = {"": ("rooms",), "rooms": ("id", "size")}
 @pytest.mark.parametrize(
     ("said", "expected"),
     [
-        ([], "the whole file: Input should be"),
+        ([], "the whole file: expected a JSON object"),
         ({"rooms": 5}, "rooms: Input should be"),
         ({"roms": []}, "'roms' is no key; did you mean rooms?"),
         ({"rooms": [{"id": "hall", "colour": 1}]}, "room 'hall': 'colour' is no key; known are id"),
         ({"rooms": [{"id": "hall", "size": "x"}]}, "room 'hall': size: Input should be"),
         ({"rooms": [{"id": "hall"}] * 2 + [{"id": 5}]}, "the 3rd room: id: Input should be"),
-        ({"rooms": [{"id": "hall"}] * 21 + [None]}, "the 22nd room: Input should be"),
-        ({"rooms": [{"id": "hall"}] * 112 + [None]}, "the 113th room: Input should be"),
+        ({"rooms": [{"id": "hall"}] * 21 + [None]}, "the 22nd room: expected a JSON object"),
+        ({"rooms": [{"id": "hall"}] * 112 + [None]}, "the 113th room: expected a JSON object"),
         ({"rooms": [{"id": "x" * 500, "size": "x"}]}, f"room '{'x' * 80}': size: "),
     ],
 )

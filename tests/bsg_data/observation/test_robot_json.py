@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -118,7 +119,7 @@ def room(**values: Any) -> str:
     ("text", "expected"),
     [
         ("{", "no JSON"),
-        ("[]", "the whole file"),
+        ("[]", "expected a JSON object"),
         ('{"scene_id": "a", "scene_id": "b", "rooms": []}', "the key 'scene_id' twice"),
         (changed(rooms=[{"id": "a"}, {"id": "a"}]), "room id 'a' is there twice"),
         (changed(rooms=[{"id": ""}]), "the 1st room: id"),
@@ -137,7 +138,10 @@ def room(**values: Any) -> str:
             changed(objects=[{"id": "7", "clas": "bed"}]),
             "object '7': 'clas' is no key; did you mean class",
         ),
-        (changed(objects=[{"id": "7", "category": "bed"}] * 11 + [5]), "the 12th object: Input"),
+        (
+            changed(objects=[{"id": "7", "category": "bed"}] * 11 + [5]),
+            "the 12th object: expected a JSON object",
+        ),
         (changed(adjacency=[["hall", "kitchen"], ["hall", 5]]), "the 2nd pair of adjacency: 1: "),
         (room(room_type={}), "'kitchen': room_type: .*at least one label, found none"),
         (changed(**{"x" * 10_000: 1}), r"graph.json: 'x{80}' is no key; known are format"),
@@ -300,3 +304,29 @@ def test_the_example_of_the_docs_is_understood() -> None:
     assert list_unmapped(graph) == {}
     assert len(graph.rooms) == 3
     assert graph.histograms()[0].sum() >= 15
+
+
+@pytest.mark.parametrize(
+    ("said", "expected"),
+    [
+        (
+            [],
+            "with `scene_id`, `rooms` and `objects` (docs/belief.md), found []",
+        ),
+        (5, "found 5"),
+        ({"format": "bsg-belief-graph"}, "a belief graph without `partial`"),
+        ({"format": "bsg-belief-graph", "partial": [1]}, "expected a JSON object with"),
+        ({"scene_id": "a", "rooms": [5]}, "the 1st room: expected a JSON object"),
+        (
+            {"scene_id": "a", "rooms": [{"id": "r", "box": range(3)}]},
+            "room 'r': box: expected at most 2, found more",
+        ),
+        ({"scene_id": "a", "rooms": [], "objects": {1}}, "expected a JSON object"),
+    ],
+)
+def test_a_document_of_another_shape_is_refused_in_words_of_json(
+    said: object, expected: str
+) -> None:
+    with pytest.raises(RobotGraphError, match=re.escape(expected)) as caught:
+        parse_robot_graph(said, path=Path("home.json"))
+    assert "instance of" not in str(caught.value)

@@ -10,7 +10,9 @@ from conftest import REPOSITORY
 from dsg_files import robot_graph, write_graph
 
 from bsg_data.errors import BSGError, RecipeError
+from bsg_data.inputs.bounds import Bound
 from bsg_data.observation.robot_json import read_robot_graph
+from bsg_models.belief import graph_file
 from bsg_models.belief.graph_file import open_graph_file, read_graph
 from bsg_models.belief.hydra import read_hydra
 
@@ -59,3 +61,15 @@ def test_a_closed_standard_input_is_refused(
     monkeypatch.setattr("sys.stdin", stream)
     with pytest.raises(BSGError, match="standard input: expected a robot's graph, found it closed"):
         open_graph_file(Path("-"))
+
+
+def test_the_bound_of_a_graph_counts_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "graph.json"
+    path.write_text(json.dumps({"scene_id": "ü" * 30, "rooms": []}, ensure_ascii=False), "utf-8")
+    size = path.stat().st_size
+    assert size == len(path.read_text("utf-8")) + 30
+    monkeypatch.setattr(graph_file, "ROBOT", Bound("graph", size))
+    assert read_graph(path).scene_id == "ü" * 30
+    monkeypatch.setattr(graph_file, "ROBOT", Bound("graph", size - 1))
+    with pytest.raises(BSGError, match=f"expected at most {size - 1} bytes"):
+        read_graph(path)

@@ -306,3 +306,28 @@ def test_a_graph_of_other_classes_is_refused() -> None:
     graph = read_robot_graph(OFFICE, class_map="hm3d45-v1")
     with pytest.raises(Exception, match="predicts classes of hm3d45-v2"):
         SeenBuilding(graph, FAST).where("sink")
+
+
+@pytest.mark.parametrize("mode", ["complete", "unseen"])
+@pytest.mark.parametrize("top", [-1, 0, 1.5, True, "3", None])
+def test_blind_nodes_of_a_number_that_is_none_are_refused(
+    seen: SeenBuilding, mode: Any, top: Any
+) -> None:
+    with pytest.raises(RecipeError, match="top: expected a whole number of 1 or more, found "):
+        seen.belief(mode=mode, top=top)
+
+
+@pytest.mark.parametrize("mode", ["x", "", None, np.array([])])
+def test_blind_nodes_of_an_unknown_mode_are_refused(seen: SeenBuilding, mode: Any) -> None:
+    with pytest.raises(RecipeError, match="mode: expected complete or unseen, found "):
+        seen.belief(mode=mode)
+
+
+def test_numbers_of_numpy_number_blind_nodes(seen: SeenBuilding) -> None:
+    assert seen.belief(mode="unseen", top=np.int64(2)) == seen.belief(mode="unseen", top=2)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("graph", [{"rooms": []}, "graph.json", None])
+def test_a_building_of_what_is_no_graph_is_refused_at_once(graph: Any) -> None:
+    with pytest.raises(RecipeError, match=r"graph: expected a PartialGraph, found .*`open_graph`"):
+        SeenBuilding(graph, FAST)

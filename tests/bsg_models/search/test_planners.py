@@ -114,6 +114,7 @@ def test_expected_cost_is_that_of_the_task(task: Task) -> None:
         ({"explored": np.zeros(2, dtype=bool)}, "explored"),
         ({"here": 3}, "here 3"),
         ({"task": "both"}, "task 'both'"),
+        ({"task": np.array([])}, "expected single or all"),
     ],
 )
 def test_what_no_robot_can_mean_is_refused(change: dict[str, Any], words: str) -> None:
