@@ -170,16 +170,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--leaderboard", type=Path, required=True, help="folder of bsg-leaderboard")
     parser.add_argument("--out", type=Path, required=True, help="page to write")
     parser.add_argument("--title", default="Leaderboard", help="heading of the page")
+    parser.add_argument("--note", help="sentence after the conclusions")
     options = parser.parse_args(argv)
     board = read_board(options.leaderboard / REPORT)
     mask = next(iter(board["masks"]))
+    command = [one for one in argv or sys.argv[1:] if one not in ("--note", options.note)]
     page = ResultsPage(
         options.title,
-        conclude(board),
+        (*conclude(board), *filter(None, [options.note])),
         tuple(list_tables(board)),
         describe(
             Dataset.open(options.leaderboard / mask / DATASET),
-            [__file__, *(argv or sys.argv[1:])],
+            [__file__, *command],
             date=date.today().isoformat(),
         ),
     )
