@@ -69,7 +69,7 @@ fast: $(INSTALLED) ## Run the tests that take less than about two seconds each.
 coverage: $(INSTALLED) ## Run all tests, and list the lines that none of them runs.
 	$(PYTEST) --cov --cov-report=term-missing
 
-faults: $(INSTALLED) ## Try every fault in full, about an hour: docs/results/reliability.md.
+faults: $(INSTALLED) ## Try every fault in full, two to three hours: docs/results/reliability.md.
 	rm -f build/faults.jsonl && mkdir -p build
 	-$(PYTEST) --full --tally build/faults.jsonl tests/faults
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[fuzz]'
