@@ -45,7 +45,7 @@ from bsg_data.dataset.replacement import is_settled, name_growing
 from bsg_data.dataset.schema import FORMAT_VERSION
 from bsg_data.errors import SourceError
 from bsg_data.executors import run_all
-from bsg_data.files import AnyPath
+from bsg_data.files import AnyPath, resolve_links
 from bsg_data.inputs.bounds import MAX_PARTS
 from bsg_data.lock import hold
 from bsg_data.recipes import Record
@@ -156,7 +156,7 @@ def build_dataset(
         RecipeError: if `scenes_per_shard` is impossible.
         DatasetError: if `out` is taken or cannot be written.
     """
-    out = Path(out).resolve()  # a linked --out stays a link; its target is replaced
+    out = resolve_links(out)  # a linked --out stays a link; its target is replaced
     refuse_place(out)
     if is_settled(out):
         refuse_overwriting(out, force=force)

@@ -31,7 +31,7 @@ from bsg_data.dataset.manifest import MANIFEST, Manifest
 from bsg_data.dataset.publication import PLAN, REPORTS
 from bsg_data.dataset.replacement import is_settled, name_growing
 from bsg_data.errors import DatasetError, RecipeError
-from bsg_data.files import AnyPath
+from bsg_data.files import AnyPath, resolve_links
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import MANIFEST_FILE
 from bsg_data.lock import hold
@@ -108,7 +108,7 @@ def build_part(
         RecipeError: if `scenes_per_shard` is impossible.
         DatasetError: if parts of another build are there, or a file cannot be written.
     """
-    out = Path(out).resolve()
+    out = resolve_links(out)
     refuse_place(out)
     refuse_overwriting(out, force=force)
     planned = plan_build(
@@ -140,7 +140,7 @@ def finalise_dataset(
         DatasetError: if there are no parts, a shard is missing or damaged, or `out` is taken.
         SourceError: if no scene could be read.
     """
-    out = Path(out).resolve()
+    out = resolve_links(out)
     growing = name_growing(out)
     if (out / PLAN).is_file() and out.name.endswith(".partial"):
         dataset = out.with_name(out.name.removesuffix(".partial"))

@@ -15,6 +15,20 @@ from bsg_data.errors import DatasetError
 AnyPath: TypeAlias = "str | os.PathLike[str]"  # what a public function takes for a path
 
 
+def resolve_links(path: AnyPath) -> Path:
+    """Return the absolute path without links.
+
+    Raises:
+        DatasetError: if a link leads to itself.
+    """
+    try:
+        return Path(path).resolve()
+    except RuntimeError as error:  # what pathlib raises up to Python 3.12
+        raise DatasetError(
+            f"{path}: is a link that leads to itself; name another folder, or remove the link"
+        ) from error
+
+
 @contextmanager
 def open_beside(path: Path) -> Iterator[Path]:
     """Yield a path beside a file's final path; rename it there when the block succeeds.

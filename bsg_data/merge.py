@@ -44,7 +44,7 @@ from bsg_data.dataset.schema import FORMAT_VERSION
 from bsg_data.dataset.shards import read_scene_graphs, read_table, write_shards
 from bsg_data.dataset.splits import write_splits
 from bsg_data.errors import DatasetError, RecipeError
-from bsg_data.files import AnyPath
+from bsg_data.files import AnyPath, resolve_links
 from bsg_data.lock import hold
 from bsg_data.observation.pairs import rewrite_pairs
 from bsg_data.recipes import Record
@@ -107,7 +107,7 @@ def merge_datasets(
         DatasetError: if two datasets hold the same building, one is unreadable, or `out` is taken
             or cannot be written.
     """
-    out = Path(out).resolve()
+    out = resolve_links(out)
     refuse_place(out)
     if len(datasets) < 2:
         raise RecipeError(f"expected two or more datasets to merge, found {len(datasets)}")
@@ -136,7 +136,7 @@ def upgrade_dataset(
     Raises:
         DatasetError: if it cannot be read or replaced.
     """
-    dataset = Path(dataset).resolve()
+    dataset = resolve_links(dataset)
     manifest = read_manifest(dataset)
     if manifest.format_version == FORMAT_VERSION and is_settled(dataset):
         return manifest

@@ -267,10 +267,8 @@ def note_classless(path: Path, graph: bsg_data.PartialGraph, *, model: str) -> N
     number = names.total()
     most = ", ".join(repr(name[:SHOWN]) for name, _ in names.most_common(MOST_CLASSLESS))
     which = f"most often {most}" if len(names) > MOST_CLASSLESS else most
-    what = (
-        "1 object that was seen has" if number == 1 else f"{number:,} objects that were seen have"
-    )
-    counted = "is not counted as seen" if number == 1 else "are not counted as seen"
+    what = "1 seen object has" if number == 1 else f"{number:,} seen objects have"
+    counted = "is in no count" if number == 1 else "are in no count"
     print_note(f"{path}: {what} no class in {model} and {counted}: {which}")
 
 

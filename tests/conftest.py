@@ -23,6 +23,12 @@ tomllib = importlib.import_module("tomllib" if sys.version_info >= (3, 11) else 
 SHARED = REPOSITORY.parent / "shared" / "hm3d"
 
 
+@pytest.fixture(scope="session")
+def stride(request: pytest.FixtureRequest) -> int:
+    """Return the step between the moments at which a test kills: each with --full, else a third."""
+    return 1 if request.config.getoption("--full") else 3
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add what `make faults` asks for."""
     parser.addoption("--full", action="store_true", help="tests/faults: try everything")

@@ -42,7 +42,7 @@ def refuse_place(out: Path) -> None:
         )
     with suppress(FileNotFoundError):  # the working folder was removed
         here = Path.cwd()
-        if out in (here, *here.parents):
+        if out.name and out in (here, *here.parents):
             raise DatasetError(
                 f"{out}: is the working folder or contains it, so it cannot be replaced; change to "
                 f"another folder, such as {out.parent}, and run again"

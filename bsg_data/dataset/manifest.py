@@ -18,7 +18,7 @@ from pydantic import Field, ValidationError, model_validator
 from bsg_data.dataset.schema import FORMAT_VERSION, SPLIT_NAME
 from bsg_data.dataset.version_1 import convert_manifest
 from bsg_data.errors import DatasetError, MismatchError, RecipeError, SourceError
-from bsg_data.files import AnyPath
+from bsg_data.files import AnyPath, resolve_links
 from bsg_data.inputs.bounded_file import hash_bounded, read_bytes
 from bsg_data.inputs.bounds import MANIFEST_FILE, MAX_PARTS, MAX_ROWS
 from bsg_data.inputs.documents import parse_json, read_json
@@ -319,7 +319,7 @@ def read_hashed_manifest(dataset: Path) -> tuple[Manifest, str]:
 
 def _tell_growing(dataset: Path) -> str:
     """Return a hint about an unfinished dataset beside a missing one; empty without."""
-    place = dataset.resolve() if dataset.is_symlink() else dataset
+    place = resolve_links(dataset) if dataset.is_symlink() else dataset
     growing = place.with_name(f"{place.name}.partial") if place.name else place
     if not growing.is_dir():
         return ""

@@ -21,7 +21,7 @@ from bsg_data.dataset.own_files import remove_own
 from bsg_data.dataset.publication import RECIPE, REPLACES, REPORTS, list_paths
 from bsg_data.errors import DatasetError
 from bsg_data.exchange import exchange
-from bsg_data.files import flush_folder, write_bytes
+from bsg_data.files import flush_folder, resolve_links, write_bytes
 from bsg_data.inputs.bounded_file import TooLargeError, read_bytes
 from bsg_data.inputs.bounds import MANIFEST_FILE
 from bsg_data.signals import hold_signals
@@ -41,7 +41,7 @@ def name_replaced(out: Path) -> Path:
 
 def _find_place(out: Path) -> Path:
     """Return where a dataset is that is named `.`, `..` or by a link; a link stays a link."""
-    place = out.resolve()
+    place = resolve_links(out)
     if not place.name:
         raise DatasetError(f"{out}: cannot be a dataset; choose a folder below it")
     return place

@@ -11,7 +11,7 @@ from bsg_data.dataset.manifest import Manifest, read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import DatasetError
 from bsg_data.exports.catalogue import EXPORTS, ExportRow
-from bsg_data.files import AnyPath, write_bytes
+from bsg_data.files import AnyPath, resolve_links, write_bytes
 from bsg_data.result_folder import replace_files
 from bsg_data.scene.scene_graph import is_scene_id
 
@@ -61,7 +61,7 @@ def export_dataset(
         DatasetError: if the dataset is unreadable, no scene has content for the format, or a file
             exists or cannot be written.
     """
-    dataset, out = Path(dataset), Path(out).resolve()
+    dataset, out = Path(dataset), resolve_links(out)
     row, manifest = EXPORTS[to], read_manifest(dataset)
     with replace_files(out, last=None) as growing:
         done = _encode_all(dataset, manifest, growing, row, progress=progress)

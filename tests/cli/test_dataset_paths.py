@@ -109,3 +109,34 @@ def test_a_file_is_not_said_to_be_missing(tmp_path: Path, monkeypatch: pytest.Mo
     result = run("bsg-train --data home.json --config mixture")
     assert result.exit_code == 1
     assert "home.json: is a file; expected the folder of a dataset" in result.stderr
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        *("bsg-data check loop", "bsg-data info loop", "bsg-data split loop"),
+        *(
+            "bsg-data upgrade loop",
+            "bsg-data finalise loop",
+            "bsg-train --config mixture --data loop",
+        ),
+        *("bsg-data build --hm3d . --out loop", "bsg-data build --hm3d . --parts 1/2 --out loop"),
+    ],
+)
+def test_a_link_that_leads_to_itself_is_refused_in_a_line(
+    line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("loop").symlink_to("other")
+    Path("other").symlink_to("loop")
+    result = run(line)
+    assert result.exit_code == 1, result.output
+    assert result.stderr.startswith("Error: ")
+    assert result.stderr.count("\n") == 1
+    assert "loop" in result.stderr
+
+
+def test_the_root_of_a_disk_is_no_dataset(tmp_path: Path) -> None:
+    result = run(f"bsg-data build --hm3d {tmp_path} --out /")
+    assert result.exit_code == 1
+    assert result.stderr == "Error: /: cannot be a dataset; choose a folder below it\n"

@@ -84,14 +84,19 @@ def die_at(number: int) -> None:
 @pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")  # threads of Arrow stay behind
 @pytest.mark.parametrize("exchanges", [True, False])
 def test_killed_at_any_change_a_dataset_is_there_and_the_next_command_ends_it(
-    dataset: Path, other: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, exchanges: bool
+    dataset: Path,
+    other: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    stride: int,
+    exchanges: bool,
 ) -> None:
     if not exchanges:
         monkeypatch.setattr(replacement, "exchange", never)
     before, after = all_bytes(dataset), all_bytes(other)
     manifest = read_manifest(other)
     absent = named = 0
-    for number in range(200):
+    for number in range(0, 200, stride):
         out = grow(tmp_path / str(number), dataset, other)
         child = os.fork()
         if not child:
@@ -117,8 +122,9 @@ def test_killed_at_any_change_a_dataset_is_there_and_the_next_command_ends_it(
         assert all_bytes(out) == after
         assert [path.name for path in out.parent.iterdir()] == ["out"]
     assert number > 30
-    assert named > 15  # the files of the old one go one by one
-    assert absent == (0 if exchanges else 1)
+    assert named > 15 // stride  # the files of the old one go one by one
+    assert absent <= (0 if exchanges else 1)
+    assert absent or exchanges or stride > 1  # a third of the moments may leave out that one
 
 
 @pytest.mark.parametrize("command", ["split", "build", "settle"])
