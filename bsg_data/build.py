@@ -190,7 +190,7 @@ def plan_build(
         ClassMapError: if the class map does not exist.
         RecipeError: if `scenes_per_shard` is impossible.
     """
-    chosen = os.fspath(class_map or name_class_map(source))
+    chosen = name_class_map(source) if class_map is None else os.fspath(class_map)
     own = read_own_map(Path(chosen)) if is_own_map(chosen) else None
     loaded = load_class_map(chosen) if own is None else parse_own_map(own)
     listing = source.find()

@@ -109,9 +109,10 @@ def merge_datasets(
     """
     out = resolve_links(out)
     refuse_place(out)
-    if len(datasets) < 2:
-        raise RecipeError(f"expected two or more datasets to merge, found {len(datasets)}")
-    parts = sorted(map(MergedPart.open, map(Path, datasets)), key=lambda part: part.sha256)
+    places = [Path(one) for one in datasets]
+    if len(places) < 2:
+        raise RecipeError(f"expected two or more datasets to merge, found {len(places)}")
+    parts = sorted(map(MergedPart.open, places), key=lambda part: part.sha256)
     for part in parts:
         first = parts[0].manifest
         require_class_space(first, part.manifest.class_space, what=str(part.dataset))

@@ -25,21 +25,35 @@ def nearest_names(name: str, known: Iterable[str], *, most: int = 3) -> tuple[st
 
 
 def meant_names(name: str, known: Iterable[str], *, most: int = 3) -> tuple[str, ...]:
-    """Return the known names that a misspelt or cut off name may stand for, the most like first.
+    """Return the known names that a misspelt, cut off or longer name may stand for, the best first.
 
-    Unlike the nearest names, they are more than names that share letters.
+    Unlike the nearest names, they are more than names that share letters. Punctuation is ignored.
 
     >>> meant_names("microwav", ["microwave", "wave"]), meant_names("bicycle", ["boiler"])
     (('microwave',), ())
     >>> meant_names("fridg", ["mini fridge", "fruit"])
     ('mini fridge',)
+    >>> meant_names("living room", ["living", "bath"]), meant_names("R0", ["R(0)", "R(1)"])
+    (('living',), ('R(0)',))
     """
-    listed, said = {one[:SHOWN].casefold(): one for one in known}, name[:SHOWN].casefold()
-    near = difflib.get_close_matches(said, listed, n=most, cutoff=LIKE)
+    listed = {words: one for one in known if (words := _split_words(one))}
+    said = _split_words(name)
+    joined = {words.replace(" ", ""): words for words in listed}
+    near = difflib.get_close_matches(said.replace(" ", ""), joined, n=most, cutoff=LIKE)
+    found = [joined[one] for one in near]
+    found += sorted((one for one in listed if f" {one} " in f" {said} "), key=len, reverse=True)
     if len(said) >= BEGUN:
-        word = re.compile(rf"\b{re.escape(said)}")
-        near += sorted(filter(word.search, listed), key=len)
-    return tuple(listed[one] for one in dict.fromkeys(near))[:most]
+        found += sorted((one for one in listed if f" {said}" in f" {one}"), key=len)
+    return tuple(listed[one] for one in dict.fromkeys(found))[:most]
+
+
+def _split_words(name: str) -> str:
+    """Return the words of a name in small letters, with a space between them.
+
+    >>> _split_words("R(0)"), _split_words("Mini-Fridge")
+    ('r 0', 'mini fridge')
+    """
+    return " ".join(re.findall(r"[^\W_]+", name[:SHOWN].casefold()))
 
 
 def ask_if_meant(name: str, known: Iterable[str], *, most: int = 1) -> str:

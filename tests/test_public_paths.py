@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
+import ast
 import inspect
-import os
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
 import pytest
 from pydantic import BaseModel
 
@@ -65,12 +63,6 @@ def names_in(annotation: str) -> set[str]:
 
 
 CALLS = list(public_calls())
-PATHS = [
-    pytest.param(call, name, annotations[name], id=f"{where}-{name}")
-    for where, call, annotations in CALLS
-    for name in annotations
-    if "AnyPath" in names_in(annotations[name])
-]
 
 
 @pytest.mark.parametrize(("where", "annotations"), [(where, a) for where, _, a in CALLS])
@@ -81,84 +73,105 @@ def test_a_public_function_does_not_ask_for_path_objects(
     assert asking == [], f"{where}: declare them as bsg_data.files.AnyPath, and convert them first"
 
 
-@dataclass(frozen=True)
-class Place:
-    """A path of another library, such as `py.path.local`."""
-
-    path: str
-
-    def __fspath__(self) -> str:
-        return self.path
-
-
-def wrap(annotation: str, path: str | os.PathLike[str]) -> object:
-    """Return a path, or a collection of it if the parameter is one."""
-    if annotation.startswith("Sequence"):
-        return [path, path]
-    return {"house": path} if annotation.startswith("Mapping") else path
+# What follows reads the code: a call with missing files may fail before it uses its path.
+def list_functions(tree: ast.AST, owner: str = "") -> Iterator[tuple[str, ast.FunctionDef]]:
+    """Yield every function with the name that calls it; a class calls its initialiser."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.FunctionDef):
+            yield owner if node.name == "__init__" else f"{owner}.{node.name}".strip("."), node
+        yield from list_functions(node, node.name if isinstance(node, ast.ClassDef) else owner)
 
 
-def fill(parameter: inspect.Parameter, folder: Path) -> object:
-    """Return a value for another parameter that a call needs; a new kind of it gets a row here."""
-    annotation = str(parameter.annotation)
-    if "AnyPath" in names_in(annotation):
-        return wrap(annotation, folder / "there")
-    values: dict[str, object] = {
-        "belief": None,
-        "beliefs": [],
-        "board": None,
-        "checkpoint": None,
-        "class_map": bsg_data.load_class_map(),
-        "class_space": bsg_data.ClassSpaceEntry.of(bsg_data.load_class_space()),
-        "config": bsg_models.find_config("doubled"),
-        "draw": 0,
-        "force": False,
-        "frame": pd.DataFrame(),
-        "graph": None,
-        "graphs": [],
-        "mask": bsg_data.MaskRecipe(),
-        "models": {},
-        "name": "hm3d",
-        "part": bsg_data.Part(1, 1) if annotation == "Part" else 0,
-        "planners": None,
-        "recipe": None,
-        "runs": {},
-        "scenes": 1 if annotation == "int" else [],
-        "seed": 0,
-        "source": bsg_data.HM3DFolder(folder / "there"),
-        "split": "train",
-        "title": "title",
-        "to": "habitat",
-        "views": [],
-    }
-    return values[parameter.name]
+def arguments_of(function: ast.FunctionDef) -> list[tuple[str, bool]]:
+    """Return the arguments that callers give, those by position first, and whether paths."""
+    own = function.args
+    given = [a for a in own.posonlyargs + own.args + own.kwonlyargs if a.arg not in ("self", "cls")]
+    return [
+        (a.arg, a.annotation is not None and "AnyPath" in names_in(ast.unparse(a.annotation)))
+        for a in given
+    ]
 
 
-def outcome(call: Callable[..., Any], arguments: dict[str, object], folder: Path) -> str:
-    """Return what a call returns or raises; a generator is run to its end."""
-    try:
-        done = call(**arguments)
-        said = repr(list(done) if inspect.isgenerator(done) else done)
-    except Exception as error:
-        said = f"{type(error).__name__}: {error}"
-    return re.sub("0x[0-9a-f]+", "ADDRESS", said.replace(str(folder), "FOLDER"))
+FUNCTIONS = [
+    (name, function)
+    for package in ("bsg_data", "bsg_models")
+    for file in sorted((Path(__file__).parents[1] / package).rglob("*.py"))
+    for name, function in list_functions(ast.parse(file.read_text(encoding="utf-8")))
+]
+TAKERS = {
+    name.split(".")[-1]: arguments_of(function)
+    for name, function in FUNCTIONS
+    if any(is_path for _, is_path in arguments_of(function))
+}
+PATHS = [
+    pytest.param(function, argument, id=f"{name}-{argument}")
+    for name, function in FUNCTIONS
+    for argument, is_path in arguments_of(function)
+    if is_path
+]
 
 
-@pytest.mark.parametrize(("call", "name", "annotation"), PATHS)
-def test_text_does_as_a_path_object_does(
-    call: Callable[..., Any], name: str, annotation: str, tmp_path: Path
-) -> None:
-    parameters = inspect.signature(call).parameters.values()
-    told = set()
-    for number, kind in enumerate((Path, str, Place)):
-        folder = tmp_path / str(number)
-        folder.mkdir()
-        needed = [
-            p
-            for p in parameters
-            if p.name != name and p.default is p.empty and p.kind is not p.VAR_KEYWORD
+def unconverted(function: ast.FunctionDef, name: str) -> list[str]:
+    """Return the lines that use a path without converting it, or handing it on as an `AnyPath`.
+
+    After `name = Path(name)` in the function's own body, it is a path object.
+    """
+    found: list[str] = []
+    for statement in function.body:
+        names = {name} | set(items_of(statement, name))
+        allowed = set(allowed_uses(statement))
+        found += [
+            f"line {node.lineno}: {node.id}"
+            for node in ast.walk(statement)
+            if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load)
+            if node.id in names and node not in allowed
         ]
-        arguments = {p.name: fill(p, folder) for p in needed}
-        path = os.path.join(folder, "none.json")  # noqa: PTH118 -- text is what is tried
-        told.add(outcome(call, arguments | {name: wrap(annotation, kind(path))}, folder))
-    assert len(told) == 1, told
+        if isinstance(statement, ast.Assign) and name in stored_in(*statement.targets):
+            break
+    return found
+
+
+def stored_in(*targets: ast.AST) -> set[str]:
+    return {n.id for t in targets for n in ast.walk(t) if isinstance(n, ast.Name)}
+
+
+def items_of(statement: ast.stmt, name: str) -> Iterator[str]:
+    """Yield the names that the items of a collection of paths get."""
+    for node in ast.walk(statement):
+        if isinstance(node, ast.comprehension | ast.For) and name in stored_in(node.iter):
+            target = node.target  # of a mapping, a key, which is no path, and a path
+            yield from stored_in(target.elts[-1] if isinstance(target, ast.Tuple) else target)
+
+
+def allowed_uses(statement: ast.stmt) -> Iterator[ast.AST]:
+    """Yield the nodes that convert what they hold, hand it on as a path, or ask what it is."""
+    for node in ast.walk(statement):
+        if isinstance(node, ast.Call):
+            yield from allowed_arguments(node)
+        elif isinstance(node, ast.Compare) and isinstance(node.ops[0], ast.Is | ast.IsNot):
+            yield node.left
+        elif isinstance(node, ast.comprehension | ast.For):
+            yield from ast.walk(node.iter)
+        elif isinstance(node, ast.If | ast.IfExp) and is_kind(node.test):
+            body = node.body if isinstance(node.body, list) else [node.body]
+            yield from (inner for part in body for inner in ast.walk(part))
+
+
+def is_kind(test: ast.expr) -> bool:
+    """Whether a condition holds only for what is no path object."""
+    names = stored_in(test)
+    return isinstance(test, ast.Call) and "isinstance" in names and "os" not in names
+
+
+def allowed_arguments(call: ast.Call) -> Iterator[ast.AST]:
+    called = ast.unparse(call.func)
+    if called in ("Path", "os.fspath", "isinstance", "show_value"):
+        yield from call.args
+    taken = TAKERS.get(called.split(".")[-1], [])
+    yield from (given for given, (_, is_path) in zip(call.args, taken, strict=False) if is_path)
+    yield from (given.value for given in call.keywords if (given.arg, True) in taken)
+
+
+@pytest.mark.parametrize(("function", "name"), PATHS)
+def test_a_path_is_converted_before_it_is_used(function: ast.FunctionDef, name: str) -> None:
+    assert unconverted(function, name) == []

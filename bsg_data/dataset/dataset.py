@@ -199,14 +199,12 @@ def _open_once(path: Path, sha256: str) -> Dataset:
 
 def read_cells(dataset: AnyPath) -> dict[str, Counts]:
     """Return scene id → cells `[1 + R, C]` for all scenes, in the order of the tables."""
-    dataset = Path(dataset)
     data = Dataset.open(dataset)
     return {scene_id: data.cells(scene_id) for scene_id in data.scene_ids}
 
 
 def read_adjacency(dataset: AnyPath) -> dict[str, list[tuple[int, int]]]:
     """Return scene id → pairs of adjacent rooms, for all scenes that have any."""
-    dataset = Path(dataset)
     data = Dataset.open(dataset)
     pairs = {scene_id: data.connections(scene_id).pairs.tolist() for scene_id in data.scene_ids}
     return {scene_id: [(a, b) for a, b in own] for scene_id, own in pairs.items() if own}

@@ -24,7 +24,6 @@ def count_frequencies(dataset: AnyPath) -> pd.DataFrame:
 
     Columns: `class`; `instances`; `rooms` and `scenes` with at least one instance.
     """
-    dataset = Path(dataset)
     data = Dataset.open(dataset)
     classes = data.manifest.class_space.classes
     totals = np.zeros((3, len(classes)), dtype=np.int64)

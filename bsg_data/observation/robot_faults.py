@@ -7,8 +7,9 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from bsg_data.spelling import SHOWN, ask_if_meant
+from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 
+_WORDS = {None: "null", True: "true", False: "false"}
 _ENTRIES = {"rooms": "room", "objects": "object", "adjacency": "pair of adjacency"}
 
 
@@ -34,6 +35,15 @@ def explain_fault(error: ValidationError, said: Any, *, keys: Mapping[str, Seque
     return ": ".join(filter(None, (entry, f"{wrong[:SHOWN]!r} is no key; {hint}")))
 
 
+def show_json(value: object) -> str:
+    """Return what a document has instead of what was expected, in the words of JSON.
+
+    >>> show_json(None), show_json(True), show_json(1), show_json("half")
+    ('null', 'true', '1', "'half'")
+    """
+    return _WORDS[value] if value is None or isinstance(value, bool) else show_value(value)
+
+
 def _say(fault: Mapping[str, Any]) -> str:
     """Return what is wrong, in the words of pydantic but where they are of Python's types."""
     if fault["type"] == "too_long":
@@ -41,6 +51,8 @@ def _say(fault: Mapping[str, Any]) -> str:
         return f"expected at most {most:,}, found {'more' if found is None else f'{found:,}'}"
     if fault["type"] == "model_type":
         return "expected a JSON object (docs/belief.md)"
+    if fault["type"] == "tuple_type":
+        return "expected a JSON list"
     return str(fault["msg"]).removeprefix("Value error, ")
 
 

@@ -41,7 +41,7 @@ from bsg_data.inputs.bounds import MAX_ROBOT_ROOMS, ROBOT
 from bsg_data.inputs.documents import read_json
 from bsg_data.observation.hidden_share import VAGUE
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
-from bsg_data.observation.robot_faults import explain_fault
+from bsg_data.observation.robot_faults import explain_fault, show_json
 from bsg_data.observation.said_share import SaidShare, Share
 from bsg_data.recipes import Record, name_fault
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
@@ -63,7 +63,7 @@ Text = Annotated[str, Field(max_length=500)]
 def _refuse_other_than_number(said: object) -> object:
     """Refuse what pydantic would take for a number: true, false and text."""
     if isinstance(said, bool) or not isinstance(said, Real):
-        raise ValueError(f"expected a number, found {show_value(said)}")
+        raise ValueError(f"expected a number, found {show_json(said)}")
     return said
 
 
@@ -85,7 +85,7 @@ def _read_room_type(said: object) -> RoomType | None:
     if isinstance(said, dict) and all(type(share) in (int, float) for share in said.values()):
         return check_room_type(said)
     raise RecipeError(
-        f"expected a room label, or labels with their probabilities, found {str(said)[:80]}"
+        f"expected a room label, or labels with their probabilities, found {show_json(said)}"
     )
 
 
@@ -217,7 +217,7 @@ def _assemble(
     if not isinstance(said, dict):
         raise RobotGraphError(
             f"{path}: expected a JSON object with `scene_id`, `rooms` and `objects` "
-            f"(docs/belief.md), found {show_value(said)}"
+            f"(docs/belief.md), found {show_json(said)}"
         )
     try:
         document = _Graph.model_validate(said)

@@ -144,7 +144,8 @@ def read_belief(path: AnyPath, format: str | None = None) -> BeliefGraph:  # noq
         RecipeError: if no format has this suffix or name, or the format cannot be read.
         BeliefFileError: if the file has another format, or does not hold exactly one graph.
     """
-    beliefs = read_beliefs(Path(path), format)
+    path = Path(path)
+    beliefs = read_beliefs(path, format)
     if len(beliefs) != 1:
         raise BeliefFileError(
             f"{path}: expected one belief graph, found {len(beliefs)}; `read_beliefs` reads all"

@@ -64,7 +64,7 @@ def find_model(model: AnyPath) -> FoundModel:
     except (OSError, ValueError) as error:  # no file system takes such a name
         said = getattr(error, "strerror", None) or error
         raise CheckpointError(
-            f"no model {str(model)[:SHOWN]!r}: {said}; {describe_shipped()}"
+            f"no model {os.fspath(model)[:SHOWN]!r}: {said}; {describe_shipped()}"
         ) from error
 
 

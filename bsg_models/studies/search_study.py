@@ -137,14 +137,12 @@ def study_search(
     dataset = Path(dataset)
     chosen = choose_planners(recipe, planners or {}, remote=executor is not None)
     _check_keep(keep, recipe, chosen)
-    if recipe.truth == "posterior" and None in runs.values():
+    placed = {scene: None if run is None else Path(run).absolute() for scene, run in runs.items()}
+    if recipe.truth == "posterior" and None in placed.values():
         raise RecipeError("truth posterior needs a belief: give the run of a model")
     own = {name: chosen[name] for name in planners or {}}
     place = dataset.absolute()  # a worker may run in another folder
-    tasks = [
-        (place, None if run is None else Path(run).absolute(), scene, recipe, own, keep)
-        for scene, run in runs.items()
-    ]
+    tasks = [(place, run, scene, recipe, own, keep) for scene, run in placed.items()]
     by_building = run_all(search_building, tasks, executor=executor, progress=progress)
     left_out: dict[str, dict[str, int]] = {}
     searches = []
@@ -158,7 +156,7 @@ def study_search(
     if not searches:
         why = "; ".join(f"{world}: {reason}" for world, all_ in left_out.items() for reason in all_)
         raise DatasetError(f"{dataset}: nothing can be searched ({why or 'no buildings'})")
-    return Study(recipe, tuple(runs), tuple(searches), left_out, chosen)
+    return Study(recipe, tuple(placed), tuple(searches), left_out, chosen)
 
 
 def choose_planners(

@@ -39,6 +39,19 @@ def test_a_name_that_is_cut_off_is_meant() -> None:
     assert meant_names("a.*z", known) == (), "no pattern"
 
 
+def test_a_name_that_holds_a_known_one_is_meant() -> None:
+    assert meant_names("living room", ["living", "bath"]) == ("living",)
+    assert meant_names("big mini fridge", ["fridge", "mini fridge"], most=1) == ("mini fridge",)
+    assert meant_names("understanding", ["stand", "under"]) == (), "no word of it"
+
+
+def test_punctuation_is_not_compared() -> None:
+    assert meant_names("R0", ["R(0)", "R(1)"]) == ("R(0)",)
+    assert meant_names("minifridge", ["mini-fridge", "mini"]) == ("mini-fridge",)
+    assert meant_names("()", ["-", "", "R(0)"]) == (), "nothing is left to compare"
+    assert meant_names("", ["-", "hall"]) == ()
+
+
 @given(WORDS, st.lists(WORDS, unique=True))
 def test_small_letters_are_compared_as_difflib_does(name: str, known: list[str]) -> None:
     expected = difflib.get_close_matches(name, known, n=3)

@@ -23,7 +23,9 @@ KEYS = {"": ("rooms",), "rooms": ("id", "size")}
     ("said", "expected"),
     [
         ([], "the whole file: expected a JSON object"),
-        ({"rooms": 5}, "rooms: Input should be"),
+        ({"rooms": 5}, "rooms: expected a JSON list"),
+        ({"rooms": "abc"}, "rooms: expected a JSON list"),
+        ({"rooms": None}, "rooms: expected a JSON list"),
         ({"roms": []}, "'roms' is no key; did you mean rooms?"),
         ({"rooms": [{"id": "hall", "colour": 1}]}, "room 'hall': 'colour' is no key; known are id"),
         ({"rooms": [{"id": "hall", "size": "x"}]}, "room 'hall': size: Input should be"),
