@@ -293,6 +293,7 @@ def without_an_end(frame: pd.DataFrame) -> pd.DataFrame:
         (OBJECTS, with_a_box("part_max_z", 99.0), "outside its box in z"),
         (OBJECTS, with_a_box("centroid_y", -99.0), "outside its box in y"),
         (OBJECTS, with_a_box("centroid_y", None), "only part of its centroid"),
+        (OBJECTS, with_a_box("box_max_y", None), "has only part of its box"),
         (OBJECTS, with_a_box("area", 0.0), "area is not above 0"),
         (OBJECTS, with_a_box("area", np.inf), "area is not above 0"),
         (ROOMS, with_a_box("box_max_z", -99.0), "its geometry is impossible"),
@@ -324,6 +325,7 @@ def test_damaged_geometry_is_found(
     edit(placed, file, change)
     found = [f"{fault.where}: {fault.what}" for fault in check_dataset(placed)]
     assert any(expected in line for line in found), found
+    assert not any("box_" in line for line in found), "a fault names things, not columns"
 
 
 def test_connected_rooms_without_a_place_are_sound(tmp_path: Path) -> None:

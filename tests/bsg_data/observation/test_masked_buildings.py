@@ -96,6 +96,8 @@ def test_stored_pairs_are_what_is_sampled_of_the_same_recipe(
         same = stored.take(np.flatnonzero(stored.draws == draw))
         np.testing.assert_array_equal(fresh.targets, same.targets)
         np.testing.assert_array_equal(fresh.draws, same.draws)
+        bare = sample_masked(data, scenes, mask=recipe, draw=draw).seen.others
+        assert (bare.shape, bare.dtype) == ((len(fresh.seen.inputs), 0), fresh.seen.others.dtype)
         for name in ("starts", "inputs", "hidden_share", "visited", "withheld", "others"):
             np.testing.assert_array_equal(getattr(fresh.seen, name), getattr(same.seen, name), name)
         ours, theirs = fresh.seen.surroundings, same.seen.surroundings
