@@ -21,8 +21,9 @@ def resolve_links(path: AnyPath) -> Path:
     Raises:
         DatasetError: if a link leads to itself.
     """
+    path = Path(path)
     try:
-        return Path(path).resolve()
+        return path.resolve()
     except RuntimeError as error:  # what pathlib raises up to Python 3.12
         raise DatasetError(
             f"{path}: is a link that leads to itself; name another folder, or remove the link"
