@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import importlib
+import importlib.metadata
 import importlib.util
 import json
+import re
 import shutil
 import sys
 from pathlib import Path
@@ -33,6 +35,19 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """Add what `make faults` asks for."""
     parser.addoption("--full", action="store_true", help="tests/faults: try everything")
     parser.addoption("--tally", metavar="FILE", help="tests/faults: append what was tried to FILE")
+
+
+def read_pins(name: str) -> dict[str, str]:
+    """Return the versions that a file of requirements pins."""
+    text = (REPOSITORY / name).read_text("utf-8")
+    return dict(re.findall(r"^([A-Za-z0-9-]+)==([^\s\\]+)", text, re.MULTILINE))
+
+
+def list_unpinned(*packages: str) -> str:
+    """Say which of the packages are installed in another version than `constraints.txt` pins."""
+    pins = read_pins("constraints.txt")
+    found = {name: importlib.metadata.version(name).partition("+")[0] for name in packages}
+    return ", ".join(f"{name} {found[name]}" for name in packages if found[name] != pins[name])
 
 
 KITCHEN = ["wall", "floor", "stove", "refrigerator", "sink", "kitchen cabinet", "chair", "chair"]

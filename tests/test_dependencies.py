@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from conftest import REPOSITORY, load_script, tomllib
+from conftest import REPOSITORY, load_script, read_pins, tomllib
 
 LOCKS = ("requirements.lock", "requirements-torch.lock", "requirements-torch-cpu.lock")
 PINNED = re.compile(
@@ -21,11 +21,6 @@ def requirements() -> Iterator[str]:
     yield from said["project"]["dependencies"]
     for lines in said["project"]["optional-dependencies"].values():
         yield from (line for line in lines if not line.startswith(said["project"]["name"]))
-
-
-def read_pins(name: str) -> dict[str, str]:
-    text = (REPOSITORY / name).read_text("utf-8")
-    return dict(re.findall(r"^([A-Za-z0-9-]+)==([^\s\\]+)", text, re.MULTILINE))
 
 
 def read_lock() -> dict[str, str]:

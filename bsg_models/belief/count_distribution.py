@@ -251,20 +251,33 @@ def negative_binomial(means: Floats, dispersions: Floats) -> CountDistribution:
 def zero_inflated(presence: Floats, means: Floats) -> CountDistribution:
     """Return the zero-inflated Poisson with given P(at least one) and mean, both `[N, C]`.
 
-    Its Poisson component μ solves μ / (1 − e^−μ) = mean / presence: μ = m + W(−m e^−m), with m the
-    mean given at least one, and W Lambert's function. If the mean is too small for the presence,
-    there are no zeros to add, and the result is the Poisson with that presence.
+    Its Poisson component μ has the mean m = mean / presence, given at least one. If the mean is too
+    small for the presence, there are no zeros to add, and the result is the Poisson with that
+    presence.
     """
     presence = np.clip(presence, 0.0, 1 - 1e-6)
     given = np.divide(means, presence, out=np.ones_like(means), where=presence > 0)
-    given = np.maximum(given, 1 + 1e-9)  # at least one object, given that there is one
     least = -np.log1p(-presence)
-    rate = np.maximum(given + lambertw(-given * np.exp(-given)).real, np.maximum(least, 1e-9))
+    rate = np.maximum(_positive_poisson_rate(given), np.maximum(least, 1e-9))
     weight = np.minimum(presence / -np.expm1(-rate), 1.0)
     zero = np.zeros_like(rate)
     return CountDistribution(
         np.stack([zero, rate]), np.full((2, *rate.shape), np.inf), np.stack([1 - weight, weight])
     )
+
+
+def _positive_poisson_rate(given: Floats) -> Floats:
+    """Return the rates μ of Poissons from their means m given at least one; 0 for m ≤ 1.
+
+    μ solves μ / (1 − e^−μ) = m: μ = m + W(−m e^−m), with W Lambert's function. Near m = 1, where W
+    branches and SciPy's is inexact or NaN, the inverted series 2ε − ⅔ε² + 4/9 ε³ of ε = m − 1
+    is exact to 1e-12.
+    """
+    excess = np.maximum(given - 1, 0.0)
+    near = excess < 1e-3
+    far = np.where(near, 2.0, given)
+    series = excess * (2 - excess * (2 / 3 - excess * (4 / 9)))
+    return np.where(near, series, far + lambertw(-far * np.exp(-far)).real)
 
 
 def blend(

@@ -96,8 +96,7 @@ def _go_straight(edges: Floats, lines: Floats, usual: float) -> Floats:
 
 def _find_cheapest(edges: Floats) -> Floats:
     """Return the costs of the cheapest ways over edges `[N, N]`; ∞ if there is none."""
-    finite = np.nonzero(np.isfinite(edges))  # an edge may cost 0
-    source, target = (ends.astype(np.int32) for ends in finite)  # SciPy 1.14 reads no other
+    source, target = np.nonzero(np.isfinite(edges))  # an edge may cost 0
     listed = csr_array((edges[source, target], (source, target)), shape=edges.shape)
     return np.asarray(shortest_path(listed))
 

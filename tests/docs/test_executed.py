@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from conftest import REPOSITORY, load_script
+from conftest import REPOSITORY, list_unpinned, load_script
 
 EXECUTE = load_script("site/execute")
 TUTORIALS = sorted((REPOSITORY / "docs" / "tutorials").glob("*.md"))
+NUMERICS = ("numpy", "pandas", "scipy", "torch", "torch-geometric")
 NOTEBOOKS = sorted((REPOSITORY / "docs" / "notebooks").glob("*.ipynb"))
 
 
@@ -24,7 +25,7 @@ def test_there_are_three_tutorials_and_two_notebooks() -> None:
 def test_a_tutorial_shows_what_it_prints(path: Path) -> None:
     text = path.read_text("utf-8")
     with EXECUTE.working_folder() as folder:
-        assert EXECUTE.execute_page(text, folder) == text, "run `make docs`"
+        compare(EXECUTE.execute_page(text, folder), text)
 
 
 @pytest.mark.slow
@@ -34,7 +35,14 @@ def test_a_notebook_shows_what_it_prints(path: Path) -> None:
     with EXECUTE.working_folder() as folder:
         now = json.loads(EXECUTE.execute_notebook(path, folder))
     kept = json.loads(path.read_text("utf-8"))
-    assert read_outputs(now) == read_outputs(kept), "run `make docs`"
+    compare(read_outputs(now), read_outputs(kept))
+
+
+def compare(now: object, kept: object) -> None:
+    """Training rounds otherwise with other versions; with these it is enough that all runs."""
+    if now != kept and (others := list_unpinned(*NUMERICS)):
+        pytest.skip(f"ran to its end; the figures shown are not of {others}")
+    assert now == kept, "run `make docs`"
 
 
 def read_outputs(notebook: dict[str, Any]) -> list[list[Any]]:

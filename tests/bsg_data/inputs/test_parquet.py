@@ -18,7 +18,7 @@ from bsg_data.inputs.parquet import open_parquet_file, reading_parquet, words_of
 
 def encode(table: pa.Table) -> bytes:
     buffer = io.BytesIO()
-    pq.write_table(table, buffer)
+    pq.write_table(table, buffer, write_statistics=False)  # pyarrow 17 repeats long words in them
     return buffer.getvalue()
 
 
