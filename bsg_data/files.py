@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import re
@@ -19,15 +20,17 @@ def resolve_links(path: AnyPath) -> Path:
     """Return the absolute path without links.
 
     Raises:
-        DatasetError: if a link leads to itself.
+        DatasetError: if a link on the way leads to itself.
     """
     path = Path(path)
     try:
-        return path.resolve()
-    except RuntimeError as error:  # what pathlib raises up to Python 3.12
-        raise DatasetError(
-            f"{path}: is a link that leads to itself; name another folder, or remove the link"
-        ) from error
+        path.stat()  # `resolve` raises RuntimeError up to Python 3.12, and nothing later
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            raise DatasetError(
+                f"{path}: a link on the way leads to itself; name another place, or remove the link"
+            ) from error
+    return path.resolve()
 
 
 @contextmanager

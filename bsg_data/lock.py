@@ -10,6 +10,7 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from bsg_data.errors import DatasetError
+from bsg_data.files import resolve_links
 
 
 @contextmanager
@@ -27,7 +28,7 @@ def hold(folder: Path, *, wait: float = 0.0) -> Iterator[None]:
     Raises:
         DatasetError: if another holder (also this process) keeps it, or it cannot be made.
     """
-    folder = folder.resolve()  # a link and what it leads to have one lock
+    folder = resolve_links(folder)  # a link and what it leads to have one lock
     if not folder.name:
         raise DatasetError(f"{folder}: cannot be written to; choose a folder below it")
     path = folder.with_name(f".{folder.name}.lock")

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bsg_data.errors import DatasetError
-from bsg_data.files import flush_file, flush_folder, refuse_devices
+from bsg_data.files import flush_file, flush_folder, refuse_devices, resolve_links
 from bsg_data.lock import hold
 from bsg_data.signals import hold_signals
 
@@ -91,7 +91,7 @@ def replace_files(folder: Path, *, last: str | None, wait: float = 0.0) -> Itera
             file cannot be written; old files stay.
         ValueError: if the block does not write `last`.
     """
-    with replace_together([Place(folder.resolve(), last=last)], wait=wait) as (staged,):
+    with replace_together([Place(resolve_links(folder), last=last)], wait=wait) as (staged,):
         yield staged
 
 
@@ -149,7 +149,7 @@ def refuse_datasets(path: Path, *, is_file: bool = False) -> None:
     Raises:
         DatasetError: naming the dataset.
     """
-    folder = (path.parent if is_file else path).resolve()
+    folder = resolve_links(path.parent if is_file else path)
     for outer in (folder, *folder.parents):
         if (outer / _DATASET).is_file():
             raise DatasetError(f"{path}: is in the dataset {outer}; choose another place")

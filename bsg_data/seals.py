@@ -12,7 +12,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from bsg_data.errors import DatasetError
-from bsg_data.files import refuse_links, write_bytes
+from bsg_data.files import refuse_links, resolve_links, write_bytes
 from bsg_data.inputs.bounded_file import hash_file, read_bytes
 from bsg_data.inputs.bounds import CHECKSUMS
 from bsg_data.result_folder import Place, hold_places, stage_files
@@ -47,7 +47,7 @@ def replace_sealed(
         DatasetError: if another command is writing there, other results or somebody's own files
             are, a file beside them is one of them, or one cannot be written; what was there stays.
     """
-    place = Place(folder.resolve(), last=SEAL)
+    place = Place(resolve_links(folder), last=SEAL)
     with ExitStack() as held:
         hold_places(held, [place, *beside])
         before: dict[str, str] = {}
@@ -109,7 +109,7 @@ def refuse_sealed_file(path: Path) -> None:
     Raises:
         DatasetError: if the file is a seal, or if the seal of a folder above lists it.
     """
-    place = path.parent.resolve() / path.name  # a link to the folder leads to the same file
+    place = resolve_links(path.parent) / path.name  # a link to the folder leads to the same file
     for folder in place.parents:
         if place.name == SEAL or place.relative_to(folder).as_posix() in _list_sealed(folder):
             raise DatasetError(
@@ -149,7 +149,7 @@ def refuse_replacing(folder: Path, report: str, names: Iterable[str]) -> None:
 
 def _refuse_twice(other: Place, folder: Path, names: Sequence[str]) -> None:
     """Refuse a file beside results that goes where one of them goes."""
-    path = other.path.resolve()
+    path = resolve_links(other.path)
     if other.is_file and path.parent == folder and path.name in names:
         raise DatasetError(f"{other.path}: is one of the results themselves; name another file")
 

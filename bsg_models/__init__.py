@@ -4,12 +4,17 @@ The public names are in `__init__.pyi`. Each is imported when it is first asked 
 `import bsg_models` does not wait for torch.
 """
 
+import warnings
 from typing import Any
 
 import lazy_loader
 
 from bsg_data.extras import ask_to_install
 
+# torch-geometric 2.8 calls it at import, and torch 2.15 warns of that. A user's filters go first.
+warnings.filterwarnings(
+    "ignore", "`torch.jit.script` is deprecated", category=FutureWarning, append=True
+)
 _load, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 

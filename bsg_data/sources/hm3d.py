@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from bsg_data.errors import SourceChangedError, SourceError, find_io_error
-from bsg_data.files import AnyPath
+from bsg_data.files import AnyPath, resolve_links
 from bsg_data.geometry.adjacency import connect_rooms
 from bsg_data.geometry.gltf import MeshError
 from bsg_data.geometry.placement import place_scene
@@ -83,7 +83,7 @@ class HM3DFolder:
         return "synthetic" if self._marks_above() else "hm3d"
 
     def _marks_above(self) -> list[Path]:
-        above = (self.path, *self.path.resolve().parents[:2])
+        above = (self.path, *resolve_links(self.path).parents[:2])
         return [mark for folder in above if (mark := folder / SYNTHETIC_MARK).is_file()]
 
     def find(self) -> FoundScenes:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bsg_data.errors import RecipeError
-from bsg_data.files import AnyPath
+from bsg_data.files import AnyPath, resolve_links
 from bsg_data.spelling import SHOWN, show_value
 from bsg_models.errors import CheckpointError
 from bsg_models.runs.checkpoint import CheckpointHeader
@@ -107,7 +107,7 @@ def _looks_like_path(text: str) -> bool:
 
 def _find_path(path: Path) -> FoundModel:
     if path.is_dir():
-        name = path.name or path.resolve().name
+        name = path.name or resolve_links(path).name
         if (path / BEST).exists():
             return FoundModel(path / BEST, name, "run")
         if (path / HUB_WEIGHTS).exists():

@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from bsg_data.errors import DatasetError
-from bsg_data.files import AnyPath, refuse_links
+from bsg_data.files import AnyPath, refuse_links, resolve_links
 from bsg_data.lock import hold
 from bsg_data.result_folder import (
     UNFINISHED,
@@ -181,7 +181,7 @@ def _put_in_place(run: Path) -> None:
 
 def _settle(run: Path, *, drop: bool = False) -> None:
     """Put a complete replacement in its place, and remove what only the old run has."""
-    place, replacement = Place(run.resolve(), last=SEAL), growing_run(run)
+    place, replacement = Place(resolve_links(run), last=SEAL), growing_run(run)
     try:
         recover([place])
     except OSError as error:

@@ -21,6 +21,7 @@ from bsg_data.dataset.manifest import (
     list_resolved,
 )
 from bsg_data.errors import DatasetError, RecipeError
+from bsg_data.files import resolve_links
 from bsg_data.observation.partial_graph import PartialGraph, list_withheld, mask_dataset
 from bsg_data.observation.robot_json import list_unmapped
 from bsg_data.observation.said_share import Share
@@ -317,7 +318,7 @@ def _check_names(request: BeliefRequest) -> None:
 
 def _place(name: str, path: Path) -> Place:
     """Return where one of the results is written."""
-    return Place(path.resolve(), last=SEAL) if name == "tables" else Place(path, is_file=True)
+    return Place(resolve_links(path), last=SEAL) if name == "tables" else Place(path, is_file=True)
 
 
 def _refuse_replacing(request: BeliefRequest) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError
-from bsg_data.files import stem_of
+from bsg_data.files import resolve_links, stem_of
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.observation.mask_hash import hash_masks, hash_splits
 from bsg_models.errors import PredictionError
@@ -83,7 +83,7 @@ def read_entry(path: Path, data: Dataset, *, split: Split, folds: Folds) -> Entr
         "rows": len(files),
         "exactly": files.exactly,
     }
-    return Entry(path.stem if path.is_file() else path.resolve().name, laid, facts)
+    return Entry(path.stem if path.is_file() else resolve_links(path).name, laid, facts)
 
 
 def _count_cells(data: Dataset) -> int:

@@ -19,7 +19,7 @@ from pydantic import Field, model_validator
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.errors import DatasetError
-from bsg_data.files import encode_json, write_bytes
+from bsg_data.files import encode_json, resolve_links, write_bytes
 from bsg_data.observation.partial_graph import list_withheld, mask_dataset
 from bsg_data.recipes import MaskRecipe, Record
 from bsg_data.result_folder import Place
@@ -124,8 +124,8 @@ def report_evaluation(
     """
     pages = [Place(path, is_file=True) for path in [request.html] if path is not None]
     into = request.write_predictions
-    beside = into is not None and into.resolve() != request.folder.resolve()  # held already
-    folders = [Place(into.resolve())] if into is not None and beside else []
+    beside = into is not None and not _is_same(into, request.folder)  # that is held already
+    folders = [Place(resolve_links(into))] if into is not None and beside else []
     with replace_sealed(
         request.folder,
         report=REPORT,
@@ -176,6 +176,10 @@ def _refuse_done(request: EvaluationRequest) -> None:
         raise DatasetError(f"{request.html}: is there already; --force replaces it")
 
 
+def _is_same(one: Path, other: Path) -> bool:
+    return resolve_links(one) == resolve_links(other)
+
+
 def _begin_entries(
     request: EvaluationRequest, staged: Path, open_files: ExitStack
 ) -> Callable[[str, int | None], PredictionWriter]:
@@ -186,7 +190,7 @@ def _begin_entries(
         writer = open_entry(staged, name, data, split=request.split, fold=fold)
         into = request.write_predictions or staged
         path = into / writer.path.relative_to(staged)
-        if into.resolve() != request.folder.resolve():  # else they are part of the results
+        if not _is_same(into, request.folder):  # else they are part of the results
             refuse_sealed_file(path)
         if path.exists() and not request.force:
             raise DatasetError(f"{path}: is there already; --force replaces it")

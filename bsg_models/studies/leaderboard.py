@@ -26,7 +26,14 @@ from bsg_data.dataset.revision import remove_left
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.executors import run_all
-from bsg_data.files import AnyPath, encode_json, flush_folder, refuse_links, write_bytes
+from bsg_data.files import (
+    AnyPath,
+    encode_json,
+    flush_folder,
+    refuse_links,
+    resolve_links,
+    write_bytes,
+)
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.inputs.bounds import RUN_RECORD
 from bsg_data.inputs.documents import read_json
@@ -165,7 +172,7 @@ def make_leaderboard(
 
 def _refuse_one_inside_the_other(dataset: Path, out: Path) -> None:
     """Refuse a dataset and an output folder of which one contains the other."""
-    there, own = out.resolve(), dataset.resolve()
+    there, own = resolve_links(out), resolve_links(dataset)
     if there.is_relative_to(own) or own.is_relative_to(there):
         raise DatasetError(
             f"{out} and the dataset {dataset} lie one inside the other; choose another --out"

@@ -10,7 +10,7 @@ from collections import deque
 from pathlib import Path
 
 from bsg_data.errors import BSGError, DatasetError
-from bsg_data.files import AnyPath
+from bsg_data.files import AnyPath, resolve_links
 from bsg_data.inputs.bounded_file import hash_file, read_bytes
 from bsg_data.inputs.bounds import RESULTS
 from bsg_data.inputs.documents import parse_json
@@ -60,7 +60,7 @@ def check_results(path: AnyPath) -> tuple[str, ...]:
         from bsg_models.belief.tables import read_tables
 
         deque(read_tables(path), maxlen=0)
-    here = path.resolve()
+    here = resolve_links(path)
     if here.name in _OF_A_RUN and measures_other_weights(here):
         raise DatasetError(
             f"{path}: measures other weights than those of its run: the sha256 of "

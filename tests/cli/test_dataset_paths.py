@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import click
 import pytest
 from click.testing import CliRunner, Result
+from conftest import REPOSITORY
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -121,6 +123,9 @@ def test_a_file_is_not_said_to_be_missing(tmp_path: Path, monkeypatch: pytest.Mo
             "bsg-train --config mixture --data loop",
         ),
         *("bsg-data build --hm3d . --out loop", "bsg-data build --hm3d . --parts 1/2 --out loop"),
+        *("bsg-data build --hm3d loop --out new", "bsg-data synth --scenes 2 --out loop"),
+        *("bsg-data synth --scenes 2 --out loop/new", "bsg-belief home.json --out loop"),
+        *("bsg-belief home.json --html loop/new.html", "bsg-belief home.json --tables loop"),
     ],
 )
 def test_a_link_that_leads_to_itself_is_refused_in_a_line(
@@ -129,6 +134,7 @@ def test_a_link_that_leads_to_itself_is_refused_in_a_line(
     monkeypatch.chdir(tmp_path)
     Path("loop").symlink_to("other")
     Path("other").symlink_to("loop")
+    shutil.copy(REPOSITORY / "docs" / "home.json", tmp_path)
     result = run(line)
     assert result.exit_code == 1, result.output
     assert result.stderr.startswith("Error: ")
