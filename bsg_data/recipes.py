@@ -21,10 +21,15 @@ class Record(BaseModel):
 
 
 def name_fault(error: ValidationError) -> str:
-    """Return place and kind of the first fault of a record: `rooms.0.id: Field required`."""
+    """Return place and kind of the first fault of a record: `rooms.0.id: Field required`.
+
+    A word or a number that is wrong is shown.
+    """
     first = error.errors()[0]
     where = ".".join(str(part) for part in first["loc"]) or "the whole file"
-    return f"{where}: {first['msg'].removeprefix('Value error, ')}"
+    said, value = first["msg"].removeprefix("Value error, "), first["input"]
+    shown = isinstance(value, str | int | float) and "found" not in said
+    return f"{where}: {said}{f', found {show_value(value)}' if shown else ''}"
 
 
 def read_number(name: str, value: object, *, most: float, wanted: str = "") -> float:

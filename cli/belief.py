@@ -16,6 +16,7 @@ import bsg_models
 from bsg_cli.find import find_things
 from bsg_cli.options import (
     PATH,
+    PagePath,
     data_option,
     force_option,
     json_option,
@@ -86,7 +87,7 @@ CHECKED_FIRST = 1_000_000  # bytes of a graph; a larger one takes long to read t
     help="Write one graph as Spark-DSG JSON. A graph of Hydra keeps all that it had.",
 )
 @click.option("--tables", type=PATH, help="Write all graphs as a folder of parquet tables.")
-@click.option("--html", type=PATH, help="Write the explorer, one HTML page.")
+@click.option("--html", type=PagePath(), help="Write the explorer, one HTML page.")
 @force_option
 @json_option
 def main(

@@ -11,6 +11,7 @@ import bsg_models
 from bsg_cli.completion import complete_model
 from bsg_cli.options import (
     PATH,
+    PagePath,
     data_option,
     force_option,
     json_option,
@@ -50,12 +51,12 @@ class Evaluate(Command):
 @click.option(
     "--fold",
     type=click.IntRange(min=0),
-    help="Without a RUN: measure this fold.  [default: all folds]",
+    help="Measure this fold; a RUN measures its own.  [default: all folds]",
 )
 @click.option("--write-predictions", type=PATH, help="Folder for the predictions of the RUNs.")
 @out_option("Folder of the results.  [default: evaluation in the first RUN]")
 @resamples_option(200)
-@click.option("--html", type=PATH, help="Also write all results as one HTML page.")
+@click.option("--html", type=PagePath(), help="Also write all results as one HTML page.")
 @click.option("--all-metrics", is_flag=True, help="Also print every metric.")
 @seed_option()
 @force_option

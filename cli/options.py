@@ -54,6 +54,22 @@ class RegistryChoice(click.Choice[str]):
 
 
 PATH = click.Path(path_type=Path)
+
+
+class PagePath(click.Path):
+    """The path of an HTML page that a command writes."""
+
+    def __init__(self) -> None:
+        super().__init__(path_type=Path)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        """Return the path; refuse one that a browser would not open as a page."""
+        path = Path(os.fsdecode(super().convert(value, param, ctx)))
+        if path.suffix.casefold() not in (".html", ".htm"):
+            self.fail(f"{path}: expected the name of a page, such as {path.stem}.html", param, ctx)
+        return path
+
+
 MOST_WORKERS = 1024  # each is a process; one machine has no use for more
 json_option = click.option("as_json", "--json", is_flag=True, help="Print JSON on stdout.")
 force_option = click.option("--force", is_flag=True, help="Replace a finished result.")

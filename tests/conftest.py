@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import importlib.metadata
 import importlib.util
@@ -9,6 +10,7 @@ import json
 import re
 import shutil
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
@@ -35,6 +37,14 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """Add what `make faults` asks for."""
     parser.addoption("--full", action="store_true", help="tests/faults: try everything")
     parser.addoption("--tally", metavar="FILE", help="tests/faults: append what was tried to FILE")
+
+
+@contextlib.contextmanager
+def working_in(folder: Path) -> Iterator[None]:
+    """Work in a folder; `contextlib.chdir` is of Python 3.11."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        yield
 
 
 def read_pins(name: str) -> dict[str, str]:

@@ -85,7 +85,7 @@ def choose_format(path: Path, format: str | None = None) -> FormatRow:  # noqa: 
         known = ", ".join(f"{suffix} ({row.name})" for row in rows for suffix in row.suffixes)
         raise RecipeError(
             f"{path}: no format of belief graphs has this suffix; name the file with one of "
-            f"{known}, or name the format{''.join(f'; {fault}' for fault in broken)}"
+            f"{known}{''.join(f'; {fault}' for fault in broken)}"
         )
     return max(fitting, key=lambda pair: pair[0])[1]
 

@@ -30,8 +30,8 @@ def splits_of(data: Dataset, split: Split, *, fold: int | None = None) -> tuple[
     folds = len(names) if names[0].startswith("fold-") else 0
     if folds and fold is None:
         raise DatasetError(
-            f"{data.path}: is split into {folds} folds; name the one to test on, e.g. "
-            "`--set data.fold=0`"
+            f"{data.path}: is split into {folds} folds; name the one to test on: train with "
+            "`bsg-train --set data.fold=0`; other commands take `--fold 0`"
         )
     if fold is not None and not 0 <= fold < folds:
         raise DatasetError(f"{data.path}: has {folds or 'no'} folds; there is no fold {fold}")

@@ -67,7 +67,7 @@ def find_meaning(
     if near and not any(class_map.classify(word).category for class_map in class_maps):
         name, model, index, ratio = near[0]
         if ratio >= LIKE_A_MISSPELLING and _is_misspelling(word, name):
-            how = f"no model knows {word!r}; the most similar name is {name!r}"
+            how = f"no model knows {word!r}; taken for {name!r}, the most similar name"
             name = class_maps[model].classes[index]
             return Meaning(word, name, index, model, how, is_exact=False)
     raise RecipeError(_refusal(word, class_maps, [name for name, *_ in near]))
@@ -123,8 +123,11 @@ def _refusal(word: str, class_maps: Sequence[ClassMap], near: Sequence[str]) -> 
     if "structure" in roles:
         why = "it is a part of the building, and models count objects"
     elif "left-out" in roles:
-        why = "class maps know the name, but no model counts such things"
+        why = "class maps know the name, but no model that was asked counts such things"
     else:
         why = "no class map knows the name"
     hint = f"; did you mean {', '.join(near)}?" if near else "."
-    return f"no model can look for {word!r}: {why}{hint} `bsg-data map show NAME` explains a name"
+    return (
+        f"no model here can look for {word!r}: {why}{hint} `bsg-data map show NAME` says which "
+        "classes have a name"
+    )

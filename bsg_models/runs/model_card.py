@@ -37,8 +37,8 @@ _MEASURED = int | float | str | None
 _CANNOT = (
     "A presence is a probability, not an observation. Do not let a robot act on it where a mistake "
     "could hurt somebody.",
-    "It was trained mostly on homes. Its numbers mean little in a hospital, a factory or a ship. "
-    "They may also mean less in regions other than those of the training buildings.",
+    "It knows the kinds of buildings that it was trained on. Its numbers mean little in a "
+    "hospital, a factory or a ship, and may mean less in other regions of the world.",
     "It was trained on whole buildings. In a graph of two or three rooms it may expect twice as "
     "many objects as there are in a room that nobody entered. Its presences are less affected.",
     "It counts only objects of its classes. Other categories are at most evidence.",

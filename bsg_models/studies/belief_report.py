@@ -310,7 +310,9 @@ def _choose(scenes: MaskedScenes) -> frozenset[str]:
 
 
 def _check_names(request: BeliefRequest) -> None:
-    """Refuse files that are named twice."""
+    """Refuse files that are named twice, and a suffix of no format."""
+    if request.out is not None:
+        choose_format(request.out)
     paths = [path.absolute() for path in (*request.results, *request.graphs)]
     if len(set(paths)) < len(paths):
         raise RecipeError("one file is named twice")

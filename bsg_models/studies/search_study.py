@@ -236,8 +236,8 @@ def choose_runs(
             raise DatasetError(f"{run}: is for the same buildings as another run, e.g. {taken[0]}")
         if header.dataset_sha256 != data.sha256:
             notes.append(
-                f"{name_run(run)}: was trained on another dataset, which may contain these "
-                "buildings"
+                f"{name_run(run)}: was trained on another dataset or other pairs; it may have seen "
+                "these buildings"
             )
         chosen.update(dict.fromkeys(scenes, run))
     if len(models) > 1:

@@ -34,5 +34,6 @@ def main() -> None:
     """
 
 
-for module in (build, check, export, finalise, info, map, merge, pairs, split, synth, upgrade):
+# in working order, as the cheat sheet has them
+for module in (synth, build, finalise, split, pairs, check, info, map, merge, export, upgrade):
     main.add_command(module.command)

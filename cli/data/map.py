@@ -12,6 +12,12 @@ from bsg_cli.options import class_map_option, dataset_argument, json_option
 from bsg_cli.terminal import CommandGroup, print_json, print_note, print_text
 from bsg_data.tables import format_text
 
+# why a known name has no class, by its role
+_WITHOUT_CLASS = {
+    "structure": " (part of the building)",
+    "left-out": " (known, but not counted)",
+}
+
 
 @click.group("map", cls=CommandGroup)
 def command() -> None:
@@ -57,6 +63,13 @@ def map_list(as_json: bool) -> None:
     print_text(format_text(cells, header=header))
 
 
+def find_elsewhere(category: str) -> dict[str, str]:
+    """Return map → class of a name, for the published maps that have a class for it."""
+    maps = [bsg_data.load_class_map(version) for version in bsg_data.published_maps()]
+    found = [(one, one.classify(category).class_index) for one in maps]
+    return {one.version: one.classes[index] for one, index in found if index is not None}
+
+
 @command.command("show")
 @click.argument("category")
 @class_map_option
@@ -74,6 +87,7 @@ def map_show(category: str, class_map: str, as_json: bool) -> None:
     index = loaded.classes.index(category) if category in loaded.classes else None
     spellings = sorted(raw for raw, e in loaded.entries.items() if e.class_index == index)
     mapped = known.role != "unmapped"
+    elsewhere = {} if name or index is not None else find_elsewhere(category)
     answer = {
         "name": category,
         "mapped": mapped,
@@ -82,6 +96,7 @@ def map_show(category: str, class_map: str, as_json: bool) -> None:
         "role": known.role,
         "rule": known.rule,
         "nearest": [] if mapped else list(loaded.nearest(category)),
+        "elsewhere": elsewhere,
         "definition": None if index is None else loaded.space.definitions[index],
         "spellings": [] if index is None else spellings,
     }
@@ -89,12 +104,14 @@ def map_show(category: str, class_map: str, as_json: bool) -> None:
         print_json(answer)
     elif mapped:
         rule = f" (by the rule {known.rule!r})" if known.rule else ""
-        structure = " (part of the building)" if known.role == "structure" else ""
-        what = name or f"none{structure}"
+        what = name or f"none{_WITHOUT_CLASS.get(known.role, '')}"
         print_text(f"name {category!r} → corrected {known.category!r}{rule} → class {what}")
     elif index is None:
         near = ", ".join(loaded.nearest(category)) or "nothing like it"
         print_text(f"{category!r} is not in {loaded.version}; nearest: {near}")
+    if not as_json:
+        for other, found in elsewhere.items():
+            print_text(f"in {other}: class {found}")
     if index is not None and not as_json:
         print_text(f"class {index}, {category}: {loaded.space.definitions[index]}")
         print_text(f"{len(spellings)} spellings: {', '.join(map(repr, spellings))}")

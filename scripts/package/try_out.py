@@ -33,7 +33,7 @@ NEED_MODELS = (
     "bsg-belief home.json",
     "bsg-search --data dataset",
     "bsg-leaderboard --data dataset --out board",
-    "bsg-models list",
+    "bsg-models show universal",
 )
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "MPLBACKEND": "agg"}
 

@@ -139,7 +139,7 @@ def _find_place(path: str) -> str:
 
 
 def source_pages() -> Iterator[tuple[str, str]]:
-    """Yield place and text of a page for every file of code or data that a page links to."""
+    """Yield place and text of every file of code or data that a page links to, and of its page."""
     linked = set()
     texts = [*(REPOSITORY / "docs").rglob("*.md"), *(REPOSITORY / path for path in ELSEWHERE)]
     for page in texts:
@@ -151,7 +151,9 @@ def source_pages() -> Iterator[tuple[str, str]]:
         name = path.relative_to(REPOSITORY).as_posix()
         fence = "``````"
         language, text = SOURCES[path.suffix], path.read_text("utf-8").rstrip()
-        yield f"source/{name}.md", f"# {name}\n\n{fence}{language}\n{text}\n{fence}\n"
+        link = f"[Download this file]({path.name})"
+        yield f"source/{name}.md", f"# {name}\n\n{link}\n\n{fence}{language}\n{text}\n{fence}\n"
+        yield f"source/{name}", path.read_text("utf-8")
 
 
 def reference_pages() -> Iterator[tuple[str, str]]:

@@ -43,7 +43,7 @@ def test_numba_looks_for_its_file_no_more(tmp_path: Path, monkeypatch: pytest.Mo
 def test_a_command_stops_before_numba_reads_it(tmp_path: Path) -> None:
     (tmp_path / "home.json").write_text(HOME)
     (tmp_path / CONFIG).write_text("cache_dir: cache")
-    words = [sys.executable, "-P", "-c", ASK, "home.json", "--find", "bed", "--from", "hall"]
+    words = [sys.executable, "-c", ASK, "home.json", "--find", "bed", "--from", "hall"]
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 1
     assert "remove it, or run in another folder" in done.stderr

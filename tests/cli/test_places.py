@@ -27,7 +27,7 @@ INTO = {
     "bsg-data info --figure": "bsg-data info dataset --figure PLACE.png",
     "bsg-train --out": "bsg-train --config gamma-poisson --data dataset --out PLACE --tensorboard",
     "bsg-evaluate --out": "bsg-evaluate run --data dataset --out PLACE",
-    "bsg-evaluate --html": "bsg-evaluate run --data dataset --out new --html PLACE",
+    "bsg-evaluate --html": "bsg-evaluate run --data dataset --out new --html PLACE.html",
     "bsg-evaluate --write-predictions": (
         "bsg-evaluate run --data dataset --resamples 0 --out new --write-predictions PLACE"
     ),
@@ -37,7 +37,7 @@ INTO = {
     "bsg-belief --out": "bsg-belief home.json --run run --out PLACE.json",
     "bsg-belief --hydra": "bsg-belief home.json --run run --hydra PLACE",
     "bsg-belief --tables": "bsg-belief home.json --run run --tables PLACE",
-    "bsg-belief --html": "bsg-belief home.json --run run --html PLACE",
+    "bsg-belief --html": "bsg-belief home.json --run run --html PLACE.html",
     "bsg-search --out": "bsg-search --data dataset --run run --workers 1 --out PLACE",
     "bsg-search --animation": (
         "bsg-search --data dataset --run run --workers 1 --out new --trace --animation PLACE.gif"

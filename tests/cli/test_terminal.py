@@ -288,7 +288,7 @@ def test_a_working_folder_that_is_gone_is_named_with_what_to_do(tmp_path: Path) 
         "COMMANDS['bsg-data'](['synth', '--out', 's'])"
     )
     done = subprocess.run(
-        [sys.executable, "-P", "-c", code], cwd=gone, capture_output=True, text=True, check=False
+        [sys.executable, "-c", code], cwd=gone, capture_output=True, text=True, check=False
     )
     assert done.returncode == 1
     assert done.stderr == (

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 from conftest import REPOSITORY, list_unpinned, load_script
+
+if sys.version_info < (3, 11):
+    pytest.skip("`make docs` needs Python 3.11", allow_module_level=True)
 
 EXECUTE = load_script("site/execute")
 TUTORIALS = sorted((REPOSITORY / "docs" / "tutorials").glob("*.md"))

@@ -18,6 +18,9 @@ from conftest import REPOSITORY, load_script
 import bsg_data
 import bsg_models
 
+if sys.version_info < (3, 11):
+    pytest.skip("`make site` needs Python 3.11", allow_module_level=True)
+
 PAGES = load_script("site/pages")
 
 

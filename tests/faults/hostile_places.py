@@ -13,7 +13,6 @@ import shutil
 import struct
 import zipfile
 from collections.abc import Callable
-from contextlib import chdir
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 from click.testing import CliRunner
+from conftest import working_in
 from dsg_files import robot_graph
 
 from bsg_cli.registry import COMMANDS
@@ -407,6 +407,6 @@ def _glb(tree: dict[str, Any]) -> bytes:
 
 def _run_before(folder: Path, line: str) -> None:
     command, *words = line.split()
-    with chdir(folder):
+    with working_in(folder):
         result = CliRunner().invoke(COMMANDS[command], words)
     assert result.exit_code == 0, result.output

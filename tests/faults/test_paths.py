@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Sequence
-from contextlib import chdir
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from conftest import working_in
 from hostile_places import PLACES, Place, hostile_names, write_victim
 from tally import Tally
 from watched_folder import snapshot, watch
@@ -22,7 +22,7 @@ from bsg_cli.registry import COMMANDS
 
 def try_line(words: Sequence[str], folder: Path) -> str:
     """Run a command in a folder; return what is wrong with how it ended, empty if nothing is."""
-    with chdir(folder):
+    with working_in(folder):
         done = CliRunner().invoke(COMMANDS[words[0]], list(words[1:]))
     line = " ".join(words)
     if done.exception is not None and not isinstance(done.exception, SystemExit):

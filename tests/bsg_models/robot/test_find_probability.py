@@ -128,7 +128,7 @@ def test_names_of_the_planner_can_be_any(seen: SeenBuilding) -> None:
     probability = FindProbability(seen, PLACES, words={"goal": "sink"})
     assert probability("r1", "counter", "goal") == probability("r1", "counter", "sink")
     assert probability("r1", "counter", "sink_17") == probability("r1", "counter", "sink")
-    with pytest.raises(RecipeError, match="no model can look for 'zzqx'"):
+    with pytest.raises(RecipeError, match="no model here can look for 'zzqx'"):
         probability("r1", "counter", "zzqx")
     careless = FindProbability(seen, PLACES, otherwise=0.1)
     assert careless("r1", "counter", "zzqx") == 0.1

@@ -258,7 +258,7 @@ def test_a_word_beyond_the_model_is_asked_of_the_wide_one(seen: SeenBuilding) ->
         assert place.probability == presence[1 + seen.rooms.index(str(place.room))]
     assert seen.asked("sink") == "mixture"
     assert seen.next_room(["sink", "shoes"], here="waiting-room") in seen.rooms
-    with pytest.raises(RecipeError, match="no model can look for 'wall'"):
+    with pytest.raises(RecipeError, match="no model here can look for 'wall'"):
         seen.where("wall")
     with pytest.raises(RecipeError, match="one word or more"):
         seen.next_room([])
@@ -279,7 +279,9 @@ def test_a_model_for_any_use_is_not_helped_by_one_for_research(how: str, tmp_pat
         "copy": tmp_path / "folder" / ".." / "mine.safetensors",
     }
     seen = open_graph(OFFICE, model=models[how])
-    with pytest.raises(RecipeError, match=r"no model can look for 'shoes'|no model knows 'shoes'"):
+    with pytest.raises(
+        RecipeError, match=r"no model here can look for 'shoes'|no model knows 'shoes'"
+    ):
         seen.where("shoes")
 
 

@@ -17,7 +17,7 @@ MAPS = [load_class_map("hm3d45-v2"), load_class_map("hm3d-wide-v1")]
         ("fridge", "refrigerator", 0, "'fridge' is 'refrigerator'"),
         ("sofa", "couch", 0, "'sofa' is one of the class 'couch'"),
         ("shoes", "shoe", 1, "'shoes' is one of the class 'shoe'"),
-        ("microwav", "microwave", 0, "knows 'microwav'; the most similar name is 'microwave'"),
+        ("microwav", "microwave", 0, "taken for 'microwave', the most similar name"),
     ],
 )
 def test_a_word_has_a_class_and_a_reason(word: str, class_name: str, model: int, how: str) -> None:
@@ -60,7 +60,7 @@ def test_a_word_is_not_refused_with_names_that_only_share_letters() -> None:
     ("word", "why"),
     [
         ("wall", "part of the building"),
-        ("bicycle", "no model counts such things"),
+        ("bicycle", "no model that was asked counts such things"),
         ("qqqxz", r"no class map knows the name\. `bsg-data"),
         ("refrig", "did you mean refrigerator"),
         ("", "expected the name of a thing"),

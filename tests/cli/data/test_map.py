@@ -11,6 +11,8 @@ def test_map_shows_names_classes_and_near_misses() -> None:
     assert "class none (part of the building)" in run("map", "show", "wall").stdout
     shown = json.loads(run("map", "show", "garbage bin", "--json").stdout)
     assert "trash can" in shown["spellings"]
+    shown_in_another = run("map", "show", "sneakers").stdout
+    assert "class none (known, but not counted)\nin hm3d-wide-v1: class shoe\n" in shown_in_another
     assert "nearest: chair" in run("map", "show", "chairr", code=1).stdout
     assert "hm3d45-v1" in run("map", "list").stdout
 
