@@ -23,14 +23,19 @@ def resolve_links(path: AnyPath) -> Path:
         DatasetError: if a link on the way leads to itself.
     """
     path = Path(path)
+    loop = DatasetError(
+        f"{path}: a link on the way leads to itself; name another place, or remove the link"
+    )
     try:
-        path.stat()  # `resolve` raises RuntimeError up to Python 3.12, and nothing later
+        real = path.resolve()
+    except RuntimeError as error:  # up to Python 3.12
+        raise loop from error
+    try:
+        real.stat()
     except OSError as error:
-        if error.errno == errno.ELOOP:
-            raise DatasetError(
-                f"{path}: a link on the way leads to itself; name another place, or remove the link"
-            ) from error
-    return path.resolve()
+        if error.errno == errno.ELOOP:  # later ones return the link itself
+            raise loop from error
+    return real
 
 
 @contextmanager

@@ -9,7 +9,8 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from bsg_data.errors import RecipeError
-from bsg_data.spelling import show_value
+from bsg_data.spelling import SHOWN, show_value
+from bsg_data.tables import make_plain
 
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
@@ -20,16 +21,21 @@ class Record(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
+# kinds of faults: our own message, a text that is no JSON, an unknown key
+_SAID = ("value_error", "json_invalid", "extra_forbidden")
+
+
 def name_fault(error: ValidationError) -> str:
     """Return place and kind of the first fault of a record: `rooms.0.id: Field required`.
 
-    A word or a number that is wrong is shown.
+    A word or a number that is wrong is shown, unless the fault is not in it or says it already.
     """
     first = error.errors()[0]
-    where = ".".join(str(part) for part in first["loc"]) or "the whole file"
-    said, value = first["msg"].removeprefix("Value error, "), first["input"]
-    shown = isinstance(value, str | int | float) and "found" not in said
-    return f"{where}: {said}{f', found {show_value(value)}' if shown else ''}"
+    where = ".".join(make_plain(str(part)[:SHOWN]) for part in first["loc"]) or "the whole file"
+    value = first["input"]
+    is_shown = isinstance(value, str | int | float) and first["type"] not in _SAID
+    shown = f", found {show_value(value)}" if is_shown else ""
+    return f"{where}: {first['msg'].removeprefix('Value error, ')}{shown}"
 
 
 def read_number(name: str, value: object, *, most: float, wanted: str = "") -> float:

@@ -11,7 +11,8 @@ import lazy_loader
 
 from bsg_data.extras import ask_to_install
 
-# torch-geometric 2.8 calls it at import, and torch 2.15 warns of that. A user's filters go first.
+# torch-geometric 2.8 calls it at import, and torch 2.15 warns of that. The warning names a file of
+# torch's, so a program's own call is not told apart. A filter of the user's goes first.
 warnings.filterwarnings(
     "ignore", "`torch.jit.script` is deprecated", category=FutureWarning, append=True
 )

@@ -200,14 +200,19 @@ def require_files(graphs: Sequence[Path]) -> None:
 
 
 def refuse_present(options: dict[str, Any]) -> None:
-    """Refuse files that are there already before the models are imported, which is slow.
+    """Refuse files that are there already, or of no format, before the models are imported.
 
     The library refuses what is left: folders, and files beside what a killed command left, which
     it undoes first.
 
     Raises:
         DatasetError: naming the first such file.
+        RecipeError: if no format has the suffix of `--out`.
     """
+    if options["out"] is not None:
+        from bsg_models.belief.formats import choose_format
+
+        choose_format(options["out"])
     read = {path.absolute() for path in options["graphs"]}  # naming one of them is another error
     for name in ("out", "hydra", "html"):
         path: Path | None = options[name]

@@ -66,7 +66,7 @@ class PagePath(click.Path):
         """Return the path; refuse one that a browser would not open as a page."""
         path = Path(os.fsdecode(super().convert(value, param, ctx)))
         if path.suffix.casefold() not in (".html", ".htm"):
-            self.fail(f"{path}: expected the name of a page, such as {path.stem}.html", param, ctx)
+            self.fail(f"{path}: expected the name of a page, such as page.html", param, ctx)
         return path
 
 

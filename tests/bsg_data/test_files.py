@@ -10,6 +10,7 @@ from bsg_data.files import (
     encode_json,
     open_beside,
     refuse_links,
+    resolve_links,
     stem_of,
     write_bytes,
 )
@@ -31,6 +32,25 @@ def test_a_file_is_whole_or_stays_as_it_was(tmp_path: Path) -> None:
     write_bytes(path, b"two")
     assert path.read_bytes() == b"two"
     assert [p.name for p in path.parent.iterdir()] == ["file.json"]
+
+
+@pytest.mark.parametrize(
+    "way", ["loop", "loop/new", "missing/../loop", "dangling/../loop", "file/../loop", "to/loop"]
+)
+def test_a_way_through_a_link_that_leads_to_itself_is_refused(way: str, tmp_path: Path) -> None:
+    (tmp_path / "loop").symlink_to("other")
+    (tmp_path / "other").symlink_to("loop")
+    (tmp_path / "dangling").symlink_to("nowhere")
+    (tmp_path / "to").symlink_to(tmp_path)
+    (tmp_path / "file").touch()
+    with pytest.raises(DatasetError, match=f"{way}: a link on the way leads to itself"):
+        resolve_links(tmp_path / way)
+
+
+def test_what_is_not_there_yet_has_a_place(tmp_path: Path) -> None:
+    (tmp_path / "dangling").symlink_to("nowhere")
+    assert resolve_links(tmp_path / "dangling" / "new") == tmp_path.resolve() / "nowhere" / "new"
+    assert resolve_links(str(tmp_path / "a" / ".." / "b")) == tmp_path.resolve() / "b"
 
 
 def test_a_link_in_the_way_is_not_followed(tmp_path: Path) -> None:

@@ -57,6 +57,9 @@ def test_what_is_in_the_way_is_named_and_stays(tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match="cannot be locked"):
         hold(tmp_path / "third").__enter__()
     assert not (tmp_path / "victim").exists()
+    (tmp_path / "loop").symlink_to("loop")
+    with pytest.raises(DatasetError, match="loop: a link on the way leads to itself"):
+        hold(tmp_path / "loop").__enter__()
     with pytest.raises(DatasetError, match="nnn: the name is too long; choose a shorter one"):
         hold(tmp_path / ("n" * 250)).__enter__()
 

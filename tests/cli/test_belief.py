@@ -224,6 +224,8 @@ def write_seen(folder: Path, categories: list[str]) -> Path:
         (("misspelt.json",), 1, "'rom' is no key; did you mean room?"),
         ((OFFICE, "--html", "there.html"), 1, "there.html: is there already; --force replaces it"),
         ((OFFICE, "--labels", "nyu"), 2, "labels are for Hydra's graphs"),
+        ((OFFICE, "--html", "page.pdf"), 2, "page.pdf: expected the name of a page"),
+        ((OFFICE, "--out", "belief.txt"), 2, "Error: belief.txt: no format of belief graphs"),
     ],
 )
 def test_what_needs_no_model_is_refused_before_models_are_imported(

@@ -135,6 +135,15 @@ def test_no_link_is_dead(site: Path) -> None:
     assert find_dead_links(site) == set()
 
 
+@pytest.mark.slow
+def test_code_that_a_page_links_to_is_a_page_and_a_file(site: Path) -> None:
+    folder = site / "source" / "docs" / "examples"
+    kept = (REPOSITORY / "docs" / "examples" / "ros2_belief_node.py").read_text("utf-8")
+    assert (folder / "ros2_belief_node.py").read_text("utf-8") == kept
+    page = (folder / "ros2_belief_node.py.html").read_text("utf-8")
+    assert '<a href="ros2_belief_node.py">Download this file</a>' in page
+
+
 def read_inventory(site: Path) -> set[str]:
     """Return the names of Python that the site has a place for: Sphinx's inventory, version 2."""
     head, body = (site / "objects.inv").read_bytes().split(b"zlib.\n", 1)
