@@ -35,7 +35,6 @@ PROVED_ELSEWHERE = {
     "bsg_data/dataset/schema.py": "bsg_data/dataset/test_shards.py",
     "bsg_data/errors.py": "bsg_data/test_build.py",
     "bsg_data/observation/explored_rooms.py": "bsg_data/observation/test_masks.py",
-    "bsg_data/recipes.py": "bsg_data/observation/test_pairs.py",
     "bsg_data/scene/mesh_coverage.py": "bsg_data/geometry/test_placement.py",
     "bsg_data/sources/assembly.py": "bsg_data/sources/test_hm3d.py",
     "bsg_data/sources/synthetic.py": "bsg_data/sources/test_catalogue.py",
