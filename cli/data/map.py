@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -70,6 +72,24 @@ def find_elsewhere(category: str) -> dict[str, str]:
     return {one.version: one.classes[index] for one, index in found if index is not None}
 
 
+def _describe(answer: Mapping[str, Any], version: str, index: int | None) -> Iterator[str]:
+    """Yield what `map show` says of a name, line by line; `index` is of the class of that name."""
+    name = answer["name"]
+    if answer["mapped"]:
+        rule = f" (by the rule {answer['rule']!r})" if answer["rule"] else ""
+        what = answer["class"] or f"none{_WITHOUT_CLASS.get(answer['role'], '')}"
+        yield f"name {name!r} → corrected {answer['category']!r}{rule} → class {what}"
+    elif index is None:
+        near = ", ".join(answer["nearest"]) or "nothing like it"
+        yield f"{name!r} is not in {version}; nearest: {near}"
+    for other, found in answer["elsewhere"].items():
+        yield f"in {other}: class {found}"
+    if index is not None:
+        yield f"class {index}, {name}: {answer['definition']}"
+        spellings = answer["spellings"]
+        yield f"{len(spellings)} spellings: {', '.join(map(repr, spellings))}"
+
+
 @command.command("show")
 @click.argument("category")
 @class_map_option
@@ -87,8 +107,7 @@ def map_show(category: str, class_map: str, as_json: bool) -> None:
     index = loaded.classes.index(category) if category in loaded.classes else None
     spellings = sorted(raw for raw, e in loaded.entries.items() if e.class_index == index)
     mapped = known.role != "unmapped"
-    elsewhere = {} if name or index is not None else find_elsewhere(category)
-    answer = {
+    answer: dict[str, Any] = {
         "name": category,
         "mapped": mapped,
         "category": known.category,
@@ -96,25 +115,14 @@ def map_show(category: str, class_map: str, as_json: bool) -> None:
         "role": known.role,
         "rule": known.rule,
         "nearest": [] if mapped else list(loaded.nearest(category)),
-        "elsewhere": elsewhere,
+        "elsewhere": {} if name or index is not None else find_elsewhere(category),
         "definition": None if index is None else loaded.space.definitions[index],
         "spellings": [] if index is None else spellings,
     }
     if as_json:
         print_json(answer)
-    elif mapped:
-        rule = f" (by the rule {known.rule!r})" if known.rule else ""
-        what = name or f"none{_WITHOUT_CLASS.get(known.role, '')}"
-        print_text(f"name {category!r} → corrected {known.category!r}{rule} → class {what}")
-    elif index is None:
-        near = ", ".join(loaded.nearest(category)) or "nothing like it"
-        print_text(f"{category!r} is not in {loaded.version}; nearest: {near}")
-    if not as_json:
-        for other, found in elsewhere.items():
-            print_text(f"in {other}: class {found}")
-    if index is not None and not as_json:
-        print_text(f"class {index}, {category}: {loaded.space.definitions[index]}")
-        print_text(f"{len(spellings)} spellings: {', '.join(map(repr, spellings))}")
+    else:
+        print_text("\n".join(_describe(answer, loaded.version, index)))
     if not mapped and index is None:
         raise click.exceptions.Exit(1)
 
