@@ -31,7 +31,16 @@ _LASTING = {errno.EACCES, errno.EPERM, errno.ELOOP, errno.ENAMETOOLONG, errno.EI
 
 
 class BSGError(Exception):
-    """Be the base class of all errors that the project raises on purpose."""
+    """Be the base class of all errors that the project raises on purpose.
+
+    Attributes:
+        code: kind of fault in kebab-case, such as `line-malformed`: what programs compare.
+        where: file, line, key or id at fault; empty if the message is about no such place.
+    """
+
+    def __init__(self, message: str = "", *, code: str = "", where: object = "") -> None:
+        super().__init__(message)
+        self.code, self.where = code, str(where)
 
 
 class SourceError(BSGError):
@@ -56,7 +65,8 @@ class AnnotationError(SourceError):
         self.line = line if len(line) <= 120 else line[:117] + "..."
         self.expected = expected
         where = f"{self.path}" if line_number is None else f"{self.path}, line {line_number}"
-        super().__init__(f"{where}: expected {expected}, found {self.line!r}")
+        message = f"{where}: expected {expected}, found {self.line!r}"
+        super().__init__(message, code="line-malformed", where=where)
 
     def __reduce__(self) -> tuple[object, ...]:
         """Support pickling, so that a worker process can return the error."""
