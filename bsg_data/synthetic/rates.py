@@ -1,6 +1,7 @@
 """The rates that synthetic buildings are drawn from, read from `rates.json`.
 
-The file is fitted on HM3D by `scripts/fit/synthetic_rates.py` and holds aggregates only.
+The file is fitted on HM3D by `scripts/fit/synthetic_rates.py` at commit 4227eff and holds
+aggregates only.
 """
 
 from __future__ import annotations

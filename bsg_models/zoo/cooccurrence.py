@@ -1,8 +1,8 @@
 """Score classes by co-occurrence: which classes share rooms in another source.
 
 A planner without a model asks what its objects usually stand beside. The table counts BEHAVIOR's
-rooms (`mappings/behavior-cooccurrence-v1.csv`, made by `scripts/fit/cooccurrence.py`). Two rules
-turn it into a score, with n rooms in all, n_c of which have the class c:
+rooms (`mappings/behavior-cooccurrence-v1.csv`, made by `scripts/fit/cooccurrence.py` at commit
+4227eff). Two rules turn it into a score, with n rooms in all, n_c of which have the class c:
 
     pmi           the mean over visible classes j of log P(c | j) / P(c)
     naive-bayes   Σ_j visible log P(j | c) / P(j | not c)

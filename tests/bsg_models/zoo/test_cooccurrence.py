@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
-from conftest import load_script
 from one_building import observe_building
 
 from bsg_data.errors import ClassMapError
@@ -89,17 +87,6 @@ def test_naive_bayes_weighs_what_is_absent_by_the_share_that_was_seen() -> None:
 def test_a_row_that_cannot_be_is_named(rows: str, message: str) -> None:
     with pytest.raises(ClassMapError, match=rf"t\.csv, {message}"):
         read_table("t.csv", (HEADER + rows).encode(), NAMES)
-
-
-def test_pairs_of_few_buildings_are_left_out() -> None:
-    def building(*rooms: Sequence[int]) -> np.ndarray[tuple[int, int], np.dtype[np.int64]]:
-        return np.array(rooms, dtype=np.int64)
-
-    twice = building([2, 1, 1, 0], [1, 1, 0, 1])
-    once = building([1, 1, 0, 0], [0, 0, 3, 0])
-    count_pairs = load_script("fit/cooccurrence").count_pairs
-    # The first two meet in all three buildings, the others in two at most, though in many rooms.
-    assert list(count_pairs([twice, twice, once], NAMES)) == [("bed", "pillow", 5, 5, 5, 6)]
 
 
 def test_the_published_table_is_sound() -> None:
