@@ -38,7 +38,6 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """Add what `make faults` asks for."""
     parser.addoption("--full", action="store_true", help="tests/faults: try everything")
     parser.addoption("--sentences", action="store_true", help="write tests/refusals.txt (with -n0)")
-    parser.addoption("--tally", metavar="FILE", help="tests/faults: append what was tried to FILE")
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:

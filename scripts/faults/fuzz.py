@@ -1,6 +1,6 @@
 """Feed every reader with millions of inputs, led by which lines they reach: atheris.
 
-    python scripts/faults/fuzz.py --minutes 60 --jobs 2 --tally build/faults.jsonl
+    python scripts/faults/fuzz.py --minutes 60 --jobs 2
 
 A reader is a target of tests/faults/fuzz, and runs in a process of its own, which is started again
 when it hangs, eats memory or dies. What a reader must not do is kept as an input of
@@ -38,7 +38,6 @@ sys.path.insert(
 )  # before this folder: it has a fuzz.py, too
 
 from fuzz.catalogue import ROWS, find_target  # noqa: E402
-from tally import Tally  # noqa: E402
 
 if TYPE_CHECKING:
     from fuzz.target import Finding
@@ -264,7 +263,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--runs", type=int, default=0, help="inputs of each reader, at most")
     parser.add_argument("--jobs", type=int, default=1, help="readers at a time")
     parser.add_argument("--targets", nargs="+", choices=ROWS, default=list(ROWS), metavar="READER")
-    parser.add_argument("--tally", type=Path, help="file to append a line of each reader to")
     parser.add_argument("--corpus", type=Path, default=REPOSITORY / "build" / "fuzz", metavar="DIR")
     parser.add_argument("--child", help=argparse.SUPPRESS)
     parser.add_argument("--seconds", type=int, default=0, help=argparse.SUPPRESS)
@@ -292,7 +290,6 @@ def _run_all(
     names: Sequence[str], folder: Path, seconds: float, options: argparse.Namespace
 ) -> int:
     """Run the readers side by side, and tell and note each when it is done."""
-    tally = Tally(None if options.tally is None else options.tally.absolute())
     stop = threading.Event()
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends all as Ctrl-C does
     done: list[Campaign] = []
@@ -312,28 +309,21 @@ def _run_all(
                 continue
             for future in ended:
                 done.append(future.result())
-                _tell(done[-1], tally)
+                _tell(done[-1])
     tried, failed = sum(one.tried for one in done), sum(one.failed for one in done)
     causes = sum(len(one.causes) for one in done)
     print(f"{tried:,} inputs, of which {failed:,} failed, of {causes} causes")
     return int(causes > 0)
 
 
-def _tell(campaign: Campaign, tally: Tally) -> None:
-    """Print what was done to a reader, and note it."""
+def _tell(campaign: Campaign) -> None:
+    """Print what was done to a reader."""
     if not campaign.tried and not campaign.causes:
         return  # stopped before its turn
     speed = campaign.tried / max(campaign.seconds, 1e-9)
     print(f"{campaign.name}: {campaign.tried:,} inputs, {speed:,.0f} a second", flush=True)
     for cause in campaign.causes:
         print(f"  {cause}", flush=True)
-    tally(
-        test="any input, by atheris",
-        command=campaign.name,
-        tried=campaign.tried,
-        survived=campaign.tried - campaign.failed,
-        misses=campaign.causes,
-    )
 
 
 if __name__ == "__main__":

@@ -16,7 +16,6 @@ from itertools import combinations_with_replacement, product
 from pathlib import Path
 
 import pytest
-from tally import Tally
 
 from bsg_data import (
     HM3DFolder,
@@ -92,13 +91,12 @@ def meet(monkeypatch: pytest.MonkeyPatch, act: Callable[[], object], *, at_the_e
 
 @pytest.mark.parametrize("one", WRITERS)
 def test_a_command_in_the_middle_of_another(
-    one: str, place: Path, monkeypatch: pytest.MonkeyPatch, full: bool, tally: Tally
+    one: str, place: Path, monkeypatch: pytest.MonkeyPatch, full: bool
 ) -> None:
-    misses, tried = [], 0
+    misses = []
     ends = (False, True) if full else (False,)
-    for other, at_the_end in product([*WRITERS, *READERS], ends):
-        tried += 1
-        at = place.with_name(f"{place.name}-{tried}")
+    for number, (other, at_the_end) in enumerate(product([*WRITERS, *READERS], ends)):
+        at = place.with_name(f"{place.name}-{number}")
         shutil.copytree(place, at)
         said: list[str] = []
 
@@ -122,13 +120,6 @@ def test_a_command_in_the_middle_of_another(
         if read_made(at) != made:
             misses.append(f"{other} in {one}: the dataset is not what {one} made")
         shutil.rmtree(at)
-    tally(
-        test="a command in the middle of another",
-        command=f"bsg-data {one}",
-        tried=tried,
-        survived=tried - len({miss.partition(":")[0] for miss in misses}),
-        misses=misses,
-    )
     assert misses == []
 
 
@@ -136,7 +127,7 @@ def read_made(at: Path) -> object:
     return read_manifest(at / "dataset")
 
 
-def test_two_sets_of_synthetic_buildings_do_not_mix(tmp_path: Path, tally: Tally) -> None:
+def test_two_sets_of_synthetic_buildings_do_not_mix(tmp_path: Path) -> None:
     out = tmp_path / "buildings"
     writing = write_synthetic(out, scenes=3, seed=1)
     next(writing)
@@ -144,7 +135,6 @@ def test_two_sets_of_synthetic_buildings_do_not_mix(tmp_path: Path, tally: Tally
         write_synthetic(out, scenes=3, seed=2, force=True)
     list(writing)
     assert len(list(out.rglob("*.semantic.txt"))) == 3
-    tally(test="two commands at once", command="bsg-data synth", tried=1, survived=1)
 
 
 LINES = {
@@ -158,7 +148,7 @@ ROUNDS = 5
 
 
 @pytest.mark.parametrize(("one", "other"), list(combinations_with_replacement(LINES, 2)))
-def test_two_processes_race(one: str, other: str, place: Path, full: bool, tally: Tally) -> None:
+def test_two_processes_race(one: str, other: str, place: Path, full: bool) -> None:
     if not full:
         pytest.skip("races are run in full, by `make faults`")
     misses = []
@@ -189,11 +179,4 @@ def test_two_processes_race(one: str, other: str, place: Path, full: bool, tally
         left = [path.name for path in at.iterdir() if path.name.startswith(".")]
         misses += [f"{one} and {other}, round {number}: leaves {name}" for name in left]
         shutil.rmtree(at)
-    tally(
-        test="two processes race",
-        command=f"bsg-data {one} | {other}",
-        tried=ROUNDS,
-        survived=ROUNDS - len({miss.partition(":")[0] for miss in misses}),
-        misses=misses,
-    )
     assert misses == []

@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 from conftest import REPOSITORY
 from flips import find_missed
-from tally import Tally
 
 from bsg_data.checks.dataset import check_dataset
 from bsg_data.dataset.manifest import read_manifest
@@ -47,26 +46,15 @@ def train(family: str, dataset: Path, run: Path) -> Path:
     return run
 
 
-def try_flips(
-    folder: Path, look: Callable[[], bool], *, what: str, full: bool, tally: Tally, share: int = 1
-) -> None:
+def try_flips(folder: Path, look: Callable[[], bool], *, full: bool, share: int = 1) -> None:
     number = (FULL if full else SHORT) // share
     missed = find_missed(folder, number, look)
-    tally(
-        test="one byte flipped anywhere",
-        command=what,
-        tried=number,
-        survived=number - len(missed),
-        misses=missed,
-    )
     assert not missed
 
 
-def test_in_a_dataset(dataset: Path, full: bool, tally: Tally) -> None:
+def test_in_a_dataset(dataset: Path, full: bool) -> None:
     assert not check_dataset(dataset)
-    try_flips(
-        dataset, lambda: bool(check_dataset(dataset)), what="bsg-data check", full=full, tally=tally
-    )
+    try_flips(dataset, lambda: bool(check_dataset(dataset)), full=full)
 
 
 def test_in_a_manifest_every_command_finds_it(dataset: Path, tmp_path: Path, full: bool) -> None:
@@ -83,9 +71,7 @@ def test_in_a_manifest_every_command_finds_it(dataset: Path, tmp_path: Path, ful
 
 
 @pytest.mark.parametrize("family", SMALL)
-def test_in_a_checkpoint(
-    dataset: Path, tmp_path: Path, family: str, full: bool, tally: Tally
-) -> None:
+def test_in_a_checkpoint(dataset: Path, tmp_path: Path, family: str, full: bool) -> None:
     if not (full or family in IN_SHORT):
         pytest.skip("families besides these are tried by `make faults`")
     if family == "poisson-boosting":
@@ -100,10 +86,10 @@ def test_in_a_checkpoint(
         return False
 
     assert not look()
-    try_flips(alone, look, what=f"checkpoint of {family}", full=full, tally=tally, share=4)
+    try_flips(alone, look, full=full, share=4)
 
 
-def test_in_a_run(dataset: Path, tmp_path: Path, full: bool, tally: Tally) -> None:
+def test_in_a_run(dataset: Path, tmp_path: Path, full: bool) -> None:
     run = train("ceci-gcn", dataset, tmp_path / "run")
     assert {path.name for path in run.iterdir()} == {
         *("best.safetensors", "last.safetensors", "metrics.csv", "curve.png"),
@@ -114,10 +100,10 @@ def test_in_a_run(dataset: Path, tmp_path: Path, full: bool, tally: Tally) -> No
         return not check_results(run)
 
     assert not look()
-    try_flips(run, look, what="bsg-models check RUN", full=full, tally=tally)
+    try_flips(run, look, full=full)
 
 
-def test_in_a_run_of_an_ensemble(dataset: Path, tmp_path: Path, full: bool, tally: Tally) -> None:
+def test_in_a_run_of_an_ensemble(dataset: Path, tmp_path: Path, full: bool) -> None:
     run = train("ensemble", dataset, tmp_path / "run")
     sealed = check_results(run)
     for member in ("gamma-poisson", "naive-bayes"):
@@ -127,10 +113,10 @@ def test_in_a_run_of_an_ensemble(dataset: Path, tmp_path: Path, full: bool, tall
         return not check_results(run)
 
     assert not look()
-    try_flips(run, look, what="bsg-models check ENSEMBLE", full=full, tally=tally)
+    try_flips(run, look, full=full)
 
 
-def test_in_belief_tables(run: Path, tmp_path: Path, full: bool, tally: Tally) -> None:
+def test_in_belief_tables(run: Path, tmp_path: Path, full: bool) -> None:
     predictor, graph = Predictor(run), read_robot_graph(OFFICE)
     folder = tmp_path / "tables"
     write_tables([believe(graph, predictor(graph))], folder)
@@ -139,4 +125,4 @@ def test_in_belief_tables(run: Path, tmp_path: Path, full: bool, tally: Tally) -
         return not list(read_tables(folder))
 
     assert not look()
-    try_flips(folder, look, what="read_tables", full=full, tally=tally)
+    try_flips(folder, look, full=full)

@@ -18,7 +18,6 @@ import numpy as np
 import pytest
 from headless_browser import start_browser
 from replays import make_replay
-from tally import Tally
 
 from bsg_data.dataset.manifest import ClassSpaceEntry
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
@@ -206,9 +205,7 @@ def click_through(page: Any) -> int:
 
 
 @pytest.mark.slow
-def test_a_hostile_name_runs_nothing(
-    browser: Any, tmp_path: Path, full: bool, tally: Tally
-) -> None:
+def test_a_hostile_name_runs_nothing(browser: Any, tmp_path: Path, full: bool) -> None:
     turns = range(len(PAYLOADS)) if full else range(1)
     misses: dict[str, list[str]] = {"explorer": [], "replay": [], "report": []}
     for first in turns:
@@ -219,21 +216,11 @@ def test_a_hostile_name_runs_nothing(
                 assert page.locator("iframe").count() == (kind == "report")
                 page.keyboard.press("End")
             misses[kind] += [f"turn {first}: {what}" for what in (*faults, *refused)]
-    for kind, found in misses.items():
-        tally(
-            test="hostile names in a page, clicked through in Chromium",
-            command=kind,
-            tried=len(turns) * len(PAYLOADS),
-            survived=len(turns) * len(PAYLOADS) - len(found),
-            misses=found,
-        )
     assert not any(misses.values()), misses
 
 
 @pytest.mark.slow
-def test_the_policy_refuses_what_no_page_escaped(
-    browser: Any, tmp_path: Path, full: bool, tally: Tally
-) -> None:
+def test_the_policy_refuses_what_no_page_escaped(browser: Any, tmp_path: Path, full: bool) -> None:
     tried = MARKUP if full else ("".join(MARKUP),)
     misses: dict[str, list[str]] = {}
     for kind, text in pages(0, tmp_path).items():
@@ -249,14 +236,6 @@ def test_the_policy_refuses_what_no_page_escaped(
             misses[kind] += [f"{markup}: {what}" for what in asked]
             if not refused:
                 misses[kind].append(f"{markup}: nothing was refused")
-    for kind, found in misses.items():
-        tally(
-            test="markup in a page, as if escaping had failed",
-            command=kind,
-            tried=len(MARKUP),
-            survived=len(MARKUP) - len(found),
-            misses=found,
-        )
     assert not any(misses.values()), misses
 
 

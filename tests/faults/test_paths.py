@@ -14,7 +14,6 @@ import pytest
 from click.testing import CliRunner
 from conftest import working_in
 from hostile_places import PLACES, Place, hostile_names, write_victim
-from tally import Tally
 from watched_folder import snapshot, watch
 
 from bsg_cli.registry import COMMANDS
@@ -35,7 +34,7 @@ def try_line(words: Sequence[str], folder: Path) -> str:
 @pytest.mark.slow
 @pytest.mark.parametrize("place", PLACES, ids=lambda place: place.title.replace(" ", "-"))
 def test_a_name_leads_nowhere(
-    place: Place, request: pytest.FixtureRequest, tmp_path: Path, full: bool, tally: Tally
+    place: Place, request: pytest.FixtureRequest, tmp_path: Path, full: bool
 ) -> None:
     if place.is_slow and not full:
         pytest.skip("takes long: --full tries it")
@@ -59,13 +58,6 @@ def test_a_name_leads_nowhere(
         }
         misses += [f"{name[:60]!r}: {what}" for what in (*faults, *seen.events, *sorted(outside))]
         shutil.rmtree(folder)
-    tally(
-        test="a name of an attacker's in a file that becomes a path",
-        command=place.title,
-        tried=len(tried),
-        survived=len(tried) - len({miss.partition(":")[0] for miss in misses}),
-        misses=misses,
-    )
     assert not misses, "\n".join(misses)
 
 

@@ -27,7 +27,6 @@ from hypothesis.stateful import (
     run_state_machine_as_test,
 )
 from killed_process import Ended, start, wait_for
-from tally import Tally
 from version_1_files import write_version_1
 
 from bsg_data.build import build_dataset
@@ -148,7 +147,6 @@ class House(RuleBasedStateMachine):
     """A source, a dataset made of it, and a run trained on that."""
 
     reference: Reference  # of all machines
-    tried = 0
 
     def __init__(self) -> None:
         super().__init__()
@@ -338,7 +336,6 @@ class House(RuleBasedStateMachine):
         assert not any((self.dataset / name).exists() for name in HIDDEN)
 
     def run(self, work: Callable[[], object], *, kill: Kill) -> Ended:
-        type(self).tried += 1
         ended = wait_for(*start(work, inside=self.folder, kill_at=kill))
         note(f"{ended.how}: {ended.message[-2000:]}")
         assert ended.how != "failed", ended.message
@@ -381,31 +378,15 @@ class House(RuleBasedStateMachine):
 
 
 @pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
-def test_any_commands_in_any_order(
-    tmp_path_factory: pytest.TempPathFactory, full: bool, tally: Tally
-) -> None:
+def test_any_commands_in_any_order(tmp_path_factory: pytest.TempPathFactory, full: bool) -> None:
     House.reference = Reference(tmp_path_factory.mktemp("state-machine"))
-    House.tried = 0
-    misses: tuple[str, ...] = ()
-    try:
-        run_state_machine_as_test(
-            House,
-            settings=settings(
-                max_examples=150 if full else 6,
-                stateful_step_count=30 if full else 10,
-                suppress_health_check=list(HealthCheck),
-                derandomize=not full,
-                print_blob=False,
-            ),
-        )
-    except AssertionError as error:
-        misses = (str(error)[:500],)
-        raise
-    finally:
-        tally(
-            test="commands in any order, killed or not",
-            command="build, split, pairs, merge, upgrade, check, train",
-            tried=House.tried,
-            survived=House.tried - len(misses),
-            misses=misses,
-        )
+    run_state_machine_as_test(
+        House,
+        settings=settings(
+            max_examples=150 if full else 6,
+            stateful_step_count=30 if full else 10,
+            suppress_health_check=list(HealthCheck),
+            derandomize=not full,
+            print_blob=False,
+        ),
+    )
