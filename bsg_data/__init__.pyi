@@ -1,11 +1,10 @@
-from .build import build_dataset
-from .build_parts import BuiltPart, Part, build_part, finalise_dataset
+from .build import BuiltPart, Part, build_dataset, build_part, finalise_dataset
 from .checks.dataset import check_dataset
 from .checks.faults import Fault
 from .dataset.categories import OtherObjects
 from .dataset.composition import count_sources
 from .dataset.coverage import Coverage, count_classes, measure_coverage
-from .dataset.dataset import Dataset, read_adjacency, read_cells
+from .dataset.dataset import Dataset, read_cells
 from .dataset.frequencies import count_frequencies, plot_frequencies, refuse_figure
 from .dataset.histograms import to_histograms
 from .dataset.manifest import (
@@ -31,7 +30,7 @@ from .errors import (
 )
 from .exports.catalogue import EXPORTS, ExportRow
 from .exports.export import Exported, export_dataset
-from .merge import merge_datasets, upgrade_dataset
+from .merge import merge_datasets
 from .observation.hidden_share import VAGUE, ShareBelief, estimate_hidden_share
 from .observation.mask_hash import hash_masks, hash_splits
 from .observation.masked_buildings import MaskedBuildings
@@ -174,7 +173,6 @@ __all__ = [
     "open_source",
     "plot_frequencies",
     "published_maps",
-    "read_adjacency",
     "read_cells",
     "read_manifest",
     "read_pairs",
@@ -189,7 +187,6 @@ __all__ = [
     "sample_withheld",
     "split_dataset",
     "to_histograms",
-    "upgrade_dataset",
     "write_pairs",
     "write_shards",
     "write_synthetic",

@@ -1,20 +1,18 @@
 """Build one shard: read its scenes, write its files, and write a report of them.
 
-A shard depends only on its arguments, so any process on any machine can build it. Two processes can
-build the same shard at once: each writes into its own folder and renames finished files.
+A shard depends only on its arguments, so any process on any machine can build it. The report comes
+last: a shard without it, or with other hashes than it says, is made again.
 """
 
 from __future__ import annotations
 
-import tempfile
+import os
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from pydantic import ValidationError
 
-from bsg_data.dataset.growth import name_unfinished
+from bsg_data.dataset.commit import BUILD
 from bsg_data.dataset.manifest import (
     ClassSpaceEntry,
     FileEntry,
@@ -23,19 +21,15 @@ from bsg_data.dataset.manifest import (
     Totals,
     list_resolved,
 )
-from bsg_data.dataset.publication import REPORTS
-from bsg_data.dataset.shards import describe_file, write_shards
+from bsg_data.dataset.shards import write_shards
 from bsg_data.errors import (
     BSGError,
-    DatasetError,
     SourceChangedError,
     SourceError,
     UnmappedNameError,
     find_io_error,
 )
-from bsg_data.files import write_bytes
-from bsg_data.inputs.bounded_file import read_bytes
-from bsg_data.inputs.bounds import MANIFEST_FILE
+from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.recipes import Record
 from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.scene.mesh_coverage import MeshCoverage
@@ -86,12 +80,12 @@ def make_shard(
             if strict:
                 raise
             skip = SkippedScene(ref.scene_id, ref.location, str(error))
-            skipped.append(enter_skip(skip, source.path))
+            skipped.append(skip_entry(skip, source.path))
             continue
         if reading.left_out and strict:
             raise SourceError(reading.left_out[0].reason)
         graph = reading.graph
-        left_out += [enter_skip(skip, source.path) for skip in reading.left_out]
+        left_out += [skip_entry(skip, source.path) for skip in reading.left_out]
         if reading.mesh is not None:
             meshes[ref.scene_id] = reading.mesh
         unknown = [obj.raw_category for obj in graph.objects if obj.category is None]
@@ -99,44 +93,19 @@ def make_shard(
             raise UnmappedNameError(_unmapped_message(ref, unknown[0], loaded))
         names.update(obj.raw_category for obj in graph.objects)
         graphs.append(graph)
-    with _folder_of_its_own(folder, part) as own:
-        report = ShardReport(
-            files=write_shards(
-                graphs, own, part=part, class_space=ClassSpaceEntry.of(loaded.space)
-            ),
-            totals=_total(graphs),
-            skipped=tuple(skipped),
-            left_out=tuple(left_out),
-            meshes=meshes,
-            unmapped={n: times for n, times in names.items() if not loaded.classify(n).category},
-            resolved=tuple(list_resolved(names, loaded)),
-        )
-        write_bytes(own / _name_report(part), report.model_dump_json().encode())
-        for path in (*(entry.path for entry in report.files), _name_report(part)):
-            (folder / path).parent.mkdir(exist_ok=True)
-            (own / path).replace(folder / path)
+    report = ShardReport(
+        files=write_shards(graphs, folder, part=part, class_space=ClassSpaceEntry.of(loaded.space)),
+        totals=_total(graphs),
+        skipped=tuple(skipped),
+        left_out=tuple(left_out),
+        meshes=meshes,
+        unmapped={n: times for n, times in names.items() if not loaded.classify(n).category},
+        resolved=tuple(list_resolved(names, loaded)),
+    )
+    partial = folder / f"{_name_report(part)}.{os.getpid()}"  # two processes may make one shard
+    partial.write_text(report.model_dump_json(), "utf-8")
+    partial.replace(folder / _name_report(part))
     return report
-
-
-@contextmanager
-def _folder_of_its_own(folder: Path, part: int) -> Iterator[Path]:
-    """Yield a new folder beside another one, and remove it at the end.
-
-    It is not inside the other folder, so a late process cannot add to a finished dataset.
-
-    Raises:
-        DatasetError: if a file cannot be written or renamed.
-    """
-    try:
-        with tempfile.TemporaryDirectory(
-            prefix=f"{name_unfinished(folder)}{part:05d}.", dir=folder.parent
-        ) as own:
-            yield Path(own)
-    except OSError as error:
-        raise DatasetError(
-            f"{folder}: shard {part} cannot be moved there ({error.strerror or error}); if the "
-            "dataset was not finished meanwhile, run the command again"
-        ) from error
 
 
 def _read(source: Source, ref: SceneRef, class_map: ClassMap) -> Reading:
@@ -170,7 +139,7 @@ def _read(source: Source, ref: SceneRef, class_map: ClassMap) -> Reading:
         ) from error
 
 
-def enter_skip(skip: SkippedScene, root: Path) -> SkipEntry:
+def skip_entry(skip: SkippedScene, root: Path) -> SkipEntry:
     """Return the manifest's entry of a skipped scene, without paths of this machine."""
     reason = skip.reason.replace(f"{root}/{skip.location}", "").lstrip(" ,:")
     reason = reason.replace(f"{root}/", "")
@@ -180,16 +149,11 @@ def enter_skip(skip: SkippedScene, root: Path) -> SkipEntry:
 def read_report(folder: Path, part: int) -> ShardReport | None:
     """Return the report of a finished shard; None if its files changed or it has none."""
     try:
-        data = read_bytes(folder / _name_report(part), MANIFEST_FILE, error=DatasetError)
-        report = ShardReport.model_validate_json(data)
-        for entry in report.files:
-            if (folder / entry.path).stat().st_size != entry.bytes:
-                return None
-            if describe_file(folder, entry.path, rows=entry.rows) != entry:
-                return None
-    except (DatasetError, OSError, ValidationError):
+        report = ShardReport.model_validate_json((folder / _name_report(part)).read_bytes())
+        sound = all(hash_file(folder / entry.path) == entry.sha256 for entry in report.files)
+    except (OSError, ValidationError):
         return None
-    return report
+    return report if sound else None
 
 
 def is_reported(folder: Path, part: int) -> bool:
@@ -198,7 +162,7 @@ def is_reported(folder: Path, part: int) -> bool:
 
 
 def _name_report(part: int) -> str:
-    return f"{REPORTS}/part-{part:05d}.json"
+    return f"{BUILD}/part-{part:05d}.json"
 
 
 def _total(graphs: list[SceneGraph]) -> Totals:

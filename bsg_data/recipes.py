@@ -157,11 +157,7 @@ class PairsRecipe(Record):
     Attributes:
         mask: how objects are hidden.
         draws: masks per building.
-        masks: version of the masks. Version 1 belongs to format 1
-            (`bsg_data.observation.masks_v1`): new pairs never use it, but an upgraded dataset keeps
-            its pairs.
     """
 
     mask: MaskRecipe = MaskRecipe()
     draws: int = Field(default=10, ge=1, le=1_000_000)
-    masks: Literal[1, 2] = 2

@@ -17,7 +17,7 @@ import numpy as np
 from bsg_data.arrays import Counts
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
-from bsg_data.dataset.publication import CARD, CROISSANT
+from bsg_data.dataset.manifest import CARD, CROISSANT
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import SourceError
 from bsg_data.exports.catalogue import EXPORTS

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import importlib
 import importlib.metadata
 import importlib.util
@@ -19,6 +20,15 @@ import pytest
 import refusals
 
 from bsg_data import HM3DFolder, PairsRecipe, SplitRecipe, build_dataset, split_dataset, write_pairs
+from bsg_data.dataset.manifest import (
+    CARD,
+    CROISSANT,
+    MANIFEST,
+    FileEntry,
+    Manifest,
+    encode_manifest,
+    seal_manifest,
+)
 
 hypothesis.settings.register_profile("untimed", deadline=None)  # a busy machine proves nothing
 hypothesis.settings.load_profile("untimed")
@@ -106,6 +116,19 @@ def write_twelve(root: Path) -> Path:
             split=split,
         )
     return root
+
+
+def describe_file(folder: Path, path: str, *, rows: int) -> FileEntry:
+    """Return the manifest's entry of a file that a test wrote."""
+    data = (folder / path).read_bytes()
+    sha256 = hashlib.sha256(data).hexdigest()
+    return FileEntry(path=path, rows=rows, bytes=len(data), sha256=sha256)
+
+
+def commit_manifest(dataset: Path, manifest: Manifest) -> None:
+    """Write a manifest by hand, sealed as the cards are."""
+    cards = {name: (dataset / name).read_bytes() for name in (CARD, CROISSANT)}
+    (dataset / MANIFEST).write_bytes(seal_manifest(encode_manifest(manifest), cards))
 
 
 def load_script(name: str) -> ModuleType:

@@ -19,8 +19,7 @@ FOLDERS = {"bsg_data": "bsg_data", "bsg_models": "bsg_models", "bsg_cli": "cli"}
 # room imports rooms of the lines above its own, and none of its own line.
 HOUSE = (
     "bsg_data.arrays bsg_data.errors bsg_data.extras bsg_data.spelling bsg_data.tables",
-    "bsg_data.exchange bsg_data.executors bsg_data.files bsg_data.recipes bsg_data.registry "
-    "bsg_data.signals",
+    "bsg_data.executors bsg_data.files bsg_data.recipes bsg_data.registry bsg_data.signals",
     "bsg_data.inputs bsg_data.lock",
     "bsg_data.figure_file bsg_data.result_folder bsg_data.scene",
     "bsg_data.geometry bsg_data.seals",
@@ -28,7 +27,7 @@ HOUSE = (
     "bsg_data.dataset",
     "bsg_data.build_shards bsg_data.observation",
     "bsg_data.build bsg_data.synthetic bsg_data.checks bsg_data.exports",
-    "bsg_data.build_parts bsg_data.merge",
+    "bsg_data.merge",
     "bsg_data.testing",
     "bsg_models.compilation bsg_models.errors",
     "bsg_models.belief bsg_models.search bsg_models.inputs",

@@ -15,7 +15,7 @@ from conftest import REPOSITORY, tomllib
 
 from bsg_cli.registry import COMMANDS
 from bsg_data import registry
-from bsg_data.dataset.publication import CARD, CROISSANT
+from bsg_data.dataset.manifest import CARD, CROISSANT
 
 TEXT = (REPOSITORY / "docs" / "extending.md").read_text("utf-8")
 BLOCKS = dict(re.findall(r"```python\n# (\S+)\n(.*?)```", TEXT, re.DOTALL))

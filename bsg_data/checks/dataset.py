@@ -22,9 +22,12 @@ from bsg_data.checks.part import Part
 from bsg_data.checks.rooms import check_rooms
 from bsg_data.checks.scenes import check_scenes
 from bsg_data.checks.splits import check_splits
+from bsg_data.dataset.commit import is_own, list_strays
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.kept_maps import KEPT, read_class_maps
 from bsg_data.dataset.manifest import (
+    CARD,
+    CROISSANT,
     MANIFEST,
     ClassSpaceEntry,
     FileEntry,
@@ -32,9 +35,6 @@ from bsg_data.dataset.manifest import (
     read_card_hashes,
     read_hashed_manifest,
 )
-from bsg_data.dataset.own_files import is_own
-from bsg_data.dataset.publication import CARD, CROISSANT, REPLACES, list_strays
-from bsg_data.dataset.replacement import find_replaced
 from bsg_data.dataset.schema import TABLES
 from bsg_data.errors import ClassMapError
 from bsg_data.files import AnyPath
@@ -178,13 +178,7 @@ def _check_kept_maps(dataset: Path, manifest: Manifest) -> Iterator[Fault]:
 
 def _check_strays(dataset: Path, manifest: Manifest) -> Iterator[Fault]:
     for name in list_strays(dataset, manifest):
-        if name == REPLACES and (old := find_replaced(dataset)) is not None:
-            yield Fault(
-                name,
-                "is not in the manifest: a command was stopped while it replaced a dataset, whose "
-                f"old files are in {old}; the next command that changes this dataset removes both",
-            )
-        elif is_own(name):
+        if is_own(name):
             yield Fault(
                 name,
                 "is not in the manifest: a command was stopped here; the next command that changes "

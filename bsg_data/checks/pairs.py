@@ -17,14 +17,12 @@ from bsg_data.checks.part import NULL, Words
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import to_histograms
 from bsg_data.dataset.manifest import FileEntry
-from bsg_data.observation.masks_v1 import sample_hidden_of_format_1, sample_visited_of_format_1
 from bsg_data.observation.pairs import (
     fits_pairs,
     histogram_column,
     read_views,
     sample_pairs,
     split_of_file,
-    tells_view,
 )
 from bsg_data.observation.view import View
 from bsg_data.recipes import PairsRecipe
@@ -46,7 +44,7 @@ class PairCheck:
         first = np.flatnonzero(np.diff(names.codes, prepend=NULL))
         runs = Counter(names.codes[first].tolist())
         self._files.update(names.names)
-        pairs = _Pairs.of(table, self._recipe)
+        pairs = _Pairs.of(table)
         for start, end in pairwise([*first, len(table)]):
             code = int(names.codes[start])
             name, where = names.names[code], f"{entry.path}, {names.names[code]}"
@@ -85,9 +83,10 @@ class PairCheck:
         inputs, targets = (
             counts.astype(np.int64).reshape(shape) for counts in (pairs.inputs, pairs.targets)
         )
-        faults = list(_check_histograms(where, inputs, targets, cells))
-        if pairs.tells_view:
-            faults += _check_view(where, pairs.view, inputs, targets)
+        faults = [
+            *_check_histograms(where, inputs, targets, cells),
+            *_check_view(where, pairs.view, inputs, targets),
+        ]
         yield from faults
         if not faults:
             known = self._data.connections(scene)
@@ -105,7 +104,6 @@ class _Pairs:
         inputs: `[P, C]` input histograms.
         targets: `[P, C]` target histograms.
         view: view of all rows.
-        tells_view: whether the view was stored.
     """
 
     draw: npt.NDArray[np.int32]
@@ -113,17 +111,15 @@ class _Pairs:
     inputs: npt.NDArray[np.uint16]
     targets: npt.NDArray[np.uint16]
     view: View
-    tells_view: bool
 
     @classmethod
-    def of(cls, table: pa.Table, recipe: PairsRecipe) -> _Pairs:
+    def of(cls, table: pa.Table) -> _Pairs:
         return cls(
             draw=table["draw"].to_numpy(),
             node=table["node_index"].to_numpy(),
             inputs=histogram_column(table, "input"),
             targets=histogram_column(table, "target"),
-            view=read_views(table, recipe),
-            tells_view=tells_view(table),
+            view=read_views(table),
         )
 
     def take(self, first: int, last: int) -> _Pairs:
@@ -148,24 +144,12 @@ def _is_drawn(
     connections: Connections,
 ) -> bool:
     """Say whether pairs `[D, N, C]` and their views follow from the recipe."""
-    if recipe.masks != 1:
-        views, drawn = sample_pairs(cells, recipe, scene_id=scene, connections=connections)
-        nodes = len(cells)
-        same = all(
-            one.agrees(view.take(draw * nodes, (draw + 1) * nodes))
-            for draw, one in enumerate(views)
-        )
-        return same and np.array_equal(drawn, inputs)
-    for draw, (left, rows) in enumerate(
-        zip(inputs, view.visited.reshape(len(inputs), -1), strict=True)
-    ):
-        visited = sample_visited_of_format_1(
-            cells, recipe.mask, scene_id=scene, draw=draw, connections=connections
-        )
-        hidden = sample_hidden_of_format_1(cells, visited, recipe.mask, scene_id=scene, draw=draw)
-        if (visited != rows).any() or (to_histograms(cells - hidden) != left).any():
-            return False
-    return True
+    views, drawn = sample_pairs(cells, recipe, scene_id=scene, connections=connections)
+    nodes = len(cells)
+    same = all(
+        one.agrees(view.take(draw * nodes, (draw + 1) * nodes)) for draw, one in enumerate(views)
+    )
+    return same and np.array_equal(drawn, inputs)
 
 
 def _check_view(where: str, view: View, inputs: Counts, targets: Counts) -> Iterator[Fault]:

@@ -162,10 +162,12 @@ def _file_sets(manifest: Manifest) -> list[tuple[str, str, pa.Schema]]:
     for table, schema in _schemas(manifest).items():
         files = [file.path for file in manifest.files_of(table)]
         if table == "pairs":
-            splits = sorted({path.rpartition("-")[0] for path in files})
-            sets += [(name, f"{name}-*.parquet", schema) for name in splits]
+            stems = sorted({path.rpartition("-")[0] for path in files})
+            sets += [
+                (f"pairs/{stem.split('/')[-1]}", f"{stem}-*.parquet", schema) for stem in stems
+            ]
         else:
-            sets.append((table, f"{table}/*.parquet" if "/" in files[0] else files[0], schema))
+            sets.append((table, f"{table}/*.parquet", schema))
     return sets
 
 

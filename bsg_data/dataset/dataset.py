@@ -201,10 +201,3 @@ def read_cells(dataset: AnyPath) -> dict[str, Counts]:
     """Return scene id → cells `[1 + R, C]` for all scenes, in the order of the tables."""
     data = Dataset.open(dataset)
     return {scene_id: data.cells(scene_id) for scene_id in data.scene_ids}
-
-
-def read_adjacency(dataset: AnyPath) -> dict[str, list[tuple[int, int]]]:
-    """Return scene id → pairs of adjacent rooms, for all scenes that have any."""
-    data = Dataset.open(dataset)
-    pairs = {scene_id: data.connections(scene_id).pairs.tolist() for scene_id in data.scene_ids}
-    return {scene_id: [(a, b) for a, b in own] for scene_id, own in pairs.items() if own}

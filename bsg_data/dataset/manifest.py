@@ -9,14 +9,13 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
 from bsg_data.dataset.schema import FORMAT_VERSION, SPLIT_NAME
-from bsg_data.dataset.version_1 import convert_manifest
 from bsg_data.errors import DatasetError, MismatchError, RecipeError, SourceError
 from bsg_data.files import AnyPath, resolve_links
 from bsg_data.inputs.bounded_file import hash_bounded, read_bytes
@@ -30,22 +29,25 @@ from bsg_data.scene.spoken_names import Rule
 from bsg_data.sources.source import Terms
 
 MANIFEST = "dataset.json"
-SEAL = "seal"  # key of the hashes at its end; older manifests have none
+CARD, CROISSANT = "README.md", "croissant.json"
+STAGED = ".staged"  # folder of what a command is about to add
+SEAL = "seal"  # key of the hashes at its end
 
 # The table of scenes has a row for each, and no file of more rows is read.
 ScenesPerShard = Annotated[int, Field(ge=1, le=MAX_ROWS)]
 
 # Exactly the paths that the format has: a manifest edited by hand cannot point elsewhere.
 FILE_PATH = re.compile(
-    r"(scenes|rooms|objects|edges)/part-[0-9]{5}\.parquet|splits\.parquet"
-    rf"|pairs/{SPLIT_NAME.pattern}-[0-9]{{5}}\.parquet",
+    r"(?:scenes|rooms|objects|edges)/part-[0-9]{5}\.parquet"
+    r"|splits/[a-z]+-[0-9a-f]{8}\.parquet"
+    rf"|pairs/[a-z][a-z0-9-]*-[0-9a-f]{{8}}/{SPLIT_NAME.pattern}-[0-9]{{5}}\.parquet",
 )
 
 
 class FileEntry(Record):
     """One file of a dataset: its path below the dataset, rows, bytes and hash."""
 
-    path: str = Field(pattern=rf"^({FILE_PATH.pattern})$")
+    path: str = Field(pattern=rf"^({FILE_PATH.pattern}|{re.escape(STAGED)}/[a-z0-9.-]+)$")
     rows: int = Field(ge=0)
     bytes: int = Field(ge=0)
     sha256: str = Field(pattern=r"^[0-9a-f]{64}$")
@@ -165,6 +167,12 @@ class Totals(Record):
     placed: int = 0
     adjacent: int = 0
 
+    @classmethod
+    def sum(cls, parts: Iterable[Totals]) -> Totals:
+        """Return the sums of several."""
+        rows = [part.model_dump() for part in parts]
+        return cls(**{name: sum(row[name] for row in rows) for name in cls.model_fields})
+
 
 class SourceEntry(Record):
     """One source of a dataset.
@@ -204,13 +212,10 @@ def count_shards(scenes: int, *, scenes_per_shard: int) -> int:
 
 
 class Manifest(Record):
-    """All content of `dataset.json`.
-
-    Manifests of format version 1 are read into the same fields; `format_version` stays 1.
-    """
+    """All content of `dataset.json`."""
 
     format: Literal["bsg"] = "bsg"
-    format_version: Literal[1, 2] = FORMAT_VERSION
+    format_version: Literal[3] = FORMAT_VERSION
     generator: str
     class_space: ClassSpaceEntry
     sources: tuple[SourceEntry, ...] = Field(min_length=1)
@@ -226,21 +231,13 @@ class Manifest(Record):
     pairs: PairsRecipe | None = None
 
     @property
-    def source_names(self) -> str:
-        """The kinds of its sources with their versions, as text."""
-        return ", ".join(
-            " ".join(filter(None, (source.kind, source.version))) for source in self.sources
-        )
-
-    @property
     def class_map_names(self) -> str:
         """The class maps of its sources, as text."""
         return ", ".join(sorted({source.class_map.version for source in self.sources}))
 
     def files_of(self, table: str) -> tuple[FileEntry, ...]:
         """Return the files of one table (`scenes`, `pairs`, ...) in order."""
-        folder, file = f"{table}/", f"{table}.parquet"
-        return tuple(f for f in self.files if f.path.startswith(folder) or f.path == file)
+        return tuple(file for file in self.files if file.path.startswith(f"{table}/"))
 
     def with_table(self, table: str, entries: tuple[FileEntry, ...], **update: object) -> Manifest:
         """Return the manifest with the files of `table` replaced by `entries`."""
@@ -278,31 +275,33 @@ def read_hashed_manifest(dataset: Path) -> tuple[Manifest, str]:
     """
     path = dataset / MANIFEST
     if not path.is_file():
-        if dataset.is_file():
-            raise DatasetError(
-                f"{dataset}: is a file; expected the folder of a dataset, which `bsg-data build` "
-                "makes"
-            )
         if not dataset.is_dir():
-            raise DatasetError(f"{dataset}: no such folder{_tell_growing(dataset)}")
+            what = (
+                "is a file; expected the folder of a dataset"
+                if dataset.is_file()
+                else (f"no such folder{_hint_growing(dataset)}")
+            )
+            message = f"{dataset}: {what}"
+            raise DatasetError(message, code="dataset-missing", where=dataset)
         raise DatasetError(
             f"{dataset}: has no {MANIFEST}, so it is no finished dataset; make one with "
-            "`bsg-data build --out DATASET`"
+            "`bsg-data build --out DATASET`",
+            code="no-dataset",
+            where=dataset,
         )
     data = read_bytes(path, MANIFEST_FILE, error=DatasetError)
     try:
         said = parse_json(data)
         found = said.get("format_version")
-        if type(found) is not int or found not in (1, FORMAT_VERSION):
+        if found != FORMAT_VERSION:
             raise MismatchError(
-                f"{path}: expected format version 1 or {FORMAT_VERSION}, found {found}; build the "
-                "dataset again, or use the program that made it"
+                f"{path}: expected format version {FORMAT_VERSION}, found {found}; build the "
+                "dataset again, or use the program that made it",
+                code="format-version",
+                where=path,
             )
-        if SEAL in said:
-            _require_seal(path, data.decode())
-            del said[SEAL]
-        if found == 1:
-            said = convert_manifest(said)
+        _require_seal(path, data.decode())
+        del said[SEAL]
         # Strict about types, as JSON is: a list is a tuple there, and nothing else is guessed.
         text = json.dumps(said)  # noqa: TID251
         return Manifest.model_validate_json(text), hashlib.sha256(data).hexdigest()
@@ -317,7 +316,7 @@ def read_hashed_manifest(dataset: Path) -> tuple[Manifest, str]:
         raise DatasetError(f"{path}: not JSON ({error}); build the dataset again") from error
 
 
-def _tell_growing(dataset: Path) -> str:
+def _hint_growing(dataset: Path) -> str:
     """Return a hint about an unfinished dataset beside a missing one; empty without."""
     place = resolve_links(dataset) if dataset.is_symlink() else dataset
     growing = place.with_name(f"{place.name}.partial") if place.name else place
@@ -348,7 +347,7 @@ def seal_manifest(text: bytes, cards: Mapping[str, bytes]) -> bytes:
 
 
 def read_card_hashes(dataset: Path) -> dict[str, str]:
-    """Return file → sha256 of the cards beside a manifest; empty for a manifest without a seal.
+    """Return file → sha256 of the cards beside a manifest.
 
     Raises:
         DatasetError: if there is no manifest, or it is damaged.
@@ -387,17 +386,4 @@ def require_class_space(manifest: Manifest, other: ClassSpaceEntry, *, what: str
         raise MismatchError(
             f"{what} has class space {other}, the dataset has {manifest.class_space}; use two "
             "with the same class space, because histograms of different classes do not compare"
-        )
-
-
-def require_current(manifest: Manifest, dataset: Path) -> None:
-    """Refuse to change a dataset of an earlier format.
-
-    Raises:
-        MismatchError: saying how to upgrade it.
-    """
-    if manifest.format_version != FORMAT_VERSION:
-        raise MismatchError(
-            f"{dataset}: has format version {manifest.format_version}, which can be read but not "
-            f"written; run `bsg-data upgrade {dataset}` first"
         )

@@ -1,4 +1,4 @@
-"""The dataset format, version 2: one explicit Arrow schema per table.
+"""The dataset format, version 3: one explicit Arrow schema per table.
 
 The writer, the reader, `bsg-data check` and the tables of the docs all read these constants. The
 metadata of a field has its meaning and its unit.
@@ -13,7 +13,7 @@ from typing import Final
 
 import pyarrow as pa
 
-FORMAT_VERSION: Final = 2
+FORMAT_VERSION: Final = 3
 
 # The name of a split is part of the names of files, so no other is read from a file or written.
 SPLIT_NAME = re.compile(r"(?:train|val|test|fold-[0-9]{1,5})")
@@ -160,22 +160,17 @@ TABLES: Mapping[str, pa.Schema] = MappingProxyType(
 )
 
 
-def pairs_schema(num_classes: int, *, told: bool = True) -> pa.Schema:
-    """Return the schema of the pairs for histograms of `num_classes` classes.
-
-    Args:
-        num_classes: C.
-        told: whether to include the columns of the view, which format 1 does not have.
-    """
+def pairs_schema(num_classes: int) -> pa.Schema:
+    """Return the schema of the pairs for histograms of `num_classes` classes."""
     flags = pa.list_(pa.field("element", pa.bool_(), nullable=False), num_classes)
-    view = [
+    view = (
         _field("hidden_share", pa.float32(), "share of its objects that the node hides, as told"),
         _field(
             "withheld",
             flags,
             "classes of which the input shows what is in searched rooms alone",
         ),
-    ]
+    )
     histogram = pa.list_(pa.field("element", pa.uint16(), nullable=False), num_classes)
     return pa.schema(
         [
@@ -183,7 +178,7 @@ def pairs_schema(num_classes: int, *, told: bool = True) -> pa.Schema:
             _field("draw", pa.int32(), "number of the mask, from 0"),
             _field("node_index", pa.int32(), "node of interest: 0 building, 1..R rooms"),
             _field("visited", pa.bool_(), "whether the mask lets the robot enter the room"),
-            *(view if told else ()),
+            *view,
             _field("input", histogram, "histogram of what the mask leaves: E′ × O′"),
             _field("target", histogram, "histogram of what is there: E × O"),
         ]

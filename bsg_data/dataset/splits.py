@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
-from bsg_data.dataset.manifest import FileEntry, Manifest, read_manifest, require_current
-from bsg_data.dataset.revision import revise
+from bsg_data.dataset.commit import name_by_content, revise
+from bsg_data.dataset.manifest import STAGED, Manifest, read_manifest
 from bsg_data.dataset.schema import SPLIT_NAME, SPLITS
-from bsg_data.dataset.shards import describe_file, open_parquet, read_table
+from bsg_data.dataset.shards import read_table, writing_parquet
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.files import AnyPath
 from bsg_data.recipes import SplitRecipe
@@ -63,7 +63,7 @@ def assign_splits(
 
 
 def split_dataset(dataset: AnyPath, recipe: SplitRecipe, *, force: bool = False) -> Manifest:
-    """Write `splits.parquet` into a dataset and return its new manifest.
+    """Split a dataset, and return its new manifest.
 
     Raises:
         RecipeError: if a split would be empty.
@@ -72,89 +72,43 @@ def split_dataset(dataset: AnyPath, recipe: SplitRecipe, *, force: bool = False)
     """
     dataset = Path(dataset)
 
-    def write(manifest: Manifest, folder: Path) -> Manifest:
-        require_current(manifest, dataset)
+    def write(manifest: Manifest) -> Manifest:
         if manifest.split is not None and not force:
             raise DatasetError(
                 f"{dataset}: is split already; --force makes a new split and removes the old one "
-                "and its pairs"
+                "and its pairs",
+                code="split-exists",
+                where=dataset,
             )
         columns = ["scene_id", "source_split", "source"]
         scenes = read_table(dataset, "scenes", columns=columns, manifest=manifest).to_pydict()
         own, sources = (
             dict(zip(scenes["scene_id"], scenes[name], strict=True)) for name in columns[1:]
         )
-        chosen = assign_splits(own, recipe, sources=sources)
-        entry = _write_file(folder, manifest, recipe, chosen)
-        return manifest.without_split().with_table("splits", (entry,), split=recipe)
-
-    return revise(dataset, write)
-
-
-def assign_folds(dataset: Path, folds: Mapping[str, int], *, number: int) -> Manifest:
-    """Write given folds into a dataset, and return its new manifest.
-
-    They replace an existing split and its pairs. The stored recipe has the number of folds, but it
-    would assign the buildings differently.
-
-    Args:
-        dataset: folder of the dataset.
-        folds: scene id → fold, 0 to `number` - 1, for every scene of the dataset.
-        number: number of folds.
-
-    Raises:
-        RecipeError: if a scene has no fold, a fold has no scene, or a fold is out of range.
-    """
-    recipe = SplitRecipe(method="folds", ratios=None, folds=number)
-
-    def write(manifest: Manifest, folder: Path) -> Manifest:
-        require_current(manifest, dataset)
-        columns = ["scene_id"]
-        scenes = read_table(dataset, "scenes", columns=columns, manifest=manifest)["scene_id"]
-        ids = sorted(scenes.to_pylist())
-        without = [scene for scene in ids if scene not in folds]
-        if without:
-            raise RecipeError(f"{dataset}: scene {without[0]} has no fold; give every scene one")
-        found = {folds[scene] for scene in ids}
-        if found != set(range(number)):
-            raise RecipeError(
-                f"{dataset}: expected scenes in each of the folds 0 to {number - 1}, found them in "
-                f"{', '.join(map(str, sorted(found)))}"
-            )
-        chosen = {scene: f"fold-{folds[scene]}" for scene in ids}
-        entry = _write_file(folder, manifest, recipe, chosen)
-        return manifest.without_split().with_table("splits", (entry,), split=recipe)
+        return write_splits(dataset, manifest, recipe, assign_splits(own, recipe, sources=sources))
 
     return revise(dataset, write)
 
 
 def write_splits(
-    dataset: Path, folder: Path, manifest: Manifest, *, old: Manifest
-) -> list[FileEntry]:
-    """Write the splits of a dataset, whose manifest is `old`, into another folder."""
-    if manifest.split is None:
-        return []
-    splits = read_splits(dataset, manifest=old)
-    chosen = {scene: name for name, scenes in splits.items() for scene in scenes}
-    return [_write_file(folder, manifest, manifest.split, dict(sorted(chosen.items())))]
+    dataset: Path, manifest: Manifest, recipe: SplitRecipe, chosen: Mapping[str, str]
+) -> Manifest:
+    """Add a split (scene id → split) to a dataset, and return the manifest that names its file.
 
-
-def _write_file(
-    folder: Path, manifest: Manifest, recipe: SplitRecipe, chosen: dict[str, str]
-) -> FileEntry:
-    """Write `splits.parquet` into a folder."""
-    table = pa.Table.from_pydict(
-        {"scene_id": list(chosen), "split": list(chosen.values())}, schema=SPLITS
-    )
-    with open_parquet(
-        folder / "splits.parquet",
+    The split replaces an existing one and its pairs.
+    """
+    table = pa.table([list(chosen), list(chosen.values())], schema=SPLITS)
+    with writing_parquet(
+        dataset,
+        f"{STAGED}/splits.parquet",
         SPLITS,
         table="splits",
         class_space=manifest.class_space,
         split=recipe.model_dump_json(),
-    ) as writer:
-        writer.write_table(table)
-    return describe_file(folder, "splits.parquet", rows=len(table))
+    ) as file:
+        file.write(table)
+    entry = name_by_content(dataset, f"splits/{recipe.method}", {"": file.entry})
+    return manifest.without_split().with_table("splits", entry, split=recipe)
 
 
 def read_splits(
@@ -168,21 +122,24 @@ def read_splits(
     dataset = Path(dataset)
     manifest = manifest or read_manifest(dataset)
     if manifest.split is None:
-        raise DatasetError(f"{dataset}: is not split yet; run `bsg-data split {dataset}` first")
+        message = f"{dataset}: is not split yet; run `bsg-data split {dataset}` first"
+        raise DatasetError(message, code="split-missing", where=dataset)
     table = read_table(dataset, "splits", manifest=manifest).to_pydict()
     splits: dict[str, list[str]] = {}
     for scene, split in zip(table["scene_id"], table["split"], strict=True):
-        if not (isinstance(split, str) and SPLIT_NAME.fullmatch(split)):
+        if not SPLIT_NAME.fullmatch(split):  # it becomes part of names of files
             raise DatasetError(
-                f"{dataset / 'splits.parquet'}: {scene} is in split {split!r}; expected train, "
-                "val, test or fold-N. Split again with --force"
+                f"{dataset}: {scene} is in split {split!r}; expected train, val, test or fold-N. "
+                "Split again with --force",
+                code="split-name",
+                where=manifest.files_of("splits")[0].path,
             )
         splits.setdefault(split, []).append(scene)
     return {name: tuple(splits[name]) for name in sorted(splits, key=_rank)}
 
 
 def _rank(split: str) -> tuple[int, int, str]:
-    """Return the sort key of a split; its name was checked against `SPLIT_NAME`."""
+    """Return the sort key of a split."""
     if split in NAMES:
         return (NAMES.index(split), 0, split)
     return (len(NAMES), int(split.removeprefix("fold-")), split)

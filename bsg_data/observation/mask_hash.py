@@ -32,7 +32,6 @@ from bsg_data.observation.pairs import (
     split_of_file,
     stream_pairs,
 )
-from bsg_data.recipes import PairsRecipe
 
 ALL = "all"
 _FORM = b"bsg-masks-1\n"
@@ -117,7 +116,7 @@ def _pack(table: pa.Table, data: Dataset) -> tuple[npt.NDArray[np.bytes_], npt.N
             ("target", "<i4", (classes,)),
         ]
     )
-    view = read_views(table, data.manifest.pairs or PairsRecipe())
+    view = read_views(table)
     packed = np.empty(len(table), dtype=record)
     packed["draw"] = table["draw"].to_numpy()
     packed["node"] = table["node_index"].to_numpy()

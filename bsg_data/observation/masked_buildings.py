@@ -23,7 +23,6 @@ from bsg_data.dataset.histograms import to_cells, to_histograms
 from bsg_data.errors import DatasetError
 from bsg_data.observation.hidden_others import sample_hidden_others
 from bsg_data.observation.masks import sample_hidden, sample_view
-from bsg_data.observation.masks_v1 import sample_hidden_of_format_1
 from bsg_data.observation.observation import Observation, observe_view, stack
 from bsg_data.observation.pairs import histogram_column, read_views, stream_pairs
 from bsg_data.observation.view import View
@@ -200,17 +199,18 @@ def _read_table(
 ) -> MaskedBuildings:
     inputs = histogram_column(table, "input").astype(np.int64)
     targets = histogram_column(table, "target").astype(np.int64)
-    views = read_views(table, recipe)
+    views = read_views(table)
     starts = np.flatnonzero(table["node_index"].to_numpy() == 0)
     scenes = table["scene_id"].take(starts).to_pylist()
     draws = table["draw"].take(starts).to_numpy().astype(np.int64)
     _require_whole(data, table["node_index"].to_numpy(), starts, scenes)
-    see = _see_others_of_format_1 if recipe.masks == 1 else see_others
     parts = []
     for scene, draw, a, b in zip(scenes, draws, starts, [*starts[1:], len(table)], strict=True):
         view, seen = views.take(int(a), int(b)), to_cells(inputs[a:b])
         hidden = to_cells(targets[a:b]) - seen
-        others = see(data, scene, recipe.mask, int(draw), view, hidden, vocabulary=vocabulary)
+        others = see_others(
+            data, scene, recipe.mask, int(draw), view, hidden, vocabulary=vocabulary
+        )
         parts.append(
             observe_view(
                 scene,
@@ -303,26 +303,6 @@ def _show_others(
         there=data.cells(scene),
         hidden=hidden,
         wholes=wholes_of(others.categories, data) if mask.parts else None,
-    )
-    return place_others(others.cells - gone, others.categories, vocabulary)
-
-
-def _see_others_of_format_1(
-    data: Dataset,
-    scene: str,
-    mask: MaskRecipe,
-    draw: int,
-    view: View,
-    hidden: Counts,
-    *,
-    vocabulary: tuple[str, ...],
-) -> Counts:
-    """Return the objects outside the classes that a mask of format 1 shows, `[N, V]` cells."""
-    if not vocabulary:
-        return np.zeros((len(hidden), 0), dtype=np.int64)
-    others = data.others(scene)
-    gone = sample_hidden_of_format_1(
-        others.cells, view.visited, mask, scene_id=scene, draw=draw, stream="unclassified"
     )
     return place_others(others.cells - gone, others.categories, vocabulary)
 

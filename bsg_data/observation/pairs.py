@@ -12,23 +12,17 @@ import numpy.typing as npt
 import pyarrow as pa
 
 from bsg_data.arrays import Counts
+from bsg_data.dataset.commit import name_by_content, revise
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import to_histograms
-from bsg_data.dataset.manifest import (
-    FileEntry,
-    Manifest,
-    read_manifest,
-    require_current,
-)
-from bsg_data.dataset.revision import revise
+from bsg_data.dataset.manifest import STAGED, FileEntry, Manifest, read_manifest
 from bsg_data.dataset.schema import pairs_schema
-from bsg_data.dataset.shards import describe_file, open_listed, open_parquet, read_file, schema_of
+from bsg_data.dataset.shards import open_listed, schema_of, writing_parquet
 from bsg_data.dataset.splits import read_splits
-from bsg_data.errors import DatasetError, RecipeError
+from bsg_data.errors import DatasetError
 from bsg_data.executors import run_all
 from bsg_data.files import AnyPath
 from bsg_data.observation.masks import sample_hidden_draws, sample_views
-from bsg_data.observation.masks_v1 import view_of_format_1
 from bsg_data.observation.view import View
 from bsg_data.recipes import PairsRecipe
 from bsg_data.scene.connections import Connections
@@ -99,26 +93,27 @@ def write_pairs(
 
     Raises:
         DatasetError: if the dataset has no split, has pairs and not `force`, or cannot be written.
-        RecipeError: if the recipe asks for masks of version 1.
     """
     dataset = Path(dataset)
 
-    def write(manifest: Manifest, folder: Path) -> Manifest:
-        require_current(manifest, dataset)
-        if recipe.masks == 1:
-            raise RecipeError("masks: expected 2, found 1; masks of version 1 are only read")
+    def write(manifest: Manifest) -> Manifest:
         if manifest.pairs is not None and not force:
-            raise DatasetError(f"{dataset}: has pairs already; --force replaces them")
+            message = f"{dataset}: has pairs already; --force replaces them"
+            raise DatasetError(message, code="pairs-exist", where=dataset)
         splits = read_splits(dataset, manifest=manifest)
-        places = dataset.absolute(), folder.absolute()  # a worker may run in another folder
         # Sort the files of all splits by their scenes: files of the same parts become neighbours.
-        plan = sorted(_plan(dataset, splits), key=lambda file: file[1][0])
-        tasks = [(*places, path, scenes, recipe) for path, scenes in plan]
+        plan = sorted(_plan(splits), key=lambda file: file[1][0])
+        # A worker may run in another folder.
+        tasks = [(dataset.absolute(), name, scenes, recipe) for name, scenes in plan]
         written = list(run_all(_write_file, tasks, executor=executor, progress=progress))
         for scene in chain.from_iterable(scenes for _, scenes in written):
             if left_out is not None:
                 left_out(scene)
-        return manifest.with_table("pairs", tuple(entry for entry, _ in written), pairs=recipe)
+        staged = {name: entry for (name, _), (entry, _) in zip(plan, written, strict=True)}
+        files = name_by_content(
+            dataset, f"pairs/{recipe.mask.strategy}", dict(sorted(staged.items()))
+        )
+        return manifest.with_table("pairs", files, pairs=recipe)
 
     return revise(dataset, write)
 
@@ -160,7 +155,8 @@ def stream_pairs(
     if not entries:
         held = sorted({split_of_file(f.path) for f in manifest.files_of("pairs")})
         hint = f"it has some of {', '.join(held)}" if held else "run `bsg-data pairs` first"
-        raise DatasetError(f"{dataset}: has no pairs of split {split!r}; {hint}")
+        message = f"{dataset}: has no pairs of split {split!r}; {hint}"
+        raise DatasetError(message, code="pairs-missing", where=split)
     order = range(len(entries)) if shuffle is None else shuffle.permutation(len(entries)).tolist()
     return chain.from_iterable(_read_groups(dataset, entries[number], manifest) for number in order)
 
@@ -171,7 +167,6 @@ def _read_groups(dataset: Path, entry: FileEntry, manifest: Manifest) -> Iterato
         rest: pa.Table | None = None
         for number in range(file.num_row_groups):
             table = file.read_row_group(number, use_threads=False)
-            table.validate(full=True)
             table = table if rest is None else pa.concat_tables([rest, table])
             starts = np.flatnonzero(table["node_index"].to_numpy() == 0)
             last = int(starts[-1]) if len(starts) else 0
@@ -182,32 +177,6 @@ def _read_groups(dataset: Path, entry: FileEntry, manifest: Manifest) -> Iterato
             rest = table.slice(last)
 
 
-def rewrite_pairs(
-    dataset: Path, folder: Path, manifest: Manifest, *, old: Manifest
-) -> list[FileEntry]:
-    """Copy the pairs of a dataset with the manifest `old` into another folder, file by file.
-
-    Pairs of format 1 get the columns of their view.
-    """
-    recipe = old.pairs or PairsRecipe()
-    schema = pairs_schema(len(manifest.class_space.classes))
-    entries = []
-    for entry in old.files_of("pairs"):
-        table = read_file(dataset, entry, manifest=old)
-        if not tells_view(table):
-            table = _tell_view(table, read_views(table, recipe), schema)
-        with open_parquet(
-            folder / entry.path,
-            schema,
-            table="pairs",
-            class_space=manifest.class_space,
-            pairs=manifest.pairs.model_dump_json() if manifest.pairs else "null",
-        ) as writer:
-            writer.write_table(table.cast(schema), row_group_size=ROWS_PER_GROUP)
-        entries.append(describe_file(folder, entry.path, rows=entry.rows))
-    return entries
-
-
 def histogram_column(table: pa.Table, name: str) -> npt.NDArray[np.uint16]:
     """Return a list column of the pairs as `[rows, C]`."""
     width = table.schema.field(name).type.list_size
@@ -215,85 +184,53 @@ def histogram_column(table: pa.Table, name: str) -> npt.NDArray[np.uint16]:
     return np.concatenate([np.zeros(0, np.uint16), *chunks]).reshape(-1, width)
 
 
-def tells_view(table: pa.Table) -> bool:
-    """Say whether pairs store their view; pairs of format 1 do not."""
-    return "hidden_share" in table.column_names
-
-
-def _tell_view(table: pa.Table, view: View, schema: pa.Schema) -> pa.Table:
-    """Return pairs of format 1 with the columns of a view of all their rows."""
-    more = {
-        "hidden_share": pa.array(view.told),
-        "withheld": _withheld((view,), schema.field("withheld").type),
-    }
-    columns = [more[name] if name in more else table[name] for name in schema.names]
-    return pa.Table.from_arrays(columns, schema=schema)
-
-
-def read_views(table: pa.Table, recipe: PairsRecipe) -> View:
-    """Return one view with all rows of a table of pairs.
-
-    For pairs of format 1 the view follows from their recipe.
-
-    Raises:
-        RecipeError: if format 1 had no such mask.
-    """
-    visited = table["visited"].to_numpy()
+def read_views(table: pa.Table) -> View:
+    """Return one view with all rows of a table of pairs."""
     classes = table.schema.field("input").type.list_size
-    if not tells_view(table):
-        is_building = table["node_index"].to_numpy() == 0
-        return view_of_format_1(visited, recipe.mask, is_building=is_building, classes=classes)
     chunks = [chunk.flatten().to_numpy(zero_copy_only=False) for chunk in table["withheld"].chunks]
     withheld = np.concatenate([np.zeros(0, dtype=bool), *chunks]).reshape(-1, classes)
-    return View(visited, table["hidden_share"].to_numpy().astype(np.float64), withheld)
+    shares = table["hidden_share"].to_numpy().astype(np.float64)
+    return View(table["visited"].to_numpy(), shares, withheld)
 
 
 def split_of_file(path: str) -> str:
-    """Return the split of a file of pairs: `pairs/train-00000.parquet` → `train`."""
+    """Return the split of a file of pairs: `pairs/uniform-3fa2c1d0/val-00000.parquet` → `val`."""
     return path.split("/")[-1].rpartition("-")[0]
 
 
-def _plan(
-    dataset: Path, splits: dict[str, tuple[str, ...]]
-) -> Iterator[tuple[str, tuple[str, ...]]]:
-    """Yield the path of every file of pairs, and its scenes."""
-    data = Dataset.open(dataset)
+def _plan(splits: dict[str, tuple[str, ...]]) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Yield the name of every file of pairs, and its scenes."""
     for split, scenes in splits.items():
-        missing = [scene for scene in scenes if scene not in data]
-        if missing:
-            raise DatasetError(
-                f"{dataset}: splits name {missing[0]}, which is no scene of it; split it again "
-                "with --force"
-            )
         for number, start in enumerate(range(0, len(scenes), SCENES_PER_FILE)):
-            yield f"pairs/{split}-{number:05d}.parquet", scenes[start : start + SCENES_PER_FILE]
+            yield f"{split}-{number:05d}.parquet", scenes[start : start + SCENES_PER_FILE]
 
 
 def _write_file(
-    dataset: Path, folder: Path, path: str, scenes: tuple[str, ...], recipe: PairsRecipe
+    dataset: Path, name: str, scenes: tuple[str, ...], recipe: PairsRecipe
 ) -> tuple[FileEntry, tuple[str, ...]]:
-    """Write one file of pairs below a folder; return its entry and the scenes left out."""
+    """Stage one file of pairs; return its entry and the scenes left out."""
     data = Dataset.open(dataset)
     space = data.manifest.class_space
     schema = pairs_schema(len(space.classes))
-    rows, left_out = 0, []
-    with open_parquet(
-        folder / path, schema, table="pairs", class_space=space, pairs=recipe.model_dump_json()
-    ) as writer:
-        waiting: list[pa.RecordBatch] = []
-        for scene in scenes:
-            if not fits_pairs(data.cells(scene)):
-                left_out.append(scene)
-                continue
+    left_out = tuple(scene for scene in scenes if not fits_pairs(data.cells(scene)))
+    waiting: list[pa.RecordBatch] = []
+    with writing_parquet(
+        dataset,
+        f"{STAGED}/{name}",
+        schema,
+        table="pairs",
+        class_space=space,
+        pairs=recipe.model_dump_json(),
+    ) as file:
+        for scene in (scene for scene in scenes if scene not in left_out):
             for batch in _scene_batches(data, scene, recipe=recipe, schema=schema):
                 waiting.append(batch)
-                rows += batch.num_rows
                 if sum(batch.num_rows for batch in waiting) >= ROWS_PER_GROUP:
-                    writer.write_table(pa.Table.from_batches(waiting, writer.schema))
+                    file.write(pa.Table.from_batches(waiting))
                     waiting.clear()
         if waiting:
-            writer.write_table(pa.Table.from_batches(waiting, writer.schema))
-    return describe_file(folder, path, rows=rows), tuple(left_out)
+            file.write(pa.Table.from_batches(waiting))
+    return file.entry, left_out
 
 
 def _scene_batches(

@@ -17,19 +17,16 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from bsg_data.dataset.commit import growing, name_growing, put_in_place
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.kept_maps import copy_class_maps
 from bsg_data.dataset.manifest import MANIFEST, FileEntry, Manifest, read_manifest
-from bsg_data.dataset.own_files import remove_own
-from bsg_data.dataset.publication import publish
-from bsg_data.dataset.revision import remove_left
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.executors import run_all
 from bsg_data.files import (
     AnyPath,
     encode_json,
-    flush_folder,
     refuse_links,
     resolve_links,
     write_bytes,
@@ -206,21 +203,16 @@ def prepare_dataset(source: Path, copy: Path, recipe: LeaderboardRecipe, *, mask
         mask=MaskRecipe(strategy=mask, fraction=recipe.fraction, seed=recipe.seed),
         draws=recipe.draws,
     )
-    partial = copy.with_name(f"{copy.name}.partial")
-    for path in (copy.parent, copy, partial):
+    for path in (copy.parent, copy, name_growing(copy)):
         _refuse_link(path)
+    bare = manifest.without_split()
     if not (copy / MANIFEST).is_file():
-        if partial.exists():  # left by a stopped leaderboard
-            remove_own(partial)
-        try:
-            for entry in manifest.without_split().files:
-                _copy_listed(source / entry.path, entry, partial / entry.path)
-            copy_class_maps(source, manifest, partial)
-            publish(partial, manifest.without_split())
-            partial.rename(copy)
-            flush_folder(copy.parent)
-        except OSError as error:
-            raise DatasetError(f"{copy}: cannot be written ({error})") from error
+        with growing(copy, bare, force=False) as (folder, done):
+            if not done:
+                for entry in bare.files:
+                    _copy_listed(source / entry.path, entry, folder / entry.path)
+                copy_class_maps(source, manifest, folder)
+                put_in_place(copy, bare)
     there = read_manifest(copy)
     if (there.sources, there.class_space) != (manifest.sources, manifest.class_space):
         raise DatasetError(f"{copy}: is a copy of another dataset; choose another --out")
@@ -228,7 +220,6 @@ def prepare_dataset(source: Path, copy: Path, recipe: LeaderboardRecipe, *, mask
         split_dataset(copy, split, force=True)
     if read_manifest(copy).pairs != pairs:
         write_pairs(copy, pairs, force=True)
-    remove_left(copy)
 
 
 def _train(folder: Path, name: str, config: RunConfig) -> None:

@@ -15,7 +15,6 @@ from bsg_cli.data import (
     pairs,
     split,
     synth,
-    upgrade,
 )
 from bsg_cli.terminal import CommandGroup
 
@@ -35,5 +34,5 @@ def main() -> None:
 
 
 # in working order, as the cheat sheet has them
-for module in (synth, build, finalise, split, pairs, check, info, map, merge, export, upgrade):
+for module in (synth, build, finalise, split, pairs, check, info, map, merge, export):
     main.add_command(module.command)

@@ -12,14 +12,14 @@ from __future__ import annotations
 import argparse
 import shutil
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from datetime import date
 from pathlib import Path
 
-from bsg_data.dataset.copied_rooms import deal_groups, group_copies, list_contents
+from bsg_data.dataset.commit import revise
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import MANIFEST
-from bsg_data.dataset.splits import assign_folds, assign_splits
+from bsg_data.dataset.splits import assign_splits, write_splits
 from bsg_data.merge import merge_datasets
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
@@ -46,6 +46,7 @@ from bsg_models.zoo.config import RunConfig, find_config, override, validate_con
 
 HM3D, BEHAVIOR, BOTH = "HM3D", "BEHAVIOR", "HM3D and BEHAVIOR"
 TRAINED = {HM3D: "hm3d", BEHAVIOR: "behavior", BOTH: "both"}  # → folder below --runs
+LEAST_THINGS = 5  # smaller rooms can be equal by chance
 
 
 def prepare(sources: dict[str, Path], runs: Path, *, folds: int, seed: int) -> dict[str, Dataset]:
@@ -71,10 +72,56 @@ def prepare(sources: dict[str, Path], runs: Path, *, folds: int, seed: int) -> d
                 shutil.rmtree(copy, ignore_errors=True)
                 shutil.copytree(sources[name], copy)
         if Dataset.open(copy).manifest.pairs is None:
-            assign_folds(copy, chosen, number=folds)
+            recipe = SplitRecipe(method="folds", ratios=None, folds=folds)
+            dealt = {scene: f"fold-{chosen[scene]}" for scene in Dataset.open(copy).scene_ids}
+            revise(copy, lambda old, a=copy, b=recipe, c=dealt: write_splits(a, old, b, c))
             write_pairs(copy, PairsRecipe(mask=MaskRecipe(seed=seed), draws=5), force=True)
         opened[name] = Dataset.open(copy)
     return opened
+
+
+def group_copies(rooms: Mapping[str, Sequence[Hashable]]) -> list[tuple[str, ...]]:
+    """Return the groups of buildings that share rooms, directly or through others, sorted.
+
+    Args:
+        rooms: scene id → the contents of its larger rooms; equal contents are copies.
+
+    >>> group_copies({"a": [1, 2], "b": [3], "c": [2, 4], "d": [4], "e": []})
+    [('a', 'c', 'd'), ('b',), ('e',)]
+    """
+    group_of = {scene: {scene} for scene in rooms}
+    first: dict[Hashable, str] = {}
+    for scene, contents in rooms.items():
+        for content in contents:
+            other = first.setdefault(content, scene)
+            joined = group_of[other] | group_of[scene]
+            group_of.update(dict.fromkeys(joined, joined))
+    return sorted({tuple(sorted(group)) for group in group_of.values()})
+
+
+def deal_groups(groups: Sequence[tuple[str, ...]], *, number: int) -> dict[str, int]:
+    """Return scene id → fold: the largest group first, each into the fold with the fewest scenes.
+
+    >>> deal_groups([("a", "c", "d"), ("b",), ("e",)], number=2)
+    {'a': 0, 'c': 0, 'd': 0, 'b': 1, 'e': 1}
+    """
+    sizes = [0] * number
+    folds = {}
+    for group in sorted(groups, key=lambda group: (-len(group), group)):
+        fold = sizes.index(min(sizes))
+        sizes[fold] += len(group)
+        folds.update(dict.fromkeys(group, fold))
+    return folds
+
+
+def list_contents(data: Dataset, scene: str) -> Iterator[Hashable]:
+    """Yield the contents of each larger room of a scene: counts of classes and categories."""
+    cells, others = data.cells(scene), data.others(scene)
+    for room in range(1, len(cells)):
+        if cells[room].sum() + others.cells[room].sum() >= LEAST_THINGS:
+            counted = zip(others.categories, others.cells[room].tolist(), strict=True)
+            outside = frozenset((name, count) for name, count in counted if count)
+            yield cells[room].tobytes(), outside
 
 
 def train(config: RunConfig, data: Dataset, folder: Path, *, fold: int) -> Path:

@@ -3,16 +3,12 @@ from __future__ import annotations
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
 
 import pytest
 from conftest import KITCHEN, annotation_text, write_scene
 
-from bsg_data import build_parts, build_shards
-from bsg_data.build import build_dataset
-from bsg_data.build_parts import Part, build_part, finalise_dataset
+from bsg_data.build import Part, build_dataset, build_part, finalise_dataset
 from bsg_data.checks.dataset import check_dataset
-from bsg_data.dataset.publication import PLAN, REPORTS
 from bsg_data.errors import DatasetError, RecipeError, SourceError
 from bsg_data.sources.hm3d import HM3DFolder
 
@@ -146,68 +142,3 @@ def test_parts_of_which_nothing_can_be_read(tmp_path: Path) -> None:
 def test_there_is_no_such_part(number: int, of: int) -> None:
     with pytest.raises(RecipeError, match="expected I/N with I from 1 to N"):
         Part(number, of)
-
-
-def test_a_part_that_is_late_makes_nothing_anew(
-    hm3d_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """While it writes a shard, others make that shard, too, and finish the dataset."""
-    out = tmp_path / "out"
-    write = build_shards.write_shards
-
-    def wait_for_others(*args: Any, **chosen: Any) -> Any:
-        monkeypatch.setattr(build_shards, "write_shards", write)
-        for number in (1, 2):
-            build(hm3d_folder, out, number, 2)
-        finalise_dataset(out)
-        return write(*args, **chosen)
-
-    monkeypatch.setattr(build_shards, "write_shards", wait_for_others)
-    with pytest.raises(DatasetError, match="if the dataset was not finished meanwhile"):
-        build(hm3d_folder, out, 1, 2)
-    assert sorted(path.name for path in tmp_path.iterdir() if "out" in path.name) == ["out"]
-    assert check_dataset(out) == ()
-    with pytest.raises(DatasetError, match="is finished already"):
-        finalise_dataset(out, force=True)
-
-
-def test_a_part_that_begins_while_the_dataset_is_finished_says_so(
-    hm3d_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The dataset is finished between the moment that it is joined and the part's own mark."""
-    out = tmp_path / "out"
-    build(hm3d_folder, out, 1, 1)
-    join = build_parts.join_partial
-
-    def join_and_be_late(*args: Any, **chosen: Any) -> Path:
-        growing = join(*args, **chosen)
-        finalise_dataset(out)
-        return growing
-
-    monkeypatch.setattr(build_parts, "join_partial", join_and_be_late)
-    with pytest.raises(
-        DatasetError, match=r"parts-of-2: .*if the dataset was not finished meanwhile"
-    ):
-        build(hm3d_folder, out, 2, 2)
-    assert check_dataset(out) == ()
-
-
-@pytest.mark.parametrize("name", ["x", "0", "9" * 200])
-def test_a_mark_of_parts_that_is_not_ours_is_not_read(
-    hm3d_folder: Path, tmp_path: Path, name: str
-) -> None:
-    build(hm3d_folder, tmp_path / "out", 1, 2)
-    (tmp_path / "out.partial" / REPORTS / f"parts-of-{name}").touch()
-    with pytest.raises(DatasetError, match=r"3 of 6 shards missing.*--parts: 2/2$"):
-        finalise_dataset(tmp_path / "out")
-
-
-@pytest.mark.parametrize("shards", [-1, 100_001])
-def test_a_plan_of_parts_without_end_is_refused(
-    hm3d_folder: Path, tmp_path: Path, shards: int
-) -> None:
-    build(hm3d_folder, tmp_path / "out", 1, 1)
-    plan = tmp_path / "out.partial" / PLAN
-    plan.write_text(plan.read_text("utf-8").replace('"shards":6', f'"shards":{shards}'), "utf-8")
-    with pytest.raises(DatasetError, match=r"plan\.json: cannot be read .*remove it and run any"):
-        finalise_dataset(tmp_path / "out")

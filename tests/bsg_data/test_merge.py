@@ -1,25 +1,19 @@
 from __future__ import annotations
 
-import errno
 import json
-import shutil
 from pathlib import Path
 
 import pytest
 import yaml
 from conftest import BEDROOM, KITCHEN, annotation_text, write_scene
-from version_1_files import write_version_1
 
-from bsg_data import merge
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
-from bsg_data.dataset import growth
 from bsg_data.dataset.composition import count_sources
-from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.dataset.splits import read_splits, split_dataset
 from bsg_data.errors import DatasetError, MismatchError, RecipeError
-from bsg_data.merge import merge_datasets, upgrade_dataset
+from bsg_data.merge import merge_datasets
 from bsg_data.recipes import SplitRecipe
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.synthetic.buildings import write_synthetic
@@ -74,23 +68,6 @@ def test_the_order_of_the_parts_and_a_stopped_merge_do_not_matter(
     assert not (tmp_path / "second").exists()
     merge_datasets([synthetic, dataset], tmp_path / "second")
     assert files_of(tmp_path / "first") == files_of(tmp_path / "second")
-
-
-def test_a_merge_that_fails_leaves_nothing(
-    dataset: Path, synthetic: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    before = files_of(tmp_path)
-
-    def fill_the_disk(*_: object, **__: object) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    for module, call in ((merge, "write_shards"), (growth, "write_bytes")):
-        with monkeypatch.context() as broken:
-            broken.setattr(module, call, fill_the_disk)
-            with pytest.raises((OSError, DatasetError)):
-                merge_datasets([dataset, synthetic], tmp_path / "both")
-        assert files_of(tmp_path) == before
-        assert not list(tmp_path.glob("*both*"))
 
 
 def test_each_source_has_its_share_of_every_split(
@@ -152,16 +129,3 @@ def test_what_each_source_gives_adds_up(dataset: Path, synthetic: Path, tmp_path
     assert (frame[roles].sum(axis=1) == frame["objects"]).all()
     # 66 bedrooms with a thing that the map does not know
     assert frame.loc["hm3d", "unmapped"] == 66
-
-
-def test_an_upgrade_gives_the_dataset_that_a_build_gives(dataset: Path, tmp_path: Path) -> None:
-    shutil.copytree(dataset, tmp_path / "new")
-    write_version_1(dataset)
-    upgrade_dataset(dataset)
-    assert check_dataset(dataset) == ()
-    for table in ("scenes", "rooms", "objects", "edges"):
-        for path in (dataset / table).iterdir():
-            assert path.read_bytes() == (tmp_path / "new" / table / path.name).read_bytes()
-    before = files_of(dataset)
-    assert upgrade_dataset(dataset) == read_manifest(dataset)  # again: nothing to do
-    assert files_of(dataset) == before

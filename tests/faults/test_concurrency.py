@@ -28,7 +28,6 @@ from bsg_data import (
     merge_datasets,
     read_manifest,
     split_dataset,
-    upgrade_dataset,
     write_pairs,
     write_synthetic,
 )
@@ -56,9 +55,8 @@ READERS: dict[str, Act] = {
     "check": lambda at: check_dataset(at / "dataset"),
     "info": lambda at: count_frequencies(at / "dataset"),
     "export": _export,
-    "upgrade": lambda at: upgrade_dataset(at / "dataset"),  # of one that is of today
 }
-PLACES = ("build", "dataset.revision", "merge", "dataset.growth", "synthetic.buildings")
+PLACES = ("dataset.commit", "synthetic.buildings")
 
 
 @pytest.fixture

@@ -27,7 +27,6 @@ from hypothesis.stateful import (
     run_state_machine_as_test,
 )
 from killed_process import Ended, start, wait_for
-from version_1_files import write_version_1
 
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
@@ -35,7 +34,7 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.splits import read_splits, split_dataset
 from bsg_data.errors import DatasetError
-from bsg_data.merge import merge_datasets, upgrade_dataset
+from bsg_data.merge import merge_datasets
 from bsg_data.observation.pairs import read_pairs, write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.sources.hm3d import HM3DFolder
@@ -44,7 +43,7 @@ from bsg_models.training.training import train_run
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
 
 BUILDINGS = range(8)
-HIDDEN = (".revision", ".reports")  # what a killed command may leave in a dataset
+HIDDEN = (".build", ".staged")  # what a killed command may leave in a dataset
 PARTIAL = "dataset.partial"
 Kill = int | None
 
@@ -58,14 +57,12 @@ class Made:
         seed: of its split; None without one.
         draws: of its pairs; None without.
         merged: whether another dataset was merged with it.
-        upgraded: whether it was one of format 1.
     """
 
     buildings: frozenset[int]
     seed: int | None = None
     draws: int | None = None
     merged: bool = False
-    upgraded: bool = False
 
 
 class Reference:
@@ -89,10 +86,6 @@ class Reference:
         elif made.seed is not None:
             shutil.copytree(self[replace(made, seed=None)], out)
             split_dataset(out, SplitRecipe(ratios=(0.6, 0.2, 0.2), seed=made.seed))
-        elif made.upgraded:
-            shutil.copytree(self[replace(made, upgraded=False)], out)
-            write_version_1(out)
-            upgrade_dataset(out)
         elif made.merged:
             merge_datasets([self[replace(made, merged=False)], self.other()], out)
         else:
@@ -199,7 +192,6 @@ class House(RuleBasedStateMachine):
             None if made is None else replace(made, seed=seed, draws=None),
             refused=made is None or (made.seed is not None and not force),
             kill=kill,
-            between=() if made is None else (replace(made, seed=None, draws=None),),
         )
 
     @rule(force=st.booleans(), draws=st.integers(1, 3), kill=kills)
@@ -211,7 +203,6 @@ class House(RuleBasedStateMachine):
             None if made is None else replace(made, draws=draws),
             refused=not is_split or (made is not None and made.draws is not None and not force),
             kill=kill,
-            between=() if made is None else (replace(made, draws=None),),
         )
 
     @rule(force=st.booleans(), kill=kills)
@@ -232,22 +223,6 @@ class House(RuleBasedStateMachine):
         self.change(work, new, refused=refused, kill=kill)
         if not refused:
             self.growing = any(self.folder.glob(f"*{PARTIAL}*"))
-
-    @precondition(lambda self: self.made is not None and not self.made.merged)
-    @rule(kill=kills)
-    def upgrade(self, kill: Kill) -> None:
-        """An old dataset comes in the place of today's; an upgrade of today's does nothing."""
-        assert self.made is not None
-        plain = Made(self.made.buildings)
-        shutil.rmtree(self.dataset)
-        shutil.copytree(self.reference[plain], self.dataset)
-        write_version_1(self.dataset)
-        old = hash_files(self.dataset)
-        ended = self.run(lambda: upgrade_dataset(self.dataset), kill=kill)
-        if ended.how == "killed" and hash_files(self.dataset) == old:
-            ended = self.run(lambda: upgrade_dataset(self.dataset), kill=None)
-            assert ended.how == "done", ended
-        self.torn, self.made = ended.how == "killed", replace(plain, upgraded=True)
 
     @precondition(lambda self: self.made is not None and self.made.draws is not None)
     @rule(name=st.sampled_from(["gamma-poisson", "gamma-poisson", "ceci-gcn"]), kill=kills)
@@ -271,7 +246,7 @@ class House(RuleBasedStateMachine):
         old = self.made
         assert old is not None
         new = replace(old, draws=draws)
-        allowed = {self.tell(self.reference[one]) for one in (old, new, replace(old, draws=None))}
+        allowed = {self.tell(self.reference[one]) for one in (old, new)}
         recipe = pairs_recipe(draws)
         process = start(
             lambda: write_pairs(self.dataset, recipe, force=True), inside=self.folder, kill_at=None
@@ -304,7 +279,6 @@ class House(RuleBasedStateMachine):
         *,
         refused: bool,
         kill: Kill,
-        between: tuple[Made, ...] = (),
     ) -> None:
         """Run a command that changes the dataset, and see that what is there is what may be.
 
@@ -313,12 +287,11 @@ class House(RuleBasedStateMachine):
             new: what it makes.
             refused: whether it must refuse.
             kill: the change before which it is killed.
-            between: what else may be there after a kill.
         """
         old, torn = self.made, self.torn
         ended = self.run(work, kill=kill)
         if ended.how == "killed":
-            self.torn, self.made = True, self.recognise([old, new, *between])
+            self.torn, self.made = True, self.recognise([old, new])
             return
         if ended.how == "done":
             self.torn = False

@@ -11,7 +11,7 @@ from conftest import annotation_text, write_scene
 
 from bsg_data.build import build_dataset
 from bsg_data.dataset.categories import NO_CATEGORY
-from bsg_data.dataset.dataset import Dataset, read_adjacency, read_cells
+from bsg_data.dataset.dataset import Dataset, read_cells
 from bsg_data.dataset.manifest import MANIFEST, hash_manifest, read_manifest
 from bsg_data.dataset.shards import read_file, read_scene_graphs
 from bsg_data.dataset.splits import read_splits, split_dataset
@@ -154,7 +154,7 @@ def assert_alike(data: Dataset) -> None:
     """Compare a dataset with a loop over the scene graphs that its shards hold."""
     graphs = list(read_scene_graphs(data.path))
     assert list(data.scene_ids) == [graph.scene_id for graph in graphs]
-    cells, adjacent = read_cells(data.path), read_adjacency(data.path)
+    cells = read_cells(data.path)
     for graph in graphs:
         scene = graph.scene_id
         assert scene in data
@@ -184,7 +184,7 @@ def assert_alike(data: Dataset) -> None:
         assert ours.sources == robots.sources
         pairs = [(edge.source, edge.target) for edge in graph.adjacency]
         assert [tuple(pair) for pair in data.connections(scene).pairs.tolist()] == pairs
-        assert adjacent.get(scene, []) == pairs
+        assert data.connections(scene).pairs.tolist() == [list(pair) for pair in pairs]
 
 
 def test_scenes_that_are_not_there(dataset: Path) -> None:

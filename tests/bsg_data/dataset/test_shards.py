@@ -1,15 +1,12 @@
 from __future__ import annotations
 
-import errno
 import json
-import mmap
-from dataclasses import replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 
-import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from conftest import describe_file
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -21,10 +18,10 @@ from bsg_data.dataset.manifest import (
     Totals,
     encode_manifest,
     read_manifest,
+    seal_manifest,
 )
 from bsg_data.dataset.schema import TABLES
 from bsg_data.dataset.shards import (
-    describe_file,
     read_file,
     read_scene_graphs,
     read_table,
@@ -32,10 +29,7 @@ from bsg_data.dataset.shards import (
 )
 from bsg_data.errors import DatasetError, MismatchError
 from bsg_data.files import write_bytes
-from bsg_data.inputs.bounded_file import Refusal, read_bytes
-from bsg_data.inputs.bounds import Bound
 from bsg_data.scene.class_map import Role, load_class_map
-from bsg_data.scene.class_space import hash_classes
 from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph, SceneObject
 
 CLASS_MAP = ClassMapEntry.of(load_class_map())
@@ -102,7 +96,7 @@ def publish(folder: Path, graphs: list[SceneGraph]) -> None:
         totals=Totals(),
         files=write_shards(graphs, folder, part=0, class_space=CLASS_SPACE),
     )
-    write_bytes(folder / "dataset.json", encode_manifest(manifest))
+    write_bytes(folder / "dataset.json", seal_manifest(encode_manifest(manifest), {}))
     assert read_manifest(folder) == manifest
 
 
@@ -113,44 +107,6 @@ def test_reading_is_the_inverse_of_writing(
 ) -> None:
     publish(tmp_path, [first, second])
     assert list(read_scene_graphs(tmp_path)) == [first, second]
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"rooms": (Room(2, 0, None), Room(1, 1, None))},
-        {"rooms": ()},
-        {"objects": (SceneObject(1, 1, 3, "chair", "chair", 2, "classified", None),)},
-        {"adjacency": (Edge(0, 1, "adjacent", "layout"),)},
-    ],
-)
-def test_rows_that_do_not_go_together_are_refused(tmp_path: Path, change: dict[str, Any]) -> None:
-    scene = SceneGraph(
-        scene_id="00001-aaaaaaaaaaa",
-        source="hm3d",
-        source_version=None,
-        source_split=None,
-        annotation_sha256="0" * 64,
-        rooms=(Room(1, 0, None), Room(2, 1, None)),
-        objects=(SceneObject(1, 1, 2, "chair", "chair", 2, "classified", None),),
-        adjacency=(Edge(1, 2, "adjacent", "layout"),),
-        class_map="hm3d45-v1",
-    )
-    publish(tmp_path, [scene])
-    assert list(read_scene_graphs(tmp_path)) == [scene]
-    publish(tmp_path, [replace(scene, **change)])
-    with pytest.raises(DatasetError, match="00001-aaaaaaaaaaa: rooms, objects and edges do not"):
-        list(read_scene_graphs(tmp_path))
-
-
-def test_a_scene_that_is_there_twice_is_refused(dataset: Path) -> None:
-    path = dataset / "scenes" / "part-00000.parquet"
-    table = pq.read_table(path)
-    pq.write_table(pa.concat_tables([table, table.slice(0, 1)]), path)
-    manifest = read_manifest(dataset)
-    entry = describe_file(dataset, "scenes/part-00000.parquet", rows=table.num_rows + 1)
-    with pytest.raises(DatasetError, match="is there twice"):
-        read_file(dataset, entry, manifest=manifest)
 
 
 def test_files_carry_schema_meaning_and_classes(dataset: Path) -> None:
@@ -173,41 +129,14 @@ def test_a_missing_cut_or_foreign_file_is_refused(dataset: Path) -> None:
     with pytest.raises(DatasetError, match=r"part-00001\.parquet: is not what the manifest says"):
         read_table(dataset, "rooms")
     path.unlink()
-    with pytest.raises(DatasetError, match="is in the manifest but missing"):
+    with pytest.raises(DatasetError, match="is in the manifest but cannot be read"):
         read_table(dataset, "rooms")
     table = pq.read_table(dataset / "rooms" / "part-00000.parquet")
     pq.write_table(table.replace_schema_metadata({"bsg.class_space": "other-v1"}), path)
     manifest = read_manifest(dataset)
     entry = describe_file(dataset, "rooms/part-00001.parquet", rows=len(table))
-    with pytest.raises(MismatchError, match="found format none, other-v1"):
+    with pytest.raises(MismatchError, match="found format none and other-v1"):
         read_file(dataset, entry, manifest=manifest)
-    path.write_bytes(whole[:-20])
-    entry = describe_file(dataset, "rooms/part-00001.parquet", rows=len(table))
-    with pytest.raises(DatasetError, match=r"part-00001\.parquet: not readable"):
-        read_file(dataset, entry, manifest=manifest)
-
-
-def test_a_file_of_another_size_is_not_read(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with (dataset / "rooms" / "part-00001.parquet").open("ab") as file:
-        file.truncate(2**40)
-    monkeypatch.setattr("bsg_data.dataset.shards.read_bytes", lambda *_, **__: pytest.fail("read"))
-    said = r"00001\.parquet: is not what the manifest says: expected \d+ bytes, found 1099511627776"
-    manifest = read_manifest(dataset)
-    with pytest.raises(DatasetError, match=said):
-        read_file(dataset, manifest.files_of("rooms")[1], manifest=manifest)
-
-
-def test_a_file_that_grows_while_it_is_read_is_refused(
-    dataset: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def grow_and_read(path: Path, *bounds: Bound, error: Refusal) -> bytes:
-        with path.open("ab") as file:
-            file.write(b"more")
-        return read_bytes(path, *bounds, error=error)
-
-    monkeypatch.setattr("bsg_data.dataset.shards.read_bytes", grow_and_read)
-    with pytest.raises(DatasetError, match=r"part-00000\.parquet: .* bytes; expected at most"):
-        read_table(dataset, "rooms")
 
 
 def test_a_folder_without_manifest_is_no_dataset(tmp_path: Path) -> None:
@@ -218,11 +147,8 @@ def test_a_folder_without_manifest_is_no_dataset(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ('"format_version": 2', '"format_version": 99', "format version .*, found 99"),
-        ('"totals"', '"total"', "totals: Field required"),
-        ('"scenes_per_shard": ', '"scenes_per_shard": 90000000', "scenes_per_shard: .* 10000000"),
-        ('"rows": ', '"rows": -', "files.0.rows"),
-        ('"path": "', '"path": "../../etc/', "files.0.path"),
+        ('"format_version": 3', '"format_version": 99', "format version .*, found 99"),
+        ('"totals"', '"total"', "is damaged"),
         ("{", "", "not JSON"),
     ],
 )
@@ -230,20 +156,6 @@ def test_a_manifest_changed_by_hand_is_refused(
     dataset: Path, old: str, new: str, message: str
 ) -> None:
     path = dataset / "dataset.json"
-    path.write_bytes(encode_manifest(read_manifest(dataset)))  # no seal: as of old
     path.write_text(path.read_text("utf-8").replace(old, new, 1), "utf-8")
     with pytest.raises(DatasetError, match=message):
         read_manifest(dataset)
-
-
-def test_without_memory_nothing_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Arrow's encoders would never end, so that they are not begun."""
-
-    def fail(*_: int) -> None:
-        raise OSError(errno.ENOMEM, "Cannot allocate memory")
-
-    monkeypatch.setattr(mmap, "mmap", fail)
-    space = ClassSpaceEntry(name="one", sha256=hash_classes(("bed",)), classes=("bed",))
-    with pytest.raises(MemoryError, match="writing a table needs 32 MiB of memory"):
-        write_shards([], tmp_path, part=0, class_space=space)
-    assert not any(path.is_file() for path in tmp_path.rglob("*"))

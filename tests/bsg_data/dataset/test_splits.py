@@ -3,23 +3,16 @@ from __future__ import annotations
 from collections import Counter
 from pathlib import Path
 
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from bsg_data.checks.dataset import check_dataset
-from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.manifest import Manifest, read_manifest
-from bsg_data.dataset.revision import revise
-from bsg_data.dataset.shards import describe_file
+from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.splits import (
-    assign_folds,
     assign_splits,
     read_splits,
     split_dataset,
-    write_splits,
 )
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.recipes import SplitRecipe
@@ -142,51 +135,8 @@ def test_splitting_again_needs_force_and_removes_the_pairs(dataset: Path) -> Non
     assert check_dataset(dataset) == ()
 
 
-def test_folds_of_ones_own_are_stored(dataset: Path) -> None:
-    folds = {scene: k % 3 for k, scene in enumerate(Dataset.open(dataset).scene_ids)}
-    manifest = assign_folds(dataset, folds, number=3)
-    assert manifest.pairs is None
-    assert manifest.split == SplitRecipe(method="folds", ratios=None, folds=3)
-    assert read_manifest(dataset) == manifest
-    stored = {scene: name for name, some in read_splits(dataset).items() for scene in some}
-    assert stored == {scene: f"fold-{fold}" for scene, fold in folds.items()}
-    with pytest.raises(RecipeError, match="has no fold; give every scene one"):
-        assign_folds(dataset, dict(list(folds.items())[1:]), number=3)
-    with pytest.raises(RecipeError, match="expected scenes in each of the folds 0 to 3"):
-        assign_folds(dataset, folds, number=4)
-    (a_fold, *_) = folds
-    with pytest.raises(RecipeError, match="found them in 0, 1, 2, 3"):
-        assign_folds(dataset, {**folds, a_fold: 3}, number=3)
-
-
 def test_splits_are_read_train_first_and_folds_by_number(dataset: Path) -> None:
     assert list(read_splits(dataset)) == ["train", "val", "test"]
-    folds = {scene: k for k, scene in enumerate(Dataset.open(dataset).scene_ids)}
-    assign_folds(dataset, folds, number=len(folds))
+    recipe = SplitRecipe(method="folds", ratios=None, folds=12)
+    split_dataset(dataset, recipe, force=True)
     assert list(read_splits(dataset)) == [f"fold-{k}" for k in range(12)]  # 2 before 10
-
-
-@pytest.mark.parametrize("name", ["", "fold-", "fold--1", "fold-1.5", "training", "../train"])
-def test_a_split_of_another_name_is_refused(name: str, dataset: Path) -> None:
-    def write(manifest: Manifest, folder: Path) -> Manifest:
-        table = pq.read_table(dataset / "splits.parquet")
-        scenes, (_, *names) = table["scene_id"].to_pylist(), table["split"].to_pylist()
-        columns = {"scene_id": scenes, "split": [name, *names]}
-        folder.mkdir(parents=True)
-        renamed = pa.Table.from_pydict(columns, schema=table.schema)
-        pq.write_table(renamed, folder / "splits.parquet")
-        entry = describe_file(folder, "splits.parquet", rows=len(table))
-        return manifest.with_table("splits", (entry,), split=manifest.split)
-
-    revise(dataset, write)
-    with pytest.raises(DatasetError, match=r"is in split .*; expected train, val, test or fold-N"):
-        read_splits(dataset)
-
-
-def test_splits_are_copied_as_they_are(dataset: Path, tmp_path: Path) -> None:
-    manifest = read_manifest(dataset)
-    (entry,) = write_splits(dataset, tmp_path, manifest, old=manifest)
-    assert (entry,) == manifest.files_of("splits")
-    copied = (tmp_path / "splits.parquet").read_bytes()
-    assert copied == (dataset / "splits.parquet").read_bytes()
-    assert write_splits(dataset, tmp_path, manifest.without_split(), old=manifest) == []

@@ -5,15 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
 from one_building import observe_building
-from version_1_files import write_version_1
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import to_histograms
-from bsg_data.dataset.manifest import encode_manifest, read_manifest
-from bsg_data.dataset.shards import describe_file
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.observation.masked_buildings import (
@@ -28,7 +24,6 @@ from bsg_data.observation.masked_buildings import (
     wholes_of,
 )
 from bsg_data.observation.masks import sample_view
-from bsg_data.observation.masks_v1 import sample_hidden_of_format_1
 from bsg_data.observation.observation import stack
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.observation.view import View
@@ -143,28 +138,6 @@ def test_pairs_that_another_numpy_drew_are_read_as_they_tell(dataset: Path) -> N
         assert seen.sum() == (0 if share else there.sum())
 
 
-def test_of_format_1_other_objects_are_shown_by_its_masks(dataset: Path) -> None:
-    """By the numbers of the scene and the draw, and with all but ⌊0.4 n⌋ of the n in the end."""
-    mask = MaskRecipe(strategy="uniform", fraction=0.4, seed=3)
-    write_version_1(dataset, mask=mask)
-    data = Dataset.open(dataset)
-    every = {name for scene in data.scene_ids for name in data.others(scene).categories}
-    vocabulary = tuple(sorted(every))
-    read = read_masked(data, "train", vocabulary=vocabulary)
-    assert read.draws.tolist() == [0, 1] * len(data.splits["train"])
-    for building, (scene, draw) in enumerate(zip(read.seen.scene_ids, read.draws, strict=True)):
-        there = data.others(scene)
-        shown = read.take([building]).seen.others
-        assert shown[0].sum() == there.cells.sum() - 4 * there.cells.sum() // 10
-        every_room = np.ones(len(there.cells), dtype=bool)
-        gone = sample_hidden_of_format_1(
-            there.cells, every_room, mask, scene_id=scene, draw=int(draw), stream="unclassified"
-        )
-        left = place_others(there.cells - gone, there.categories, vocabulary)
-        assert shown.tolist() == to_histograms(left).tolist()
-    assert read_masked(data, "train").seen.others.shape == (len(read.targets), 0)
-
-
 def test_without_a_vocabulary_no_other_objects_are_told(dataset: Path) -> None:
     data = Dataset.open(dataset)
     sampled = sample_masked(data, data.scene_ids, mask=MaskRecipe(), draw=0)
@@ -197,19 +170,6 @@ def test_missing_pairs_are_said(dataset: Path) -> None:
     split_dataset(dataset, SplitRecipe(seed=3), force=True)
     with pytest.raises(DatasetError, match=r"run `bsg-data pairs .*` first"):
         read_masked(Dataset.open(dataset), "train")
-
-
-@pytest.mark.parametrize("rows", [slice(1, None), slice(0, -1), slice(2, 3)])
-def test_pairs_without_a_row_of_a_node_are_refused(dataset: Path, rows: slice) -> None:
-    """The manifest may list them: whoever changed the rows can change it, too."""
-    path = next(dataset.glob("pairs/val-*.parquet"))
-    pq.write_table(pq.read_table(path)[rows], path)
-    manifest = read_manifest(dataset)
-    files = tuple(describe_file(dataset, one.path, rows=one.rows) for one in manifest.files)
-    told = encode_manifest(manifest.model_copy(update={"files": files}))
-    (dataset / "dataset.json").write_bytes(told)
-    with pytest.raises(DatasetError, match="pairs"):
-        read_masked(Dataset.open(dataset), "val")
 
 
 def test_a_stream_of_samples_is_the_sample_in_pieces(dataset: Path) -> None:

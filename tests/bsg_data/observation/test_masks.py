@@ -26,7 +26,6 @@ from bsg_data.observation.masks import (
     sample_views,
     sample_withheld,
 )
-from bsg_data.observation.masks_v1 import sample_hidden_of_format_1
 from bsg_data.observation.view import View
 from bsg_data.recipes import Exploration, MaskRecipe
 from bsg_data.scene.connections import Connections
@@ -101,19 +100,6 @@ def test_uniform_hides_exactly_the_floor(cells: Counts, percent: int) -> None:
     assert hidden.sum() == percent * int(cells.sum()) // 100
     assert view.visited.all()
     assert set(view.hidden_share.tolist()) == {percent / 100}
-
-
-@given(cells_strategy, st.integers(0, 100), st.integers(0, 3))
-def test_uniform_has_the_bytes_of_format_1(cells: Counts, percent: int, draw: int) -> None:
-    recipe = MaskRecipe(fraction=percent / 100, seed=3)
-    for stream in ("classified", "unclassified"):
-        view = sample_view(cells.shape, recipe, scene_id="s", draw=draw)
-        new = sample_hidden(cells, view, recipe, scene_id="s", draw=draw, stream=stream)
-        visited = np.ones(len(cells), dtype=bool)
-        old = sample_hidden_of_format_1(
-            cells, visited, recipe, scene_id="s", draw=draw, stream=stream
-        )
-        assert new.tobytes() == old.tobytes()
 
 
 @given(st.integers(2, 9), st.integers(0, 100), st.integers(0, 5))

@@ -9,18 +9,15 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pytest
 from conftest import annotation_text, write_scene
-from version_1_files import write_version_1
 
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
-from bsg_data.dataset.dataset import Dataset, read_adjacency, read_cells
+from bsg_data.dataset.dataset import Dataset, read_cells
 from bsg_data.dataset.histograms import to_histograms
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.splits import read_splits, split_dataset
-from bsg_data.errors import DatasetError, RecipeError
-from bsg_data.merge import upgrade_dataset
+from bsg_data.errors import DatasetError
 from bsg_data.observation.mask_hash import hash_splits
-from bsg_data.observation.masked_buildings import read_masked
 from bsg_data.observation.masks import sample_hidden, sample_view
 from bsg_data.observation.pairs import (
     histogram_column,
@@ -45,7 +42,7 @@ def test_pairs_are_the_masks_of_their_recipe_in_order(
     cells = read_cells(dataset)
     for split, scenes in read_splits(dataset).items():
         table = read_pairs(dataset, split)
-        views = read_views(table, PairsRecipe(mask=mask))
+        views = read_views(table)
         expected, first = [], 0
         for scene in scenes:
             for draw in range(3):
@@ -156,7 +153,8 @@ def test_adjacency_reaches_the_masks(tmp_path: Path) -> None:
         write_scene(tmp_path / "hm3d", f"{number:05d}-abcdefghi{number:02d}", text)
     out = tmp_path / "dataset"
     build_dataset(Chain(tmp_path / "hm3d"), out)
-    assert read_adjacency(out)["00000-abcdefghi00"] == [(k, k + 1) for k in range(1, rooms)]
+    known = Dataset.open(out).connections("00000-abcdefghi00")
+    assert known.pairs.tolist() == [[k, k + 1] for k in range(1, rooms)]
     split_dataset(out, SplitRecipe())
     write_pairs(out, PairsRecipe(mask=MaskRecipe(strategy="frontier"), draws=20))
     assert check_dataset(out) == ()
@@ -164,46 +162,6 @@ def test_adjacency_reaches_the_masks(tmp_path: Path) -> None:
     assert not visited.all()
     changes = (visited[:, 1:] != visited[:, :-1]).sum(axis=1)
     assert changes.max() <= 2  # one run of visited rooms along the chain
-
-
-@pytest.mark.parametrize("upgrade", [False, True])
-@pytest.mark.parametrize("strategy", ["uniform", "rooms", "frontier"])
-def test_pairs_of_format_1_are_read_with_what_was_told_then(
-    dataset: Path, strategy: str, upgrade: bool
-) -> None:
-    mask = MaskRecipe(strategy=strategy, fraction=0.4, seed=3)
-    write_version_1(dataset, mask=mask)
-    if upgrade:
-        upgrade_dataset(dataset)
-    recipe = read_manifest(dataset).pairs
-    assert recipe == PairsRecipe(mask=mask, draws=2, masks=1)
-    table = read_pairs(dataset, "train")
-    assert ("hidden_share" in table.column_names) == upgrade
-    view = read_views(table, recipe)
-    of_visited = {"uniform": 0.4, "rooms": 0.0, "frontier": 0.4 / 1.6}[strategy]
-    is_building = table["node_index"].to_numpy() == 0
-    np.testing.assert_allclose(view.hidden_share[is_building], 0.4, atol=1e-7)
-    rooms = view.visited & ~is_building
-    np.testing.assert_allclose(view.hidden_share[rooms], of_visited, atol=1e-7)
-    assert (view.hidden_share[~view.visited] == 1).all()
-    assert not view.withheld.any()
-    read = read_masked(Dataset.open(dataset), "train", vocabulary=("wall",))
-    np.testing.assert_array_equal(read.seen.inputs, histogram_column(table, "input"))
-    assert (read.seen.others[~view.visited] == 0).all()
-    assert read.seen.others.sum() > 0
-    assert check_dataset(dataset) == ()
-
-
-def test_masks_of_format_1_are_not_drawn_any_more(dataset: Path) -> None:
-    write_version_1(dataset, mask=MaskRecipe())
-    table = read_pairs(dataset, "train")
-    with pytest.raises(RecipeError, match="pairs of format 1 by the mask 'explore'"):
-        read_views(table, PairsRecipe(mask=MaskRecipe(strategy="explore"), masks=1))
-    upgrade_dataset(dataset)
-    with pytest.raises(RecipeError, match="masks of version 1 are only read"):
-        write_pairs(dataset, PairsRecipe(masks=1), force=True)
-    write_pairs(dataset, PairsRecipe(), force=True)
-    assert check_dataset(dataset) == ()
 
 
 def test_pairs_of_many_rows_are_written_and_read_in_pieces(

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
-from bsg_data.dataset.publication import CARD
+from bsg_data.dataset.manifest import CARD
 from bsg_data.errors import SourceError
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box, Edge, SceneGraph

@@ -35,7 +35,7 @@ def test_a_folder_without_scenes_is_said(tmp_path: Path) -> None:
 
 
 def _count_reports(partial: Path) -> int:
-    return len(list(partial.glob(".reports/part-*.json")))
+    return len(list(partial.glob(".build/part-*.json")))
 
 
 @pytest.mark.parametrize("sign", [signal.SIGINT, signal.SIGKILL])

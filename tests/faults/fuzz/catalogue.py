@@ -15,7 +15,6 @@ ROWS = {
     "checkpoint": "fuzz.checkpoint",
     "class-map": "fuzz.class_map",
     "configuration": "fuzz.configuration",
-    "dataset": "fuzz.dataset",
     "house": "fuzz.house",
     "label-space": "fuzz.label_space",
     "layout": "fuzz.layout",

@@ -1,0 +1,159 @@
+"""A dataset that is built or changed is the old one or the new at every moment."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pyarrow as pa
+import pytest
+from conftest import commit_manifest, describe_file
+from killed_process import start, wait_for
+from refusals import refuses
+
+from bsg_data.build import build_dataset
+from bsg_data.checks.dataset import check_dataset
+from bsg_data.dataset.commit import is_own, revise
+from bsg_data.dataset.manifest import Manifest, read_manifest
+from bsg_data.dataset.schema import SPLITS
+from bsg_data.dataset.shards import writing_parquet
+from bsg_data.dataset.splits import read_splits, split_dataset
+from bsg_data.errors import DatasetError
+from bsg_data.observation.pairs import write_pairs
+from bsg_data.recipes import PairsRecipe, SplitRecipe
+from bsg_data.sources.hm3d import HM3DFolder
+
+FOLDS = SplitRecipe(method="folds", ratios=None, folds=3)
+Change = Callable[[Path], Manifest]
+
+
+def all_bytes(folder: Path) -> dict[str, bytes]:
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
+
+
+def split_anew(dataset: Path) -> Manifest:
+    return split_dataset(dataset, FOLDS, force=True)
+
+
+def pair_anew(dataset: Path) -> Manifest:
+    return write_pairs(dataset, PairsRecipe(draws=2), force=True)
+
+
+def build_anew(dataset: Path) -> Manifest:
+    source = HM3DFolder(dataset.parent / "hm3d")
+    return build_dataset(source, dataset, force=True, scenes_per_shard=5)
+
+
+@pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
+@pytest.mark.parametrize("change", [split_anew, pair_anew, build_anew])
+def test_killed_at_any_change_of_a_file(
+    dataset: Path, hm3d_folder: Path, tmp_path: Path, change: Change, stride: int
+) -> None:
+    """One of the two manifests is there with all its files; the same command gets through."""
+    work = tmp_path / "work"
+    old, at, ends = read_manifest(dataset), 1, []
+    while True:
+        shutil.rmtree(work, ignore_errors=True)
+        shutil.copytree(dataset, work / "dataset")
+        shutil.copytree(hm3d_folder, work / "hm3d")
+        copy = work / "dataset"
+        ended = wait_for(*start(lambda at=copy: change(at), inside=work, kill_at=at))  # type: ignore[misc]
+        manifest = read_manifest(copy)
+        assert all(
+            describe_file(copy, entry.path, rows=entry.rows) == entry for entry in manifest.files
+        )
+        ends.append(manifest == old)
+        if ended.how == "done":
+            break
+        assert ended.how == "killed", ended
+        change(copy)
+        assert check_dataset(copy) == ()
+        assert sorted(path.name for path in work.iterdir()) == ["dataset", "hm3d"]
+        at += stride
+    assert ends == sorted(ends, reverse=True)  # old until the commit, new from then on
+    assert not ends[-1]
+    assert ends[0]
+
+
+def test_an_error_leaves_the_old_dataset(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = all_bytes(dataset)
+
+    def fail(path: Path, target: Path) -> Path:
+        raise OSError(28, f"no room for {target}")
+
+    monkeypatch.setattr(Path, "replace", fail)
+    with refuses(DatasetError, "not-written", golden=False):
+        pair_anew(dataset)
+    assert all_bytes(dataset) == before
+
+
+def test_files_of_the_users_stay(dataset: Path) -> None:
+    (dataset / "notes.txt").write_text("mine")
+    split_anew(dataset)
+    write_pairs(dataset, PairsRecipe(draws=1))
+    assert [fault.where for fault in check_dataset(dataset)] == ["notes.txt"]
+    with refuses(DatasetError, "foreign-file", dataset):
+        build_dataset(HM3DFolder(dataset.parent / "hm3d"), dataset, force=True)
+
+
+def test_what_no_manifest_names_goes_with_the_next_command(dataset: Path) -> None:
+    old = sorted(dataset.glob("pairs/*/*"))
+    pair_anew(dataset)
+    assert not any(path.exists() for path in old)
+    (dataset / "pairs" / "uniform-00000000").mkdir()
+    (dataset / "pairs" / "uniform-00000000" / "val-00000.parquet").write_bytes(b"PAR1")
+    assert len(check_dataset(dataset)) == 1
+    pair_anew(dataset)
+    assert check_dataset(dataset) == ()
+
+
+def test_a_damaged_file_is_replaced_although_the_manifest_stays_the_same(dataset: Path) -> None:
+    before, manifest = all_bytes(dataset), read_manifest(dataset)
+    assert manifest.pairs is not None
+    (dataset / manifest.files_of("pairs")[0].path).write_bytes(b"PAR1")
+    write_pairs(dataset, manifest.pairs, force=True)
+    assert all_bytes(dataset) == before
+
+
+@pytest.mark.parametrize("name", ["pairs", "splits"])
+def test_links_in_a_dataset_lead_nowhere(dataset: Path, tmp_path: Path, name: str) -> None:
+    outside = tmp_path / "outside"
+    shutil.move(dataset / name, outside)
+    (dataset / name).symlink_to(outside)
+    before = all_bytes(outside)
+    with refuses(DatasetError, "link", dataset / name):
+        write_pairs(dataset, PairsRecipe(draws=1), force=True)
+    assert all_bytes(outside) == before
+
+
+@pytest.mark.parametrize("name", ["../../victim/evil", "training", "fold-", "train\n", ""])
+def test_no_split_is_read_whose_name_could_lead_anywhere(dataset: Path, name: str) -> None:
+    manifest = read_manifest(dataset)
+    scenes = [scene for some in read_splits(dataset).values() for scene in some]
+    table = pa.table([scenes, [name, *["train"] * (len(scenes) - 1)]], schema=SPLITS)
+    path = "splits/ratios-00000000.parquet"
+    with writing_parquet(
+        dataset, path, SPLITS, table="splits", class_space=manifest.class_space
+    ) as file:
+        file.write(table)
+    commit_manifest(dataset, manifest.with_table("splits", (file.entry,)))
+    with refuses(DatasetError, "split-name", path):
+        write_pairs(dataset, PairsRecipe(draws=1), force=True)
+
+
+def test_a_change_needs_a_dataset(tmp_path: Path) -> None:
+    with refuses(DatasetError, "dataset-missing", tmp_path / "none"):
+        revise(tmp_path / "none", lambda manifest: manifest)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_names_are_ours_or_the_users() -> None:
+    ours = ("objects/part-00000.parquet", ".build/plan.json", ".staged/val-00000.parquet")
+    assert all(map(is_own, (*ours, "pairs/uniform-0123abcd/val-00000.parquet", "README.md")))
+    others = ("pairs/notes.txt", "objects/part-0.parquet", "thesis.tex", "scenes/../part.parquet")
+    assert not any(map(is_own, others))
