@@ -7,19 +7,28 @@ need more. A component may be tilted: its tilts are log factors of its first cou
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import gammaln, lambertw, logsumexp
+from scipy.special import lambertw, logsumexp
 
-from bsg_data.arrays import Floats
-from bsg_models.belief.negative_binomial import TINY, first_counts, log_none
+from bsg_data.arrays import Counts, Floats
+from bsg_models.belief.negative_binomial import (
+    POISSON,
+    TINY,
+    first_counts,
+    hidden_posterior,
+    hidden_tilts,
+    log_beyond_none,
+    log_negative_binomial,
+    log_none,
+    log_normaliser,
+)
 
 MIN_RATE = 1e-3  # no hidden object may be impossible: one log 0 would dominate any mean
-_MOST_TILT = 600.0  # largest exponent computed: e^709 is the largest number
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +37,7 @@ class CountDistribution:
 
     Attributes:
         means: `[K, N, C]` μ ≥ 0 of the K components.
-        dispersions: `[K, N, C]` r > 0; ∞ for a Poisson.
+        dispersions: `[K, N, C]` r > 0; ∞ for a Poisson, which becomes `POISSON`.
         weights: `[K, N, 1]` or `[K, N, C]`; sums over K to 1.
         tilts: `[J, K, N, C]` log factors of the hidden counts 0..J−1, applied before each component
             is normalised; None for J = 0. With tilts, `means` are those of the untilted components.
@@ -38,6 +47,9 @@ class CountDistribution:
     dispersions: Floats
     weights: Floats
     tilts: Floats | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "dispersions", np.minimum(self.dispersions, POISSON))
 
     @cached_property
     def mean(self) -> Floats:
@@ -54,40 +66,29 @@ class CountDistribution:
         """Return E(count^power) of every component, `[K, N, C]`, from that of the untilted one."""
         if self.tilts is None:
             return untilted
+        none = np.exp(log_none(self.means, self.dispersions))
+        first = first_counts(len(self.tilts), none, self.means, self.dispersions)
         moment = untilted.copy()
-        for count in range(1, len(self.tilts)):  # the tilt of count 0 adds nothing
-            moment += count**power * self._first[count] * np.expm1(self.tilts[count])
+        for count in range(1, len(first)):  # the tilt of count 0 adds nothing
+            moment += count**power * first[count] * np.expm1(self.tilts[count])
         return np.asarray(np.maximum(moment, 0.0) * np.exp(-self._log_normaliser))
 
     @cached_property
-    def _untilted_none(self) -> Floats:
-        """Log P(0) of every component without tilts, `[K, N, C]`."""
-        return _log_nones(self.means, self.dispersions)
-
-    @cached_property
-    def _first(self) -> list[Floats]:
-        """The untilted probabilities of the counts 0..J−1, each `[K, N, C]`."""
-        number = 0 if self.tilts is None else len(self.tilts)
-        return _first_counts(number, np.exp(self._untilted_none), self.means, self.dispersions)
-
-    @property
     def _log_none(self) -> Floats:
         """Log P(0) of every component, `[K, N, C]`."""
-        if self.tilts is None:
-            return self._untilted_none
-        return np.asarray(self._untilted_none + self.tilts[0] - self._log_normaliser)
+        none = log_none(self.means, self.dispersions)
+        return none if self.tilts is None else none + self.tilts[0] - self._log_normaliser
 
     @cached_property
     def _log_normaliser(self) -> Floats:
-        if self.tilts is None:
-            return np.zeros(self.means.shape)
-        return _log_normaliser(self._first, self.tilts, self._untilted_none)
+        tilts = () if self.tilts is None else self.tilts
+        return log_normaliser(tilts, self.means, self.dispersions)
 
     @property
     def is_finite(self) -> bool:
         """Whether all parameters, and the values computed from them, are finite.
 
-        A dispersion may be infinite, which is a Poisson. Finite parameters can still overflow.
+        Finite parameters can still overflow.
         """
         parts = [self.weights, self.means, self.mean, self.presence]
         if self.tilts is not None:
@@ -117,94 +118,78 @@ class CountDistribution:
             floor: lower bound of the means, before tilts.
         """
         means = np.maximum(self.means, floor)
-        each = _log_nones(means, self.dispersions)
-        normaliser: Floats | float = 0.0
-        if self.tilts is not None:
-            first = _first_counts(len(self.tilts), np.exp(each), means, self.dispersions)
-            normaliser = _log_normaliser(first, self.tilts, each)
+        r = np.broadcast_to(self.dispersions, means.shape)
+        each = log_none(means, r)
         some = counts > 0  # most counts are 0 and need nothing more
-        some_r = np.broadcast_to(self.dispersions, means.shape)[:, some]
-        each[:, some] += _log_beyond_nones(counts[some], means[:, some], some_r)
+        with np.errstate(divide="ignore"):
+            each[:, some] += log_beyond_none(counts[some], means[:, some], r[:, some])
+            weights = np.log(self.weights)
         if self.tilts is not None:
-            each -= normaliser
+            each -= log_normaliser(self.tilts, means, r)
             for count, tilt in enumerate(self.tilts):
                 each += tilt * (counts == count)
-        if len(each) == 1:
-            return np.asarray(np.minimum(each[0], 0.0))
-        with np.errstate(divide="ignore"):
-            weighed = each + np.log(self.weights)
-        return np.asarray(np.minimum(logsumexp(weighed, axis=0), 0.0))
+        joined = each[0] if len(each) == 1 else logsumexp(each + weights, axis=0)
+        return np.asarray(np.minimum(joined, 0.0))
 
-    def quantile(self, q: float) -> npt.NDArray[np.int64]:
-        """Return the q-quantile: the smallest count n with P(hidden ≤ n) of at least q.
+    def log_seen(self, seen: Counts, shares: Floats) -> Floats:
+        """Return log P(V = seen) at several hidden shares, `[S, N, C]`, of these *true* counts T.
+
+        Each object is hidden independently with probability s, so that V ~ NB((1 − s) μ, r), and
+        with tilts P(V = v) = NB_V(v) Z_v / Z (`bsg_models.belief.negative_binomial`).
 
         Args:
-            q: from 0 to below 1.
+            seen: `[N, C]` counts that were seen.
+            shares: `[S, N]` hidden shares, from 0 to below 1.
+        """
+        means, r = np.maximum(self.means, MIN_RATE), self.dispersions
+        share = shares[:, None, :, None]
+        each: Floats = log_negative_binomial(seen, (1 - share) * means, r)  # [S, K, N, C]
+        if self.tilts is not None:
+            hidden, dispersions = hidden_posterior(r, r / means, seen.astype(float), share)
+            tilts = np.stack(hidden_tilts(self.tilts, np.broadcast_to(seen, means.shape)))
+            each += log_normaliser(tilts[:, None], hidden, dispersions)
+            each -= log_normaliser(self.tilts, means, r)
+        with np.errstate(divide="ignore"):
+            return np.asarray(logsumexp(each + np.log(self.weights), axis=1))
 
-        Returns:
-            `[N, C]`.
+    def quantile(self, q: float) -> npt.NDArray[np.int64]:
+        """Return the q-quantile: the smallest count n with P(hidden ≤ n) of at least q, `[N, C]`.
 
         Raises:
-            ValueError: if q is outside this range.
+            ValueError: if q is not 0 to below 1.
         """
         if not 0 <= q < 1:
             raise ValueError(f"q must be 0 to below 1, found {q}")
-        return self._invert(np.full(self.means.shape[1:], q))
-
-    def _invert(self, levels: Floats) -> npt.NDArray[np.int64]:
-        """Return the smallest counts n with P(hidden ≤ n) of at least these levels, `[N, C]`."""
-        counts = np.zeros(levels.shape, dtype=np.int64)
-        below = np.zeros(levels.shape)
-        count, waiting = 0, np.ones(levels.shape, dtype=bool)
+        counts = np.zeros(self.means.shape[1:], dtype=np.int64)
+        below, waiting = np.zeros(counts.shape), np.ones(counts.shape, dtype=bool)
         most = np.ceil(self.mean.max(initial=0) + 60 * np.sqrt(self.variance.max(initial=0))) + 1
+        count = 0
         while waiting.any() and count <= most:
-            below += np.exp(self.log_probability(np.full(levels.shape, float(count)), floor=0.0))
+            below += np.exp(self.log_probability(np.full(counts.shape, float(count)), floor=0.0))
             counts[waiting] = count
-            waiting &= below < levels - 1e-12
+            waiting &= below < q - 1e-12
             count += 1
         return counts
 
-    def sample(self, rng: np.random.Generator) -> npt.NDArray[np.int64]:
-        """Sample all counts once, `[N, C]`; the building's count is not the sum of its rooms'."""
-        chosen = np.empty(self.means.shape[1:], dtype=np.int64)
-        level = rng.random((len(chosen), 1))
-        shares = np.broadcast_to(np.cumsum(self.weights, axis=0), self.means.shape)
-        np.minimum((shares < level).sum(axis=0), len(self.means) - 1, out=chosen)
-        means, r = (
-            np.take_along_axis(part, chosen[None], axis=0)[0]
-            for part in (self.means, np.broadcast_to(self.dispersions, self.means.shape))
+    def _each(self, choose: Callable[[Floats], Floats]) -> CountDistribution:
+        tilts = None if self.tilts is None else choose(self.tilts)
+        return CountDistribution(
+            choose(self.means), choose(self.dispersions), choose(self.weights), tilts
         )
-        if self.tilts is not None:
-            tilts = np.take_along_axis(self.tilts, chosen[None, None], axis=1)
-            one = replace(negative_binomial(means, r), tilts=tilts)
-            return one._invert(rng.random(chosen.shape))
-        finite = np.isfinite(r)
-        gamma = rng.gamma(np.where(finite, r, 1.0)) / np.where(finite, r, 1.0)
-        return np.asarray(rng.poisson(np.where(finite, gamma, 1.0) * means))
 
     def take(self, rows: npt.NDArray[np.integer]) -> CountDistribution:
         """Return the distribution of some nodes, `rows` `[M]`."""
-        return CountDistribution(
-            self.means[:, rows],
-            self.dispersions[:, rows],
-            self.weights[:, rows],
-            None if self.tilts is None else self.tilts[:, :, rows],
-        )
+        return self._each(lambda part: part[..., rows, :])
 
     def take_classes(self, columns: npt.NDArray[np.integer]) -> CountDistribution:
         """Return the distribution of some classes of every node, `columns` `[N, A]`."""
-        shape = (len(self.means), *columns.shape)
-        means, dispersions, weights = (
-            np.take_along_axis(
-                np.broadcast_to(part, self.means.shape), np.broadcast_to(columns, shape), axis=2
-            )
-            for part in (self.means, self.dispersions, self.weights)
-        )
-        tilts = self.tilts
-        if tilts is not None:
-            everywhere = np.broadcast_to(columns, (*tilts.shape[:2], *columns.shape))
-            tilts = np.take_along_axis(tilts, everywhere, axis=3)
-        return CountDistribution(means, dispersions, weights, tilts)
+
+        def choose(part: Floats) -> Floats:
+            whole = np.broadcast_to(part, (*part.shape[:-1], self.means.shape[2]))
+            shape = (*part.shape[:-1], columns.shape[1])
+            return np.take_along_axis(whole, np.broadcast_to(columns, shape), axis=-1)
+
+        return self._each(choose)
 
     def recalibrated(self, *, shift: float, slope: float, spread: float) -> CountDistribution:
         """Return the distribution with means e^shift · μ^slope and dispersions e^spread · r.
@@ -240,7 +225,7 @@ class CountDistribution:
 
 def poisson(means: Floats) -> CountDistribution:
     """Return independent Poisson counts with these means `[N, C]`."""
-    return negative_binomial(means, np.full_like(means, np.inf))
+    return negative_binomial(means, np.full_like(means, POISSON))
 
 
 def negative_binomial(means: Floats, dispersions: Floats) -> CountDistribution:
@@ -260,10 +245,8 @@ def zero_inflated(presence: Floats, means: Floats) -> CountDistribution:
     least = -np.log1p(-presence)
     rate = np.maximum(_positive_poisson_rate(given), np.maximum(least, 1e-9))
     weight = np.minimum(presence / -np.expm1(-rate), 1.0)
-    zero = np.zeros_like(rate)
-    return CountDistribution(
-        np.stack([zero, rate]), np.full((2, *rate.shape), np.inf), np.stack([1 - weight, weight])
-    )
+    means = np.stack([np.zeros_like(rate), rate])
+    return CountDistribution(means, np.full_like(means, POISSON), np.stack([1 - weight, weight]))
 
 
 def _positive_poisson_rate(given: Floats) -> Floats:
@@ -283,89 +266,29 @@ def blend(
     distributions: Sequence[CountDistribution], weights: Sequence[float]
 ) -> CountDistribution:
     """Return the mixture of several distributions of the same nodes."""
-    shape = distributions[0].means.shape[1:]
     scaled = [
-        np.broadcast_to(distribution.weights * w, distribution.means.shape)
-        for distribution, w in zip(distributions, weights, strict=True)
+        replace(one, weights=np.broadcast_to(one.weights * weight, one.means.shape))
+        for one, weight in zip(distributions, weights, strict=True)
     ]
-    if any(distribution.means.shape[1:] != shape for distribution in distributions):
-        raise ValueError("expected distributions of the same nodes and classes")
-    return CountDistribution(
-        np.concatenate([distribution.means for distribution in distributions]),
-        np.concatenate([distribution.dispersions for distribution in distributions]),
-        np.concatenate(scaled),
-        _join_tilts(distributions, axis=1),
-    )
+    return _join(scaled, axis=-3)
 
 
 def concatenate(distributions: Sequence[CountDistribution]) -> CountDistribution:
     """Return the distributions of several batches of nodes as one of all nodes, in order."""
-    return CountDistribution(
-        np.concatenate([distribution.means for distribution in distributions], axis=1),
-        np.concatenate([distribution.dispersions for distribution in distributions], axis=1),
-        np.concatenate([distribution.weights for distribution in distributions], axis=1),
-        _join_tilts(distributions, axis=2),
-    )
+    return _join(distributions, axis=-2)
 
 
-def _join_tilts(distributions: Sequence[CountDistribution], *, axis: int) -> Floats | None:
-    """Return the tilts of several distributions along an axis; missing tilts become zeros."""
+def _join(distributions: Sequence[CountDistribution], *, axis: int) -> CountDistribution:
+    """Join distributions along the axis of components (−3) or nodes (−2)."""
     number = max(0 if one.tilts is None else len(one.tilts) for one in distributions)
-    if not number:
-        return None
-    parts = []
+    means, dispersions, weights = (
+        np.concatenate([getattr(one, name) for one in distributions], axis=axis)
+        for name in ("means", "dispersions", "weights")
+    )
+    tilts = []
     for one in distributions:
-        tilts = np.zeros((number, *one.means.shape))
+        tilts.append(np.zeros((number, *one.means.shape)))
         if one.tilts is not None:
-            tilts[: len(one.tilts)] = one.tilts
-        parts.append(tilts)
-    return np.concatenate(parts, axis=axis)
-
-
-def _log_nones(mean: Floats, dispersion: Floats) -> Floats:
-    """Return the untilted log P(0) of every component, `[K, N, C]`, including Poissons."""
-    finite = np.isfinite(dispersion)
-    if finite.all():
-        return log_none(mean, dispersion)
-    return np.where(finite, log_none(mean, np.where(finite, dispersion, 1.0)), -mean)
-
-
-def _log_beyond_nones(counts: Floats, mean: Floats, dispersion: Floats) -> Floats:
-    """Return log P(counts) − log P(0) of M cells with counts above 0, `[K, M]`."""
-    finite = np.isfinite(dispersion)
-    r = np.where(finite, dispersion, 1.0)
-    with np.errstate(divide="ignore"):
-        spread = np.where(finite, np.log(mean + r), 0.0)
-        power = counts * (np.log(mean) - spread)
-    choose = np.where(finite, gammaln(counts + r) - gammaln(r), 0.0)
-    return np.asarray(choose - gammaln(counts + 1) + power)
-
-
-def _first_counts(number: int, none: Floats, mean: Floats, dispersion: Floats) -> list[Floats]:
-    """Return the untilted P(0), …, P(number − 1) of every component, including Poissons."""
-    if number < 2 or np.isfinite(dispersion).all():
-        return first_counts(number, none, mean, dispersion)
-    probabilities = [none]
-    with np.errstate(invalid="ignore"):
-        for count in range(number - 1):
-            step = mean * (dispersion + count) / ((mean + dispersion) * (count + 1))
-            step = np.where(np.isfinite(dispersion), step, mean / (count + 1))
-            probabilities.append(probabilities[-1] * step)
-    return probabilities
-
-
-def _log_normaliser(first: Sequence[Floats], tilts: Floats, log_none: Floats) -> Floats:
-    """Return log Z of every component, `[K, N, C]`.
-
-    Args:
-        first: its untilted first counts.
-        tilts: of them.
-        log_none: log of the first count's probability. In a large building that probability
-            underflows, and its tilt overflows.
-    """
-    large = tilts[0] > _MOST_TILT
-    rest = [np.where(large, 0.0, tilts[0]), *tilts[1:]]
-    gained = sum(p * np.expm1(tilt) for p, tilt in zip(first, rest, strict=True))
-    if large.any():
-        gained = gained + large * np.exp(np.where(large, log_none + tilts[0], 0.0))
-    return np.asarray(np.log(np.maximum(1 + gained, TINY)))
+            tilts[-1][: len(one.tilts)] = one.tilts
+    joined = np.concatenate(tilts, axis=axis) if number else None
+    return CountDistribution(means, dispersions, weights, joined)

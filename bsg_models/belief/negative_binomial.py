@@ -1,6 +1,6 @@
 """Compute negative binomials: counts whose rates vary as a Gamma.
 
-With mean μ and dispersion r the variance is μ + μ²/r; r = ∞ is a Poisson.
+With mean μ and dispersion r the variance is μ + μ²/r; a large r is a Poisson.
 
     Λ ~ Gamma(r, rate b)                         its mean is r / b
     T | Λ ~ Poisson(Λ)                           so that T ~ NB(mean r / b, dispersion r)
@@ -15,20 +15,23 @@ closed form:
 
     P(H = h | V = v) = NB(h) exp(a_{v+h}) / Z_v,    Z_v = 1 + Σ_h NB(h) (exp(a_{v+h}) − 1)
     P(V = v) = NB_V(v) Z_v / Z                      Z the same sum over the prior of T
+
+Every function takes arrays of NumPy or tensors of torch, and returns the same kind.
 """
 
 from __future__ import annotations
 
+import sys
 from typing import Any, TypeVar
 
 import numpy as np
-import numpy.typing as npt
-from scipy.special import gammaln
-
-from bsg_data.arrays import Floats
+from scipy import special
 
 Array = TypeVar("Array", bound=Any)  # of NumPy or of torch
+POISSON = 1e15  # the dispersion of a Poisson: its variance is μ (1 + μ / r)
 TINY = 1e-30  # a smaller normaliser is rounding error
+_LARGE = 1e6  # dispersion from which log Γ(r + count) − log Γ(r) has lost its digits
+_MOST_TILT = 600.0  # largest exponent computed: e^709 is the largest number
 
 
 def hidden_posterior(shape: Array, rate: Array, seen: Array, share: Array) -> tuple[Array, Array]:
@@ -77,47 +80,70 @@ def first_counts(number: int, none: Array, mean: Array, dispersion: Array) -> li
     return probabilities[:number]
 
 
-def log_normaliser(tilts: Floats, mean: Floats, dispersion: Floats) -> Floats:
-    """Return log Z of tilted negative binomials; the first axis of `tilts` is the counts 0..J−1.
+def log_normaliser(tilts: Any, mean: Array, dispersion: Array) -> Array:
+    """Return log Z of tilted negative binomials.
 
-    Dispersions must be finite.
+    Args:
+        tilts: a of the counts 0..J−1, one array each.
+        mean: μ.
+        dispersion: r.
     """
-    counts = first_counts(len(tilts), np.exp(log_none(mean, dispersion)), mean, dispersion)
-    gained = sum(p * np.expm1(tilt) for p, tilt in zip(counts, tilts, strict=True))
-    return np.asarray(np.log(np.maximum(1 + gained, TINY)))
+    xp = _library(mean)
+    none = log_none(mean, dispersion)
+    total = xp.ones_like(none)
+    for tilt in tilts[:1]:  # in a large building P(0) underflows, and its tilt overflows
+        total = total + xp.exp(none + tilt) * (tilt > _MOST_TILT)
+    first = first_counts(len(tilts), xp.exp(none), mean, dispersion)
+    for probability, tilt in zip(first, tilts, strict=True):
+        total = total + probability * xp.expm1(tilt * (tilt <= _MOST_TILT))
+    normaliser: Array = xp.log(total.clip(TINY))
+    return normaliser
 
 
-def log_negative_binomial(
-    counts: Floats | npt.NDArray[np.integer], mean: Floats | float, dispersion: Floats | float
-) -> Floats:
+def log_negative_binomial(counts: Any, mean: Array, dispersion: Any, tilts: Any = ()) -> Array:
     """Return log P(counts); the arguments broadcast against each other.
 
     Args:
         counts: whole numbers of 0 or more.
         mean: μ > 0.
-        dispersion: r > 0, finite.
+        dispersion: r > 0.
+        tilts: a of the counts 0..J−1, one array each.
     """
-    choose = gammaln(counts + dispersion) - gammaln(dispersion) - gammaln(counts + 1)
-    power = counts * (np.log(mean) - np.log(mean + dispersion))
-    return np.asarray(choose + log_none(mean, dispersion) + power)
+    log_p: Array = log_beyond_none(counts, mean, dispersion) + log_none(mean, dispersion)
+    for count, tilt in enumerate(tilts):
+        log_p = log_p + tilt * (counts == count)
+    if len(tilts):
+        log_p = log_p - log_normaliser(tilts, mean, dispersion)
+    return log_p
 
 
-def log_likelihood(
-    counts: Floats | npt.NDArray[np.integer], mean: Floats | float, dispersion: Floats | float
-) -> Floats:
-    """Return log P(counts) without the term −log counts!, on which no fit depends."""
-    choose = gammaln(counts + dispersion) - gammaln(dispersion)
-    power = counts * np.log(mean / (mean + dispersion))
-    return np.asarray(choose + log_none(mean, dispersion) + power)
+def log_none(mean: Array, dispersion: Any) -> Array:
+    """Return log P(0)."""
+    none: Array = -dispersion * _library(mean).log1p(mean / dispersion)
+    return none
 
 
-def log_none(mean: Floats | float, dispersion: Floats | float) -> Floats:
-    """Return log P(0); dispersions must be finite."""
-    return np.asarray(-dispersion * np.log1p(mean / dispersion))
-
-
-def log_beyond_none(counts: Floats, mean: Floats, dispersion: Floats) -> Floats:
+def log_beyond_none(counts: Any, mean: Array, dispersion: Any) -> Array:
     """Return log P(counts) − log P(0); most counts are 0 and do not need it."""
-    power = counts * (np.log(mean / dispersion) - np.log1p(mean / dispersion))
-    choose = gammaln(counts + dispersion) - gammaln(dispersion) - gammaln(counts + 1)
-    return np.asarray(choose + power)
+    xp = _library(mean)
+    power = counts * (xp.log(mean) - xp.log(mean + dispersion))
+    beyond: Array = _log_rising(counts, dispersion) - _log_gamma(counts + 1.0) + power
+    return beyond
+
+
+def _log_rising(counts: Any, dispersion: Any) -> Any:
+    """Return log Γ(r + counts) − log Γ(r)."""
+    xp = _library(dispersion)
+    large = dispersion > _LARGE
+    small = xp.where(large, 1.0, dispersion)
+    series = counts * (xp.log(dispersion) + (counts - 1.0) / (2 * dispersion))
+    return xp.where(large, series, _log_gamma(counts + small) - _log_gamma(small))
+
+
+def _log_gamma(values: Any) -> Any:
+    return special.gammaln(values) if _library(values) is np else values.lgamma()
+
+
+def _library(values: Any) -> Any:
+    """Return the library of an array. Torch is never imported here: who has a tensor has it."""
+    return sys.modules["torch"] if type(values).__module__.startswith("torch") else np

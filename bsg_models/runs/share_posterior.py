@@ -4,7 +4,7 @@
 
 V_c are the seen objects of class c. P(s) is the robot's prior, a Beta distribution. P(V_c | s)
 follows from what the model expects in such a room when nothing of it was seen, thinned to the
-visible share 1 − s (`bsg_models.belief.thinning`). Few objects in a room where the model expects
+visible share 1 − s (`CountDistribution.log_seen`). Few objects in a room where the model expects
 many mean that many are hidden.
 
 Counts of different classes are correlated, through the fullness of a room and the care of its
@@ -26,7 +26,6 @@ from bsg_data.observation.observation import Observation, stack
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
-from bsg_models.belief.thinning import log_seen
 from bsg_models.inputs.share_levels import find_quantiles
 
 EVIDENCE = 0.5  # τ
@@ -107,7 +106,7 @@ def _weigh(
     size = max(1, _CELLS // (_LEVELS * len(true.means) * seen.shape[1]))
     for first in range(0, len(beliefs), size):
         rooms = np.arange(first, min(first + size, len(beliefs)))
-        log_p = log_seen(true.take(rooms), seen[rooms], shares[:, rooms])
+        log_p = true.take(rooms).log_seen(seen[rooms], shares[:, rooms])
         told[:, rooms] = (log_p * ~withheld[rooms]).sum(axis=2)
     posterior = softmax(EVIDENCE * told + np.log(weights)[:, None], axis=0)
     mean = (posterior * shares).sum(axis=0)

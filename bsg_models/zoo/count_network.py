@@ -37,7 +37,11 @@ from bsg_models.belief.count_distribution import (
     negative_binomial,
     poisson,
 )
-from bsg_models.belief.negative_binomial import first_counts, hidden_posterior, hidden_tilts
+from bsg_models.belief.negative_binomial import (
+    hidden_posterior,
+    hidden_tilts,
+    log_negative_binomial,
+)
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.zoo.calibration import CalibratedModel
 from bsg_models.zoo.model import ModelInputs, Network, share_of, to_array
@@ -187,19 +191,4 @@ def cell_loss(
     mean, dispersion = posterior.mean.clamp(min=MIN_RATE), posterior.dispersion
     if likelihood == "poisson":
         return mean - hidden * mean.log() + torch.lgamma(hidden + 1)
-    log_none = -dispersion * torch.log1p(mean / dispersion)
-    log_p = (
-        torch.lgamma(hidden + dispersion)
-        - torch.lgamma(dispersion)
-        - torch.lgamma(hidden + 1)
-        + log_none
-        + hidden * (mean.log() - (mean + dispersion).log())
-    )
-    if not posterior.tilts:
-        return -log_p
-    normaliser = torch.ones_like(mean)
-    first = first_counts(len(posterior.tilts), log_none.exp(), mean, dispersion)
-    for count, (probability, tilt) in enumerate(zip(first, posterior.tilts, strict=True)):
-        normaliser = normaliser + probability * torch.expm1(tilt)
-        log_p = log_p + tilt * (hidden == count)
-    return normaliser.clamp(min=1e-6).log() - log_p
+    return -log_negative_binomial(hidden, mean, dispersion, posterior.tilts)

@@ -21,6 +21,7 @@ import numpy as np
 import torch
 from pydantic import Field
 from scipy.optimize import minimize, minimize_scalar
+from scipy.special import gammaln
 
 from bsg_data.arrays import Floats
 from bsg_data.dataset.dataset import Dataset
@@ -30,7 +31,6 @@ from bsg_models.belief.expectation import Expectation, from_hidden_counts
 from bsg_models.belief.negative_binomial import (
     hidden_posterior,
     hidden_tilts,
-    log_likelihood,
     log_negative_binomial,
     log_normaliser,
 )
@@ -108,11 +108,12 @@ def fit_gamma_prior(tally: Tally) -> tuple[float, float]:
     A class that never occurs gets a prior as weak as half an object in all rooms together.
     """
     values, times = tally
+    constant = float(times @ gammaln(values + 1.0))  # it would change when the search stops
     mean = max(float(values @ times) / float(times.sum()), 0.5 / float(times.sum()))
 
     def cost(log_shape: Floats) -> float:
         a = float(np.exp(log_shape[0]))
-        return -float(times @ log_likelihood(values, mean, a))
+        return -float(times @ log_negative_binomial(values, mean, a)) - constant
 
     minimum = minimize(cost, x0=np.zeros(1), bounds=[(-8.0, 8.0)], method="L-BFGS-B")
     a = float(np.exp(minimum.x[0]))
@@ -156,7 +157,7 @@ def fit_dispersion(counts: Floats, means: Floats) -> Floats:
 
         def cost(log_r: float, values: Floats = values, mean: Floats = mean) -> float:
             r = float(np.exp(log_r))
-            return -float(log_likelihood(values, mean, r).sum())
+            return -float(log_negative_binomial(values, mean, r).sum())
 
         dispersions[c] = np.exp(minimize_scalar(cost, bounds=(-4.0, 6.0), method="bounded").x)
     return dispersions

@@ -7,6 +7,7 @@ import numpy as np
 from bsg_data.arrays import Floats
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import CountDistribution
+from bsg_models.belief.negative_binomial import POISSON
 
 _LEAST = 1e-9  # a smaller presence, or mean, counts as none
 _CLOSE = 1e-13  # relative size of the last step
@@ -41,7 +42,7 @@ def sum_rooms(distribution: CountDistribution, seen: Observation) -> CountDistri
     sums[:, alone] = inputs[first][alone] * share / np.maximum(1 - share, 1e-6)
     mean, excess = sums[0], sums[1] - sums[0]  # excess of the variance over a Poisson's
     dispersion = np.divide(
-        mean**2, excess, out=np.full_like(mean, np.inf), where=excess > 1e-9 * np.maximum(mean, 1)
+        mean**2, excess, out=np.full_like(mean, POISSON), where=excess > 1e-9 * np.maximum(mean, 1)
     )
     means, dispersions = distribution.means.copy(), distribution.dispersions.copy()
     means[:, first], dispersions[:, first] = mean, dispersion
@@ -73,14 +74,11 @@ def _tilt_none(mean: Floats, dispersion: Floats, log_none: Floats) -> tuple[Floa
     """
     present = -np.expm1(log_none)
     given = np.maximum(mean / present, 1 + 1e-9)
-    finite = np.isfinite(dispersion)
-    r = np.where(finite, dispersion, 1.0)
 
     def log_untilted(base: Floats) -> tuple[Floats, Floats]:
-        """Return log P(0), and log of −dP(0)/dμ: −(r + more) log(1 + μ / r), −μ for a Poisson."""
-        spread = np.log1p(base / r)
-        none, slope = -r * spread, -(r + 1) * spread
-        return np.where(finite, none, -base), np.where(finite, slope, -base)
+        """Return log P(0), and log of −dP(0)/dμ: −(r + 1) log(1 + μ / r)."""
+        spread = np.log1p(base / dispersion)
+        return -dispersion * spread, -(dispersion + 1) * spread
 
     base = given.copy()
     for _ in range(_STEPS):

@@ -1,4 +1,4 @@
-"""The negative binomial beside SciPy's, and its posterior beside simulation."""
+"""The law of counts beside SciPy's, simulation, and the joint distribution written out."""
 
 from __future__ import annotations
 
@@ -8,13 +8,10 @@ import torch
 from scipy import stats
 
 from bsg_models.belief.negative_binomial import (
-    first_counts,
+    POISSON,
     hidden_posterior,
     hidden_tilts,
-    log_beyond_none,
-    log_likelihood,
     log_negative_binomial,
-    log_none,
     log_normaliser,
 )
 
@@ -29,13 +26,13 @@ def test_it_is_scipys() -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
-def test_its_parts_add_up() -> None:
-    whole = log_negative_binomial(COUNTS, MEANS, DISPERSIONS)
-    beyond = log_beyond_none(COUNTS.astype(float), MEANS, DISPERSIONS)
-    np.testing.assert_allclose(log_none(MEANS, DISPERSIONS) + beyond, whole, rtol=1e-9)
-    without = log_likelihood(COUNTS, MEANS, DISPERSIONS) - whole
-    factorials = [np.log(float(np.prod(np.arange(1, n + 1)))) for n in COUNTS]
-    np.testing.assert_allclose(without, factorials, atol=1e-9)
+def test_at_large_dispersions_it_becomes_a_poisson_without_a_step() -> None:
+    counts = np.arange(60)
+    poisson = stats.poisson.logpmf(counts, 12.5)
+    found = log_negative_binomial(counts, 12.5, np.float64(POISSON))
+    np.testing.assert_allclose(found, poisson, rtol=1e-11)
+    below, above = (log_negative_binomial(counts, 12.5, r) for r in (0.999999e6, 1.000001e6))
+    np.testing.assert_allclose(below, above, rtol=0, atol=1e-7)
 
 
 def test_the_posterior_is_what_simulation_finds() -> None:
@@ -50,12 +47,18 @@ def test_the_posterior_is_what_simulation_finds() -> None:
     np.testing.assert_allclose(shares, expected, atol=0.004)
 
 
-def test_the_posterior_is_the_same_of_arrays_and_of_tensors() -> None:
-    parts = [RNG.random(6) for _ in range(4)]
+@pytest.mark.parametrize("number", [0, 1, 3])
+def test_arrays_and_tensors_have_one_law(number: int) -> None:
+    seen, share = RNG.poisson(1.0, 50).astype(float), RNG.random(50)
+    tilts = list(RNG.normal(0, 1, (number, 50)))
+    parts = (MEANS, DISPERSIONS / MEANS, seen, share)
     arrays = hidden_posterior(*parts)
-    tensors = hidden_posterior(*map(torch.from_numpy, parts))
-    for array, tensor in zip(arrays, tensors, strict=True):
-        np.testing.assert_array_equal(array, tensor.numpy())
+    found = log_negative_binomial(COUNTS, *arrays, hidden_tilts(tilts, seen))
+    torches = [torch.from_numpy(part) for part in parts]
+    tensors = hidden_posterior(*torches)
+    left = hidden_tilts([torch.from_numpy(tilt) for tilt in tilts], torches[2])
+    same = log_negative_binomial(torch.from_numpy(COUNTS.astype(float)), *tensors, left)
+    np.testing.assert_allclose(same.numpy(), found, rtol=1e-12)
 
 
 def test_a_tilted_prior_is_closed_under_thinning() -> None:
@@ -70,17 +73,10 @@ def test_a_tilted_prior_is_closed_under_thinning() -> None:
     for seen in range(5):
         joint = prior * stats.binom.pmf(seen, counts, 1 - f)
         mean, r = hidden_posterior(a, b, seen, f)
-        hidden = np.exp(log_negative_binomial(counts, mean, r))
         left = np.array(hidden_tilts(tilts, np.array(seen)))
-        hidden[:3] *= np.exp(left)
-        np.testing.assert_allclose((hidden / hidden.sum())[:50], joint[seen:][:50] / joint.sum())
+        hidden = np.exp(log_negative_binomial(counts, mean, r, left))
+        np.testing.assert_allclose(hidden[:50], joint[seen:][:50] / joint.sum())
         untilted = log_negative_binomial(seen, (1 - f) * a / b, a)
         gained = log_normaliser(left, mean, r) - log_normaliser(tilts, a / b, a)
         assert float(untilted + gained) == pytest.approx(float(np.log(joint.sum())))
     assert hidden_tilts(tilts, np.array(1)) == [1.1, -0.6, 0.0]
-
-
-def test_first_counts_are_those_of_the_distribution() -> None:
-    expected = np.exp(log_negative_binomial(np.arange(4), 2.5, 0.7))
-    np.testing.assert_allclose(first_counts(4, expected[0], 2.5, 0.7), expected)
-    assert first_counts(0, expected[0], 2.5, 0.7) == []

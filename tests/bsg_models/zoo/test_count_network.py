@@ -223,7 +223,7 @@ def test_a_likelihood_is_the_distribution_that_is_given(
     model = restore_model(tmp_path / "run" / BEST, load_checkpoint(tmp_path / "run" / BEST))
     seen = read_split(Dataset.open(dataset), "test", vocabulary=model.vocabulary).seen
     distribution = model.predict(seen.take([0])).hidden_counts.take(np.array([1, 2]))
-    assert np.isfinite(distribution.dispersions).all() == (likelihood == "negative-binomial")
+    assert (distribution.dispersions < 1e9).all() == (likelihood == "negative-binomial")
 
 
 def test_an_svd_embedding_is_numpys() -> None:
