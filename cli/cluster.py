@@ -20,7 +20,7 @@ import click
 
 from bsg_data.errors import BSGError
 from bsg_data.extras import ask_to_install
-from bsg_data.inputs.bounded_file import hash_bounded
+from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.inputs.bounds import MANIFEST_FILE, RUN_RECORD
 from bsg_data.inputs.documents import read_json
 
@@ -152,7 +152,7 @@ def _describe(path: Path) -> str:
     manifest = path / "dataset.json"
     if manifest.is_file():
         try:
-            return f"the dataset {hash_bounded(manifest, MANIFEST_FILE)[:12]}…"
+            return f"the dataset {hash_file(manifest, MANIFEST_FILE)[:12]}…"
         except OSError as error:
             return f"a dataset that cannot be read ({error.strerror or error})"
     return f"a folder of {sum(1 for _ in path.iterdir()):,} things"

@@ -18,7 +18,7 @@ from pydantic import Field, ValidationError, model_validator
 from bsg_data.dataset.schema import FORMAT_VERSION, SPLIT_NAME
 from bsg_data.errors import DatasetError, MismatchError, RecipeError, SourceError
 from bsg_data.files import AnyPath, resolve_links
-from bsg_data.inputs.bounded_file import hash_bounded, read_bytes
+from bsg_data.inputs.bounded_file import hash_file, read_bytes
 from bsg_data.inputs.bounds import MANIFEST_FILE, MAX_PARTS, MAX_ROWS
 from bsg_data.inputs.documents import parse_json, read_json
 from bsg_data.recipes import PairsRecipe, Record, SplitRecipe, name_fault
@@ -373,7 +373,7 @@ def hash_manifest(dataset: Path) -> str:
     Raises:
         OSError: if it cannot be read.
     """
-    return hash_bounded(dataset / MANIFEST, MANIFEST_FILE)
+    return hash_file(dataset / MANIFEST, MANIFEST_FILE)
 
 
 def require_class_space(manifest: Manifest, other: ClassSpaceEntry, *, what: str) -> None:

@@ -1,16 +1,10 @@
-"""Read untrusted files within a bound, also pipes, devices and growing files.
-
-All readers of this project open files here. A file that is too large is refused before more than
-its bound is in memory. A file that never ends is refused after its bound was read.
-"""
+"""Read files of people and other programs within a bound, packed with gzip or not."""
 
 from __future__ import annotations
 
-import errno
 import gzip
 import hashlib
 import io
-import os
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -21,8 +15,7 @@ from bsg_data.errors import SourceError
 from bsg_data.inputs.bounds import DATASET_TABLE, MAX_RATIO, MIB, Bound
 
 PACKED = ".gz"
-Refusal = Callable[[str], Exception]
-_BLOCK = MIB
+Refusal = Callable[..., Exception]  # of a message, `code` and `where`: a class of `BSGError`
 _UNSUSPICIOUS = 16 * MIB  # unpacked, before a ratio is judged
 
 
@@ -47,12 +40,11 @@ def read_bytes(path: Path, bound: Bound, *, error: Refusal = SourceError) -> byt
 
 def read_packed(path: Path, bound: Bound, *, error: Refusal = SourceError) -> bytes:
     """Read a file whole, as it lies there; see `read_bytes`."""
-    with _refusing(path, error), open_waiting_for_none(path) as file:
-        _require_size(file, path, bound, error)
-        data = _take(file, bound.bytes)
-        if len(data) > bound.bytes:
-            raise error(f"{path}: more than {bound.bytes:,} bytes; expected at most these")
-        return data
+    with _refusing(path, error), path.open("rb") as file:
+        _require_size(path.stat().st_size, path, bound, error)  # 0 of pipes and devices
+        data = _take(file, bound)
+    _require_size(len(data), path, bound, error)
+    return data
 
 
 def unpack(data: bytes, path: Path, bound: Bound, *, error: Refusal = SourceError) -> bytes:
@@ -60,9 +52,8 @@ def unpack(data: bytes, path: Path, bound: Bound, *, error: Refusal = SourceErro
     if not path.name.endswith(PACKED):
         return data
     with _refusing(path, error):
-        unpacked = _take(cast(BinaryIO, gzip.GzipFile(fileobj=io.BytesIO(data))), bound.bytes)
-    if len(unpacked) > bound.bytes:
-        raise error(f"{path}: unpacks to more than {bound.bytes:,} bytes; expected at most these")
+        unpacked = _take(cast(BinaryIO, gzip.GzipFile(fileobj=io.BytesIO(data))), bound)
+    _require_size(len(unpacked), path, bound, error)
     return unpacked
 
 
@@ -73,75 +64,40 @@ def open_stream(path: Path, bound: Bound, *, error: Refusal = SourceError) -> It
     Raises:
         SourceError: or what `error` makes, as `read_bytes`, also within the block.
     """
-    with _refusing(path, error), open_waiting_for_none(path) as file:
-        _require_size(file, path, bound, error)
-        is_packed = path.name.casefold().endswith(PACKED)
-        opened = cast(BinaryIO, gzip.GzipFile(fileobj=file)) if is_packed else file
-        counted = _Counted(opened, file if is_packed else None, path, bound, error)
+    with _refusing(path, error), path.open("rb") as file:
+        counted = _Counted(file, path, bound, error)
         with io.BufferedReader(counted) as stream:
             yield cast(BinaryIO, stream)
 
 
-def hash_bounded(path: Path, bound: Bound) -> str:
-    """Return the sha256 of the bytes of a file as they lie there.
-
-    Raises:
-        OSError: if it cannot be read.
-        TooLargeError: if it is larger; one on a disk is not read then.
-    """
-    digest, left = hashlib.sha256(), bound.bytes
-    with open_waiting_for_none(path) as file:
-        _require_size(file, path, bound, TooLargeError)
-        while block := file.read(_BLOCK):
-            left -= len(block)
-            if left < 0:
-                raise TooLargeError(f"{path}: more than {bound.bytes:,} bytes")
-            digest.update(block)
-    return digest.hexdigest()
-
-
 def hash_file(path: Path, bound: Bound = DATASET_TABLE) -> str:
-    """Return the sha256 of a file on a disk, in hexadecimal digits.
+    """Return the sha256 of the bytes of a file, in hexadecimal digits.
 
     Args:
         path: of the file.
         bound: that it must keep; no kind of file that we write may be larger than the usual one.
 
     Raises:
-        OSError: if it cannot be read, or is a pipe or a device, which may have no end.
+        OSError: if it cannot be read.
         TooLargeError: if it is larger.
     """
-    if not path.is_file() and path.exists():
-        raise OSError(errno.EINVAL, "is no file on a disk", str(path))
-    return hash_bounded(path, bound)
-
-
-def open_waiting_for_none(path: Path) -> BinaryIO:
-    """Open a file; a pipe into which nobody writes is empty, and is not waited for.
-
-    Raises:
-        OSError: if it cannot be opened.
-    """
-    at_once = getattr(os, "O_NONBLOCK", 0)  # Windows has no such pipes
-    try:
-        file = open(  # noqa: SIM115 -- whoever asks for it closes it
-            path, "rb", opener=lambda name, flags: os.open(name, flags | at_once)
-        )
-    except ValueError as error:  # a null character in the path
-        raise OSError(None, str(error), str(path)) from error
-    if at_once:
-        os.set_blocking(file.fileno(), True)
-    return file
+    with path.open("rb") as file:
+        if path.stat().st_size > bound.bytes:
+            raise TooLargeError(f"{path}: expected at most {bound.bytes:,} bytes, found more")
+        digest = hashlib.sha256()
+        while block := file.read(MIB):
+            digest.update(block)
+        return digest.hexdigest()
 
 
 class _Counted(io.RawIOBase):
     """What is read of a file, counted against its bound."""
 
-    def __init__(
-        self, file: BinaryIO, packed: BinaryIO | None, path: Path, bound: Bound, error: Refusal
-    ) -> None:
-        self._file, self._packed, self._path = file, packed, path
-        self._bound, self._error, self._done = bound, error, 0
+    def __init__(self, file: BinaryIO, path: Path, bound: Bound, error: Refusal) -> None:
+        packed = path.name.casefold().endswith(PACKED)
+        self._packed = file if packed else None
+        self._file = cast(BinaryIO, gzip.GzipFile(fileobj=file)) if packed else file
+        self._path, self._bound, self._error, self._done = path, bound, error, 0
 
     def readable(self) -> bool:
         """Say that it can be read."""
@@ -152,15 +108,15 @@ class _Counted(io.RawIOBase):
         data = self._file.read(len(buffer))
         buffer[: len(data)] = data
         self._done += len(data)
-        if self._done > self._bound.bytes:
-            raise self._error(f"{self._path}: more than {self._bound.bytes:,} bytes; split it")
-        if self._packed is not None and self._done > _UNSUSPICIOUS:
-            taken = max(self._packed.tell(), 1)
-            if self._done > MAX_RATIO * taken:
-                raise self._error(
-                    f"{self._path}: unpacks to more than {MAX_RATIO} times its size; unpack it, "
-                    "if it is what it should be"
-                )
+        _require_size(self._done, self._path, self._bound, self._error)
+        taken = self._done if self._packed is None else max(self._packed.tell(), 1)
+        if self._done > max(_UNSUSPICIOUS, MAX_RATIO * taken):
+            raise self._error(
+                f"{self._path}: unpacks to more than {MAX_RATIO} times its size; unpack it, "
+                "if it is what it should be",
+                code="file-packed-too-well",
+                where=self._path,
+            )
         return len(data)
 
 
@@ -169,21 +125,31 @@ def _refusing(path: Path, error: Refusal) -> Iterator[None]:
     try:
         yield
     except (gzip.BadGzipFile, EOFError, zlib.error) as fault:
-        raise error(f"{path}: cannot be read (not a readable gzip file: {fault})") from fault
+        raise error(
+            f"{path}: cannot be read (not a readable gzip file: {fault})",
+            code="file-unreadable",
+            where=path,
+        ) from fault
     except OSError as fault:
-        raise error(f"{path}: cannot be read ({fault.strerror or fault})") from fault
+        said = fault.strerror or fault
+        raise error(
+            f"{path}: cannot be read ({said})", code="file-unreadable", where=path
+        ) from fault
 
 
-def _require_size(file: BinaryIO, path: Path, bound: Bound, error: Refusal) -> None:
-    size = os.fstat(file.fileno()).st_size  # 0 of pipes and devices, which are counted
+def _take(file: BinaryIO, bound: Bound) -> bytes:
+    """Return what a file has, one block more than its bound at most."""
+    blocks, size = [], 0
+    while size <= bound.bytes and (block := file.read(MIB)):
+        blocks.append(block)
+        size += len(block)
+    return b"".join(blocks)
+
+
+def _require_size(size: int, path: Path, bound: Bound, error: Refusal) -> None:
     if size > bound.bytes:
-        raise error(f"{path}: {size:,} bytes; expected at most {bound.bytes:,}")
-
-
-def _take(file: BinaryIO, most: int) -> bytes:
-    """Return what a file has, one byte more than the most at most."""
-    pieces, left = [], most + 1
-    while left and (piece := file.read(min(left, _BLOCK))):
-        pieces.append(piece)
-        left -= len(piece)
-    return b"".join(pieces)
+        raise error(
+            f"{path}: expected at most {bound.bytes:,} bytes, found more",
+            code="file-too-large",
+            where=path,
+        )

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from bsg_data.errors import AnnotationError, SourceChangedError, SourceError, find_io_error
-from bsg_data.inputs.bounded_file import TooLargeError, hash_bounded, read_packed, unpack
+from bsg_data.inputs.bounded_file import TooLargeError, hash_file, read_packed, unpack
 from bsg_data.inputs.bounds import Bound
 from bsg_data.sources.source import SkippedScene
 
@@ -110,7 +110,7 @@ def fingerprint(path: Path, bound: Bound) -> str:
         SourceChangedError: if the file is missing or temporarily unreadable.
     """
     try:
-        return hash_bounded(path, bound)
+        return hash_file(path, bound)
     except TooLargeError:
         return TOO_LARGE
     except OSError as error:

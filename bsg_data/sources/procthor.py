@@ -19,7 +19,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, BinaryIO
+from typing import Annotated, Any, BinaryIO
 
 import numpy as np
 import numpy.typing as npt
@@ -196,9 +196,9 @@ def _stream(file: Path) -> Iterator[tuple[int, bytes]]:
     """Yield the number, from 1, of the line or of the element, and the text of every house."""
     number = 0
 
-    def refuse(said: str) -> SourceError:
+    def refuse(said: str, **place: Any) -> SourceError:
         after = f", after line {number}" if number else ""
-        return SourceError(f"{file}{after}{said.removeprefix(str(file))}")
+        return SourceError(f"{file}{after}{said.removeprefix(str(file))}", **place)
 
     is_lines = ".jsonl" in file.name
     with open_stream(file, PROCTHOR_LINES if is_lines else PROCTHOR, error=refuse) as opened:

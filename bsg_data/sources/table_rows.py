@@ -134,9 +134,9 @@ def _read_csv(file: Path) -> Iterator[Any]:
     """Yield the header, then the place and the fields of every line that is not empty."""
     number = 0
 
-    def refuse(said: str) -> SourceError:
+    def refuse(said: str, **place: Any) -> SourceError:
         where = f", line {number + 1} or later" if number else ""
-        return SourceError(f"{file}{where}{said.removeprefix(str(file))}")
+        return SourceError(f"{file}{where}{said.removeprefix(str(file))}", **place)
 
     try:
         with open_stream(file, TABLE, error=refuse) as opened:

@@ -6,7 +6,6 @@ import os
 from pathlib import Path
 from typing import Any
 
-from bsg_data.inputs.bounded_file import open_waiting_for_none
 from bsg_data.inputs.bounds import CHECKPOINT, CHECKPOINT_HEADER
 from bsg_data.inputs.documents import parse_json
 from bsg_models.errors import CheckpointError
@@ -21,7 +20,7 @@ def require_safetensors(path: Path) -> None:
         CheckpointError: saying what is wrong with it.
     """
     try:
-        with open_waiting_for_none(path) as file:
+        with path.open("rb") as file:
             size = os.fstat(file.fileno()).st_size
             header = int.from_bytes(file.read(_LENGTH), "little")
     except FileNotFoundError as error:

@@ -18,7 +18,7 @@ holds it.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import torch
@@ -242,8 +242,8 @@ def _read_bytes(path: str) -> bytes:
     return read_bytes(Path(path), PRIOR, error=_refuse)
 
 
-def _refuse(said: str) -> ConfigError:
-    return ConfigError(f"{said}; model.table is the path of a prior table")
+def _refuse(said: str, **place: Any) -> ConfigError:
+    return ConfigError(f"{said}; model.table is the path of a prior table", **place)
 
 
 def _require(name: str, known: tuple[str, ...] | list[str], *, where: str, what: str) -> None:

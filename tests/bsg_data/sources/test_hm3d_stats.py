@@ -66,7 +66,7 @@ def test_damaged_and_foreign_zips_are_refused(tmp_path: Path) -> None:
     with pytest.raises(SourceError, match="cannot be read"):
         read_scene_lines(tmp_path / "none.zip")
     other = write_zip(tmp_path / "other.zip", member="readme.txt")
-    with pytest.raises(SourceError, match=r"expected Per_Scene.*found readme.txt"):
+    with pytest.raises(SourceError, match=r"expected Per_Scene.*among readme.txt"):
         read_scene_lines(other)
     whole = write_zip(tmp_path / "whole.zip", *["s,0,1,1,chair_1"] * 50).read_bytes()
     cut = tmp_path / "cut.zip"

@@ -191,7 +191,7 @@ def test_a_file_that_was_changed_since_is_noticed(tmp_path: Path) -> None:
         ({"rooms": [room(4, "B", (0, 0), (1, 0), (2, 2))] * 2}, r"'room\|4' is there twice"),
         ({"rooms": [{**house()["rooms"][0], "id": "kitchen"}]}, "rooms.0.id"),
         ({"objects": [{"id": "4|0", "assetId": "Bed_1"}]}, "objects.0.position: Field required"),
-        ({"objects": [thing("4|0", "Bed_1", x=float("nan"))]}, "no JSON .line 1, column .*NaN"),
+        ({"objects": [thing("4|0", "Bed_1", x=float("nan"))]}, "no JSON .expected value at line 1"),
         ({"doors": [{"room0": "room|4"}]}, "doors.0.room1"),
     ],
 )
