@@ -48,6 +48,7 @@ THIRD_PARTY = {
         "pandas",
         "pyarrow",
         "pydantic",
+        "pydantic_core",  # the parser of pydantic
         "scipy",
         "shapely",
         "tomli",
