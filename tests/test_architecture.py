@@ -59,7 +59,6 @@ THIRD_PARTY = {
         "PIL",
         "huggingface_hub",
         "jinja2",
-        "lightgbm",
         "markupsafe",
         "matplotlib",
         "networkx",

@@ -22,7 +22,7 @@ from bsg_data.dataset.scene_tables import assemble_graphs, collect_columns
 from bsg_data.dataset.schema import FORMAT_VERSION, SPLITS, TABLES, pairs_schema
 from bsg_data.errors import DatasetError, MismatchError
 from bsg_data.files import AnyPath, encode_json
-from bsg_data.scene.scene_graph import SceneGraph
+from bsg_data.scene.scene_graph import SceneGraph, is_scene_id
 
 
 def write_shards(
@@ -165,7 +165,13 @@ def read_file(
     """Read one parquet file of a dataset; see `open_listed`."""
     # No threads: files are small, and Arrow may abort a process that ends while it starts one.
     with open_listed(dataset, entry, manifest=manifest) as file:
-        return file.read(columns=columns, use_threads=False)
+        table = file.read(columns=columns, use_threads=False)
+    if table_of(entry) == "scenes" and "scene_id" in table.column_names:
+        for scene in table["scene_id"].to_pylist():
+            if not is_scene_id(scene):  # it becomes part of names of files
+                message = f"{dataset / entry.path}: {scene!r} cannot be part of a file name"
+                raise DatasetError(message, code="scene-id", where=entry.path)
+    return table
 
 
 @contextmanager

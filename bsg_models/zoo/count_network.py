@@ -33,7 +33,6 @@ from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import (
     MIN_RATE,
     CountDistribution,
-    concatenate,
     negative_binomial,
     poisson,
 )
@@ -108,10 +107,6 @@ class CountNetwork(CalibratedModel, Network):
         """Return the distribution that the network gives."""
         if self.training:
             self.eval()
-        parts = [self._ask(part) for part in self.in_bounds(seen)]
-        return parts[0] if len(parts) == 1 else concatenate(parts)
-
-    def _ask(self, seen: Observation) -> CountDistribution:
         with torch.no_grad():
             posterior: Posterior = self(self.nodes_of(seen))
         if self.likelihood != "negative-binomial":

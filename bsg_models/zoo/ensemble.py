@@ -63,14 +63,8 @@ class Ensemble(CalibratedModel):
             own = {k.removeprefix(prefix): v for k, v in state.items() if k.startswith(prefix)}
             member.resize_buffers(own)
 
-    def require_size(self, seen: Observation) -> None:
-        """Refuse a building that is too large for any member."""
-        for _, member in self._each():
-            member.require_size(seen)
-
     def predict_hidden_counts(self, seen: Observation) -> CountDistribution:
         """Return the mixture of the members' distributions."""
-        self.require_size(seen)  # before the other members compute for minutes
         parts = [member.predict(seen).hidden_counts for _, member in self._each()]
         return blend(parts, [1 / len(parts)] * len(parts))
 
@@ -78,7 +72,6 @@ class Ensemble(CalibratedModel):
         self, seen: Observation, rows: Ints, columns: Ints | None
     ) -> CountDistribution:
         """Return the mixture of the members' beliefs; arguments as for `expect_rooms`."""
-        self.require_size(seen)
         parts = [member.predict_rooms(seen, rows, columns) for _, member in self._each()]
         return blend(parts, [1 / len(parts)] * len(parts))
 

@@ -14,13 +14,13 @@ import torch
 from pydantic import Field
 from torch import nn
 from torch_geometric.data import Data
+from torch_geometric.nn import GCNConv
 from torch_geometric.nn.conv.gcn_conv import gcn_norm
 
 from bsg_data.arrays import Floats
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.expectation import Expectation, from_totals
 from bsg_models.zoo.catalogue import ZooRow
-from bsg_models.zoo.message_passing import NormalisedConv
 from bsg_models.zoo.model import ModelInputs, Network, to_array
 from bsg_models.zoo.settings import ModelConfig
 
@@ -45,12 +45,26 @@ class GCNConfig(ModelConfig):
     likelihood: Literal["mse"] = "mse"
 
 
+class WritesNoFile:
+    """A PyG convolution that writes no code to disk; name it before PyG's class.
+
+    PyG otherwise writes a module for each convolution class into the temporary directory, runs it,
+    and leaves it there. The results are the same to the bit.
+    """
+
+    def _set_jittable_templates(self, raise_on_error: bool = False) -> None:
+        """Generate nothing."""
+
+
+class NormalisedConv(WritesNoFile, GCNConv):  # type: ignore[misc]
+    """PyG's sum over neighbours and the node itself, by the square roots of their degrees."""
+
+
 class CECIGCN(Network):
     """Predict the whole histogram of every node of interest from the seen histograms."""
 
     def __init__(self, config: GCNConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
-        self.edge_bytes = 4 * max(config.width, inputs.classes)
         hidden = [config.width] * (config.depth - 1)
         widths = [inputs.classes, *hidden, inputs.classes]
         self.convolutions = nn.ModuleList(
@@ -84,8 +98,7 @@ class CECIGCN(Network):
 
     def predict(self, seen: Observation) -> Expectation:
         """Return the totals, clipped at 0, and the hidden counts that follow."""
-        parts = [self._predict_totals(self.graph_of(part)) for part in self.in_bounds(seen)]
-        totals = parts[0] if len(parts) == 1 else np.concatenate(parts)
+        totals = self._predict_totals(self.graph_of(seen))
         return from_totals(seen.inputs.astype(np.float64), totals)
 
     def _predict_totals(self, graphs: Data) -> Floats:

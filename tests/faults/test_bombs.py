@@ -14,7 +14,6 @@ import resource
 import subprocess
 import sys
 import zipfile
-import zlib
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -62,10 +61,6 @@ PROCTHOR = (
     "from bsg_data.sources.procthor import ProcTHORHouses",
     "ProcTHORHouses(path).find()",
 )
-CHECKPOINT = (
-    "import lightgbm\nfrom bsg_models.runs.checkpoint import load_checkpoint, restore_model",
-    "restore_model(path, load_checkpoint(path))",
-)
 CLASS_MAP = ("from bsg_data.scene.own_map import read_own_map", "read_own_map(path)")
 
 
@@ -97,31 +92,6 @@ def make_packed_lines(path: Path) -> None:
         for _ in range(300):
             file.write(block)
     path.write_bytes(buffer.getvalue())
-
-
-def make_trees(path: Path, *, classes: int, trees: int, configured: int) -> None:
-    """Write a whole checkpoint, in some kilobytes, of very many trees of one leaf."""
-    import torch
-
-    from bsg_data.dataset.manifest import ClassSpaceEntry
-    from bsg_data.scene.class_space import hash_classes
-    from bsg_models.runs.checkpoint import CheckpointHeader, save_checkpoint
-    from bsg_models.zoo.config import find_config, override, validate_config
-    from bsg_models.zoo.construction import make_model
-
-    settings = [f"model.trees={configured}", "model.leaves=1024", 'model.reads=["mask"]']
-    tables = override(find_config("poisson-boosting").model_dump(mode="json"), settings)
-    config = validate_config(tables, source="test")
-    names = tuple(f"class {number}" for number in range(classes))
-    space = ClassSpaceEntry(name="many", sha256=hash_classes(names), classes=names)
-    head = f"tree\nnum_class=1\nnum_tree_per_iteration=1\nmax_feature_idx={classes + 2}\n"
-    grown = head + "\nTree=0\nnum_leaves=1\nleaf_value=1\n" * trees + "\nend of trees\n"
-    packed = zlib.compress(json.dumps([{"start": 0.0, "trees": grown}] * classes).encode(), 9)
-    model = make_model(config, classes=classes, vocabulary=())
-    state = {f"model.{name}": tensor for name, tensor in model.state_dict().items()}
-    state["model.trees"] = torch.frombuffer(bytearray(packed), dtype=torch.uint8)
-    header = CheckpointHeader(config=config, class_space=space, dataset_sha256="0" * 64)
-    save_checkpoint(path, header, state)
 
 
 def make_rooms(path: Path, *, joined: list[list[str]]) -> None:
@@ -168,19 +138,6 @@ LARGE = {
     "2,000 rooms, two of them joined": (partial(make_rooms, joined=[["0", "1"]]), "a.json", WAYS),
     "2,000 rooms, none joined": (partial(make_rooms, joined=[]), "a.json", WAYS),
 }
-TREES = {
-    # of a reader that an extra brings
-    "200,000 trees, 80 configured": (
-        partial(make_trees, classes=1, trees=200_000, configured=80),
-        "a.safetensors",
-        CHECKPOINT,
-    ),
-    "400,000 trees, as configured": (
-        partial(make_trees, classes=40, trees=10_000, configured=10_000),
-        "a.safetensors",
-        CHECKPOINT,
-    ),
-}
 
 
 def limit_seconds() -> None:
@@ -192,7 +149,7 @@ def open_bomb(name: str, folder: Path) -> str:
 
     Of a file that is only large, nothing is wrong if there is an answer.
     """
-    make, file, (imports, read) = {**BOMBS, **TREES, **LARGE}[name]
+    make, file, (imports, read) = {**BOMBS, **LARGE}[name]
     path = folder / file
     make(path)
     code = READ.format(imports=imports, read=read, most=BYTES)
@@ -221,11 +178,6 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="limits of memor
 
 def test_every_bomb_is_refused_in_little_memory_and_time(tmp_path: Path, full: bool) -> None:
     try_bombs(list(BOMBS) if full else list(BOMBS)[::4], tmp_path)
-
-
-def test_very_many_trees_are_refused_in_little_memory_and_time(tmp_path: Path, full: bool) -> None:
-    pytest.importorskip("lightgbm", reason="the extra `boosting` is not installed")
-    try_bombs(list(TREES) if full else list(TREES)[:1], tmp_path)
 
 
 def test_large_graphs_are_answered_in_little_memory_and_time(tmp_path: Path) -> None:

@@ -27,15 +27,12 @@ IN_SHORT = ("gamma-poisson", "ceci-gcn")  # one that counts, and one of a networ
 OFFICE = REPOSITORY / "docs" / "office.json"
 SMALL = {
     "gamma-poisson": (),
-    "naive-bayes": (),
     "conditional": (),
-    "cooccurrence": (),
     "prior-table": (),
     "mixture": ("model.types=2", "model.iterations=2"),
     "ceci-gcn": ("model.width=4", "training.epochs=1"),
     "ceci-sage": ("model.width=4", "training.epochs=1"),
-    "poisson-boosting": ("model.trees=3", "model.draws=2"),
-    "ensemble": ('model.members=["gamma-poisson","naive-bayes"]', "model.calibrate=false"),
+    "ensemble": ('model.members=["gamma-poisson","mixture"]', "model.calibrate=false"),
 }
 
 
@@ -74,8 +71,6 @@ def test_in_a_manifest_every_command_finds_it(dataset: Path, tmp_path: Path, ful
 def test_in_a_checkpoint(dataset: Path, tmp_path: Path, family: str, full: bool) -> None:
     if not (full or family in IN_SHORT):
         pytest.skip("families besides these are tried by `make faults`")
-    if family == "poisson-boosting":
-        pytest.importorskip("lightgbm")
     run = train(family, dataset, tmp_path / "trained")
     alone = tmp_path / "alone"
     alone.mkdir()
@@ -106,7 +101,7 @@ def test_in_a_run(dataset: Path, tmp_path: Path, full: bool) -> None:
 def test_in_a_run_of_an_ensemble(dataset: Path, tmp_path: Path, full: bool) -> None:
     run = train("ensemble", dataset, tmp_path / "run")
     sealed = check_results(run)
-    for member in ("gamma-poisson", "naive-bayes"):
+    for member in ("gamma-poisson", "mixture"):
         assert f"members/{member}/best.safetensors" in sealed
 
     def look() -> bool:

@@ -7,17 +7,11 @@ import pytest
 from one_building import observe_building
 
 from bsg_data.observation.observation import stack
-from bsg_models.errors import PredictionError
 from bsg_models.inputs import edges as edges_module
 from bsg_models.inputs.edges import (
-    MOST_BYTES,
-    MOST_PAIRS,
     EdgeSet,
     connect,
-    count_edges,
     edges_of,
-    require_pairs,
-    split_within,
 )
 
 
@@ -78,44 +72,3 @@ def test_a_building_has_the_same_edges_alone_and_among_others(edges: tuple[EdgeS
     assert edges_of(backwards.take([4, 3, 2, 1, 0]), edges).tolist() == (
         edges_of(together, edges).tolist()
     )
-
-
-def test_more_pairs_of_rooms_than_memory_holds_are_refused() -> None:
-    require_pairs(MOST_PAIRS)
-    with pytest.raises(PredictionError, match=r"found 16,000,001\. Use `universal`"):
-        require_pairs(MOST_PAIRS + 1)
-
-
-@pytest.mark.parametrize("edges", [("up",), ("up", "down"), ("complete",), ("adjacent",), ()])
-def test_edges_are_counted_as_they_are_listed(edges: tuple[EdgeSet, ...]) -> None:
-    seen = stack([observe_building([[0]] * nodes, connected=[(1, 2)]) for nodes in (4, 3, 6)])
-    listed = np.bincount(seen.building[edges_of(seen, edges)[0]], minlength=3)
-    assert count_edges(seen, edges).tolist() == listed.tolist()
-
-
-@pytest.mark.parametrize(
-    ("filled", "expected"),
-    [(False, [["a", "b"], ["c"], ["d"]]), (True, [["a"], ["b"], ["c"], ["d"]])],
-)
-def test_buildings_are_asked_about_as_many_at_once_as_memory_holds(
-    filled: bool, expected: list[list[str]]
-) -> None:
-    """Of at most ten: three and seven, which filled up are fourteen; nine; ten."""
-    seen = stack([observe_building([[0]] * 2, scene_id=name) for name in "abcd"])
-    parts = split_within(
-        seen,
-        np.array([3, 7, 9, 10]),
-        bytes_each=MOST_BYTES // 10,
-        model="a model",
-        filled=filled,
-    )
-    assert [list(part.scene_ids) for part in parts] == expected
-
-
-def test_what_fits_is_asked_about_as_it_is_and_one_that_does_not_is_refused() -> None:
-    seen = stack([observe_building([[0]] * 3, scene_id=name) for name in "ab"])
-    assert [*split_within(seen, np.array([5, 5]), bytes_each=MOST_BYTES // 10, model="")] == [seen]
-    with pytest.raises(
-        PredictionError, match=r"a model: uses 11 pairs .* of 2 rooms.* 10 pairs at"
-    ):
-        next(split_within(seen, np.array([5, 11]), bytes_each=MOST_BYTES // 10, model="a model"))

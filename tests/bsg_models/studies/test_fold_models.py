@@ -74,7 +74,7 @@ def test_the_hash_is_that_of_the_dataset_before_it_was_split(board: Path) -> Non
     [
         ("mixture", "expected NAME@MASK, as in ceci-sage@uniform"),
         ("mixture@explore", "has no models of mask 'explore'; it has rooms, uniform"),
-        ("deepsets@rooms", r"deepsets: expected a trained run \(best.safetensors\)"),
+        ("ceci-sage@rooms", r"ceci-sage: expected a trained run \(best.safetensors\)"),
     ],
 )
 def test_a_model_that_is_not_there_is_refused(board: Path, name: str, message: str) -> None:

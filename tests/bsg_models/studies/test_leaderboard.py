@@ -147,7 +147,7 @@ def test_a_model_with_a_mask_of_its_own_is_trained_once_and_measured_on_every_ki
     models = {
         "train-mean": configure("train-mean", *mixed),
         "pair": configure("ensemble", 'model.members=["gamma-poisson","train-mean"]', *mixed),
-        "naive-bayes": find_config("naive-bayes"),
+        "gamma-poisson": find_config("gamma-poisson"),
     }
     recipe = RECIPE.model_copy(update={"draws": 1})
     seen: list[tuple[str, int, int]] = []
@@ -162,13 +162,13 @@ def test_a_model_with_a_mask_of_its_own_is_trained_once_and_measured_on_every_ki
         "mixed/fold-0/train-mean",
         "mixed/fold-0/gamma-poisson",
         "mixed/fold-0/pair",
-        "uniform/fold-0/naive-bayes",
-        "rooms/fold-0/naive-bayes",
+        "uniform/fold-0/gamma-poisson",
+        "rooms/fold-0/gamma-poisson",
     }
     rooms = board.results["rooms"]
     assert list(rooms) == list(models)
     own = {name: result.trained_on for name, result in rooms.items()}
-    assert own == {"train-mean": "mixed", "pair": "mixed", "naive-bayes": None}
+    assert own == {"train-mean": "mixed", "pair": "mixed", "gamma-poisson": None}
     points = [board.results[mask]["pair"].metrics.point for mask in recipe.masks]
     assert points[0]["rooms/hidden_nll"] != points[1]["rooms/hidden_nll"]
     config = load_checkpoint(run_of(out / "mixed", "pair", 2) / BEST).header.config

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
-from one_building import observe_building
 
-from bsg_data.observation.observation import Observation
-from bsg_models.errors import ConfigError, PredictionError
+from bsg_models.errors import ConfigError
 from bsg_models.zoo.catalogue import BASELINES, ZOO
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
 from bsg_models.zoo.construction import can_resume, find_member, make_model, reads_categories
@@ -22,13 +19,8 @@ COUNTING = {
     "conditional",
     "gamma-poisson",
     "tilted-gamma-poisson",
-    "naive-bayes",
-    "glove",
-    "cooccurrence",
-    "cooccurrence-naive-bayes",
     "prior-table",
     "mixture",
-    "poisson-boosting",
 }
 
 
@@ -87,27 +79,11 @@ def test_an_ensemble_reads_categories_if_a_member_does() -> None:
 def test_the_recipe_of_a_member_is_the_one_that_is_given() -> None:
     """A checkpoint holds the recipes of its members, so that the zoo's may change."""
     narrow = validate_config(
-        override(find_config("ceci-gin").model_dump(mode="json"), ["model.width=6"]), source="test"
+        override(find_config("ceci-sage").model_dump(mode="json"), ["model.width=6"]), source="test"
     )
-    model = make_model(mix("ceci-gin"), classes=3, members={"ceci-gin": narrow})
+    model = make_model(mix("ceci-sage"), classes=3, members={"ceci-sage": narrow})
     assert isinstance(model, Ensemble)
-    assert model.members["ceci-gin"].config == narrow.model
-
-
-def test_a_building_that_one_member_refuses_is_refused_before_another_is_asked(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    model = make_model(mix("train-mean", "room-transformer"), classes=2)
-    assert isinstance(model, Ensemble)
-    asked: list[Observation] = []
-    monkeypatch.setattr(model.members["train-mean"], "predict", asked.append)
-    monkeypatch.setattr("bsg_models.inputs.edges.MOST_PAIRS", 8)
-    rooms = observe_building([[0, 1]] * 3)
-    with pytest.raises(PredictionError, match="room-transformer: uses 9 pairs of rooms"):
-        model.expect(rooms)
-    with pytest.raises(PredictionError, match="room-transformer: uses 9 pairs of rooms"):
-        model.expect_rooms(rooms, np.array([1]), None)
-    assert not asked
+    assert model.members["ceci-sage"].config == narrow.model
 
 
 def test_members_that_are_none() -> None:

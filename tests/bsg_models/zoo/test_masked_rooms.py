@@ -90,6 +90,6 @@ def test_a_fit_to_a_sample_says_so(
 
     monkeypatch.setattr(presence_odds, "choose_buildings", choose_few)
     run = tmp_path / "run"
-    list(train_run(find_config("cooccurrence"), dataset, run))
+    list(train_run(find_config("prior-table"), dataset, run))
     (note,) = summarise_run(run).notes
     assert re.match(r"fitted to a random sample of \d of 10 training buildings", note)

@@ -16,7 +16,6 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.observation import Observation
 from bsg_data.recipes import MaskRecipe
 from bsg_models.errors import TrainingError
-from bsg_models.zoo.cooccurrence import Cooccurrence, CooccurrenceConfig
 from bsg_models.zoo.model import ModelInputs
 from bsg_models.zoo.presence_odds import PresenceOdds, average_others, fit_odds, to_shape
 from bsg_models.zoo.settings import DataConfig, ModelConfig
@@ -126,7 +125,7 @@ def test_a_class_that_never_occurs_stays_near_its_prior() -> None:
 def test_masks_that_hide_nothing_are_refused(
     dataset: Path, fractions: tuple[float, float] | None
 ) -> None:
-    model = Cooccurrence(CooccurrenceConfig(), ModelInputs(classes=45))
+    model = Told(ModelConfig(family="told"), ModelInputs(classes=45))
     choice = DataConfig(mask=MaskRecipe(fraction=0.0), fractions=fractions)
     with pytest.raises(TrainingError, match="hide nothing"):
         model.fit(Dataset.open(dataset), choice)

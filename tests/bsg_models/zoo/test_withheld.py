@@ -11,17 +11,15 @@ import torch
 from one_building import observe_building
 
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.observation.masked_buildings import sample_masked, stack_masked
+from bsg_data.observation.masked_buildings import sample_masked
 from bsg_data.recipes import MaskRecipe
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.training.training import new_model
-from bsg_models.zoo.boosting import BoostingConfig
 from bsg_models.zoo.config import find_config
-from bsg_models.zoo.masked_rooms import choose_buildings, sample_chosen, stream_uniform
 from bsg_models.zoo.model import BeliefModel, share_of, to_array
 from bsg_models.zoo.settings import DataConfig
 
-TOLD = ("gamma-poisson", "naive-bayes", "mixture", "ceci-sage", "universal", "prior-table")
+TOLD = ("gamma-poisson", "mixture", "ceci-sage", "universal", "prior-table")
 STOVE = 35
 
 
@@ -125,14 +123,3 @@ def test_a_network_and_a_model_that_counts_are_told_the_same_share(dataset: Path
     np.testing.assert_array_equal(to_array(share_of(graph)), seen.cell_share)
     assert seen.cell_share[:, STOVE].tolist() == [1.0, 1.0, 1.0]
     assert seen.cell_share[:, 0].tolist() == [0.25, 0.5, 1.0]
-
-
-def test_trees_meet_withheld_classes_and_cannot_be_told(dataset: Path) -> None:
-    data = Dataset.open(dataset)
-    choice = DataConfig(withhold=0.3)
-    masked = sample_chosen(data, choice, choose_buildings(data, choice), draws=2)
-    assert masked.seen.withheld.any()
-    uniform = stack_masked(list(stream_uniform(data, choice, draws=2)))
-    assert not uniform.seen.withheld.any()
-    with pytest.raises(ValueError, match="reads"):
-        BoostingConfig(reads=("withheld",))  # type: ignore[arg-type]

@@ -11,7 +11,6 @@ ROWS = {
     "behavior": "fuzz.behavior",
     "belief-json": "fuzz.belief_json",
     "belief-tables": "fuzz.belief_tables",
-    "boosted-trees": "fuzz.boosted_trees",
     "checkpoint": "fuzz.checkpoint",
     "class-map": "fuzz.class_map",
     "configuration": "fuzz.configuration",

