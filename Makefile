@@ -84,9 +84,9 @@ format: $(INSTALLED) ## Format the code and mend what ruff can mend.
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-docs: $(INSTALLED) ## Write the generated parts of the docs anew, and execute tutorials and notebooks.
+docs: $(INSTALLED) ## Write the generated parts of the docs anew, and execute the tutorials.
 	$(BIN)/python scripts/write_docs.py
-	$(BIN)/python scripts/site/execute.py docs/tutorials/*.md docs/notebooks/*.ipynb
+	$(BIN)/python scripts/site/execute.py docs/tutorials/*.md
 
 figures: $(INSTALLED) ## Draw the figures of the docs; that of the explorer needs Chromium.
 	$(BIN)/python scripts/figures/concepts.py --out docs/figures

@@ -23,7 +23,6 @@ from bsg_cli.options import (
     mask_options,
     model_option,
     out_option,
-    read_model,
     seed_option,
     split_option,
 )
@@ -112,7 +111,7 @@ def main(
     if here is not None and not find:
         raise click.UsageError("--from needs --find THING; give both or neither")
     require_files(options["graphs"])
-    named = read_model(options.pop("model"), options.pop("run"))
+    named = options.pop("model")
     if named is not None:
         options["run"] = named
     options |= read_shares(options.pop("shares"), dataset)

@@ -24,21 +24,7 @@ from bsg_cli.terminal import Command, print_json, print_note, print_text, progre
 from bsg_data.tables import format_text
 
 
-class Evaluate(Command):
-    """The command; it points users of the old `--leaderboard` to `bsg-leaderboard`."""
-
-    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Refuse `--leaderboard` before the other options are checked."""
-        if "--leaderboard" in args:
-            raise click.UsageError(
-                "--leaderboard is no option of bsg-evaluate; run bsg-leaderboard with the same "
-                "options",
-                ctx,
-            )
-        return super().parse_args(ctx, args)
-
-
-@click.command("bsg-evaluate", cls=Evaluate)
+@click.command("bsg-evaluate", cls=Command)
 @click.argument("runs", nargs=-1, metavar="[RUN]...", shell_complete=complete_model)
 @data_option("Dataset, with pairs.")
 @split_option("Split to measure on.", default="test")

@@ -125,33 +125,14 @@ def data_option(text: str, *, required: bool = True) -> Decorator[Any]:
 
 
 def model_option(text: str, *, multiple: bool = False) -> Decorator[Any]:
-    """Return `--model` and `--run`, an older spelling that takes only a path."""
-
-    def decorate(function: Function) -> Function:
-        model = click.option(
-            "--model",
-            metavar="NAME|FOLDER|HUB-ID",
-            multiple=multiple,
-            help=text,
-            shell_complete=complete_model,
-        )
-        run = click.option(
-            "--run", type=PATH, multiple=multiple, help="Folder of a run; always read as a path."
-        )
-        return model(run(function))
-
-    return decorate
-
-
-def read_model(model: str | None, run: Path | None) -> Path | str | None:
-    """Return the model that `--model` or `--run` names; None without both.
-
-    Raises:
-        click.UsageError: if both are given.
-    """
-    if model is not None and run is not None:
-        raise click.UsageError("--run is another spelling of --model; give one of them")
-    return model if run is None else run
+    """Return `--model`: a shipped model, a run, or a model of the hub."""
+    return click.option(
+        "--model",
+        metavar="NAME|FOLDER|HUB-ID",
+        multiple=multiple,
+        help=text,
+        shell_complete=complete_model,
+    )
 
 
 def out_option(text: str, *, required: bool = False) -> Decorator[Any]:

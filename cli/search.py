@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import click
@@ -150,7 +149,6 @@ class SearchNumber(click.ParamType[int | str]):
 @json_option
 def main(
     model: tuple[str, ...],
-    run: tuple[Path, ...],
     no_model: bool,
     planners: str | None,
     worlds: str | None,
@@ -179,10 +177,9 @@ def main(
     require_known("planner", lists["planners"] or (), PLANNERS)
     kinds = [world.partition(":")[0] for world in lists["worlds"] or ()]
     require_known("world", kinds, WORLDS)
-    named: list[Path | str] = [*model, *run]
-    runs = tuple(map(bsg_models.locate_run, named))
+    runs = tuple(map(bsg_models.locate_run, model))
     if no_model and runs:
-        raise click.UsageError("--no-model excludes --model and --run; give one of them")
+        raise click.UsageError("--no-model excludes --model; give one of them")
     if not runs and not no_model:
         runs, note = bsg_models.choose_default_run(
             options["dataset"], planners=lists["planners"], split=options["split"]

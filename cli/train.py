@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import click
@@ -16,8 +16,6 @@ from bsg_cli.configurations import load_config
 from bsg_cli.options import PATH, data_option, force_option, json_option, out_option
 from bsg_cli.terminal import Command, print_json, print_note, print_text, progress_bar
 from bsg_data.errors import BSGError
-from bsg_data.extras import ask_to_install
-from bsg_data.files import refuse_links
 from bsg_data.seals import SEAL, read_seal
 from bsg_data.tables import format_text
 
@@ -43,7 +41,6 @@ from bsg_data.tables import format_text
 @click.option("--print-config", is_flag=True, help="Print the configuration and exit.")
 @click.option("--show", type=PATH, metavar="RUN", help="Show how a run was trained and exit.")
 @click.option("--resume", is_flag=True, help="Continue an interrupted run.")
-@click.option("--tensorboard", is_flag=True, help="Also log for TensorBoard, into the run.")
 @force_option
 @json_option
 def main(
@@ -55,7 +52,6 @@ def main(
     print_config: bool,
     show: Path | None,
     resume: bool,
-    tensorboard: bool,
     force: bool,
     as_json: bool,
 ) -> None:
@@ -91,11 +87,10 @@ def main(
     _note_other_mask(config, dataset)
     before = _seal_of(out) if resume else None
     try:
-        with _board(out if tensorboard else None) as log, _bar(config) as draw:
+        with _bar(config) as draw:
             trained = 0
             for report in bsg_models.train_run(config, dataset, out, resume=resume, force=force):
                 draw(report)
-                log(report)
                 trained += 1
     except KeyboardInterrupt:
         _note_stopped(out)
@@ -216,44 +211,6 @@ def _bar(config: bsg_models.RunConfig) -> Iterator[Callable[[bsg_models.EpochRep
             progress(report.epoch, report.epochs, losses)
 
         yield draw
-
-
-@contextmanager
-def _board(run: Path | None) -> Iterator[Callable[[bsg_models.EpochReport], None]]:
-    """Yield a callback that logs for TensorBoard; it does nothing without a run.
-
-    The first report makes the files: by then the training has checked the run and holds its lock.
-
-    Raises:
-        BSGError: if a link or a file is where the logs go, or tensorboard is not installed.
-    """
-    if run is None:
-        yield lambda report: None
-        return
-    try:
-        from torch.utils.tensorboard import SummaryWriter
-    except ImportError as error:
-        raise bsg_models.ConfigError(
-            f"--tensorboard needs tensorboard: {ask_to_install('all')}"
-        ) from error
-    folder = run / "tensorboard"
-    refuse_links(run, folder)
-    if folder.exists() and not folder.is_dir():
-        raise BSGError(f"{folder}: is a file; expected a folder; move it away")
-    with ExitStack() as opened:
-        writer: SummaryWriter | None = None
-
-        def log(report: bsg_models.EpochReport) -> None:
-            nonlocal writer
-            if writer is None:
-                writer = SummaryWriter(str(folder))
-                opened.callback(writer.close)
-                print_note(f"TensorBoard: tensorboard --logdir {folder}")
-            writer.add_scalar("loss/train", report.train_loss, report.epoch)
-            if report.val_loss is not None:
-                writer.add_scalar("loss/val", report.val_loss, report.epoch)
-
-        yield log
 
 
 if __name__ == "__main__":  # torchrun -m bsg_cli.train

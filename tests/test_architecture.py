@@ -59,7 +59,6 @@ THIRD_PARTY = {
         "PIL",
         "huggingface_hub",
         "jinja2",
-        "markupsafe",
         "matplotlib",
         "networkx",
         "numba",

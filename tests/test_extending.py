@@ -116,8 +116,8 @@ def test_the_leaderboard_takes_the_model_and_the_mask() -> None:
 def test_beliefs_are_written_in_the_format_and_read() -> None:
     from bsg_models import read_belief
 
-    scene = json.loads(run("bsg-belief --data dataset --run run --mask coin --json").stdout)[0]
-    run(f"bsg-belief --data dataset --run run --scene '{scene['scene_id']}' --out belief.json.gz")
+    scene = json.loads(run("bsg-belief --data dataset --model run --mask coin --json").stdout)[0]
+    run(f"bsg-belief --data dataset --model run --scene '{scene['scene_id']}' --out belief.json.gz")
     belief = read_belief(Path("belief.json.gz"))
     assert belief.model == "mean-rate"
 
@@ -125,7 +125,7 @@ def test_beliefs_are_written_in_the_format_and_read() -> None:
 def test_the_planner_searches_with_the_beliefs_of_the_model() -> None:
     words = "--episodes 2 --masks 1 --resamples 2 --workers 1 --worlds star --task single"
     planners = "nearest,farthest,greedy-belief"
-    found = run(f"bsg-search --run run --data dataset --planners {planners} {words} --json")
+    found = run(f"bsg-search --model run --data dataset --planners {planners} {words} --json")
     savings = json.loads(found.stdout)["standings"][0]["savings"]
     assert savings["farthest"]["saved"]["value"] <= 0 == savings["nearest"]["saved"]["value"]
 
@@ -133,7 +133,7 @@ def test_the_planner_searches_with_the_beliefs_of_the_model() -> None:
 def test_the_model_is_a_member_of_an_ensemble() -> None:
     members = '\'model.members=["gamma-poisson", "mean-rate"]\''
     run(f"bsg-train --config ensemble --set {members} --data dataset --out both")
-    believed = run("bsg-belief --data dataset --run both --out both.json.gz --scene 'house 00'")
+    believed = run("bsg-belief --data dataset --model both --out both.json.gz --scene 'house 00'")
     assert "by ensemble" in believed.stdout
 
 

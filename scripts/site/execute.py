@@ -1,6 +1,6 @@
-"""Execute the tutorials and the notebooks, and write what they print into them.
+"""Execute the tutorials, and write what they print into them.
 
-    python scripts/site/execute.py docs/tutorials/*.md docs/notebooks/*.ipynb
+    python scripts/site/execute.py docs/tutorials/*.md
 
 A tutorial is executed block by block in an empty folder. A block with a title, as
 ```` ```json title="home.json" ````, is saved as that file. Of a `sh` block, lines that begin with
@@ -130,37 +130,6 @@ def _one_worker(command: click.Command) -> dict[str, Any]:
     return {"workers": 1} | {name: _one_worker(sub) for name, sub in below.items()}
 
 
-def execute_notebook(path: Path, folder: Path) -> str:
-    """Return a notebook, as JSON, with the outputs of its cells when it runs in a folder.
-
-    Raises:
-        ValueError: if a cell writes to stderr: warnings tell of a machine, not of the notebook.
-    """
-    import nbformat
-    from nbclient import NotebookClient
-
-    notebook = nbformat.read(path, as_version=4)
-    quiet = ["--IPKernelApp.log_level=ERROR"]
-    client = NotebookClient(
-        notebook,
-        kernel_name="python3",
-        record_timing=False,
-        timeout=300,
-        extra_arguments=quiet,
-        coalesce_streams=True,  # a busy machine sends the lines of a cell in several pieces
-    )
-    inline = {name: value for name, value in os.environ.items() if name != "MPLBACKEND"}
-    client.execute(cwd=str(folder), env={**inline, "PYTHONWARNINGS": "ignore"})
-    for cell in notebook.cells:
-        for output in cell.get("outputs", ()):
-            if output.get("name") == "stderr":
-                raise ValueError(f"{path}: a cell writes to stderr: {output['text']}")
-    notebook.metadata = nbformat.from_dict(
-        {"kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"}}
-    )
-    return str(nbformat.writes(notebook)) + "\n"
-
-
 @contextlib.contextmanager
 def working_folder() -> Iterator[Path]:
     """Yield an empty folder but for the files that a reader is told to download."""
@@ -171,16 +140,12 @@ def working_folder() -> Iterator[Path]:
 
 
 def main(paths: list[str]) -> int:
-    """Execute pages and notebooks; say which changed."""
+    """Execute pages; say which changed."""
     os.environ["MPLBACKEND"] = "agg"
     for path in map(Path, paths):
         old = path.read_text("utf-8")
         with working_folder() as folder:
-            new = (
-                execute_notebook(path, folder)
-                if path.suffix == ".ipynb"
-                else execute_page(old, folder)
-            )
+            new = execute_page(old, folder)
         if new != old:
             path.write_text(new, "utf-8")
             print(f"renewed {path}")

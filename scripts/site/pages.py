@@ -8,8 +8,6 @@ The Python reference is a page a room, made of the public names of the packages.
 from __future__ import annotations
 
 import ast
-import html
-import json
 import posixpath
 import re
 from collections.abc import Iterator
@@ -40,7 +38,6 @@ SOURCES = {".csv": "text", ".py": "python", ".toml": "toml"}  # shown as code, b
 PACKAGES = ("bsg_data", "bsg_models")
 SHIM = "assets/iframe-worker.js"
 _SHIM = "https://unpkg.com/iframe-worker/shim"
-_NO_WORDS = "No description has been provided for this image"  # of nbconvert
 _LINK = re.compile(r"(?<=\]\()(?!\w+:|#)(?P<path>[^)#\s]+)(?=[)#])")
 
 
@@ -71,39 +68,8 @@ def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
 
 
 def on_post_page(output: str, page: Page, **_: Any) -> str:
-    """Load the script that the search needs on a disk from the site; the theme names a server.
-
-    Links of notebooks lead to pages; mkdocs-jupyter leaves them as they are.
-    """
-    if page.file.src_uri.endswith(".ipynb"):
-        output = re.sub(r'href="(\.\./[\w/-]+)\.md(#[^"]*)?"', r'href="\1.html\2"', output)
-        output = offer_notebook(output, posixpath.basename(page.file.src_uri))
-        output = describe_pictures(output, json.loads(page.file.content_string))
+    """Load the script that the search needs on a disk from the site; the theme names a server."""
     return output.replace(_SHIM, posixpath.relpath(SHIM, posixpath.dirname(page.url) or "."))
-
-
-def offer_notebook(output: str, name: str) -> str:
-    """Return the page of a notebook with a link to the notebook below its title.
-
-    `include_source` of mkdocs-jupyter copies the notebook beside the page.
-
-    >>> offer_notebook("<h1>Ask</h1><h1>Again</h1>", "ask.ipynb")
-    '<h1>Ask</h1><p><a href="ask.ipynb" download>Download this notebook</a></p><h1>Again</h1>'
-    """
-    link = f'<p><a href="{name}" download>Download this notebook</a></p>'
-    return output.replace("</h1>", f"</h1>{link}", 1)
-
-
-def describe_pictures(output: str, notebook: dict[str, Any]) -> str:
-    """Return the page of a notebook with the words of its pictures: `alt` in the metadata of cells.
-
-    nbconvert's template does not read them, and gives every picture the same words.
-    """
-    cells = (cell for cell in notebook["cells"] if "alt" in cell["metadata"])
-    for cell in cells:
-        words = html.escape(cell["metadata"]["alt"])
-        output = output.replace(f'alt="{_NO_WORDS}"', f'alt="{words}"', 1)
-    return output
 
 
 def on_post_template(output: str, template_name: str, **_: Any) -> str:

@@ -31,7 +31,7 @@ OFFICE = REPOSITORY / "docs" / "office.json"
 
 def test_a_robots_graph_gives_every_output(run: Path, tmp_path: Path) -> None:
     out, hydra, page = tmp_path / "b.json", tmp_path / "h.json", tmp_path / "b.html"
-    words = (OFFICE, "--run", run, "--out", out, "--hydra", hydra, "--html", page)
+    words = (OFFICE, "--model", run, "--out", out, "--hydra", hydra, "--html", page)
     done = call(*words, "--tables", tmp_path / "tables", "--top", 2)
     assert done.exit_code == 0, done.output
     assert "B: shared kitchen" in done.output
@@ -44,7 +44,7 @@ def test_a_robots_graph_gives_every_output(run: Path, tmp_path: Path) -> None:
     assert "is there already; --force replaces it" in again.output
     assert call(*words, "--force").exit_code == 0
     # What was written for Hydra is a graph to go on from.
-    assert call(hydra, "--run", run).exit_code == 0
+    assert call(hydra, "--model", run).exit_code == 0
 
 
 def test_a_graph_of_hydra_comes_back_with_beliefs(run: Path, tmp_path: Path) -> None:
@@ -52,7 +52,7 @@ def test_a_graph_of_hydra_comes_back_with_beliefs(run: Path, tmp_path: Path) -> 
     packed = tmp_path / "dsg.json.gz"
     packed.write_bytes(gzip.compress(path.read_bytes()))
     out, other = tmp_path / "out.json", tmp_path / "out.dsg.json"
-    words = ("--run", run, "--labels", "mpcat40", "--hydra", out, "--out", other)
+    words = ("--model", run, "--labels", "mpcat40", "--hydra", out, "--out", other)
     done = call(packed, *words)
     assert done.exit_code == 0, done.output
     assert out.read_bytes() == other.read_bytes()
@@ -71,29 +71,29 @@ def test_shares_are_told(dataset: Path, run: Path, tmp_path: Path) -> None:
     path = write_graph(tmp_path / "dsg.json")
     shares = ("--hidden-share", "0.25", "--hidden-share", "kitchen=0", "--hidden-share", "R(3)=1")
     out = tmp_path / "b.json"
-    done = call(path, "--run", run, *shares, "--out", out)
+    done = call(path, "--model", run, *shares, "--out", out)
     assert done.exit_code == 0, done.output
     assert "count as not seen" not in done.stderr
     rooms = read_document(out).partial.rooms
     assert [(room.hidden_share, room.visited) for room in rooms] == [(0, True), (1, False)]
-    asked = call(path, "--run", run, *shares, "--find", "bed", "--json")
+    asked = call(path, "--model", run, *shares, "--find", "bed", "--json")
     assert asked.exit_code == 0, asked.output
     answer = {place["room"]: place for place in json.loads(asked.stdout)["places"]}
     assert answer["R(0)"]["probability"] == 0 < answer["R(3)"]["probability"]
     assert "1 object with labels that nobody names (99)" in asked.stderr
     for wrong in ("", "x", "kitchen=", "1.5", "kitchen=nan"):
-        refused = call(path, "--run", run, "--hidden-share", wrong)
+        refused = call(path, "--model", run, "--hidden-share", wrong)
         assert refused.exit_code == 2
         assert f"--hidden-share {wrong}: expected [ROOM=]SHARE" in refused.stderr
     for room, what in (("", "of all rooms"), ("R(0)=", "of R(0)")):
         twice = ("--hidden-share", f"{room}0.5", "--hidden-share", f"{room}0.2")
-        refused = call(path, "--run", run, *twice)
+        refused = call(path, "--model", run, *twice)
         assert refused.exit_code == 2
         assert f"--hidden-share says 0.5 and 0.2 {what}; give one of them" in refused.stderr
-    lost = call(path, "--run", run, "--hidden-share", "attic=0.5")
+    lost = call(path, "--model", run, "--hidden-share", "attic=0.5")
     assert lost.exit_code == 2
     assert "no room 'attic'" in lost.stderr
-    masked = call("--data", dataset, "--run", run, "--hidden-share", "0.5")
+    masked = call("--data", dataset, "--model", run, "--hidden-share", "0.5")
     assert masked.exit_code == 2
     assert "--hidden-share needs GRAPHs" in masked.stderr
 
@@ -101,7 +101,7 @@ def test_shares_are_told(dataset: Path, run: Path, tmp_path: Path) -> None:
 def test_masked_buildings_give_a_belief_graph_each(
     dataset: Path, run: Path, tmp_path: Path
 ) -> None:
-    words = ("--data", dataset, "--run", run, "--split", "train", "--mode", "unseen")
+    words = ("--data", dataset, "--model", run, "--split", "train", "--mode", "unseen")
     done = call(*words, "--tables", tmp_path / "tables", "--json")
     assert done.exit_code == 0, done.output
     answers = json.loads(done.stdout)
@@ -109,7 +109,7 @@ def test_masked_buildings_give_a_belief_graph_each(
     assert {answer["scene_id"] for answer in answers} == {g.partial.scene_id for g in graphs}
     assert len(answers) == sum(len(graph.partial.rooms) for graph in graphs)
     assert all(len(answer["unseen"]) <= 3 for answer in answers)
-    one = call("--data", dataset, "--run", run, "--scene", answers[0]["scene_id"], "--json")
+    one = call("--data", dataset, "--model", run, "--scene", answers[0]["scene_id"], "--json")
     assert {answer["scene_id"] for answer in json.loads(one.stdout)} == {answers[0]["scene_id"]}
 
 
@@ -119,7 +119,7 @@ def test_unmapped_names_are_reported(run: Path, tmp_path: Path) -> None:
     said["objects"][1]["category"] = said["objects"][2]["category"] = "refrigeratorr"
     said["source"] = "my robot"
     (tmp_path / "graph.json").write_text(json.dumps(said))
-    done = call(tmp_path / "graph.json", "--run", run)
+    done = call(tmp_path / "graph.json", "--model", run)
     assert done.exit_code == 0
     assert "2 names are not in the class map: 'refrigeratorr' (2; nearest: refri" in done.stderr
     assert ", 'zzqx thing' (1)\n" in done.stderr
@@ -148,20 +148,20 @@ def test_what_cannot_be_done_is_said(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "broken.json").write_text("{")
-    done = call(*(str(dataset) if w == "DATASET" else w for w in words), "--run", run)
+    done = call(*(str(dataset) if w == "DATASET" else w for w in words), "--model", run)
     assert done.exit_code == code, done.output
     assert expected in done.output
 
 
 def test_a_run_that_is_none_is_an_error(tmp_path: Path) -> None:
-    done = call(OFFICE, "--run", tmp_path / "none")
+    done = call(OFFICE, "--model", tmp_path / "none")
     assert done.exit_code == 1
     assert "no checkpoint there" in done.output
 
 
 def test_a_damaged_run_is_an_error(run: Path) -> None:
     shutil.copy(OFFICE, run / "best.safetensors")
-    assert "not a readable checkpoint" in call(OFFICE, "--run", run).output
+    assert "not a readable checkpoint" in call(OFFICE, "--model", run).output
 
 
 @pytest.mark.usefixtures("shipped")
@@ -181,11 +181,10 @@ def test_a_model_that_is_not_named_is_the_shipped_one(run: Path) -> None:
     asked = call(OFFICE, "--json")
     assert asked.exit_code == 0, asked.output
     assert "model: universal (shipped; trained on 12 buildings of synthetic)" in asked.stderr
-    for words in (("--model", "other"), ("--run", run), ("--model", run)):
+    for words in (("--model", "other"), ("--model", run)):
         named = call(OFFICE, *words, "--json")
         assert named.stdout == asked.stdout
         assert "model:" not in named.stderr
-    assert "give one of them" in call(OFFICE, "--run", run, "--model", "other").stderr
     assert "did you mean universal?" in call(OFFICE, "--model", "universl").stderr
 
 
@@ -196,13 +195,13 @@ def test_seen_objects_without_a_class_are_told_once(
     """A coat rack has no class, a wall is no object, and models do not know a zzqx thing."""
     seen = ["coat rack", "wall", "sink", "zzqx thing"]
     said = "1 seen object has no class in gamma-poisson and is in no count: 'coat rack'\n"
-    assert said in call(write_seen(tmp_path, seen), "--run", run, *words).stderr
+    assert said in call(write_seen(tmp_path, seen), "--model", run, *words).stderr
     many = ["bicycle"] * 2 + ["coat rack"] * 3 + ["scale", "ladder", "sink"]
-    done = call(write_seen(tmp_path, many), "--run", run, *words)
+    done = call(write_seen(tmp_path, many), "--model", run, *words)
     assert "7 seen objects have no class in gamma-poisson" in done.stderr
     assert "are in no count: most often 'coat rack', 'bicycle', 'scale'\n" in done.stderr
     assert done.stderr.count("no class") == 1
-    assert "no class" not in call(write_seen(tmp_path, ["sink"]), "--run", run, *words).stderr
+    assert "no class" not in call(write_seen(tmp_path, ["sink"]), "--model", run, *words).stderr
 
 
 def write_seen(folder: Path, categories: list[str]) -> Path:
@@ -254,21 +253,21 @@ def test_a_file_that_a_killed_command_put_there_is_no_reason_to_refuse(
     """It was killed between its renames: the second names of its files are in `own`."""
     page = tmp_path / "page.html"
     left = Place(page, is_file=True).unfinished
-    assert call(OFFICE, "--run", run, "--html", page).exit_code == 0
+    assert call(OFFICE, "--model", run, "--html", page).exit_code == 0
     for name in ("new", "old", "own"):
         (left / name).mkdir(parents=True)
     (left / "own" / "page.html").hardlink_to(page)
-    again = call(OFFICE, "--run", run, "--html", page)
+    again = call(OFFICE, "--model", run, "--html", page)
     assert again.exit_code == 0, again.output
     assert not left.exists()
-    assert "page.html: is there already" in call(OFFICE, "--run", run, "--html", page).output
+    assert "page.html: is there already" in call(OFFICE, "--model", run, "--html", page).output
 
 
 def test_a_share_that_was_estimated_is_told(run: Path, tmp_path: Path) -> None:
     rooms = [{"id": "hall"}, {"id": "bath", "floor_in_view": 0.6}, {"id": "x", "hidden_share": 0.1}]
     path = tmp_path / "graph.json"
     path.write_text(json.dumps({"scene_id": "home", "rooms": rooms}), "utf-8")
-    done = call(path, "--run", run)
+    done = call(path, "--model", run)
     assert done.exit_code == 0, done.output
     assert "uncertain in bath: assumed 55% ± 20%" in done.stderr
     assert "uncertain in hall: assumed 50% ± 29%" in done.stderr

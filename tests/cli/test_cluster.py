@@ -113,7 +113,7 @@ def test_a_leaderboard(scheduler: str, dataset: Path, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_search_study(scheduler: str, dataset: Path, run: Path, tmp_path: Path) -> None:
-    words = ("--run", run, "--data", dataset, "--episodes", 3, "--masks", 1, "--resamples", 5)
+    words = ("--model", run, "--data", dataset, "--episodes", 3, "--masks", 1, "--resamples", 5)
     words += ("--worlds", "star", "--planners", "nearest,greedy-belief", "--task", "single")
     found = []
     for out, where in (("one", ("--workers", 1)), ("many", ("--scheduler", scheduler))):

@@ -28,7 +28,13 @@ WRONG = {
     "bsg-belief --data none": ("--mode wrong", "--model no", "x.json", "--labels", "--tpo 3"),
     "bsg-evaluate --data none": ("", "no --split all", "no --resamples -1", "no --resmples 3"),
     "bsg-leaderboard --data none": ("--models no", "--masks no", "--folds 1", "--model mixture"),
-    "bsg-search --data none": ("--planners no", "--worlds no", "--artifacts no", "--run no", "-q"),
+    "bsg-search --data none": (
+        "--planners no",
+        "--worlds no",
+        "--artifacts no",
+        "--model no",
+        "-q",
+    ),
     "bsg-train --data none": ("", "--config no", "--config mixture", "--set", "--config a --ste b"),
 }
 

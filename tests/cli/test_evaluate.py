@@ -156,36 +156,3 @@ def test_runs_of_one_model_in_folders_of_one_name_are_told_apart(
         "ceci-gcn (run)-2",
         "ceci-gcn (run)-3",
     }
-
-
-def test_the_leaderboard_went_to_a_command_of_its_own(dataset: Path) -> None:
-    words = ("--leaderboard", "--data", dataset, "--models", "doubled", "--folds", "3")
-    assert "bsg-leaderboard" in run(*words, code=2).stderr
-
-
-@pytest.mark.usefixtures("no_figures")
-def test_what_runs_predict_is_written_and_measured(
-    dataset: Path, trained: Path, tmp_path: Path
-) -> None:
-    words = ["--data", dataset, "--resamples", "0", "--json"]
-    first = json.loads(run(trained, *words, "--write-predictions", tmp_path / "p").stdout)
-    file = tmp_path / "p" / "ceci-gcn.parquet"
-    again = run(trained, *words, "--force", "--write-predictions", tmp_path / "p")
-    assert json.loads(again.stdout)["metrics"] == first["metrics"]
-    second = json.loads(run("--predictions", file, *words).stdout)
-    assert (file.parent / "ceci-gcn-evaluation" / "evaluation.json").is_file()
-    assert second["runs"] == {}
-    assert second["masks_sha256"] == first["masks_sha256"]
-    for name in ("rooms/presence_ap_micro/all", "all/total_variation/mean"):
-        written, read = (one["metrics"][name]["ceci-gcn"]["value"] for one in (first, second))
-        assert read == pytest.approx(written)
-    refused = run(
-        "--predictions", dataset / "dataset.json", *words, "--out", tmp_path / "o", code=1
-    )
-    assert "dataset.json: not readable as parquet" in refused.stderr
-
-
-def test_predictions_are_not_written_without_a_run(dataset: Path, tmp_path: Path) -> None:
-    words = ("--predictions", "p.parquet", "--write-predictions", tmp_path / "q")
-    assert "give a RUN too" in run(*words, "--data", dataset, code=2).stderr
-    assert not (tmp_path / "q").exists()

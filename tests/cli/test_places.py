@@ -25,7 +25,7 @@ INTO = {
     "bsg-data merge --out": "bsg-data merge dataset single --out PLACE",
     "bsg-data export --out": "bsg-data export dataset --to habitat --out PLACE",
     "bsg-data info --figure": "bsg-data info dataset --figure PLACE.png",
-    "bsg-train --out": "bsg-train --config gamma-poisson --data dataset --out PLACE --tensorboard",
+    "bsg-train --out": "bsg-train --config gamma-poisson --data dataset --out PLACE",
     "bsg-evaluate --out": "bsg-evaluate run --data dataset --out PLACE",
     "bsg-evaluate --html": "bsg-evaluate run --data dataset --out new --html PLACE.html",
     "bsg-evaluate --write-predictions": (
@@ -34,17 +34,17 @@ INTO = {
     "bsg-leaderboard --out": (
         "bsg-leaderboard --data dataset --models doubled --folds 3 --workers 1 --out PLACE"
     ),
-    "bsg-belief --out": "bsg-belief home.json --run run --out PLACE.json",
-    "bsg-belief --hydra": "bsg-belief home.json --run run --hydra PLACE",
-    "bsg-belief --tables": "bsg-belief home.json --run run --tables PLACE",
-    "bsg-belief --html": "bsg-belief home.json --run run --html PLACE.html",
-    "bsg-search --out": "bsg-search --data dataset --run run --workers 1 --out PLACE",
+    "bsg-belief --out": "bsg-belief home.json --model run --out PLACE.json",
+    "bsg-belief --hydra": "bsg-belief home.json --model run --hydra PLACE",
+    "bsg-belief --tables": "bsg-belief home.json --model run --tables PLACE",
+    "bsg-belief --html": "bsg-belief home.json --model run --html PLACE.html",
+    "bsg-search --out": "bsg-search --data dataset --model run --workers 1 --out PLACE",
     "bsg-search --animation": (
-        "bsg-search --data dataset --run run --workers 1 --out new --trace --animation PLACE.gif"
+        "bsg-search --data dataset --model run --workers 1 --out new --trace --animation PLACE.gif"
     ),
 }
 FILES = ("--figure", "--html", "--hydra", "--animation", "bsg-belief --out")  # these write one file
-READ = {"--hm3d", "--hm3d-stats", "--room-layouts", "--predictions", "--run", "--show", "--data"}
+READ = {"--hm3d", "--hm3d-stats", "--room-layouts", "--predictions", "--show", "--data"}
 
 
 def walk(words: tuple[str, ...], command: click.Command) -> Iterator[str]:

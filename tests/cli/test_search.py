@@ -21,7 +21,7 @@ def run_command(*arguments: object) -> Result:
 @pytest.mark.slow
 def test_a_study_with_everything(dataset: Path, run: Path) -> None:
     few = ("--episodes", 6, "--workers", 1, "--resamples", 20, "--worlds", "tree:2-3,star")
-    result = run_command("--run", run, "--data", dataset, *few, "--stop", "0.1", "--trace", 1)
+    result = run_command("--model", run, "--data", dataset, *few, "--stop", "0.1", "--trace", 1)
     assert result.exit_code == 0, result.stderr
     assert "need 5 of them" in result.stderr  # intervals, of one building
     for word in ("star:1-10: 6 searches", "all: expected-cost stops by itself", "all: saved, %"):
@@ -34,7 +34,7 @@ def test_a_study_with_everything(dataset: Path, run: Path) -> None:
     assert report["standings"][0]["savings"]["nearest"]["saved"]["value"] == 0
     assert (out / "savings.png").stat().st_size > 10_000
     assert "Looking for" in (out / "trace.html").read_text("utf-8")
-    again = run_command("--run", run, "--data", dataset, *few)
+    again = run_command("--model", run, "--data", dataset, *few)
     assert again.exit_code == 1
     assert "--force" in again.stderr
 
@@ -85,7 +85,7 @@ def test_a_search_is_chosen_to_be_watched(dataset: Path, run: Path, tmp_path: Pa
     few = ("--episodes", 4, "--workers", 1, "--resamples", 0, "--worlds", "star")
     few += ("--planners", "ratio", "--out", tmp_path / "out")
     picture = tmp_path / "search.gif"
-    result = run_command("--run", run, "--data", dataset, *few, "--trace", "--animation", picture)
+    result = run_command("--model", run, "--data", dataset, *few, "--trace", "--animation", picture)
     assert result.exit_code == 0, result.stderr
     assert f"the same as a picture: {picture}" in result.stdout
     page = (tmp_path / "out" / "trace.html").read_text("utf-8")
@@ -121,20 +121,20 @@ def test_a_search_is_chosen_to_be_watched(dataset: Path, run: Path, tmp_path: Pa
 def test_wrong_use_is_said(
     options: tuple[str, ...], code: int, words: str, dataset: Path, run: Path
 ) -> None:
-    result = run_command("--run", run, "--data", dataset, "--workers", 1, *options)
+    result = run_command("--model", run, "--data", dataset, "--workers", 1, *options)
     assert result.exit_code == code, result.stderr
     assert words in result.stderr
     assert not (run / "search" / "search.json").exists()
 
 
 def test_runs_that_cannot_be_asked(dataset: Path, run: Path, tmp_path: Path) -> None:
-    missing = run_command("--run", tmp_path / "none", "--data", dataset, "--workers", 1)
+    missing = run_command("--model", tmp_path / "none", "--data", dataset, "--workers", 1)
     assert missing.exit_code == 1
     assert "none" in missing.stderr
     copy = Path(shutil.copytree(dataset, tmp_path / "copy"))
     manifest = copy / "dataset.json"
     manifest.write_text(manifest.read_text("utf-8").replace("hm3d45-v2", "hm3d45-v9"), "utf-8")
-    other = run_command("--run", run, "--data", copy, "--workers", 1)
+    other = run_command("--model", run, "--data", copy, "--workers", 1)
     assert other.exit_code == 1
 
 
@@ -142,6 +142,6 @@ def test_a_folder_that_cannot_be_written_is_said_before_the_search(
     dataset: Path, run: Path, tmp_path: Path
 ) -> None:
     (tmp_path / "file").write_text("")
-    result = run_command("--run", run, "--data", dataset, "--out", tmp_path / "file")
+    result = run_command("--model", run, "--data", dataset, "--out", tmp_path / "file")
     assert result.exit_code == 1
     assert "cannot be written" in result.stderr

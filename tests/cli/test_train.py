@@ -74,38 +74,6 @@ def test_a_model_that_counts(dataset: Path, tmp_path: Path) -> None:
     assert "fitted by counting" in found.stdout
 
 
-def test_tensorboard_logs_beside_the_run(dataset: Path, tmp_path: Path) -> None:
-    pytest.importorskip("tensorboard", reason="tensorboard is not installed")
-    out = tmp_path / "run"
-    run("--config", "ceci-gcn", "--data", dataset, "--out", out, *SMALL, "--tensorboard")
-    assert list((out / "tensorboard").glob("events.*"))
-
-
-@pytest.mark.parametrize("there", ["a link", "a file"])
-def test_tensorboard_writes_through_no_link(there: str, dataset: Path, tmp_path: Path) -> None:
-    pytest.importorskip("tensorboard", reason="tensorboard is not installed")
-    out, elsewhere = tmp_path / "run", tmp_path / "elsewhere"
-    out.mkdir()
-    elsewhere.mkdir()
-    if there == "a link":
-        (out / "tensorboard").symlink_to(elsewhere)
-    else:
-        (out / "tensorboard").write_text("mine")
-    words = ("--config", "ceci-gcn", "--data", dataset, "--out", out, *SMALL, "--tensorboard")
-    assert f"tensorboard: is {there}" in run(*words, code=1).stderr
-    assert list(elsewhere.iterdir()) == []
-    assert [path.name for path in out.iterdir()] == ["tensorboard"]
-
-
-def test_a_refused_training_logs_nothing_for_tensorboard(dataset: Path, tmp_path: Path) -> None:
-    pytest.importorskip("tensorboard", reason="tensorboard is not installed")
-    out = tmp_path / "run"
-    run("--config", "train-mean", "--data", dataset, "--out", out)
-    words = ("--config", "ceci-gcn", "--data", dataset, "--out", out, *SMALL, "--tensorboard")
-    assert "holds a run already" in run(*words, code=1).stderr
-    assert not (out / "tensorboard").exists()
-
-
 @pytest.mark.parametrize(
     ("words", "code", "message"),
     [

@@ -130,7 +130,7 @@ def test_dead_links_are_found(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_no_link_is_dead(site: Path) -> None:
-    """Also those of notebooks and of raw HTML, which mkdocs does not follow."""
+    """Also those of raw HTML, which mkdocs does not follow."""
     assert len(list(site.rglob("*.html"))) > 80
     assert find_dead_links(site) == set()
 
@@ -218,24 +218,3 @@ def test_every_room_has_a_page_and_every_name_is_on_one() -> None:
 )
 def test_links_lead_to_where_files_are_on_the_site(place: str, link: str, expected: str) -> None:
     assert PAGES.rewrite_links(f"[x]({link})", place) == f"[x]({expected})"
-
-
-def test_pictures_of_a_notebook_get_its_words_in_their_order() -> None:
-    cells = [{"metadata": {"alt": words}} for words in ("a < b", "bars")]
-    before = f'<img alt="{PAGES._NO_WORDS}">'
-    page = PAGES.describe_pictures(before * 2, {"cells": [*cells, {"metadata": {}}]})
-    assert page == '<img alt="a &lt; b"><img alt="bars">'
-
-
-@pytest.mark.slow
-def test_no_picture_of_the_site_lacks_words(site: Path) -> None:
-    lacking = [path.name for path in site.rglob("*.html") if PAGES._NO_WORDS in path.read_text()]
-    assert lacking == []
-
-
-def test_a_notebook_can_be_downloaded_from_its_page() -> None:
-    page = PAGES.offer_notebook("<h1>Ask</h1>\n<h1>Again</h1>", "ask.ipynb")
-    title, rest = page.split("\n")
-    assert title.startswith('<h1>Ask</h1><p><a href="ask.ipynb" download>')
-    assert rest == "<h1>Again</h1>"
-    assert "include_source: true" in (REPOSITORY / "mkdocs.yml").read_text("utf-8")

@@ -221,7 +221,7 @@ def test_an_answer_that_is_not_finite_is_an_error(
         with pytest.raises(PredictionError, match=rf"{path}: the model's answer is not finite"):
             ask()
     out = tmp_path / "belief.json"
-    done = CliRunner().invoke(main, [str(OFFICE), "--run", str(path.parent), "--out", str(out)])
+    done = CliRunner().invoke(main, [str(OFFICE), "--model", str(path.parent), "--out", str(out)])
     assert done.exit_code == 1
     assert "is not finite" in done.stderr
     assert done.stdout == ""
