@@ -19,7 +19,7 @@ from conftest import REPOSITORY, load_script
 
 from bsg_cli.registry import COMMANDS
 from bsg_data.build import build_dataset
-from bsg_data.dataset.schema import SPLITS, TABLES, pairs_schema
+from bsg_data.dataset.schema import TABLES
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.pairs import write_pairs
@@ -43,88 +43,54 @@ def every_command() -> Iterator[tuple[str, click.Command]]:
         yield from below(name, command)
 
 
-ALL_COMMANDS = list(every_command())
-IDS = [name for name, _ in ALL_COMMANDS]
+def read_blocks(page: str) -> list[str]:
+    """Return the blocks of Python of a page of the docs."""
+    return re.findall(r"```python\n(.*?)```", (DOCS / page).read_text("utf-8"), re.DOTALL)
 
 
-@pytest.mark.parametrize(("name", "command"), ALL_COMMANDS, ids=IDS)
-def test_command_has_help_and_an_example(name: str, command: click.Command) -> None:
-    help_text = command.help or ""
-    first = help_text.strip().splitlines()[0]
-    assert first.endswith("."), f"{name}: the first line is no sentence: {first!r}"
-    assert len(first) <= 80
-    shown = command.get_help(click.Context(command, info_name=name, terminal_width=88))
-    assert "\\b" not in shown
-    assert "Example:\n" in shown
-    lines = re.findall(rf"^\s+{name.split()[0]} .*$", shown.split("Example:")[1], re.MULTILINE)
-    assert lines, f"{name}: no runnable example"
-    assert all(line.count("bsg-") == 1 for line in lines), f"{name}: examples were wrapped"
+def run_block(page: str, block: str) -> dict[str, Any]:
+    """Execute a block of a page; return its names."""
+    names: dict[str, Any] = {"__name__": "page"}
+    exec(compile(block, f"docs/{page}", "exec"), names)
+    return names
 
 
-@pytest.mark.parametrize(("name", "command"), ALL_COMMANDS, ids=IDS)
-def test_command_has_a_place_in_the_docs(name: str, command: click.Command) -> None:
-    assert f"<!-- generated: help {name} -->" in (DOCS / "commands.md").read_text("utf-8")
+def test_every_command_has_help_and_a_place_in_the_docs() -> None:
+    """Every line of its examples is accepted by the command's own parser."""
+    page = (DOCS / "commands.md").read_text("utf-8")
+    for name, command in every_command():
+        help_text = command.help or ""
+        first = help_text.strip().splitlines()[0]
+        assert first.endswith("."), f"{name}: the first line is no sentence: {first!r}"
+        assert len(first) <= 80, name
+        assert f"<!-- generated: help {name} -->" in page, name
+        options = [one for one in command.params if isinstance(one, click.Option)]
+        assert all(one.help for one in options), f"{name}: an option without help"
+        shown = command.get_help(click.Context(command, info_name=name, terminal_width=88))
+        lines = re.findall(rf"^\s+{name.split()[0]} .*$", shown.split("Example:")[1], re.MULTILINE)
+        assert lines, f"{name}: no runnable example"
+        for line in re.findall(r"^\s+(bsg-\S+ .*)$", help_text, re.MULTILINE):
+            words = shlex.split(line)
+            result = CliRunner().invoke(COMMANDS[words[0]], [*words[1:], "--help"])
+            assert result.exit_code == 0, f"{line}: {result.output}"
+            for option in (word for word in words if word.startswith("--")):
+                assert option in result.output, f"{line}: {option} is not an option"
 
 
-@pytest.mark.parametrize(("name", "command"), ALL_COMMANDS, ids=IDS)
-def test_example_parses(name: str, command: click.Command) -> None:
-    """Every line of every example is accepted by the command's own parser."""
-    for line in re.findall(r"^\s+(bsg-\S+ .*)$", command.help or "", re.MULTILINE):
-        words = shlex.split(line)
-        group = COMMANDS[words[0]]
-        result = CliRunner().invoke(group, [*words[1:], "--help"])
-        assert result.exit_code == 0, f"{line}: {result.output}"
-        for option in (word for word in words if word.startswith("--")):
-            assert option in result.output, f"{line}: {option} is not an option"
-
-
-@pytest.mark.parametrize("path", load_script("write_docs").find_documents(), ids=lambda p: p.name)
-def test_generated_parts_are_current(path: Path) -> None:
-    text = path.read_text("utf-8")
-    assert load_script("write_docs").renew(text) == text, "run `make docs`"
-
-
-@pytest.mark.parametrize("table", [*TABLES, "splits", "pairs"])
-def test_every_column_is_in_the_docs(table: str) -> None:
-    schema = {**TABLES, "splits": SPLITS, "pairs": pairs_schema(45)}[table]
-    text = (DOCS / "format.md").read_text("utf-8")
-    part = text.split(f"<!-- generated: columns {table} -->")[1].split("<!-- end -->")[0]
-    assert re.findall(r"^\| `(\w+)`", part, re.MULTILINE) == schema.names
+def test_generated_parts_are_current() -> None:
+    """Also the columns of all tables: docs/format.md has them as generated parts."""
+    scripted = load_script("write_docs")
+    pages = {path: path.read_text("utf-8") for path in scripted.find_documents()}
+    old = [path.name for path, text in pages.items() if scripted.renew(text) != text]
+    assert old == [], "run `make docs`"
+    text = pages[DOCS / "format.md"]
+    assert all(f"<!-- generated: columns {name} -->" in text for name in (*TABLES, "splits"))
 
 
 def test_links_between_documents_lead_somewhere() -> None:
     for path in load_script("write_docs").find_documents():
         for target in re.findall(r"\]\((?!https?:)([^)#]+)", path.read_text("utf-8")):
             assert (path.parent / target).exists(), f"{path.name} links to {target}"
-
-
-def test_the_threat_model_names_tests_that_are_there() -> None:
-    named = re.findall(r"`(tests/[\w/.]+)`", (DOCS / "threat-model.md").read_text("utf-8"))
-    assert len(set(named)) >= 6
-    assert [name for name in named if not (REPOSITORY / name).exists()] == []
-
-
-def test_make_targets_explain_themselves() -> None:
-    text = (REPOSITORY / "Makefile").read_text("utf-8")
-    for target in (
-        "demo",
-        "test",
-        "fast",
-        "coverage",
-        "lint",
-        "format",
-        "docs",
-        "figures",
-        "site",
-        "bench",
-        "package",
-        "release",
-        "test-lowest",
-        "test-latest",
-        "audit",
-        "clean",
-    ):
-        assert re.search(rf"^{target}:.*## \S", text, re.MULTILINE), target
 
 
 def test_the_results_of_the_readme_are_those_of_the_measured_pages() -> None:
@@ -149,16 +115,6 @@ def test_the_results_of_the_readme_are_those_of_the_measured_pages() -> None:
         assert shown == [uniform[0], rooms[0], alone[0]], model
 
 
-LONGEST = 40  # words of a sentence; CONTRIBUTING.md says so
-
-
-@pytest.mark.parametrize("path", load_script("measure/words").find_pages(), ids=lambda p: p.name)
-def test_no_sentence_has_to_be_read_twice(path: Path) -> None:
-    words = load_script("measure/words")
-    longest = words.find_longest(words.read_prose(path.read_text("utf-8")))
-    assert words.count_words(longest) <= LONGEST, longest
-
-
 @pytest.mark.parametrize("path", ["README.md", "docs/robot.md"])
 def test_the_ten_lines_run_and_print_what_they_say(
     path: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -181,7 +137,7 @@ def test_the_examples_of_a_graph_of_hydra_run(
     text = (DOCS / "belief.md").read_text("utf-8")
     part = text.split("## A graph of Hydra")[1].split("\n## ")[0]
     (block,) = re.findall(r"```python\n(.*?)```", part, re.DOTALL)
-    exec(compile(block, "docs/belief.md", "exec"), {"__name__": "annotating"})
+    run_block("belief.md", block)
     first = Path("annotated.json").read_bytes()
     lines = re.findall(r"^(bsg-belief .*--hydra .*)$", part, re.MULTILINE)
     for line in (f"{line} --force" for line in lines):
@@ -201,9 +157,8 @@ def test_the_example_of_a_robot_that_searches_runs(
     """The very lines of docs/search.md, beside a run and docs/office.json."""
     monkeypatch.chdir(tmp_path)
     shutil.copy(DOCS / "office.json", tmp_path)
-    text = (DOCS / "search.md").read_text("utf-8")
-    (block,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
-    exec(compile(block, "docs/search.md", "exec"), {"__name__": "searching"})
+    (block,) = read_blocks("search.md")
+    run_block("search.md", block)
     assert capsys.readouterr().out.strip() == "2"
 
 
@@ -212,16 +167,9 @@ def test_the_example_of_asking_a_model_runs(
 ) -> None:
     """The very lines of docs/models.md, beside a folder `dataset` and a run."""
     monkeypatch.chdir(dataset.parent)
-    text = (DOCS / "models.md").read_text("utf-8")
-    (block,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
-    names: dict[str, object] = {"__name__": "asking"}
-    exec(compile(block, "docs/models.md", "exec"), names)
-    assert names["expectation"].presence.shape[1] == 45  # type: ignore[attr-defined]
-
-
-def read_blocks(page: str) -> list[str]:
-    """Return the blocks of Python of a page of the docs."""
-    return re.findall(r"```python\n(.*?)```", (DOCS / page).read_text("utf-8"), re.DOTALL)
+    (block,) = read_blocks("models.md")
+    names = run_block("models.md", block)
+    assert names["expectation"].presence.shape[1] == 45
 
 
 # Both are what mlcroissant uses of other libraries.
@@ -233,8 +181,8 @@ def test_loading_examples_run(dataset: Path, monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setenv("HF_HOME", str(dataset.parent / "hf"))
     blocks = read_blocks("loading.md")
     assert len(blocks) >= 12
-    for number, block in enumerate(blocks, 1):
-        exec(compile(block, f"docs/loading.md, block {number}", "exec"), {"__name__": "loading"})
+    for block in blocks:
+        run_block("loading.md", block)
 
 
 def test_the_heterogeneous_graph_goes_both_ways(
@@ -253,8 +201,7 @@ def test_the_heterogeneous_graph_goes_both_ways(
     build_dataset(open_source("table", tmp_path / "objects.csv"), tmp_path / "dataset")
     monkeypatch.chdir(tmp_path)
     *_, block = read_blocks("loading.md")
-    names: dict[str, Any] = {"__name__": "loading"}
-    exec(compile(block, "docs/loading.md", "exec"), names)
+    names = run_block("loading.md", block)
     graph = names["graph"]
     assert (graph["room"].num_nodes, graph["object"].num_nodes) == (3, 4)
     ends = {kind: graph[kind].edge_index.T.tolist() for kind in graph.edge_types}
@@ -296,9 +243,8 @@ def test_the_entry_of_the_benchmark_is_measured(
     write_pairs(dataset, PairsRecipe(mask=MaskRecipe(strategy="explore"), draws=1))
     monkeypatch.setattr("bsg_models.studies.evaluation_report.plot_evaluation", lambda *_, **__: {})
     monkeypatch.chdir(dataset.parent)
-    text = (DOCS / "benchmark.md").read_text("utf-8")
-    (block,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
-    exec(compile(block, "docs/benchmark.md", "exec"), {"__name__": "entering"})
+    (block,) = read_blocks("benchmark.md")
+    run_block("benchmark.md", block)
     words = ["--predictions", "mine.parquet", "--data", "dataset", "--resamples", "0", "--json"]
     result = CliRunner().invoke(COMMANDS["bsg-evaluate"], [*words, "--html", "page.html"])
     assert result.exit_code == 0, result.output
@@ -341,9 +287,8 @@ def test_the_example_of_the_hidden_share_runs(
     """The very lines of docs/hidden-share.md, beside docs/office.json."""
     monkeypatch.chdir(tmp_path)
     shutil.copy(DOCS / "office.json", tmp_path)
-    text = (DOCS / "hidden-share.md").read_text("utf-8")
-    (block,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
-    exec(compile(block, "docs/hidden-share.md", "exec"), {"__name__": "estimating"})
+    (block,) = read_blocks("hidden-share.md")
+    run_block("hidden-share.md", block)
     belief, *presences = capsys.readouterr().out.splitlines()
     assert belief == "58% ± 19%"
     weighed, told = map(float, presences)
