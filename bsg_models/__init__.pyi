@@ -10,8 +10,8 @@ from .belief.hydra import (
     strip_hydra,
     write_hydra,
 )
-from .belief.network import from_networkx, to_networkx
-from .belief.tables import read_tables, write_tables
+from .belief.network import to_networkx
+from .belief.tables import write_tables
 from .errors import (
     BeliefFileError,
     CheckpointError,
@@ -27,8 +27,8 @@ from .inputs.graphs import MaskedGraphs, read_split, to_graph
 from .rendering.explorer import View, write_explorer
 from .robot.answers import ExpectedClass, Place
 from .robot.find_probability import FindProbability
+from .robot.rooms import set_hidden_shares
 from .robot.seen_building import SeenBuilding, open_graph
-from .robot.told_shares import tell_shares
 from .robot.ways import Ways
 from .robot.words import Meaning
 from .runs.checkpoint import Checkpoint, load_checkpoint, restore_model
@@ -52,7 +52,6 @@ from .studies.belief_report import (
     BeliefRequest,
     MaskedScenes,
     RoomBelief,
-    UnseenClass,
     report_beliefs,
 )
 from .studies.comparison import Comparison, compare_runs
@@ -153,7 +152,6 @@ __all__ = [
     "TrainingConfig",
     "TrainingError",
     "Travel",
-    "UnseenClass",
     "View",
     "Ways",
     "WorldRecipe",
@@ -168,7 +166,6 @@ __all__ = [
     "explain",
     "find_config",
     "find_model",
-    "from_networkx",
     "growing_run",
     "headline_rows",
     "leads_training",
@@ -190,7 +187,6 @@ __all__ = [
     "read_hydra_belief",
     "read_log",
     "read_split",
-    "read_tables",
     "refuse_finished",
     "report_beliefs",
     "report_evaluation",
@@ -198,13 +194,13 @@ __all__ = [
     "report_search",
     "restore_model",
     "scenes_of",
+    "set_hidden_shares",
     "shipped_names",
     "strip_hydra",
     "study_search",
     "summarise_model",
     "summarise_run",
     "summary_rows",
-    "tell_shares",
     "to_graph",
     "to_networkx",
     "train_run",

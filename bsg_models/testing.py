@@ -388,8 +388,6 @@ class FormatContract:
     def read(self, path: Path) -> list[BeliefGraph] | None:
         """Read the output of `write`; None if the format cannot be read."""
         row = FORMATS[self.name]
-        if row.read_all is not None:
-            return list(row.read_all(path))
         return None if row.read is None else [row.read(path)]
 
     def path_in(self, folder: Path) -> Path:
@@ -431,7 +429,7 @@ class FormatContract:
         """Check that garbage and a missing file raise an error of this project."""
         path = self.path_in(tmp_path)
         row = FORMATS[self.name]
-        if row.read is None and row.read_all is None:
+        if row.read is None:
             return
         for content in (None, b"", b"\x00garbage", b"[]"):
             if content is not None:

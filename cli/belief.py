@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,15 +28,19 @@ from bsg_cli.options import (
     split_option,
 )
 from bsg_cli.terminal import Command, print_json, print_note, print_text, progress_bar
+from bsg_data.dataset.manifest import COMPARED, describe_unmapped, list_resolved
+from bsg_data.observation.robot_json import list_unmapped
 from bsg_data.result_folder import Place, require_vacant
 from bsg_data.seals import refuse_sealed_file
 from bsg_data.spelling import SHOWN
 from bsg_data.tables import format_text
+from bsg_models.belief.formats import choose_format
+from bsg_models.belief.graph_file import GraphFile, open_graph_file, use_class_map
+from bsg_models.robot.rooms import find_room, set_hidden_shares
 
 MOST_ROWS = 60
 MOST_NAMES = 10
 MOST_CLASSLESS = 3  # names in the note on objects without a class
-CHECKED_FIRST = 1_000_000  # bytes of a graph; a larger one takes long to read twice
 
 
 @click.command("bsg-belief", cls=Command)
@@ -110,92 +115,76 @@ def main(
         raise click.UsageError("expected either GRAPHs or --data DATASET; give one of them")
     if here is not None and not find:
         raise click.UsageError("--from needs --find THING; give both or neither")
-    require_files(options["graphs"])
-    named = options.pop("model")
-    if named is not None:
-        options["run"] = named
-    options |= read_shares(options.pop("shares"), dataset)
     if find:
-        seen = open_seen(options, here=here)
-        find_things(seen, tuple(dict.fromkeys(find)), here=here, as_json=as_json)
-        return
+        check_find(options)
+    named = options.pop("model")
+    shares = read_shares(options.pop("shares"), dataset)
     refuse_present(options)
-    check_graphs(options)
-    request = read_request(dataset, options)
+    files = [open_graph(path, options["labels"], **shares) for path in options.pop("graphs")]
+    del options["labels"]
+    model = bsg_models.DEFAULT_MODEL if named is None else named
+    if find:
+        ask(files[0], model, find, here=here, as_json=as_json, announce=named is None)
+        return
+    request = read_request(dataset, {**options, "run": model, "graphs": tuple(files)})
     with progress_bar("belief", unit="graph") as progress:
         report = bsg_models.report_beliefs(request, progress=progress)
-    note_model(options)
-    for path, names in report.unmapped.items():
-        note_unmapped(path, names)
-    for path, rules in report.resolved.items():
-        made = ", ".join(f"{r.name!r} is {r.category!r} ({r.rule})" for r in rules[:MOST_NAMES])
-        more = f", and {len(rules) - MOST_NAMES:,} more" if len(rules) > MOST_NAMES else ""
-        print_note(f"{path}: names read by rule, for they are not in the class map: {made}{more}")
-    for path, source in report.unknown_sources.items():
-        known = ", ".join(bsg_data.KNOWN_SOURCES)
-        print_note(f"{path}: source {source!r} is read as unknown; models know {known}")
-    for path, notes in report.notes.items():
-        note_reading(path, notes)
-    for path, graph in zip(request.graphs, report.graphs, strict=False):
-        note_classless(path, graph.partial, model=report.model)
-        note_shares(path, graph.partial)
+    if named is None:
+        print_note(f"model: {bsg_models.describe_model()}")
+    for file, graph in zip(files, report.graphs, strict=False):
+        note_graph(file, graph.partial, class_map=report.class_map, model=report.model)
     if as_json:
         print_json([encode_room(room) for room in report.rooms])
         return
-    rows = [_row(room) for room in report.rooms[:MOST_ROWS]]
-    header = ("building", "room", "seen", "expected more", "unseen, most expected first")
-    print_text(format_text(rows, header=header))
-    if len(report.rooms) > MOST_ROWS:
-        print_note(f"… and {len(report.rooms) - MOST_ROWS:,} more rooms; --json prints all")
-    number, held = report.number, len(report.graphs)
-    graphs_are = "1 belief graph" if number == 1 else f"{number:,} belief graphs"
-    print_text(f"{graphs_are}, {report.blind:,} blind nodes, by {report.model}")
-    if request.html and held < number:
+    print_rooms(report)
+    if request.html and len(report.graphs) < report.number:
         print_note(
-            f"{request.html}: shows the first {held:,} of {number:,} graphs; --tables writes all"
+            f"{request.html}: shows the first {len(report.graphs):,} of {report.number:,} graphs; "
+            "--tables writes all"
         )
-    if written := request.results:
+    if written := request.results.values():
         print_text(f"written: {', '.join(map(str, written))}")
 
 
-def open_seen(options: dict[str, Any], *, here: str | None) -> bsg_models.SeenBuilding:
-    """Return the one graph of the options with its model.
-
-    Raises:
-        click.UsageError: for several graphs, or an option that `--find` does not use.
-    """
-    graphs: tuple[Path, ...] = options["graphs"]
+def check_find(options: dict[str, Any]) -> None:
+    """Refuse several graphs, and options that `--find` does not use."""
     context = click.get_current_context()
     for name in ("mode", "top", "split", "fold", "scene", "force"):
         if context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
             raise click.UsageError(f"--find does not use --{name}; leave one of them out")
-    if len(graphs) != 1:
-        raise click.UsageError(f"--find: expected one GRAPH, found {len(graphs) or '--data'}")
+    if len(options["graphs"]) != 1:
+        found = len(options["graphs"]) or "--data"
+        raise click.UsageError(f"--find: expected one GRAPH, found {found}")
     written = [name for name in ("out", "hydra", "tables", "html") if options[name]]
     if written:
         raise click.UsageError(f"--find writes no files; leave out --find or --{written[0]}")
-    model = options.get("run", bsg_models.DEFAULT_MODEL)
-    told = {name: options[name] for name in ("labels", "hidden_share", "hidden_shares")}
-    check_graphs(options, here=here)
-    seen = bsg_models.open_graph(graphs[0], model=model, **told)
-    note_model(options)
-    if seen.unmapped:
-        note_unmapped(graphs[0], seen.unmapped)
-    note_reading(graphs[0], seen.notes)
-    note_classless(graphs[0], seen.graph, model=seen.model)
-    note_shares(graphs[0], seen.graph)
-    return seen
 
 
-def require_files(graphs: Sequence[Path]) -> None:
-    """Refuse a missing graph before the models are imported, which is slow.
+def ask(
+    file: GraphFile,
+    model: Path | str,
+    things: Sequence[str],
+    *,
+    here: str | None,
+    as_json: bool,
+    announce: bool,
+) -> None:
+    """Answer `--find` for a graph."""
+    if here is not None:
+        find_room(file.graph, here)
+    predictor = bsg_models.Predictor(model)
+    graph = use_class_map(file.graph, predictor.class_map)
+    if announce:
+        print_note(f"model: {bsg_models.describe_model()}")
+    note_graph(file, graph, class_map=predictor.class_map, model=predictor.name)
+    seen = bsg_models.SeenBuilding(graph, predictor)
+    find_things(seen, tuple(dict.fromkeys(things)), here=here, as_json=as_json)
 
-    Raises:
-        BSGError: naming the first missing graph.
-    """
-    for path in graphs:
-        if str(path) != "-" and not path.exists():
-            raise bsg_data.BSGError(f"{path}: cannot be read (No such file or directory)")
+
+def open_graph(path: Path, labels: str | None, **shares: Any) -> GraphFile:
+    """Read a robot's graph once, before models are imported, which is slow."""
+    file = open_graph_file(path, labels=labels)
+    return replace(file, graph=set_hidden_shares(file.graph, **shares))
 
 
 def refuse_present(options: dict[str, Any]) -> None:
@@ -203,14 +192,8 @@ def refuse_present(options: dict[str, Any]) -> None:
 
     The library refuses what is left: folders, and files beside what a killed command left, which
     it undoes first.
-
-    Raises:
-        DatasetError: naming the first such file.
-        RecipeError: if no format has the suffix of `--out`.
     """
     if options["out"] is not None:
-        from bsg_models.belief.formats import choose_format
-
         choose_format(options["out"])
     read = {path.absolute() for path in options["graphs"]}  # naming one of them is another error
     for name in ("out", "hydra", "html"):
@@ -222,42 +205,36 @@ def refuse_present(options: dict[str, Any]) -> None:
             require_vacant(path)
 
 
-def check_graphs(options: dict[str, Any], *, here: str | None = None) -> None:
-    """Refuse faulty graphs and unknown rooms before the models are imported, which is slow.
-
-    A pipe is read once only, and a large file too.
-
-    Raises:
-        BSGError: as `open_graph` raises it.
-    """
-    for path in options["graphs"]:
-        if str(path) == "-" or not path.is_file() or path.stat().st_size > CHECKED_FIRST:
-            continue
-        graph = bsg_models.read_graph(path, labels=options["labels"])
-        told = {"every": options["hidden_share"], "rooms": options["hidden_shares"]}
-        bsg_models.tell_shares(graph, **told)
-        if here is not None:
-            from bsg_models.robot.room_names import find_room
-
-            find_room(graph, here)
+def note_graph(
+    file: GraphFile, graph: bsg_data.PartialGraph, *, class_map: bsg_data.ClassMap, model: str
+) -> None:
+    """Print what a person should know about how a graph was read."""
+    for note in (
+        *_note_names(graph, class_map),
+        *file.notes,
+        *_note_classless(graph, model=model),
+        *_note_shares(graph),
+    ):
+        print_note(f"{file.path}: {note}")
 
 
-def note_model(options: dict[str, Any]) -> None:
-    """Print which model was used, if the user named none; call it after the graphs are read."""
-    if "run" not in options:
-        print_note(f"model: {bsg_models.describe_model()}")
+def _note_names(graph: bsg_data.PartialGraph, class_map: bsg_data.ClassMap) -> Iterator[str]:
+    """Yield which names and sources are not known, and which were read by a rule."""
+    names = list(describe_unmapped(list_unmapped(graph), class_map, near=COMPARED))
+    if names:
+        what = "1 name is" if len(names) == 1 else f"{len(names):,} names are"
+        yield f"{what} not in the class map: {_list(map(_describe_unmapped, names))}"
+    seen = Counter(obj.raw_category for obj in graph.objects)
+    made = [f"{r.name!r} is {r.category!r} ({r.rule})" for r in list_resolved(seen, class_map)]
+    if made:
+        yield f"names read by rule, for they are not in the class map: {_list(made)}"
+    if graph.source is not None and graph.source not in bsg_data.KNOWN_SOURCES:
+        known = ", ".join(bsg_data.KNOWN_SOURCES)
+        yield f"source {graph.source!r} is read as unknown; models know {known}"
 
 
-def note_unmapped(path: Path, names: Sequence[bsg_data.UnmappedEntry]) -> None:
-    """Print which names of a graph are not in the class map, with the nearest names."""
-    what = "1 name is" if len(names) == 1 else f"{len(names):,} names are"
-    shown = ", ".join(map(_describe_unmapped, names[:MOST_NAMES]))
-    more = f", and {len(names) - MOST_NAMES:,} more" if len(names) > MOST_NAMES else ""
-    print_note(f"{path}: {what} not in the class map: {shown}{more}")
-
-
-def note_classless(path: Path, graph: bsg_data.PartialGraph, *, model: str) -> None:
-    """Print how many seen objects have a known name but no class, and which names most often.
+def _note_classless(graph: bsg_data.PartialGraph, *, model: str) -> Iterator[str]:
+    """Yield how many seen objects have a known name but no class, and which names most often.
 
     Parts of the building are left out, because models count objects.
     """
@@ -274,27 +251,32 @@ def note_classless(path: Path, graph: bsg_data.PartialGraph, *, model: str) -> N
     which = f"most often {most}" if len(names) > MOST_CLASSLESS else most
     what = "1 seen object has" if number == 1 else f"{number:,} seen objects have"
     counted = "is in no count" if number == 1 else "are in no count"
-    print_note(f"{path}: {what} no class in {model} and {counted}: {which}")
+    yield f"{what} no class in {model} and {counted}: {which}"
 
 
-def note_reading(path: Path, notes: Sequence[str]) -> None:
-    """Print the notes of reading a graph."""
-    for note in notes:
-        print_note(f"{path}: {note}")
-
-
-def note_shares(path: Path, graph: bsg_data.PartialGraph) -> None:
-    """Print which hidden shares of a graph are estimated or not known."""
+def _note_shares(graph: bsg_data.PartialGraph) -> Iterator[str]:
+    """Yield which hidden shares of a graph are estimated or not known."""
     unsure: dict[str, list[str]] = {}
     for room in graph.rooms:
         if not room.share.is_certain:
             unsure.setdefault(str(room.share), []).append(room.label or room.name)
     for share, rooms in unsure.items():
-        more = f" and {len(rooms) - MOST_NAMES:,} more" if len(rooms) > MOST_NAMES else ""
-        print_note(
-            f"{path}: the hidden share is uncertain in {', '.join(rooms[:MOST_NAMES])}{more}: "
-            f"assumed {share}; give floor_in_view in the graph, or --hidden-share, to be exact"
+        yield (
+            f"the hidden share is uncertain in {_list(rooms, between=' and ')}: assumed {share}; "
+            "give floor_in_view in the graph, or --hidden-share, to be exact"
         )
+
+
+def _list(names: Iterable[str], *, between: str = ", and ") -> str:
+    """Return the first names, and how many more there are."""
+    every = list(names)
+    more = f"{between}{len(every) - MOST_NAMES:,} more" if len(every) > MOST_NAMES else ""
+    return ", ".join(every[:MOST_NAMES]) + more
+
+
+def _describe_unmapped(name: bsg_data.UnmappedEntry) -> str:
+    near = f"; nearest: {', '.join(name.nearest)}" if name.nearest else ""
+    return f"{name.name[:SHOWN]!r} ({name.instances:,}{near})"
 
 
 def read_request(dataset: Path | None, options: dict[str, Any]) -> bsg_models.BeliefRequest:
@@ -302,17 +284,17 @@ def read_request(dataset: Path | None, options: dict[str, Any]) -> bsg_models.Be
     mask = {"strategy": options.pop("mask")}
     mask |= {name: options.pop(name) for name in ("fraction", "seed", "withhold", "parts")}
     scenes = {name: options.pop(name) for name in ("split", "fold", "scene")}
-    if dataset is None:
-        return bsg_models.BeliefRequest(**options)
-    scenes |= {"dataset": dataset, "mask": mask}
-    return bsg_models.BeliefRequest.model_validate({**options, "scenes": scenes})
+    if dataset is not None:
+        recipe = bsg_data.MaskRecipe.model_validate(mask)
+        options["scenes"] = bsg_models.MaskedScenes(dataset, recipe, **scenes)
+    return bsg_models.BeliefRequest(**options)
 
 
 def read_shares(said: Sequence[str], dataset: Path | None) -> dict[str, Any]:
     """Return the hidden shares of `--hidden-share`: `0.4` for all rooms, `kitchen=0.2` for one."""
     if said and dataset is not None:
         raise click.UsageError("--hidden-share needs GRAPHs; with --data give --mask instead")
-    told: dict[str, float] = {}  # by room; the empty name stands for all other rooms
+    shares: dict[str, float] = {}  # by room; the empty name stands for all other rooms
     for word in said:
         room, _, number = word.rpartition("=")
         try:
@@ -324,29 +306,35 @@ def read_shares(said: Sequence[str], dataset: Path | None) -> dict[str, Any]:
                 f"--hidden-share {word}: expected [ROOM=]SHARE with a share from 0 to 1, such as "
                 "0.4 or kitchen=0.2"
             )
-        if told.setdefault(room, share) != share:
+        if shares.setdefault(room, share) != share:
             of = f"of {room}" if room else "of all rooms"
             raise click.UsageError(
-                f"--hidden-share says {told[room]:g} and {share:g} {of}; give one of them"
+                f"--hidden-share says {shares[room]:g} and {share:g} {of}; give one of them"
             )
-    every = told.pop("", None)
-    return {"hidden_share": every, "hidden_shares": told}
+    every = shares.pop("", None)
+    return {"every": every, "rooms": shares}
 
 
 def encode_room(room: bsg_models.RoomBelief) -> dict[str, Any]:
     """Return the belief of a room, ready for JSON."""
     unseen = [
-        {"class": one.name, "presence": one.presence, "expected": one.expected}
-        for one in room.unseen
+        {"class": c.name, "presence": round(c.probability, 4), "expected": round(c.expected, 4)}
+        for c in room.unseen
     ]
-    return {**room._asdict(), "unseen": unseen}
+    return {**room._asdict(), "expected_more": round(room.expected_more, 3), "unseen": unseen}
 
 
-def _describe_unmapped(name: bsg_data.UnmappedEntry) -> str:
-    near = f"; nearest: {', '.join(name.nearest)}" if name.nearest else ""
-    return f"{name.name[:SHOWN]!r} ({name.instances:,}{near})"
+def print_rooms(report: bsg_models.BeliefReport) -> None:
+    """Print what is believed of each room as a table, and how much there is in all."""
+    rows = [_row(room) for room in report.rooms[:MOST_ROWS]]
+    header = ("building", "room", "seen", "expected more", "unseen, most expected first")
+    print_text(format_text(rows, header=header))
+    if len(report.rooms) > MOST_ROWS:
+        print_note(f"… and {len(report.rooms) - MOST_ROWS:,} more rooms; --json prints all")
+    graphs = "1 belief graph" if report.number == 1 else f"{report.number:,} belief graphs"
+    print_text(f"{graphs}, {report.blind:,} blind nodes, by {report.model}")
 
 
 def _row(room: bsg_models.RoomBelief) -> tuple[object, ...]:
-    unseen = ", ".join(f"{one.name} {one.presence:.0%}" for one in room.unseen)
+    unseen = ", ".join(f"{c.name} {round(c.probability, 4):.0%}" for c in room.unseen)
     return room.scene_id, room.room, room.seen, f"{room.expected_more:.1f}", unseen or "nothing"

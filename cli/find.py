@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from threading import Timer
 from typing import Any
 
 import bsg_models
@@ -14,8 +11,6 @@ from bsg_cli.terminal import print_json, print_note, print_text
 from bsg_data.tables import format_text
 
 MOST_ROWS = 20
-SECONDS_BEFORE_NOTE = 2.0
-COMPILING = "compiling the planner, once for this installation: this can take a minute"
 
 
 def find_things(
@@ -27,8 +22,7 @@ def find_things(
     """
     meanings = [seen.understand(thing) for thing in things]
     answers = [seen.where(thing, here=here) for thing in things]
-    with _told_after(SECONDS_BEFORE_NOTE, COMPILING):
-        first = seen.next_room(things, here=here)
+    first = seen.next_room(things, here=here)
     unit = None if here is None else seen.ways().unit
     if as_json:
         facts = [_encode(seen, *answer) for answer in zip(meanings, answers, strict=True)]
@@ -78,21 +72,6 @@ def _print_places(
         print_note(f"… and {len(rows) - MOST_ROWS:,} less likely rooms; --json prints all")
     somewhere = _percent(seen.anywhere(meaning.word))
     print_text(f"somewhere in the building: {somewhere}, by the model {seen.asked(meaning.word)}")
-
-
-@contextmanager
-def _told_after(seconds: float, note: str) -> Iterator[None]:
-    """Tell a terminal if the block takes longer than some seconds."""
-    if sys.stderr is None or not sys.stderr.isatty():
-        yield
-        return
-    timer = Timer(seconds, print_note, [note])
-    timer.daemon = True
-    timer.start()
-    try:
-        yield
-    finally:
-        timer.cancel()
 
 
 def _row(place: bsg_models.Place, unit: str | None, words: Mapping[str, str]) -> tuple[Any, ...]:

@@ -27,7 +27,6 @@ from tqdm import tqdm  # noqa: TID251 -- the command line is where bars belong
 
 from bsg_cli.cluster import connect
 from bsg_cli.dataset_paths import require_datasets
-from bsg_cli.drawing_settings import keep_from_working_folder, kept_from_working_folder
 from bsg_data.errors import BSGError, RecipeError
 from bsg_data.files import encode_json
 from bsg_data.recipes import name_fault
@@ -70,7 +69,7 @@ class Command(click.Command):
                 stream.reconfigure(errors="replace")
         try:
             kwargs["standalone_mode"] = False
-            with _ended_in_order(), kept_from_working_folder():
+            with _ended_in_order():
                 code = super().main(*args, **kwargs)
         except click.ClickException as error:
             error.message = make_plain(error.message)  # type: ignore[misc]
@@ -272,7 +271,6 @@ def _importing_nothing_from_here() -> Iterator[None]:
 def _begin_worker() -> None:
     """Prepare a worker process for its tasks."""
     end_with_parent()
-    keep_from_working_folder()
 
 
 def end_with_parent() -> None:

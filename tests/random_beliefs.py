@@ -23,39 +23,6 @@ HOSTILE = '</script><img src=x onerror="alert(1)">'
 ROOM_TYPES = (None, "kitchen", {"kitchen": 0.1, "bar": 0.25})
 
 
-def header_of_version_2(header: dict[str, Any]) -> dict[str, Any]:
-    """Return a header, or what begins with one, as version 2 had it: without surroundings."""
-    new = {"building_kind", "source"}
-    partial = {key: value for key, value in header["partial"].items() if key not in new}
-    return {**header, "version": 2, "partial": {**partial, "version": 1}}
-
-
-def header_of_version_3(header: dict[str, Any]) -> dict[str, Any]:
-    """Return a header, or what begins with one, as version 3 had it."""
-    return {**header, "version": 3, "partial": {**header["partial"], "version": 2}}
-
-
-def forget_surroundings(belief: BeliefGraph) -> BeliefGraph:
-    """Return a belief graph as version 2 had it: where its rooms are, objects, and sure shares."""
-    partial = be_sure(belief).partial
-    rooms = tuple(replace(room, floor_area=None, room_type=None) for room in partial.rooms)
-    known = replace(partial, rooms=rooms, building_kind=None, source=None)
-    return replace(belief, partial=known)
-
-
-def be_sure(belief: BeliefGraph) -> BeliefGraph:
-    """Return a belief graph as version 3 had it: sure of every hidden share."""
-    rooms = tuple(replace(room, hidden_share_sd=0.0) for room in belief.partial.rooms)
-    return replace(belief, partial=replace(belief.partial, rooms=rooms))
-
-
-def header_of_version_1(header: dict[str, Any]) -> dict[str, Any]:
-    """Return a header, or what begins with one, as version 1 had it: with a class map."""
-    old = {key: value for key, value in header.items() if key != "class_space"}
-    named = {"version": LOADED.version, "sha256": LOADED.sha256, "classes": list(LOADED.classes)}
-    return {**old, "version": 1, "class_map": named}
-
-
 def make_belief(seed: int, *, mode: Any = "complete", scene_id: str = "s") -> BeliefGraph:
     """Return a belief graph of random rooms, some with and some without geometry."""
     rng, around = np.random.default_rng(seed), np.random.default_rng([seed, 1])

@@ -8,8 +8,7 @@ adds one for each of the likeliest classes of which the room shows none.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from numbers import Integral
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -17,9 +16,7 @@ import numpy.typing as npt
 from bsg_data.arrays import Floats
 from bsg_data.errors import RecipeError
 from bsg_data.observation.partial_graph import PartialGraph
-from bsg_data.spelling import show_value
 from bsg_models.belief.expectation import Expectation
-from bsg_models.errors import PredictionError
 
 Mode = Literal["complete", "unseen"]
 LEAST_PRESENCE = 0.005  # classes of a lower presence get no blind node
@@ -104,22 +101,15 @@ def believe(
         model: name to put into the result.
 
     Raises:
-        RecipeError: if the expectation does not belong to this graph, or there is no such mode or
-            number of classes.
-        PredictionError: if it is not finite.
+        RecipeError: if the expectation does not belong to this graph.
     """
-    if not isinstance(mode, str) or mode not in get_args(Mode):
-        raise RecipeError(f"mode: expected complete or unseen, found {show_value(mode)}")
-    _check_top(top)
     inputs = graph.histograms().astype(np.float64)
     if not np.array_equal(expectation.inputs, inputs):
         raise RecipeError(
             f"{graph.scene_id}: the expectation is of other inputs than the graph's "
-            f"{inputs.shape[0]} nodes and {inputs.shape[1]} classes"
-        )
-    if not expectation.is_finite:
-        raise PredictionError(
-            f"{graph.scene_id}: what {model or 'the model'} expects is not finite (NaN or infinite)"
+            f"{inputs.shape[0]} nodes and {inputs.shape[1]} classes",
+            code="expectation-foreign",
+            where=graph.scene_id,
         )
     hidden, presence = expectation.hidden, expectation.presence
     chosen = (
@@ -136,16 +126,6 @@ def believe(
         for _ in range(numbers[c])
     ]
     return BeliefGraph(graph, expectation.expected, presence, tuple(blind), mode, model)
-
-
-def _check_top(top: object) -> None:
-    """Refuse what is no number of classes: 1 or more.
-
-    Raises:
-        RecipeError: naming it.
-    """
-    if isinstance(top, bool) or not isinstance(top, Integral) or top < 1:
-        raise RecipeError(f"top: expected a whole number of 1 or more, found {show_value(top)}")
 
 
 def complete(hidden: Floats) -> npt.NDArray[np.int64]:
@@ -168,11 +148,7 @@ def rank_unseen(expectation: Expectation, top: int) -> list[npt.NDArray[np.int64
     """Return for every node at most `top` classes that were not seen there, by presence.
 
     Ties go to the lower class index. Classes with a presence below `LEAST_PRESENCE` are left out.
-
-    Raises:
-        RecipeError: if `top` is no number of classes.
     """
-    _check_top(top)
     ranked = []
     for inputs, presence in zip(expectation.inputs, expectation.presence, strict=True):
         belief = np.where(inputs > 0, 0.0, presence)

@@ -1,7 +1,8 @@
-"""Write a belief graph as one JSON document, and read it back without loss."""
+"""Define the one document of a belief graph: JSON, from which tables and networkx are derived."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,17 +10,19 @@ import numpy as np
 from pydantic import Field, ValidationError
 
 from bsg_data.dataset.manifest import ClassSpaceEntry
+from bsg_data.errors import MismatchError
 from bsg_data.files import encode_json, write_bytes
 from bsg_data.inputs.bounds import BELIEF
 from bsg_data.inputs.documents import read_json
 from bsg_data.observation.partial_graph import PartialGraph
-from bsg_data.observation.robot_json import encode_robot_graph
+from bsg_data.observation.robot_json import encode_robot_graph, parse_classified_graph
 from bsg_data.recipes import Record, name_fault
+from bsg_data.scene.class_space import list_class_spaces, load_class_space
 from bsg_models.belief.belief_graph import BeliefGraph, BlindNode, Mode
-from bsg_models.belief.consistency import check_beliefs
 from bsg_models.belief.formats import FormatRow
-from bsg_models.belief.header import check_class_space, encode_header, modernise, parse_partial
 from bsg_models.errors import BeliefFileError
+
+FORMAT, VERSION = "bsg-belief-graph", 1
 
 Count = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Probability = Annotated[float, Field(ge=0, le=1)]
@@ -38,18 +41,21 @@ class _Document(Record):
     model: str
     mode: Mode
     class_space: ClassSpaceEntry
-    class_map: str | None = None
     partial: dict[str, Any]
     expected: list[list[Count]]
     presence: list[list[Probability]]
-    blind: list[_Blind]
+    blind: tuple[_Blind, ...]
 
 
 def encode_belief(belief: BeliefGraph) -> dict[str, Any]:
     """Return a belief graph as a JSON document; `decode_belief` reads it back."""
     classes = belief.partial.class_space.classes
     return {
-        **encode_header(belief),
+        "format": FORMAT,
+        "version": VERSION,
+        "model": belief.model,
+        "mode": belief.mode,
+        "class_space": belief.partial.class_space.model_dump(mode="json"),
         "partial": encode_robot_graph(belief.partial),
         "expected": belief.expected.tolist(),
         "presence": belief.presence.tolist(),
@@ -65,6 +71,34 @@ def encode_belief(belief: BeliefGraph) -> dict[str, Any]:
     }
 
 
+def list_nodes(document: dict[str, Any]) -> Iterator[tuple[int | None, dict[str, Any]]]:
+    """Yield the parent and the attributes of the nodes of a document, in their order.
+
+    The building has the number 0; rooms, objects and blind nodes follow. Histograms are left out.
+    """
+    partial, rooms = document["partial"], {None: 0}
+    facts = ("hidden_share", "building_kind", "source")
+    yield None, {"kind": "building", **{name: partial[name] for name in facts}}
+    for number, room in enumerate(partial["rooms"], 1):
+        rooms[room["id"]] = number
+        yield 0, {"kind": "room", **room}
+    for obj in partial["objects"]:
+        yield rooms[obj["room"]], {"kind": "object", **obj}
+    for node in document["blind"]:
+        yield node["room"], {"kind": "blind", **{key: node[key] for key in node if key != "room"}}
+
+
+def list_edges(document: dict[str, Any]) -> Iterator[tuple[int, int, str]]:
+    """Yield the edges (source, target, kind) of a document; adjacency in both directions."""
+    for number, (parent, node) in enumerate(list_nodes(document)):
+        if parent is not None:
+            yield parent, number, "expects" if node["kind"] == "blind" else "contains"
+    rooms = {room["id"]: number for number, room in enumerate(document["partial"]["rooms"], 1)}
+    for a, b in document["partial"]["adjacency"]:
+        yield rooms[a], rooms[b], "adjacent"
+        yield rooms[b], rooms[a], "adjacent"
+
+
 def decode_belief(document: Any, *, path: Path) -> BeliefGraph:
     """Return the belief graph of a JSON document.
 
@@ -73,37 +107,59 @@ def decode_belief(document: Any, *, path: Path) -> BeliefGraph:
         MismatchError: if its class space has changed since.
     """
     try:
-        entries = _Document.model_validate(modernise(document, path=path))
+        entries = _Document.model_validate(document)
     except ValidationError as error:
-        raise BeliefFileError(f"{path}: {name_fault(error)}") from error
-    check_class_space(entries.class_space, path=path)
-    partial = parse_partial(
-        entries.partial,
-        path=path,
-        class_space=entries.class_space,
-        class_map=entries.class_map,
-    )
-    shape = (len(partial.rooms) + 1, len(partial.class_space.classes))
-    for histograms in (entries.expected, entries.presence):
-        if len(histograms) != shape[0] or any(len(row) != shape[1] for row in histograms):
-            raise BeliefFileError(f"{path}: expected histograms of {shape[0]} × {shape[1]}")
-    belief = BeliefGraph(
-        partial,
-        np.array(entries.expected),
-        np.array(entries.presence),
-        tuple(_decode_blind(node, partial, path) for node in entries.blind),
-        entries.mode,
-        entries.model,
-    )
-    check_beliefs(belief, path=path)
-    return belief
+        raise BeliefFileError(
+            f"{path}: {name_fault(error)}", code="belief-malformed", where=path
+        ) from error
+    if (entries.format, entries.version) != (FORMAT, VERSION):
+        raise BeliefFileError(
+            f"{path}: expected {FORMAT} {VERSION}, found {entries.format} {entries.version}; make "
+            "it again with bsg-belief",
+            code="version-foreign",
+            where=path,
+        )
+    space = entries.class_space
+    if (
+        space.name in list_class_spaces()
+        and ClassSpaceEntry.of(load_class_space(space.name)) != space
+    ):
+        raise MismatchError(
+            f"{path}: class space {space.name} is not the published one",
+            code="class-space-changed",
+            where=path,
+        )
+    partial = parse_classified_graph(entries.partial, path=path, class_space=space)
+    return _assemble(entries, partial, path)
 
 
-def _decode_blind(node: _Blind, partial: PartialGraph, path: Path) -> BlindNode:
-    classes = partial.class_space.classes
-    if node.class_name not in classes:
-        raise BeliefFileError(f"{path}: a blind node of {node.class_name!r}, which is no class")
-    return BlindNode(node.room, classes.index(node.class_name), node.expected, node.presence)
+def _assemble(entries: _Document, partial: PartialGraph, path: Path) -> BeliefGraph:
+    fault = _find_fault(entries, partial)
+    if fault is not None:
+        raise BeliefFileError(f"{path}: {fault}", code="belief-inconsistent", where=path)
+    index = {name: number for number, name in enumerate(entries.class_space.classes)}
+    blind = (
+        BlindNode(node.room, index[node.class_name], node.expected, node.presence)
+        for node in entries.blind
+    )
+    tables = np.array(entries.expected), np.array(entries.presence)
+    return BeliefGraph(partial, *tables, tuple(blind), entries.mode, entries.model)
+
+
+def _find_fault(entries: _Document, partial: PartialGraph) -> str | None:
+    """Return why beliefs do not belong to their partial graph."""
+    rooms, classes = len(partial.rooms), entries.class_space.classes
+    for table in (entries.expected, entries.presence):
+        if len(table) != rooms + 1 or any(len(row) != len(classes) for row in table):
+            return f"expected histograms of {rooms + 1} × {len(classes)}"
+    if (np.array(entries.expected) < partial.histograms()).any():
+        return "fewer objects are expected than were seen"
+    for node in entries.blind:
+        if node.room > rooms:
+            return f"a blind node in room {node.room}; rooms are 1 to {rooms}"
+        if node.class_name not in classes:
+            return f"a blind node of {node.class_name!r}, which is no class"
+    return None
 
 
 def write_document(belief: BeliefGraph, path: Path) -> None:
@@ -118,8 +174,7 @@ def read_document(path: Path) -> BeliefGraph:
     Raises:
         BeliefFileError: if it cannot be read.
     """
-    document = read_json(path, BELIEF, error=BeliefFileError)
-    return decode_belief(document, path=path)
+    return decode_belief(read_json(path, BELIEF, error=BeliefFileError), path=path)
 
 
 JSON = FormatRow("json", (".json",), write=write_document, read=read_document)

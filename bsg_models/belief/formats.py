@@ -14,15 +14,14 @@ from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath
 from bsg_data.registry import Registry
 from bsg_models.belief.belief_graph import BeliefGraph
-from bsg_models.errors import BeliefFileError
 
 
 @dataclass(frozen=True, slots=True)
 class FormatRow:
     """The writer and reader of one format of belief graphs.
 
-    A format of one graph per file has `write` and `read`; a format of many has `write_all` and
-    `read_all`. A format that cannot be read has no reader.
+    A format of one graph per file has `write`; a format of many has `write_all`. A format that
+    cannot be read has no reader.
 
     Attributes:
         name: of the format.
@@ -30,7 +29,6 @@ class FormatRow:
         write: writes one belief graph to a path; a failed write leaves no partial file.
         read: reads it back.
         write_all: writes any number of belief graphs to a path.
-        read_all: yields them.
     """
 
     name: str
@@ -38,13 +36,6 @@ class FormatRow:
     write: Callable[[BeliefGraph, Path], None] | None = None
     read: Callable[[Path], BeliefGraph] | None = None
     write_all: Callable[[Iterable[BeliefGraph], Path], None] | None = None
-    read_all: Callable[[Path], Iterable[BeliefGraph]] | None = None
-
-    def __post_init__(self) -> None:
-        if self.write is None and self.write_all is None:
-            raise RecipeError(f"format {self.name!r}: has neither `write` nor `write_all`")
-        if not all(suffix.startswith(".") and len(suffix) > 1 for suffix in self.suffixes):
-            raise RecipeError(f"format {self.name!r}: a suffix begins with a dot: {self.suffixes}")
 
     @property
     def many(self) -> bool:
@@ -85,7 +76,9 @@ def choose_format(path: Path, format: str | None = None) -> FormatRow:  # noqa: 
         known = ", ".join(f"{suffix} ({row.name})" for row in rows for suffix in row.suffixes)
         raise RecipeError(
             f"{path}: no format of belief graphs has this suffix; name the file with one of "
-            f"{known}{''.join(f'; {fault}' for fault in broken)}"
+            f"{known}{''.join(f'; {fault}' for fault in broken)}",
+            code="format-unknown",
+            where=path,
         )
     return max(fitting, key=lambda pair: pair[0])[1]
 
@@ -128,7 +121,9 @@ def write_beliefs(
         many = ", ".join(name for name, one in FORMATS.load_all()[0].items() if one.many)
         raise RecipeError(
             f"{path}: the format {row.name} holds one belief graph, and there are {len(several)}; "
-            f"use one of {many}"
+            f"use one of {many}",
+            code="graphs-several",
+            where=path,
         )
     row.write(several[0], path)
 
@@ -142,22 +137,15 @@ def read_belief(path: AnyPath, format: str | None = None) -> BeliefGraph:  # noq
 
     Raises:
         RecipeError: if no format has this suffix or name, or the format cannot be read.
-        BeliefFileError: if the file has another format, or does not hold exactly one graph.
+        BeliefFileError: if the file is none of this format.
     """
     path = Path(path)
-    beliefs = read_beliefs(path, format)
-    if len(beliefs) != 1:
-        raise BeliefFileError(
-            f"{path}: expected one belief graph, found {len(beliefs)}; `read_beliefs` reads all"
-        )
-    return beliefs[0]
-
-
-def read_beliefs(path: Path, format: str | None = None) -> list[BeliefGraph]:  # noqa: A002
-    """Read the belief graphs of a file, in the format of its suffix; see `read_belief`."""
     row = choose_format(path, format)
-    if row.read_all is not None:
-        return list(row.read_all(path))
-    if row.read is not None:
-        return [row.read(path)]
-    raise RecipeError(f"{path}: the format {row.name} is written only, and cannot be read")
+    if row.read is None:
+        raise RecipeError(
+            f"{path}: the format {row.name} is written only, and cannot be read; write json as "
+            "well",
+            code="format-written-only",
+            where=path,
+        )
+    return row.read(path)

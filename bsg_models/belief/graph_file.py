@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import sys
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from bsg_data.errors import BSGError, RecipeError
 from bsg_data.files import AnyPath
 from bsg_data.inputs.bounds import ROBOT, SPARK_DSG
 from bsg_data.inputs.documents import parse_json
-from bsg_data.observation.partial_graph import PartialGraph
+from bsg_data.observation.partial_graph import PartialGraph, reclassify
 from bsg_data.observation.robot_json import RobotGraphError, parse_robot_graph
-from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap
-from bsg_data.sources.dsg_file import is_dsg, parse_document
+from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
+from bsg_data.sources.dsg_file import is_dsg
 from bsg_data.sources.label_space import load_label_space
-from bsg_models.belief.hydra_file import BOM, HydraFile, read_text
+from bsg_models.belief.hydra import HydraFile, read_json_text
 
 STANDARD_INPUT = Path("-")
 
@@ -26,12 +26,13 @@ class GraphFile:
     """A robot's graph with its source.
 
     Attributes:
+        path: of the file.
         graph: what the robot has seen.
-        hydra: the Spark-DSG file of a robot; None for this project's JSON, and for a numbered graph
-            that `write_hydra` wrote.
+        hydra: the Spark-DSG file of a robot; None for this project's JSON.
         notes: what a person should know about how it was read, a sentence each.
     """
 
+    path: Path
     graph: PartialGraph
     hydra: HydraFile | None = None
     notes: tuple[str, ...] = ()
@@ -51,48 +52,20 @@ def open_graph_file(
         BSGError: if the file cannot be read, or is not a graph.
         RecipeError: if labels are given for a graph that is not Hydra's.
     """
-    if path == STANDARD_INPUT:
-        with tempfile.TemporaryDirectory() as folder:
-            copy = Path(folder, "standard input")
-            copy.write_bytes(_read_standard_input())
-            return open_graph_file(copy, labels=labels, class_map=class_map)
-    text = read_text(path)
-    try:
-        document = parse_json(text.removeprefix(BOM), once=False)
-    except ValueError as error:
-        raise BSGError(f"{path}: no JSON ({str(error)[:200]})") from error
+    named = Path("standard input") if path == STANDARD_INPUT else path
+    document = _parse(_read_standard_input() if named != path else read_json_text(path), named)
     if is_dsg(document):
-        file = HydraFile(path, text, parse_document(document, path=path))
+        file = HydraFile.of(document, path=named)
         space = None if labels is None else load_label_space(labels)
-        return GraphFile(
-            file.partial(labels=space, class_map=class_map),
-            None if file.is_numbered else file,
-            file.notes(space),
-        )
+        graph = file.partial(labels=space, class_map=class_map)
+        return GraphFile(path, graph, file, file.notes(space))
     if labels is not None:
-        raise RecipeError(f"labels are for Hydra's graphs, and {path} is not one")
-    if len(text) > ROBOT.bytes or len(text.encode()) > ROBOT.bytes:
-        raise RobotGraphError(f"{path}: expected at most {ROBOT.bytes:,} bytes")
-    try:
-        said = parse_json(text.removeprefix(BOM))  # refuses a repeated key
-    except ValueError as error:
-        raise RobotGraphError(f"{path}: no JSON ({error})") from error
-    return GraphFile(parse_robot_graph(said, path=path, class_map=class_map))
-
-
-def _read_standard_input() -> bytes:
-    """Return the bytes of standard input, up to one more than a graph may have.
-
-    Raises:
-        BSGError: if it is closed.
-    """
-    stream = getattr(sys.stdin, "buffer", None)  # None also for text that a notebook puts there
-    if stream is None or stream.closed:
-        raise BSGError(
-            "standard input: expected a robot's graph, found it closed; send the graph to it, or "
-            "name a file instead of -"
+        raise RecipeError(
+            f"labels are for Hydra's graphs, and {named} is not one",
+            code="labels-unused",
+            where=named,
         )
-    return bytes(stream.read(SPARK_DSG.bytes + 1))
+    return GraphFile(path, parse_robot_graph(document, path=named, class_map=class_map))
 
 
 def read_graph(
@@ -102,5 +75,53 @@ def read_graph(
     class_map: AnyPath | ClassMap = DEFAULT_CLASS_MAP,
 ) -> PartialGraph:
     """Read a robot's graph of either kind; see `open_graph_file`."""
-    path = Path(path)
-    return open_graph_file(path, labels=labels, class_map=class_map).graph
+    return open_graph_file(Path(path), labels=labels, class_map=class_map).graph
+
+
+def use_class_map(graph: PartialGraph, class_map: ClassMap) -> PartialGraph:
+    """Return a graph that the default class map read, with the classes of another map."""
+    return graph if class_map == load_class_map() else reclassify(graph, class_map)
+
+
+def _parse(data: bytes | str, path: Path) -> Any:
+    """Return the JSON of a graph; a key may be there twice in Spark-DSG alone, as in its parser."""
+    try:
+        document = parse_json(data)
+    except ValueError as error:
+        document = _parse_leniently(data)
+        if not is_dsg(document):
+            raise RobotGraphError(
+                f"{path}: no JSON ({str(error)[:200]})", code="json-malformed", where=path
+            ) from error
+    if (
+        not is_dsg(document)
+        and len(data if isinstance(data, bytes) else data.encode()) > ROBOT.bytes
+    ):
+        raise RobotGraphError(
+            f"{path}: expected at most {ROBOT.bytes:,} bytes", code="file-too-large", where=path
+        )
+    return document
+
+
+def _parse_leniently(data: bytes | str) -> Any:
+    try:
+        return parse_json(data, once=False)
+    except ValueError:
+        return None
+
+
+def _read_standard_input() -> bytes:
+    """Return the bytes of standard input, up to one more than a graph may have."""
+    stream = getattr(sys.stdin, "buffer", None)  # None also for text that a notebook puts there
+    if stream is None or stream.closed:
+        raise BSGError(
+            "standard input: expected a robot's graph, found it closed; send the graph to it, or "
+            "name a file instead of -",
+            code="standard-input-closed",
+        )
+    data = bytes(stream.read(SPARK_DSG.bytes + 1))
+    if len(data) > SPARK_DSG.bytes:
+        raise BSGError(
+            f"standard input: expected at most {SPARK_DSG.bytes:,} bytes", code="file-too-large"
+        )
+    return data

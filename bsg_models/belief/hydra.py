@@ -1,31 +1,169 @@
 """Read Hydra's scene graphs (Spark-DSG) as partial graphs, and write beliefs into them.
 
-`annotate_hydra` writes Hydra's graph unchanged, with the beliefs added. `write_hydra` writes a
-belief graph of another origin as a new file. `read_hydra_belief` reads both back exactly, and
-`strip_hydra` removes what was added.
+`annotate_hydra` writes Hydra's graph with the beliefs added: every value, key and order stays.
+`write_hydra` writes a belief graph of another origin as a new file. `read_hydra_belief` reads both
+back exactly, and `strip_hydra` removes what was added.
+
+A robot states facts that Spark-DSG has no field for, such as the `hidden_share` of a room, in
+metadata under `bsg`, with the keys of this project's JSON; facts of the graph go into `partial`.
 """
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from bsg_data.errors import SourceError
 from bsg_data.files import AnyPath, encode_json, write_bytes
+from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.inputs.bounds import SPARK_DSG as BOUND
 from bsg_data.inputs.documents import parse_json
 from bsg_data.observation.partial_graph import PartialGraph
+from bsg_data.observation.robot_json import (
+    GRAPH_WORDS,
+    OBJECT_WORDS,
+    ROOM_WORDS,
+    RobotGraphError,
+    parse_robot_graph,
+)
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap
-from bsg_data.sources.dsg_file import parse_dsg
-from bsg_data.sources.label_space import load_label_space
-from bsg_models.belief.annotation import strip_annotation
+from bsg_data.scene.room_label import label_of
+from bsg_data.sources.dsg_file import DSGFile, DSGNode, parse_document
+from bsg_data.sources.label_space import LabelSpace, load_label_space
+from bsg_data.sources.spark_dsg import name_object
+from bsg_data.spelling import SHOWN, ask_if_meant
+from bsg_models.belief.annotation import Document, annotate, find_document, strip_annotation
 from bsg_models.belief.belief_graph import BeliefGraph
 from bsg_models.belief.document import decode_belief
-from bsg_models.belief.dsg_document import encode_dsg
 from bsg_models.belief.formats import FormatRow
-from bsg_models.belief.hydra_file import HydraFile, open_hydra
-from bsg_models.belief.nodes import decode_nodes
+from bsg_models.belief.hydra_conversion import BINARY, convert
+from bsg_models.belief.hydra_graph import encode_dsg, select_keys
 from bsg_models.errors import HydraError
 
-_BELOW = 2**56 - 1  # mask for the number of a symbol
+_SHOWN = 10  # labels in a note
+_OURS = ("belief", "partial")  # keys of `annotate`, and of facts of the graph
+_TELLING = 5  # letters from which a similar key is no accident
+
+
+@dataclass(frozen=True, slots=True)
+class HydraFile:
+    """A Spark-DSG file that was read.
+
+    Attributes:
+        path: of the file.
+        document: its JSON; for a binary file, the JSON that spark_dsg makes.
+        graph: the parsed graph.
+    """
+
+    path: Path
+    document: Document
+    graph: DSGFile
+
+    @classmethod
+    def of(cls, document: Any, *, path: Path) -> HydraFile:
+        """Return the file with a document.
+
+        Raises:
+            HydraError: if it is no Spark-DSG graph.
+        """
+        try:
+            return cls(path, document, parse_document(document, path=path))
+        except SourceError as error:
+            raise HydraError(str(error), code=error.code, where=error.where) from error
+
+    def partial(
+        self, *, labels: LabelSpace | None = None, class_map: AnyPath | ClassMap = DEFAULT_CLASS_MAP
+    ) -> PartialGraph:
+        """Return what the robot has seen; see `read_hydra`."""
+        try:
+            said = self._describe(labels)
+            return parse_robot_graph(said, path=self.path, class_map=class_map)
+        except RobotGraphError as error:
+            raise HydraError(
+                f"{error} (in metadata, under `bsg`)", code=error.code, where=error.where
+            ) from error
+
+    def _describe(self, labels: LabelSpace | None) -> dict[str, Any]:
+        """Return an equal document in the form of a robot's JSON."""
+        graph, path = self.graph, self.path
+        rooms = [_describe_room(room, path) for room in graph.rooms]
+        names = [room["id"] for room in rooms]
+        return {
+            "scene_id": self._scene_id(),
+            **_read_said(graph.said.get("partial"), GRAPH_WORDS, of=f"{path}: partial"),
+            "rooms": rooms,
+            "objects": [_describe_object(obj, names, labels, path) for obj in graph.objects],
+            "adjacency": [[names[a], names[b]] for a, b in graph.adjacency],
+        }
+
+    def _scene_id(self) -> str:
+        """Return the building's id from the belief in the file; else the file's name."""
+        belief = find_document(self.document)
+        partial = belief.get("partial") if isinstance(belief, Mapping) else None
+        name = partial.get("scene_id") if isinstance(partial, Mapping) else None
+        return str(name or self.path.name.partition(".")[0] or self.path.name)
+
+    def notes(self, labels: LabelSpace | None = None) -> tuple[str, ...]:
+        """Return what a person should know about how the file is read, a sentence each."""
+        return (*self._note_rooms(), *_note_labels(self.graph.objects, labels))
+
+    def _note_rooms(self) -> Iterator[str]:
+        rooms, objects = self.graph.rooms, self.graph.objects
+        if not rooms:
+            yield "it has no rooms (layer ROOMS): beliefs are about the building only"
+        elif astray := sum(obj.room is None for obj in objects):
+            yield f"{astray} of {_count(len(objects))} under no room, counted for the building only"
+
+    def annotated(self, belief: BeliefGraph) -> Document:
+        """Return the document with a belief graph in it; see `annotate_hydra`."""
+        rooms = {_name_node(room): room.id for room in self.graph.rooms}
+        objects = {_name_node(obj): obj.id for obj in self.graph.objects}
+        strange = [room.name for room in belief.partial.rooms if room.name not in rooms]
+        if strange:
+            raise HydraError(
+                f"{self.path}: has no room {strange[0]!r}, of which something is believed; "
+                "use `write_hydra` for a new graph",
+                code="room-unknown",
+                where=self.path,
+            )
+        return annotate(
+            self.document,
+            belief,
+            rooms=[rooms[room.name] for room in belief.partial.rooms],
+            objects=[objects.get(obj.name) for obj in belief.partial.objects],
+        )
+
+
+def read_json_text(path: Path) -> bytes | str:
+    """Return the JSON of a file; for a binary one, what spark_dsg makes of it.
+
+    Raises:
+        SourceError: if it cannot be read, or is larger than the limit.
+        HydraError: if spark_dsg is missing, or cannot load it.
+    """
+    return convert(path) if path.suffix == BINARY else read_bytes(path, BOUND)
+
+
+def open_hydra(path: Path) -> HydraFile:
+    """Read a Spark-DSG file: `.json`, packed `.json.gz`, or binary `.sparkdsg`.
+
+    Raises:
+        HydraError: if it is not one, or if it is binary and spark_dsg is not installed.
+    """
+    try:
+        document = parse_json(read_json_text(path), once=False)  # as Hydra's own parser
+    except SourceError as error:
+        raise HydraError(str(error), code=error.code, where=error.where) from error
+    except ValueError as error:
+        raise HydraError(
+            f"{path}: expected a Spark-DSG graph, found no JSON ({str(error)[:200]})",
+            code="json-malformed",
+            where=path,
+        ) from error
+    return HydraFile.of(document, path=path)
 
 
 def read_hydra(
@@ -52,13 +190,12 @@ def read_hydra(
         HydraError: if it cannot be read.
         ClassMapError: if there is no such label space.
     """
-    path = Path(path)
     space = None if labels is None else load_label_space(labels)
-    return open_hydra(path).partial(labels=space, class_map=class_map)
+    return open_hydra(Path(path)).partial(labels=space, class_map=class_map)
 
 
 def annotate_hydra(belief: BeliefGraph, original: AnyPath | HydraFile, path: AnyPath) -> None:
-    """Write a Spark-DSG graph unchanged, byte for byte, with the beliefs about it added.
+    """Write a Spark-DSG graph with the beliefs about it added; its own values and order stay.
 
     Blind nodes get a layer of their own, `BLIND`; everything else goes into metadata, under
     `bsg.belief`. A belief that the original already holds is replaced. A packed original is written
@@ -73,22 +210,18 @@ def annotate_hydra(belief: BeliefGraph, original: AnyPath | HydraFile, path: Any
         HydraError: if the original lacks a room of the belief, or the name does not end in .json.
         DatasetError: if it cannot be written.
     """
-    path = Path(path)
-    _check_name(path)
     file = original if isinstance(original, HydraFile) else open_hydra(Path(original))
-    write_bytes(path, file.annotated(belief).encode())
+    _write(file.annotated(belief), Path(path))
 
 
 def strip_hydra(original: AnyPath, path: AnyPath) -> None:
-    """Write a Spark-DSG graph without what `annotate_hydra` added: the original.
+    """Write a Spark-DSG graph without what `annotate_hydra` added.
 
     Raises:
         HydraError: if it is not a Spark-DSG graph, or the name does not end in .json.
         DatasetError: if it cannot be written.
     """
-    original, path = Path(original), Path(path)
-    _check_name(path)
-    write_bytes(path, strip_annotation(open_hydra(original).text).encode())
+    _write(strip_annotation(open_hydra(Path(original)).document), Path(path))
 
 
 def write_hydra(belief: BeliefGraph, path: AnyPath) -> None:
@@ -99,9 +232,7 @@ def write_hydra(belief: BeliefGraph, path: AnyPath) -> None:
         DatasetError: if it cannot be written.
     """
     path = Path(path)
-    _check_name(path)
-    text = encode_json(encode_dsg(belief.partial), separators=(",", ":"))
-    annotate_hydra(belief, HydraFile(path, text, parse_dsg(text, path=path)), path)
+    annotate_hydra(belief, HydraFile.of(encode_dsg(belief.partial), path=path), path)
 
 
 def read_hydra_belief(path: AnyPath) -> BeliefGraph:
@@ -112,41 +243,93 @@ def read_hydra_belief(path: AnyPath) -> BeliefGraph:
         BeliefFileError: if it is damaged.
     """
     path = Path(path)
-    file = open_hydra(path)
-    if file.document is not None:
-        return decode_belief(file.document, path=path)
-    if file.is_numbered:
-        return _read_numbered(file)
-    raise HydraError(
-        f"{path}: expected a belief graph that `annotate_hydra` or `write_hydra` wrote, found a "
-        "Spark-DSG file without one; `read_hydra` reads what was seen"
-    )
+    document = find_document(open_hydra(path).document)
+    if document is None:
+        raise HydraError(
+            f"{path}: expected a belief graph that `annotate_hydra` or `write_hydra` wrote, found "
+            "a Spark-DSG file without one; `read_hydra` reads what was seen",
+            code="belief-missing",
+            where=path,
+        )
+    return decode_belief(document, path=path)
 
 
-def _read_numbered(file: HydraFile) -> BeliefGraph:
-    """Read a numbered graph, which early versions of `write_hydra` wrote.
-
-    `bsg` was the header in the graph, the attributes in a node, and the kind in an edge.
-    """
-    document: Any = parse_json(file.text, once=False)
-    try:
-        nodes = sorted(document["nodes"], key=lambda node: node["id"] & _BELOW)
-        attributes = [node["attributes"]["metadata"]["bsg"] for node in nodes]
-        edges = []
-        for edge in document["edges"]:
-            # A parent has the lower number; spark_dsg may have swapped the ends of an edge.
-            source, target = sorted((edge["source"] & _BELOW, edge["target"] & _BELOW))
-            edges.append((source, target, edge["info"]["metadata"]["bsg"]["kind"]))
-    except (LookupError, TypeError) as error:
-        raise HydraError(f"{file.path}: expected nodes and edges with their metadata") from error
-    return decode_nodes(file.graph.said, attributes, edges, path=file.path)
-
-
-def _check_name(path: Path) -> None:
+def _write(document: Document, path: Path) -> None:
     if path.suffix != ".json":
         raise HydraError(
-            f"{path}: expected a name that ends in .json, by which readers recognise it"
+            f"{path}: expected a name that ends in .json, by which readers recognise it",
+            code="suffix-unknown",
+            where=path,
         )
+    text = encode_json(document, ensure_ascii=False, separators=(",", ":"))
+    write_bytes(path, text.encode())
+
+
+def _name_node(node: DSGNode) -> str:
+    """Return the id of a room or object: from its metadata, else its symbol."""
+    return str(node.said.get("id", node.symbol))
+
+
+def _describe_room(node: DSGNode, path: Path) -> dict[str, Any]:
+    """Return a room in the form of a robot's JSON; its metadata take precedence."""
+    called = node.label_name or node.name
+    return {
+        "id": node.symbol,
+        "label": called,
+        "room_type": label_of("spark-dsg", called),
+        "position": node.position,
+        "box": None if node.box is None else (node.box.minimum, node.box.maximum),
+        **_read_said(node.said, ROOM_WORDS, of=f"{path}: room {node.symbol!r}"),
+    }
+
+
+def _describe_object(
+    node: DSGNode, rooms: Sequence[str], labels: LabelSpace | None, path: Path
+) -> dict[str, Any]:
+    return {
+        "id": node.symbol,
+        "room": None if node.room is None else rooms[node.room],
+        "category": name_object(node, labels),
+        "position": node.position,
+        **_read_said(node.said, OBJECT_WORDS, of=f"{path}: object {node.symbol!r}"),
+    }
+
+
+def _read_said(said: Any, keys: Collection[str], *, of: str) -> dict[str, Any]:
+    """Return the keys of a robot's JSON in metadata; others are the user's, unless misspelt."""
+    for key in said if isinstance(said, dict) else ():
+        if key in keys or key in _OURS:
+            continue
+        if hint := ask_if_meant(key, [one for one in keys if len(one) >= _TELLING]):
+            raise RobotGraphError(
+                f"{of}: {key[:SHOWN]!r} is no key; {hint}", code="key-unknown", where=of
+            )
+    return select_keys(said, keys)
+
+
+def _note_labels(objects: Sequence[DSGNode], labels: LabelSpace | None) -> Iterator[str]:
+    """Yield notes on labels that the file does not name, and on objects without label or name."""
+    bare = [obj for obj in objects if not (obj.label_name or obj.name or "category" in obj.said)]
+    named = Counter((obj.label, name_object(obj, labels)) for obj in bare if obj.label is not None)
+    found = sorted(pair for pair in named if pair[1] != f"label {pair[0]}")
+    if found and labels is not None:
+        pairs = ", ".join(f"{label} is {name}" for label, name in found[:_SHOWN])
+        yield f"the file does not name its labels; by {labels.name}, {pairs}"
+    missing = sorted(set(named) - set(found))
+    if missing:
+        numbers = ", ".join(str(label) for label, _ in missing[:_SHOWN])
+        yield (
+            f"{_count(sum(named[pair] for pair in missing))} with labels that nobody names "
+            f"({numbers}); name them by --labels: mpcat40, ade20k, or the file of the label space "
+            "that Hydra ran with (config/label_spaces/NAME.yaml)"
+        )
+    silent = len(bare) - sum(named.values())
+    if silent:
+        yield f"{_count(silent)} with neither a label nor a name"
+
+
+def _count(objects: int) -> str:
+    return "1 object" if objects == 1 else f"{objects:,} objects"
 
 
 SPARK_DSG = FormatRow("spark-dsg", (".dsg.json",), write=write_hydra, read=read_hydra_belief)

@@ -15,6 +15,7 @@ from pathlib import Path
 from bsg_data.extras import ask_to_install
 from bsg_models.errors import HydraError
 
+BINARY = ".sparkdsg"
 MAX_MEMORY = 4 * 2**30  # bytes, besides Python and spark_dsg; a real graph takes a tenth
 MAX_SECONDS = 120
 _CODE = (
@@ -33,14 +34,12 @@ def convert(path: Path) -> str:
     if importlib.util.find_spec("spark_dsg") is None:
         raise HydraError(
             f"{path}: binary graphs need spark-dsg; save the graph as .json, or "
-            f"{ask_to_install('hydra')}"
+            f"{ask_to_install('hydra')}",
+            code="library-missing",
+            where=path,
         )
     if not path.is_file():
-        raise HydraError(f"{path}: cannot be read (no such file)")
-    refused = HydraError(
-        f"{path}: expected a Spark-DSG file, found one that spark_dsg cannot load within "
-        f"{MAX_MEMORY // 2**30} GiB and {MAX_SECONDS} s; save the graph as .json"
-    )
+        raise HydraError(f"{path}: cannot be read (no such file)", code="unreadable", where=path)
     with tempfile.TemporaryDirectory() as folder:  # the writer chooses names, and fails silently
         written = Path(folder, "graph.json")
         # Isolated: never import modules from the working directory.
@@ -52,7 +51,12 @@ def convert(path: Path) -> str:
             )
             return written.read_text("utf-8")
         except (subprocess.SubprocessError, OSError, UnicodeDecodeError) as error:
-            raise refused from error
+            raise HydraError(
+                f"{path}: expected a Spark-DSG file, found one that spark_dsg cannot load within "
+                f"{MAX_MEMORY // 2**30} GiB and {MAX_SECONDS} s; save the graph as .json",
+                code="binary-unloadable",
+                where=path,
+            ) from error
 
 
 def run(path: str, written: str, *, memory: int, seconds: int) -> None:

@@ -1,48 +1,28 @@
-"""Convert a belief graph to a networkx graph, and back without loss."""
+"""Convert a belief graph to a networkx graph, for its algorithms and file formats."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import networkx as nx
 
 from bsg_models.belief.belief_graph import BeliefGraph
-from bsg_models.belief.header import encode_whole_header
-from bsg_models.belief.nodes import decode_nodes, encode_edges, encode_nodes
-from bsg_models.errors import BeliefFileError
-
-_NAME = Path("networkx graph")  # in errors
+from bsg_models.belief.document import encode_belief, list_edges, list_nodes
 
 
 def to_networkx(belief: BeliefGraph) -> nx.DiGraph:
     """Return a directed graph of building, rooms, objects and blind nodes.
 
     Nodes are numbered: 0 the building, then rooms, objects and blind nodes. Each has `kind`
-    (`building`, `room`, `object` or `blind`) and its attributes; `graph.graph` holds the header.
-    Edges have `kind`: `contains`, `expects` (room to blind node) or `adjacent` (both directions).
+    (`building`, `room`, `object` or `blind`) and its attributes; the building and rooms have their
+    `expected` and `presence`. Edges have `kind`: `contains`, `expects` (room to blind node) or
+    `adjacent` (both directions). `graph.graph` holds model, mode and classes.
     """
-    graph = nx.DiGraph(**encode_whole_header(belief))
-    nodes = list(encode_nodes(belief))
-    for number, node in enumerate(nodes):
-        graph.add_node(number, **node.attributes)
-    for source, target, kind in encode_edges(belief, nodes):
-        graph.add_edge(source, target, kind=kind)
-        if kind == "adjacent":
-            graph.add_edge(target, source, kind=kind)
+    document = encode_belief(belief)
+    header = {key: document[key] for key in ("format", "version", "model", "mode", "class_space")}
+    graph = nx.DiGraph(**header, scene_id=belief.partial.scene_id)
+    for number, (_, node) in enumerate(list_nodes(document)):
+        graph.add_node(number, **node)
+    for name in ("expected", "presence"):
+        for number, values in enumerate(document[name]):
+            graph.nodes[number][name] = values
+    graph.add_edges_from((a, b, {"kind": kind}) for a, b, kind in list_edges(document))
     return graph
-
-
-def from_networkx(graph: nx.DiGraph) -> BeliefGraph:
-    """Return the belief graph of a graph made by `to_networkx`.
-
-    Raises:
-        BeliefFileError: if it is not such a graph.
-    """
-    numbers = range(len(graph))
-    if set(graph) != set(numbers):
-        raise BeliefFileError(
-            f"{_NAME}: expected nodes 0 to {len(graph) - 1}, as `to_networkx` has"
-        )
-    nodes = [graph.nodes[number] for number in numbers]
-    edges = list(graph.edges(data="kind"))
-    return decode_nodes(graph.graph, nodes, edges, path=_NAME)

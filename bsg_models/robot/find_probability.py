@@ -14,7 +14,7 @@ from bsg_data.errors import RecipeError
 from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_models.robot.answers import Place
-from bsg_models.robot.room_names import find_room
+from bsg_models.robot.rooms import find_room
 from bsg_models.robot.seen_building import SeenBuilding
 
 _NUMBERED = re.compile(r"(.+?)_[0-9]+")  # cup_4: one cup of several, as simulators name them

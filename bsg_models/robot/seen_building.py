@@ -8,7 +8,6 @@ All names are the robot's own: ids or labels of its rooms, and any word for a th
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import cached_property, wraps
 from pathlib import Path
@@ -39,14 +38,12 @@ from bsg_data.observation.robot_json import (
 from bsg_data.observation.sightings import discover, enter, see_object
 from bsg_data.scene.class_map import ClassMap, list_class_maps, load_class_map
 from bsg_data.scene.surroundings import RoomType, check_room_type
-from bsg_data.spelling import show_value
 from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, Mode, believe
 from bsg_models.belief.expectation import Expectation
-from bsg_models.belief.graph_file import GraphFile, open_graph_file
+from bsg_models.belief.graph_file import GraphFile, open_graph_file, use_class_map
 from bsg_models.robot.answers import ExpectedClass, Place
 from bsg_models.robot.destination import choose_destination
-from bsg_models.robot.room_names import find_room
-from bsg_models.robot.told_shares import tell_shares
+from bsg_models.robot.rooms import find_room, set_hidden_shares
 from bsg_models.robot.ways import Costs, Ways, measure_ways
 from bsg_models.robot.words import Meaning, find_meaning
 from bsg_models.runs.predictor import Predictor
@@ -72,31 +69,20 @@ def open_graph(
         labels: label space of a Hydra graph, as `load_label_space` takes it.
         hidden_share: share of the objects of every room that was not seen; None takes it from the
             graph.
-        hidden_shares: hidden share of single rooms, by room id or label; see `tell_shares`.
+        hidden_shares: hidden share of single rooms, by room id or label; see `set_hidden_shares`.
 
     Raises:
         BSGError: if the graph cannot be read.
         CheckpointError: if there is no such model.
-        RecipeError: if a share is not 0 to 1 or names an unknown room, or an argument has another
-            type.
+        RecipeError: if a share is not 0 to 1 or names an unknown room.
     """
-    if not isinstance(graph, (Mapping, str, os.PathLike)):
-        raise RecipeError(
-            "graph: expected the path of a file, or a document as json.loads returns it; found "
-            f"{show_value(graph)}"
-        )
-    if labels is not None and not isinstance(labels, (str, os.PathLike)):
-        raise RecipeError(
-            f"labels: expected the name or path of a label space, found {show_value(labels)}"
-        )
-    predictor = Predictor(model)
-    class_map = predictor.class_map
     if isinstance(graph, Mapping):
-        file = GraphFile(parse_robot_graph(dict(graph), path=Path("graph"), class_map=class_map))
+        file = GraphFile(Path("graph"), parse_robot_graph(dict(graph), path=Path("graph")))
     else:
-        file = open_graph_file(Path(graph), labels=labels, class_map=class_map)
-    known = tell_shares(file.graph, every=hidden_share, rooms=hidden_shares)
-    return SeenBuilding(known, predictor, notes=file.notes)
+        file = open_graph_file(Path(graph), labels=labels)
+    known = set_hidden_shares(file.graph, every=hidden_share, rooms=hidden_shares)
+    predictor = Predictor(model)
+    return SeenBuilding(use_class_map(known, predictor.class_map), predictor, notes=file.notes)
 
 
 _P = ParamSpec("_P")
@@ -143,13 +129,7 @@ class SeenBuilding:
 
         Raises:
             CheckpointError: if there is no such model.
-            RecipeError: if the graph is none.
         """
-        if not isinstance(graph, PartialGraph):
-            raise RecipeError(
-                f"graph: expected a PartialGraph, found {show_value(graph)}; `open_graph` opens "
-                "files and documents"
-            )
         self.notes = notes
         self._lock = RLock()
         self._graph = graph
@@ -211,8 +191,8 @@ class SeenBuilding:
         Raises:
             RecipeError: if there is no such room, or the object is not valid.
         """
-        if not isinstance(thing, str) or not thing.strip():
-            raise RecipeError(f"saw: expected the name of a thing, found {show_value(thing)}")
+        if not thing.strip():
+            raise RecipeError("saw: expected the name of a thing, found none", code="thing-none")
         index = 0 if room is None else find_room(self._graph, room)
         name = self._free_id() if object_id is None else object_id
         found = self._class_maps[0].classify(thing)
@@ -250,7 +230,9 @@ class SeenBuilding:
         looks = (floor_in_view, walls_in_view, seconds_inside)
         if hidden_share is not None and any(look is not None for look in looks):
             raise RecipeError(
-                f"room {room!r}: give hidden_share, or how it was looked at; not both"
+                f"room {room!r}: give hidden_share, or how it was looked at; not both",
+                code="share-twice",
+                where=room,
             )
         if any(look is not None for look in looks):
             hidden_share = estimate_hidden_share(
@@ -302,11 +284,7 @@ class SeenBuilding:
             floor_area=floor_area,
             room_type=check_room_type(room_type),
         )
-        if not isinstance(beside, Collection):
-            raise RecipeError(
-                f"beside: expected the id of a room, or several; found {show_value(beside)}"
-            )
-        others = [beside] if isinstance(beside, str) else list(beside)
+        others = [beside] if isinstance(beside, str) else beside
         new = check_room(new)
         neighbours = [find_room(self._graph, other) for other in others]
         self._change(discover(self._graph, new, beside=neighbours))
@@ -411,10 +389,6 @@ class SeenBuilding:
             RecipeError: if a word means no class, there is no such room, or the planner cannot be
                 used.
         """
-        if not isinstance(things, Collection):
-            raise RecipeError(
-                f"things: expected a word, or a list of words; found {show_value(things)}"
-            )
         presence, seen = self._presence([things] if isinstance(things, str) else list(things))
         explored = np.array([True, *(room.hidden_share == 0 for room in self._graph.rooms)])
         explored &= ~seen.any(axis=1)
@@ -444,9 +418,6 @@ class SeenBuilding:
             mode: which blind nodes: as many as expected (`complete`), or the top unseen classes
                 (`unseen`).
             top: number of classes per room that get a blind node under `unseen`.
-
-        Raises:
-            RecipeError: if there is no such mode or number of classes.
         """
         return believe(self._graph, self._belief(0), mode=mode, top=top, model=self.model)
 
@@ -470,7 +441,7 @@ class SeenBuilding:
         Raises:
             RecipeError: if the word means no class; the message names similar words.
         """
-        if not isinstance(thing, str) or thing not in self._meanings:
+        if thing not in self._meanings:
             own = self._class_maps[0].version not in list_class_maps()
             self._meanings[thing] = find_meaning(thing, self._class_maps, prefer_exact=not own)
         return self._meanings[thing]
@@ -535,7 +506,7 @@ class SeenBuilding:
         """Return P(at least one is there, seen or not), and whether one was seen, `[1 + R, A]`."""
         meanings = [self.understand(thing) for thing in things]
         if not meanings:
-            raise RecipeError("things: expected one word or more, found none")
+            raise RecipeError("things: expected one word or more, found none", code="things-none")
         seen = np.array([[bool(ids) for ids in self._seen(one)] for one in meanings]).T
         hidden = [self._belief(one.model).presence[:, one.class_index] for one in meanings]
         return np.where(seen, 1.0, np.stack(hidden, axis=1)), seen

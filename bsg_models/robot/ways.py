@@ -17,7 +17,7 @@ from bsg_data.errors import RecipeError
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph
 from bsg_data.recipes import read_number
 from bsg_data.spelling import show_value
-from bsg_models.robot.room_names import find_room
+from bsg_models.robot.rooms import find_room
 
 MOST_ROOMS = 2000  # limit of measured rooms: tables hold a number for each pair
 Unit = Literal["m", "rooms", "given"]

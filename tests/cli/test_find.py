@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import json
-import time
 
 import pytest
 from click.testing import CliRunner, Result
 from conftest import REPOSITORY
 
-from bsg_cli import find
 from bsg_cli.belief import main
 from bsg_models.robot.seen_building import open_graph
 
@@ -87,17 +85,3 @@ def test_what_cannot_be_asked_is_wrong_usage(words: tuple[object, ...], why: str
     done = call(*words, "--model", "mixture")
     assert done.exit_code == 2, done.output
     assert why in done.output
-
-
-def test_slow_work_is_told_on_a_terminal_and_quick_work_is_not(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with find._told_after(0, "no terminal"):
-        time.sleep(0.2)
-    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
-    with find._told_after(60, "compiling"):
-        pass
-    assert capsys.readouterr().err == ""
-    with find._told_after(0, "compiling"):
-        time.sleep(0.2)
-    assert capsys.readouterr().err == "compiling\n"

@@ -12,11 +12,7 @@ from flips import find_missed
 
 from bsg_data.checks.dataset import check_dataset
 from bsg_data.dataset.manifest import read_manifest
-from bsg_data.observation.robot_json import read_robot_graph
-from bsg_models.belief.belief_graph import believe
-from bsg_models.belief.tables import read_tables, write_tables
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
-from bsg_models.runs.predictor import Predictor
 from bsg_models.studies.run_summary import plot_run
 from bsg_models.studies.sealed_results import check_results
 from bsg_models.training.training import train_run
@@ -109,15 +105,3 @@ def test_in_a_run_of_an_ensemble(dataset: Path, tmp_path: Path, full: bool) -> N
 
     assert not look()
     try_flips(run, look, full=full)
-
-
-def test_in_belief_tables(run: Path, tmp_path: Path, full: bool) -> None:
-    predictor, graph = Predictor(run), read_robot_graph(OFFICE)
-    folder = tmp_path / "tables"
-    write_tables([believe(graph, predictor(graph))], folder)
-
-    def look() -> bool:
-        return not list(read_tables(folder))
-
-    assert not look()
-    try_flips(folder, look, full=full)

@@ -10,19 +10,17 @@ from pathlib import Path
 import pytest
 from conftest import REPOSITORY
 from random_beliefs import make_belief
+from refusals import refuses
 
 from bsg_data import registry
 from bsg_data.errors import RecipeError
 from bsg_models.belief.formats import (
     FORMATS,
-    FormatRow,
     choose_format,
     read_belief,
-    read_beliefs,
     write_belief,
     write_beliefs,
 )
-from bsg_models.errors import BeliefFileError
 
 OUTSIDE = """
 from pathlib import Path
@@ -38,10 +36,8 @@ LIST = FormatRow("list", (".list",), write=write_list)
 """
 
 
-@pytest.mark.parametrize("name", ["b.json", "b.dsg.json", "b.tables", "B.JSON"])
+@pytest.mark.parametrize("name", ["b.json", "b.dsg.json", "B.JSON"])
 def test_what_is_written_by_suffix_is_read_by_suffix(tmp_path: Path, name: str) -> None:
-    if "dsg" in name:
-        pytest.importorskip("spark_dsg")
     write_belief(make_belief(1), tmp_path / name)
     assert read_belief(tmp_path / name) == make_belief(1)
 
@@ -55,22 +51,22 @@ def test_the_longest_suffix_is_chosen_and_a_name_goes_before_it() -> None:
 
 @pytest.mark.parametrize("name", ["belief", "b.csv", ".json", "b.json.gz"])
 def test_an_unknown_suffix_is_named_with_those_that_are_known(name: str) -> None:
-    with pytest.raises(RecipeError, match=r"\.json \(json\), \.tables \(tables\), \.dsg\.json"):
+    with refuses(RecipeError, "format-unknown", name):
         choose_format(Path(name))
 
 
 def test_an_unknown_format_gets_the_nearest() -> None:
-    with pytest.raises(RecipeError, match="did you mean tables"):
+    with pytest.raises(RecipeError):
         write_belief(make_belief(1), Path("x"), format="table")
 
 
 def test_several_graphs_need_a_format_of_many(tmp_path: Path) -> None:
     beliefs = [make_belief(1), make_belief(2, scene_id="t")]
     write_beliefs(iter(beliefs), tmp_path / "b.tables")
-    assert read_beliefs(tmp_path / "b.tables") == beliefs
-    with pytest.raises(BeliefFileError, match="expected one belief graph, found 2"):
+    assert (tmp_path / "b.tables" / "nodes.parquet").is_file()
+    with refuses(RecipeError, "format-written-only", tmp_path / "b.tables"):
         read_belief(tmp_path / "b.tables")
-    with pytest.raises(RecipeError, match=r"holds one belief graph, and there are 2.*tables"):
+    with refuses(RecipeError, "graphs-several", tmp_path / "b.json"):
         write_beliefs(beliefs, tmp_path / "b.json")
     assert not (tmp_path / "b.json").exists()
 
@@ -78,8 +74,6 @@ def test_several_graphs_need_a_format_of_many(tmp_path: Path) -> None:
 def test_a_page_is_written_and_not_read(tmp_path: Path) -> None:
     write_belief(make_belief(1), tmp_path / "b.html")
     assert (tmp_path / "b.html").read_text("utf-8").startswith("<!doctype html>")
-    with pytest.raises(RecipeError, match="html is written only"):
-        read_belief(tmp_path / "b.html")
 
 
 def test_rows_are_complete() -> None:
@@ -87,11 +81,6 @@ def test_rows_are_complete() -> None:
         row = FORMATS[name]
         assert row.name == name
         assert (row.read is None) or (row.write is not None)
-        assert (row.read_all is None) or row.many
-    with pytest.raises(RecipeError, match="neither"):
-        FormatRow("x", (".x",))
-    with pytest.raises(RecipeError, match="begins with a dot"):
-        FormatRow("x", ("x",), write=lambda belief, path: None)
 
 
 def test_a_format_from_outside_is_one_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -111,8 +100,9 @@ def test_a_format_from_outside_is_one_row(tmp_path: Path, monkeypatch: pytest.Mo
         assert len(lines) == len(belief.blind)
         write_belief(belief, tmp_path / "b.json")  # the broken one is in nobody's way
         assert json.loads((tmp_path / "b.json").read_text())["model"] == "random"
-        with pytest.raises(RecipeError, match="no_such_module"):
+        with refuses(RecipeError, "format-unknown", "b.unknown") as caught:
             choose_format(Path("b.unknown"))
+        assert "no_such_module" in str(caught.value)
     finally:
         registry._installed.cache_clear()
 

@@ -4,38 +4,49 @@ from __future__ import annotations
 
 import gzip
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from conftest import REPOSITORY
-from dsg_files import symbol, write_graph
+from dsg_files import Graph, node, robot_graph, symbol, write_graph
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from random_beliefs import CLASS_SPACE, make_belief
+from refusals import refuses
 
-from bsg_data.errors import BSGError
-from bsg_data.observation.hidden_share import VAGUE, estimate_hidden_share
 from bsg_data.observation.partial_graph import PartialGraph
-from bsg_models.belief.annotation import strip_annotation
+from bsg_data.sources.label_space import load_label_space
+from bsg_models.belief.annotation import annotate, find_document, strip_annotation
 from bsg_models.belief.belief_graph import BeliefGraph, believe
 from bsg_models.belief.count_distribution import poisson
+from bsg_models.belief.document import encode_belief
 from bsg_models.belief.expectation import from_hidden_counts
-from bsg_models.belief.graph_file import open_graph_file
-from bsg_models.belief.header import encode_whole_header
 from bsg_models.belief.hydra import (
+    HydraFile,
     annotate_hydra,
+    open_hydra,
     read_hydra,
     read_hydra_belief,
     strip_hydra,
     write_hydra,
 )
-from bsg_models.belief.nodes import KINDS, encode_edges, encode_nodes
 from bsg_models.errors import HydraError
 
-spark_dsg = pytest.importorskip("spark_dsg")
 SAMPLE = REPOSITORY.parent / "shared" / "sources" / "hydra_apartment_dsg.json.gz"
+
+
+def open_document(document: Any) -> HydraFile:
+    return HydraFile.of(document, path=Path("flat.json"))
+
+
+def believe_something(graph: PartialGraph, seed: int = 0, *, most: float = 3.0) -> BeliefGraph:
+    """Return random beliefs about a graph, with blind nodes in its rooms."""
+    inputs = graph.histograms().astype(float)
+    hidden = poisson(np.random.default_rng(seed).gamma(0.1, most, inputs.shape))
+    return believe(graph, from_hidden_counts(inputs, hidden), model=f"random {seed}")
 
 
 @settings(
@@ -46,83 +57,262 @@ def test_a_belief_graph_is_read_back(tmp_path: Path, seed: int, mode: str) -> No
     belief = make_belief(seed, mode=mode)
     write_hydra(belief, tmp_path / "hydra.json")
     assert read_hydra_belief(tmp_path / "hydra.json") == belief
+    assert read_hydra(tmp_path / "hydra.json") == belief.partial, "a robot would go on from it"
 
 
-def test_spark_dsg_shows_blind_nodes_as_predicted(tmp_path: Path) -> None:
-    belief = make_belief(7)
-    write_hydra(belief, tmp_path / "belief.json")
-    graph = spark_dsg.DynamicSceneGraph.load(str(tmp_path / "belief.json"))
-    blind = list(graph.get_layer("BLIND").nodes)
-    assert len(blind) == len(belief.blind)
-    assert all(node.attributes.is_predicted for node in blind)
-    assert {node.attributes.name for node in blind} <= set(CLASS_SPACE.classes)
-    assert len(list(graph.get_layer("ROOMS").nodes)) == len(belief.partial.rooms)
-    assert not any(node.attributes.is_predicted for node in graph.get_layer("OBJECTS").nodes)
-    for room in graph.get_layer("ROOMS").nodes:
-        assert spark_dsg.NodeSymbol(room.get_parent()).category == "B", "a blind node is below"
-    assert read_hydra(tmp_path / "belief.json") == belief.partial, "a robot would go on from it"
-
-
-def write_numbered(belief: BeliefGraph, path: Path) -> None:
-    """Write a belief graph as `write_hydra` did before annotations: nodes by number."""
-    nodes = list(encode_nodes(belief))
-    symbols = [symbol("BROb"[KINDS.index(one.kind)], place) for place, one in enumerate(nodes)]
-    layers = {"building": 5, "room": 4, "object": 2, "blind": 10}
-    graph = {
-        "nodes": [
-            {
-                "id": symbols[place],
-                "layer": layers[one.kind],
-                "attributes": {"name": "x", "metadata": {"bsg": dict(one.attributes)}},
-            }
-            for place, one in enumerate(nodes)
-        ],
-        "edges": [
-            {
-                "source": symbols[b],
-                "target": symbols[a],
-                "info": {"metadata": {"bsg": {"kind": kind}}},
-            }
-            for a, b, kind in encode_edges(belief, nodes)
-        ],
-        "metadata": {"bsg": encode_whole_header(belief)},
+def newer(graph: Graph) -> None:
+    """Say layers as newer files do, and leave metadata empty everywhere."""
+    graph["layer_names"] = {
+        "OBJECTS": {"layer": 2, "partition": 0},
+        "ROOMS": {"layer": 4, "partition": 0},
+        "BLIND": {"layer": 0, "partition": 0},
     }
-    path.write_text(json.dumps(graph))
+    graph["layer_keys"] = [{"layer": layer, "partition": 0} for layer in (2, 3, 4, 5)]
+    for one in graph["nodes"]:
+        one["attributes"]["metadata"] = {}
 
 
-@settings(
-    max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+def middle(graph: Graph) -> None:
+    """Name layers by their numbers, as files of version 1.1.0 do."""
+    graph["layer_names"] = {"OBJECTS": 2, "ROOMS": 4}
+    graph["layer_ids"] = [2, 3, 4, 5]
+
+
+def older(graph: Graph) -> None:
+    """Leave out what old files do not have."""
+    graph["layer_ids"], graph["mesh_layer_id"] = [2, 3, 4, 5], 0
+    for one in graph["nodes"]:
+        one.pop("partition")
+    graph["nodes"] = [one for one in graph["nodes"] if "type" not in one["attributes"]]
+    del graph["metadata"]
+
+
+def spoken(graph: Graph) -> None:
+    """Say something under `bsg`, and something else."""
+    graph["metadata"] |= {"bsg": {"partial": {"scene_id": "home"}}, "run": [1, {"x": None}]}
+    graph["nodes"][1]["attributes"]["metadata"] = {"bsg": {"hidden_share": 0.25}}
+    graph["nodes"][2]["attributes"]["metadata"] = {"mine": 3, "bsg": {}}
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    form=st.sampled_from([lambda graph: None, newer, middle, older, spoken]),
+    sort=st.booleans(),
+    seeds=st.tuples(st.integers(0, 99), st.integers(0, 99)),
+    most=st.sampled_from([0.0, 1.0, 5.0]),
 )
-@given(seed=st.integers(0, 2**32 - 1))
-def test_graphs_of_the_first_form_are_read(tmp_path: Path, seed: int) -> None:
-    belief = make_belief(seed)
-    path = tmp_path / "old.json"
-    write_numbered(belief, path)
-    assert read_hydra_belief(path) == belief
-    assert read_hydra(path) == belief.partial
-    assert open_graph_file(path).hydra is None, "it is ours, and is written anew"
+def test_what_is_put_in_is_taken_out(form: Any, sort: bool, seeds: Any, most: float) -> None:
+    """Every key, value and order comes back; annotating leaves the document that was read."""
+    graph = robot_graph()
+    form(graph)
+    text = json.dumps(graph, sort_keys=sort)
+    file = open_document(json.loads(text))
+    first, second = (believe_something(file.partial(), seed, most=most) for seed in seeds)
+    once = file.annotated(first)
+    assert json.dumps(file.document) == text
+    assert json.dumps(strip_annotation(once)) == text
+    again = open_document(json.loads(json.dumps(once)))
+    assert again.partial() == file.partial(), "what was seen is not what is believed"
+    assert again.annotated(first) == once
+    assert again.annotated(second) == file.annotated(second), "the second replaces the first"
 
 
-def test_a_graph_of_the_first_form_that_is_damaged(tmp_path: Path) -> None:
-    path = tmp_path / "old.json"
-    write_numbered(make_belief(3), path)
-    graph = json.loads(path.read_text())
-    del graph["nodes"][0]["attributes"]["metadata"]
-    path.write_text(json.dumps(graph))
-    with pytest.raises(HydraError, match=r"old\.json: expected nodes and edges with"):
+def test_an_annotation_by_hand() -> None:
+    file = open_document(robot_graph())
+    belief = believe_something(file.partial())
+    read = file.annotated(belief)
+    number = len(robot_graph()["nodes"])
+    room, blind = read["nodes"][1], read["nodes"][number:]
+    said = room["attributes"]["metadata"]["bsg"]["belief"]
+    assert said["expected"].keys() == set(belief.partial.class_space.classes)
+    assert len(blind) == len(belief.blind) > 0
+    assert {chr(one["id"] >> 56) for one in blind} == {"x"}
+    assert {one["layer"] for one in blind} == {0}, "below the rooms, and free"
+    assert all(one["attributes"]["is_predicted"] for one in blind)
+    assert [edge["target"] for edge in read["edges"][-len(blind) :]] == [one["id"] for one in blind]
+    assert find_document(read) == encode_belief(belief)
+    assert find_document(robot_graph()) is None
+
+
+def test_what_others_added_since_stays() -> None:
+    file = open_document(robot_graph())
+    read = json.loads(json.dumps(file.annotated(believe_something(file.partial()))))
+    room = read["nodes"][1]["attributes"]["metadata"]
+    assert room["bsg"]["belief"]["added"] == "metadata"
+    room["bsg"]["hidden_share"] = 0.1
+    read["nodes"][2]["attributes"]["metadata"]["other"] = 1
+    read["nodes"].append(node("O", 77, 2))
+    read["layer_ids"] = [2, 0]
+    left = strip_annotation(read)
+    assert left["nodes"][1]["attributes"]["metadata"] == {"bsg": {"hidden_share": 0.1}}
+    assert left["nodes"][2]["attributes"]["metadata"] == {"other": 1}
+    assert left["nodes"][-1] == node("O", 77, 2)
+    assert left["layer_ids"] == [2]
+    assert left["metadata"] == robot_graph()["metadata"]
+    assert len(left["nodes"]) == len(robot_graph()["nodes"]) + 1
+
+
+def test_a_taken_layer_or_letter_is_left_alone() -> None:
+    graph = robot_graph()
+    graph["nodes"].append(node("x", 0, 0))
+    file = open_document(graph)
+    blind = file.annotated(believe_something(file.partial()))["nodes"][len(graph["nodes"]) :]
+    assert {(chr(one["id"] >> 56), one["layer"]) for one in blind} == {("y", 1)}
+    graph["layer_ids"] = [0, 1, 2, 3]
+    with refuses(HydraError, "layers-taken"):
+        file.annotated(believe_something(file.partial()))
+
+
+@pytest.mark.parametrize("metadata", [None, 3, {"bsg": []}, {"bsg": {"belief": "yes"}}])
+def test_what_stands_in_the_way_is_named(metadata: Any) -> None:
+    graph = robot_graph()
+    graph["nodes"][1]["attributes"]["metadata"] = metadata
+    file = open_document(graph)
+    with refuses(HydraError, "metadata-taken", "node R(0)"):
+        file.annotated(believe_something(file.partial()))
+
+
+def test_objects_that_the_file_does_not_have_are_in_the_document_alone() -> None:
+    file = open_document(robot_graph())
+    belief = believe_something(file.partial())
+    rooms = [room.id for room in file.graph.rooms]
+    nothing = [None] * len(belief.partial.objects)
+    read = annotate(file.document, belief, rooms=rooms, objects=nothing)
+    assert "metadata" not in read["nodes"][5]["attributes"]
+    assert len(find_document(read)["partial"]["objects"]) == 4
+
+
+def bare_graph() -> Graph:
+    """Return the graph without names for its labels."""
+    graph = robot_graph()
+    del graph["metadata"]
+    return graph
+
+
+def test_a_graph_by_hand(tmp_path: Path) -> None:
+    graph = read_hydra(write_graph(tmp_path / "flat.json"))
+    assert (graph.scene_id, graph.adjacency, graph.hidden_share) == ("flat", ((1, 2),), 0.5)
+    kitchen, other = graph.rooms
+    assert (kitchen.name, kitchen.label, kitchen.room_type) == ("R(0)", "kitchen", "kitchen")
+    assert kitchen.box is not None
+    assert (other.name, other.label, other.room_type, other.box) == ("R(3)", None, None, None)
+    assert [(obj.name, obj.room_index, obj.raw_category) for obj in graph.objects] == [
+        ("O(2)", 1, "sofa"),
+        ("O(5)", 1, "tv_monitor"),
+        ("O(6)", 0, "chair"),
+        ("O(9)", 2, "label 99"),
+    ]
+
+
+def test_what_a_robot_says_comes_first(tmp_path: Path) -> None:
+    graph = robot_graph()
+    graph["metadata"]["bsg"] = {
+        "partial": {"scene_id": "home", "building_kind": "home", "hidden_share": 0.75},
+        "else": 1,
+    }
+    said = {"id": "galley", "hidden_share": 0.25, "room_type": None, "floor_area": 8.5, "my": {}}
+    graph["nodes"][1]["attributes"]["metadata"] = {"bsg": said}
+    graph["nodes"][2]["attributes"]["metadata"] = {"bsg": {"visited": False}}
+    graph["nodes"][5]["attributes"]["metadata"] = {"bsg": {"id": "7", "category": "armchair"}}
+    found = read_hydra(write_graph(tmp_path / "x.json", graph))
+    assert (found.scene_id, found.building_kind, found.hidden_share) == ("home", "home", 0.75)
+    room, other = found.rooms
+    assert (room.name, room.hidden_share) == ("galley", 0.25)
+    assert (room.room_type, room.floor_area) == (None, 8.5)
+    assert (other.visited, other.hidden_share) == (False, 1)
+    assert (found.objects[0].name, found.objects[0].category) == ("7", "armchair")
+    assert found.objects[0].room_index == 1
+    said["hidden_share"] = 7
+    with pytest.raises(HydraError):
+        read_hydra(write_graph(tmp_path / "x.json", graph))
+
+
+@pytest.mark.parametrize(
+    ("labels", "expected", "notes"),
+    [
+        (None, ["label 7", "label 10"], 2),
+        ("mpcat40", ["cabinet", "couch"], 3),
+        ("ade20k", ["bed", "cabinet"], 2),
+        ("own.csv", ["oven", "label 10"], 3),
+    ],
+)
+def test_labels_without_names(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    labels: str | None,
+    expected: list[str],
+    notes: int,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("own.csv").write_text("label,name\n7,oven\n")
+    space = None if labels is None else load_label_space(labels)
+    file = open_hydra(write_graph(tmp_path / "flat.json", bare_graph()))
+    found = [obj.raw_category for obj in file.partial(labels=space).objects]
+    assert found[:3] == [*expected, "chair"], "a name of one's own comes before a number's"
+    assert len(file.notes(space)) == notes
+
+
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [(1, {"hiden_share": 0.5}), (5, {"categry": "bed"}), (None, {"partial": {"buildng_kind": ""}})],
+)
+def test_a_misspelt_key_in_metadata_is_refused(
+    tmp_path: Path, place: int | None, said: dict[str, Any]
+) -> None:
+    graph = robot_graph()
+    held = graph if place is None else graph["nodes"][place]["attributes"]
+    held["metadata"] = {"bsg": said}
+    with refuses(HydraError, "key-unknown"):
+        read_hydra(write_graph(tmp_path / "a.json", graph))
+    held["metadata"] = {"bsg": {"mine": 1}}
+    assert read_hydra(write_graph(tmp_path / "a.json", graph)).rooms, "keys of one's own stay"
+
+
+def test_packed_files_a_byte_order_mark_and_doubled_keys_are_read(tmp_path: Path) -> None:
+    text = json.dumps(robot_graph())
+    packed, marked, doubled = (tmp_path / f"flat.{end}" for end in ("json.gz", "json", "x.json"))
+    packed.write_bytes(gzip.compress(text.encode()))
+    marked.write_bytes(b"\xef\xbb\xbf" + text.encode())
+    doubled.write_text(text.replace("{", '{"nodes": 1,', 1))
+    assert read_hydra(packed) == read_hydra(marked) == read_hydra(doubled)
+    packed.write_bytes(gzip.compress(text.encode())[:-9])
+    with pytest.raises(HydraError):
+        read_hydra(packed)
+
+
+@pytest.mark.parametrize("text", ["{", "{}", "[1, 2]", None])
+def test_a_file_that_is_none_is_refused(tmp_path: Path, text: str | None) -> None:
+    path = tmp_path / "x.json"
+    if text is not None:
+        path.write_text(text)
+    for read in (read_hydra, read_hydra_belief):
+        with pytest.raises(HydraError) as caught:
+            read(path)
+        assert "\n" not in str(caught.value)
+
+
+def test_what_cannot_be_annotated_is_refused(tmp_path: Path) -> None:
+    path = write_graph(tmp_path / "dsg.json")
+    with refuses(HydraError, "room-unknown", path):
+        annotate_hydra(make_belief(1), path, tmp_path / "out.json")
+    with refuses(HydraError, "suffix-unknown", tmp_path / "out.json.gz"):
+        annotate_hydra(believe_something(read_hydra(path)), path, tmp_path / "out.json.gz")
+    with refuses(HydraError, "belief-missing", path):
         read_hydra_belief(path)
+    assert list(tmp_path.iterdir()) == [path]
 
 
-def believe_something(graph: PartialGraph) -> BeliefGraph:
-    """Return random beliefs about a graph, with blind nodes in its rooms."""
-    inputs = graph.histograms().astype(float)
-    hidden = poisson(np.random.default_rng(0).gamma(0.1, 5.0, inputs.shape))
-    return believe(graph, from_hidden_counts(inputs, hidden), mode="unseen", model="random")
+def test_a_binary_file_without_its_library_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "spark_dsg", None)
+    with refuses(HydraError, "library-missing", tmp_path / "dsg.sparkdsg"):
+        read_hydra(tmp_path / "dsg.sparkdsg")
 
 
 def write_like_hydra(path: Path) -> None:
     """Write a graph with spark_dsg: two rooms with places, objects, a label space, a mesh."""
-    dsg = spark_dsg
+    dsg = pytest.importorskip("spark_dsg")
     graph = dsg.DynamicSceneGraph()
     building = dsg.SemanticNodeAttributes()
     graph.add_node("BUILDINGS", dsg.NodeSymbol("B", 0), building)
@@ -156,18 +346,19 @@ def list_nodes(graph: Any) -> dict[int, tuple[str, int | None]]:
 def test_spark_dsg_finds_its_own_graph_again(tmp_path: Path) -> None:
     path, out = tmp_path / "dsg.json", tmp_path / "out.json"
     write_like_hydra(path)
+    spark_dsg = pytest.importorskip("spark_dsg")
     belief = believe_something(read_hydra(path))
-    assert belief.blind
     annotate_hydra(belief, path, out)
     load = spark_dsg.DynamicSceneGraph.load
     before, after = load(str(path)), load(str(out))
     blind = {one.id.value: one for one in after.get_layer("BLIND").nodes}
-    assert len(blind) == len(belief.blind)
-    assert all(one.attributes.is_predicted for one in blind.values())
-    for one, node in zip(belief.blind, blind.values(), strict=True):
-        assert node.get_parent() == spark_dsg.NodeSymbol("R", one.room_index - 1).value
-    shown = {key: value for key, value in list_nodes(after).items() if key not in blind}
-    assert shown == list_nodes(before)
+    assert len(blind) == len(belief.blind) > 0
+    assert {one.attributes.name for one in blind.values()} <= set(CLASS_SPACE.classes)
+    for one, shown in zip(belief.blind, blind.values(), strict=True):
+        assert shown.attributes.is_predicted
+        assert shown.get_parent() == symbol("R", one.room_index - 1)
+    rest = {key: value for key, value in list_nodes(after).items() if key not in blind}
+    assert rest == list_nodes(before), "the rooms are in their building, and all else where it was"
     assert len(list(after.edges)) == len(list(before.edges)) + len(blind)
     assert after.get_labelspace(2, 0).labels_to_names == {0: "sofa", 1: "tv_monitor"}
     assert after.metadata.get()["run"] == {"seconds": 0.1}
@@ -177,31 +368,21 @@ def test_spark_dsg_finds_its_own_graph_again(tmp_path: Path) -> None:
     after.save(str(tmp_path / "again.json"))
     assert read_hydra_belief(tmp_path / "again.json") == belief
     strip_hydra(out, tmp_path / "bare.json")
-    assert (tmp_path / "bare.json").read_bytes() == path.read_bytes()
+    bare = json.loads((tmp_path / "bare.json").read_text("utf-8"))
+    assert json.dumps(bare) == json.dumps(json.loads(path.read_text("utf-8")))
 
 
 def test_a_binary_graph_is_converted(tmp_path: Path) -> None:
     path, binary = tmp_path / "dsg.json", tmp_path / "dsg.sparkdsg"
     write_like_hydra(path)
-    spark_dsg.DynamicSceneGraph.load(str(path)).save(str(binary))
+    pytest.importorskip("spark_dsg").DynamicSceneGraph.load(str(path)).save(str(binary))
     graph = read_hydra(binary, labels="mpcat40")
     assert graph == read_hydra(path, labels="mpcat40")
     annotate_hydra(believe_something(graph), binary, tmp_path / "out.json")
     assert read_hydra_belief(tmp_path / "out.json") == believe_something(graph)
     binary.write_bytes(b"no graph")
-    with pytest.raises(HydraError, match="found one that spark_dsg cannot load"):
+    with refuses(HydraError, "binary-unloadable", binary):
         read_hydra(binary)
-    with pytest.raises(HydraError, match=r"none\.sparkdsg: cannot be read"):
-        read_hydra(tmp_path / "none.sparkdsg")
-
-
-def test_a_belief_about_other_rooms_is_refused(tmp_path: Path) -> None:
-    path = write_graph(tmp_path / "dsg.json")
-    with pytest.raises(HydraError, match=r"dsg\.json: has no room 'r0', of which something"):
-        annotate_hydra(make_belief(1), path, tmp_path / "out.json")
-    with pytest.raises(HydraError, match=r"ends in \.json"):
-        annotate_hydra(believe_something(read_hydra(path)), path, tmp_path / "out.json.gz")
-    assert list(tmp_path.iterdir()) == [path]
 
 
 @pytest.mark.skipif(not SAMPLE.is_file(), reason="no sample here")
@@ -218,98 +399,5 @@ def test_the_recorded_apartment_comes_back_as_it_was(tmp_path: Path) -> None:
     belief, out = believe_something(graph), tmp_path / "out.json"
     annotate_hydra(belief, SAMPLE, out)
     assert read_hydra_belief(out) == belief
-    text = out.read_text("utf-8")
-    assert strip_annotation(text).encode() == original
-    (tmp_path / "plain.json").write_bytes(original)
-    load = spark_dsg.DynamicSceneGraph.load
-    before, after = load(str(tmp_path / "plain.json")), load(str(out))
-    blind = {one.id.value for one in after.nodes} - {one.id.value for one in before.nodes}
-    assert len(blind) == len(belief.blind) > 0
-    shown = {key: value for key, value in list_nodes(after).items() if key not in blind}
-    assert shown == list_nodes(before), "the room is in its building, and all else where it was"
-    # The rooms of objects are those that spark_dsg finds above them.
-    for obj in before.get_layer("OBJECTS").nodes:
-        above = {before.get_node(obj.get_parent()).get_parent(), obj.get_parent()}
-        (index,) = [one.room_index for one in graph.objects if one.name == str(obj.id)]
-        assert (spark_dsg.NodeSymbol("R", 0).value in above) == (index == 1)
-
-
-def test_a_graph_of_hydra_is_read_through_its_labels(tmp_path: Path) -> None:
-    dsg = spark_dsg
-    graph = dsg.DynamicSceneGraph()
-    room = dsg.RoomNodeAttributes()
-    room.name, room.position = "kitchen", np.array([1.0, 2.0, 0.0])
-    room.metadata.set(
-        {"bsg": {"floor_area": 9.5, "room_type": "Open kitchen", "floor_in_view": 0.5}}
-    )
-    graph.add_node("ROOMS", dsg.NodeSymbol("R", 0), room)
-    other = dsg.RoomNodeAttributes()
-    other.position = np.array([5.0, 2.0, 0.0])
-    graph.add_node("ROOMS", dsg.NodeSymbol("R", 1), other)
-    graph.insert_edge(dsg.NodeSymbol("R", 0).value, dsg.NodeSymbol("R", 1).value)
-    place = dsg.PlaceNodeAttributes()
-    place.position = np.array([1.0, 2.0, 1.0])
-    graph.add_node("PLACES", dsg.NodeSymbol("p", 0), place)
-    graph.insert_edge(dsg.NodeSymbol("R", 0).value, dsg.NodeSymbol("p", 0).value)
-    for number, (label, parent) in enumerate([(7, "p"), (10, "p"), (99, None)]):
-        attributes = dsg.ObjectNodeAttributes()
-        attributes.semantic_label, attributes.name = label, "zzqx_12"
-        attributes.position = np.array([1.5, 2.5, 0.5])
-        graph.add_node("OBJECTS", dsg.NodeSymbol("O", number), attributes)
-        if parent:
-            symbol = dsg.NodeSymbol(parent, 0)
-            graph.insert_edge(symbol.value, dsg.NodeSymbol("O", number).value)
-    graph.metadata.set({"bsg": {"partial": {"building_kind": "office", "source": "mp3d"}}})
-    graph.set_labelspace(dsg.Labelspace({7: "sofa", 10: "tv_monitor"}), 2, 0)
-    path = tmp_path / "office.json"
-    graph.save(str(path))
-    found = read_hydra(path, labels="mpcat40")
-    assert [room.label for room in found.rooms] == ["kitchen", None]
-    assert found.adjacency == ((1, 2),)
-    names = [(obj.room_index, obj.raw_category, obj.class_index) for obj in found.objects]
-    classes = {name: number for number, name in enumerate(CLASS_SPACE.classes)}
-    assert names == [(1, "couch", classes["couch"]), (1, "tv", classes["tv"]), (0, "zzqx", None)]
-    assert found.objects[0].position == (1.5, 2.5, 0.5)
-    assert (found.building_kind, found.source) == ("office", "mp3d")
-    assert [one.share for one in found.rooms] == [estimate_hidden_share(floor_in_view=0.5), VAGUE]
-    assert [(one.floor_area, one.room_type) for one in found.rooms] == [
-        (9.5, "kitchen"),
-        (None, None),
-    ]
-    graph.metadata.set({"bsg": {"partial": {"building_kind": "castle"}}})
-    graph.save(str(path))
-    with pytest.raises(HydraError, match=r"building_kind: .*known are home.*in metadata"):
-        read_hydra(path)
-    with pytest.raises(BSGError, match="ade20k, mpcat40"):
-        read_hydra(path, labels="nyu40")
-
-
-def test_spark_dsg_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
-    folder = tmp_path / "folder.json"
-    folder.mkdir()
-    with pytest.raises(BSGError, match="cannot be written"):
-        write_hydra(make_belief(2), folder)
-    with pytest.raises(BSGError, match=r"ends in \.json"):
-        write_hydra(make_belief(2), tmp_path / "belief")
-    assert list(tmp_path.iterdir()) == [folder]
-    write_hydra(make_belief(2), tmp_path / "new" / "belief.json")
-    assert read_hydra_belief(tmp_path / "new" / "belief.json") == make_belief(2)
-
-
-def test_a_file_that_is_none_is_refused_in_one_line(tmp_path: Path) -> None:
-    path = tmp_path / "x.json"
-    for text in ("{", "{}", "[1, 2]"):
-        path.write_text(text)
-        for read in (read_hydra, read_hydra_belief):
-            with pytest.raises(HydraError, match=r"x\.json: expected a Spark-DSG graph") as caught:
-                read(path)
-            assert "\n" not in str(caught.value)
-            assert caught.value.__cause__ is not None
-    with pytest.raises(HydraError, match=r"none\.json: cannot be read"):
-        read_hydra(tmp_path / "none.json")
-
-
-def test_a_graph_without_beliefs_is_no_belief_graph(tmp_path: Path) -> None:
-    spark_dsg.DynamicSceneGraph().save(str(tmp_path / "x.json"))
-    with pytest.raises(HydraError, match="`read_hydra` reads what was seen"):
-        read_hydra_belief(tmp_path / "x.json")
+    stripped = strip_annotation(json.loads(out.read_text("utf-8")))
+    assert json.dumps(stripped) == json.dumps(json.loads(original))

@@ -13,10 +13,10 @@ from bsg_data.observation.robot_json import read_robot_graph
 from bsg_data.scene.class_map import join_maps, load_class_map
 from bsg_data.scene.own_map import OwnMap
 from bsg_models.errors import CheckpointError
+from bsg_models.robot.seen_building import open_graph
 from bsg_models.runs.checkpoint import CheckpointHeader, read_header
 from bsg_models.runs.class_maps import choose_class_map
 from bsg_models.runs.predictor import Predictor
-from bsg_models.studies.belief_report import BeliefRequest, report_beliefs
 from bsg_models.training.training import train_run
 from bsg_models.zoo.config import find_config
 
@@ -67,9 +67,9 @@ def test_a_run_on_ones_own_map_reads_graphs_by_itself(own_run: Path, tmp_path: P
     graph = read_robot_graph(write_graph(tmp_path / "g.json"), class_map=predictor.class_map)
     assert [obj.class_index for obj in graph.objects] == [0, None, None]
     assert predictor(graph).presence.shape == (2, 1)
-    report = report_beliefs(BeliefRequest(run=own_run, graphs=(tmp_path / "g.json",)))
-    assert report.rooms[0].seen == 1
-    (unmapped,) = report.unmapped[tmp_path / "g.json"]
+    seen = open_graph(tmp_path / "g.json", model=own_run)
+    assert (seen.graph, seen.where("Möbel")[0].probability) == (graph, 1.0)
+    (unmapped,) = seen.unmapped
     assert (unmapped.name, unmapped.instances) == ("zzqx", 1)
 
 

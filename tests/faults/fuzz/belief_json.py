@@ -15,7 +15,7 @@ from bsg_models.belief.belief_graph import BeliefGraph, believe
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.document import encode_belief
 from bsg_models.belief.expectation import from_hidden_counts
-from bsg_models.belief.formats import read_beliefs
+from bsg_models.belief.formats import read_belief
 from fuzz.target import Target, encode, load_map, put
 
 CLASSES = ("bed", "chair")
@@ -60,7 +60,7 @@ def seeds() -> dict[str, bytes]:
 def read(folder: Path, data: bytes) -> object:
     """Read a file."""
     load_map()
-    return read_beliefs(put(folder, ".json", data))
+    return read_belief(put(folder, ".json", data))
 
 
 TARGET = Target(

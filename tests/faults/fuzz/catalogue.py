@@ -10,7 +10,6 @@ ROWS = {
     "annotation": "fuzz.annotation",
     "behavior": "fuzz.behavior",
     "belief-json": "fuzz.belief_json",
-    "belief-tables": "fuzz.belief_tables",
     "checkpoint": "fuzz.checkpoint",
     "class-map": "fuzz.class_map",
     "configuration": "fuzz.configuration",

@@ -1,4 +1,4 @@
-"""Spark-DSG's binary files, which its C++ reads: `bsg_models.belief.hydra_file`."""
+"""Spark-DSG's binary files, which its C++ reads: `bsg_models.belief.hydra`."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import json
 import tempfile
 from pathlib import Path
 
-from bsg_models.belief.hydra_file import open_hydra
+from bsg_models.belief.hydra import open_hydra
 from fuzz.target import Target, load_map, put
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 from bsg_data.sources.spark_dsg import RobotGraphs
@@ -65,10 +64,9 @@ _GRAPH = {
 
 def seeds() -> dict[str, bytes]:
     """Return a graph, and the same with a belief graph in it."""
-    text = json.dumps(_GRAPH)
     belief = make_belief(("kitchen", "hall"))
-    annotated = annotate(text, belief, rooms=[_KITCHEN, _HALL], objects=[_CHAIR])
-    return {"graph": encode(_GRAPH), "annotated": annotated.encode()}
+    annotated = annotate(_GRAPH, belief, rooms=[_KITCHEN, _HALL], objects=[_CHAIR])
+    return {"graph": encode(_GRAPH), "annotated": encode(annotated)}
 
 
 def read(folder: Path, data: bytes) -> object:
@@ -76,7 +74,7 @@ def read(folder: Path, data: bytes) -> object:
     path, class_map = put(folder, ".json", data), load_map()
     opened = open_graph_file(path, class_map=class_map)
     if opened.hydra is not None:
-        strip_annotation(opened.hydra.text)
+        strip_annotation(opened.hydra.document)
         read_source(RobotGraphs(path), class_map)
     try:
         return read_hydra_belief(path)
