@@ -67,6 +67,7 @@ fast: $(INSTALLED) ## Run the tests that take less than about two seconds each.
 	$(PYTEST) -m "not slow"
 
 coverage: $(INSTALLED) ## Run all tests, and list the lines that none of them runs.
+	$(BIN)/python -m pip install --quiet 'pytest-cov>=5,<8'
 	$(PYTEST) --cov --cov-report=term-missing
 
 faults: $(INSTALLED) ## Kill, damage and feed everything in full; about an hour.

@@ -7,16 +7,20 @@ The public names are in `__init__.pyi`. Each is imported when it is first asked 
 import warnings
 from typing import Any
 
-import lazy_loader
-
 from bsg_data.extras import ask_to_install
+from bsg_data.public_names import read_stub
 
 # torch-geometric 2.8 calls it at import, and torch 2.15 warns of that. The warning names a file of
 # torch's, so a program's own call is not told apart. A filter of the user's goes first.
 warnings.filterwarnings(
     "ignore", "`torch.jit.script` is deprecated", category=FutureWarning, append=True
 )
-_load, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_load, __all__ = read_stub(__name__, __file__)
+
+
+def __dir__() -> list[str]:
+    """Return the public names."""
+    return __all__
 
 
 def __getattr__(name: str) -> Any:
