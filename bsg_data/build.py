@@ -28,7 +28,6 @@ from bsg_data.dataset.manifest import (
     ClassSpaceEntry,
     Manifest,
     ScenesPerShard,
-    SkipEntry,
     SourceEntry,
     Totals,
     count_shards,
@@ -45,7 +44,13 @@ from bsg_data.recipes import Record
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map, parse_own_map
 from bsg_data.scene.own_map import OwnMap, is_own_map, read_own_map
 from bsg_data.sources.catalogue import SOURCES, find_terms
-from bsg_data.sources.source import FoundScenes, SceneRef, Source, SourceWithTerms
+from bsg_data.sources.source import (
+    FoundScenes,
+    SceneRef,
+    SkippedScene,
+    Source,
+    SourceWithTerms,
+)
 
 SCENES_PER_SHARD = 16
 _MAX_NAMED = 20  # parts in an error
@@ -72,8 +77,8 @@ class BuildPlan(Record):
     class_space: ClassSpaceEntry
     scenes_per_shard: ScenesPerShard
     shards: int = Field(ge=0, le=MAX_PARTS)
-    not_read: tuple[SkipEntry, ...]
-    unused: tuple[SkipEntry, ...]
+    not_read: tuple[SkippedScene, ...]
+    unused: tuple[SkippedScene, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -280,10 +285,7 @@ def _plan(
         class_space=ClassSpaceEntry.of(loaded.space),
         scenes_per_shard=scenes_per_shard,
         shards=count_shards(len(listing.scenes), scenes_per_shard=scenes_per_shard),
-        not_read=tuple(
-            SkipEntry(scene_id=skip.scene_id, location=skip.location, reason=skip.reason)
-            for skip in (*listing.duplicates, *listing.unreadable)
-        ),
+        not_read=(*listing.duplicates, *listing.unreadable),
         unused=tuple(skip_entry(skip, Path()) for skip in listing.unused),
     )
     return _Job(source, listing.scenes, plan, own, strict)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 from pydantic import ValidationError
@@ -17,7 +18,6 @@ from bsg_data.dataset.manifest import (
     ClassSpaceEntry,
     FileEntry,
     ResolvedEntry,
-    SkipEntry,
     Totals,
     list_resolved,
 )
@@ -44,8 +44,8 @@ class ShardReport(Record):
 
     files: tuple[FileEntry, ...]
     totals: Totals
-    skipped: tuple[SkipEntry, ...]
-    left_out: tuple[SkipEntry, ...]
+    skipped: tuple[SkippedScene, ...]
+    left_out: tuple[SkippedScene, ...]
     meshes: dict[str, MeshCoverage]
     unmapped: dict[str, int]
     resolved: tuple[ResolvedEntry, ...]
@@ -79,7 +79,7 @@ def make_shard(
         except SourceError as error:
             if strict:
                 raise
-            skip = SkippedScene(ref.scene_id, ref.location, str(error))
+            skip = SkippedScene(scene_id=ref.scene_id, location=ref.location, reason=str(error))
             skipped.append(skip_entry(skip, source.path))
             continue
         if reading.left_out and strict:
@@ -139,11 +139,11 @@ def _read(source: Source, ref: SceneRef, class_map: ClassMap) -> Reading:
         ) from error
 
 
-def skip_entry(skip: SkippedScene, root: Path) -> SkipEntry:
+def skip_entry(skip: SkippedScene, root: Path) -> SkippedScene:
     """Return the manifest's entry of a skipped scene, without paths of this machine."""
     reason = skip.reason.replace(f"{root}/{skip.location}", "").lstrip(" ,:")
     reason = reason.replace(f"{root}/", "")
-    return SkipEntry(scene_id=skip.scene_id, location=skip.location, reason=reason)
+    return replace(skip, reason=reason)
 
 
 def read_report(folder: Path, part: int) -> ShardReport | None:

@@ -24,8 +24,6 @@ line or the id, what was expected, what was found, and what to do.
 from __future__ import annotations
 
 import errno
-import os
-from pathlib import Path
 
 _LASTING = {errno.EACCES, errno.EPERM, errno.ELOOP, errno.ENAMETOOLONG, errno.EISDIR}
 
@@ -48,29 +46,7 @@ class SourceError(BSGError):
 
 
 class AnnotationError(SourceError):
-    """Report one malformed line of an annotation file.
-
-    Attributes:
-        path: the file.
-        line_number: counted from 1; None if the whole file is at fault.
-        line: the faulty text, shortened.
-        expected: what the line should have held.
-    """
-
-    def __init__(
-        self, path: str | os.PathLike[str], line_number: int | None, line: str, *, expected: str
-    ) -> None:
-        self.path = Path(path)
-        self.line_number = line_number
-        self.line = line if len(line) <= 120 else line[:117] + "..."
-        self.expected = expected
-        where = f"{self.path}" if line_number is None else f"{self.path}, line {line_number}"
-        message = f"{where}: expected {expected}, found {self.line!r}"
-        super().__init__(message, code="line-malformed", where=where)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Support pickling, so that a worker process can return the error."""
-        return _annotation_error, (self.path, self.line_number, self.line, self.expected)
+    """Report one malformed line of an annotation file."""
 
 
 class SourceChangedError(SourceError):
@@ -91,12 +67,6 @@ def find_io_error(error: BaseException | None) -> OSError | None:
             return error
         error = error.__cause__
     return None
-
-
-def _annotation_error(
-    path: Path, line_number: int | None, line: str, expected: str
-) -> AnnotationError:
-    return AnnotationError(path, line_number, line, expected=expected)
 
 
 class ClassMapError(BSGError):

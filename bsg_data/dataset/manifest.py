@@ -26,7 +26,7 @@ from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.class_space import ClassSpace, hash_classes
 from bsg_data.scene.mesh_coverage import MeshCoverage
 from bsg_data.scene.spoken_names import Rule
-from bsg_data.sources.source import Terms
+from bsg_data.sources.source import SkippedScene, Terms
 
 MANIFEST = "dataset.json"
 CARD, CROISSANT = "README.md", "croissant.json"
@@ -89,14 +89,6 @@ class ClassMapEntry(Record):
     def of(cls, class_map: ClassMap) -> ClassMapEntry:
         """Describe a loaded map."""
         return cls(version=class_map.version, sha256=class_map.sha256)
-
-
-class SkipEntry(Record):
-    """A scene that was left out, and the reason."""
-
-    scene_id: str
-    location: str
-    reason: str
 
 
 COMPARED = 10  # unmapped names of one graph that are compared with every known spelling
@@ -222,8 +214,8 @@ class Manifest(Record):
     scenes_per_shard: ScenesPerShard
     totals: Totals
     files: tuple[FileEntry, ...]
-    skipped: tuple[SkipEntry, ...] = ()
-    left_out: tuple[SkipEntry, ...] = ()
+    skipped: tuple[SkippedScene, ...] = ()
+    left_out: tuple[SkippedScene, ...] = ()
     meshes: dict[str, MeshCoverage] = Field(default_factory=dict)
     unmapped: tuple[UnmappedEntry, ...] = ()
     resolved: tuple[ResolvedEntry, ...] = ()

@@ -55,7 +55,7 @@ PROCTHOR = Bound("houses of ProcTHOR, a JSON array", 512 * MIB, _HOUSES)
 PROCTHOR_LINES = Bound(
     "houses of ProcTHOR, JSON lines", 16 * GIB, f"{_HOUSES}; packed {MAX_RATIO} to 1 at most"
 )
-BEHAVIOR = Bound("list of BEHAVIOR's rooms, JSON", 64 * MIB, f"{_NESTED}; 1,000,000 objects")
+BEHAVIOR = Bound("list of BEHAVIOR's rooms, JSON", 64 * MIB, _NESTED)
 TABLE = Bound(
     "table of objects, CSV or parquet",
     4 * GIB,

@@ -44,10 +44,25 @@ class Box:
     minimum: Point
     maximum: Point
 
+    @property
+    def centre(self) -> Point:
+        """The middle of the box, metres."""
+        x, y, z = ((a + b) / 2 for a, b in zip(self.minimum, self.maximum, strict=True))
+        return x, y, z
+
+    @property
+    def footprint(self) -> tuple[tuple[float, float], ...]:
+        """The corners of its floor, against the clock, metres."""
+        (a, b, _), (c, d, _) = self.minimum, self.maximum
+        return (a, b), (c, b), (c, d), (a, d)
+
 
 @dataclass(frozen=True, slots=True)
 class SceneObject:
     """One annotated object.
+
+    A source that reads an object gives its region id as `room_index`, and its names and numbers as
+    annotated; `bsg_data.sources.assembly.assemble` numbers and classifies it.
 
     Attributes:
         object_index: 1..O in the order of the instance ids.
@@ -72,9 +87,9 @@ class SceneObject:
     instance_id: int
     room_index: int
     raw_category: str
-    category: str | None
-    class_index: int | None
-    role: Role
+    category: str | None = None
+    class_index: int | None = None
+    role: Role = "unmapped"
     colour: str | None = None
     centroid: Point | None = None
     box: Box | None = None

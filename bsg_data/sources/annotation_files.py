@@ -1,36 +1,70 @@
-"""Find files of annotations below a folder, and detect changes by a hash."""
+"""Find files of annotations, and read them as they were when they were listed."""
 
 from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import TypeVar
 
 from bsg_data.errors import AnnotationError, SourceChangedError, SourceError, find_io_error
-from bsg_data.inputs.bounded_file import TooLargeError, hash_file, read_packed, unpack
+from bsg_data.inputs.bounded_file import PACKED, TooLargeError, hash_file, read_packed, unpack
 from bsg_data.inputs.bounds import Bound
-from bsg_data.sources.source import SkippedScene
+from bsg_data.sources.hm3d_names import keep_one_copy
+from bsg_data.sources.source import FoundScenes, SceneRef, SkippedScene
 
 TOO_LARGE = "too large"
+_SHOWN = 120  # characters of a faulty line
+Content = TypeVar("Content")
 
 
-def list_files(path: Path, suffixes: tuple[str, ...], unreadable: list[SkippedScene]) -> list[Path]:
-    """Return a file with one of the suffixes, or all such files below a folder.
+def find_files(
+    path: Path, suffix: str, *, bound: Bound, expected: str, is_path: bool = False
+) -> FoundScenes:
+    """Find scenes of one file each, packed or not: a file, or all such files below a folder.
+
+    A scene has the name of its file; `location` is its path below the folder.
 
     Args:
         path: of a file or a folder.
-        suffixes: how the names end.
-        unreadable: takes the folders and files that cannot be read, and why.
+        suffix: how the names end; `.gz` may follow.
+        bound: of each file.
+        expected: what is said if there is none.
+        is_path: whether the folders of the path are in the name, joined by `-`.
 
     Raises:
         SourceError: if nothing is there.
     """
+    unreadable: list[SkippedScene] = []
+    suffixes = (suffix, suffix + PACKED)
+    root = path if path.is_dir() else path.parent
     if path.is_file():
-        return [path] if path.name.endswith(suffixes) else []
-    if not path.is_dir():
-        raise SourceError(f"{path}: no such file or folder")
-    return list(walk_files(path, suffixes, unreadable))
+        files = [path] if path.name.endswith(suffixes) else []
+    elif path.is_dir():
+        files = list(walk_files(path, suffixes, unreadable))
+    else:
+        raise SourceError(f"{path}: no such file or folder", code="source-missing", where=path)
+    if not files:
+        refuse_unreadable(path, unreadable)
+        raise SourceError(f"{path}: {expected}", code="source-empty", where=path)
+    refs = [
+        SceneRef(
+            scene_id=_name_scene(file, root if is_path else file.parent, suffix),
+            location=file.relative_to(root).as_posix(),
+            fingerprint=fingerprint(file, bound),
+            source_split=None,
+            source_version=None,
+        )
+        for file in files
+    ]
+    return replace(keep_one_copy(refs), unreadable=tuple(unreadable))
+
+
+def _name_scene(file: Path, root: Path, suffix: str) -> str:
+    name = file.name.removesuffix(PACKED).removesuffix(suffix) or file.name
+    return "-".join((*file.relative_to(root).parts[:-1], name))
 
 
 def walk_files(
@@ -44,14 +78,16 @@ def walk_files(
         unreadable: collects the unreadable folders and files, with the reasons.
     """
 
-    def note(error: OSError) -> None:
-        if find_io_error(error):
-            raise SourceChangedError(f"{error.filename}: cannot be read ({error.strerror})")
-        where = Path(str(error.filename)).relative_to(root).as_posix()
-        unreadable.append(SkippedScene("-", where, f"the folder cannot be read ({error.strerror})"))
+    def note(where: str, reason: str) -> None:
+        shown = os.path.relpath(where, root).encode("utf-8", "backslashreplace").decode()
+        unreadable.append(SkippedScene(scene_id="-", location=shown, reason=reason))
+
+    def fail(error: OSError) -> None:
+        _require_lasting(error, error.filename)
+        note(error.filename, f"the folder cannot be read ({error.strerror})")
 
     seen: set[Path] = set()
-    for folder, folders, names in os.walk(root, followlinks=True, onerror=note):
+    for folder, folders, names in os.walk(root, followlinks=True, onerror=fail):
         real = Path(folder).resolve()
         if real in seen:
             folders.clear()
@@ -64,9 +100,7 @@ def walk_files(
                 if reason is None:
                     yield Path(folder, name)
                 else:
-                    where = Path(folder, name).relative_to(root).as_posix()
-                    shown = where.encode("utf-8", "backslashreplace").decode()
-                    unreadable.append(SkippedScene("-", shown, reason))
+                    note(str(Path(folder, name)), reason)
 
 
 def _why_not(path: Path) -> str | None:
@@ -75,31 +109,36 @@ def _why_not(path: Path) -> str | None:
         if not path.is_file():  # a link that leads nowhere, a pipe, a device
             return "not a file, or a link that leads nowhere"
     except OSError as error:
-        if find_io_error(error):
-            raise SourceChangedError(f"{path}: cannot be read ({error.strerror})") from error
+        _require_lasting(error, path)
         return f"cannot be read ({error.strerror})"
-    if not str(path).isprintable() and any("\ud800" <= c <= "\udfff" for c in str(path)):
+    if any("\ud800" <= c <= "\udfff" for c in str(path)):
         return "its path is not UTF-8"
     return None
 
 
+def _require_lasting(error: OSError, path: object) -> None:
+    """Refuse to go on after an error of the disk, which may not be there at the next try."""
+    if find_io_error(error):
+        raise SourceChangedError(
+            f"{path}: cannot be read ({error.strerror})", code="source-changed", where=path
+        ) from error
+
+
 def refuse_unreadable(root: Path, unreadable: Sequence[SkippedScene]) -> None:
     """Refuse a folder in which nothing that was found can be read; there may be nothing.
-
-    Args:
-        root: the folder.
-        unreadable: what cannot be read, as `walk_files` collects it.
 
     Raises:
         SourceError: naming the first, and why it cannot be read.
     """
     if unreadable:
         first = unreadable[0]
-        more = f" and {len(unreadable) - 1:,} more" if len(unreadable) > 1 else ""
         shown = os.fsencode(root).decode("utf-8", "backslashreplace")
         raise SourceError(
-            f"{shown}: nothing there can be read; left out are {first.location} ({first.reason})"
-            f"{more}; rename them or the folders above, or make them readable"
+            f"{shown}: nothing there can be read; left out are {first.location} ({first.reason}) "
+            f"and {len(unreadable) - 1:,} more; rename them or the folders above, or make them "
+            "readable",
+            code="source-unreadable",
+            where=shown,
         )
 
 
@@ -114,8 +153,7 @@ def fingerprint(path: Path, bound: Bound) -> str:
     except TooLargeError:
         return TOO_LARGE
     except OSError as error:
-        if find_io_error(error):
-            raise SourceChangedError(f"{path}: cannot be read ({error.strerror})") from error
+        _require_lasting(error, path)
         return f"unreadable: {error.strerror}"
 
 
@@ -138,9 +176,35 @@ def read_listed(path: Path, bound: Bound, *, expected: str | None = None) -> byt
         found = f"unreadable: {cause.strerror}" if isinstance(cause, OSError) else TOO_LARGE
         require_fingerprint(path, found, expected)
         raise
-    if expected is not None:
-        require_fingerprint(path, hashlib.sha256(data).hexdigest(), expected)
+    require_fingerprint(path, hashlib.sha256(data).hexdigest(), expected)
     return unpack(data, path, bound)
+
+
+def fetch_listed(
+    ref: SceneRef, path: Path, read: Callable[[], Content], digest: Callable[[Content], str]
+) -> Content:
+    """Return what a file of many scenes says of one, which must be what was listed.
+
+    Args:
+        ref: the scene, as it was listed.
+        path: of the file, named in errors.
+        read: reads the scene; it could when the scenes were listed.
+        digest: hashes what is read.
+
+    Raises:
+        SourceChangedError: if it cannot be read any more, or is not what it was.
+    """
+    where = f"{path}: {ref.location}"
+    try:
+        content = read()
+    except (SourceError, KeyError) as error:
+        raise SourceChangedError(
+            f"{where}: changed after the scenes were listed: {error}",
+            code="source-changed",
+            where=where,
+        ) from error
+    require_fingerprint(where, digest(content), ref.fingerprint)
+    return content
 
 
 def require_fingerprint(path: Path | str, found: str, expected: str | None) -> None:
@@ -156,7 +220,18 @@ def require_fingerprint(path: Path | str, found: str, expected: str | None) -> N
     """
     if expected is not None and found != expected:
         why = f" ({found})" if found.startswith("unreadable") else ""
-        raise SourceChangedError(f"{path}: changed after the scenes were listed{why}")
+        raise SourceChangedError(
+            f"{path}: changed after the scenes were listed{why}", code="source-changed", where=path
+        )
+
+
+def malformed(path: Path, number: int, line: str, *, expected: str) -> AnnotationError:
+    """Return an error that names a line of a file, and what it should have held."""
+    shown = line if len(line) <= _SHOWN else line[: _SHOWN - 3] + "..."
+    where = f"{path}, line {number}"
+    return AnnotationError(
+        f"{where}: expected {expected}, found {shown!r}", code="line-malformed", where=where
+    )
 
 
 def decode(data: bytes, *, path: Path) -> str:
@@ -170,4 +245,4 @@ def decode(data: bytes, *, path: Path) -> str:
     except UnicodeDecodeError as error:
         number = data.count(b"\n", 0, error.start) + 1
         line = data.split(b"\n")[number - 1].decode("utf-8", "backslashreplace")
-        raise AnnotationError(path, number, line, expected="UTF-8 text") from error
+        raise malformed(path, number, line, expected="UTF-8 text") from error

@@ -1,98 +1,114 @@
-"""Make scene graphs from lists of annotated instances."""
+"""Make scene graphs of what sources read: the one assembler of all sources."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from bsg_data.geometry.adjacency import measure_distance
+from bsg_data.geometry.placement import measure_area
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import label_of
-from bsg_data.scene.scene_graph import Edge, Room, SceneGraph, SceneObject
-from bsg_data.sources.annotations import Annotation, Instance
+from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph, SceneObject
 from bsg_data.sources.source import SceneRef
 
 
 def assemble(
-    annotation: Annotation,
+    objects: Iterable[SceneObject],
     *,
     ref: SceneRef,
     kind: str,
+    sha256: str,
     class_map: ClassMap,
     rooms: Iterable[Room] = (),
+    doors: Iterable[tuple[int, int]] = (),
+    method: str = "given",
     building_kind: str | None = None,
 ) -> SceneGraph:
-    """Make the scene graph of one annotation.
+    """Make the scene graph of one building.
 
-    A region with an id of 0 or more is a room if it holds an instance, or if the source lists it.
-    Objects of the null region belong to the building. Objects that are nameless or outside the
+    A region with an id of 0 or more is a room if it holds an object, or if the source lists it.
+    Objects of a negative region belong to the building. Objects that are nameless or outside the
     classes stay, without a class.
 
     Args:
-        annotation: its instances.
+        objects: with the region id as `room_index`; they are numbered and classified here.
         ref: the scene.
         kind: of the source.
+        sha256: hash of the annotation.
         class_map: of the source's words.
         rooms: what the source tells of some of its rooms, each by its region id; they are numbered
             here, and get the common label of their source label.
+        doors: region ids of rooms that connect, in any order; a pair may be there twice.
+        method: how the source knows of these, e.g. `door`.
         building_kind: what the source says of the building, e.g. `office`.
     """
+    listed = sorted(objects, key=lambda obj: obj.instance_id)
     told = {room.region_id: room for room in rooms}
-    regions = sorted({i.region_id for i in annotation.instances if i.region_id >= 0} | set(told))
+    regions = sorted({o.room_index for o in listed if o.room_index >= 0} | set(told))
     room_of = {region: index for index, region in enumerate(regions, start=1)}
-    return SceneGraph(
+    graph = SceneGraph(
         scene_id=ref.scene_id,
         source=kind,
         source_version=ref.source_version,
         source_split=ref.source_split,
-        annotation_sha256=annotation.sha256,
+        annotation_sha256=sha256,
         rooms=tuple(
-            _describe(told.get(region, Room(index, region)), index, kind)
+            _number_room(told.get(region, Room(index, region)), index, kind)
             for region, index in room_of.items()
         ),
         objects=tuple(
-            _classify(instance, index, room_of.get(instance.region_id, 0), class_map)
-            for index, instance in enumerate(annotation.instances, start=1)
+            _classify(obj, index, room_of, class_map) for index, obj in enumerate(listed, start=1)
         ),
         class_map=class_map.version,
         building_kind=building_kind,
     )
+    return connect(graph, [(room_of[a], room_of[b]) for a, b in doors], method=method)
 
 
-def connect_regions(
-    graph: SceneGraph, pairs: Iterable[tuple[int, int]], *, method: str
-) -> SceneGraph:
-    """Return the scene graph with the connections that its source tells of.
+def connect(graph: SceneGraph, pairs: Iterable[tuple[int, int]], *, method: str) -> SceneGraph:
+    """Return the scene graph with further connections, which replace those of the same rooms.
 
     Args:
         graph: with all its rooms, and where they are.
-        pairs: region ids of rooms that connect, in any order; a pair may be there twice.
-        method: how the source knows, e.g. `door`.
+        pairs: room indices, in any order; a pair may be there twice.
+        method: how they are known, e.g. `door`.
     """
-    room_of = {room.region_id: room.room_index for room in graph.rooms}
-    found = {tuple(sorted((room_of[one], room_of[other]))) for one, other in pairs}
-    edges = tuple(
-        Edge(a, b, "adjacent", method, measure_distance(graph.rooms[a - 1], graph.rooms[b - 1]))
-        for a, b in sorted(found)
+    edges = {(edge.source, edge.target): edge for edge in graph.adjacency}
+    for a, b in map(sorted, pairs):
+        length = measure_distance(graph.rooms[a - 1], graph.rooms[b - 1])
+        edges[a, b] = Edge(a, b, "adjacent", method, length)
+    return replace(graph, adjacency=tuple(edges[pair] for pair in sorted(edges)))
+
+
+def place_room(room: Room, box: Box) -> Room:
+    """Return a room with a box, and what follows from it: centroid, floor, footprint and area.
+
+    An area that the source tells stays.
+    """
+    return replace(
+        room,
+        box=box,
+        centroid=box.centre,
+        floor_z=box.minimum[2],
+        footprint=box.footprint,
+        floor_area=room.floor_area or measure_area(box.footprint),
     )
-    return replace(graph, adjacency=edges)
 
 
-def _describe(room: Room, index: int, kind: str) -> Room:
+def _number_room(room: Room, index: int, kind: str) -> Room:
     return replace(room, room_index=index, label=room.label or label_of(kind, room.source_label))
 
 
-def _classify(instance: Instance, index: int, room: int, class_map: ClassMap) -> SceneObject:
-    known = class_map.classify(instance.name)
-    return SceneObject(
+def _classify(
+    obj: SceneObject, index: int, room_of: Mapping[int, int], class_map: ClassMap
+) -> SceneObject:
+    known = class_map.classify(obj.raw_category)
+    return replace(
+        obj,
         object_index=index,
-        instance_id=instance.instance_id,
-        room_index=room,
-        raw_category=instance.name,
+        room_index=room_of.get(obj.room_index, SceneObject.BUILDING),
         category=known.category,
         class_index=known.class_index,
         role=known.role,
-        colour=instance.colour,
-        centroid=instance.centroid,
-        box=instance.box,
     )

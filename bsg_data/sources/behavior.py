@@ -19,16 +19,15 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
-from bsg_data.errors import SourceChangedError, SourceError
+from bsg_data.errors import SourceError
 from bsg_data.inputs.bounds import BEHAVIOR
 from bsg_data.inputs.documents import read_json
 from bsg_data.recipes import name_fault
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.scene.scene_graph import Room, is_scene_id
-from bsg_data.sources.annotation_files import require_fingerprint
-from bsg_data.sources.annotations import Annotation, Instance
+from bsg_data.scene.scene_graph import Room, SceneObject, is_scene_id
+from bsg_data.sources.annotation_files import fetch_listed
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.source import (
     FoundScenes,
@@ -40,7 +39,7 @@ from bsg_data.sources.source import (
 )
 
 FILE = "combined_room_object_list.json"
-MAX_OBJECTS = 10**6  # in a building; the largest real one has 7,020
+MAX_OBJECTS = 10**5  # of one model in a room; the largest real building has 7,020 in all
 _FLOOR = re.compile(r"([A-Z][A-Za-z]*)(?:_([0-9]{1,3}))?_(?:int|garden)")
 _STOREY = re.compile(r"(house_double_floor)_(lower|upper)")
 _ROOM = re.compile(r"(.+)_([0-9]{1,6})")
@@ -65,6 +64,14 @@ TOILET_STALLS = frozenset(
     for model in ("gqxmqf", "nvempw", "rhvubh", "sqzpmj", "taqzxq", "vshrva")
 )
 
+
+def _require_scene_id(name: str) -> str:
+    if not is_scene_id(name):
+        raise ValueError("cannot be the name of a scene")
+    return name
+
+
+_Scene = Annotated[str, AfterValidator(_require_scene_id)]
 _Name = Annotated[str, Field(max_length=200)]  # the longest real one has 38 characters
 _Count = Annotated[int, Field(ge=0, le=MAX_OBJECTS)]
 RoomLists = Mapping[str, Mapping[str, int]]  # room → `category-model` → how many
@@ -73,7 +80,7 @@ RoomLists = Mapping[str, Mapping[str, int]]  # room → `category-model` → how
 class _Listing(BaseModel):
     model_config = ConfigDict(extra="ignore", frozen=True, strict=True)
 
-    scenes: Annotated[dict[str, dict[str, dict[_Name, _Count]]], Field(min_length=1)]
+    scenes: Annotated[dict[_Scene, dict[str, dict[_Name, _Count]]], Field(min_length=1)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,34 +161,27 @@ class BehaviorRooms:
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one building; the regions are its rooms, floor by floor, in the order of names."""
+        floors = fetch_listed(
+            ref, self.path, lambda: self._floors(self._houses()[ref.scene_id]), _digest
+        )
         rooms: list[Room] = []
-        instances: list[Instance] = []
-        for number, listed in self._listed(ref).items():
+        objects: list[SceneObject] = []
+        for number, listed in floors.items():
             for name, content in sorted(listed.items(), key=_by_number):
-                if len(instances) + sum(content.values()) > MAX_OBJECTS:
-                    raise SourceError(f"{self.path}: {ref.location}: over {MAX_OBJECTS:,} objects")
                 region = len(rooms)
                 rooms.append(Room(0, region, _type_of(name), floor_index=number))
                 for category in _list_objects(content, f"{self.path}: {ref.location}, {name}"):
-                    instances.append(Instance(len(instances) + 1, category, region))
+                    objects.append(SceneObject(0, len(objects) + 1, region, category))
         graph = assemble(
-            Annotation(tuple(instances), ref.fingerprint),
+            objects,
             ref=ref,
             kind=self.kind,
+            sha256=ref.fingerprint,
             class_map=class_map,
             rooms=rooms,
             building_kind=find_building_kind(ref.scene_id),
         )
         return Reading(graph)
-
-    def _listed(self, ref: SceneRef) -> dict[int, RoomLists]:
-        """Return the rooms of a building's floors, which are those that were listed."""
-        try:
-            floors = self._floors(self._houses()[ref.scene_id])
-        except (SourceError, KeyError) as error:  # it could be read when the scenes were listed
-            raise SourceChangedError(f"{self.path}: scene {ref.scene_id}: {error}") from error
-        require_fingerprint(f"{self.path}: {ref.scene_id}", _digest(floors), ref.fingerprint)
-        return floors
 
     def _floors(self, floors: Mapping[int, list[str]]) -> dict[int, RoomLists]:
         return {number: self._rooms(scenes) for number, scenes in floors.items()}
@@ -206,14 +206,18 @@ class BehaviorRooms:
             for scene in others:
                 if set(self._scenes[scene]) <= set(self._scenes[first]):
                     reason = f"{first} has all its rooms, and the garden"
-                    yield SkippedScene(scene, scene, reason)
+                    yield SkippedScene(scene_id=scene, location=scene, reason=reason)
 
     @property
     def _scenes(self) -> Mapping[str, RoomLists]:
         try:
             stat = self.path.stat()
         except OSError as error:
-            raise SourceError(f"{self.path}: cannot be read ({error.strerror})") from error
+            raise SourceError(
+                f"{self.path}: cannot be read ({error.strerror})",
+                code="file-unreadable",
+                where=self.path,
+            ) from error
         return _read_listing(self.path, stat.st_size, stat.st_mtime_ns)
 
 
@@ -221,17 +225,20 @@ class BehaviorRooms:
 def _read_listing(path: Path, size: int, changed: int) -> Mapping[str, RoomLists]:
     """Read the list, once for each state of the file."""
     if path.is_dir():
-        raise SourceError(f"{path}: is a folder; expected the file {FILE} of the package bddl")
+        raise SourceError(
+            f"{path}: is a folder; expected the file {FILE} of the package bddl",
+            code="source-folder",
+            where=path,
+        )
     try:
         scenes = _Listing.model_validate(read_json(path, BEHAVIOR)).scenes
     except ValidationError as error:
         raise SourceError(
             f"{path}: {name_fault(error)}; expected scenes → room → category-model → number, as "
-            f"in {FILE} of the package bddl"
+            f"in {FILE} of the package bddl",
+            code="listing-malformed",
+            where=path,
         ) from error
-    for name in scenes:
-        if not is_scene_id(name):
-            raise SourceError(f"{path}: scenes: {name!r} cannot be the name of a scene")
     return scenes
 
 
@@ -244,7 +251,9 @@ def _list_objects(content: Mapping[str, int], where: str) -> Iterator[str]:
         category, _, model = name.rpartition("-")
         if not category or not model:
             raise SourceError(
-                f"{where}: expected category-model, such as sofa-ahgkci; found {name!r}"
+                f"{where}: expected category-model, such as sofa-ahgkci; found {name!r}",
+                code="model-malformed",
+                where=where,
             )
         for _ in range(count):
             yield "toilet_stall" if name in TOILET_STALLS else category

@@ -62,18 +62,17 @@ def open_source(name: str, path: AnyPath, **options: object) -> Source:
     except TypeError as error:
         names = list(inspect.signature(row.open).parameters)[1:]
         raise SourceError(
-            f"source {name!r}: {error}; its options are {', '.join(names) or 'none'}"
+            f"source {name!r}: {error}; its options are {', '.join(names) or 'none'}",
+            code="option-unknown",
+            where=name,
         ) from error
     source = row.open(path, **options)
-    if not isinstance(source, Source):
+    if not isinstance(source, Source) or source.kind not in SOURCES:
         raise SourceError(
             f"source {name!r}: its row opens a {type(source).__name__}; expected an object with "
-            "kind, path, options, find and read"
-        )
-    if source.kind not in SOURCES:
-        raise SourceError(
-            f"source {name!r}: it opens a source of kind {source.kind!r}, which is no row; "
-            f"expected {name!r}, the row with its terms"
+            f"path, options, find and read, whose kind is {name!r}, the row with its terms",
+            code="source-foreign",
+            where=name,
         )
     return source
 
@@ -102,7 +101,9 @@ def parse_options(name: str, words: Mapping[str, str]) -> dict[str, object]:
             hint = f"; {asked}" if asked else "."
             known = ", ".join(kinds) or "none"
             raise SourceError(
-                f"source {name!r} has no option {option!r}{hint} Its options: {known}"
+                f"source {name!r} has no option {option!r}{hint} Its options: {known}",
+                code="option-unknown",
+                where=option,
             )
     return {option: _parse_word(word, kinds[option], option) for option, word in words.items()}
 
@@ -128,7 +129,9 @@ def _parse_word(word: str, kind: object, option: str) -> object:
             except (ValueError, KeyError) as error:
                 expected = "yes or no" if wanted is bool else f"a value of type {wanted.__name__}"
                 raise SourceError(
-                    f"option {option}: expected {expected}, found {word!r}"
+                    f"option {option}: expected {expected}, found {word!r}",
+                    code="option-malformed",
+                    where=option,
                 ) from error
     return word
 

@@ -178,7 +178,9 @@ def parse_dsg(text: str, *, path: Path) -> DSGFile:
         document = parse_json(text, once=False)  # Hydra's own parser takes the last value
     except ValueError as error:
         raise SourceError(
-            f"{path}: expected a Spark-DSG graph, found no JSON ({str(error)[:200]})"
+            f"{path}: expected a Spark-DSG graph, found no JSON ({str(error)[:200]})",
+            code="json-malformed",
+            where=path,
         ) from error
     return parse_document(document, path=path)
 
@@ -192,14 +194,24 @@ def parse_document(document: Any, *, path: Path) -> DSGFile:
     try:
         graph = _Graph.model_validate(document)
     except ValidationError as error:
-        raise SourceError(f"{path}: expected a Spark-DSG graph; {name_fault(error)}") from error
+        raise SourceError(
+            f"{path}: expected a Spark-DSG graph; {name_fault(error)}",
+            code="dsg-malformed",
+            where=path,
+        ) from error
     if not (graph.nodes or graph.layer_names or graph.layer_ids or graph.layer_keys):
         raise SourceError(
             f"{path}: expected a robot's graph, found neither nodes nor layers: a Spark-DSG graph "
-            "lists its layers, also one without nodes; our JSON has `rooms`"
+            "lists its layers, also one without nodes; our JSON has `rooms`",
+            code="dsg-empty",
+            where=path,
         )
     if len({node.id for node in graph.nodes}) < len(graph.nodes):
-        raise SourceError(f"{path}: expected nodes with an id each, found an id twice")
+        raise SourceError(
+            f"{path}: expected nodes with an id each, found an id twice",
+            code="node-twice",
+            where=path,
+        )
     rooms, objects = (_nodes_of(graph, name) for name in ("ROOMS", "OBJECTS"))
     place = {node.id: number for number, node in enumerate(rooms)}
     above = _find_parents(graph, path)
@@ -240,7 +252,11 @@ def _find_parents(graph: _Graph, path: Path) -> dict[int, int]:
     parents: dict[int, int] = {}
     for number, edge in enumerate(graph.edges):
         if edge.source not in layer or edge.target not in layer:
-            raise SourceError(f"{path}: edges.{number}: expected two nodes that are there")
+            raise SourceError(
+                f"{path}: edges.{number}: expected two nodes that are there",
+                code="edge-dangling",
+                where=path,
+            )
         child, parent = sorted((edge.source, edge.target), key=layer.__getitem__)
         if layer[child] < layer[parent]:
             parents[child] = min(parent, parents.get(child, parent))
@@ -308,26 +324,22 @@ def _surround(box: _BoundingBox) -> Box | None:
         kind = _BOX_TYPES[kind] if 0 <= kind < len(_BOX_TYPES) else "INVALID"
     size, centre = _point(box.dimensions), _point(box.centre)
     low, high = _point(box.min), _point(box.max)
-    if size is None and kind == "AABB" and low and high:
+    if size is not None:
+        ends = np.array([[-0.5], [0.5]]) * size
+    elif low and high:
         ends = np.array([low, high])
-    elif centre is None or kind not in _BOX_TYPES[1:]:
-        return None
     else:
-        if size is not None:
-            half = np.array(size) / 2
-            corners = np.array([-half, half])
-        elif low and high:
-            corners = np.array([low, high])
-        else:
+        return None
+    if size is not None or kind != "AABB":
+        if centre is None or kind not in _BOX_TYPES[1:]:
             return None
         turn = np.eye(3) if kind == "AABB" else _rotation(box.turn)
-        ends = np.array([[corners[i, axis] for axis, i in enumerate(at)] for at in _CORNERS])
-        ends = ends @ turn.T + np.array(centre)
-    lowest, highest = ends.min(axis=0).tolist(), ends.max(axis=0).tolist()
-    return Box((lowest[0], lowest[1], lowest[2]), (highest[0], highest[1], highest[2]))
+        ends = ends[_CORNERS, range(3)] @ turn.T + np.array(centre)
+    (a, b, c), (d, e, f) = ends.min(axis=0).tolist(), ends.max(axis=0).tolist()
+    return Box((a, b, c), (d, e, f))
 
 
-_CORNERS = tuple(product((0, 1), repeat=3))
+_CORNERS = np.array([*product((0, 1), repeat=3)])
 
 
 def _rotation(turn: _Quaternion) -> npt.NDArray[np.float64]:

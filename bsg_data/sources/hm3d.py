@@ -20,11 +20,12 @@ from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_id import split_scene_id
 from bsg_data.sources.annotation_files import (
     fingerprint,
+    read_listed,
     refuse_unreadable,
     require_fingerprint,
     walk_files,
 )
-from bsg_data.sources.annotations import read_annotation
+from bsg_data.sources.annotations import parse_annotation
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.hm3d_names import keep_one_copy, split_by_number, split_of_folder, version_of
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SkippedScene, SourceRow, Terms
@@ -91,7 +92,8 @@ class HM3DFolder:
         if not self.path.is_dir():
             zipped = "; the statistics are read with --hm3d-stats" if self.path.is_file() else ""
             what = "is a file, not a folder" if self.path.is_file() else "no such folder"
-            raise SourceError(f"{self.path}: {what}{zipped}")
+            message = f"{self.path}: {what}{zipped}"
+            raise SourceError(message, code="source-missing", where=self.path)
         self._refuse_unfinished_or_mixed()
         unreadable: list[SkippedScene] = []
         refs = [self._refer(path) for path in walk_files(self.path, _SUFFIXES, unreadable)]
@@ -101,15 +103,23 @@ class HM3DFolder:
                 f"{self.path}: no scene found; looked in every folder below it for "
                 "<hash>.semantic.txt or <hash>_semantic.txt, as in "
                 "hm3d/train/00006-HkseAnWCgqk/HkseAnWCgqk.semantic.txt. The annotations come in "
-                "HM3D's `semantic-annots` archives, which are downloaded beside the meshes"
+                "HM3D's `semantic-annots` archives, which are downloaded beside the meshes",
+                code="source-empty",
+                where=self.path,
             )
         return replace(keep_one_copy(refs), unreadable=tuple(unreadable))
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one scene from its annotation text, and its geometry from the mesh beside that."""
         path = self.path / ref.location
-        annotation = read_annotation(path, expected=ref.fingerprint)
-        graph = assemble(annotation, ref=ref, kind=self.kind, class_map=class_map)
+        data = read_listed(path, ANNOTATION, expected=ref.fingerprint)
+        graph = assemble(
+            parse_annotation(data, path=path),
+            ref=ref,
+            kind=self.kind,
+            sha256=hashlib.sha256(data).hexdigest(),
+            class_map=class_map,
+        )
         mesh = _mesh_beside(path) if self.meshes else None
         if self.meshes:
             require_fingerprint(path.with_suffix(".glb"), str(_mesh_mark(path)), str(ref.geometry))
@@ -122,9 +132,10 @@ class HM3DFolder:
             survey = survey_mesh(mesh, colours, snap_colours=self.snap_colours)
         except MeshError as error:
             if find_io_error(error):
-                raise SourceChangedError(str(error)) from error
+                raise SourceChangedError(str(error), code="source-changed", where=mesh) from error
             where = mesh.relative_to(self.path).as_posix()
-            return Reading(graph, left_out=(SkippedScene(ref.scene_id, where, str(error)),))
+            skip = SkippedScene(scene_id=ref.scene_id, location=where, reason=str(error))
+            return Reading(graph, left_out=(skip,))
         return Reading(connect_rooms(place_scene(graph, survey)), survey.coverage)
 
     def _refuse_unfinished_or_mixed(self) -> None:
@@ -133,10 +144,16 @@ class HM3DFolder:
             if not above:
                 raise SourceError(
                     f"{self.path}: holds synthetic buildings in {mark.parent}; point --hm3d at "
-                    "either these or the real buildings"
+                    "either these or the real buildings",
+                    code="source-mixed",
+                    where=mark.parent,
                 )
             if b'"finished": true' not in read_bytes(mark, SYNTHETIC):
-                raise SourceError(f"{mark.parent}: `bsg-data synth` was stopped; run it again")
+                raise SourceError(
+                    f"{mark.parent}: `bsg-data synth` was stopped; run it again",
+                    code="source-unfinished",
+                    where=mark.parent,
+                )
 
     def _refer(self, path: Path) -> SceneRef:
         relative = path.relative_to(self.path)
@@ -177,7 +194,9 @@ def _mesh_mark(annotation: Path) -> str | None:
                 digest.update(file.read(_ENDS))
     except OSError as error:
         if find_io_error(error):
-            raise SourceChangedError(f"{mesh}: cannot be read ({error.strerror})") from error
+            raise SourceChangedError(
+                f"{mesh}: cannot be read ({error.strerror})", code="source-changed", where=mesh
+            ) from error
         return f"unreadable mesh: {error.strerror}"
     return f"mesh of {size} bytes, {digest.hexdigest()}"
 

@@ -56,7 +56,8 @@ def keep_one_copy(refs: Iterable[SceneRef]) -> FoundScenes:
         if first is not ref:
             same = "the same" if first.fingerprint == ref.fingerprint else "OTHER"
             reason = f"building found before at {first.location} with {same} annotation"
-            duplicates.append(SkippedScene(ref.scene_id, ref.location, reason))
+            skip = SkippedScene(scene_id=ref.scene_id, location=ref.location, reason=reason)
+            duplicates.append(skip)
     scenes = sorted(kept.values(), key=lambda ref: ref.scene_id)
     return FoundScenes(tuple(scenes), tuple(sorted(duplicates, key=lambda skip: skip.location)))
 

@@ -9,20 +9,19 @@ from __future__ import annotations
 
 import csv
 import hashlib
-import io
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from bsg_data.errors import AnnotationError, SourceChangedError, SourceError
+from bsg_data.errors import AnnotationError, SourceError
 from bsg_data.files import AnyPath
 from bsg_data.inputs.archive import read_member
 from bsg_data.inputs.bounds import STATISTICS
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.sources.annotation_files import require_fingerprint
-from bsg_data.sources.annotations import Annotation, Instance
+from bsg_data.scene.scene_graph import SceneObject
+from bsg_data.sources.annotation_files import decode, fetch_listed, malformed
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.hm3d import MATTERPORT
 from bsg_data.sources.hm3d_names import keep_one_copy, split_by_number, version_of
@@ -72,19 +71,24 @@ class HM3DStatistics:
             for scene_id, lines in self._lines.items()
         ]
         if not refs:
-            raise SourceError(f"{self.path}: the table of regions has no row")
+            raise SourceError(
+                f"{self.path}: the table of regions has no row",
+                code="source-empty",
+                where=self.path,
+            )
         return keep_one_copy(refs)
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one scene from its rows."""
-        try:
-            lines = self._lines[ref.location]
-        except (SourceError, KeyError) as error:  # it could be read when the scenes were listed
-            raise SourceChangedError(f"{self.path}: scene {ref.location}: {error}") from error
-        where = f"{self.path}: {ref.location}"
-        require_fingerprint(where, digest_scene_lines(lines), ref.fingerprint)
-        annotation = parse_scene_lines(lines, path=self.path)
-        return Reading(assemble(annotation, ref=ref, kind=self.kind, class_map=class_map))
+        lines = fetch_listed(ref, self.path, lambda: self._lines[ref.location], digest_scene_lines)
+        graph = assemble(
+            parse_scene_lines(lines, path=self.path),
+            ref=ref,
+            kind=self.kind,
+            sha256=ref.fingerprint,
+            class_map=class_map,
+        )
+        return Reading(graph)
 
     @cached_property
     def _lines(self) -> dict[str, list[tuple[int, str]]]:
@@ -105,34 +109,30 @@ def read_scene_lines(path: Path) -> dict[str, list[tuple[int, str]]]:
     lines = _read_member(path)
     header = next(lines, "")
     if tuple(header.split(",")[: len(HEADER)]) != HEADER:
-        raise AnnotationError(path / MEMBER, 1, header, expected=",".join(HEADER))
+        raise malformed(path / MEMBER, 1, header, expected=",".join(HEADER))
     for number, line in enumerate(lines, start=2):
         if line.strip():
             scenes.setdefault(line.split(",", 1)[0], []).append((number, line))
     return dict(sorted(scenes.items()))
 
 
-def parse_scene_lines(lines: list[tuple[int, str]], *, path: Path) -> Annotation:
-    """Parse the lines of one scene.
+def parse_scene_lines(lines: list[tuple[int, str]], *, path: Path) -> tuple[SceneObject, ...]:
+    """Parse the lines of one scene into objects sorted by id, with their region ids.
 
     Raises:
         AnnotationError: for the first malformed row, a count that disagrees with its instances,
             or a repeated id or region.
     """
-    instances: dict[int, Instance] = {}
+    objects: dict[int, SceneObject] = {}
     regions: set[int] = set()
     for number, line in lines:
-        for instance in _parse_region(line, path, number, regions):
-            if instance.instance_id in instances:
-                raise AnnotationError(
-                    path / MEMBER,
-                    number,
-                    f"{instance.name}_{instance.instance_id}",
-                    expected="an instance id that no earlier region of the scene has",
-                )
-            instances[instance.instance_id] = instance
-    ordered = tuple(instances[key] for key in sorted(instances))
-    return Annotation(ordered, digest_scene_lines(lines))
+        for obj in _parse_region(line, path, number, regions):
+            if obj.instance_id in objects:
+                expected = "an instance id that no earlier region of the scene has"
+                name = f"{obj.raw_category}_{obj.instance_id}"
+                raise malformed(path / MEMBER, number, name, expected=expected)
+            objects[obj.instance_id] = obj
+    return tuple(objects[key] for key in sorted(objects))
 
 
 def digest_scene_lines(lines: list[tuple[int, str]]) -> str:
@@ -140,38 +140,34 @@ def digest_scene_lines(lines: list[tuple[int, str]]) -> str:
     return hashlib.sha256("\n".join(line for _, line in lines).encode()).hexdigest()
 
 
-def _parse_region(line: str, path: Path, number: int, seen: set[int]) -> Iterator[Instance]:
-    def malformed(text: str, expected: str) -> AnnotationError:
-        return AnnotationError(path / MEMBER, number, text, expected=expected)
+def _parse_region(line: str, path: Path, number: int, seen: set[int]) -> Iterator[SceneObject]:
+    def fault(text: str, expected: str) -> AnnotationError:
+        return malformed(path / MEMBER, number, text, expected=expected)
 
     try:
         row = next(csv.reader([line], strict=True))
     except csv.Error as error:
-        raise malformed(line, f"a row of comma separated values ({error})") from error
+        raise fault(line, f"a row of comma separated values ({error})") from error
     if len(row) != len(HEADER) or not _WHOLE.fullmatch(row[1]) or not _WHOLE.fullmatch(row[3]):
-        raise malformed(line, f"{','.join(HEADER)}, with whole numbers as region and # Objects")
+        raise fault(line, f"{','.join(HEADER)}, with whole numbers as region and # Objects")
     region, count = int(row[1]), int(row[3])
     if region in seen:
-        raise malformed(line, f"region {region} of this scene once")
+        raise fault(line, f"region {region} of this scene once")
     seen.add(region)
     tokens = row[4].split(":") if row[4] else []
     if len(tokens) != count:
-        raise malformed(line, f"{count} instances as the row says ({len(tokens)} are listed)")
+        raise fault(line, f"{count} instances as the row says ({len(tokens)} are listed)")
     for token in tokens:
         match = _TOKEN.fullmatch(token)
         if match is None:
-            raise malformed(token, "<name>_<instance id>")
-        yield Instance(int(match[2]), match[1], region)
+            raise fault(token, "<name>_<instance id>")
+        yield SceneObject(0, int(match[2]), region, match[1])
 
 
 def _read_member(path: Path) -> Iterator[str]:
-    """Yield the lines of the table, without the line feeds at their ends."""
-    data = read_member(path, MEMBER, STATISTICS)
-    try:
-        for line in io.TextIOWrapper(io.BytesIO(data), encoding="utf-8-sig"):
-            yield line.removesuffix("\n")
-    except UnicodeDecodeError as error:
-        raise SourceError(f"{path}: {MEMBER} is not UTF-8 (byte {error.start})") from error
+    """Return the lines of the table, without the line feeds at their ends."""
+    text = decode(read_member(path, MEMBER, STATISTICS), path=path / MEMBER)
+    return iter(text.replace("\r\n", "\n").split("\n"))
 
 
 ROW = SourceRow(

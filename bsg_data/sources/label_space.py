@@ -19,7 +19,7 @@ from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -27,22 +27,19 @@ from bsg_data.errors import ClassMapError, SourceError
 from bsg_data.files import AnyPath
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import LABEL_SPACE
-from bsg_data.inputs.documents import parse_yaml
+from bsg_data.inputs.documents import decode, parse_yaml
 from bsg_data.recipes import name_fault
-from bsg_data.sources.annotation_files import decode
 
-_PREFIX = "labels-"
-
+_PREFIX, _SUFFIX = "labels-", ".csv"
 Name = Annotated[str, Field(max_length=200)]
-Number = Annotated[int, Field(ge=0, lt=2**32)]
 
 
 class _Label(BaseModel):
     model_config = ConfigDict(extra="ignore", frozen=True)
 
-    label: Number
+    label: Annotated[int, Field(ge=0, lt=2**32)]
     name: Name
-    category: Name | None = None
+    category: Name = ""
 
 
 class _HydraFile(BaseModel):
@@ -76,13 +73,9 @@ class LabelSpace:
 
 def list_label_spaces() -> tuple[str, ...]:
     """Return the names of the published label spaces, sorted."""
-    names = (item.name for item in files("bsg_mappings").iterdir())
+    names = sorted(item.name for item in files("bsg_mappings").iterdir())
     return tuple(
-        sorted(
-            name.removeprefix(_PREFIX).removesuffix(".csv")
-            for name in names
-            if name.startswith(_PREFIX)
-        )
+        n.removeprefix(_PREFIX).removesuffix(_SUFFIX) for n in names if n.startswith(_PREFIX)
     )
 
 
@@ -91,9 +84,11 @@ def _read_published(name: str) -> LabelSpace:
     if name not in list_label_spaces():
         raise ClassMapError(
             f"no label space {name!r}: there are {', '.join(list_label_spaces())}, and yours as "
-            "the path of a .yaml, .yml or .csv"
+            "the path of a .yaml, .yml or .csv",
+            code="label-space-unknown",
+            where=name,
         )
-    data = files("bsg_mappings").joinpath(f"{_PREFIX}{name}.csv").read_bytes()
+    data = files("bsg_mappings").joinpath(f"{_PREFIX}{name}{_SUFFIX}").read_bytes()
     rows = list(csv.DictReader(io.StringIO(data.decode())))
     return LabelSpace(
         name=name,
@@ -115,42 +110,33 @@ def load_label_space(name: AnyPath) -> LabelSpace:
         SourceError: for a file that cannot be read, naming the entry at fault.
     """
     path = Path(name)
-    if path.suffix.casefold() not in (".yaml", ".yml", ".csv"):
+    if path.suffix.casefold() not in (".yaml", ".yml", _SUFFIX):
         return _read_published(os.fspath(name))
     data = read_bytes(path, LABEL_SPACE)
-    labels = _parse_csv(data, path) if path.suffix.casefold() == ".csv" else _parse_yaml(data, path)
+    try:
+        is_csv = path.suffix.casefold() == _SUFFIX
+        document = {"label_names": _parse_csv(data)} if is_csv else parse_yaml(data)
+        labels = _HydraFile.model_validate(document).label_names
+    except (ValueError, csv.Error) as error:
+        said = name_fault(error) if isinstance(error, ValidationError) else error
+        raise SourceError(
+            f"{path}: {said}; expected Hydra's label_names, a list of {{label: 5, name: chair}}, "
+            "or a CSV with the columns label,name",
+            code="label-space-malformed",
+            where=path,
+        ) from error
     names: dict[int, str] = {}
     for label in labels:
         if names.setdefault(label.label, label.name) != label.name:
-            raise SourceError(f"{path}: label {label.label} has two names, expected one")
+            raise SourceError(
+                f"{path}: label {label.label} has two names, expected one",
+                code="label-twice",
+                where=path,
+            )
     categories = {label.name: label.category for label in labels if label.category}
     return LabelSpace(path.stem, hashlib.sha256(data).hexdigest(), names, categories)
 
 
-def _parse_yaml(data: bytes, path: Path) -> tuple[_Label, ...]:
-    try:
-        return _HydraFile.model_validate(parse_yaml(data)).label_names
-    except ValidationError as error:
-        raise SourceError(
-            f"{path}: {name_fault(error)}; expected Hydra's label_names, a list of "
-            "{label: 5, name: chair}"
-        ) from error
-    except ValueError as error:
-        raise SourceError(f"{path}: {error}") from error
-
-
-def _parse_csv(data: bytes, path: Path) -> tuple[_Label, ...]:
-    reader = csv.DictReader(io.StringIO(decode(data, path=path), newline=""))
-    labels = []
-    try:
-        if not {"label", "name"} <= set(reader.fieldnames or ()):
-            found = ",".join(reader.fieldnames or ())
-            raise SourceError(f"{path}, line 1: expected the columns label,name; found {found!r}")
-        for row in reader:
-            given = {key: row[key] for key in ("label", "name", "category") if row.get(key)}
-            labels.append(_Label.model_validate(given))
-    except ValidationError as error:
-        raise SourceError(f"{path}, line {reader.line_num}: {name_fault(error)}") from error
-    except csv.Error as error:
-        raise SourceError(f"{path}: not a readable CSV file ({error})") from error
-    return tuple(labels)
+def _parse_csv(data: bytes) -> list[dict[str, Any]]:
+    rows = csv.DictReader(io.StringIO(decode(data), newline=""), strict=True)
+    return [{key: value for key, value in row.items() if key and value} for row in rows]

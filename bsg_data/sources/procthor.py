@@ -22,21 +22,18 @@ from pathlib import Path
 from typing import Annotated, Any, BinaryIO
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from bsg_data.arrays import Floats
-from bsg_data.errors import SourceChangedError, SourceError
-from bsg_data.geometry.placement import find_storeys, surround
+from bsg_data.errors import SourceError
+from bsg_data.geometry.placement import find_storeys, measure_area, surround
 from bsg_data.inputs.bounded_file import open_stream
 from bsg_data.inputs.bounds import MAX_HOUSE, MAX_HOUSE_ROOMS, PROCTHOR, PROCTHOR_LINES
 from bsg_data.inputs.documents import parse_json
 from bsg_data.recipes import name_fault
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.scene.scene_graph import Box, Point, Room
-from bsg_data.sources.annotation_files import require_fingerprint
-from bsg_data.sources.annotations import Annotation, Instance
-from bsg_data.sources.assembly import assemble, connect_regions
+from bsg_data.scene.scene_graph import Box, Room, SceneObject
+from bsg_data.sources.annotation_files import fetch_listed
+from bsg_data.sources.assembly import assemble
 from bsg_data.sources.hm3d_names import keep_one_copy
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow, Terms
 
@@ -127,41 +124,48 @@ class ProcTHORHouses:
             for index, house in enumerate(_stream(file))
         ]
         if not refs:
-            raise SourceError(f"{self.path}: holds no house; expected a JSON object a line")
+            raise SourceError(
+                f"{self.path}: holds no house; expected a JSON object a line",
+                code="source-empty",
+                where=self.path,
+            )
         return keep_one_copy(refs)
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one house."""
         name, _, number = ref.location.rpartition(":")
         file = self.path / name if self.path.is_dir() else self.path
-        try:
-            text = _fetch(file, int(number))
-        except SourceError as error:  # it could be read when the houses were listed
-            raise SourceChangedError(str(error)) from error
-        require_fingerprint(ref.location, hashlib.sha256(text).hexdigest(), ref.fingerprint)
+        text = fetch_listed(ref, self.path, lambda: _fetch(file, int(number)), _digest)
         house = _parse(text, ref.location)
-        annotation = Annotation(tuple(_list_instances(house)), ref.fingerprint)
-        rooms = find_storeys([_describe(room, house.walls, ref.location) for room in house.rooms])
         graph = assemble(
-            annotation,
+            _list_objects(house),
             ref=ref,
             kind=self.kind,
+            sha256=ref.fingerprint,
             class_map=class_map,
-            rooms=rooms,
+            rooms=find_storeys(
+                [_describe(room, house.walls, ref.location) for room in house.rooms]
+            ),
+            doors=_list_doors(house),
+            method="door",
             building_kind="home",
         )
-        return Reading(connect_regions(graph, _list_doors(house), method="door"))
+        return Reading(graph)
 
     def _files(self) -> list[Path]:
         if not self.path.is_dir():
             return [self.path]
         files = sorted(file for file in self.path.iterdir() if file.name.endswith(SUFFIXES))
         if not files:
-            raise SourceError(f"{self.path}: holds no file that ends in {', '.join(SUFFIXES)}")
+            raise SourceError(
+                f"{self.path}: holds no file that ends in {', '.join(SUFFIXES)}",
+                code="source-empty",
+                where=self.path,
+            )
         return files
 
     def _refer(self, file: Path, index: int, number: int, text: bytes) -> SceneRef:
-        digest = hashlib.sha256(text).hexdigest()
+        digest = _digest(text)
         building = digest[:12]
         stem = file.name.split(".")[0]
         return SceneRef(
@@ -171,6 +175,10 @@ class ProcTHORHouses:
             source_split=stem if stem in _SPLITS else None,
             source_version=None,
         )
+
+
+def _digest(text: bytes) -> str:
+    return hashlib.sha256(text).hexdigest()
 
 
 def name_asset(asset: str) -> str:
@@ -211,7 +219,12 @@ def _split_lines(opened: BinaryIO, file: Path) -> Iterator[tuple[int, bytes]]:
     while line := opened.readline(MAX_HOUSE + 1):
         number += 1
         if len(line) > MAX_HOUSE:
-            raise SourceError(f"{file}, line {number}: a house has at most {MAX_HOUSE:,} bytes")
+            where = f"{file}, line {number}"
+            raise SourceError(
+                f"{where}: a house has at most {MAX_HOUSE:,} bytes",
+                code="house-too-large",
+                where=where,
+            )
         if line.strip():
             yield number, line.strip()
 
@@ -222,18 +235,20 @@ def _split(opened: BinaryIO, file: Path) -> Iterator[tuple[int, bytes]]:
         text = opened.read().decode("utf-8-sig").strip()
         opening = text.startswith("[")
         if opening and not text.endswith("]"):
-            raise SourceError(f"{file}: the array has no end; the file was cut off")
+            raise ValueError("the array has no end; the file was cut off")
         start, end = (1, len(text) - 1) if opening else (0, len(text))
         number = 0
         while (start := _BETWEEN.match(text, start, end).end()) < end:  # type: ignore[union-attr]
             _, stop = _DECODER.raw_decode(text, start)
             if stop > end:  # the bracket at the end is the last house's, as in `[[]`
-                raise SourceError(f"{file}: the array has no end; the file was cut off")
+                raise ValueError("the array has no end; the file was cut off")
             number += 1
             yield number, text[start:stop].encode()
             start = stop
     except (ValueError, RecursionError) as error:
-        raise SourceError(f"{file}: no JSON ({error})") from error
+        raise SourceError(
+            f"{file}: no JSON ({error})", code="json-malformed", where=file
+        ) from error
 
 
 @dataclass(slots=True)
@@ -260,19 +275,29 @@ def _fetch(file: Path, number: int) -> bytes:
         place.last = found
         if found == number:
             return text
-    raise SourceError(f"{file.name}:{number}: is not there any more")
+    raise SourceError(f"{file.name}:{number}: is not there", code="house-missing", where=file)
 
 
 def _parse(text: bytes, where: str) -> _House:
     try:
         house = _House.model_validate(parse_json(text))
     except ValidationError as error:
-        raise SourceError(f"{where}: {name_fault(error)}; expected a house of ProcTHOR") from error
+        raise SourceError(
+            f"{where}: {name_fault(error)}; expected a house of ProcTHOR",
+            code="house-malformed",
+            where=where,
+        ) from error
     except ValueError as error:
-        raise SourceError(f"{where}: no JSON ({error}); expected a house of ProcTHOR") from error
+        raise SourceError(
+            f"{where}: no JSON ({error}); expected a house of ProcTHOR",
+            code="json-malformed",
+            where=where,
+        ) from error
     (twice, times), *_ = Counter(room.id for room in house.rooms).most_common(1)
     if times > 1:
-        raise SourceError(f"{where}: rooms: {twice!r} is there twice")
+        raise SourceError(
+            f"{where}: rooms: {twice!r} is there twice", code="room-twice", where=where
+        )
     return house
 
 
@@ -280,10 +305,10 @@ def _number_rooms(house: _House) -> dict[str, int]:
     return {room.id: int(room.id.removeprefix("room|")) for room in house.rooms}
 
 
-def _list_instances(house: _House) -> Iterator[Instance]:
+def _list_objects(house: _House) -> Iterator[SceneObject]:
     """Yield the objects, each before its children; one of no room is the building's."""
     floors = {
-        int(room.id.removeprefix("room|")): np.array([(at.x, at.z) for at in room.corners])
+        int(room.id.removeprefix("room|")): [(at.x, at.z) for at in room.corners]
         for room in house.rooms
     }
     waiting = list(reversed(house.objects))
@@ -295,39 +320,41 @@ def _list_instances(house: _House) -> Iterator[Instance]:
         match = _OF_ROOM.search(thing.id)
         named = match is not None and int(match[1]) in floors
         region = int(match[1]) if match and named else _find_room(thing.position, floors)
-        yield Instance(count, name_asset(thing.asset), region, centroid=_upright(thing.position))
+        name, place = name_asset(thing.asset), _upright(thing.position)
+        yield SceneObject(0, count, region, name, centroid=place)
 
 
-def _find_room(place: _Place, floors: Mapping[int, Floats]) -> int:
+def _find_room(place: _Place, floors: Mapping[int, Sequence[tuple[float, float]]]) -> int:
     """Return the room whose floor a place is above; -1, the null region, outside of all."""
-    for number, corners in floors.items():
-        ahead = np.roll(corners, -1, axis=0)
-        crossing = (corners[:, 1] > place.z) != (ahead[:, 1] > place.z)
-        (x, y), (to_x, to_y) = corners[crossing].T, ahead[crossing].T
-        if (x + (place.z - y) * (to_x - x) / (to_y - y) > place.x).sum() % 2:
-            return number
-    return -1
+    from shapely import Point, Polygon  # Imported here because importing shapely is slow.
+
+    point = Point(place.x, place.z)
+    return next((n for n, floor in floors.items() if Polygon(floor).contains(point)), -1)
 
 
 def _describe(room: _Room, walls: Sequence[_Wall], where: str) -> Room:
     """Return a room with its floor: its area is the polygon's, its footprint the hull of that."""
     corners = np.array([_upright(corner) for corner in room.corners])
-    area = measure_area(corners[:, :2])
-    if not area > 0:
-        raise SourceError(f"{where}: rooms: {room.id}: its floorPolygon encloses nothing")
+    area = measure_area([(x, y) for x, y, _ in corners])
+    if area is None:
+        raise SourceError(
+            f"{where}: rooms: {room.id}: its floorPolygon encloses nothing",
+            code="floor-empty",
+            where=where,
+        )
     floor = float(corners[:, 2].min())
     tops = [corner.y for wall in walls if wall.room_id == room.id for corner in wall.polygon]
     (a, b), (c, d) = (map(float, f(corners[:, :2], axis=0)) for f in (np.min, np.max))
-    top = max([floor, *tops])
+    box = Box((a, b, floor), (c, d, max([floor, *tops])))
     return Room(
         room_index=0,
         region_id=int(room.id.removeprefix("room|")),
         source_label=room.room_type,
-        centroid=((a + c) / 2, (b + d) / 2, (floor + top) / 2),
-        box=Box((a, b, floor), (c, d, top)),
+        centroid=box.centre,
+        box=box,
         floor_z=floor,
         footprint=surround(corners[:, :2]),
-        floor_area=round(area, 4),
+        floor_area=area,
     )
 
 
@@ -339,17 +366,7 @@ def _list_doors(house: _House) -> Iterator[tuple[int, int]]:
             yield rooms[door.room0], rooms[door.room1]
 
 
-def measure_area(corners: npt.NDArray[np.float64]) -> float:
-    """Return the area of a polygon `[P, 2]` that does not cross itself (the shoelace formula).
-
-    >>> measure_area(np.array([[0.0, 0], [3, 0], [3, 1], [1, 1], [1, 2], [0, 2]]))
-    4.0
-    """
-    x, y = corners.T
-    return float(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2)
-
-
-def _upright(place: _Place) -> Point:
+def _upright(place: _Place) -> tuple[float, float, float]:
     """Return a place with Z up; swapping two axes makes a left-handed frame right-handed."""
     return place.x, place.z, place.y
 

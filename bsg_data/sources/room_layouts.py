@@ -7,7 +7,6 @@ region of the annotation by id, from 1. A layout may lack rooms.
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -17,22 +16,21 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from bsg_data.errors import SourceChangedError, SourceError, find_io_error
 from bsg_data.files import AnyPath
-from bsg_data.geometry.adjacency import measure_distance
-from bsg_data.geometry.placement import find_storeys, measure_area
+from bsg_data.geometry.placement import find_storeys
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import LAYOUT
 from bsg_data.inputs.documents import parse_yaml
 from bsg_data.recipes import name_fault
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import LAYOUTS, label_of
-from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph, is_scene_id
+from bsg_data.scene.scene_graph import Box, Room, SceneGraph, is_scene_id
 from bsg_data.scene.scene_id import building_hash
 from bsg_data.sources.annotation_files import fingerprint, require_fingerprint
+from bsg_data.sources.assembly import connect, place_room
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SkippedScene, Source
 
 _LAYOUT = ", layout "  # before the hash of a layout, in what tells of a scene's geometry
 MAX_METRES = 10_000.0
-_NAME = re.compile(r"room_([1-9][0-9]{0,5})")
 
 
 class LayoutError(SourceError):
@@ -42,6 +40,9 @@ class LayoutError(SourceError):
 Metres = Annotated[float, Field(ge=-MAX_METRES, le=MAX_METRES)]
 Length = Annotated[float, Field(ge=0, le=MAX_METRES)]
 Number = Annotated[int, Field(ge=0, le=10**6)]
+
+
+_Name = Annotated[str, Field(pattern=r"^room_[1-9][0-9]{0,5}$")]
 
 
 class _Entry(BaseModel):
@@ -67,7 +68,7 @@ class _LayoutRoom(_Entry):
 
 
 class _Layout(_Entry):
-    rooms: Annotated[dict[str, _LayoutRoom], Field(min_length=1)]
+    rooms: Annotated[dict[_Name, _LayoutRoom], Field(min_length=1)]
     connections: tuple[tuple[Number, Number], ...] = ()
 
 
@@ -91,26 +92,21 @@ def read_layout(path: Path) -> RoomLayout:
         LayoutError: naming the file, the entry, and what was expected there.
     """
     try:
-        data = read_bytes(path, LAYOUT, error=LayoutError)
-        parsed = _Layout.model_validate(parse_yaml(data))
-    except ValidationError as error:
-        raise LayoutError(f"{path}: {name_fault(error)}") from error
+        parsed = _Layout.model_validate(parse_yaml(read_bytes(path, LAYOUT, error=LayoutError)))
     except ValueError as error:
-        raise LayoutError(f"{path}: {error}") from error
-    rooms = {}
-    for name, room in parsed.rooms.items():
-        match = _NAME.fullmatch(name)
-        if match is None:
-            raise LayoutError(f"{path}: rooms.{name}: expected a name like room_1")
-        rooms[int(match[1])] = (room.label, _box(room))
-    for pair in parsed.connections:
-        for number in pair:
-            if number not in rooms:
-                raise LayoutError(f"{path}: connections: room_{number} is not among its rooms")
-        if pair[0] == pair[1]:
-            raise LayoutError(f"{path}: connections: room_{pair[0]} with itself")
-    pairs = {(min(pair), max(pair)) for pair in parsed.connections}
-    return RoomLayout(rooms, tuple(sorted(pairs)))
+        said = name_fault(error) if isinstance(error, ValidationError) else error
+        raise LayoutError(f"{path}: {said}", code="layout-malformed", where=path) from error
+    rooms = {
+        int(name.removeprefix("room_")): (r.label, _box(r)) for name, r in parsed.rooms.items()
+    }
+    for one, other in parsed.connections:
+        if one == other or not {one, other} <= set(rooms):
+            raise LayoutError(
+                f"{path}: connections: expected two of its rooms, found {one} and {other}",
+                code="room-unknown",
+                where=path,
+            )
+    return RoomLayout(rooms, tuple(sorted({(min(p), max(p)) for p in parsed.connections})))
 
 
 def _box(room: _LayoutRoom) -> Box:
@@ -135,7 +131,9 @@ def lay_out(graph: SceneGraph, layout: RoomLayout) -> SceneGraph:
     if beyond:
         raise LayoutError(
             f"room_{min(beyond)} is not among the {len(graph.rooms)} rooms of {graph.scene_id}; "
-            f"the layout ({len(layout.rooms)} rooms) is of another scene or another version"
+            f"the layout ({len(layout.rooms)} rooms) is of another scene or another version",
+            code="layout-foreign",
+            where=graph.scene_id,
         )
     rooms = [
         _lay_out_room(room, *layout.rooms[room.room_index], placed=graph.up_axis is not None)
@@ -143,35 +141,18 @@ def lay_out(graph: SceneGraph, layout: RoomLayout) -> SceneGraph:
         else room
         for room in graph.rooms
     ]
-    edges = [
-        Edge(a, b, "adjacent", "layout", measure_distance(rooms[a - 1], rooms[b - 1]))
-        for a, b in layout.connections
-    ]
-    edges += [
-        edge for edge in graph.adjacency if not {edge.source, edge.target} <= set(layout.rooms)
-    ]
-    edges.sort(key=lambda edge: (edge.source, edge.target))
-    placed = tuple(rooms) if graph.up_axis is not None else find_storeys(rooms)
-    return replace(graph, rooms=placed, adjacency=tuple(edges))
+    kept = [e for e in graph.adjacency if not {e.source, e.target} <= set(layout.rooms)]
+    storeys = tuple(rooms) if graph.up_axis is not None else find_storeys(rooms)
+    laid_out = replace(graph, rooms=storeys, adjacency=tuple(kept))
+    return connect(laid_out, layout.connections, method="layout")
 
 
 def _lay_out_room(room: Room, label: str, box: Box, *, placed: bool) -> Room:
     """Return the room with its label, and with its box unless a mesh placed the building."""
+    labelled = replace(room, source_label=label, label=label_of(LAYOUTS, label))
     if placed:
-        return replace(room, source_label=label, label=label_of(LAYOUTS, label))
-    (a, b, _), (c, d, _) = box.minimum, box.maximum
-    x, y, z = (float(v) for v in np.mean([box.minimum, box.maximum], axis=0))
-    footprint = ((a, b), (c, b), (c, d), (a, d))
-    return replace(
-        room,
-        source_label=label,
-        label=label_of(LAYOUTS, label),
-        box=box,
-        centroid=(x, y, z),
-        floor_z=box.minimum[2],
-        footprint=footprint,
-        floor_area=measure_area(footprint),
-    )
+        return labelled
+    return place_room(replace(labelled, floor_area=None), box)
 
 
 @dataclass(frozen=True)
@@ -212,20 +193,28 @@ class WithLayouts:
             SourceError: as the source does, or if no layout belongs to any scene.
         """
         if not self.folder.is_dir():
-            raise SourceError(f"{self.folder}: no such folder of room layouts")
+            raise SourceError(
+                f"{self.folder}: no such folder of room layouts",
+                code="source-missing",
+                where=self.folder,
+            )
         own = self.source.find()
         files = sorted(self.folder.glob("*.yaml"))
         scenes = tuple(self._refer(ref) for ref in own.scenes)
         used = {path for ref in own.scenes if (path := self._layout_of(ref)) is not None}
-        if not files:
-            raise SourceError(f"{self.folder}: holds no .yaml file")
         if not used:
             raise SourceError(
                 f"{self.folder}: none of its {len(files)} layouts belongs to a scene of "
-                f"{self.source.path}; expected names like {own.scenes[0].scene_id}.yaml"
+                f"{self.source.path}; expected names like {own.scenes[0].scene_id}.yaml",
+                code="layouts-foreign",
+                where=self.folder,
             )
         unused = tuple(
-            SkippedScene(path.stem, path.name, "a room layout of no scene of the source")
+            SkippedScene(
+                scene_id=path.stem,
+                location=path.name,
+                reason="a room layout of no scene of the source",
+            )
             for path in files
             if path not in used
         )
@@ -245,12 +234,12 @@ class WithLayouts:
             try:
                 return replace(reading, graph=lay_out(reading.graph, layout))
             except LayoutError as error:
-                raise LayoutError(f"{path}: {error}") from error
+                raise LayoutError(f"{path}: {error}", code=error.code, where=error.where) from error
         except LayoutError as error:
             if find_io_error(error):
-                raise SourceChangedError(str(error)) from error
+                raise SourceChangedError(str(error), code="source-changed", where=path) from error
             reason = str(error).replace(f"{self.folder}/", "")
-            skip = SkippedScene(ref.scene_id, path.name, reason)
+            skip = SkippedScene(scene_id=ref.scene_id, location=path.name, reason=reason)
             return replace(reading, left_out=(*reading.left_out, skip))
 
     def _layout_of(self, ref: SceneRef) -> Path | None:

@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import NoReturn, Protocol, runtime_checkable
 
 from bsg_data.errors import SourceError
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap
@@ -50,7 +50,7 @@ class SceneRef:
 
 @dataclass(frozen=True, slots=True)
 class SkippedScene:
-    """A scene that a build leaves out, with the reason."""
+    """A scene, or what belongs to it, that was left out, with the reason."""
 
     scene_id: str
     location: str
@@ -145,16 +145,17 @@ class Terms:
 
     def __post_init__(self) -> None:
         if not re.fullmatch(r"[A-Za-z0-9.+-]+", self.licence):
-            raise SourceError(
-                f"licence {self.licence!r}: expected an SPDX identifier such as Apache-2.0, or "
-                f"{LICENCE_REF}NAME for a licence that SPDX does not list"
-            )
+            self._refuse("licence", f"an SPDX identifier such as MIT, or {LICENCE_REF}NAME")
         for name in ("licence_url", "homepage"):
             if not is_address(getattr(self, name)):
-                raise SourceError(f"{name}: expected an address, found {getattr(self, name)!r}")
+                self._refuse(name, "an address")
         for name in ("citation", "sentence"):
             if not getattr(self, name).strip() or "\n" in getattr(self, name):
-                raise SourceError(f"{name}: expected one line, found {getattr(self, name)!r}")
+                self._refuse(name, "one line")
+
+    def _refuse(self, name: str, expected: str) -> NoReturn:
+        message = f"{name}: expected {expected}, found {getattr(self, name)!r}"
+        raise SourceError(message, code="terms-malformed", where=name)
 
 
 def is_address(text: str) -> bool:

@@ -20,7 +20,9 @@ def open_synthetic(
     folder = HM3DFolder(path, meshes=meshes, snap_colours=snap_colours)
     if path.is_dir() and folder.kind != "synthetic":
         raise SourceError(
-            f"{path}: holds no buildings of `bsg-data synth`; read it as the source hm3d"
+            f"{path}: holds no buildings of `bsg-data synth`; read it as the source hm3d",
+            code="source-mixed",
+            where=path,
         )
     return folder
 

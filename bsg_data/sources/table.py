@@ -6,22 +6,37 @@ room belongs to the building. A row without a category describes an empty room.
 
 from __future__ import annotations
 
+import csv
 import hashlib
+import io
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import chain
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any
 
-from bsg_data.errors import SourceChangedError, SourceError
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    model_validator,
+)
+
+from bsg_data.errors import SourceError
 from bsg_data.geometry.placement import find_storeys
-from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap
-from bsg_data.scene.connections import GIVEN
-from bsg_data.scene.scene_graph import Box, Point, Room, is_scene_id
-from bsg_data.sources.annotation_files import require_fingerprint
-from bsg_data.sources.annotations import Annotation, Instance
-from bsg_data.sources.assembly import assemble, connect_regions
+from bsg_data.inputs.bounded_file import open_stream
+from bsg_data.inputs.bounds import MAX_LINE, MAX_OBJECT_ROWS, TABLE
+from bsg_data.inputs.parquet import reading_parquet
+from bsg_data.recipes import name_fault
+from bsg_data.scene.class_map import ClassMap
+from bsg_data.scene.scene_graph import Box, Point, Room, SceneObject, is_scene_id
+from bsg_data.sources.annotation_files import fetch_listed
+from bsg_data.sources.assembly import assemble, place_room
 from bsg_data.sources.hm3d_names import keep_one_copy
 from bsg_data.sources.source import (
     LICENCE_REF,
@@ -32,57 +47,125 @@ from bsg_data.sources.source import (
     SourceRow,
     Terms,
 )
-from bsg_data.sources.table_rows import Cells, read_cells
-from bsg_data.spelling import ask_if_meant, nearest_names
+from bsg_data.spelling import ask_if_meant
 
+SUFFIXES = (".csv", ".csv.gz", ".tsv", ".tsv.gz", ".parquet")
 REQUIRED = ("scene", "room", "category")
 CENTROID = ("x", "y", "z")
 BOX = tuple(f"box_{end}_{axis}" for end in ("min", "max") for axis in CENTROID)
-OPTIONAL = ("room_label", "floor", "floor_area", "connected", *CENTROID, *BOX)
-MAX_METRES = 10_000.0
-MAX_SQUARE_METRES = 1e7
-_TEXT = 200  # characters of a name; the longest name of HM3D has 61
 _NUMBER = re.compile(r"[0-9]{1,9}")
 _DIGITS = re.compile(r"([0-9]+)")
-MAX_FLOORS = 1_000.0
-_Value = TypeVar("_Value")
 _SLACK = 1e-4  # metres that a centroid may stand outside its box: files round
 
 
-@dataclass(frozen=True, slots=True)
-class TableRow:
-    """One row of a table.
+def _as_text(value: Any) -> Any:
+    """Return a cell as text: pandas gives whole numbers as floats where one is missing."""
+    if isinstance(value, float) and value.is_integer():
+        value = int(value)
+    return str(value).strip() if isinstance(value, str | int | float) else value
+
+
+def _as_names(value: Any) -> Any:
+    names = value.split(";") if isinstance(value, str) else value
+    names = names if isinstance(names, list) else [_as_text(names)]
+    return sorted(filter(None, (_as_text(name) for name in names if name is not None)))
+
+
+# The longest name of HM3D has 61 characters.
+Name = Annotated[str, BeforeValidator(_as_text), Field(max_length=200)]
+Metres = Annotated[float, Field(ge=-10_000, le=10_000)]
+
+
+class TableRow(BaseModel):
+    """One row of a table: an object, or a room alone.
 
     Attributes:
-        place: where it stands in the file, e.g. `line 12`.
+        scene: the name of its building.
         room: the name of its room; empty for an object of the building.
         category: the name of the object; empty for a room alone.
         room_label: what the room is, e.g. `kitchen`.
         floor: the level of the room, counted as one likes.
         floor_area: of the room, square metres.
         connected: names of rooms that connect to the room.
-        centroid: of the object, metres, Z up.
-        box: of the object, metres, Z up.
+        x, y, z: where the object is, metres, Z up.
+        box_min_x and so on: the box of the object, metres, Z up.
     """
 
-    place: str
-    room: str
-    category: str
-    room_label: str | None = None
-    floor: int | None = None
-    floor_area: float | None = None
-    connected: tuple[str, ...] = ()
-    centroid: Point | None = None
-    box: Box | None = None
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+    scene: Name
+    room: Name = ""
+    category: Name = ""
+    room_label: Name | None = None
+    floor: Annotated[int, Field(ge=-1000, le=1000)] | None = None
+    floor_area: Annotated[float, Field(gt=0, le=1e7)] | None = None
+    connected: Annotated[tuple[Name, ...], BeforeValidator(_as_names)] = ()
+    x: Metres | None = None
+    y: Metres | None = None
+    z: Metres | None = None
+    box_min_x: Metres | None = None
+    box_min_y: Metres | None = None
+    box_min_z: Metres | None = None
+    box_max_x: Metres | None = None
+    box_max_y: Metres | None = None
+    box_max_z: Metres | None = None
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> TableRow:
+        given = self.model_fields_set
+        if not is_scene_id(self.scene):
+            raise ValueError(f"scene: expected a name that a file can have, found {self.scene!r}")
+        if not self.room and not self.category:
+            raise ValueError("category: expected an object, or a room in the column room")
+        if not self.room and given & {"room_label", "floor", "floor_area", "connected"}:
+            raise ValueError("room: expected the room that the row describes, found none")
+        for group in (CENTROID, BOX):
+            if 0 < len(given.intersection(group)) < len(group):
+                absent = next(name for name in group if name not in given)
+                raise ValueError(f"{absent}: expected a number, as in the rest of {group}")
+            if not self.category and given.intersection(group):
+                raise ValueError(f"category: expected the object that is at {group[0]}")
+        if self.box is not None:
+            self._require_inside(self.box)
+        return self
+
+    def _require_inside(self, box: Box) -> None:
+        """Refuse a box that is inside out, and a centroid that is not in its box."""
+        for axis, low, high in zip(CENTROID, box.minimum, box.maximum, strict=True):
+            if low > high:
+                raise ValueError(f"box_max_{axis}: expected {low} or more, found {high}")
+            value = getattr(self, axis)
+            if value is not None and not low - _SLACK <= value <= high + _SLACK:
+                raise ValueError(f"{axis}: expected {low} to {high}, its box; found {value}")
+
+    @property
+    def centroid(self) -> Point | None:
+        """Where the object is: as given, else the middle of its box."""
+        x, y, z = self.x, self.y, self.z
+        if x is None or y is None or z is None:
+            return self.box.centre if self.box else None
+        return x, y, z
+
+    @property
+    def box(self) -> Box | None:
+        """The box of the object."""
+        if self.box_min_x is None:
+            return None
+        a, b, c, d, e, f = (getattr(self, name) for name in BOX)
+        return Box((a, b, c), (d, e, f))
 
     @property
     def key(self) -> tuple[Any, ...]:
-        """What the row says, in an order of its own, without its place in the file."""
+        """What the row says, in an order of its own."""
         box = (*self.box.minimum, *self.box.maximum) if self.box else ()
+        point = () if self.x is None else (self.x, self.y, self.z)
         return (
-            (self.room, self.category, self.centroid or (), box),
+            (self.room, self.category, point, box),
             (self.room_label or "", str(self.floor), str(self.floor_area), self.connected),
         )
+
+
+OPTIONAL = tuple(name for name in TableRow.model_fields if name not in REQUIRED)
 
 
 @dataclass(frozen=True)
@@ -113,7 +196,7 @@ class ObjectTable:
 
     @property
     def options(self) -> dict[str, int | str]:
-        """None that graphs depend on; the terms are in the manifest under their own name."""
+        """Empty: graphs depend on no option, and the manifest has the terms themselves."""
         return {}
 
     @property
@@ -130,11 +213,15 @@ class ObjectTable:
         if self.licence is None or self.homepage is None or self.citation is None:
             raise SourceError(
                 f"the terms of {self.path}: {' and '.join(missing)} missing; give licence, "
-                "homepage and citation together, or none of them if the licence is unknown"
+                "homepage and citation together, or none of them if the licence is unknown",
+                code="terms-missing",
+                where=self.path,
             )
         if self.licence_url is None and self.licence.startswith(LICENCE_REF):
             raise SourceError(
-                f"licence {self.licence}: give licence_url, too: SPDX has no page of it"
+                f"licence {self.licence}: give licence_url, too: SPDX has no page of it",
+                code="terms-missing",
+                where=self.path,
             )
         return Terms(
             licence=self.licence,
@@ -147,7 +234,7 @@ class ObjectTable:
     def find(self) -> FoundScenes:
         """Find the scenes of the table; columns that are not read are listed as left out."""
         table = self._table()
-        refs = (
+        found = keep_one_copy(
             SceneRef(
                 scene_id=scene,
                 location=scene,
@@ -157,52 +244,42 @@ class ObjectTable:
             )
             for scene, rows in table.scenes.items()
         )
-        columns = ", ".join(map(_name_unread, table.unread))
-        unread = SkippedScene("all", self.path.name, f"columns that are not read: {columns}")
-        found = keep_one_copy(refs)
-        return FoundScenes(found.scenes, found.duplicates, unused=(unread,) if columns else ())
+        if not table.unread:
+            return found
+        reason = f"columns that are not read: {', '.join(map(_name_unread, table.unread))}"
+        skip = SkippedScene(scene_id="all", location=self.path.name, reason=reason)
+        return replace(found, unused=(skip,))
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one scene; the order of its rows does not matter."""
-        rows = sorted(self._listed(ref), key=lambda row: row.key)
+        rows = fetch_listed(ref, self.path, lambda: self._table().scenes[ref.scene_id], _digest)
         regions = number_rooms({row.room for row in rows if row.room})
-        placed = sorted(
-            (row for row in rows if row.category),
-            key=lambda row: (regions.get(row.room, -1), row.key),
-        )
-        instances = tuple(
-            Instance(
-                number,
-                row.category,
-                regions.get(row.room, -1),
-                centroid=row.centroid or (_centre(row.box) if row.box else None),
-                box=row.box,
-            )
-            for number, row in enumerate(placed, start=1)
-        )
+        placed = [(regions.get(row.room, -1), row) for row in rows if row.category]
+        placed.sort(key=lambda pair: (pair[0], pair[1].key))
+        objects = [
+            SceneObject(0, number, region, row.category, centroid=row.centroid, box=row.box)
+            for number, (region, row) in enumerate(placed, start=1)
+        ]
         graph = assemble(
-            Annotation(instances, ref.fingerprint),
+            objects,
             ref=ref,
             kind=self.kind,
+            sha256=ref.fingerprint,
             class_map=class_map,
             rooms=_describe_rooms(rows, regions),
+            doors=[(regions[row.room], regions[other]) for row in rows for other in row.connected],
         )
-        return Reading(connect_regions(graph, _list_connections(rows, regions), method=GIVEN))
-
-    def _listed(self, ref: SceneRef) -> Sequence[TableRow]:
-        """Return the rows of a scene, which are those that were listed."""
-        try:
-            rows = self._table().scenes[ref.scene_id]
-        except (SourceError, KeyError) as error:  # it could be read when the scenes were listed
-            raise SourceChangedError(f"{self.path}: scene {ref.scene_id}: {error}") from error
-        require_fingerprint(f"{self.path}: {ref.scene_id}", _digest(rows), ref.fingerprint)
-        return rows
+        return Reading(graph)
 
     def _table(self) -> _Table:
         try:
             stat = self.path.stat()
         except OSError as error:
-            raise SourceError(f"{self.path}: cannot be read ({error.strerror})") from error
+            raise SourceError(
+                f"{self.path}: cannot be read ({error.strerror})",
+                code="file-unreadable",
+                where=self.path,
+            ) from error
         return _read_table(self.path, stat.st_size, stat.st_mtime_ns)
 
 
@@ -214,20 +291,117 @@ class _Table:
 
 @lru_cache(maxsize=1)
 def _read_table(path: Path, size: int, changed: int) -> _Table:
-    """Read the table, once for each state of the file."""
-    table = read_cells(path, known=(*REQUIRED, *OPTIONAL))
-    _require_columns(path, table.columns)
-    scenes: dict[str, list[TableRow]] = {}
-    for cells in table.rows:
-        scene = cells.text("scene")
-        if not is_scene_id(scene):
-            raise cells.fault("scene", "a name that a file can have", scene)
-        scenes.setdefault(scene, []).append(_read_row(cells))
+    """Read the table, once for each state of the file; the rows of a scene by their keys."""
+    name = path.name.casefold()
+    if not name.endswith(SUFFIXES):
+        raise SourceError(
+            f"{path}: expected a file that ends in {', '.join(SUFFIXES)}",
+            code="table-suffix",
+            where=path,
+        )
+    lines = _read_parquet(path) if name.endswith(".parquet") else _read_csv(path)
+    _, header = next(lines, ("", []))
+    columns = [str(column).strip() for column in header]
+    _require_columns(path, columns)
+    scenes: dict[str, list[tuple[TableRow, str]]] = defaultdict(list)
+    for count, (line, cells) in enumerate(lines):
+        if count >= MAX_OBJECT_ROWS:
+            raise SourceError(
+                f"{path}: over {MAX_OBJECT_ROWS:,} rows; split it into several tables",
+                code="table-too-long",
+                where=path,
+            )
+        row = _parse_row(f"{path}, {line}", columns, cells)
+        scenes[row.scene].append((row, line))
     if not scenes:
-        raise SourceError(f"{path}: holds no row; expected an object a row")
+        raise SourceError(
+            f"{path}: no row; expected an object a row", code="source-empty", where=path
+        )
     for scene, rows in scenes.items():
         _require_agreement(rows, f"{path}: scene {scene}")
-    return _Table(scenes, table.unread)
+    unread = tuple(column for column in columns if column not in TableRow.model_fields)
+    ordered = {
+        scene: sorted((row for row, _ in rows), key=lambda row: row.key)
+        for scene, rows in scenes.items()
+    }
+    return _Table(ordered, unread)
+
+
+def _read_csv(path: Path) -> Iterator[tuple[str, list[Any]]]:
+    """Yield the header, then the place and the fields of every line that is not empty."""
+    number = 0
+
+    def refuse(said: str, **place: Any) -> SourceError:
+        after = f", after line {number}" if number else ""
+        return SourceError(f"{path}{after}{said.removeprefix(str(path))}", **place)
+
+    def fault(said: object) -> SourceError:
+        return refuse(f": no text in columns ({said})", code="csv-malformed", where=path)
+
+    separator = "\t" if ".tsv" in path.name.casefold() else ","
+    try:
+        with open_stream(path, TABLE, error=refuse) as opened:
+            text = io.TextIOWrapper(opened, encoding="utf-8-sig", newline="")
+            lines = iter(lambda: text.readline(MAX_LINE), "")
+            for fields in (reader := csv.reader(lines, strict=True, delimiter=separator)):
+                number = reader.line_num
+                if any(field.strip() for field in fields):
+                    yield f"line {number}", fields
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise fault(error) from error
+
+
+def _read_parquet(path: Path) -> Iterator[tuple[str, list[Any]]]:
+    """Yield the names of the columns, then the place and the values of every row."""
+    with reading_parquet(path, most=MAX_OBJECT_ROWS) as file:
+        names = file.schema_arrow.names
+        yield "", names
+        known = [name for name in names if name in TableRow.model_fields]
+        rows = chain.from_iterable(b.to_pylist() for b in file.iter_batches(columns=known))
+        for number, row in enumerate(rows, start=1):
+            yield f"row {number}", [row.get(name) for name in names]
+
+
+def _parse_row(where: str, columns: Sequence[str], cells: Sequence[Any]) -> TableRow:
+    if len(cells) != len(columns):
+        raise SourceError(
+            f"{where}: expected {len(columns)} fields, as many as the header has; found "
+            f"{len(cells)}",
+            code="row-ragged",
+            where=where,
+        )
+    given = {name: cell for name, cell in zip(columns, cells, strict=True) if not _is_empty(cell)}
+    try:
+        return TableRow.model_validate({"scene": "", **given})
+    except ValidationError as error:
+        raise SourceError(
+            f"{where}, column {name_fault(error)}", code="row-malformed", where=where
+        ) from error
+
+
+def _is_empty(cell: Any) -> bool:
+    return cell is None or cell in ("", []) or not str(cell).strip() or cell != cell
+
+
+def _require_columns(path: Path, columns: Sequence[str]) -> None:
+    twice = [column for number, column in enumerate(columns) if column in columns[:number]]
+    if twice:
+        raise SourceError(f"{path}: the column {twice[0]!r} twice", code="column-twice", where=path)
+    wanted = [*REQUIRED]
+    for group in (CENTROID, BOX):
+        wanted += group if set(group) & set(columns) else ()
+    missing = [name for name in wanted if name not in columns]
+    if missing:
+        semicolons = len(columns) == 1 and ";" in columns[0]
+        hint = "; save it with commas, or with tabs as .tsv" if semicolons else ""
+        asked = ask_if_meant(missing[0], columns)
+        raise SourceError(
+            f"{path}: no column {missing[0]!r}{hint or f'; {asked}' if asked else hint}. Expected "
+            f"{', '.join(REQUIRED)}, in small letters, and any of {', '.join(OPTIONAL)}; found "
+            f"{', '.join(columns) or 'none'}",
+            code="column-missing",
+            where=path,
+        )
 
 
 def _name_unread(column: str) -> str:
@@ -236,118 +410,35 @@ def _name_unread(column: str) -> str:
     return f"{column} ({asked})" if asked else column
 
 
-def _require_columns(path: Path, columns: Sequence[str]) -> None:
-    missing = [name for name in REQUIRED if name not in columns]
-    if missing:
-        if len(columns) == 1 and ";" in columns[0]:
-            raise SourceError(
-                f"{path}: its columns are separated by semicolons; save it with commas, "
-                "or with tabs as .tsv"
-            )
-        near = nearest_names(missing[0], columns, most=1)
-        hint = f"; is {near[0]!r} meant?" if near else "."
-        raise SourceError(
-            f"{path}: no column {missing[0]!r}{hint} Expected {', '.join(REQUIRED)}, in small "
-            f"letters, and any of {', '.join(OPTIONAL)}; found {', '.join(columns) or 'none'}"
-        )
-    for group in (CENTROID, BOX):
-        absent = [name for name in group if name not in columns]
-        if absent and len(absent) < len(group):
-            raise SourceError(
-                f"{path}: no column {absent[0]!r}; expected all of {', '.join(group)}, or none"
-            )
-
-
-def _read_row(cells: Cells) -> TableRow:
-    row = TableRow(
-        place=cells.place,
-        room=cells.text("room", limit=_TEXT),
-        category=cells.text("category", limit=_TEXT),
-        room_label=cells.text("room_label", limit=_TEXT) or None,
-        floor=_read_floor(cells),
-        floor_area=cells.number("floor_area", limit=MAX_SQUARE_METRES),
-        connected=tuple(sorted(filter(None, map(str.strip, cells.text("connected").split(";"))))),
-        centroid=_read_point(cells, CENTROID),
-        box=_read_box(cells),
-    )
-    if not row.room and not row.category:
-        raise cells.fault("category", "an object, or a room in the column room", "")
-    if row.floor_area is not None and row.floor_area <= 0:
-        raise cells.fault("floor_area", "square metres above 0", row.floor_area)
-    for name in ("room_label", "floor", "floor_area", "connected"):
-        if getattr(row, name) not in (None, ()) and not row.room:
-            raise cells.fault(name, "nothing where the row has no room", getattr(row, name))
-    for name in ("centroid", "box"):
-        if getattr(row, name) is not None and not row.category:
-            raise cells.fault("category", f"the object whose {name} the row has", "")
-    if row.box is not None and row.centroid is not None:
-        _require_inside(cells, row.centroid, row.box)
-    return row
-
-
-def _read_floor(cells: Cells) -> int | None:
-    floor = cells.number("floor", limit=MAX_FLOORS)
-    if floor is not None and not floor.is_integer():
-        raise cells.fault("floor", "a whole number", floor)
-    return None if floor is None else int(floor)
-
-
-def _require_inside(cells: Cells, centroid: Point, box: Box) -> None:
-    for name, low, value, high in zip(CENTROID, box.minimum, centroid, box.maximum, strict=True):
-        if not low - _SLACK <= value <= high + _SLACK:
-            raise cells.fault(name, f"a number in the box of the object, {low} to {high}", value)
-
-
-def _read_point(cells: Cells, names: Sequence[str]) -> Point | None:
-    values = [cells.number(name, limit=MAX_METRES) for name in names]
-    x, y, z = values
-    if x is None or y is None or z is None:
-        if any(value is not None for value in values):
-            empty = names[values.index(None)]
-            raise cells.fault(empty, f"a number, as in the rest of {', '.join(names)}", "nothing")
-        return None
-    return x, y, z
-
-
-def _read_box(cells: Cells) -> Box | None:
-    low, high = _read_point(cells, BOX[:3]), _read_point(cells, BOX[3:])
-    if low is None or high is None:
-        if low is not None or high is not None:
-            empty = BOX[0] if low is None else BOX[3]
-            raise cells.fault(empty, "both corners of the box, or none", "nothing")
-        return None
-    for name, least, most in zip(BOX[3:], low, high, strict=True):
-        if most < least:
-            raise cells.fault(name, f"{least} or more, as the lowest corner says", most)
-    return Box(low, high)
-
-
-def _require_agreement(rows: Sequence[TableRow], where: str) -> None:
+def _require_agreement(rows: Sequence[tuple[TableRow, str]], where: str) -> None:
     """Refuse rows of one room that disagree about it, and connections to rooms that are not there.
 
     Raises:
         SourceError: naming the line.
     """
-    first: dict[tuple[str, str], TableRow] = {}
-    names = {row.room for row in rows if row.room}
-    for row in rows:
+    first: dict[tuple[str, str], tuple[object, str]] = {}
+    names = {row.room for row, _ in rows if row.room}
+    for row, line in rows:
         for name in ("room_label", "floor", "floor_area"):
             value = getattr(row, name)
-            if value is None:
-                continue
-            known = first.setdefault((row.room, name), row)
-            if getattr(known, name) != value:
+            known, earlier = first.setdefault((row.room, name), (value, line))
+            if value is not None and known is None:
+                first[row.room, name] = (value, line)
+            elif value not in (None, known):
                 raise SourceError(
-                    f"{where}, {row.place}, column {name}: expected {getattr(known, name)!r} "
-                    f"for room {row.room!r}, as {known.place} says; found {value!r}"
+                    f"{where}, {line}, column {name}: expected {known!r} for room {row.room!r}, as "
+                    f"{earlier} says; found {value!r}",
+                    code="rows-disagree",
+                    where=f"{where}, {line}",
                 )
         for other in row.connected:
             if other not in names or other == row.room:
-                what = "itself" if other == row.room else "a room that no row has"
                 raise SourceError(
-                    f"{where}, {row.place}, column connected: expected names of other rooms "
-                    f"with ; between them; found {other!r}, {what}. A room without objects is a "
-                    "row without a category"
+                    f"{where}, {line}, column connected: expected names of other rooms with ; "
+                    f"between them; found {other!r}. A room without objects is a row without a "
+                    "category",
+                    code="room-unknown",
+                    where=f"{where}, {line}",
                 )
 
 
@@ -372,13 +463,13 @@ def _by_digits(name: str) -> tuple[list[Any], str]:
 
 
 def _describe_rooms(rows: Sequence[TableRow], regions: Mapping[str, int]) -> list[Room]:
-    """Return what the rows tell of the rooms: of their objects, too."""
+    """Return what the rows tell of the rooms; their levels, or those that their floors show."""
     of_room: dict[str, list[TableRow]] = {name: [] for name in regions}
     for row in rows:
         if row.room:
             of_room[row.room].append(row)
     rooms = [_describe_room(name, own, regions[name]) for name, own in of_room.items()]
-    floors = [_first(row.floor for row in own) for own in of_room.values()]
+    floors = [_first(own, "floor") for own in of_room.values()]
     levels = sorted({floor for floor in floors if floor is not None})
     if not levels:
         return list(find_storeys(rooms))
@@ -390,47 +481,25 @@ def _describe_rooms(rows: Sequence[TableRow], regions: Mapping[str, int]) -> lis
 
 def _describe_room(name: str, rows: Sequence[TableRow], region: int) -> Room:
     """Return a room with the box around its objects; where they are points, with its middle."""
-    room = Room(
-        room_index=0,
-        region_id=region,
-        source_label=_first(row.room_label for row in rows)
-        or (None if _NUMBER.fullmatch(name) else name),
-        floor_area=_first(row.floor_area for row in rows),
-    )
+    label = _first(rows, "room_label") or (None if _NUMBER.fullmatch(name) else name)
+    room = Room(0, region, source_label=label, floor_area=_first(rows, "floor_area"))
     points = [Box(row.centroid, row.centroid) for row in rows if row.centroid is not None]
     boxes = [row.box for row in rows if row.box is not None]
-    if not points and not boxes:
+    if not points:
         return room
-    (a, b, floor), (c, d, _) = around = _surround([*points, *boxes])
-    room = replace(room, centroid=_centre(Box(*around)))
-    if not boxes:
-        return room
-    footprint = ((a, b), (c, b), (c, d), (a, d))
-    return replace(room, box=Box(*around), floor_z=floor, footprint=footprint)
+    corners = [[*zip(*(getattr(b, end) for b in (*points, *boxes)), strict=True)] for end in _ENDS]
+    (a, b, c), (d, e, f) = (
+        [*map(end, axes)] for end, axes in zip((min, max), corners, strict=True)
+    )
+    around = Box((a, b, c), (d, e, f))
+    return place_room(room, around) if boxes else replace(room, centroid=around.centre)
 
 
-def _surround(boxes: Sequence[Box]) -> tuple[Point, Point]:
-    """Return the lowest and the highest corner of some boxes."""
-    low = [min(box.minimum[axis] for box in boxes) for axis in range(3)]
-    high = [max(box.maximum[axis] for box in boxes) for axis in range(3)]
-    return (low[0], low[1], low[2]), (high[0], high[1], high[2])
+_ENDS = ("minimum", "maximum")
 
 
-def _centre(box: Box) -> Point:
-    x, y, z = ((low + high) / 2 for low, high in zip(box.minimum, box.maximum, strict=True))
-    return x, y, z
-
-
-def _first(values: Iterable[_Value | None]) -> _Value | None:
-    return next((value for value in values if value is not None), None)
-
-
-def _list_connections(
-    rows: Iterable[TableRow], regions: Mapping[str, int]
-) -> Iterable[tuple[int, int]]:
-    for row in rows:
-        for other in row.connected:
-            yield regions[row.room], regions[other]
+def _first(rows: Iterable[TableRow], name: str) -> Any:
+    return next((value for row in rows if (value := getattr(row, name)) is not None), None)
 
 
 def _digest(rows: Iterable[TableRow]) -> str:
@@ -439,9 +508,4 @@ def _digest(rows: Iterable[TableRow]) -> str:
     return hashlib.sha256("\n".join(said).encode("utf-8", "surrogatepass")).hexdigest()
 
 
-ROW = SourceRow(
-    summary="a table of your own objects, CSV or parquet",
-    open=ObjectTable,
-    terms=None,
-    class_map=DEFAULT_CLASS_MAP,
-)
+ROW = SourceRow(summary="a table of your own objects, CSV or parquet", open=ObjectTable, terms=None)

@@ -29,7 +29,8 @@ from bsg_data.inputs.bounds import SYNTHETIC
 from bsg_data.inputs.documents import parse_json
 from bsg_data.lock import hold
 from bsg_data.result_folder import refuse_datasets
-from bsg_data.sources.annotations import HEADER, Instance
+from bsg_data.scene.scene_graph import SceneObject
+from bsg_data.sources.annotations import HEADER
 from bsg_data.sources.hm3d import SYNTHETIC_MARK
 from bsg_data.synthetic.building_size import BuildingSize, draw_many_types, share_objects
 from bsg_data.synthetic.geometry import GeometryOptions, shape_building
@@ -65,7 +66,7 @@ class SyntheticBuilding:
     scene_id: str
     hash: str
     split: str
-    rows: tuple[Instance, ...]
+    rows: tuple[SceneObject, ...]
     room_types: tuple[tuple[int, int], ...] = field(repr=False)
 
 
@@ -219,7 +220,7 @@ def _draw_names(
 
 def _number_rows(
     rates: SyntheticRates, placed: list[Placed], rng: np.random.Generator
-) -> tuple[Instance, ...]:
+) -> tuple[SceneObject, ...]:
     """Fill the null region, move strays away from their rooms, and give ids and colours."""
     listed = list(placed)
     if rng.random() < rates.null_region:
@@ -229,7 +230,7 @@ def _number_rows(
         listed.insert(int(rng.integers(len(listed) + 1)), moved)
     colours = rng.choice(0xFFFFFF, size=len(listed), replace=False) + 1  # black is no instance
     rows = [
-        Instance(index, name, region, f"{colour:X}")
+        SceneObject(0, index, region, name, colour=f"{colour:X}")
         for index, ((name, region), colour) in enumerate(zip(listed, colours, strict=True), 1)
     ]
     if rng.random() < rates.shuffled:
@@ -240,7 +241,10 @@ def _number_rows(
 def write_building(building: SyntheticBuilding, out: Path) -> Path:
     """Write `OUT/<split>/<scene_id>/<hash>.semantic.txt`, whole or not at all; return its path."""
     path = out / building.split / building.scene_id / f"{building.hash}.semantic.txt"
-    rows = [f'{one.instance_id},{one.colour},"{one.name}",{one.region_id}' for one in building.rows]
+    rows = [
+        f'{one.instance_id},{one.colour},"{one.raw_category}",{one.room_index}'
+        for one in building.rows
+    ]
     write_bytes(path, "\n".join([HEADER, *rows, ""]).encode())
     return path
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from bsg_data.geometry.placement import STAIRS
 from bsg_data.scene.class_map import ClassMap, load_class_map
-from bsg_data.sources.annotations import Instance
+from bsg_data.scene.scene_graph import SceneObject
 from bsg_data.synthetic.floor_plan import draw_floor_plan
 from bsg_data.synthetic.furnishing import Fixture, furnish
 from bsg_data.synthetic.meshes import SIZES, Colours, UpAxis, encode_mesh, measure_truth
@@ -35,7 +35,7 @@ class GeometryOptions:
 
 
 def shape_building(
-    rows: tuple[Instance, ...], options: GeometryOptions, *, seed: int, number: int
+    rows: tuple[SceneObject, ...], options: GeometryOptions, *, seed: int, number: int
 ) -> tuple[bytes, dict[str, Any]]:
     """Return the GLB of a building and its true geometry; equal arguments give equal bytes.
 
@@ -48,7 +48,7 @@ def shape_building(
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence((seed, number, 1))))
     size = SIZES[options.size]
     up_axis: UpAxis = options.up_axis or ("y" if number % 2 == 0 else "z")
-    regions = sorted({row.region_id for row in rows if row.region_id >= 0})
+    regions = sorted({row.room_index for row in rows if row.room_index >= 0})
     fixtures = _list_fixtures(rows, regions, load_class_map(_RATES_MAP), rng)
     with_stairs = {fixture.room for fixture in fixtures if fixture.category in STAIRS}
     plan = draw_floor_plan(len(regions), with_stairs=with_stairs, rng=rng)
@@ -66,7 +66,7 @@ def shape_building(
 
 
 def _list_fixtures(
-    rows: tuple[Instance, ...],
+    rows: tuple[SceneObject, ...],
     regions: list[int],
     class_map: ClassMap,
     rng: np.random.Generator,
@@ -74,15 +74,15 @@ def _list_fixtures(
     place = {region: room for room, region in enumerate(regions)}
     fixtures = []
     for row in rows:
-        entry = class_map.lookup(row.name)
-        room = place.get(row.region_id)
+        entry = class_map.lookup(row.raw_category)
+        room = place.get(row.room_index)
         if room is None:
             room = int(rng.integers(len(regions)))
         fixtures.append(Fixture(row.instance_id, entry.category if entry else "", room))
     return fixtures
 
 
-def _draw_colours(rows: tuple[Instance, ...], rng: np.random.Generator) -> npt.NDArray[np.uint8]:
+def _draw_colours(rows: tuple[SceneObject, ...], rng: np.random.Generator) -> npt.NDArray[np.uint8]:
     """Return the colour of every label `[L, 3]`: background, instances by id, unlisted ones."""
     listed = {row.instance_id: int(str(row.colour), 16) for row in rows}
     taken = {0, *listed.values()}

@@ -22,7 +22,7 @@ import trimesh
 from timing import Speed
 
 from bsg_data.geometry.semantic_mesh import survey_mesh
-from bsg_data.sources.annotations import read_annotation
+from bsg_data.sources.annotations import parse_annotation
 from bsg_data.synthetic.buildings import write_synthetic
 from bsg_data.synthetic.geometry import GeometryOptions
 
@@ -56,7 +56,9 @@ WAYS: dict[str, Callable[[Path, list[str]], None]] = {
 def measure_way(way: str, annotation: Path) -> tuple[float, float]:
     """Return the least seconds of several calls, and the peak memory of the process, MiB."""
     mesh = annotation.with_suffix(".glb")
-    colours = [str(one.colour) for one in read_annotation(annotation).instances]
+    colours = [
+        str(one.colour) for one in parse_annotation(annotation.read_bytes(), path=annotation)
+    ]
     WAYS[way](mesh, colours)
     peak = measure_peak()
     seconds = []

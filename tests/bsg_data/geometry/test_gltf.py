@@ -194,11 +194,11 @@ def test_a_tree_that_lies_is_refused_with_the_reason(
         (lambda data: data[:12] + struct.pack("<I", 2**31) + data[16:], "which cannot be"),
         (
             lambda data: data[:20] + b"\xff" + data[21:],
-            r"not readable as glTF \(ValueError: .* not UTF-8",
+            r"not readable as glTF \(ValueError: expected value",
         ),
         (
             lambda data: data[:20] + b"}" + data[21:],
-            r"not readable as glTF \(ValueError: .* Expecting",
+            r"not readable as glTF \(ValueError: expected value",
         ),
         (lambda data: data[:16] + b"NOSJ" + data[20:], "not readable as glTF"),
     ],

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from conftest import REPOSITORY
 from dsg_files import Graph, box, node, robot_graph, symbol
+from refusals import refuses
 
 from bsg_data.errors import SourceError
 from bsg_data.scene.scene_graph import Box
@@ -132,37 +133,31 @@ def text(graph: Graph) -> None:
 
 
 @pytest.mark.parametrize(
-    ("damage", "expected"),
+    ("damage", "code"),
     [
-        (lambda graph: drop(graph, "nodes"), "expected a Spark-DSG graph; nodes: Field required"),
-        (lambda graph: drop(graph, "edges"), "expected a Spark-DSG graph; edges: Field required"),
-        (twice, "expected nodes with an id each, found an id twice"),
-        (lost, "edges.0: expected two nodes that are there"),
-        (huge, r"nodes\.5\.attributes\.position\.1.*less than or equal"),
-        (text, r"nodes\.5\.attributes\.bounding_box\.dimensions\.1.*valid number"),
+        (lambda graph: drop(graph, "nodes"), "dsg-malformed"),
+        (lambda graph: drop(graph, "edges"), "dsg-malformed"),
+        (twice, "node-twice"),
+        (lost, "edge-dangling"),
+        (huge, "dsg-malformed"),
+        (text, "dsg-malformed"),
     ],
 )
-def test_a_damaged_graph_is_named(damage: Callable[[Graph], None], expected: str) -> None:
+def test_a_damaged_graph_is_named(damage: Callable[[Graph], None], code: str) -> None:
     graph = robot_graph()
     damage(graph)
-    with pytest.raises(SourceError, match=r"^dsg\.json: .*" + expected):
+    with refuses(SourceError, code, PATH):
         parse(graph)
-
-
-@pytest.mark.parametrize("damaged", ["", "[1]", "{", "[" * 100_000, '{"nodes": NaN}', "9" * 5_000])
-def test_what_is_no_graph_is_a_source_error(damaged: str) -> None:
-    with pytest.raises(SourceError, match=r"dsg\.json"):
-        parse_dsg(damaged, path=PATH)
 
 
 def test_a_graph_of_neither_nodes_nor_layers_is_none() -> None:
     empty: Graph = {"nodes": [], "edges": []}
-    with pytest.raises(
-        SourceError, match=r"found neither nodes nor layers: .*our JSON has `rooms`"
-    ):
-        parse_document(empty, path=Path("a.json"))
+    with refuses(SourceError, "dsg-empty", PATH):
+        parse_document(empty, path=PATH)
+    with refuses(SourceError, "json-malformed", PATH):
+        parse_dsg("{", path=PATH)
     layers = {"layer_names": {"ROOMS": {"layer": 4, "partition": 0}}}
-    assert parse_document({**empty, **layers}, path=Path("a.json")).rooms == ()
+    assert parse_document({**empty, **layers}, path=PATH).rooms == ()
 
 
 def test_what_spark_dsg_writes_is_read_as_it_reads_it(tmp_path: Path) -> None:

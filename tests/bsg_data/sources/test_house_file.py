@@ -11,10 +11,11 @@ import pytest
 from house_files import HOUSE, change
 from hypothesis import given
 from hypothesis import strategies as st
+from refusals import refuses
 
 from bsg_data.errors import AnnotationError, SourceError
 from bsg_data.scene.scene_graph import Box
-from bsg_data.sources.house_file import HouseCategory, parse_house
+from bsg_data.sources.house_file import parse_house
 
 PATH = Path("house.house")
 
@@ -27,21 +28,20 @@ def test_a_house_by_hand() -> None:
     assert house.regions[0].polygons == (((0, 0), (4, 0), (4, 2), (2, 2), (2, 4), (0, 4)),)
     assert house.regions[2].polygons == ()
     assert house.portals == ((0, 1),)
-    assert house.categories[1] == HouseCategory("coffee table", "table")
-    assert house.categories[3].name == "wall /otherroom"
-    assert [(o.region, o.category) for o in house.objects] == [
+    assert (house.categories[1], house.categories[3]) == ("coffee table", "wall /otherroom")
+    assert [(region, category) for region, category, _ in house.objects] == [
         (0, 1),
         (1, 2),
         (1, -1),
         (-1, 0),
         (2, 3),
     ]
-    assert house.objects[0].box == Box((0.5, 0.75, 0), (1.5, 1.25, 0.5))
-    turned = house.objects[1].box  # a square of 2 m turned by 45 degrees is 2 √2 m wide
+    assert house.objects[0][2] == Box((0.5, 0.75, 0), (1.5, 1.25, 0.5))
+    turned = house.objects[1][2]  # a square of 2 m turned by 45 degrees is 2 √2 m wide
     assert turned is not None
     assert turned.minimum == pytest.approx((6 - 2**0.5, 2 - 2**0.5, 0), abs=1e-6)
     assert turned.maximum == pytest.approx((6 + 2**0.5, 2 + 2**0.5, 1), abs=1e-6)
-    assert house.objects[2].box is None, "radii below 0 are an empty box"
+    assert house.objects[2][2] is None, "radii below 0 are an empty box"
 
 
 def test_a_portal_may_be_written_as_an_r() -> None:
@@ -56,35 +56,34 @@ def test_an_empty_region_is_inside_out() -> None:
 
 
 @pytest.mark.parametrize(
-    ("line", "other", "expected"),
+    ("line", "other"),
     [
-        ("ASCII", "ASCII 1.0", "expected 'ASCII 1.1', found 'ASCII 1.0'"),
-        ("H  -", "-", "expected a header, a line of H"),
-        ("L  0", "H  -  -  1", "line 3: expected one header H"),
-        ("I  0", "-", "line 2: expected 0 as field 4 of H, the number of lines of I"),
-        ("P  00ebb", "-", "line 2: expected 0 as field 5 of H, the number of panoramas"),
-        ("P  0 0 1", "-", "line 2: expected 0 as field 12 of H, the number of portals"),
-        ("H  -", "H  -  -  many", "expected a count, a whole number, as field 4 of H"),
-        ("H  -", "H  -  -", "expected a count as field 4 of H"),
-        ("R  1", "R  2 0  0 0  b", "line 5: expected the next index, 1"),
-        ("R  1", "R  1 1  0 0  b", r"expected a level that an earlier line has \(0..0\), or -1"),
-        ("R  1", "R  1 0  0 0  b  6 2 0  4.1 0 nan  8 4 2.5", "a box, 3 numbers of metres"),
-        ("R  1", "R  1 0  0 0  b  6 2 0  4.1 0 0.1  8 4 1e9", "a box, 3 numbers of metres"),
-        ("R  1", "R  1 0  0 0  b  6 2 0  9 0 0.1  8 4 2", "whose lowest corner is not above"),
-        ("S  1", "S  1 7  0", "expected a region that an earlier line has"),
-        ("V  9", "V  9 5  F  0 0 0", "expected a surface that an earlier line has"),
-        ("V  9", "V  9 1  F  0 inf 0", "expected a position, 3 numbers of metres"),
-        ("C  2", "C  2  3", "expected a name as field 4 of C"),
-        ("O  0", "O  0 3 1", "expected a region that an earlier line has"),
-        ("O  0", "O  0 0 4", "expected a category that an earlier line has"),
-        ("O  0", "O  0 0 1  1 1 0.25  1 0 0  0 1 0  0.5 x 0.25", "expected radii, 3 numbers"),
-        ("O  0", "O  0 0 1  1 1 0.25  9 0 0  0 1 0  1 1 1", "expected axes of length 1"),
-        ("O  1", "-", "expected the next index, 1"),
-        ("E  0", "X  0", "expected a line of H, L, R, P, S, V, I, C, O or E"),
+        ("ASCII", "ASCII 1.0"),
+        ("H  -", "-"),
+        ("L  0", "H  -  -  1"),
+        ("I  0", "-"),
+        ("P  00ebb", "-"),
+        ("P  0 0 1", "-"),
+        ("H  -", "H  -  -  many"),
+        ("H  -", "H  -  -"),
+        ("R  1", "R  2 0  0 0  b"),
+        ("R  1", "R  1 1  0 0  b"),
+        ("R  1", "R  1 0  0 0  b  6 2 0  4.1 0 nan  8 4 2.5"),
+        ("R  1", "R  1 0  0 0  b  6 2 0  4.1 0 0.1  8 4 1e9"),
+        ("R  1", "R  1 0  0 0  b  6 2 0  9 0 0.1  8 4 2"),
+        ("S  1", "S  1 7  0"),
+        ("V  9", "V  9 5  F  0 0 0"),
+        ("V  9", "V  9 1  F  0 inf 0"),
+        ("O  0", "O  0 3 1"),
+        ("O  0", "O  0 0 4"),
+        ("O  0", "O  0 0 1  1 1 0.25  1 0 0  0 1 0  0.5 x 0.25"),
+        ("O  0", "O  0 0 1  1 1 0.25  9 0 0  0 1 0  1 1 1"),
+        ("O  1", "-"),
+        ("E  0", "X  0"),
     ],
 )
-def test_a_malformed_line_is_named(line: str, other: str, expected: str) -> None:
-    with pytest.raises(AnnotationError, match=r"^house\.house.*" + expected):
+def test_a_malformed_line_is_named(line: str, other: str) -> None:
+    with refuses(AnnotationError, "line-malformed"):
         parse_house(change(line, other), path=PATH)
 
 

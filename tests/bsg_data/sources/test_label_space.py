@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from refusals import refuses
 
 from bsg_data.errors import SourceError
 from bsg_data.sources.label_space import list_label_spaces, load_label_space
@@ -42,22 +43,19 @@ def test_a_file_of_hydra_names_numbers(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "text", "expected"),
+    ("name", "text", "code"),
     [
-        ("a.yaml", "names: []", "label_names: Field required; expected Hydra's label_names"),
-        ("a.yaml", "label_names: [{label: x, name: bed}]", r"label_names\.0\.label"),
-        ("a.yaml", "label_names: [&a {label: 1, name: bed}, *a]", "no YAML .an alias"),
-        ("a.yml", "label_names: [", "no YAML"),
-        ("a.csv", "number,name\n1,bed\n", "line 1: expected the columns label,name; found"),
-        ("a.csv", "label,name\n1,bed\n-1,chair\n", "line 3: label"),
-        ("a.csv", "label,name\n1,bed\n1,chair\n", "label 1 has two names, expected one"),
-        ("a.csv", b"label,name\n1,b\xe9d\n", "line 2: expected UTF-8 text"),
+        ("a.yaml", b"names: []", "label-space-malformed"),
+        ("a.yaml", b"label_names: [{label: x, name: bed}]", "label-space-malformed"),
+        ("a.yaml", b"label_names: [&a {label: 1, name: bed}, *a]", "label-space-malformed"),
+        ("a.csv", b"number,name\n1,bed\n", "label-space-malformed"),
+        ("a.csv", b"label,name\n1,bed\n-1,chair\n", "label-space-malformed"),
+        ("a.csv", b"label,name\n1,bed\n1,chair\n", "label-twice"),
+        ("a.csv", b"label,name\n1,b\xe9d\n", "label-space-malformed"),
     ],
 )
-def test_a_damaged_file_is_named(
-    tmp_path: Path, name: str, text: str | bytes, expected: str
-) -> None:
+def test_a_damaged_file_is_named(tmp_path: Path, name: str, text: bytes, code: str) -> None:
     path = tmp_path / name
-    path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    with pytest.raises(SourceError, match=f"{name}.*{expected}"):
+    path.write_bytes(text)
+    with refuses(SourceError, code, path):
         load_label_space(str(path))

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from conftest import REPOSITORY
 from house_files import HOUSE, change
+from refusals import refuses
 
 from bsg_data.errors import SourceError
-from bsg_data.inputs.bounds import Bound
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box, SceneGraph
 from bsg_data.sources.catalogue import SOURCES
@@ -111,37 +111,20 @@ def test_a_house_found_twice_is_taken_once(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "data", "expected"),
+    ("name", "data", "code"),
     [
-        ("a.house.gz", b"ASCII 1.1", "not a readable gzip file"),
-        ("a.house.gz", gzip.compress(HOUSE.encode())[:-9], "not a readable gzip file"),
-        ("a.house", b"ASCII 1.1\nC  0  1 caf\xe9", "line 2: expected UTF-8 text"),
-        ("a.house", b"", "line 1: expected 'ASCII 1.1'"),
+        ("a.house.gz", b"ASCII 1.1", "file-unreadable"),
+        ("a.house", b"ASCII 1.1\nC  0  1 caf\xe9", "line-malformed"),
+        ("a.house", b"", "line-malformed"),
+        ("house.txt", b"", "source-empty"),
     ],
 )
-def test_a_damaged_file_is_a_source_error(
-    tmp_path: Path, name: str, data: bytes, expected: str
+def test_a_damaged_file_or_none_is_a_source_error(
+    tmp_path: Path, name: str, data: bytes, code: str
 ) -> None:
     (tmp_path / name).write_bytes(data)
-    with pytest.raises(SourceError, match=f"{name}.*{expected}"):
+    with refuses(SourceError, code):
         read(tmp_path)
-
-
-def test_a_file_that_unpacks_to_too_much_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = write_house(tmp_path / "a.house.gz")
-    monkeypatch.setattr("bsg_data.sources.mp3d.HOUSE", Bound("", len(HOUSE) - 1))
-    with pytest.raises(SourceError, match="expected at most"):
-        read(path)
-
-
-def test_a_folder_without_houses_says_what_it_expected(tmp_path: Path) -> None:
-    (tmp_path / "house.txt").write_text("")
-    with pytest.raises(SourceError, match=r"expected files named <house>\.house or"):
-        MatterportHouses(tmp_path).find()
-    with pytest.raises(SourceError, match=r"expected files named <house>\.house or"):
-        MatterportHouses(tmp_path / "house.txt").find()
 
 
 @pytest.mark.skipif(not list(SAMPLES.glob("*.house.gz")), reason="no samples here")

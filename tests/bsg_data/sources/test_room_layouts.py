@@ -6,6 +6,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from refusals import refuses
 
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
@@ -81,9 +82,9 @@ def test_a_layout_joins_its_scene(hm3d_folder: Path, layouts: Path, tmp_path: Pa
         ("connections: []", "rooms: Field required"),
         (LAYOUT.replace("x: 1.0", "x: .nan"), "rooms.room_1.centroid.x"),
         (LAYOUT.replace("y: 2.5", "y: -2.5", 1), "rooms.room_1.dims.y"),
-        (LAYOUT.replace("room_2", "cellar"), "rooms.cellar: expected a name like room_1"),
+        (LAYOUT.replace("room_2", "cellar"), "rooms.cellar"),
         (LAYOUT.replace("room_2", "room_0"), "rooms.room_0"),
-        (LAYOUT.replace("[2, 1]", "[2, 7]"), "room_7 is not among its rooms"),
+        (LAYOUT.replace("[2, 1]", "[2, 7]"), "found 2 and 7"),
         (LAYOUT.replace("[2, 1]", "[2]"), "connections.1"),
         (LAYOUT.replace("room_2", "room_99").replace("2]", "99]").replace("[2", "[99"), "room_99"),
         ("a: &a [1]\nb: &b [*a,*a]\nrooms: *b", "an alias, 'a'"),
@@ -96,7 +97,7 @@ def test_a_layout_joins_its_scene(hm3d_folder: Path, layouts: Path, tmp_path: Pa
         (LAYOUT.replace("x: 1.0", "x: !!timestamp abc"), "rooms.room_1.centroid.x"),
         (LAYOUT.replace("label: kitchen", 'label: "\\ud800"'), "no YAML"),
         (LAYOUT.replace("[2, 1]", "[true, 1]"), "connections.1.0"),
-        (LAYOUT.replace("[2, 1]", "[2, 2]"), "room_2 with itself"),
+        (LAYOUT.replace("[2, 1]", "[2, 2]"), "found 2 and 2"),
         ("rooms: {}", "rooms: Dictionary should have at least 1 item"),
     ],
 )
@@ -119,7 +120,7 @@ def test_a_malformed_layout_is_left_out_with_the_reason(
 def test_bytes_that_are_no_text_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.yaml"
     path.write_bytes(b"\xff\xfe\x00\xd8rooms")
-    with pytest.raises(LayoutError, match="no YAML"):
+    with refuses(LayoutError, "layout-malformed", path):
         read_layout(path)
 
 
@@ -128,9 +129,9 @@ def test_layouts_of_no_scene_are_reported(hm3d_folder: Path, layouts: Path, tmp_
     manifest = build_dataset(WithLayouts(HM3DFolder(hm3d_folder), layouts), tmp_path / "out")
     assert [skip.location for skip in manifest.left_out] == ["00777-zzzzzzzzzzz.yaml"]
     (layouts / "00001-abcdefghi01.yaml").unlink()
-    with pytest.raises(SourceError, match="none of its 1 layouts belongs to a scene"):
+    with refuses(SourceError, "layouts-foreign", layouts):
         WithLayouts(HM3DFolder(hm3d_folder), layouts).find()
-    with pytest.raises(SourceError, match="no such folder"):
+    with refuses(SourceError, "source-missing", tmp_path / "none"):
         WithLayouts(HM3DFolder(hm3d_folder), tmp_path / "none").find()
 
 

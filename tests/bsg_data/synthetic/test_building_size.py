@@ -25,7 +25,7 @@ def test_a_building_is_as_large_as_asked_for(rooms: int, more: int | None) -> No
     size = BuildingSize(rooms, None if more is None else rooms + more)
     building = synthesise(RATES, seed=1, number=3, size=size)
     assert building == synthesise(RATES, seed=1, number=3, size=size)
-    inside = [row.region_id for row in building.rows if row.region_id >= 0]
+    inside = [row.room_index for row in building.rows if row.room_index >= 0]
     assert set(inside) == {region for region, _ in building.room_types}
     assert len(building.room_types) == rooms
     if more is not None:

@@ -54,7 +54,7 @@ def expected_objects(rates: SyntheticRates, building: SyntheticBuilding) -> floa
 
 
 def in_rooms(building: SyntheticBuilding) -> int:
-    return sum(row.region_id >= 0 for row in building.rows)
+    return sum(row.room_index >= 0 for row in building.rows)
 
 
 # Reproducibility
@@ -79,7 +79,7 @@ def test_any_building_is_whole_and_the_same_again(seed: int, number: int) -> Non
     ]
     assert len({row.colour for row in building.rows}) == len(building.rows)
     regions = {region for region, _ in building.room_types}
-    assert {row.region_id for row in building.rows} - {-1} == regions
+    assert {row.room_index for row in building.rows} - {-1} == regions
     assert min(regions) in {0, 1}
 
 
@@ -187,16 +187,16 @@ def test_buildings_are_written_lazily(tmp_path: Path) -> None:
 def test_the_irregularities_of_real_files_occur(buildings: list[SyntheticBuilding]) -> None:
     some = buildings[:50]
     rows = [row for one in some for row in one.rows]
-    names = Counter(row.name for row in rows)
+    names = Counter(row.raw_category for row in rows)
     assert {"unknown", "wall"} <= set(names)
     assert any("," in name for name in names)
     assert any("/" in name for name in names)
     short = np.mean([len(row.colour) < 6 for row in rows])
     assert short == pytest.approx(1 / 16, abs=0.01), "as many colours as have a leading zero"
-    assert any(row.region_id == -1 for row in rows)
+    assert any(row.room_index == -1 for row in rows)
     firsts = [one.room_types[0][0] for one in some]
     assert set(firsts) == {0, 1}
-    assert any(row.region_id == 0 for row in rows), "region 0 is a real room"
+    assert any(row.room_index == 0 for row in rows), "region 0 is a real room"
     spans = [one.room_types[-1][0] - one.room_types[0][0] + 1 for one in some]
     assert any(span > len(one.room_types) for span, one in zip(spans, some, strict=True))
     ids = [[row.instance_id for row in one.rows] for one in some]
@@ -248,7 +248,7 @@ def test_each_category_follows_the_rates_of_its_rooms(
     others = {raw for i, s in enumerate(RATES.spellings) if i != index for raw, _ in s}
     assert not spellings & others, "the test counts by spelling"
     found = [
-        float(sum(row.name in spellings and row.region_id >= 0 for row in one.rows))
+        float(sum(row.raw_category in spellings and row.room_index >= 0 for row in one.rows))
         for one in buildings
     ]
     expected = [sum(RATES.rates[kind][index] for _, kind in one.room_types) for one in buildings]
@@ -279,7 +279,7 @@ def test_a_building_mostly_keeps_to_one_spelling() -> None:
     shares = np.array([weight for _, weight in RATES.spellings[index]])
     pairs = []
     for number in range(200):
-        names = [row.name for row in synthesise(RATES, seed=9, number=number).rows]
+        names = [row.raw_category for row in synthesise(RATES, seed=9, number=number).rows]
         here = [name for name in names if name in spellings]
         pairs += [here[0] == here[-1]] if len(here) > 1 else []
     assert np.mean(pairs) > float((shares**2).sum() / shares.sum() ** 2)

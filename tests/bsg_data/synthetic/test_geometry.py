@@ -18,15 +18,15 @@ from bsg_data.dataset.manifest import Manifest
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import SourceError
 from bsg_data.geometry.semantic_mesh import survey_mesh
-from bsg_data.scene.scene_graph import SceneGraph
-from bsg_data.sources.annotations import Instance, read_annotation
+from bsg_data.scene.scene_graph import SceneGraph, SceneObject
+from bsg_data.sources.annotations import parse_annotation
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.synthetic.buildings import write_synthetic
 from bsg_data.synthetic.geometry import GeometryOptions, shape_building
 
 NAMES = ("wall", "floor", "ceiling", "door", "bed", "chair", "picture", "rug", "lamp", "stairs")
 ROWS = tuple(
-    Instance(number, name, region, f"{number * 70001 % 0xFFFFFF:06X}")
+    SceneObject(0, number, region, name, colour=f"{number * 70001 % 0xFFFFFF:06X}")
     for number, (region, name) in enumerate(((r, n) for r in (0, 2, 5) for n in NAMES), 1)
 )
 
@@ -166,7 +166,7 @@ def test_every_kind_of_file_is_read(tmp_path: Path, coloured_by: Any, up_axis: A
     path.write_bytes(mesh)
     survey = survey_mesh(path, [str(row.colour) for row in ROWS])
     assert truth["up_axis"] == up_axis
-    bed = next(row for row in ROWS if row.name == "bed")
+    bed = next(row for row in ROWS if row.raw_category == "bed")
     true = truth["instances"][str(bed.instance_id)]
     height = {"y": 1, "z": 2}[up_axis]
     found = survey.part_box[bed.instance_id - 1, :, height]
@@ -182,6 +182,6 @@ def test_a_stopped_run_is_seen(tmp_path: Path) -> None:
     (path,) = out.rglob("*.semantic.glb")
     assert path.stat().st_size > 1000
     annotation = next(out.rglob("*.semantic.txt"))
-    assert len(read_annotation(annotation).instances) > 1
+    assert len(parse_annotation(annotation.read_bytes(), path=annotation)) > 1
     with pytest.raises(SourceError, match="was stopped"):
         HM3DFolder(out).find()
