@@ -1,21 +1,20 @@
 """The seal of a folder of results: `SHA256SUMS`, the hashes of all its files, written last.
 
 A folder with a seal is finished, and its files belong together. `sha256sum -c SHA256SUMS` and
-`bsg-models check` both check it. Folders of older versions have no seal and cannot be checked.
+`bsg-models check` both check it. A folder without it is unfinished.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from bsg_data.errors import DatasetError
 from bsg_data.files import refuse_links, resolve_links, write_bytes
-from bsg_data.inputs.bounded_file import hash_file, read_bytes
-from bsg_data.inputs.bounds import CHECKSUMS
-from bsg_data.result_folder import Place, hold_places, stage_files
+from bsg_data.inputs.bounded_file import hash_file
+from bsg_data.result_folder import UNFINISHED, Place, replace_together
 
 SEAL = "SHA256SUMS"
 _LINE = re.compile(r"(?P<sha256>[0-9a-f]{64})  (?P<name>(?!/)[^\\\x00-\x1f]+)")
@@ -32,7 +31,7 @@ def replace_sealed(
     """Lock a folder, yield an empty folder to write into, and put its files in place with a seal.
 
     Files of the old seal that are not in the new one are removed, unless somebody changed them. All
-    other files stay. New files are put in place by `replace_together`.
+    other files stay.
 
     Args:
         folder: folder of the results; a folder with another kind of results is refused.
@@ -48,32 +47,31 @@ def replace_sealed(
             are, a file beside them is one of them, or one cannot be written; what was there stays.
     """
     place = Place(resolve_links(folder), last=SEAL)
-    with ExitStack() as held:
-        hold_places(held, [place, *beside])
-        before: dict[str, str] = {}
+    before: dict[str, str] = {}
+    names: list[str] = []
+    was_killed = (place.path / UNFINISHED).is_dir()  # then files without a seal are its own
 
-        def look() -> None:
-            refuse_other_results(place.path, report)
-            for other in beside:
-                if other.is_file:
-                    refuse_sealed_file(other.path)
-            before.update(_list_sealed(place.path))
-            if refuse is not None:
-                refuse()
+    def look() -> None:
+        refuse_other_results(place.path, report)
+        for other in beside:
+            if other.is_file:
+                refuse_sealed_file(other.path)
+        before.update(_list_sealed(place.path))
+        if refuse is not None:
+            refuse()
 
-        names: list[str] = []
+    def list_leaving() -> list[str]:
+        gone = (name for name in before if name not in names)
+        return [name for name in gone if _is_unchanged(place.path, name, before[name])]
 
-        def list_leaving() -> list[str]:
-            gone = (name for name in before if name not in names)
-            return [name for name in gone if _is_unchanged(place.path, name, before[name])]
-
-        with stage_files([place, *beside], refuse=look, leaving=list_leaving) as staged:
-            yield staged
-            files = (path for path in staged[0].rglob("*") if path.is_file())
-            names += sorted(path.relative_to(staged[0]).as_posix() for path in files)
-            for other in beside:
-                _refuse_twice(other, place.path, names)
-            write_seal(staged[0], names)
+    with replace_together([place, *beside], refuse=look, leaving=list_leaving) as staged:
+        yield staged
+        files = (path for path in staged[0].rglob("*") if path.is_file())
+        names += sorted(path.relative_to(staged[0]).as_posix() for path in files)
+        for other in beside:
+            _refuse_twice(other, place.path, names)
+        write_seal(staged[0], names)
+        if not was_killed:
             refuse_replacing(place.path, report, names)
 
 
@@ -99,7 +97,9 @@ def refuse_other_results(folder: Path, report: str) -> None:
     if sealed and report not in sealed:
         raise DatasetError(
             f"{folder}: holds other results ({min(sealed)}), which would become incomplete; choose "
-            "another folder"
+            "another folder",
+            code="other-results",
+            where=folder,
         )
 
 
@@ -113,7 +113,9 @@ def refuse_sealed_file(path: Path) -> None:
     for folder in place.parents:
         if place.name == SEAL or place.relative_to(folder).as_posix() in _list_sealed(folder):
             raise DatasetError(
-                f"{path}: is one of the results that {SEAL} lists in {folder}; name another file"
+                f"{path}: is one of the results that {SEAL} lists in {folder}; name another file",
+                code="sealed-file",
+                where=path,
             )
 
 
@@ -128,22 +130,17 @@ def _list_sealed(folder: Path) -> dict[str, str]:
 def refuse_replacing(folder: Path, report: str, names: Iterable[str]) -> None:
     """Refuse to replace files that do not belong to results of the same kind.
 
-    Args:
-        folder: of results, which need not be there.
-        report: as of `refuse_other_results`; results with it and no seal may be older than seals.
-        names: of the files to be replaced, the seal aside.
-
     Raises:
         DatasetError: naming such a file.
     """
     before = _list_sealed(folder)
-    if not before and (folder / report).is_file():
-        return
-    for name in sorted({*names} - before.keys() if before else {*names, SEAL}):
+    for name in sorted({*names} - before.keys() if report in before else {*names, SEAL}):
         if (folder / name).is_symlink() or (folder / name).exists():
             raise DatasetError(
                 f"{folder / name}: belongs to no results of this command, but would be replaced; "
-                "move it away, or choose another folder"
+                "move it away, or choose another folder",
+                code="path-taken",
+                where=folder / name,
             )
 
 
@@ -151,7 +148,8 @@ def _refuse_twice(other: Place, folder: Path, names: Sequence[str]) -> None:
     """Refuse a file beside results that goes where one of them goes."""
     path = resolve_links(other.path)
     if other.is_file and path.parent == folder and path.name in names:
-        raise DatasetError(f"{other.path}: is one of the results themselves; name another file")
+        message = f"{other.path}: is one of the results themselves; name another file"
+        raise DatasetError(message, code="sealed-file", where=other.path)
 
 
 def write_seal(folder: Path, names: Iterable[str]) -> None:
@@ -163,7 +161,8 @@ def write_seal(folder: Path, names: Iterable[str]) -> None:
     try:
         lines = [f"{hash_file(folder / name)}  {name}\n" for name in names]
     except OSError as error:
-        raise DatasetError(f"{folder}: cannot be sealed ({error})") from error
+        message = f"{folder}: cannot be sealed ({error})"
+        raise DatasetError(message, code="not-written", where=folder) from error
     write_bytes(folder / SEAL, "".join(lines).encode())
 
 
@@ -174,22 +173,17 @@ def read_seal(folder: Path) -> dict[str, str] | None:
         DatasetError: naming the line that is none.
     """
     path = folder / SEAL
-    if not path.is_symlink() and not path.exists():
+    if not path.is_file():
         return None
-    data = read_bytes(path, CHECKSUMS, error=DatasetError)
-    try:
-        text = data.decode()
-    except UnicodeDecodeError as error:
-        raise DatasetError(f"{path}: is damaged: not text ({error})") from error
-    if not text.endswith("\n"):
-        raise DatasetError(f"{path}: is damaged: its last line has no line feed")
-    sums = {}
-    for number, line in enumerate(text[:-1].split("\n"), 1):
+    sums: dict[str, str] = {}
+    for number, line in enumerate(path.read_bytes().decode("utf-8", "replace").splitlines(), 1):
         found = _LINE.fullmatch(line)
         if found is None or ".." in found["name"].split("/") or found["name"] in sums:
             raise DatasetError(
                 f"{path}, line {number}: expected a sha256, two spaces and the name of a file in "
-                f"the folder, with each file once; found {line[:120]!r}"
+                f"the folder, with each file once; found {line[:120]!r}",
+                code="seal-line",
+                where=f"{path}, line {number}",
             )
         sums[found["name"]] = found["sha256"]
     return sums
@@ -208,12 +202,13 @@ def require_seal(folder: Path) -> dict[str, str] | None:
             refuse_links(folder, path)
             found = hash_file(path)
         except OSError as error:
-            raise DatasetError(
-                f"{path}: is in {SEAL} but cannot be read ({error.strerror or error})"
-            ) from error
+            message = f"{path}: is in {SEAL} but cannot be read ({error.strerror or error})"
+            raise DatasetError(message, code="file-missing", where=path) from error
         if found != expected:
             raise DatasetError(
                 f"{path}: was changed: expected sha256 {expected[:12]}… by {SEAL}, found "
-                f"{found[:12]}…; take another copy, or make it again"
+                f"{found[:12]}…; take another copy, or make it again",
+                code="file-changed",
+                where=path,
             )
     return sums

@@ -33,7 +33,6 @@ from .robot.ways import Ways
 from .robot.words import Meaning
 from .runs.checkpoint import Checkpoint, load_checkpoint, restore_model
 from .runs.found_model import FoundModel, find_model, locate_run
-from .runs.growth import growing_run
 from .runs.hub import HubModel
 from .runs.hub_files import download
 from .runs.model_facts import ModelSummary, list_shipped
@@ -166,7 +165,6 @@ __all__ = [
     "explain",
     "find_config",
     "find_model",
-    "growing_run",
     "headline_rows",
     "leads_training",
     "list_shipped",

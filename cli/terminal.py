@@ -30,7 +30,6 @@ from bsg_cli.dataset_paths import require_datasets
 from bsg_data.errors import BSGError, RecipeError
 from bsg_data.files import encode_json
 from bsg_data.recipes import name_fault
-from bsg_data.signals import IN_PLACE
 from bsg_data.tables import is_obeyed, make_plain
 
 FAILED, WRONG_USAGE, INTERRUPTED, ENDED = 1, 2, 130, 143
@@ -84,8 +83,7 @@ class Command(click.Command):
         except (click.Abort, KeyboardInterrupt) as error:  # click turns Ctrl-C into Abort
             cause = error.__cause__ or error
             asked = isinstance(cause, AskedToEndError)
-            done = f"; {IN_PLACE}" if IN_PLACE in cause.args else ""
-            print_note(("asked to end" if asked else "interrupted") + done)
+            print_note("asked to end" if asked else "interrupted")
             sys.exit(ENDED if asked else INTERRUPTED)
         except MemoryError:
             print_note(NO_MEMORY)

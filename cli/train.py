@@ -133,15 +133,13 @@ def _seal_of(run: Path) -> dict[str, str] | None:
 
 def _note_stopped(run: Path) -> None:
     """Print what an interrupted training has saved, if it began."""
-    growing = bsg_models.growing_run(run)
-    if growing == run and (run / SEAL).is_file():
+    if (run / SEAL).is_file():
         print_note(f"{run}: the earlier run is unchanged")
         return
     with suppress(BSGError):
-        bsg_models.plot_run(growing)
-        summary = bsg_models.summarise_run(growing)
-        stays = "" if growing == run else "; the earlier run stays until this one is complete"
-        print_note(f"{run}: {summary.saved}; the same command {summary.again}{stays}")
+        bsg_models.plot_run(run)
+        summary = bsg_models.summarise_run(run)
+        print_note(f"{run}: {summary.saved}; the same command {summary.again}")
 
 
 def _show(summary: bsg_models.RunSummary, *, as_json: bool) -> None:

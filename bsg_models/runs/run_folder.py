@@ -15,7 +15,8 @@ from bsg_data.errors import DatasetError
 from bsg_data.inputs.bounded_file import hash_file, open_stream
 from bsg_data.inputs.bounds import RUN_RECORD
 from bsg_data.lock import hold
-from bsg_data.seals import SEAL, read_seal, require_seal, write_seal
+from bsg_data.result_folder import refuse_datasets
+from bsg_data.seals import SEAL, read_seal, refuse_other_results, require_seal, write_seal
 from bsg_models.errors import CheckpointError, TrainingError
 from bsg_models.runs.checkpoint import CheckpointHeader, read_header, save_checkpoint
 from bsg_models.zoo.config import RunConfig
@@ -56,6 +57,75 @@ def reseal(run: Path) -> Iterator[None]:
             yield
         if sealed:
             seal_run(run)
+
+
+@contextmanager
+def open_run(run: Path, *, resume: bool = False, force: bool = True) -> Iterator[Path]:
+    """Hold the lock of a run, yield its folder to train into, and seal it at the end.
+
+    Two trainings never write into one run: the second finds the lock, or the finished run.
+
+    Args:
+        run: its folder, which is created.
+        resume: whether to continue what is there; it must match its seal.
+        force: whether to replace a run, which is removed first.
+
+    Raises:
+        TrainingError: if a run, or a file that bsg-train did not write, is in the way.
+        DatasetError: if another command holds the lock, or the run to continue was changed.
+    """
+    try:
+        run.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        message = f"{run}: cannot be made ({error.strerror})"
+        raise TrainingError(message, code="not-written", where=run) from error
+    with hold(run):
+        refuse_overwriting(run, resume=resume, force=force)
+        remove_files(run, list_half_written(run))
+        if resume:
+            require_seal(run)
+        else:
+            clear_run(run)
+        with unsealed(run):
+            yield run
+        seal_run(run)
+
+
+def refuse_overwriting(run: Path, *, resume: bool, force: bool) -> None:
+    """Refuse a folder that holds a run, unless the run is continued or replaced.
+
+    Raises:
+        TrainingError: if a run is there, or a file with a run's file name that is not of a run.
+        DatasetError: if results of another command are there.
+    """
+    refuse_foreign_files(run)
+    if has_checkpoint(run) and not (resume or force):
+        message = f"{run}: holds a run already; --resume continues it, --force replaces it"
+        raise TrainingError(message, code="run-exists", where=run)
+
+
+def refuse_foreign_files(run: Path) -> None:
+    """Refuse a folder where other files have the names of a run's files.
+
+    Raises:
+        TrainingError: naming the first of them.
+        DatasetError: if results of another command are there, or the folder is in a dataset.
+    """
+    refuse_datasets(run)
+    if run.exists() and not run.is_dir():
+        message = f"{run}: is a file; expected a folder for the run"
+        raise TrainingError(message, code="path-taken", where=run)
+    refuse_other_results(run, BEST)
+    if is_run(run):
+        return
+    for name in (*FILES, SEAL):
+        if (run / name).exists() or (run / name).is_symlink():
+            raise TrainingError(
+                f"{run / name}: was not written by bsg-train, which would replace it; move it "
+                "away, or choose another folder",
+                code="foreign-file",
+                where=run / name,
+            )
 
 
 @contextmanager

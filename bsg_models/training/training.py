@@ -19,13 +19,6 @@ from bsg_models.belief.count_distribution import CountDistribution, concatenate
 from bsg_models.errors import CheckpointError, TrainingError
 from bsg_models.inputs.folds import scenes_of, vocabulary_of
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model, save_checkpoint
-from bsg_models.runs.growth import (
-    growing_run,
-    open_run,
-    refuse_foreign_files,
-    refuse_overwriting,
-    settle_run,
-)
 from bsg_models.runs.run_folder import (
     BEST,
     LAST,
@@ -33,6 +26,9 @@ from bsg_models.runs.run_folder import (
     clear_run,
     is_finished,
     name_tensors,
+    open_run,
+    refuse_foreign_files,
+    refuse_overwriting,
     save_fitted,
 )
 from bsg_models.runs.run_log import keep_log
@@ -76,8 +72,8 @@ def train_run(
             configuration) and `log.jsonl` (when each training began and how it ended).
         resume: continue from `last.safetensors`, or from the finished members of an ensemble. A
             model fitted by counting starts again, unless it is finished. Without `resume`, start.
-        force: replace an existing run, which stays until the new one is complete. With `resume`,
-            replace it only if it is of another training.
+        force: replace an existing run, which is removed first. With `resume`, replace it only if
+            it is of another training.
 
     Yields:
         One report per epoch; none for a model that is fitted by counting.
@@ -90,9 +86,8 @@ def train_run(
     data, device = Dataset.open(dataset), find_device(config.training.device)
     with join_ranks(device) as ranks:
         if ranks.leads:
-            settle_run(run, drop=force and not resume)
             refuse_overwriting(run, resume=resume, force=force)
-            resume = resume and not (force and _is_other_training(config, data, growing_run(run)))
+            resume = resume and not (force and _is_other_training(config, data, run))
         if isinstance(config.model, EnsembleConfig):
             _refuse_several(ranks, "an ensemble trains one member after another")
             yield from _train_ensemble(config, config.model, data, run, resume=resume, force=force)
@@ -119,7 +114,7 @@ def _is_fitted(config: RunConfig, data: Dataset, run: Path) -> bool:
         TrainingError: if it is of another dataset or configuration.
         DatasetError: if it does not match its seal.
     """
-    place = growing_run(run)
+    place = run
     require_same_training(config, data, place / BEST)
     return (place / BEST).is_file() and require_seal(place) is not None
 
@@ -156,7 +151,7 @@ def _train_network(
             _require_resumable(config, data, place)
             notes = held.enter_context(keep_log(place, config, data))
         ranks.wait()  # until the folder is ready
-        place = growing_run(run)
+        place = run
         held.enter_context(one_thread())
         model.fit(data, config.data)
         with steps.join():
@@ -283,7 +278,7 @@ def _train_ensemble(
     if resume and _is_fitted(config, data, run):
         return
     if resume:
-        _require_resumable(config, data, growing_run(run))
+        _require_resumable(config, data, run)
     with open_run(run, resume=resume, force=force) as place, keep_log(place, config, data) as notes:
         members = {name: place / MEMBERS / name for name in ensemble.members}
         for name, folder in members.items():

@@ -16,7 +16,6 @@ from conftest import REPOSITORY
 from dsg_files import write_graph
 
 from bsg_cli.belief import main
-from bsg_data.result_folder import Place
 from bsg_models.belief.annotation import strip_annotation
 from bsg_models.belief.document import read_document
 from bsg_models.belief.hydra import read_hydra_belief
@@ -247,22 +246,6 @@ def test_what_needs_no_model_is_refused_before_models_are_imported(
     )
     assert (done.returncode, done.stdout) == (code, ""), done.stderr
     assert said in done.stderr
-
-
-def test_a_file_that_a_killed_command_put_there_is_no_reason_to_refuse(
-    run: Path, tmp_path: Path
-) -> None:
-    """It was killed between its renames: the second names of its files are in `own`."""
-    page = tmp_path / "page.html"
-    left = Place(page, is_file=True).unfinished
-    assert call(OFFICE, "--model", run, "--html", page).exit_code == 0
-    for name in ("new", "old", "own"):
-        (left / name).mkdir(parents=True)
-    (left / "own" / "page.html").hardlink_to(page)
-    again = call(OFFICE, "--model", run, "--html", page)
-    assert again.exit_code == 0, again.output
-    assert not left.exists()
-    assert "page.html: is there already" in call(OFFICE, "--model", run, "--html", page).output
 
 
 def test_a_share_that_was_estimated_is_told(run: Path, tmp_path: Path) -> None:

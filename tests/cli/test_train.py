@@ -128,25 +128,20 @@ def test_ctrl_c_leaves_a_run_that_resumes_to_the_same_weights(
     stopped = tmp_path / "stopped"
     if force:
         run("--config", "train-mean", "--data", dataset, "--out", stopped)
-        old = (stopped / "best.safetensors").read_bytes()
         words.append("--force")
-    growing = stopped / ".bsg-replacement" if force else stopped
     child = subprocess.Popen(
         [sys.executable, "-c", CHILD, *words, "--out", stopped],
         stderr=subprocess.PIPE,
         env={**os.environ, "PYTHONUNBUFFERED": "1"},
     )
-    while not (growing / "last.safetensors").exists() and child.poll() is None:
+    while not (stopped / "last.safetensors").exists() and child.poll() is None:
         time.sleep(0.005)
     child.send_signal(signal.SIGINT)
     _, errors = child.communicate(timeout=60)
     assert child.returncode == 130
     assert b"the same command with --resume goes on" in errors
     assert errors.endswith(b"interrupted\n")
-    assert (growing / "curve.png").is_file()
-    if force:
-        assert b"the earlier run stays until this one is complete" in errors
-        assert (stopped / "best.safetensors").read_bytes() == old
+    assert (stopped / "curve.png").is_file()
     run(*words, "--out", stopped, "--resume")
     for name in ("last.safetensors", "best.safetensors"):
         a, b = load_file(tmp_path / "whole" / name), load_file(stopped / name)
