@@ -11,7 +11,7 @@ PYTEST := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 
 TESTED := tests bsg_data bsg_models $(VENV)/links/bsg_cli
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test fast coverage faults lint format docs figures site bench package release test-lowest test-latest audit clean
+.PHONY: help install demo test all heavy coverage faults lint format docs figures site bench package release test-lowest test-latest audit clean
 
 help: ## Say what each target does.
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -60,11 +60,14 @@ demo: $(INSTALLED) ## Run the main job end to end on synthetic buildings; result
 	@echo "More figures are in $(DEMO)/evaluation and $(DEMO)/classes.png. The dataset is $(DEMO)/dataset;"
 	@echo "docs/loading.md opens it elsewhere, docs/evaluation.md says what the metrics are."
 
-test: $(INSTALLED) lint ## Run every check: format, lint, types, tests.
+test: $(INSTALLED) lint ## Check format, style, types and behaviour: what to run before each commit.
+	$(PYTEST) -m "not heavy" --doctest-modules $(TESTED)
+
+all: $(INSTALLED) lint ## Run every check, with site, tutorials, wheel, Dask, browser, fuzz and kills.
 	$(PYTEST) --doctest-modules $(TESTED)
 
-fast: $(INSTALLED) ## Run the tests that take less than about two seconds each.
-	$(PYTEST) -m "not slow"
+heavy: $(INSTALLED) ## Run what `make all` has besides `make test`.
+	$(PYTEST) -m heavy tests
 
 coverage: $(INSTALLED) ## Run all tests, and list the lines that none of them runs.
 	$(BIN)/python -m pip install --quiet 'pytest-cov>=5,<8'

@@ -157,7 +157,6 @@ def test_packages_use_only_the_libraries_that_they_may() -> None:
         assert foreign <= THIRD_PARTY[name.partition(".")[0]], f"{name} imports {foreign}"
 
 
-@pytest.mark.slow
 def test_bsg_data_and_its_command_import_without_torch_or_another_heavy_library() -> None:
     names = list(modules("bsg_data"))
     code = (

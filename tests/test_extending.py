@@ -91,7 +91,6 @@ def test_the_source_and_the_mask_make_a_sound_dataset_under_their_own_terms() ->
     assert "Matterport" not in card + Path("dataset", CROISSANT).read_text("utf-8")
 
 
-@pytest.mark.slow
 def test_the_model_is_evaluated_with_the_metric() -> None:
     words = "--data dataset --resamples 2 --all-metrics"
     printed = run(f"bsg-evaluate run {words} --out evaluation").stdout
@@ -101,7 +100,6 @@ def test_the_model_is_evaluated_with_the_metric() -> None:
     assert "mean-rate" in report["metrics"]["rooms/total_error"]
 
 
-@pytest.mark.slow
 def test_the_leaderboard_takes_the_model_and_the_mask() -> None:
     words = "--folds 3 --draws 1 --resamples 2 --workers 1"
     run(

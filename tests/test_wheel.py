@@ -105,7 +105,7 @@ def build(what: str, source: Path, folder: Path) -> Path:
     return path
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_the_source_archive_holds_the_packages_and_what_tells_of_them(archive: Path) -> None:
     with tarfile.open(archive) as file:
         names = [one.name.partition("/")[2] for one in file.getmembers() if one.isfile()]
@@ -114,7 +114,7 @@ def test_the_source_archive_holds_the_packages_and_what_tells_of_them(archive: P
     assert held == packages | set(BESIDE) | WRITTEN
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_the_wheel_holds_every_file_of_the_packages(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         held = {name for name in archive.namelist() if ".dist-info/" not in name}
@@ -123,7 +123,7 @@ def test_the_wheel_holds_every_file_of_the_packages(wheel: Path) -> None:
             assert archive.read(name) == path.read_bytes(), name
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_the_wheel_works_without_the_source_tree(wheel: Path, tmp_path: Path) -> None:
     unpacked = tmp_path / "unpacked"
     with zipfile.ZipFile(wheel) as archive:
@@ -152,7 +152,7 @@ def read_bill(wheel: Path) -> bytes:
         return archive.read(name)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_the_bill_of_materials_lists_what_is_asked_for(wheel: Path) -> None:
     with (REPOSITORY / "pyproject.toml").open("rb") as file:
         project = tomllib.load(file)["project"]
@@ -182,6 +182,6 @@ def spell(asked: tuple[str, str]) -> tuple[str, str, tuple[str, ...]]:
     return extra, name, tuple(sorted(rest))
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_the_same_sources_give_the_same_bill(wheel: Path, tmp_path: Path) -> None:
     assert read_bill(build_wheel(build_archive(tmp_path))) == read_bill(wheel)

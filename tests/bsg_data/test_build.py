@@ -346,7 +346,6 @@ def test_a_disk_that_fills_up_is_reported_and_the_build_goes_on_later(
     assert check_dataset(tmp_path / "out") == ()
 
 
-@pytest.mark.slow
 def test_the_real_scenes(shared: Path, tmp_path: Path) -> None:
     text = build_dataset(HM3DFolder(shared / "annotations"), tmp_path / "text")
     source = HM3DStatistics(shared / "HM3DSem-v0.2-train.zip")
@@ -380,7 +379,6 @@ def with_meshes(_with_meshes: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(_with_meshes, tmp_path / "places"))
 
 
-@pytest.mark.slow
 def test_a_scene_whose_mesh_cannot_be_read_is_kept_without_geometry(
     with_meshes: Path, tmp_path: Path
 ) -> None:
@@ -397,7 +395,6 @@ def test_a_scene_whose_mesh_cannot_be_read_is_kept_without_geometry(
         build_dataset(HM3DFolder(with_meshes), tmp_path / "strict", strict=True)
 
 
-@pytest.mark.slow
 def test_meshes_give_the_same_bytes_whatever_the_workers(with_meshes: Path, tmp_path: Path) -> None:
     build_dataset(HM3DFolder(with_meshes), tmp_path / "one", scenes_per_shard=2)
     with ThreadPoolExecutor(2) as pool:
@@ -405,7 +402,6 @@ def test_meshes_give_the_same_bytes_whatever_the_workers(with_meshes: Path, tmp_
     assert all_bytes(tmp_path / "many") == all_bytes(tmp_path / "one")
 
 
-@pytest.mark.slow
 def test_without_meshes_a_build_is_one_of_text_alone(with_meshes: Path, tmp_path: Path) -> None:
     manifest = build_dataset(HM3DFolder(with_meshes, meshes=False), tmp_path / "out")
     assert (manifest.totals.placed, manifest.left_out, manifest.meshes) == (0, (), {})
@@ -428,7 +424,6 @@ def test_a_mesh_that_is_no_file_is_reported(hm3d_folder: Path, tmp_path: Path, o
     assert manifest.totals.scenes == 12
 
 
-@pytest.mark.slow
 def test_another_mesh_of_the_same_size_is_another_build(with_meshes: Path) -> None:
     source = HM3DFolder(with_meshes)
     before = source.find().scenes

@@ -39,7 +39,7 @@ def test_numba_looks_for_its_file_no_more(tmp_path: Path, monkeypatch: pytest.Mo
     compilation.config.reload_config()
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_command_stops_before_numba_reads_it(tmp_path: Path) -> None:
     (tmp_path / "home.json").write_text(HOME)
     (tmp_path / CONFIG).write_text("cache_dir: cache")

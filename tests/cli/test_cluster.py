@@ -53,7 +53,7 @@ def scheduler() -> Iterator[str]:
         yield cluster.scheduler_address
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_worker_that_is_killed_costs_time_and_nothing_else(
     scheduler: str, tmp_path: Path
 ) -> None:
@@ -81,7 +81,7 @@ def test_a_worker_that_is_killed_costs_time_and_nothing_else(
     assert all_bytes(tmp_path / "many") == all_bytes(tmp_path / "one")
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_build_and_pairs_from_a_relative_path(
     scheduler: str, hm3d_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -93,7 +93,7 @@ def test_build_and_pairs_from_a_relative_path(
     assert all_bytes(tmp_path / "many") == all_bytes(tmp_path / "one")
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_leaderboard(scheduler: str, dataset: Path, tmp_path: Path) -> None:
     models = {name: find_config(name) for name in ("doubled", "gamma-poisson")}
     recipe = LeaderboardRecipe(masks=("rooms",), folds=3, draws=1, resamples=2)
@@ -111,7 +111,7 @@ def test_a_leaderboard(scheduler: str, dataset: Path, tmp_path: Path) -> None:
     assert found[0] == found[1]
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_search_study(scheduler: str, dataset: Path, run: Path, tmp_path: Path) -> None:
     words = ("--model", run, "--data", dataset, "--episodes", 3, "--masks", 1, "--resamples", 5)
     words += ("--worlds", "star", "--planners", "nearest,greedy-belief", "--task", "single")
@@ -135,7 +135,7 @@ def fail_or_write(path: Path, fails: bool, begun: Path) -> None:
     path.touch()
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_after_an_error_no_worker_writes_any_more(scheduler: str, tmp_path: Path) -> None:
     paths = (tmp_path / "failed", tmp_path / "written")
     tasks = [(paths[0], True, tmp_path / "begun"), (paths[1], False, tmp_path / "begun")]
@@ -144,7 +144,7 @@ def test_after_an_error_no_worker_writes_any_more(scheduler: str, tmp_path: Path
     assert paths[1].exists()
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_workers_that_see_other_files_are_refused(
     scheduler: str, hm3d_folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -157,7 +157,7 @@ def test_workers_that_see_other_files_are_refused(
         pass
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_worker_of_many_threads_is_refused() -> None:
     with (
         distributed.LocalCluster(

@@ -17,7 +17,6 @@ def run(*words: str | Path, code: int = 0) -> Result:
     return result
 
 
-@pytest.mark.slow
 def test_a_leaderboard_of_names_and_files(dataset: Path, tmp_path: Path) -> None:
     small = tmp_path / "small.toml"
     small.write_text('[model]\nfamily = "ceci-sage"\nwidth = 8\n[training]\nepochs = 1\n', "utf-8")

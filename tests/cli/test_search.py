@@ -18,7 +18,6 @@ def run_command(*arguments: object) -> Result:
     return CliRunner().invoke(main, [str(one) for one in arguments])
 
 
-@pytest.mark.slow
 def test_a_study_with_everything(dataset: Path, run: Path) -> None:
     few = ("--episodes", 6, "--workers", 1, "--resamples", 20, "--worlds", "tree:2-3,star")
     result = run_command("--model", run, "--data", dataset, *few, "--stop", "0.1", "--trace", 1)

@@ -39,7 +39,6 @@ def is_running(pid: int) -> bool:
     return not (stat.is_file() and stat.read_text("utf-8").rpartition(")")[2].split()[0] == "Z")
 
 
-@pytest.mark.slow
 def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
     script = tmp_path / "parent.py"
     script.write_text(SCRIPT, "utf-8")
@@ -87,7 +86,6 @@ def test_a_module_of_ours_that_is_missing_is_no_extra(monkeypatch: pytest.Monkey
         _ = bsg_models.Predictor
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(sys.version_info < (3, 11), reason="PYTHONSAFEPATH is of Python 3.11")
 def test_workers_import_nothing_from_the_working_folder(tmp_path: Path) -> None:
     """`multiprocessing` starts them by `python -c`, for which Python looks there first."""

@@ -16,7 +16,7 @@ TUTORIALS = sorted((REPOSITORY / "docs" / "tutorials").glob("*.md"))
 NUMERICS = ("numpy", "pandas", "scipy", "torch", "torch-geometric")
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize("path", TUTORIALS, ids=lambda path: path.stem)
 def test_a_tutorial_shows_what_it_prints(path: Path) -> None:
     text = path.read_text("utf-8")

@@ -42,7 +42,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
@@ -128,14 +128,14 @@ def test_dead_links_are_found(tmp_path: Path) -> None:
     }
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_no_link_is_dead(site: Path) -> None:
     """Also those of raw HTML, which mkdocs does not follow."""
     assert len(list(site.rglob("*.html"))) > 80
     assert find_dead_links(site) == set()
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_code_that_a_page_links_to_is_a_page_and_a_file(site: Path) -> None:
     folder = site / "source" / "docs" / "examples"
     kept = (REPOSITORY / "docs" / "examples" / "ros2_belief_node.py").read_text("utf-8")
@@ -152,7 +152,7 @@ def read_inventory(site: Path) -> set[str]:
     return {line.split()[0] for line in lines if " py:" in line}
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_every_public_name_has_a_place(site: Path) -> None:
     listed = read_inventory(site)
     for package in (bsg_data, bsg_models):
@@ -160,7 +160,7 @@ def test_every_public_name_has_a_place(site: Path) -> None:
         assert {f"{package.__name__}.{name}" for name in package.__all__} - listed == set()
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_the_examples_of_docstrings_are_shown_as_code(site: Path) -> None:
     """An example outside `Examples:` becomes quotes; one with a flag of doctest shows the flag."""
     pages = {path.name: path.read_text("utf-8") for path in (site / "api").glob("*.html")}
@@ -169,7 +169,7 @@ def test_the_examples_of_docstrings_are_shown_as_code(site: Path) -> None:
     assert {name for name, text in pages.items() if any(one in text for one in mangled)} == set()
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_every_page_is_in_the_search(site: Path) -> None:
     index = (site / "search" / "search_index.json").read_text("utf-8")
     for page in (
@@ -181,7 +181,7 @@ def test_every_page_is_in_the_search(site: Path) -> None:
         assert f'"location":"{page}' in index.replace(" ", ""), page
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_nothing_is_loaded_from_elsewhere(site: Path) -> None:
     """A page on a disk, without a network, is whole; links may lead elsewhere."""
     loaded = re.compile(r"<(?:script|img|link|iframe)\b[^>]*?(?:src|href)=\"?(https?://[^\">\s]+)")

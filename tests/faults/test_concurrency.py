@@ -34,6 +34,8 @@ from bsg_data import (
 from bsg_data.errors import DatasetError
 from bsg_data.lock import hold
 
+pytestmark = pytest.mark.heavy
+
 Act = Callable[[Path], object]  # on a folder with `dataset`, `other` and `hm3d`
 FOLDS = SplitRecipe(method="folds", ratios=None, folds=3)
 

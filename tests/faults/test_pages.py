@@ -204,7 +204,7 @@ def click_through(page: Any) -> int:
     )
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_hostile_name_runs_nothing(browser: Any, tmp_path: Path, full: bool) -> None:
     turns = range(len(PAYLOADS)) if full else range(1)
     misses: dict[str, list[str]] = {"explorer": [], "replay": [], "report": []}
@@ -219,7 +219,7 @@ def test_a_hostile_name_runs_nothing(browser: Any, tmp_path: Path, full: bool) -
     assert not any(misses.values()), misses
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_the_policy_refuses_what_no_page_escaped(browser: Any, tmp_path: Path, full: bool) -> None:
     tried = MARKUP if full else ("".join(MARKUP),)
     misses: dict[str, list[str]] = {}
@@ -239,7 +239,7 @@ def test_the_policy_refuses_what_no_page_escaped(browser: Any, tmp_path: Path, f
     assert not any(misses.values()), misses
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_scripts_of_a_page_cannot_make_markup_from_text(browser: Any, tmp_path: Path) -> None:
     (tmp_path / "page.html").write_text(explorer(0), "utf-8")
     with watch(browser, tmp_path / "page.html") as (page, _, _):

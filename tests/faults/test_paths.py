@@ -31,7 +31,7 @@ def try_line(words: Sequence[str], folder: Path) -> str:
     )
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize("place", PLACES, ids=lambda place: place.title.replace(" ", "-"))
 def test_a_name_leads_nowhere(
     place: Place, request: pytest.FixtureRequest, tmp_path: Path, full: bool

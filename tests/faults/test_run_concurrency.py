@@ -22,6 +22,8 @@ from bsg_models.studies.search_report import SearchRequest, report_search
 from bsg_models.training.training import train_run
 from bsg_models.zoo.config import find_config, override, validate_config
 
+pytestmark = pytest.mark.heavy
+
 Work = Callable[[Callable[..., None]], object]
 
 

@@ -42,6 +42,8 @@ from bsg_models.runs.run_folder import BEST
 from bsg_models.training.training import train_run
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
 
+pytestmark = pytest.mark.heavy
+
 BUILDINGS = range(8)
 HIDDEN = (".build", ".staged")  # what a killed command may leave in a dataset
 PARTIAL = "dataset.partial"

@@ -37,7 +37,7 @@ def test_the_last_command_of_the_demo_draws_the_picture() -> None:
     assert result.exit_code == 0, result.output
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize("name", CONCEPTS.FIGURES)
 def test_a_figure_of_the_concepts_is_drawn_the_same(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

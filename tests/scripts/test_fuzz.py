@@ -12,7 +12,7 @@ pytest.importorskip("atheris", reason="the extra `fuzz` is not installed")
 SCRIPT = REPOSITORY / "scripts" / "faults" / "fuzz.py"
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_reader_is_fed_and_the_count_is_kept(tmp_path: Path) -> None:
     options = ["--targets", "annotation", "--runs", "300", "--corpus", str(tmp_path / "fuzz")]
     options += ["--tally", str(tmp_path / "tally.jsonl")]

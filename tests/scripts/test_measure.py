@@ -20,7 +20,7 @@ PAGES = (
     "masks",
     "fixtures",
     "ablation",
-    pytest.param("search", marks=pytest.mark.slow),
+    pytest.param("search", marks=pytest.mark.heavy),
 )
 FEW = {
     "masks": ["--draws=1", "--resamples=5", "--orders=1", "--models", "gamma-poisson@rooms"],

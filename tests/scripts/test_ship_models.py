@@ -30,7 +30,7 @@ def ship(pooled: Path, folder: Path, *more: str) -> int:
     return int(SHIP.main([*words, *TINY, *more]))
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_models_are_made_twice_with_the_same_bytes(
     dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

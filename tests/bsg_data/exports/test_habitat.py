@@ -165,7 +165,6 @@ def test_habitat_sim_s_own_example_goes_round() -> None:
     assert not contains(positive, (-5.1, 0.0, 0.01))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("up_axis", ["y", "z"])
 def test_regions_of_built_meshes_are_where_the_truth_says(tmp_path: Path, up_axis: Any) -> None:
     options = GeometryOptions(up_axis=up_axis)

@@ -215,7 +215,6 @@ def read_with_little_memory(path: Path) -> str:
     return done.stdout
 
 
-@pytest.mark.slow
 def test_one_huge_triangle_is_read_or_refused_with_little_memory(tmp_path: Path) -> None:
     small = write_glb(tmp_path / "50.glb", textured(paint("r"), size=(50, 50)))
     assert read_with_little_memory(small) == "read 2500.0 0.0\n"
@@ -223,7 +222,6 @@ def test_one_huge_triangle_is_read_or_refused_with_little_memory(tmp_path: Path)
     assert "larger than that of any building" in read_with_little_memory(large)
 
 
-@pytest.mark.slow
 def test_a_square_over_a_huge_texture_is_read_with_little_memory(tmp_path: Path) -> None:
     pixels = np.full((2048, 2048, 3), RGB["r"], dtype=np.uint8)
     pixels[:, 512:] = RGB["g"]

@@ -135,7 +135,6 @@ def test_layouts_of_no_scene_are_reported(hm3d_folder: Path, layouts: Path, tmp_
         WithLayouts(HM3DFolder(hm3d_folder), tmp_path / "none").find()
 
 
-@pytest.mark.slow
 def test_a_building_that_a_mesh_placed_takes_labels_and_connections_alone(tmp_path: Path) -> None:
     places, folder = tmp_path / "places", tmp_path / "layouts"
     (path,) = write_synthetic(places, scenes=1, seed=0, geometry=GeometryOptions())
@@ -163,7 +162,6 @@ def test_a_changed_layout_is_another_build(hm3d_folder: Path, layouts: Path) -> 
     assert [a != b for a, b in zip(before, after, strict=True)].count(True) == 1
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["text", "statistics"])
 def test_real_layouts_join_text_and_statistics(shared: Path, tmp_path: Path, kind: str) -> None:
     text = HM3DFolder(shared / "annotations")

@@ -119,7 +119,6 @@ def test_a_graph_of_another_class_space_is_refused(run: Path) -> None:
         Predictor(run)(GRAPH)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("source", ["synthetic", "real"])
 def test_beliefs_about_unvisited_rooms_improve_as_others_are_searched(
     source: str, request: pytest.FixtureRequest, tmp_path: Path

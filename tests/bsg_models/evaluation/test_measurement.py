@@ -206,7 +206,6 @@ def test_batches_and_their_order_do_not_matter(truth: Truth) -> None:
         np.testing.assert_allclose(found.values[name], value, rtol=1e-9, atol=1e-12, err_msg=name)
 
 
-@pytest.mark.slow
 def test_figures_are_drawn(truth: Truth, tmp_path: Path) -> None:
     notes: list[str] = []
     drawn = plot_evaluation(

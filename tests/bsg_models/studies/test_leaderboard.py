@@ -42,7 +42,6 @@ MODELS: Mapping[str, RunConfig] = {
 }
 
 
-@pytest.mark.slow
 def test_every_model_is_tested_on_every_building_once(unsplit: Path, tmp_path: Path) -> None:
     before = {p: p.read_bytes() for p in unsplit.rglob("*") if p.is_file()}
     seen: list[tuple[str, int, int]] = []
@@ -70,7 +69,6 @@ def test_every_model_is_tested_on_every_building_once(unsplit: Path, tmp_path: P
     assert not np.isnan(board.results["rooms"]["train-mean"].metrics.point[unvisited])
 
 
-@pytest.mark.slow
 def test_a_stopped_leaderboard_goes_on_and_another_recipe_starts_again(
     unsplit: Path, tmp_path: Path
 ) -> None:
@@ -124,7 +122,6 @@ def test_what_a_stopped_copy_left_goes_and_a_file_of_somebody_stays(
     assert read_manifest(copy).pairs is not None
 
 
-@pytest.mark.slow
 def test_an_ensemble_is_the_mean_of_its_members(unsplit: Path, tmp_path: Path) -> None:
     recipe = RECIPE.model_copy(update={"masks": ("uniform",)})
     board = make_leaderboard(unsplit, tmp_path / "board", {"pair": MODELS["pair"]}, recipe)
@@ -138,7 +135,6 @@ def test_an_ensemble_is_the_mean_of_its_members(unsplit: Path, tmp_path: Path) -
     assert all(checkpoint.header.calibrated for checkpoint in members)
 
 
-@pytest.mark.slow
 def test_a_model_with_a_mask_of_its_own_is_trained_once_and_measured_on_every_kind(
     unsplit: Path, tmp_path: Path
 ) -> None:
@@ -175,7 +171,6 @@ def test_a_model_with_a_mask_of_its_own_is_trained_once_and_measured_on_every_ki
     assert (config.data.fold, str(config.data.mask)) == (2, "mixed, fraction 0.5, withhold 0.05")
 
 
-@pytest.mark.slow
 def test_an_ensemble_of_mixed_masks_has_members_of_its_own(unsplit: Path, tmp_path: Path) -> None:
     mixed = ("data.mask.strategy=mixed", "data.mask.withhold=0.05")
     models = {

@@ -35,7 +35,6 @@ def costs_of(study: Study) -> list[list[float]]:
     return [o.costs.tolist() for one in study.searches for o in one.outcomes.values()]
 
 
-@pytest.mark.slow
 def test_a_study_depends_on_its_recipe_alone(dataset: Path, run: Path) -> None:
     recipe = StudyRecipe(artifacts=EVERY, worlds=DRAWN, episodes=6, masks=3)
     runs = dict.fromkeys(list(read_cells(dataset))[-4:], run)

@@ -108,7 +108,6 @@ def test_a_model_of_mixed_masks_is_trained(dataset: Path, tmp_path: Path) -> Non
     assert header.val_loss == report.val_loss
 
 
-@pytest.mark.slow
 def test_training_learns(dataset: Path, tmp_path: Path) -> None:
     """On buildings that are alike, the loss falls well below that of the first epoch."""
     config = configure("training.epochs=120", "model.dropout=0.0")
@@ -116,7 +115,6 @@ def test_training_learns(dataset: Path, tmp_path: Path) -> None:
     assert reports[-1].train_loss < 0.5 * reports[0].train_loss
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("masks", ["fresh", "fixed"])
 def test_the_same_seed_gives_the_same_weights_and_another_does_not(
     dataset: Path, tmp_path: Path, masks: str

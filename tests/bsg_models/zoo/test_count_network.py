@@ -194,7 +194,6 @@ def test_a_network_reads_what_it_is_told_to_and_nothing_else(
         assert same == (key not in changed), key
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", NETWORKS)
 def test_every_network_learns_and_is_saved_and_loaded_alike(
     name: str, dataset: Path, tmp_path: Path

@@ -14,6 +14,8 @@ from fuzz.catalogue import ROWS, find_target
 from fuzz.mutation import change
 from fuzz.target import CORPUS, Bench, Target
 
+pytestmark = pytest.mark.heavy
+
 
 @pytest.fixture(scope="module", params=ROWS)
 def bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
