@@ -1,4 +1,4 @@
-"""Load public names of a package on first use, as its stub `__init__.pyi` lists them (PEP 562)."""
+"""Load public names of a module on first use, as the stub beside it lists them (PEP 562)."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ from pathlib import Path
 from typing import Any
 
 
-def read_stub(package: str, file: str) -> tuple[Callable[[str], Any], list[str]]:
-    """Return `__getattr__` and `__all__` of a package; type checkers read the same stub.
+def read_stub(module: str, file: str) -> tuple[Callable[[str], Any], list[str]]:
+    """Return `__getattr__` and `__all__` of a module; type checkers read the same stub.
 
     Args:
-        package: name of the package.
-        file: its `__init__.py`, beside which the stub lies.
+        module: name of the module or package.
+        file: its own file, beside which the stub lies.
     """
+    package = module if Path(file).stem == "__init__" else module.rpartition(".")[0]
     tree = ast.parse(Path(file).with_suffix(".pyi").read_text("utf-8"))
     places = {
         alias.name: f"{package}.{node.module}"
@@ -27,9 +28,9 @@ def read_stub(package: str, file: str) -> tuple[Callable[[str], Any], list[str]]
 
     def load(name: str) -> Any:
         if name not in places:
-            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+            raise AttributeError(f"module {module!r} has no attribute {name!r}")
         value = getattr(importlib.import_module(places[name]), name)
-        setattr(sys.modules[package], name, value)  # found without this function from now on
+        setattr(sys.modules[module], name, value)  # found without this function from now on
         return value
 
     return load, sorted(places)

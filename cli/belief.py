@@ -28,6 +28,7 @@ from bsg_cli.options import (
     split_option,
 )
 from bsg_cli.terminal import Command, print_json, print_note, print_text, progress_bar
+from bsg_data import extend
 from bsg_data.dataset.manifest import COMPARED, describe_unmapped, list_resolved
 from bsg_data.observation.robot_json import list_unmapped
 from bsg_data.result_folder import Place, require_vacant
@@ -228,8 +229,8 @@ def _note_names(graph: bsg_data.PartialGraph, class_map: bsg_data.ClassMap) -> I
     made = [f"{r.name!r} is {r.category!r} ({r.rule})" for r in list_resolved(seen, class_map)]
     if made:
         yield f"names read by rule, for they are not in the class map: {_list(made)}"
-    if graph.source is not None and graph.source not in bsg_data.KNOWN_SOURCES:
-        known = ", ".join(bsg_data.KNOWN_SOURCES)
+    if graph.source is not None and graph.source not in extend.KNOWN_SOURCES:
+        known = ", ".join(extend.KNOWN_SOURCES)
         yield f"source {graph.source!r} is read as unknown; models know {known}"
 
 
@@ -274,7 +275,7 @@ def _list(names: Iterable[str], *, between: str = ", and ") -> str:
     return ", ".join(every[:MOST_NAMES]) + more
 
 
-def _describe_unmapped(name: bsg_data.UnmappedEntry) -> str:
+def _describe_unmapped(name: extend.UnmappedEntry) -> str:
     near = f"; nearest: {', '.join(name.nearest)}" if name.nearest else ""
     return f"{name.name[:SHOWN]!r} ({name.instances:,}{near})"
 

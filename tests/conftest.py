@@ -19,7 +19,7 @@ import hypothesis
 import pytest
 import refusals
 
-from bsg_data import HM3DFolder, PairsRecipe, SplitRecipe, build_dataset, split_dataset, write_pairs
+from bsg_data import PairsRecipe, SplitRecipe, build_dataset, split_dataset, write_pairs
 from bsg_data.dataset.manifest import (
     CARD,
     CROISSANT,
@@ -29,6 +29,7 @@ from bsg_data.dataset.manifest import (
     encode_manifest,
     seal_manifest,
 )
+from bsg_data.extend import HM3DFolder
 
 hypothesis.settings.register_profile("untimed", deadline=None)  # a busy machine proves nothing
 hypothesis.settings.load_profile("untimed")

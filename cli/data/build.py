@@ -29,6 +29,7 @@ from bsg_cli.terminal import (
     progress_bar,
     worker_pool,
 )
+from bsg_data import extend
 from bsg_data.errors import BSGError
 from bsg_data.sources.catalogue import SOURCES, parse_options
 
@@ -147,7 +148,7 @@ def command(
         reads = [place.absolute() for place in reads]  # workers run in other folders
     source = bsg_data.open_source(name, reads[0], **options)
     if room_layouts is not None:
-        source = bsg_data.WithLayouts(source, reads[1])
+        source = extend.WithLayouts(source, reads[1])
     pool = worker_pool(workers, reads=reads, writes=[out])
     left = 0  # shards that this command saw done before it was stopped
     try:
@@ -161,7 +162,7 @@ def command(
             how: dict[str, Any] = {"class_map": class_map, "strict": strict, "force": force}
             how |= {"executor": executor, "progress": note}
             if part is not None:
-                built = bsg_data.build_part(source, out, bsg_data.Part(*part), **how)
+                built = extend.build_part(source, out, extend.Part(*part), **how)
                 _tell_part(built, part, out, as_json=as_json)
                 return
             manifest = bsg_data.build_dataset(source, out, **how)
@@ -179,9 +180,7 @@ def command(
     print_text(f"dataset in {out}")
 
 
-def _tell_part(
-    built: bsg_data.BuiltPart, part: tuple[int, int], out: Path, *, as_json: bool
-) -> None:
+def _tell_part(built: extend.BuiltPart, part: tuple[int, int], out: Path, *, as_json: bool) -> None:
     """Print what a part built and how many shards are still missing."""
     number, of = part
     if as_json:

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import click
 
-import bsg_data
 from bsg_cli.data.totals import format_losses, format_totals
 from bsg_cli.options import PATH, force_option, json_option
 from bsg_cli.terminal import Command, print_json, print_text, progress_bar
+from bsg_data import extend
 
 
 @click.command("finalise", cls=Command)
@@ -27,7 +27,7 @@ def command(dataset: Path, force: bool, as_json: bool) -> None:
       bsg-data finalise dataset
     """
     with progress_bar("finalise", unit="shard") as report:
-        manifest = bsg_data.finalise_dataset(dataset, force=force, progress=report)
+        manifest = extend.finalise_dataset(dataset, force=force, progress=report)
     if as_json:
         print_json(manifest.model_dump(mode="json", exclude={"files"}))
         return

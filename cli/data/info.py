@@ -11,6 +11,7 @@ import bsg_data
 from bsg_cli.data.totals import format_hashes, format_losses, format_sources, format_totals
 from bsg_cli.options import PATH, dataset_argument, json_option
 from bsg_cli.terminal import Command, print_json, print_note, print_text
+from bsg_data import extend
 from bsg_data.tables import format_text
 
 
@@ -30,16 +31,16 @@ def command(dataset: Path, figure: Path | None, force: bool, as_json: bool) -> N
     """
     manifest = bsg_data.read_manifest(dataset)
     if figure is not None:
-        bsg_data.refuse_figure(figure, force=force)
-    frame = bsg_data.count_frequencies(dataset)
+        extend.refuse_figure(figure, force=force)
+    frame = extend.count_frequencies(dataset)
     sizes = bsg_data.read_splits(dataset, manifest=manifest) if manifest.split else {}
-    hashes = bsg_data.hash_splits(bsg_data.Dataset.open(dataset)) if manifest.pairs else {}
+    hashes = extend.hash_splits(bsg_data.Dataset.open(dataset)) if manifest.pairs else {}
     if figure is not None:
-        bsg_data.plot_frequencies(frame, figure, title=format_totals(manifest))
+        extend.plot_frequencies(frame, figure, title=format_totals(manifest))
     if as_json:
         summary = manifest.model_dump(mode="json", exclude={"files"})
         summary["splits"] = {name: len(ids) for name, ids in sizes.items()}
-        sources = bsg_data.count_sources(dataset, manifest=manifest).to_dict(orient="records")
+        sources = extend.count_sources(dataset, manifest=manifest).to_dict(orient="records")
         summary["by_source"] = sources
         summary["masks_sha256"] = hashes
         print_json({**summary, "classes": frame.to_dict(orient="records")})

@@ -12,6 +12,7 @@ import bsg_data
 from bsg_cli.completion import complete_class_map
 from bsg_cli.options import class_map_option, dataset_argument, json_option
 from bsg_cli.terminal import CommandGroup, print_json, print_note, print_text
+from bsg_data import extend
 from bsg_data.tables import format_text
 
 # why a known name has no class, by its role
@@ -40,7 +41,7 @@ def map_list(as_json: bool) -> None:
     Example:
       bsg-data map list
     """
-    rows = bsg_data.published_maps().values()
+    rows = extend.published_maps().values()
     maps = [(row, bsg_data.load_class_map(row.class_map)) for row in rows]
     if as_json:
         print_json(
@@ -67,7 +68,7 @@ def map_list(as_json: bool) -> None:
 
 def find_elsewhere(category: str) -> dict[str, str]:
     """Return map → class of a name, for the published maps that have a class for it."""
-    maps = [bsg_data.load_class_map(version) for version in bsg_data.published_maps()]
+    maps = [bsg_data.load_class_map(version) for version in extend.published_maps()]
     found = [(one, one.classify(category).class_index) for one in maps]
     return {one.version: one.classes[index] for one, index in found if index is not None}
 
@@ -144,7 +145,7 @@ def map_coverage(dataset: Path, class_map: str | None, as_json: bool) -> None:
     """
     manifest = bsg_data.read_manifest(dataset)
     loaded = None if class_map is None else bsg_data.load_class_map(class_map)
-    coverage = bsg_data.measure_coverage(dataset, loaded)
+    coverage = extend.measure_coverage(dataset, loaded)
     if as_json:
         most = dict(coverage.most_left_out)
         print_json({**_coverage_counts(coverage), "most_left_out": most})
@@ -185,8 +186,8 @@ def map_compare(dataset: Path, class_maps: tuple[str, ...], as_json: bool) -> No
             f"each map looks up all objects, although the dataset was built with several maps "
             f"({', '.join(sorted(built))}); `bsg-data map coverage` counts it as built"
         )
-    coverages = [_coverage_counts(bsg_data.measure_coverage(dataset, one)) for one in maps]
-    frames = [bsg_data.count_classes(dataset, one).set_index("class") for one in maps]
+    coverages = [_coverage_counts(extend.measure_coverage(dataset, one)) for one in maps]
+    frames = [extend.count_classes(dataset, one).set_index("class") for one in maps]
     if as_json:
         print_json(
             {
@@ -217,7 +218,7 @@ def map_compare(dataset: Path, class_maps: tuple[str, ...], as_json: bool) -> No
     print_text("\n" + format_text(cells, header=header))
 
 
-def _coverage_counts(coverage: bsg_data.Coverage) -> dict[str, int | float]:
+def _coverage_counts(coverage: extend.Coverage) -> dict[str, int | float]:
     parts = ("objects", "classified", "structure", "nameless", "unmapped", "left_out")
     counts: dict[str, int | float] = {part: int(getattr(coverage, part)) for part in parts}
     return {**counts, "share": coverage.share, "share_of_named": coverage.share_of_named}

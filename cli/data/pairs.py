@@ -25,6 +25,7 @@ from bsg_cli.terminal import (
     progress_bar,
     worker_pool,
 )
+from bsg_data import extend
 
 
 @click.command("pairs", cls=Command)
@@ -86,14 +87,14 @@ def command(
             f"is {left_out[0]}"
         )
     rows = sum(entry.rows for entry in manifest.files_of("pairs"))
-    if bsg_data.MASKS[mask].reads_connections:
+    if extend.MASKS[mask].reads_connections:
         bare = bsg_data.Dataset.open(dataset).count_unconnected()
         if bare:
             print_note(
                 f"{bare:,} of {manifest.totals.scenes:,} scenes have no adjacency; there all rooms "
                 "count as neighbours"
             )
-    hashes = bsg_data.hash_splits(bsg_data.Dataset.open(dataset))
+    hashes = extend.hash_splits(bsg_data.Dataset.open(dataset))
     if as_json:
         answer = {
             "recipe": recipe.model_dump(mode="json"),

@@ -17,6 +17,7 @@ from bsg_cli.terminal import (
     progress_bar,
     worker_pool,
 )
+from bsg_data import extend
 
 
 @click.command("synth", cls=Command)
@@ -88,7 +89,7 @@ def command(
     given = {name: value for name, value in chosen.items() if value is not None}
     if given and not geometry:
         raise click.UsageError(f"--{next(iter(given)).replace('_', '-')} needs --geometry")
-    options = bsg_data.GeometryOptions(**given) if geometry else None  # type: ignore[arg-type]
+    options = extend.GeometryOptions(**given) if geometry else None  # type: ignore[arg-type]
     if not (geometry or rooms or objects) and workers.scheduler is None:
         workers = Workers(1)  # for small buildings one process is faster
     pool = worker_pool(workers, writes=[out])
@@ -97,7 +98,7 @@ def command(
             out,
             scenes=scenes,
             seed=seed,
-            size=bsg_data.BuildingSize(rooms, objects),
+            size=extend.BuildingSize(rooms, objects),
             geometry=options,
             force=force,
             executor=executor,

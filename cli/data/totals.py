@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-import bsg_data
+from bsg_data import extend
 from bsg_data.tables import format_text
 
 
-def format_totals(manifest: bsg_data.Manifest) -> str:
+def format_totals(manifest: extend.Manifest) -> str:
     """Return the totals of a dataset as one line."""
     t = manifest.totals
     placed = (
@@ -22,7 +22,7 @@ def format_totals(manifest: bsg_data.Manifest) -> str:
     )
 
 
-def _name_maps(manifest: bsg_data.Manifest) -> str:
+def _name_maps(manifest: extend.Manifest) -> str:
     """Name the class maps other than the one named like the class space."""
     names = {source.class_map.version for source in manifest.sources}
     others = sorted(names - {manifest.class_space.name})
@@ -49,7 +49,7 @@ def format_sources(dataset: Path) -> str:
             f"{row['placed']:,}",
             f"{row['connections']:,}",
         )
-        for row in bsg_data.count_sources(dataset).to_dict(orient="records")
+        for row in extend.count_sources(dataset).to_dict(orient="records")
     ]
     header = (
         *("source", "buildings", "rooms", "objects", "with a class", "classes", "of non-structure"),
@@ -58,7 +58,7 @@ def format_sources(dataset: Path) -> str:
     return format_text(rows, header=header)
 
 
-def format_losses(manifest: bsg_data.Manifest, *, most: int = 20) -> str:
+def format_losses(manifest: extend.Manifest, *, most: int = 20) -> str:
     """Return tables of skipped scenes, left-out geometry, unmapped names and resolved names."""
     left = manifest.left_out
     lines = [
@@ -89,7 +89,7 @@ def format_losses(manifest: bsg_data.Manifest, *, most: int = 20) -> str:
     return "\n".join(lines)
 
 
-def _mesh_line(meshes: list[bsg_data.MeshCoverage]) -> str:
+def _mesh_line(meshes: list[extend.MeshCoverage]) -> str:
     texels, area = sum(m.texels for m in meshes), sum(m.area for m in meshes)
     names = {
         "listed": "listed",

@@ -21,12 +21,8 @@ import numpy.typing as npt
 from matplotlib.figure import Figure
 
 from bsg_data import (
-    BuildingSize,
-    ClassSpaceEntry,
-    GeometryOptions,
     MaskRecipe,
     SceneGraph,
-    ShareBelief,
     build_dataset,
     mask_scene,
     open_source,
@@ -35,6 +31,7 @@ from bsg_data import (
     read_scene_graphs,
     write_synthetic,
 )
+from bsg_data.extend import BuildingSize, ClassSpaceEntry, GeometryOptions, ShareBelief
 from bsg_data.observation.partial_graph import hide_of_room
 from bsg_models import Predictor, SeenBuilding, open_graph
 

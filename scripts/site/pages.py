@@ -134,14 +134,13 @@ def reference_pages() -> Iterator[tuple[str, str]]:
 def public_names() -> dict[str, list[str]]:
     """Return the public names of the packages, whole, by the room that they are in.
 
-    What lies in a file beside the rooms is listed under its package. The contracts that others can
-    test their own parts with are not exported, and are public all the same.
+    What lies in a file beside the rooms is listed under its package.
     """
     rooms: dict[str, list[str]] = {}
     for package in PACKAGES:
-        stub = ast.parse((REPOSITORY / package / "__init__.pyi").read_text("utf-8"))
-        for node in stub.body:
-            if isinstance(node, ast.ImportFrom) and node.module:
+        stubs = sorted((REPOSITORY / package).glob("*.pyi"))  # the root's, and `extend`
+        for node in [one for stub in stubs for one in ast.parse(stub.read_text("utf-8")).body]:
+            if isinstance(node, ast.ImportFrom) and node.module and node.module != "testing":
                 is_room = "." in node.module
                 room = f"{package}.{node.module.split('.')[0]}" if is_room else package
                 names = [f"{package}.{node.module}.{alias.name}" for alias in node.names]

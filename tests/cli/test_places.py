@@ -15,7 +15,8 @@ from click.testing import CliRunner, Result
 from conftest import KITCHEN, REPOSITORY, annotation_text, write_scene
 
 from bsg_cli.registry import COMMANDS
-from bsg_data import HM3DFolder, build_dataset
+from bsg_data import build_dataset
+from bsg_data.extend import HM3DFolder
 from bsg_data.seals import write_seal
 
 # PLACE is where the option is told to write.

@@ -18,12 +18,10 @@ from pathlib import Path
 import pytest
 
 from bsg_data import (
-    HM3DFolder,
     PairsRecipe,
     SplitRecipe,
     build_dataset,
     check_dataset,
-    count_frequencies,
     export_dataset,
     merge_datasets,
     read_manifest,
@@ -32,6 +30,7 @@ from bsg_data import (
     write_synthetic,
 )
 from bsg_data.errors import DatasetError
+from bsg_data.extend import HM3DFolder, count_frequencies
 from bsg_data.lock import hold
 
 pytestmark = pytest.mark.heavy

@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 from conftest import write_twelve
 
-from bsg_data import HM3DFolder, PairsRecipe, SplitRecipe, build_dataset, split_dataset, write_pairs
+from bsg_data import PairsRecipe, SplitRecipe, build_dataset, split_dataset, write_pairs
 from bsg_data.dataset.kept_maps import KEPT
+from bsg_data.extend import HM3DFolder
 from bsg_data.observation.robot_json import read_robot_graph
 from bsg_data.scene.class_map import join_maps, load_class_map
 from bsg_data.scene.own_map import OwnMap
