@@ -8,8 +8,8 @@ All names are the robot's own: ids or labels of its rooms, and any word for a th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
-from functools import cached_property, wraps
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from functools import wraps
 from pathlib import Path
 from threading import RLock
 from types import MappingProxyType
@@ -156,7 +156,7 @@ class SeenBuilding:
     def unmapped(self) -> tuple[UnmappedEntry, ...]:
         """Seen objects whose name no class map knows; models do not read them."""
         names = list_unmapped(self._graph)
-        return tuple(describe_unmapped(names, self._class_maps[0], near=COMPARED))
+        return tuple(describe_unmapped(names, self._class_map, near=COMPARED))
 
     @_alone
     def copy(self) -> SeenBuilding:
@@ -195,7 +195,7 @@ class SeenBuilding:
             raise RecipeError("saw: expected the name of a thing, found none", code="thing-none")
         index = 0 if room is None else find_room(self._graph, room)
         name = self._free_id() if object_id is None else object_id
-        found = self._class_maps[0].classify(thing)
+        found = self._class_map.classify(thing)
         seen = SeenObject(name, index, thing, found.category, found.class_index, position)
         seen = check_object(seen)
         self._change(see_object(self._graph, seen))
@@ -442,8 +442,8 @@ class SeenBuilding:
             RecipeError: if the word means no class; the message names similar words.
         """
         if thing not in self._meanings:
-            own = self._class_maps[0].version not in list_class_maps()
-            self._meanings[thing] = find_meaning(thing, self._class_maps, prefer_exact=not own)
+            own = self._class_map.version not in list_class_maps()
+            self._meanings[thing] = find_meaning(thing, self._class_maps(), prefer_exact=not own)
         return self._meanings[thing]
 
     def ways(self, costs: Costs | None = None) -> Ways:
@@ -468,17 +468,21 @@ class SeenBuilding:
             number += 1
         return f"saw {number}"
 
-    @cached_property
-    def _class_maps(self) -> tuple[ClassMap, ...]:
-        """The model's class map, then that of the wide model if it may answer, too.
+    @property
+    def _class_map(self) -> ClassMap:
+        return self._models[0].class_map
+
+    def _class_maps(self) -> Iterator[ClassMap]:
+        """Yield the model's class map, then that of the wide model if it may answer, too.
 
         It has to have another class space. A model that everybody may use is not helped by one
         with terms of its own.
         """
-        own = self._models[0].class_map
+        yield self._class_map
         wide = load_class_map(WIDE_MAP)
-        has_wide = WIDE_MODEL in shipped_names() and own.space != wide.space
-        return (own, wide) if has_wide and not self._models[0].is_free else (own,)
+        has_wide = WIDE_MODEL in shipped_names() and self._class_map.space != wide.space
+        if has_wide and not self._models[0].is_free:
+            yield wide
 
     def _belief(self, model: int) -> Expectation:
         """Return what a model believes of the graph as it is now."""
@@ -492,7 +496,7 @@ class SeenBuilding:
         return self._models[model]
 
     def _graph_for(self, model: int) -> PartialGraph:
-        return reclassify(self._graph, self._class_maps[model]) if model else self._graph
+        return reclassify(self._graph, load_class_map(WIDE_MAP)) if model else self._graph
 
     def _seen(self, meaning: Meaning) -> list[tuple[str, ...]]:
         """Return the ids of the seen objects of a class, for every node."""

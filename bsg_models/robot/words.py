@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from difflib import SequenceMatcher
 
@@ -37,7 +37,7 @@ class Meaning:
 
 
 def find_meaning(
-    word: str, class_maps: Sequence[ClassMap], *, prefer_exact: bool = True
+    word: str, class_maps: Iterable[ClassMap], *, prefer_exact: bool = True
 ) -> Meaning:
     """Return the class that a word means.
 
@@ -48,21 +48,33 @@ def find_meaning(
 
     Args:
         word: any name of a thing.
-        class_maps: one per model that can be asked, the preferred one first.
+        class_maps: one per model that can be asked, the preferred one first; later ones are only
+            loaded if they are needed.
         prefer_exact: False takes the first map that has a class for the word, however wide the
             class is; use it if that map is the user's own.
 
     Raises:
         RecipeError: if the word means no class; the message names similar words.
     """
-    if not isinstance(word, str) or not word.strip() or len(word) > MOST_CHARACTERS:
+    if not word.strip() or len(word) > MOST_CHARACTERS:
         raise RecipeError(
             f"expected the name of a thing, of 1 to {MOST_CHARACTERS} characters, found "
-            f"{show_value(word)}"
+            f"{show_value(word)}",
+            code="thing-none",
         )
-    found = [one for model in range(len(class_maps)) if (one := _look_up(word, class_maps, model))]
-    if found:
-        return max(found, key=lambda one: prefer_exact and one.is_exact)
+    asked: list[ClassMap] = []
+    wider: Meaning | None = None
+    for class_map in class_maps:
+        found = _look_up(word, class_map, len(asked))
+        if found and (found.is_exact or not prefer_exact):
+            return found
+        asked.append(class_map)
+        wider = wider or found
+    return wider or _guess(word, asked)
+
+
+def _guess(word: str, class_maps: Sequence[ClassMap]) -> Meaning:
+    """Return the meaning of a misspelt name."""
     near = _spelled_alike(word, class_maps)
     if near and not any(class_map.classify(word).category for class_map in class_maps):
         name, model, index, ratio = near[0]
@@ -70,12 +82,13 @@ def find_meaning(
             how = f"no model knows {word!r}; taken for {name!r}, the most similar name"
             name = class_maps[model].classes[index]
             return Meaning(word, name, index, model, how, is_exact=False)
-    raise RecipeError(_refusal(word, class_maps, [name for name, *_ in near]))
+    names = [name for name, *_ in near]
+    raise RecipeError(_refusal(word, class_maps, names), code="thing-unknown", where=word)
 
 
-def _look_up(word: str, class_maps: Sequence[ClassMap], model: int) -> Meaning | None:
+def _look_up(word: str, class_map: ClassMap, model: int) -> Meaning | None:
     """Return the class of a word by the map of a model; None if it has none."""
-    class_map, said = class_maps[model], normalise_name(word)
+    said = normalise_name(word)
     named = [normalise_name(name) for name in class_map.classes]
     if said in named:
         index = named.index(said)
