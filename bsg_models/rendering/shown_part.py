@@ -6,7 +6,6 @@ building always count all of it.
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -45,7 +44,7 @@ def choose_shown_part(belief: BeliefGraph) -> ShownPart:
 
     Beyond `MOST_ROOMS` rooms, the three likeliest rooms of every class are shown, then the rooms
     with the largest expected number of hidden objects. Beyond `MOST_OBJECTS` objects or blind
-    nodes, every room shows an equal number where it has that many; objects with a class come first.
+    nodes, every room shows equally many, if it has that many; objects with a class come first.
     """
     partial = belief.partial
     rooms = _choose_rooms(belief)
@@ -57,30 +56,22 @@ def choose_shown_part(belief: BeliefGraph) -> ShownPart:
     objects = _take_evenly(seen, is_shown, np.lexsort((classless, seen)))
     blind = _take_evenly(likely, is_shown, np.argsort(likely, kind="stable"))
     left_out = _say_left_out(
-        rooms=(len(rooms), len(partial.rooms)),
-        objects=(len(objects), len(seen)),
-        blind=(len(blind), len(likely)),
+        ("rooms", len(rooms), len(partial.rooms)),
+        ("seen objects", len(objects), len(seen)),
+        ("blind nodes", len(blind), len(likely)),
     )
     return ShownPart(rooms, objects, blind, left_out)
 
 
-def _say_left_out(
-    *, rooms: tuple[int, int], objects: tuple[int, int], blind: tuple[int, int]
-) -> str:
-    """Return a sentence with the shown and total number of each kind; empty if all are shown."""
-    kinds = {"rooms": rooms, "seen objects": objects, "blind nodes": blind}
-    said = [f"{shown:,} of {number:,} {name}" for name, (shown, number) in kinds.items()]
-    if all(shown == number for shown, number in kinds.values()):
+def _say_left_out(*kinds: tuple[str, int, int]) -> str:
+    """Return a sentence with name, shown and total number of each kind; empty if all are shown."""
+    if all(shown == number for _, shown, number in kinds):
         return ""
-    rule = ""
-    if rooms[0] < rooms[1]:
-        rule = (
-            f" The rooms are the {_LIKELIEST} likeliest for each class, then those with the most "
-            "expected unseen objects."
-        )
+    rooms, objects, blind = (f"{shown:,} of {number:,} {name}" for name, shown, number in kinds)
     return (
-        f"This page shows {said[0]}, {said[1]} and {said[2]}.{rule} The numbers of the building "
-        f"and of each room count everything. {ALL_OF_IT}"
+        f"This page shows {rooms}, {objects} and {blind}. The rooms are the {_LIKELIEST} likeliest "
+        "for each class, then those with the most expected unseen objects. The numbers of the "
+        f"building and of each room count everything. {ALL_OF_IT}"
     )
 
 
@@ -103,14 +94,12 @@ def _choose_rooms(belief: BeliefGraph) -> tuple[int, ...]:
 
 
 def _take_evenly(room: Ints, is_shown: Bools, order: Ints) -> tuple[int, ...]:
-    """Return at most `MOST_OBJECTS` things, spread over the rooms as evenly as possible.
+    """Return at most `MOST_OBJECTS` things: the first of every room, then the second, and so on.
 
     `order` lists the things of a room one after another, the most important first.
     """
     order = order[is_shown[room[order]]]
     counts = np.bincount(room[order], minlength=len(is_shown))
-    caps = range(int(counts.max(initial=0)) + 1)
-    cap = bisect_right(caps, MOST_OBJECTS, key=lambda most: np.minimum(counts, most).sum()) - 1
-    first = np.cumsum(counts) - counts
-    place = np.arange(len(order)) - first[room[order]]
-    return tuple(np.sort(order[place < max(cap, 0)]).tolist())
+    place = np.arange(len(order)) - (np.cumsum(counts) - counts)[room[order]]
+    chosen = order[np.argsort(place, kind="stable")[:MOST_OBJECTS]]
+    return tuple(np.sort(chosen).tolist())
