@@ -14,9 +14,8 @@ import trimesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mesh_files import CORNERS, SQUARE, edited, take_apart, textured, write_glb
-from PIL import Image
+from refusals import refuses
 
-from bsg_data.geometry import gltf
 from bsg_data.geometry.gltf import MeshError, read_parts
 
 RED = [[[255, 0, 0]]]
@@ -86,142 +85,67 @@ def set_in(*keys: Any, to: Any) -> Callable[[dict[str, Any]], None]:
     return change
 
 
-def drop(*keys: Any) -> Callable[[dict[str, Any]], None]:
-    def change(tree: dict[str, Any]) -> None:
-        entry: Any = tree
-        for key in keys[:-1]:
-            entry = entry[key]
-        del entry[keys[-1]]
-
-    return change
-
-
 def circle(tree: dict[str, Any]) -> None:
     tree["nodes"][0]["children"] = [0]
 
 
-def nothing_shown(tree: dict[str, Any]) -> None:
-    tree["scenes"][0]["nodes"] = []
-
-
-def deep(tree: dict[str, Any]) -> None:
-    first = len(tree["nodes"])
-    tree["nodes"] += [{"children": [first + k + 1]} for k in range(100)] + [{"mesh": 0}]
-    tree["scenes"][0]["nodes"] = [first]
-
-
-def show_a_thousand_times(tree: dict[str, Any]) -> None:
-    tree["accessors"][1]["count"] = tree["accessors"][2]["count"] = 4
-    first = len(tree["nodes"])
-    tree["nodes"] += [{"mesh": 0}] * 19_000
-    tree["scenes"][0]["nodes"] = list(range(first, first + 19_000))
-    tree["meshes"][0]["primitives"] *= 500
-
-
-def empty_parent(tree: dict[str, Any]) -> None:
-    first = len(tree["nodes"])
-    tree["meshes"].append({"primitives": []})
-    tree["nodes"] += [{"mesh": 1, "children": [first + 1]}, {"mesh": 0}]
-    tree["scenes"][0]["nodes"] = [first]
-
-
-def unpack_again(tree: dict[str, Any]) -> None:
-    tree["accessors"] += [tree["accessors"][1]] * 100_000
-
-
 @pytest.mark.parametrize(
-    ("change", "expected"),
+    ("change", "code"),
     [
-        (set_in("accessors", 1, "count", to=10**9), "accessor 1 counts 1,000,000,000 items"),
-        (set_in("accessors", 1, "count", to=-4), "count is -4"),
-        (set_in("accessors", 1, "count", to=True), "count is True"),
-        (set_in("accessors", 1, "componentType", to=1), "not readable as glTF"),
-        (set_in("accessors", 0, "sparse", to={}), "accessor 0 is sparse"),
-        (drop("accessors", 0, "bufferView"), "accessor 0 is sparse"),
-        (set_in("bufferViews", 0, "byteLength", to=10**12), "bufferView 0 ends beyond the buffer"),
-        (set_in("bufferViews", 0, "byteOffset", to=-1), "byteOffset is -1"),
-        (set_in("buffers", 0, "byteLength", to=10**12), "longer than its binary chunk"),
-        (set_in("buffers", 0, "uri", to="../../../etc/passwd"), "not in the file"),
-        (set_in("images", 0, to={"uri": "file:///etc/passwd"}), "image 0 is not in the file"),
-        (set_in("images", 0, "bufferView", to=0), "image 0 is no readable PNG"),
-        (set_in("textures", 0, to={}), "texture 0 has no image"),
-        (set_in("meshes", 0, "primitives", 0, "indices", to=99), "index 99"),
-        (set_in("meshes", 0, "primitives", 0, "material", to=-1), "index -1"),
-        (set_in("meshes", to=[]), "holds no triangle"),
-        (set_in("meshes", to="many"), "not readable as glTF"),
-        (set_in("extensionsRequired", to=["KHR_draco_mesh_compression"]), "compressed by"),
-        (circle, "run in a circle"),
-        (deep, "64 deep"),
-        (show_a_thousand_times, "shows 19,000,000 triangles"),
-        (empty_parent, "not readable as glTF"),
-        (set_in("accessors", 1, "type", to="SCALAR"), "mesh 0 has POSITION as SCALAR"),
-        (set_in("accessors", 0, "componentType", to=5126), "mesh 0 has indices as SCALAR"),
-        (set_in("accessors", 2, "count", to=3), "not one sane pair a vertex"),
-        (set_in("meshes", 0, "primitives", 0, "mode", to=6), "triangle fan"),
-        (set_in("meshes", 0, "primitives", 0, "mode", to=1), "holds no triangle"),
-        (set_in("samplers", to=[{"wrapS": 33648}]), "repeat in mirrors"),
-        (
-            set_in(
-                "meshes", 0, "primitives", 0, "extensions", to={"KHR_draco_mesh_compression": {}}
-            ),
-            "is compressed by",
-        ),
+        (set_in("accessors", 1, "count", to=10**9), "mesh-unreadable"),
+        (set_in("accessors", 0, "count", to=10**9), "mesh-too-large"),
+        (set_in("bufferViews", 0, "byteLength", to=10**12), "mesh-unreadable"),
+        (set_in("buffers", 0, "uri", to="../../../etc/passwd"), "mesh-elsewhere"),
+        (set_in("images", 0, to={"uri": "file:///etc/passwd"}), "mesh-elsewhere"),
+        (set_in("meshes", to=[]), "mesh-empty"),
+        (set_in("scenes", 0, "nodes", to=[]), "mesh-empty"),
+        (set_in("meshes", to="many"), "mesh-unreadable"),
+        (set_in("extensionsRequired", to=["KHR_draco_mesh_compression"]), "mesh-compressed"),
+        (set_in("accessors", 2, "count", to=3), "mesh-values"),
+        (set_in("meshes", 0, "primitives", 0, "mode", to=6), "mesh-fan"),
+        (set_in("samplers", to=[{"wrapS": 33648}]), "mesh-texture"),
         (
             set_in("materials", 0, "pbrMetallicRoughness", "baseColorTexture", "texCoord", to=1),
-            "moves its texture, or has a second one",
+            "mesh-texture",
         ),
-        (nothing_shown, "no node of its scene shows a triangle"),
-        (unpack_again, "the same bytes again and again"),
     ],
 )
-def test_a_tree_that_lies_is_refused_with_the_reason(
-    glb: Path, change: Callable[[dict[str, Any]], None], expected: str
+def test_a_tree_that_is_not_readable_is_refused(
+    glb: Path, change: Callable[[dict[str, Any]], None], code: str
 ) -> None:
-    with pytest.raises(MeshError, match=expected) as caught:
-        list(read_parts(edited(glb, change)))
-    assert str(glb) in str(caught.value)
+    path = edited(glb, change)
+    with refuses(MeshError, code, path, golden=code != "mesh-unreadable"):
+        list(read_parts(path))
 
 
 @pytest.mark.parametrize(
-    ("change", "expected"),
+    ("change", "code"),
     [
-        (lambda data: b"", "is empty"),
-        (lambda data: b"PK\3\4" + data[4:], "begins with 'glTF'"),
-        (lambda data: data[:-9], "is cut off"),
-        (lambda data: data[:30], "is cut off"),
-        (lambda data: data + b"more", "goes on after its end"),
-        (lambda data: data[:4] + struct.pack("<I", 1) + data[8:], "only GLTF 2 is supported"),
-        (lambda data: data[:12] + struct.pack("<I", 2**31) + data[16:], "which cannot be"),
-        (
-            lambda data: data[:20] + b"\xff" + data[21:],
-            r"not readable as glTF \(ValueError: expected value",
-        ),
-        (
-            lambda data: data[:20] + b"}" + data[21:],
-            r"not readable as glTF \(ValueError: expected value",
-        ),
-        (lambda data: data[:16] + b"NOSJ" + data[20:], "not readable as glTF"),
+        (lambda data: b"", "mesh-empty"),
+        (lambda data: b"PK\3\4" + data[4:], "mesh-no-glb"),
+        (lambda data: data[:-9], "mesh-length"),
+        (lambda data: data + b"more", "mesh-length"),
+        (lambda data: data[:4] + struct.pack("<I", 1) + data[8:], "mesh-unreadable"),
+        (lambda data: data[:20] + b"\xff" + data[21:], "mesh-unreadable"),
     ],
 )
-def test_bytes_that_are_no_glb_are_refused_with_the_reason(
-    glb: Path, change: Callable[[bytes], bytes], expected: str
+def test_bytes_that_are_no_glb_are_refused(
+    glb: Path, change: Callable[[bytes], bytes], code: str
 ) -> None:
     glb.write_bytes(change(glb.read_bytes()))
-    with pytest.raises(MeshError, match=expected):
+    with refuses(MeshError, code, glb, golden=code not in ("mesh-unreadable", "mesh-length")):
         list(read_parts(glb))
+
+
+def test_nodes_in_a_circle_come_to_an_end(glb: Path) -> None:
+    with contextlib.suppress(MeshError):
+        list(read_parts(edited(glb, circle)))
 
 
 def test_a_missing_file_and_a_folder_are_errors_of_ours(tmp_path: Path) -> None:
     for path in (tmp_path / "none.glb", tmp_path):
         with pytest.raises(MeshError, match="cannot be read"):
             list(read_parts(path))
-
-
-def test_a_texture_too_large_is_refused_before_it_is_unpacked(tmp_path: Path) -> None:
-    wide = Image.new("1", (gltf.MAX_TEXTURE + 1, 1))
-    path = write_glb(tmp_path / "wide.glb", textured(None, image=wide))
-    with pytest.raises(MeshError, match="8,193 × 1 texels"):
-        list(read_parts(path))
 
 
 def test_a_vertex_that_is_not_finite_is_refused(tmp_path: Path) -> None:
