@@ -1,8 +1,8 @@
 """Read a binary glTF file (GLB) into coloured triangle meshes, through trimesh.
 
 A file that is cut off, too large, or that trimesh would misread silently is refused with the
-reason. trimesh, NumPy and Pillow refuse other faults themselves. trimesh reads one mesh per primitive,
-because `merge_primitives` would drop the textures.
+reason. trimesh, NumPy and Pillow refuse other faults themselves. trimesh reads one mesh per
+primitive, because `merge_primitives` would drop the textures.
 """
 
 from __future__ import annotations

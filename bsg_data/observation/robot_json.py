@@ -1,7 +1,7 @@
 """Read and write a robot's partial graph as plain JSON.
 
     {
-      "format": "bsg-partial-graph", "version": 3,
+      "format": "bsg-partial-graph", "version": 1,
       "scene_id": "office", "building_kind": "office", "source": null,
       "rooms": [
         {"id": "kitchen", "visited": true, "hidden_share": 0.5, "hidden_share_sd": 0.2,
@@ -16,9 +16,8 @@
 `id`s are text, unique among the rooms and among the objects. A category is any name; the class map
 gives its class. By default the hidden share is 1 for a room that was not visited, and vague
 (`VAGUE`) for a visited one. Units are metres and square metres, Z up. `seconds_inside`,
-`floor_in_view` and `walls_in_view` can replace a hidden share, which is then estimated. Version 1
-had no `floor_area`, `room_type`, `building_kind` and `source`. Version 2 had no `hidden_share_sd`,
-`seconds_inside`, `floor_in_view` and `walls_in_view`. docs/belief.md describes the format.
+`floor_in_view` and `walls_in_view` can replace a hidden share, which is then estimated.
+docs/belief.md describes the format.
 """
 
 from __future__ import annotations
@@ -118,7 +117,7 @@ class _Object(Record):
 
 class _Graph(Record):
     format: Literal["bsg-partial-graph"] = "bsg-partial-graph"
-    version: Annotated[Literal[1, 2, 3], Number] = 3
+    version: Annotated[Literal[1], Number] = 1
     scene_id: Id
     hidden_share: Share | None = None
     building_kind: BuildingKind = None
@@ -304,7 +303,7 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
     names = [room.name for room in graph.rooms]
     return {
         "format": "bsg-partial-graph",
-        "version": 3,
+        "version": 1,
         "scene_id": graph.scene_id,
         "hidden_share": graph.hidden_share,
         "building_kind": graph.building_kind,

@@ -281,19 +281,6 @@ def test_whole_numbers_are_metres() -> None:
     assert kitchen.floor_index == 2
 
 
-def test_version_2_is_read() -> None:
-    graph = parse_robot_graph({**SAID, "version": 2}, path=Path("x"))
-    assert graph == parse_robot_graph(SAID, path=Path("x"))
-
-
-def test_version_1_knows_no_surroundings() -> None:
-    graph = parse_robot_graph({**SAID, "version": 1}, path=Path("x"))
-    around = graph.observation().surroundings
-    assert np.isnan(around.floor_area).all()
-    assert not around.labels.any()
-    assert (around.building_kinds, around.sources) == (("",), ("",))
-
-
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(RobotGraphError, match="cannot be read"):
         read_robot_graph(tmp_path / "none.json")

@@ -58,7 +58,7 @@ def write_graph(path: Path) -> Path:
     names = ("bed", "sink", "zzqx")
     objects = [{"id": str(i), "room": "a", "category": name} for i, name in enumerate(names)]
     graph = {"scene_id": "home", "rooms": [{"id": "a"}], "objects": objects}
-    path.write_text(json.dumps({"format": "bsg-partial-graph", "version": 2, **graph}))
+    path.write_text(json.dumps({"format": "bsg-partial-graph", "version": 1, **graph}))
     return path
 
 

@@ -9,7 +9,7 @@ from fuzz.target import Target, encode, load_map, put
 
 _GRAPH = {
     "format": "bsg-partial-graph",
-    "version": 3,
+    "version": 1,
     "scene_id": "s",
     "hidden_share": 0.5,
     "building_kind": "home",
