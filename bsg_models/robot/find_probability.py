@@ -75,14 +75,20 @@ class FindProbability:
         self._places: dict[str, tuple[Place, ...] | None] = {}
         self._known: dict[tuple[str, str], float] = {}
         if otherwise is not None and not 0 <= otherwise <= 1:
-            raise RecipeError(f"otherwise: expected 0 to 1, found {otherwise}")
+            raise RecipeError(
+                f"otherwise: expected 0 to 1, found {otherwise}", code="no-probability"
+            )
         every = {room: room for room in seen.rooms} if locations is None else locations
         for location, room in every.items():
             self.add(location, room)
         for location, size in self._sizes.items():
             self._require(location)
             if not (size > 0 and math.isfinite(size)):
-                raise RecipeError(f"sizes: {location!r}: expected more than 0, found {size}")
+                raise RecipeError(
+                    f"sizes: {location!r}: expected more than 0, found {size}",
+                    code="size-impossible",
+                    where=location,
+                )
 
     def add(self, location: str, room: str | None) -> None:
         """Add a location in a room, or one that holds nothing (None).
@@ -131,7 +137,11 @@ class FindProbability:
         """
         node = self._require(location)
         if node is None:
-            raise RecipeError(f"{location!r} holds nothing, so it cannot be searched")
+            raise RecipeError(
+                f"{location!r} holds nothing, so it cannot be searched",
+                code="location-empty",
+                where=location,
+            )
         room = self.seen.rooms[node - 1]
         for name in found:
             self.seen.saw(room, self._word(name), object_id=name)
@@ -209,6 +219,8 @@ class FindProbability:
             more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
             raise RecipeError(
                 f"no location {location!r}: known are {', '.join(names[:_SHOWN])}{more}; `add` "
-                "adds a location with its room"
+                "adds a location with its room",
+                code="location-unknown",
+                where=location,
             )
         return self._rooms[location]

@@ -16,7 +16,6 @@ from bsg_data.arrays import Floats
 from bsg_data.errors import RecipeError
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph
 from bsg_data.recipes import read_number
-from bsg_data.spelling import show_value
 from bsg_models.robot.rooms import find_room
 
 MOST_ROOMS = 2000  # limit of measured rooms: tables hold a number for each pair
@@ -60,7 +59,9 @@ def measure_ways(graph: PartialGraph, costs: Costs | None = None) -> Ways:
     if rooms > MOST_ROOMS:
         raise RecipeError(
             f"{graph.scene_id}: expected at most {MOST_ROOMS:,} rooms to measure ways between, "
-            f"found {rooms:,}; ask without the robot's room, or about a part of the building"
+            f"found {rooms:,}; ask without the robot's room, or about a part of the building",
+            code="rooms-too-many",
+            where=graph.scene_id,
         )
     lines = _straight_lines(graph)
     pairs = np.array(graph.adjacency, dtype=np.int64).reshape(-1, 2)
@@ -102,13 +103,7 @@ def _find_cheapest(edges: Floats) -> Floats:
 
 
 def _lay_over(edges: Floats, graph: PartialGraph, costs: Costs) -> None:
-    if not isinstance(costs, Mapping):
-        raise RecipeError(
-            f"costs: expected a mapping of (room, room) to a cost, found {show_value(costs)}"
-        )
     for ends, cost in costs.items():
-        if not isinstance(ends, tuple) or len(ends) != 2:
-            raise RecipeError(f"costs: expected (room, room), found {show_value(ends)}")
         a, b = (find_room(graph, end) for end in ends)
         what = f"costs: {ends[0]!r} to {ends[1]!r}"
         edges[a, b] = edges[b, a] = read_number(what, cost, most=math.inf)

