@@ -105,10 +105,7 @@ class Predictor:
             graph = update_shares(graph, seen, expect=self._model.expect)
         levels, weights = spread_shares(graph, seen)
         expectation = _mix_levels(self._model.expect(levels), weights)
-        expectation = _nothing_where_searched(expectation, seen)
-        if not expectation.is_finite:  # a fault of the model
-            raise self._model.not_finite()
-        return expectation
+        return _nothing_where_searched(expectation, seen)
 
     def believe_shares(
         self, graph: PartialGraph, *, withheld: Collection[int] | Bools = ()

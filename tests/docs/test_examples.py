@@ -155,7 +155,7 @@ def test_the_ros_node_adds_what_was_detected_to_the_room_where_it_is(node: Any) 
 def test_the_ros_node_lives_on_after_a_room_that_is_not_known(node: Any) -> None:
     hear(node, "~/entered", String(data="cellar"))
     hear(node, "~/searched", String(data="attic"))
-    assert [line.partition(". ")[0] for line in node.logged] == [
+    assert [line.partition("; ")[0] for line in node.logged] == [
         "office: no room 'cellar'",
         "office: no room 'attic'",
     ]
