@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
@@ -29,15 +29,13 @@ from bsg_cli.options import (
 )
 from bsg_cli.terminal import Command, print_json, print_note, print_text, progress_bar
 from bsg_data import extend
-from bsg_data.dataset.manifest import COMPARED, describe_unmapped, list_resolved
-from bsg_data.observation.robot_json import list_unmapped
 from bsg_data.result_folder import Place, require_vacant
 from bsg_data.seals import refuse_sealed_file
 from bsg_data.spelling import SHOWN
 from bsg_data.tables import format_text
-from bsg_models.belief.formats import choose_format
-from bsg_models.belief.graph_file import GraphFile, open_graph_file, use_class_map
-from bsg_models.robot.rooms import find_room, set_hidden_shares
+
+if TYPE_CHECKING:
+    from bsg_models.belief.graph_file import GraphFile
 
 MOST_ROWS = 60
 MOST_NAMES = 10
@@ -171,6 +169,10 @@ def ask(
     announce: bool,
 ) -> None:
     """Answer `--find` for a graph."""
+    # Imported here, as in the next two: a help or a typo must not wait for SciPy and torch.
+    from bsg_models.belief.graph_file import use_class_map
+    from bsg_models.robot.rooms import find_room
+
     if here is not None:
         find_room(file.graph, here)
     predictor = bsg_models.Predictor(model)
@@ -184,6 +186,9 @@ def ask(
 
 def open_graph(path: Path, labels: str | None, **shares: Any) -> GraphFile:
     """Read a robot's graph once, before models are imported, which is slow."""
+    from bsg_models.belief.graph_file import open_graph_file
+    from bsg_models.robot.rooms import set_hidden_shares
+
     file = open_graph_file(path, labels=labels)
     return replace(file, graph=set_hidden_shares(file.graph, **shares))
 
@@ -195,6 +200,8 @@ def refuse_present(options: dict[str, Any]) -> None:
     it undoes first.
     """
     if options["out"] is not None:
+        from bsg_models.belief.formats import choose_format
+
         choose_format(options["out"])
     read = {path.absolute() for path in options["graphs"]}  # naming one of them is another error
     for name in ("out", "hydra", "html"):
@@ -221,6 +228,9 @@ def note_graph(
 
 def _note_names(graph: bsg_data.PartialGraph, class_map: bsg_data.ClassMap) -> Iterator[str]:
     """Yield which names and sources are not known, and which were read by a rule."""
+    from bsg_data.dataset.manifest import COMPARED, describe_unmapped, list_resolved
+    from bsg_data.observation.robot_json import list_unmapped
+
     names = list(describe_unmapped(list_unmapped(graph), class_map, near=COMPARED))
     if names:
         what = "1 name is" if len(names) == 1 else f"{len(names):,} names are"

@@ -7,11 +7,9 @@ standard library.
 from __future__ import annotations
 
 import ast
-import re
 from collections.abc import Iterator
-from pathlib import Path
 
-from conftest import REPOSITORY, tomllib
+from conftest import REPOSITORY
 
 OLDEST = (3, 10)
 LATER = {  # module → names that it has from Python 3.11 or 3.12 on
@@ -100,14 +98,3 @@ raise ExceptionGroup("", [])
         "tomllib",
         "typing.Self",
     ]
-
-
-def test_the_oldest_python_is_named_alike_everywhere() -> None:
-    text = (REPOSITORY / "pyproject.toml").read_text("utf-8")
-    settings = tomllib.loads(text)
-    oldest = ".".join(map(str, OLDEST))
-    assert settings["project"]["requires-python"] == f">={oldest}"
-    assert settings["tool"]["ruff"]["target-version"] == "py" + oldest.replace(".", "")
-    named = re.findall(r"Python :: (3\.\d+)", text)
-    assert named[0] == oldest
-    assert f"Python {oldest}" in Path(REPOSITORY / "README.md").read_text("utf-8")

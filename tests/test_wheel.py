@@ -180,8 +180,3 @@ def spell(asked: tuple[str, str]) -> tuple[str, str, tuple[str, ...]]:
     extra, line = asked
     name, *rest = re.findall(r"[A-Za-z0-9_.*\[\]-]+|[<>=!~]+", line)
     return extra, name, tuple(sorted(rest))
-
-
-@pytest.mark.heavy
-def test_the_same_sources_give_the_same_bill(wheel: Path, tmp_path: Path) -> None:
-    assert read_bill(build_wheel(build_archive(tmp_path))) == read_bill(wheel)

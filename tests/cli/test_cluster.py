@@ -14,12 +14,11 @@ from click.testing import CliRunner, Result
 
 from bsg_cli import cluster as cluster_module
 from bsg_cli import search
-from bsg_cli.cluster import connect, look
+from bsg_cli.cluster import connect
 from bsg_cli.data import main as data
 from bsg_data.build import build_dataset
 from bsg_data.errors import BSGError
 from bsg_data.executors import run_all
-from bsg_data.inputs.bounds import MANIFEST_FILE
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.synthetic.buildings import write_synthetic
 from bsg_data.synthetic.geometry import GeometryOptions
@@ -167,22 +166,6 @@ def test_a_worker_of_many_threads_is_refused() -> None:
         connect(cluster.scheduler_address),
     ):
         pass
-
-
-def test_what_is_seen_at_a_path_is_said_in_words(dataset: Path, tmp_path: Path) -> None:
-    (tmp_path / "file").write_bytes(b"1234567")
-    (tmp_path / "folder").mkdir()
-    names = ("file", "folder", "none", dataset.name)
-    version, found = look([str(tmp_path / name) for name in names])
-    assert version
-    assert found[:3] == ["a file of 7 bytes", "a folder of 0 things", "nothing"]
-    assert found[3].startswith("the dataset ")
-
-
-def test_a_manifest_without_end_is_not_read_to_compare_machines(tmp_path: Path) -> None:
-    with (tmp_path / "dataset.json").open("wb") as file:
-        file.truncate(MANIFEST_FILE.bytes + 1)
-    assert look([str(tmp_path)])[1][0].startswith("a dataset that cannot be read (")
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,6 @@ import pytest
 
 from bsg_cli.completion import classes_of_dataset, complete_list, complete_names_or_files
 from bsg_cli.registry import COMMANDS
-from bsg_data.inputs.bounds import MANIFEST_FILE
 from bsg_data.scene.class_space import load_class_space
 
 # command line, its last word unfinished → what is offered, among others
@@ -116,11 +115,3 @@ def test_classes_are_those_of_the_dataset(
     assert classes_of_dataset(context) == load_class_space().classes
     context.params["dataset"] = tmp_path
     assert classes_of_dataset(context) == classes
-
-
-def test_a_manifest_without_end_completes_nothing_of_its_own(tmp_path: Path) -> None:
-    with (tmp_path / "dataset.json").open("wb") as file:
-        file.truncate(MANIFEST_FILE.bytes + 1)
-    context = click.Context(COMMANDS["bsg-search"])
-    context.params["dataset"] = tmp_path
-    assert classes_of_dataset(context) == load_class_space().classes

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Iterator
 from importlib.metadata import version
 
 import click
@@ -45,15 +44,6 @@ assert not loaded, loaded
 """
 
 
-def walk(words: tuple[str, ...], command: click.Command) -> Iterator[tuple[str, ...]]:
-    yield words
-    for name, child in getattr(command, "commands", {}).items():
-        yield from walk((*words, name), child)
-
-
-EVERY_COMMAND = [words for name, command in COMMANDS.items() for words in walk((name,), command)]
-
-
 def test_helps_versions_and_typos_import_nothing_heavy() -> None:
     allowed = {"pyarrow"}  # a dataset that is named is looked at
     code = f"HEAVY = {set(HEAVY) - allowed!r}\n{ALL_WORDS}"
@@ -61,14 +51,10 @@ def test_helps_versions_and_typos_import_nothing_heavy() -> None:
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize("words", EVERY_COMMAND, ids=" ".join)
-def test_every_command_has_help_and_version(words: tuple[str, ...]) -> None:
-    installed = f"{words[0]}, version {version('belief-scene-graphs')}\n"
-    run = CliRunner().invoke
-    assert run(COMMANDS[words[0]], [*words[1:], "--version"]).output == installed
-    short = run(COMMANDS[words[0]], [*words[1:], "-h"])
-    assert short.output.startswith(f"Usage: {' '.join(words)} ")
-    assert short.output == run(COMMANDS[words[0]], [*words[1:], "--help"]).output
+def test_every_program_says_its_version() -> None:
+    for name, command in COMMANDS.items():
+        installed = f"{name}, version {version('belief-scene-graphs')}\n"
+        assert CliRunner().invoke(command, ["--version"]).output == installed
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,6 @@ from pathlib import Path
 import click
 import pytest
 from click.testing import CliRunner
-from conftest import REPOSITORY
 
 import bsg_models
 from bsg_cli.terminal import Command, print_json, print_text, progress_bar, tell_now_and_then
@@ -76,16 +75,6 @@ def test_a_command_that_lacks_an_extra_names_it(monkeypatch: pytest.MonkeyPatch)
     )
 
 
-def test_a_module_of_ours_that_is_missing_is_no_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    def load(name: str) -> None:
-        raise ModuleNotFoundError("No module named 'bsg_data.gone'", name="bsg_data.gone")
-
-    monkeypatch.setattr(bsg_models, "_load", load)
-    monkeypatch.delitem(vars(bsg_models), "Predictor", raising=False)
-    with pytest.raises(ModuleNotFoundError, match=r"bsg_data\.gone"):
-        _ = bsg_models.Predictor
-
-
 @pytest.mark.skipif(sys.version_info < (3, 11), reason="PYTHONSAFEPATH is of Python 3.11")
 def test_workers_import_nothing_from_the_working_folder(tmp_path: Path) -> None:
     """`multiprocessing` starts them by `python -c`, for which Python looks there first."""
@@ -119,21 +108,6 @@ def test_long_work_says_a_line_now_and_then_off_a_terminal(
         "train: 46 of 1,160 epochs, val 46, about 18:34 left",
         "train: 70 of 1,160 epochs, val 70, about 20:31 left",
     ]
-
-
-def test_work_that_goes_on_guesses_no_time_from_what_was_done_before(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    seconds = iter([0.0, 40.0])
-    tell_now_and_then("train", unit="epoch", clock=lambda: next(seconds))(100, 160)
-    assert capsys.readouterr().err == "train: 100 of 160 epochs\n"
-
-
-def test_quick_work_says_nothing_off_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
-    with progress_bar("build", unit="shard") as report:
-        for done in range(1, 101):
-            report(done, 100)
-    assert capsys.readouterr() == ("", "")
 
 
 def test_a_terminal_gets_a_bar(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -203,17 +177,6 @@ def test_a_command_that_is_asked_to_end_puts_in_order_first(name: str, code: int
     assert "Traceback" not in ended.stderr
 
 
-def test_what_sigterm_does_is_put_back() -> None:
-    before = signal.getsignal(signal.SIGTERM)
-
-    @click.command(cls=Command)
-    def command() -> None:
-        assert signal.getsignal(signal.SIGTERM) != before
-
-    assert CliRunner().invoke(command).exit_code == 0
-    assert signal.getsignal(signal.SIGTERM) == before
-
-
 def test_a_lack_of_memory_is_said_in_a_line() -> None:
     @click.command(cls=Command)
     def command() -> None:
@@ -243,12 +206,6 @@ def test_nothing_that_a_command_prints_is_obeyed_by_a_terminal() -> None:
         output = CliRunner().invoke(command, [how]).output
         assert "evil" in output
         assert not {"\x1b", "\x07", "\x9b", "\N{RIGHT-TO-LEFT OVERRIDE}"} & set(output), how
-
-
-def test_only_the_terminal_prints() -> None:
-    for path in (REPOSITORY / "cli").rglob("*.py"):
-        if path.name not in ("terminal.py", "cluster.py"):
-            assert "click.echo" not in path.read_text("utf-8"), path
 
 
 def test_no_writable_temporary_directory_says_what_to_set(

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shlex
 import subprocess
 import sys
 import zlib
-from html.parser import HTMLParser
 from pathlib import Path
-from urllib.parse import unquote, urlsplit
 
 import pytest
 from conftest import REPOSITORY, load_script
@@ -65,76 +62,6 @@ def test_a_dead_link_stops_the_command(tmp_path: Path, text: str, expected: str 
         assert expected in done.stderr
 
 
-class Page(HTMLParser):
-    """The ids of a page, and the targets of its links, pictures, scripts and style sheets."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.ids: set[str] = set()
-        self.targets: set[str] = set()
-        self.feed(text)
-
-    def handle_starttag(self, _: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.ids |= {value for name, value in attrs if name == "id" and value}
-        self.targets |= {value for name, value in attrs if name in ("href", "src") and value}
-
-
-def find_dead_links(site: Path) -> set[tuple[str, str]]:
-    """Return page and target of all that leads to no file of the site, or to no id of its page."""
-    pages = {path: Page(path.read_text("utf-8")) for path in site.rglob("*.html")}
-    dead = set()
-    for path, page in pages.items():
-        for target in page.targets:
-            parts = urlsplit(target)
-            if parts.scheme or parts.netloc:
-                continue
-            # A server shows the page of a missing page at any depth: its links begin with /.
-            start = site if parts.path.startswith("/") else path.parent
-            place = Path(os.path.normpath(start / unquote(parts.path).lstrip("/")))
-            there = place if parts.path else path
-            is_file = there.is_relative_to(site) and there.is_file()
-            has_id = not parts.fragment or unquote(parts.fragment) in pages.get(there, page).ids
-            if not is_file or (there in pages and not has_id):
-                dead.add((path.relative_to(site).as_posix(), target))
-    return dead
-
-
-def test_dead_links_are_found(tmp_path: Path) -> None:
-    """Each fault beside a link of the same kind that is sound."""
-    site = tmp_path / "site"
-    (site / "notes").mkdir(parents=True)
-    (tmp_path / "outside.html").touch()
-    (site / "plan.svg").touch()
-    (site / "index.html").write_text(
-        '<h1 id="top">x</h1><a href="#top"></a><a href="#gone"></a><img src="plan.svg#part">'
-        '<a href="notes/ask.html#é"></a><a href="notes/ask.html#e"></a><a href="nonexist.html">'
-        '<a href="https://example.org/x#y"></a><a href="mailto:x@y.z"></a><img src="no.png">'
-    )
-    (site / "notes" / "ask.html").write_text(
-        '<p id="é"><a href="../index.html#top"></a><a href="../robot.md"></a><a href="/plan.svg">'
-        '<a href="../index.html#nope2"></a><a href="../../outside.html"></a><a href="/no.svg"></a>'
-        '<a href="#%C3%A9"></a><a href="../notes"></a>'
-    )
-    assert find_dead_links(site) == {
-        ("index.html", "#gone"),
-        ("index.html", "no.png"),
-        ("index.html", "nonexist.html"),
-        ("index.html", "notes/ask.html#e"),
-        ("notes/ask.html", "../../outside.html"),
-        ("notes/ask.html", "../index.html#nope2"),
-        ("notes/ask.html", "../notes"),
-        ("notes/ask.html", "../robot.md"),
-        ("notes/ask.html", "/no.svg"),
-    }
-
-
-@pytest.mark.heavy
-def test_no_link_is_dead(site: Path) -> None:
-    """Also those of raw HTML, which mkdocs does not follow."""
-    assert len(list(site.rglob("*.html"))) > 80
-    assert find_dead_links(site) == set()
-
-
 @pytest.mark.heavy
 def test_code_that_a_page_links_to_is_a_page_and_a_file(site: Path) -> None:
     folder = site / "source" / "docs" / "examples"
@@ -161,27 +88,6 @@ def test_every_public_name_has_a_place(site: Path) -> None:
 
 
 @pytest.mark.heavy
-def test_the_examples_of_docstrings_are_shown_as_code(site: Path) -> None:
-    """An example outside `Examples:` becomes quotes; one with a flag of doctest shows the flag."""
-    pages = {path.name: path.read_text("utf-8") for path in (site / "api").glob("*.html")}
-    assert "predictor" in pages["bsg_models.runs.html"]
-    mangled = ("<blockquote", "doctest:")
-    assert {name for name, text in pages.items() if any(one in text for one in mangled)} == set()
-
-
-@pytest.mark.heavy
-def test_every_page_is_in_the_search(site: Path) -> None:
-    index = (site / "search" / "search_index.json").read_text("utf-8")
-    for page in (
-        "tutorials/robot.html",
-        "faq.html",
-        "class-maps.html",
-        "model-cards/universal.html",
-    ):
-        assert f'"location":"{page}' in index.replace(" ", ""), page
-
-
-@pytest.mark.heavy
 def test_nothing_is_loaded_from_elsewhere(site: Path) -> None:
     """A page on a disk, without a network, is whole; links may lead elsewhere."""
     loaded = re.compile(r"<(?:script|img|link|iframe)\b[^>]*?(?:src|href)=\"?(https?://[^\">\s]+)")
@@ -191,15 +97,6 @@ def test_nothing_is_loaded_from_elsewhere(site: Path) -> None:
         for address in loaded.findall(path.read_text("utf-8"))
     }
     assert found == set()
-
-
-def test_every_room_has_a_page_and_every_name_is_on_one() -> None:
-    rooms = PAGES.public_names()
-    every = [name for names in rooms.values() for name in names]
-    listed = {f"{name.partition('.')[0]}.{name.rpartition('.')[2]}" for name in every}
-    for package in (bsg_data, bsg_models):
-        assert {f"{package.__name__}.{name}" for name in package.__all__} - listed == set()
-    assert {"bsg_data", "bsg_data.scene", "bsg_models.zoo", "bsg_models.testing"} <= set(rooms)
 
 
 @pytest.mark.parametrize(
