@@ -1,7 +1,7 @@
 """Every reader of a file of a stranger, fed with anything.
 
-A reader is a file here, with a `Target`: how an input becomes a file, which reader reads it,
-and what it is fed first. `catalogue.py` lists them. The same targets run in two ways:
+A reader is a `Target` of `catalogue.py`: how an input becomes a file, which reader reads it, and
+what it is fed first. The same targets run in two ways:
 
 - `test_fuzz.py`, by Hypothesis: inputs that ever failed (`corpus/`), seeds, and changes of both;
 - `scripts/faults/fuzz.py`, by atheris: millions of inputs, led by which lines they reach.

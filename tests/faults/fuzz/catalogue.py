@@ -1,36 +1,324 @@
-"""All readers that are fuzzed, by their names; a row is imported when it is asked for."""
+"""All readers that are fuzzed, by their names: of files that people and other programs write."""
 
 from __future__ import annotations
 
-import importlib
+import gzip
+import io
+import re
+import zipfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 
-from fuzz.target import Target
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from conftest import REPOSITORY
+from dsg_files import robot_graph
+from house_files import HOUSE
 
-ROWS = {
-    "annotation": "fuzz.annotation",
-    "behavior": "fuzz.behavior",
-    "belief-json": "fuzz.belief_json",
-    "checkpoint": "fuzz.checkpoint",
-    "class-map": "fuzz.class_map",
-    "configuration": "fuzz.configuration",
-    "house": "fuzz.house",
-    "label-space": "fuzz.label_space",
-    "layout": "fuzz.layout",
-    "mesh": "fuzz.mesh",
-    "object-parquet": "fuzz.object_parquet",
-    "object-table": "fuzz.object_table",
-    "predictions": "fuzz.predictions",
-    "prior-table": "fuzz.prior_table",
-    "procthor": "fuzz.procthor",
-    "robot-json": "fuzz.robot_json",
-    "spark-dsg": "fuzz.spark_dsg_text",
-    "spark-dsg-binary": "fuzz.spark_dsg_binary",
-    "statistics-zip": "fuzz.statistics_zip",
+from bsg_data.dataset.manifest import ClassSpaceEntry
+from bsg_data.geometry.gltf import read_parts
+from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
+from bsg_data.observation.robot_json import read_robot_graph
+from bsg_data.scene.class_map import load_class_map, parse_own_map
+from bsg_data.scene.own_map import read_own_map
+from bsg_data.scene.scene_graph import Box, Room, SceneGraph
+from bsg_data.sources.annotations import parse_annotation
+from bsg_data.sources.behavior import BehaviorRooms
+from bsg_data.sources.hm3d_stats import HEADER, MEMBER, HM3DStatistics
+from bsg_data.sources.label_space import load_label_space
+from bsg_data.sources.mp3d import MatterportHouses
+from bsg_data.sources.procthor import ProcTHORHouses
+from bsg_data.sources.room_layouts import lay_out, read_layout
+from bsg_data.sources.spark_dsg import RobotGraphs
+from bsg_data.sources.table import ObjectTable
+from bsg_models.belief.belief_graph import believe
+from bsg_models.belief.count_distribution import poisson
+from bsg_models.belief.document import encode_belief
+from bsg_models.belief.expectation import from_hidden_counts
+from bsg_models.belief.formats import read_belief
+from bsg_models.evaluation.prediction_files import open_predictions
+from bsg_models.zoo.config import find_config, override, read_config, validate_config, write_toml
+from fuzz.target import Target, encode, load_map, put, read_source
+
+_ANNOTATION = 'HM3D Semantic Annotations\n1,1003,"wall",0\n2,0F3A9C,"chair, ü",4\n7,FF,"",-1\n'
+_SCENES = {
+    "Rs_int": {"kitchen_0": {"stove-abcdef": 1, "straight_chair-amgwaw": 2}, "bedroom_0": {}},
+    "Rs_garden": {"kitchen_0": {"stove-abcdef": 1}, "garden_0": {"tree-ccc": 3}},
+    "house_double_floor_upper": {"bedroom_10": {"shower_stall-gqxmqf": 1}},
+}
+_FLOORS = {"room|4": ((0, 0), (2, 0), (2, 1), (1, 2)), "room|2": ((2, 0), (4, 0), (4, 1))}
+_PROCTHOR = {
+    "rooms": [
+        {
+            "id": name,
+            "roomType": "Bedroom",
+            "floorPolygon": [{"x": x, "y": 0, "z": z} for x, z in corners],
+        }
+        for name, corners in _FLOORS.items()
+    ],
+    "doors": [{"id": "door|2|4", "room0": "room|4", "room1": "room|2"}],
+    "walls": [{"roomId": "room|4", "polygon": [{"x": 0, "y": 2.5, "z": 0}]}],
+    "objects": [
+        {"id": "4|0|0", "assetId": "Bed_25", "position": {"x": 1, "y": 0.5, "z": 1}, "children": []}
+    ],
+}
+_TABLE = b"""scene,room,category,room_label,floor,floor_area,connected,x,y,z,mine
+a,kitchen,chair,kitchen,0,12.5,hall,1,2,0.5,
+a,hall,,hallway,0,,kitchen,,,,7
+a,,lamp,,,,,,,,
+b,1,"a ""b"", c",,,,,,,,
+"""
+_LAYOUT = b"""rooms:
+  room_1: {label: kitchen, centroid: {x: 1.0, y: 1.25, z: -2.0}, dims: {x: 2, y: 2.5, z: 4}}
+  room_2: {label: "h\xc3\xa4llway", centroid: {x: 4, y: 4, z: -2}, dims: {x: 2, y: 2, z: 1}}
+connections: [[1, 2]]
+"""
+_BUILDING = SceneGraph(
+    scene_id="s",
+    source="hm3d",
+    source_version=None,
+    source_split=None,
+    annotation_sha256="0" * 64,
+    rooms=tuple(Room(number, number) for number in range(1, 4)),
+    objects=(),
+    class_map="hm3d45-v2",
+)
+_PREDICTIONS = {
+    "scene_id": ["a", "a"],
+    "draw": [0, 0],
+    "node_index": [1, 1],
+    "class": ["chair", "bed"],
+    "presence": [0.5, 0.25],
+    "expected": [0.75, 0.25],
 }
 
 
+def _pack(data: bytes) -> bytes:
+    """Return the zip of a table of statistics, not compressed: its bytes stand as they are."""
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr(zipfile.ZipInfo(MEMBER), data)
+    return file.getvalue()
+
+
+def _to_parquet(columns: dict[str, list[object]]) -> bytes:
+    file = io.BytesIO()
+    pq.write_table(pa.table(columns), file, write_statistics=False, store_schema=False)
+    return file.getvalue()
+
+
+def _make_mesh() -> bytes:
+    import trimesh
+
+    corners = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    colours = np.full((4, 4), 255, dtype=np.uint8)
+    faces = [[0, 1, 2], [0, 2, 3]]
+    mesh = trimesh.Trimesh(corners, faces, vertex_colors=colours, process=False)
+    return bytes(trimesh.Scene(mesh).export(file_type="glb"))
+
+
+def _make_belief() -> bytes:
+    space = ClassSpaceEntry.of(load_class_map().space)
+    room = KnownRoom("kitchen", hidden_share=0.5, label="kitchen", box=Box((0, 0, 0), (1, 1, 2)))
+    seen = SeenObject("o", 1, "chair", "chair", space.classes.index("chair"), (1.0, 1.0, 1.0))
+    graph = PartialGraph(
+        "s", space, 0.5, (room, KnownRoom("hall", hidden_share=1.0)), (seen,), ((1, 2),)
+    )
+    counts = graph.histograms().astype(float)
+    hidden = from_hidden_counts(counts, poisson(np.full(counts.shape, 0.75)))
+    return encode(encode_belief(believe(graph, hidden, mode="complete", model="m")))
+
+
+def _read_class_map(folder: Path, data: bytes) -> object:
+    """Read a map, whose files stand one after another with a byte of 0 between."""
+    for path in folder.iterdir():
+        path.unlink()
+    suffixes = (".csv", ".classes.csv", ".structure.csv")
+    for suffix, text in zip(suffixes, data.split(b"\0"), strict=False):
+        (folder / f"mine{suffix}").write_bytes(text)
+    class_map = parse_own_map(read_own_map(folder / "mine.csv"))
+    return [class_map.classify(name) for name in ("chairs", "", "kitchen chair 2", "unknown/x")]
+
+
+def _read_configuration(folder: Path, data: bytes) -> object:
+    """Read a file, whose settings come after it, each behind a byte of 0."""
+    text, *settings = data.split(b"\0")
+    path = put(folder, ".toml", text)
+    tables = override(read_config(path), [one.decode("utf-8", "replace") for one in settings])
+    return validate_config(tables, source=str(path))
+
+
+def _read_behavior(folder: Path, data: bytes) -> object:
+    """Read a list; where it has large numbers they are not made into as many objects."""
+    source = BehaviorRooms(put(folder, ".json", data))
+    return source.find() if re.search(rb"[0-9]{4}", data) else read_source(source, load_map())
+
+
+def _read_annotation(folder: Path, data: bytes) -> object:
+    return parse_annotation(data, path=folder / "a.semantic.txt")
+
+
+def _read_statistics(folder: Path, data: bytes) -> object:
+    packed = data if data[:1] == b"P" else _pack(data)
+    return read_source(HM3DStatistics(put(folder, "HM3DSem-v0.2.zip", packed)), load_map())
+
+
+def _read_table(folder: Path, data: bytes) -> object:
+    suffix = {b"P": ".parquet", b"\x1f": ".tsv.gz"}.get(data[:1], ".csv")
+    return read_source(ObjectTable(put(folder, suffix, data)), load_map())
+
+
+def _read_houses(folder: Path, data: bytes) -> object:
+    suffix = {b"[": ".json", b"\x1f": ".jsonl.gz"}.get(data[:1], ".jsonl")
+    return read_source(ProcTHORHouses(put(folder, suffix, data)), load_map())
+
+
+def _read_house(folder: Path, data: bytes) -> object:
+    suffix = ".house.gz" if data[:1] == b"\x1f" else ".house"
+    return read_source(MatterportHouses(put(folder, suffix, data)), load_map())
+
+
+def _read_labels(folder: Path, data: bytes) -> object:
+    suffix = ".csv" if b"label," in data[:100] else ".yaml"
+    return load_label_space(put(folder, suffix, data))
+
+
+def _seeds(*data: bytes) -> Callable[[], dict[str, bytes]]:
+    return lambda: {str(number): one for number, one in enumerate(data)}
+
+
+def _packed_too(data: bytes) -> Callable[[], dict[str, bytes]]:
+    return _seeds(data, gzip.compress(data, mtime=0))
+
+
+_HYDRA = b"label_names:\n- {label: 5, name: chair}\n- {label: 6, name: '7', category: x}\n"
+_STATISTICS = f'{",".join(HEADER)},\n00001-abcdefghi01,-1,1,1,lamp_9\ns,5,1,2,"a, b_7:c_8"\n'
+_MAP = b'raw_category,category,class\nchair,chair,chair\n"a, b",sofa,\nWall,wall,\n'
+_CLASSES = b"index,class,definition\n0,chair,A seat.\n1,bed,To sleep in.\n"
+_HOUSES = encode(_PROCTHOR) + b"\n" + encode(_PROCTHOR).replace(b"room|4", b"room|7") + b"\n"
+_ROBOT = (REPOSITORY / "docs" / "home.json").read_bytes()
+
+TARGETS = (
+    Target(
+        name="annotation",
+        read=_read_annotation,
+        seeds=_seeds(_ANNOTATION.encode(), _ANNOTATION.replace("\n", "\r\n").encode("utf-8-sig")),
+        words=('"chair"', ",-1", "\n", "\u2028", "unknown", "999999999"),
+    ),
+    Target(
+        name="behavior",
+        read=_read_behavior,
+        seeds=_seeds(encode({"success": True, "scenes": _SCENES})),
+        words=("scenes", "_int", "_garden", "house_double_floor_lower", "../x"),
+    ),
+    Target(
+        name="belief-json",
+        read=lambda folder, data: read_belief(put(folder, ".json", data)),
+        seeds=lambda: {"belief": _make_belief()},
+        words=("class_map", "class_space", "version", "blind", "partial", "hm3d45-v1"),
+        most=60_000,
+    ),
+    Target(
+        name="class-map",
+        read=_read_class_map,
+        seeds=_seeds(_MAP, b"\0".join((_MAP, _CLASSES, b"category\nwall\n"))),
+        words=("chair", "bed", "category", "\0", '"', "\r\n", "unknown", "2,x,y\n"),
+    ),
+    Target(
+        name="configuration",
+        read=_read_configuration,
+        seeds=lambda: {name: write_toml(find_config(name)).encode() for name in ("ceci-sage",)},
+        words=(
+            "training",
+            "\0seed=",
+            "1979-05-27",
+            "nan",
+            "[[model]]",
+            "'''",
+            "1e400",
+            "{x={x=1}}",
+        ),
+    ),
+    Target(
+        name="house",
+        read=_read_house,
+        seeds=_packed_too(HOUSE.encode()),
+        words=("ASCII 1.1", "nan", "inf", "-1", "1e308", "\nR ", "\nO ", "\nV ", "\nP ", "#"),
+        most=4_000,
+    ),
+    Target(
+        name="label-space",
+        read=_read_labels,
+        seeds=_seeds(_HYDRA, b'label,name,category\n5,chair,\n6,"a, b",sofa\n'),
+        words=("label", "name", "4294967296", "&a", "*a", "<<: ", "? ", "'", '"', ".nan"),
+    ),
+    Target(
+        name="layout",
+        read=lambda folder, data: lay_out(_BUILDING, read_layout(put(folder, ".yaml", data))),
+        seeds=_seeds(_LAYOUT),
+        words=("room_3", "&a", "*a", "<<: ", "!!python/object:x", "|\n", "%YAML 1.2", ".nan", "{"),
+    ),
+    Target(
+        name="mesh",
+        read=lambda folder, data: list(read_parts(put(folder, ".glb", data))),
+        seeds=lambda: {"colours": _make_mesh()},
+        words=("KHR_draco_mesh_compression", "sparse", "uri", "byteStride", "matrix", "MAT4"),
+        most=4_000,
+    ),
+    Target(
+        name="object-table",
+        read=_read_table,
+        seeds=lambda: {
+            "text": _TABLE,
+            "packed": gzip.compress(b"scene\troom\tcategory\na\t1\tchair\n", mtime=0),
+            "parquet": _to_parquet({"scene": ["a"], "room": [1.0], "category": ["bed"]}),
+        },
+        words=("scene", "connected", "1e308", "nan", ";", '"', "\r\n", "\t", "../x", "PAR1"),
+    ),
+    Target(
+        name="predictions",
+        read=lambda folder, data: list(
+            open_predictions(put(folder, ".parquet", data), most_rows=10_000).read()
+        ),
+        seeds=lambda: {"whole": _to_parquet(_PREDICTIONS)},
+        words=("PAR1", "int8", "double", "binary", "p2"),
+        most=4_000,
+    ),
+    Target(
+        name="procthor",
+        read=_read_houses,
+        seeds=_seeds(_HOUSES, b"[" + encode(_PROCTHOR) + b"]", gzip.compress(_HOUSES, mtime=0)),
+        words=("room|999999", "children", "floorPolygon", "\n", "[", "]", "1e308", "|4|"),
+    ),
+    Target(
+        name="robot-json",
+        read=lambda folder, data: read_robot_graph(
+            put(folder, "graph.json", data), class_map=load_map()
+        ),
+        seeds=_seeds(_ROBOT, b'\xef\xbb\xbf{"scene_id": "s", "rooms": []}'),
+        words=("hidden_share", "room_type", "partial", "withheld", "\\ud800", "1e9"),
+        most=8_000,
+    ),
+    Target(
+        name="spark-dsg",
+        read=lambda folder, data: read_source(RobotGraphs(put(folder, ".json", data)), load_map()),
+        seeds=lambda: {"graph": encode(robot_graph())},
+        words=("labelspaces", "bsg", "layer_names", "mesh", "partition"),
+        most=8_000,
+    ),
+    Target(
+        name="statistics-zip",
+        read=_read_statistics,
+        seeds=_seeds(_STATISTICS.encode(), _pack(_STATISTICS.encode())),
+        words=(*HEADER, "../secret", ":", "_", "PK\x01\x02", "PK\x05\x06", "\r\n", '"'),
+    ),
+)
+ROWS = tuple(target.name for target in TARGETS)
+
+
+@cache
 def find_target(name: str) -> Target:
     """Return a target by its name."""
-    target = importlib.import_module(ROWS[name]).TARGET
-    assert isinstance(target, Target)
-    return target
+    return next(target for target in TARGETS if target.name == name)

@@ -14,7 +14,6 @@ import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from bsg_data.errors import BSGError
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
@@ -140,10 +139,6 @@ def _describe(error: BaseException) -> Finding:
     return Finding(key, "".join(traceback.format_exception(error)))
 
 
-class NoFileError(BSGError):
-    """Say that an input stands for no file: what it describes cannot be written."""
-
-
 _count = itertools.count()
 
 
@@ -170,21 +165,6 @@ def read_source(source: Source, class_map: ClassMap) -> None:
     """Find the scenes of a source, and read the first ones."""
     for ref in source.find().scenes[:4]:
         source.read(ref, class_map)
-
-
-def parse(data: bytes) -> dict[str, Any]:
-    """Return the JSON object of an input that stands for a file of another format.
-
-    Raises:
-        NoFileError: if it is none.
-    """
-    try:
-        document = json.loads(data)
-    except (ValueError, RecursionError) as error:
-        raise NoFileError(f"no JSON: {error}") from error
-    if not isinstance(document, dict):
-        raise NoFileError("no JSON object")
-    return document
 
 
 def encode(document: object) -> bytes:

@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import random
 import sys
-import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -65,35 +64,14 @@ def test_every_folder_of_the_corpus_is_of_a_target() -> None:
     assert {path.name for path in CORPUS.glob("*")} <= set(ROWS)
 
 
-@pytest.mark.parametrize("name", ROWS)
-def test_a_target_is_called_as_its_row(name: str) -> None:
-    assert find_target(name).name == name
-
-
-class TestBench:
-    """The bench sees what a reader must not do."""
-
-    def finding_of(self, read: object) -> str | None:
-        target = Target(name="x", read=read, seeds=dict)  # type: ignore[arg-type]
-        with Bench(target) as bench:
+def test_the_bench_sees_what_a_reader_must_not_do() -> None:
+    faults = {
+        "IndexError in test_fuzz.py, <lambda>": lambda folder, data: data[0],
+        "x prints": lambda folder, data: sys.stdout.write("x"),
+        "x writes": lambda folder, data: Path("x").write_text("x"),
+        None: lambda folder, data: None,
+    }
+    for key, read in faults.items():
+        with Bench(Target(name="x", read=read, seeds=dict)) as bench:
             finding = bench.try_input(b"")
-        return None if finding is None else finding.key
-
-    def test_another_exception(self) -> None:
-        assert (
-            self.finding_of(lambda folder, data: data[0]) == "IndexError in test_fuzz.py, <lambda>"
-        )
-
-    def test_a_warning(self) -> None:
-        assert "UserWarning" in str(
-            self.finding_of(lambda folder, data: warnings.warn("x", stacklevel=1))
-        )
-
-    def test_a_word_on_the_terminal(self) -> None:
-        assert self.finding_of(lambda folder, data: sys.stdout.write("x")) == "x prints"
-
-    def test_a_file_in_the_working_directory(self) -> None:
-        assert self.finding_of(lambda folder, data: Path("x").write_text("x")) == "x writes"
-
-    def test_nothing(self) -> None:
-        assert self.finding_of(lambda folder, data: None) is None
+        assert (None if finding is None else finding.key) == key
