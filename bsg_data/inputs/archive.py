@@ -23,6 +23,8 @@ def read_member(path: Path, name: str, bound: Bound) -> bytes:
             once, or is larger or unpacks to more than the bound.
     """
     try:
+        if not path.is_file() and path.exists():
+            raise ValueError("it is no file")  # a device may have no end
         with zipfile.ZipFile(path) as archive:
             found = [one for one in archive.namelist() if PurePosixPath(one).name == name]
             if len(found) != 1:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections import Counter
 from collections.abc import Hashable
 from pathlib import Path
 from typing import Any
@@ -106,8 +107,7 @@ def decode(data: bytes | str) -> str:
 def _require_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     table = dict(pairs)
     if len(table) < len(pairs):
-        keys = [key for key, _ in pairs]
-        twice = next(key for key in keys if keys.count(key) > 1)
+        (twice, _), *_ = Counter(key for key, _ in pairs).most_common(1)
         raise ValueError(f"the key {twice[:80]!r} twice")
     return table
 
@@ -116,9 +116,9 @@ class _PlainLoader(_PARSER):  # type: ignore[misc,valid-type]
     """Constructs text, lists and mappings, whose keys are there once."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        keys = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
-        twice = next((key for number, key in enumerate(keys) if key in keys[:number]), None)
-        if twice is not None or len(keys) < len(node.value):
-            said = "a list or a mapping as a key" if twice is None else f"the key {twice!r} twice"
+        keys = Counter(key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode))
+        if len(keys) < len(node.value):
+            (twice, times), *_ = keys.most_common(1) or [("", 0)]
+            said = f"the key {twice!r} twice" if times > 1 else "a list or a mapping as a key"
             raise ValueError(said)
         return dict(super().construct_mapping(node, deep=deep))
