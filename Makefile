@@ -100,8 +100,8 @@ figures: $(INSTALLED) ## Draw the figures of the docs; that of the explorer need
 site: $(INSTALLED) ## Build the documentation as a site, strictly; open site/index.html.
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
-bench: $(INSTALLED) ## Measure how fast the main jobs are, each beside something else: docs/results/speed.md.
-	$(BIN)/python scripts/bench/speed.py --out docs/results/speed.md
+bench: $(INSTALLED) ## Time the main jobs beside those of another checkout: make bench BASE=../before
+	$(BIN)/python scripts/bench.py --base "$(BASE)"
 
 package: $(INSTALLED) ## Build wheel and source archive into dist, and try both in fresh environments.
 	$(BIN)/python -m pip install --quiet 'build>=1.2,<2'
