@@ -5,9 +5,9 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 DEMO := demo
 # One test process for each core, and one thread in each: more threads would wait for one another.
-# All tests of a file run in one process, which makes what they share once. What Python compiled is
+# A process that has no more tests takes some of another. What Python compiled is
 # kept even where it is told not to: a test that starts processes would compile anew in each.
-PYTEST := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile
+PYTEST := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal
 TESTED := tests bsg_data bsg_models $(VENV)/links/bsg_cli
 
 .DEFAULT_GOAL := help
