@@ -178,7 +178,10 @@ def _prepare(folder: Path, plan: Record) -> None:
                 where=folder,
             )
         shutil.rmtree(folder)
-    write_bytes(folder / PLAN, _encode(plan))
+    (folder / BUILD).mkdir(parents=True)
+    partial = folder / f"{PLAN}.partial"  # not flushed: after a loss of power all is built anew
+    partial.write_bytes(_encode(plan))
+    partial.replace(folder / PLAN)
 
 
 def put_in_place(out: Path, manifest: Manifest) -> None:
