@@ -30,7 +30,7 @@ from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import from_hidden_counts
 from bsg_models.belief.formats import FORMATS, choose_format
 from bsg_models.evaluation.catalogue import METRICS, find_value, head_value, name_value
-from bsg_models.evaluation.measurement import prepare_metric
+from bsg_models.evaluation.measurement import measure_metric
 from bsg_models.evaluation.streams import Stream
 from bsg_models.evaluation.truth import NODE_SETS, Prediction, Truth
 from bsg_models.inputs.graphs import read_split
@@ -302,23 +302,20 @@ class MetricContract:
         """Check for a number per node set and part, over no more nodes than there are."""
         metric, prediction = METRICS[self.name], self.prediction()
         assert set(metric.node_sets) <= set(NODE_SETS)
-        prepared = prepare_metric(self.name, prediction)
-        values = prepared.evaluate(np.ones(3))
-        assert set(values) == set(prepared.nodes)
-        for (node_set, part), nodes in prepared.nodes.items():
+        found = measure_metric(self.name, prediction, np.ones((3, 1)))
+        assert set(found.values) == set(found.nodes)
+        for (node_set, part), nodes in found.nodes.items():
             assert 0 < nodes <= len(prediction.rows[node_set])
-            assert np.isfinite(values[node_set, part])
+            assert np.isfinite(found.values[node_set, part]).all()
             value = name_value(self.name, node_set, part)
             assert find_value(value) == (metric, node_set, part)
             assert metric.label in head_value(value)
 
     def test_only_the_ratio_of_weights_counts(self) -> None:
         """Check that doubling all weights changes nothing."""
-        prepared = prepare_metric(self.name, self.prediction())
-        weights = np.array([1.0, 3.0, 2.0])
-        once, twice = prepared.evaluate(weights), prepared.evaluate(2 * weights)
-        for key, value in once.items():
-            np.testing.assert_allclose(twice[key], value, rtol=1e-9, atol=1e-12)
+        weights = np.array([[1.0, 2.0], [3.0, 6.0], [2.0, 4.0]])
+        for once, twice in measure_metric(self.name, self.prediction(), weights).values.values():
+            np.testing.assert_allclose(twice, once, rtol=1e-9, atol=1e-12)
 
     def test_batches_do_not_matter(self) -> None:
         """Check that a prediction in two batches gets the same values."""
@@ -327,10 +324,10 @@ class MetricContract:
         found = []
         for pieces in ([np.arange(24)], [np.arange(12, 24), np.arange(12)]):
             stream = Stream(("a", "b", "c"), weights)
-            gathered = metric.gather(stream)
+            sums = metric.start(stream)
             for rows in pieces:
-                gathered.add(stream.batch(_take_nodes(prediction, rows)))
-            found.append(gathered.finish())
+                sums.add(stream.batch(_take_nodes(prediction, rows)))
+            found.append(sums.finish())
         assert found[0].nodes == found[1].nodes
         for key, value in found[0].values.items():
             np.testing.assert_allclose(found[1].values[key], value, rtol=1e-9, atol=1e-12)
@@ -338,12 +335,12 @@ class MetricContract:
     def test_a_building_that_counts_twice_is_there_twice(self) -> None:
         """Check that weights act as repetitions, as every bootstrap interval requires."""
         prediction = self.prediction()
-        weighted = prepare_metric(self.name, prediction).evaluate(np.array([2.0, 0.0, 1.0]))
+        weighted = measure_metric(self.name, prediction, np.array([[2.0], [0.0], [1.0]])).values
         rows = np.concatenate([np.flatnonzero(prediction.truth.building == b) for b in (0, 0, 2)])
         taken = _take_nodes(prediction, rows)
         again = replace(taken.truth, building=np.repeat([0, 1, 2], 8))
         whole = Prediction(again, taken.expectation)
-        repeated = prepare_metric(self.name, whole).evaluate(np.ones(3))
+        repeated = measure_metric(self.name, whole, np.ones((3, 1))).values
         for key, value in weighted.items():
             np.testing.assert_allclose(repeated[key], value, rtol=1e-9, atol=1e-12)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation.metrics import Floats
-from bsg_models.evaluation.ranked_cells import RankedCells
+from bsg_models.evaluation.presence import PresenceHistograms
 from bsg_models.evaluation.truth import Truth
 
 SETS = ("rooms", "building")
@@ -20,7 +20,7 @@ class ClassErrors:
 
     def __init__(self) -> None:
         once = np.ones((1, 1))
-        self._cells = {name: RankedCells(once) for name in SETS}
+        self._cells = {name: PresenceHistograms(once) for name in SETS}
         self._sums: dict[str, Floats] = {}
         self._nodes = dict.fromkeys(SETS, 0)
 
@@ -33,7 +33,7 @@ class ClassErrors:
             sums = np.stack([truth.targets[rows], some, np.abs(some)]).sum(axis=1)
             self._sums[name] = self._sums[name] + sums if name in self._sums else sums
             self._nodes[name] += int(rows.sum())
-            self._cells[name].add_nodes(
+            self._cells[name].add_rooms(
                 presence=presence[rows],
                 seen=truth.inputs[rows] > 0,
                 hidden=hidden[rows],
@@ -44,9 +44,8 @@ class ClassErrors:
     def rows(self, model: str, classes: Sequence[str]) -> list[dict[str, Any]]:
         """Return one row per node set and class: the paper's error in number, and presence.
 
-        Columns: `model`, `nodes` (node set), `class`, `count` (mean true number), `mean_error` (O″
-            − O),
-        `mean_absolute_error`, `presence_auroc` and `presence_ap`.
+        Columns: `model`, `nodes` (node set), `class`, `count` (mean true number), `mean_error`
+        (O″ − O), `mean_absolute_error`, `presence_auroc` and `presence_ap`.
         """
         found = []
         for name in SETS:

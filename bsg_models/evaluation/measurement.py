@@ -14,9 +14,8 @@ from bsg_models.belief.expectation import Expectation, join
 from bsg_models.evaluation import metrics
 from bsg_models.evaluation.bootstrap import Bootstrap, weigh_buildings
 from bsg_models.evaluation.catalogue import METRICS, list_values, name_value
-from bsg_models.evaluation.metric_kinds import Prepared
 from bsg_models.evaluation.metrics import Bools, Floats
-from bsg_models.evaluation.streams import Key, Stream, Weights
+from bsg_models.evaluation.streams import Key, Stream, Values, Weights
 from bsg_models.evaluation.truth import Prediction, Truth
 from bsg_models.zoo.model import BeliefModel
 
@@ -78,15 +77,15 @@ class StreamedMeasurement:
 
     def __init__(self, scene_ids: Sequence[str], weights: Weights) -> None:
         self._stream = Stream(scene_ids, weights)
-        self._gathered = {
-            name: metric.gather(self._stream) for name, metric in METRICS.load_all()[0].items()
+        self._sums = {
+            name: metric.start(self._stream) for name, metric in METRICS.load_all()[0].items()
         }
 
     def add(self, truth: Truth, expectation: Expectation) -> None:
         """Add some nodes, in any order."""
         batch = self._stream.batch(Prediction(truth, expectation))
-        for gathered in self._gathered.values():
-            gathered.add(batch)
+        for accumulator in self._sums.values():
+            accumulator.add(batch)
 
     def finish(self) -> Measured:
         """Return every metric by name, e.g. `rooms/wasserstein_values/mean`.
@@ -96,8 +95,8 @@ class StreamedMeasurement:
         """
         values: dict[str, Floats] = {}
         nodes: dict[str, int] = {}
-        for row, gathered in self._gathered.items():
-            found = gathered.finish()
+        for row, accumulator in self._sums.items():
+            found = accumulator.finish()
             _require_parts(row, found.nodes)
             values |= {name_value(row, *key): value for key, value in found.values.items()}
             nodes |= {name_value(row, *key): number for key, number in found.nodes.items()}
@@ -167,10 +166,8 @@ class SplitWeights:
         """Return the mean over the splits in which a metric is defined.
 
         Scores of models trained separately for each split cannot be pooled: a ranking or
-        correlation over
-        two trainings describes neither. If a resample has no building of a split, that split is
-        left out
-        of the resample's mean.
+        correlation over two trainings describes neither. If a resample has no building of a split,
+        that split is left out of the resample's mean.
         """
         if len(splits) == 1:
             return splits[0]
@@ -190,15 +187,18 @@ def _mean_known(values: Floats, there: Bools) -> Floats:
     return np.array([metrics.mean_known(column.tolist()) for column in columns])
 
 
-def prepare_metric(name: str, prediction: Prediction) -> Prepared:
-    """Prepare a row of `METRICS` for a prediction.
+def measure_metric(name: str, prediction: Prediction, weights: Weights) -> Values:
+    """Return a row of `METRICS` for a whole prediction, under weights of its buildings `[B, W]`.
 
     Raises:
         RecipeError: if it has other node sets or parts than it declares.
     """
-    prepared = METRICS[name].prepare(prediction)
-    _require_parts(name, prepared.nodes)
-    return prepared
+    stream = Stream(prediction.truth.scene_ids, weights)
+    accumulator = METRICS[name].start(stream)
+    accumulator.add(stream.batch(prediction))
+    found = accumulator.finish()
+    _require_parts(name, found.nodes)
+    return found
 
 
 def _require_parts(name: str, nodes: Mapping[Key, int]) -> None:

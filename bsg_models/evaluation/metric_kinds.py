@@ -1,14 +1,13 @@
 """Define what a metric is: a row of `METRICS`, of one of these kinds.
 
 - `NodeMetric`: a value per node, averaged with weights, or with all four moments.
-- `PresenceMetric`: a function of (room, class) cells with presence, outcome and weight.
+- `CellMetric`: a function of means over (room, class) cells.
+- `RankMetric`: AUROC or average precision of the ranking of the cells.
 - `CorrelationMetric`: a function of weighted sums over nodes.
+- `WholeMetric`: any function of a whole prediction and of weights.
 
-`bsg_models.evaluation.cell_metrics` defines two more kinds, of cells.
-
-A metric *gathers* a prediction batch by batch, under the weights of all resamples at once
-(`Metric.gather`). A metric that can only be *prepared* from a whole prediction receives it whole,
-up to `MOST_WHOLE` nodes.
+A metric sees a prediction batch by batch, under the weights of all resamples at once; a
+`WholeMetric` keeps the batches in memory.
 """
 
 from __future__ import annotations
@@ -16,37 +15,22 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from bsg_data.errors import RecipeError
 from bsg_models.belief.expectation import Expectation, join
 from bsg_models.evaluation.metrics import (
+    Bools,
     Floats,
     Moments,
     correlate_sums,
-    mean_known,
     moments_of_sums,
 )
-from bsg_models.evaluation.presence import SELECTIONS, Cells
-from bsg_models.evaluation.streams import Batch, Gathered, Key, Stream, Values, Weights
+from bsg_models.evaluation.presence import SELECTIONS, PresenceHistograms, select_cells
+from bsg_models.evaluation.streams import Accumulator, Batch, Key, Stream, Values, Weights
 from bsg_models.evaluation.truth import NODE_SETS, Prediction, Truth, join_truths
-
-MOST_WHOLE = 250_000  # nodes of a whole prediction in memory: some hundred megabytes
-
-
-@dataclass(frozen=True, slots=True)
-class Prepared:
-    """A metric of one prediction, ready to be evaluated for many weights.
-
-    Attributes:
-        evaluate: takes how often each building counts, `[B]`; returns (node set, part) → value, nan
-            if it is not defined.
-        nodes: (node set, part) → number of nodes behind it.
-    """
-
-    evaluate: Callable[[Floats], dict[Key, float]]
-    nodes: Mapping[Key, int]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,39 +60,29 @@ class Metric(ABC):
         return ("",)
 
     @abstractmethod
-    def prepare(self, prediction: Prediction) -> Prepared:
-        """Compute everything that does not depend on weights."""
+    def start(self, stream: Stream) -> Accumulator:
+        """Start to measure a prediction in batches."""
 
-    def gather(self, stream: Stream) -> Gathered:
-        """Start to measure a prediction in batches; this default keeps all of it in memory."""
+
+class WholeMetric(Metric):
+    """A metric that needs the whole prediction, which is kept in memory."""
+
+    @abstractmethod
+    def measure(self, prediction: Prediction, weights: Floats) -> Mapping[Key, float]:
+        """Return (node set, part) → value, nan if it is not defined.
+
+        Args:
+            prediction: of N nodes.
+            weights: `[N]` how often the building of each node counts.
+        """
+
+    def start(self, stream: Stream) -> Accumulator:
+        """Start to keep the batches."""
         return _Whole(self, stream.weights)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StreamedMetric(Metric):
-    """A metric that is computed batch by batch, without the whole prediction in memory."""
-
-    @abstractmethod
-    def gather(self, stream: Stream) -> Gathered:
-        """Start to measure a prediction in batches."""
-
-    def prepare(self, prediction: Prediction) -> Prepared:
-        """Measure a whole prediction as one batch, again for each set of weights."""
-
-        def measure(weights: Floats) -> Values:
-            stream = Stream(prediction.truth.scene_ids, weights[:, None])
-            gathered = self.gather(stream)
-            gathered.add(stream.batch(prediction))
-            return gathered.finish()
-
-        def evaluate(weights: Floats) -> dict[Key, float]:
-            return {key: float(value[0]) for key, value in measure(weights).values.items()}
-
-        return Prepared(evaluate, measure(np.ones(len(prediction.truth.scene_ids))).nodes)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NodeMetric(StreamedMetric):
+class NodeMetric(Metric):
     """A value per node, averaged over nodes with the weights of their buildings.
 
     Attributes:
@@ -131,7 +105,7 @@ class NodeMetric(StreamedMetric):
         """The four moments, or none."""
         return Moments._fields if self.spread else ("",)
 
-    def gather(self, stream: Stream) -> Gathered:
+    def start(self, stream: Stream) -> Accumulator:
         """Start to sum the powers of the values."""
         return _NodePowers(self, stream.width)
 
@@ -151,19 +125,8 @@ class NodeMetric(StreamedMetric):
         return values
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PresenceMetric(Metric):
-    """A measure of presence over the (room, class) cells of each selection.
-
-    It receives all cells at once; `bsg_models.evaluation.cell_metrics` has kinds that do not.
-
-    Attributes:
-        measure: function of some cells and their weights `[M]`.
-        by_class: whether it is the mean over the classes in which it is defined.
-    """
-
-    measure: Callable[[Cells, Floats], float]
-    by_class: bool = False
+class _PresenceMetric(Metric):
+    """A metric of the cells of each selection."""
 
     @property
     def node_sets(self) -> tuple[str, ...]:
@@ -175,29 +138,44 @@ class PresenceMetric(Metric):
         """The selections of cells."""
         return SELECTIONS
 
-    def prepare(self, prediction: Prediction) -> Prepared:
-        """Sort the cells, once for all metrics of this kind."""
-        cells = prediction.cells
-        groups = {
-            name: cells.by_class[name] if self.by_class else [cells.together[name]]
-            for name in SELECTIONS
-        }
-        building = prediction.truth.building[prediction.rows["rooms"]]
 
-        def evaluate(weights: Floats) -> dict[Key, float]:
-            of_rooms = weights[building]
-            return {
-                ("rooms", name): mean_known(
-                    [self.measure(one, one.weigh(of_rooms)) for one in group]
-                )
-                for name, group in groups.items()
-            }
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CellMetric(_PresenceMetric):
+    """A function of means over the cells of each selection.
 
-        return Prepared(evaluate, {("rooms", name): cells.rooms[name] for name in SELECTIONS})
+    Attributes:
+        addends: function of presence, whether an object is hidden, and which cells are selected,
+            all `[N, C]`; returns what each room adds to K sums, `[N, K]`.
+        combine: function of the K means over cells, `[W, K]`; returns the value, `[W]`.
+    """
+
+    addends: Callable[[Floats, Bools, Bools], Floats]
+    combine: Callable[[Floats], Floats]
+
+    def start(self, stream: Stream) -> Accumulator:
+        """Start the sums."""
+        return _CellSums(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CorrelationMetric(StreamedMetric):
+class RankMetric(_PresenceMetric):
+    """A measure of the ranking of the cells of each selection.
+
+    Attributes:
+        measure: area under the ROC curve, or average precision.
+        by_class: whether it is the mean over the classes in which it is defined.
+    """
+
+    measure: Literal["auroc", "precision"]
+    by_class: bool = False
+
+    def start(self, stream: Stream) -> Accumulator:
+        """Start to read the histograms, which all metrics of this kind share."""
+        return _Ranked(self, stream.share(PresenceHistograms))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CorrelationMetric(Metric):
     """A distance between predicted and true correlations of the classes over nodes.
 
     Attributes:
@@ -211,45 +189,33 @@ class CorrelationMetric(StreamedMetric):
         """All node sets."""
         return NODE_SETS
 
-    def gather(self, stream: Stream) -> Gathered:
+    def start(self, stream: Stream) -> Accumulator:
         """Start to sum counts and their products."""
         return _Products(self, stream.width)
 
 
-class _Whole(Gathered):
+class _Whole(Accumulator):
     """A whole prediction, for a metric that needs it."""
 
-    def __init__(self, metric: Metric, weights: Weights) -> None:
+    def __init__(self, metric: WholeMetric, weights: Weights) -> None:
         self._metric, self._weights = metric, weights
         self._batches: list[Batch] = []
-        self._nodes = 0
 
     def add(self, batch: Batch) -> None:
-        self._nodes += len(batch.building)
-        if self._nodes > MOST_WHOLE:
-            raise RecipeError(
-                f"metric {self._metric.label!r} needs the whole prediction in memory, at most "
-                f"{MOST_WHOLE:,} nodes; found more. Give it `gather` (docs/extending.md), or "
-                "measure fewer buildings"
-            )
         self._batches.append(batch)
 
     def finish(self) -> Values:
         parts = [batch.prediction for batch in self._batches]
         truth = join_truths([part.truth for part in parts])
         whole = Prediction(truth, join([part.expectation for part in parts]))
-        _, first = np.unique(truth.building, return_index=True)
         numbers = np.concatenate([batch.building for batch in self._batches])
-        weights = self._weights[numbers[first]].astype(float)
-        prepared = self._metric.prepare(whole)
-        columns = [prepared.evaluate(column) for column in weights.T]
-        return Values(
-            {key: np.array([one[key] for one in columns], dtype=float) for key in columns[0]},
-            prepared.nodes,
-        )
+        weights = self._weights[numbers].astype(float)
+        found = [self._metric.measure(whole, column) for column in weights.T]
+        values = {key: np.array([one[key] for one in found], dtype=float) for key in found[0]}
+        return Values(values, {key: len(whole.rows[key[0]]) for key in values})
 
 
-class _NodePowers(Gathered):
+class _NodePowers(Accumulator):
     """Sums of the powers of the values of a `NodeMetric`, about a value of the first batch."""
 
     def __init__(self, metric: NodeMetric, width: int) -> None:
@@ -280,7 +246,55 @@ class _NodePowers(Gathered):
         return Values(found, {key: self._nodes[key[0]] for key in found})
 
 
-class _Products(Gathered):
+class _CellSums(Accumulator):
+    """Sums over the cells of each selection."""
+
+    def __init__(self, metric: CellMetric) -> None:
+        self._metric = metric
+        self._rooms = dict.fromkeys(SELECTIONS, 0)
+        self._sums: dict[str, Floats] = {}  # the first one is the number of cells
+
+    def add(self, batch: Batch) -> None:
+        truth, rows = batch.prediction.truth, batch.prediction.rows["rooms"]
+        presence = batch.prediction.expectation.presence[rows]
+        seen, hidden = truth.inputs[rows] > 0, truth.hidden[rows] > 0
+        for name, keep in select_cells(seen, truth.visited[rows]).items():
+            addends = self._metric.addends(presence, hidden, keep)
+            sums = batch.sum(rows, np.column_stack([keep.sum(axis=1), addends]))
+            self._sums[name] = self._sums[name] + sums if name in self._sums else sums
+            self._rooms[name] += int(keep.any(axis=1).sum())
+
+    def finish(self) -> Values:
+        values = {}
+        for name, sums in self._sums.items():
+            number = sums[:, :1]
+            means = np.divide(sums, number, out=np.full_like(sums, np.nan), where=number > 0)
+            values["rooms", name] = self._metric.combine(means[:, 1:])
+        return Values(values, {("rooms", name): rooms for name, rooms in self._rooms.items()})
+
+
+class _Ranked(Accumulator):
+    """One measure of the shared histograms."""
+
+    def __init__(self, metric: RankMetric, histograms: PresenceHistograms) -> None:
+        self._metric, self._histograms = metric, histograms
+
+    def add(self, batch: Batch) -> None:
+        """Do nothing: the shared histograms count the cells."""
+
+    def finish(self) -> Values:
+        suffix = "_of_classes" if self._metric.by_class else ""
+        ranks: dict[str, Floats] = getattr(self._histograms.ranks, self._metric.measure + suffix)
+        return Values(
+            {
+                ("rooms", name): _mean_known(one) if self._metric.by_class else one
+                for name, one in ranks.items()
+            },
+            {("rooms", name): rooms for name, rooms in self._histograms.rooms.items()},
+        )
+
+
+class _Products(Accumulator):
     """Sums of counts and of their products, predicted and true, over rooms and over buildings."""
 
     def __init__(self, metric: CorrelationMetric, width: int) -> None:
@@ -322,3 +336,10 @@ class _Products(Gathered):
 def _correlate(sums: Floats) -> Floats:
     """Return the correlations `[C, C]` from the output of `Batch.sum_products` for one weight."""
     return correlate_sums(float(sums[0, 0]), sums[0, 1:], sums[1:, 1:])
+
+
+def _mean_known(values: Floats) -> Floats:
+    """Return the means over classes of the values `[C, W]` that are not nan, `[W]`."""
+    known = ~np.isnan(values)
+    number, total = known.sum(axis=0), np.where(known, values, 0.0).sum(axis=0)
+    return np.asarray(np.divide(total, number, out=np.full(len(total), np.nan), where=number > 0))

@@ -13,8 +13,7 @@ import numpy as np
 
 from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation import metrics
-from bsg_models.evaluation.cell_metrics import CellMetric, RankMetric
-from bsg_models.evaluation.metric_kinds import CorrelationMetric, NodeMetric
+from bsg_models.evaluation.metric_kinds import CellMetric, CorrelationMetric, NodeMetric, RankMetric
 from bsg_models.evaluation.metrics import Bools, Floats
 from bsg_models.evaluation.truth import Truth
 

@@ -1,9 +1,8 @@
 """Compute the metrics: each formula is a pure function of arrays.
 
-Shapes: N nodes of interest, C classes. `p` and `q` are distributions over classes: each row sums to
-    1
-or is all zero. `weights` are one number per row. A bootstrap over buildings weights each row by how
-often its building was drawn, so sums and counts are accumulated first and divided once.
+Shapes: N nodes of interest, C classes. `p` and `q` are distributions over classes: each row sums
+to 1 or is all zero. `weights` are one number per row. A bootstrap over buildings weights each row
+by how often its building was drawn, so sums and counts are accumulated first and divided once.
 """
 
 from __future__ import annotations
@@ -203,112 +202,6 @@ def correlation_frobenius(predicted: Floats, true: Floats, weights: Floats | Non
     return float(np.linalg.norm(difference))
 
 
-class Ranking(NamedTuple):
-    """Sorted scores, so that each weighted measure of the order costs one pass.
-
-    Attributes:
-        order: `[M]` positions by falling score.
-        ends: `[T]` last position of each run of equal scores.
-        truth: `[M]` outcomes in that order.
-    """
-
-    order: npt.NDArray[np.int64]
-    ends: npt.NDArray[np.int64]
-    truth: Bools
-
-
-def rank(scores: Floats, truth: Bools) -> Ranking:
-    """Sort scores `[M]` with their outcomes `[M]`; equal scores stay one run."""
-    order = np.argsort(-scores, kind="stable")
-    falling = scores[order]
-    ends = np.flatnonzero(np.append(falling[1:] != falling[:-1], len(scores) > 0))
-    return Ranking(order, ends, truth[order])
-
-
-def cumulate(ranking: Ranking, weights: Floats | None = None) -> tuple[Floats, Floats]:
-    """Return the weight of positives and of negatives up to the end of each run of equal scores.
-
-    Args:
-        ranking: of M scores.
-        weights: `[M]`; None gives all the same weight.
-
-    Returns:
-        Two arrays `[T]`, one number per run.
-    """
-    mass = np.ones(len(ranking.order)) if weights is None else weights[ranking.order]
-    true = np.where(ranking.truth, mass, 0.0).cumsum()[ranking.ends]
-    false = np.where(ranking.truth, 0.0, mass).cumsum()[ranking.ends]
-    return true, false
-
-
-def auroc(ranking: Ranking, weights: Floats | None = None) -> float:
-    """Return the area under the ROC curve: P(a positive is above a negative); ties count half.
-
-    nan without a positive or without a negative.
-
-    >>> auroc(rank(np.array([0.9, 0.8, 0.1]), np.array([True, False, False])))
-    1.0
-    """
-    return auroc_of_sums(*cumulate(ranking, weights))
-
-
-def auroc_of_sums(true: Floats, false: Floats) -> float:
-    """Return the area under the ROC curve from the output of `cumulate`."""
-    if not len(true) or not true[-1] or not false[-1]:
-        return float("nan")
-    area = np.sum(_steps(true) * (false[-1] - false + _steps(false) / 2))
-    return float(area / (true[-1] * false[-1]))
-
-
-def average_precision(ranking: Ranking, weights: Floats | None = None) -> float:
-    """Return Σ (recallₖ − recallₖ₋₁) · precisionₖ over the distinct scores; nan without positives.
-
-    >>> average_precision(rank(np.array([0.9, 0.8, 0.1]), np.array([True, False, True])))
-    0.8333333333333333
-    """
-    return average_precision_of_sums(*cumulate(ranking, weights))
-
-
-def average_precision_of_sums(true: Floats, false: Floats) -> float:
-    """Return the average precision from the output of `cumulate`."""
-    if not len(true) or not true[-1]:
-        return float("nan")
-    seen = true + false
-    precision = np.divide(true, seen, out=np.zeros_like(true), where=seen > 0)
-    return float(np.sum(_steps(true) * precision) / true[-1])
-
-
-def brier(presence: Floats, truth: Bools, weights: Floats | None = None) -> float:
-    """Return the mean squared difference of probability and outcome; nan for empty arrays.
-
-    >>> brier(np.array([0.5, 1.0]), np.array([True, True]))
-    0.125
-    """
-    return _mean((presence - truth) ** 2, weights)
-
-
-def calibration_error(
-    presence: Floats, truth: Bools, weights: Floats | None = None, *, bins: int = 15
-) -> float:
-    """Return the expected calibration error: Σ share of bin · |mean probability − frequency|.
-
-    Args:
-        presence: `[M]` probabilities.
-        truth: `[M]` outcomes.
-        weights: `[M]`.
-        bins: of equal width over 0..1.
-
-    >>> calibration_error(np.array([0.8, 0.8]), np.array([True, False])).__round__(6)
-    0.3
-    """
-    weights = np.ones(len(presence)) if weights is None else weights
-    if weights.sum() == 0:
-        return float("nan")
-    which = np.minimum((presence * bins).astype(np.int64), bins - 1)
-    gap = np.bincount(which, weights * (presence - truth), minlength=bins)
-    return float(np.abs(gap).sum() / weights.sum())
-
-
 def topk_unseen(presence: Floats, seen: Bools, hidden: Bools, *, k: int) -> Floats:
     """Return per room whether a hidden class is among its k likeliest unseen ones, `[N]`.
 
@@ -343,16 +236,3 @@ def mean_known(values: Sequence[float]) -> float:
 
 def _both_filled(p: Floats, q: Floats) -> Bools:
     return np.asarray((p.sum(axis=1) > 0) & (q.sum(axis=1) > 0))
-
-
-def _mean(values: Floats, weights: Floats | None) -> float:
-    weights = np.ones(len(values)) if weights is None else weights
-    total = weights.sum()
-    return float((weights * values).sum() / total) if total else float("nan")
-
-
-def _steps(sums: Floats) -> Floats:
-    """Return the increments of cumulative sums; `np.diff` takes three times as long."""
-    steps = sums.copy()
-    steps[1:] -= sums[:-1]
-    return steps

@@ -1,19 +1,51 @@
-"""Select the (room, class) cells for measures of presence, and sort them once.
+"""Rank the (room, class) cells by presence, under the weights of all resamples at once.
 
-Presence is `CountDistribution.presence`: P(at least one hidden object). There are three selections
-of cells: `all`; those of classes that are `unseen` in their room; and those of rooms that are
-`unvisited`, of which nothing was seen, or a little through a door.
+Presence is P(at least one hidden object). There are three selections of cells: `all`; those of
+classes that are `unseen` in their room; and those of rooms that are `unvisited`, of which nothing
+was seen, or a little through a door.
+
+Cells are not sorted, but counted for each building and class in `BINS` bins of presence, equally
+wide in log odds. A resample weights the counts. All cells of a bin tie, so in a bin with t hidden
+and f other cells, T and F of them in all and t⁺ and f⁺ in higher bins,
+
+- AUROC differs from that of the sorted cells by at most Σ t f / (2 T F),
+- average precision by at most Σ t/T · ((t⁺ + t)/(t⁺ + f⁺ + t) − t⁺/(t⁺ + f⁺ + f)).
+
+Both are 0 if no bin has different scores.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
+from scipy import sparse
 
-from bsg_models.evaluation.metrics import Bools, Floats, Ranking, cumulate, rank
+from bsg_data.arrays import Bools, Floats, Ints
+from bsg_models.evaluation.streams import Batch, SharedSums, Weights
 
 SELECTIONS = ("all", "unseen", "unvisited")
+BINS = 1 << 18
+_REACH = 20.0  # presence beyond these log odds, 2e-9 and its complement, is in the outer bins
+_COLUMNS = 32  # weights for which histograms are dense at a time
+_Counts = tuple[Ints, Bools, Ints, Ints]  # bin, hidden, building and number of some cells
+
+
+class Ranks(NamedTuple):
+    """AUROC and average precision under W weights; nan if they are not defined.
+
+    Attributes:
+        auroc: selection → `[W]`, all classes in one ranking.
+        precision: selection → `[W]`, all classes in one ranking.
+        auroc_of_classes: selection → `[C, W]`, each class ranked separately.
+        precision_of_classes: selection → `[C, W]`, each class ranked separately.
+    """
+
+    auroc: dict[str, Floats]
+    precision: dict[str, Floats]
+    auroc_of_classes: dict[str, Floats]
+    precision_of_classes: dict[str, Floats]
 
 
 def select_cells(seen: Bools, visited: Bools) -> dict[str, Bools]:
@@ -27,59 +59,123 @@ def select_cells(seen: Bools, visited: Bools) -> dict[str, Bools]:
     return dict(zip(SELECTIONS, (np.ones_like(seen), ~seen, unvisited), strict=True))
 
 
-class Cells:
-    """Some (room, class) cells.
+def bin_presence(presence: Floats) -> Ints:
+    """Return the bin of each probability, 0..`BINS` - 1; a higher one has no lower bin.
 
-    Attributes:
-        presence: `[M]` predicted P(at least one hidden object).
-        hidden: `[M]` whether there is one.
-        ranking: of the cells by falling presence.
+    >>> bin_presence(np.array([0.0, 0.5, 1.0])).tolist()
+    [0, 131072, 262143]
     """
-
-    def __init__(self, presence: Floats, hidden: Bools, keep: Bools) -> None:
-        self._rows = np.nonzero(keep)[0]
-        self.presence = presence[keep]
-        self.hidden = hidden[keep]
-        self.ranking: Ranking = rank(self.presence, self.hidden)
-        self._cumulated: tuple[Floats, tuple[Floats, Floats]] | None = None
-
-    def weigh(self, weights: Floats) -> Floats:
-        """Return the weight of each cell from those of the rooms."""
-        return weights[self._rows]
-
-    def cumulate(self, weights: Floats) -> tuple[Floats, Floats]:
-        """Return `metrics.cumulate` of the ranking.
-
-        The last answer is kept, because all measures ask for the sums of one resample in turn.
-        """
-        if self._cumulated is None or not np.array_equal(self._cumulated[0], weights):
-            self._cumulated = weights, cumulate(self.ranking, weights)
-        return self._cumulated[1]
+    with np.errstate(divide="ignore"):
+        odds = np.log(presence) - np.log1p(-presence)
+    return np.asarray(np.clip((odds / _REACH + 1) * (BINS / 2), 0, BINS - 1)).astype(np.int64)
 
 
-class PresenceCells:
-    """The cells of some rooms, in each selection: together, and class by class.
+class PresenceHistograms(SharedSums):
+    """How many cells of each building, class and selection lie in each bin, hidden and other.
 
     Attributes:
-        together: selection → all its cells.
-        by_class: selection → its cells of each class.
         rooms: selection → number of rooms with such a cell.
 
     Args:
-        presence: `[rooms, C]` P(at least one hidden object).
-        seen: `[rooms, C]` whether an object was seen.
-        hidden: `[rooms, C]` whether an object is hidden.
-        visited: `[rooms]`.
+        weights: `[B, W]` how often each building counts.
     """
 
-    def __init__(self, *, presence: Floats, seen: Bools, hidden: Bools, visited: Bools) -> None:
-        selections: Mapping[str, Bools] = select_cells(seen, visited)
-        self.rooms = {name: int(keep.any(axis=1).sum()) for name, keep in selections.items()}
-        self.together = {name: Cells(presence, hidden, keep) for name, keep in selections.items()}
-        self.by_class = {
-            name: [
-                Cells(presence[:, [c]], hidden[:, [c]], keep[:, [c]])
-                for c in range(presence.shape[1])
-            ]
-            for name, keep in selections.items()
-        }
+    def __init__(self, weights: Weights) -> None:
+        self.rooms = dict.fromkeys(SELECTIONS, 0)
+        self._weights = weights
+        self._classes = 1
+        self._cells: list[tuple[Ints, Ints]] = []  # of each batch: distinct cells, their number
+
+    def add(self, batch: Batch) -> None:
+        """Add the rooms of some nodes."""
+        truth, rooms = batch.prediction.truth, batch.prediction.rows["rooms"]
+        self.add_rooms(
+            presence=batch.prediction.expectation.presence[rooms],
+            seen=truth.inputs[rooms] > 0,
+            hidden=truth.hidden[rooms] > 0,
+            visited=truth.visited[rooms],
+            building=batch.building[rooms],
+        )
+
+    def add_rooms(
+        self, *, presence: Floats, seen: Bools, hidden: Bools, visited: Bools, building: Ints
+    ) -> None:
+        """Add some rooms, or other nodes.
+
+        Args:
+            presence: `[M, C]` P(at least one hidden object).
+            seen: `[M, C]` whether an object was seen.
+            hidden: `[M, C]` whether an object is hidden.
+            visited: `[M]`.
+            building: `[M]` row of the weights.
+        """
+        self._classes = presence.shape[1]
+        flags = hidden.astype(np.int64)
+        for number, (name, own) in enumerate(select_cells(seen, visited).items(), 1):
+            self.rooms[name] += int(own.any(axis=1).sum())
+            flags |= own.astype(np.int64) << number
+        axes = (np.arange(self._classes), bin_presence(presence), flags, building[:, None])
+        cells = np.ravel_multi_index(np.broadcast_arrays(*axes), self._shape)
+        self._cells.append(np.unique(cells, return_counts=True))
+
+    @cached_property
+    def ranks(self) -> Ranks:
+        """AUROC and average precision of all cells."""
+        cells, counts = map(np.concatenate, zip(*self._cells, strict=True))
+        own, which, flags, building = np.unravel_index(cells, self._shape)
+        hidden = (flags & 1) > 0
+        ranks = Ranks({}, {}, {}, {})
+        for number, name in enumerate(SELECTIONS, 1):
+            there = (flags >> number & 1) > 0
+            table = (which[there], hidden[there], building[there], counts[there])
+            ranks.auroc[name], ranks.precision[name] = _rank(table, self._weights)
+            classes = [own[there] == c for c in range(self._classes)]
+            each = [_rank(_take(table, some), self._weights) for some in classes]
+            ranks.auroc_of_classes[name] = np.stack([one[0] for one in each])
+            ranks.precision_of_classes[name] = np.stack([one[1] for one in each])
+        return ranks
+
+    @property
+    def _shape(self) -> tuple[int, ...]:
+        return self._classes, BINS, 2 << len(SELECTIONS), len(self._weights)
+
+
+def rank_bins(true: Floats, false: Floats) -> tuple[Floats, Floats]:
+    """Return AUROC and average precision of histograms, both `[W]`; nan if not defined.
+
+    Args:
+        true: `[T, W]` weight of the hidden cells in each bin, from the highest bin.
+        false: `[T, W]` weight of the others.
+    """
+    above, others = np.cumsum(true, axis=0), np.cumsum(false, axis=0)
+    ends = np.zeros((2, true.shape[1])) if not len(true) else np.stack([above[-1], others[-1]])
+    area = (true * (ends[1] - others + false / 2)).sum(axis=0)
+    precision = np.divide(above, above + others, out=np.zeros_like(true), where=above > 0)
+    unknown = np.full_like(ends[0], np.nan)
+    both = ends.prod(axis=0)
+    return (
+        np.divide(area, both, out=unknown.copy(), where=both > 0),
+        np.divide((true * precision).sum(axis=0), ends[0], out=unknown, where=ends[0] > 0),
+    )
+
+
+def _take(cells: _Counts, rows: Bools) -> _Counts:
+    bins, hidden, building, counts = cells
+    return bins[rows], hidden[rows], building[rows], counts[rows]
+
+
+def _rank(cells: _Counts, weights: Weights) -> tuple[Floats, Floats]:
+    """Return AUROC and average precision of some cells under every weight."""
+    bins, hidden, building, counts = cells
+    present, place = np.unique(-bins, return_inverse=True)
+    shape = (len(present), len(weights))
+    tables = [
+        sparse.csr_array((np.where(some, counts, 0), (place, building)), shape=shape)
+        for some in (hidden, ~hidden)
+    ]
+    pieces = [
+        rank_bins(*(table @ some.astype(float) for table in tables))
+        for some in np.split(weights, range(_COLUMNS, weights.shape[1], _COLUMNS), axis=1)
+    ]
+    auroc, precision = (np.concatenate(values) for values in zip(*pieces, strict=True))
+    return auroc, precision

@@ -84,8 +84,8 @@ class Batch:
         return np.tensordot(weights, np.stack(products), axes=1)
 
 
-class Gathered(ABC):
-    """What a metric has kept of the batches so far."""
+class Accumulator(ABC):
+    """The sums of a metric over the batches so far."""
 
     @abstractmethod
     def add(self, batch: Batch) -> None:
@@ -96,11 +96,8 @@ class Gathered(ABC):
         """Return the metric over all batches."""
 
 
-_Shared = TypeVar("_Shared", bound="SharedCells")
-
-
-class SharedCells(ABC):
-    """Data that several metrics of one stream read; it is gathered once for all of them."""
+class SharedSums(ABC):
+    """Sums that several metrics of one stream read; they are kept once for all of them."""
 
     @abstractmethod
     def __init__(self, weights: Weights) -> None:
@@ -111,8 +108,11 @@ class SharedCells(ABC):
         """Add some nodes."""
 
 
+_Shared = TypeVar("_Shared", bound=SharedSums)
+
+
 class Stream:
-    """The batches of one model on one split, and the data that its metrics share.
+    """The batches of one model on one split, and the sums that its metrics share.
 
     Args:
         scene_ids: `[B]` of all buildings that will come.
@@ -122,7 +122,7 @@ class Stream:
     def __init__(self, scene_ids: Sequence[str], weights: Weights) -> None:
         self.weights = weights
         self._number = {scene: number for number, scene in enumerate(scene_ids)}
-        self._shared: dict[type[SharedCells], SharedCells] = {}
+        self._shared: dict[type[SharedSums], SharedSums] = {}
 
     @property
     def width(self) -> int:
@@ -130,13 +130,13 @@ class Stream:
         return int(self.weights.shape[1])
 
     def share(self, kind: type[_Shared]) -> _Shared:
-        """Return the shared data of this kind; all metrics that ask get the same object."""
+        """Return the shared sums of this kind; all metrics that ask get the same object."""
         if kind not in self._shared:
             self._shared[kind] = kind(self.weights)
         return cast(_Shared, self._shared[kind])
 
     def batch(self, prediction: Prediction) -> Batch:
-        """Add some nodes to the shared data, and return them for the metrics."""
+        """Add some nodes to the shared sums, and return them for the metrics."""
         truth = prediction.truth
         numbers = np.array([self._number[scene] for scene in truth.scene_ids], dtype=np.int64)
         batch = Batch(prediction, numbers[truth.building], self.weights)

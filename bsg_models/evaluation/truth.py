@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation.metrics import Bools, Floats
-from bsg_models.evaluation.presence import PresenceCells
 
 NODE_SETS = ("rooms", "building", "all")
 
@@ -78,14 +77,3 @@ class Prediction:
         building = self.truth.is_building
         sets = {"rooms": ~building, "building": building, "all": np.ones_like(building)}
         return {name: np.flatnonzero(mask) for name, mask in sets.items()}
-
-    @cached_property
-    def cells(self) -> PresenceCells:
-        """The (room, class) cells with their presence, sorted once for all metrics."""
-        rooms = self.rows["rooms"]
-        return PresenceCells(
-            presence=self.expectation.presence[rooms],
-            seen=self.truth.inputs[rooms] > 0,
-            hidden=self.truth.hidden[rooms] > 0,
-            visited=self.truth.visited[rooms],
-        )

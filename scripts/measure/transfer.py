@@ -169,7 +169,7 @@ def rank_unseen(
     measured = []
     for number, fold in enumerate(folds):
         stream = Stream(fold.scenes, weights.of_split(number))
-        ranking = METRICS["presence_auroc_macro"].gather(stream)
+        ranking = METRICS["presence_auroc_macro"].start(stream)
         for masked in fold.stream(mask, draws=draws):
             found = predict_all(fold.model, masked)
             ranking.add(stream.batch(Prediction(read_truth(masked), found)))

@@ -21,7 +21,7 @@ from bsg_models.evaluation.catalogue import (
     list_values,
 )
 from bsg_models.evaluation.measurement import Measurement
-from bsg_models.evaluation.metric_kinds import Metric, NodeMetric, Prepared
+from bsg_models.evaluation.metric_kinds import NodeMetric, WholeMetric
 from bsg_models.evaluation.metrics import Floats
 from bsg_models.evaluation.truth import Prediction, Truth
 
@@ -34,20 +34,17 @@ def overshoot(truth: Truth, expectation: Expectation) -> Floats:
 OVERSHOOT = NodeMetric(label="overshoot", less=True, about="objects too many", values=overshoot)
 
 
-class Sharpest(Metric):
+class Sharpest(WholeMetric):
     """The greatest presence in a building that counts: a function of the weights."""
 
     @property
     def node_sets(self) -> tuple[str, ...]:
         return ("building",)
 
-    def prepare(self, prediction: Prediction) -> Prepared:
-        presence = prediction.expectation.presence[prediction.rows["building"]].max(axis=1)
-
-        def evaluate(weights: Floats) -> dict[tuple[str, str], float]:
-            return {("building", ""): float(presence[weights > 0].max())}
-
-        return Prepared(evaluate, {("building", self.label): len(presence)})
+    def measure(self, prediction: Prediction, weights: Floats) -> dict[tuple[str, str], float]:
+        rows = prediction.rows["building"]
+        presence = prediction.expectation.presence[rows].max(axis=1)
+        return {("building", self.label): float(presence[weights[rows] > 0].max())}
 
 
 SHARPEST = Sharpest(label="", less=False, about="greatest presence")

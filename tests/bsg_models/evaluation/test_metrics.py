@@ -17,16 +17,11 @@ from bsg_models.evaluation.metrics import Floats
 counts = hnp.arrays(np.float64, (4, 6), elements=st.integers(0, 9).map(float))
 filled = counts.map(lambda a: a + np.eye(4, 6))
 weights = hnp.arrays(np.float64, 4, elements=st.integers(0, 3).map(float))
-scores = st.lists(
-    st.tuples(st.sampled_from([0.0, 0.1, 0.5, 0.7, 1.0]), st.booleans(), st.integers(0, 3)),
-    min_size=1,
-    max_size=12,
-)
 
 
 def test_doctests() -> None:
     found = doctest.testmod(metrics)
-    assert found.attempted >= 12
+    assert found.attempted >= 8
     assert found.failed == 0
 
 
@@ -118,63 +113,6 @@ def test_a_weighted_frobenius_norm_is_that_of_repeated_rows(a: Floats, times: Fl
         np.repeat(a, repeat, axis=0), np.repeat(b, repeat, axis=0)
     )
     assert metrics.correlation_frobenius(a, b, times) == pytest.approx(expected, abs=1e-6)
-
-
-def naive_auroc(pairs: list[tuple[float, bool, int]]) -> float:
-    wins = total = 0.0
-    for a, positive, m in pairs:
-        for b, other, n in pairs:
-            if positive and not other:
-                total += m * n
-                wins += m * n * ((a > b) + 0.5 * (a == b))
-    return wins / total if total else float("nan")
-
-
-def naive_average_precision(pairs: list[tuple[float, bool, int]]) -> float:
-    positives = sum(m for _, positive, m in pairs if positive)
-    if not positives:
-        return float("nan")
-    area = recall = 0.0
-    for threshold in sorted({score for score, _, _ in pairs}, reverse=True):
-        above = [(positive, m) for score, positive, m in pairs if score >= threshold]
-        true = sum(m for positive, m in above if positive)
-        seen = sum(m for _, m in above)
-        if seen:
-            area += (true / positives - recall) * true / seen
-            recall = true / positives
-    return area
-
-
-@given(scores)
-def test_ranked_measures_are_those_of_a_naive_loop(pairs: list[tuple[float, bool, int]]) -> None:
-    values, truth, times = (np.array(column) for column in zip(*pairs, strict=True))
-    ranking = metrics.rank(values, truth)
-    mass = times.astype(float)
-    assert metrics.auroc(ranking, mass) == pytest.approx(naive_auroc(pairs), nan_ok=True)
-    assert metrics.average_precision(ranking, mass) == pytest.approx(
-        naive_average_precision(pairs), nan_ok=True
-    )
-
-
-def test_auroc_is_scipys_mann_whitney() -> None:
-    rng = np.random.default_rng(1)
-    values = rng.integers(0, 20, 300) / 20
-    truth = rng.random(300) < values
-    expected = stats.mannwhitneyu(values[truth], values[~truth]).statistic
-    found = metrics.auroc(metrics.rank(values, truth))
-    assert found == pytest.approx(expected / (truth.sum() * (~truth).sum()))
-
-
-def test_calibration_by_hand() -> None:
-    presence = np.array([0.1, 0.1, 0.9, 0.9])
-    truth = np.array([False, True, True, True])
-    # bins of 1/15: 0.1 has frequency 1/2, 0.9 has 1; half of the cells in each
-    assert metrics.calibration_error(presence, truth) == pytest.approx(0.5 * 0.4 + 0.5 * 0.1)
-    assert metrics.calibration_error(presence, truth, np.array([1.0, 0, 0, 0])) == pytest.approx(
-        0.1
-    )
-    assert np.isnan(metrics.calibration_error(presence, truth, np.zeros(4)))
-    assert metrics.brier(presence, truth) == pytest.approx((0.01 + 0.81 + 0.01 + 0.01) / 4)
 
 
 def test_top_k_by_hand() -> None:

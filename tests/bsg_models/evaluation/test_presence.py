@@ -1,65 +1,102 @@
-"""Cells of presence by hand, and its measures against a naive pass over the cells."""
+"""Histograms of presence against sorted cells: exact with one score a bin, else within a bound."""
 
 from __future__ import annotations
 
+import doctest
+
+import exact_ranks
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
 
-from bsg_models.evaluation import metrics
-from bsg_models.evaluation.presence import SELECTIONS, PresenceCells
+from bsg_models.evaluation import presence
+from bsg_models.evaluation.presence import PresenceHistograms, bin_presence, select_cells
+
+ROOMS, CLASSES = 60, 4
+WEIGHTS = np.random.default_rng(1).integers(0, 3, (7, 3)).astype(np.uint16)
+MEASURES = (("auroc", exact_ranks.auroc), ("precision", exact_ranks.average_precision))
 
 
-def three_rooms() -> PresenceCells:
-    """Return the cells of three rooms and two classes; the third room was not visited."""
-    return PresenceCells(
-        presence=np.array([[0.9, 0.2], [0.4, 0.5], [0.3, 0.8]]),
-        seen=np.array([[True, False], [True, True], [False, False]]),
-        hidden=np.array([[True, False], [False, True], [False, True]]),
-        visited=np.array([True, True, False]),
-    )
+def test_doctests() -> None:
+    assert doctest.testmod(presence).failed == 0
+
+
+def make_rooms(*, digits: int, spread: float, seed: int = 0) -> dict[str, np.ndarray]:
+    """Return rooms; few digits make many ties, and little spread crowds scores into a few bins."""
+    rng = np.random.default_rng(seed)
+    shape = (ROOMS, CLASSES)
+    return {
+        "presence": (0.3 + spread * rng.random(shape)).round(digits),
+        "seen": rng.random(shape) < 0.4,
+        "hidden": rng.random(shape) < 0.3,
+        "visited": rng.random(ROOMS) < 0.5,
+        "building": rng.integers(0, len(WEIGHTS), ROOMS),
+    }
+
+
+def count(rooms: dict[str, np.ndarray]) -> PresenceHistograms:
+    """Return the rooms in three batches."""
+    histograms = PresenceHistograms(WEIGHTS)
+    for rows in np.split(np.arange(ROOMS), [10, 10, 45]):
+        histograms.add_rooms(**{name: values[rows] for name, values in rooms.items()})
+    return histograms
+
+
+@pytest.mark.parametrize(
+    ("digits", "spread", "exact"), [(1, 0.7, True), (12, 0.7, False), (12, 0.001, False)]
+)
+def test_ranks_are_those_of_sorted_cells_within_the_bound(
+    digits: int, spread: float, exact: bool
+) -> None:
+    rooms = make_rooms(digits=digits, spread=spread)
+    ranks, off = count(rooms).ranks, 0.0
+    cells = np.broadcast_to(WEIGHTS[rooms["building"]].T[:, :, None], (3, ROOMS, CLASSES))
+    for name, keep in select_cells(rooms["seen"], rooms["visited"]).items():
+        for c in (None, *range(CLASSES)):
+            some = keep if c is None else keep & (np.arange(CLASSES) == c)
+            scores, truth = rooms["presence"][some], rooms["hidden"][some]
+            for w in range(3):
+                mass = cells[w][some].astype(float)
+                bound = exact_ranks.bounds(bin_presence(scores), truth, mass)
+                for (measure, reference), most in zip(MEASURES, bound, strict=True):
+                    values = getattr(ranks, measure if c is None else f"{measure}_of_classes")
+                    found = values[name][w] if c is None else values[name][c, w]
+                    expected = reference(scores, truth, mass)
+                    allowed = 1e-12 + (0 if exact else most)
+                    assert found == pytest.approx(expected, abs=allowed, nan_ok=True)
+                    off = max(off, abs(np.nan_to_num(found - expected)))
+    assert exact or spread > 0.1 or off > 1e-6  # crowded bins do differ
+
+
+def test_auroc_is_scipys_mann_whitney() -> None:
+    rooms = make_rooms(digits=2, spread=0.7)
+    histograms = PresenceHistograms(np.ones((7, 1)))
+    histograms.add_rooms(**rooms)
+    scores, hidden = rooms["presence"], rooms["hidden"]
+    wins = stats.mannwhitneyu(scores[hidden], scores[~hidden]).statistic
+    expected = wins / (hidden.sum() * (~hidden).sum())
+    assert histograms.ranks.auroc["all"][0] == pytest.approx(expected)
+
+
+@given(st.lists(st.floats(0, 1), min_size=2, max_size=20))
+def test_a_higher_presence_has_no_lower_bin(scores: list[float]) -> None:
+    bins = bin_presence(np.sort(np.array(scores)))
+    assert (np.diff(bins) >= 0).all()
+    assert 0 <= bins.min() <= bins.max() < presence.BINS
 
 
 def test_selections_by_hand() -> None:
-    cells = three_rooms()
-    assert cells.rooms == {"all": 3, "unseen": 2, "unvisited": 1}
-    assert cells.together["all"].presence.tolist() == [0.9, 0.2, 0.4, 0.5, 0.3, 0.8]
-    assert cells.together["unseen"].presence.tolist() == [0.2, 0.3, 0.8]
-    assert cells.together["unvisited"].hidden.tolist() == [False, True]
-    assert [c.presence.tolist() for c in cells.by_class["unseen"]] == [[0.3], [0.2, 0.8]]
-
-
-def test_a_cell_weighs_as_its_room_does() -> None:
-    weights = np.array([1.0, 2.0, 5.0])
-    cells = three_rooms()
-    assert cells.together["all"].weigh(weights).tolist() == [1, 1, 2, 2, 5, 5]
-    assert cells.together["unseen"].weigh(weights).tolist() == [1, 5, 5]
-    assert cells.by_class["unvisited"][1].weigh(weights).tolist() == [5]
-
-
-def test_the_classes_are_a_partition_of_the_cells() -> None:
-    rng = np.random.default_rng(0)
-    shape = (40, 6)
-    cells = PresenceCells(
-        presence=rng.random(shape),
-        seen=rng.random(shape) < 0.4,
-        hidden=rng.random(shape) < 0.3,
-        visited=rng.random(40) < 0.5,
-    )
-    weights = rng.integers(0, 3, 40).astype(float)
-    for name in SELECTIONS:
-        whole, parts = cells.together[name], cells.by_class[name]
-        assert sum(len(part.presence) for part in parts) == len(whole.presence)
-        # The Brier score is a mean over cells: that of all is the weighted mean of the classes'.
-        mass = [part.weigh(weights) for part in parts]
-        scores = [metrics.brier(p.presence, p.hidden, m) for p, m in zip(parts, mass, strict=True)]
-        sums = [m.sum() for m in mass]
-        expected = np.dot(scores, sums) / np.sum(sums)
-        found = metrics.brier(whole.presence, whole.hidden, whole.weigh(weights))
-        assert found == pytest.approx(expected)
+    seen = np.array([[True, False], [True, True], [False, False]])
+    found = select_cells(seen, np.array([True, True, False]))
+    assert found["all"].all()
+    np.testing.assert_array_equal(found["unseen"], ~seen)
+    assert found["unvisited"].tolist() == [[False, False], [False, False], [True, True]]
 
 
 def test_without_an_unvisited_room_there_is_nothing_to_measure() -> None:
-    every = np.ones((2, 3), dtype=bool)
-    cells = PresenceCells(presence=every * 0.5, seen=every, hidden=every, visited=every[:, 0])
-    assert cells.rooms["unvisited"] == 0
-    assert np.isnan(metrics.auroc(cells.together["unvisited"].ranking))
+    rooms = make_rooms(digits=2, spread=0.7) | {"visited": np.ones(ROOMS, dtype=bool)}
+    histograms = count(rooms)
+    assert histograms.rooms["unvisited"] == 0
+    assert np.isnan(histograms.ranks.auroc["unvisited"]).all()
