@@ -15,10 +15,8 @@ from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
 
-from bsg_models.evaluation.bootstrap import Bootstrap
-from bsg_models.evaluation.tallies import tally_likelihood
-from bsg_models.studies.fold_models import list_models, measure_masks, open_dataset
-from bsg_models.studies.results_page import (
+from fold_models import list_models, measure_masks, open_dataset
+from results_page import (
     ResultsPage,
     ResultsTable,
     describe,
@@ -26,6 +24,9 @@ from bsg_models.studies.results_page import (
     is_told_apart,
     write_page,
 )
+from tallies import tally_likelihood
+
+from bsg_models.evaluation.bootstrap import Bootstrap
 
 TESTED = ("uniform", "rooms", "frontier", "explore", "search")
 

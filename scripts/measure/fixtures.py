@@ -16,18 +16,18 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-
-from bsg_data.errors import DatasetError
-from bsg_models.evaluation.bootstrap import Bootstrap, Estimate, estimate_value
-from bsg_models.evaluation.tallies import tally_second
-from bsg_models.studies.fold_models import list_models, measure_masks, open_dataset
-from bsg_models.studies.results_page import (
+from fold_models import list_models, measure_masks, open_dataset
+from results_page import (
     ResultsPage,
     ResultsTable,
     describe,
     format_estimate,
     write_page,
 )
+from tallies import tally_second
+
+from bsg_data.errors import DatasetError
+from bsg_models.evaluation.bootstrap import Bootstrap, Estimate, estimate_value
 
 SINGLE = (
     "refrigerator",

@@ -18,6 +18,14 @@ from datetime import date
 from pathlib import Path
 
 import numpy as np
+from building_means import BuildingMeans
+from results_page import (
+    ResultsPage,
+    ResultsTable,
+    describe,
+    format_estimate,
+    write_page,
+)
 
 from bsg_data.arrays import Counts, Floats
 from bsg_data.dataset.dataset import Dataset
@@ -26,17 +34,9 @@ from bsg_data.observation.partial_graph import PartialGraph, mask_dataset
 from bsg_data.recipes import MaskRecipe
 from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation.bootstrap import Bootstrap, bootstrap
-from bsg_models.evaluation.building_means import BuildingMeans
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.runs.found_model import find_model
 from bsg_models.runs.predictor import Predictor
-from bsg_models.studies.results_page import (
-    ResultsPage,
-    ResultsTable,
-    describe,
-    format_estimate,
-    write_page,
-)
 
 MASK = MaskRecipe(strategy="explore")
 LEARNED = "The model was trained on the val and test buildings"

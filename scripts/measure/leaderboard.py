@@ -17,11 +17,12 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
+from results_page import ResultsPage, ResultsTable, describe, write_page
+
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError
 from bsg_models.studies.leaderboard import DATASET
 from bsg_models.studies.leaderboard_report import REPORT
-from bsg_models.studies.results_page import ResultsPage, ResultsTable, describe, write_page
 
 RANKED_BY = "rooms/hidden_nll"
 COLUMNS = {

@@ -15,16 +15,13 @@ from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
 
-from bsg_models.evaluation.bootstrap import Bootstrap, bootstrap
-from bsg_models.evaluation.room_views import VIEWS
-from bsg_models.evaluation.tallies import tally_all, tally_likelihood, tally_views
-from bsg_models.studies.fold_models import (
+from fold_models import (
     list_models,
     measure_masks,
     open_dataset,
     open_folds,
 )
-from bsg_models.studies.results_page import (
+from results_page import (
     ResultsPage,
     ResultsTable,
     describe,
@@ -32,7 +29,10 @@ from bsg_models.studies.results_page import (
     is_told_apart,
     write_page,
 )
-from bsg_models.studies.searched_rooms import STARTS, STOPS, Start, measure_searched_folds
+from searched_rooms import STARTS, STOPS, Start, measure_searched_folds
+from tallies import VIEWS, tally_all, tally_likelihood, tally_views
+
+from bsg_models.evaluation.bootstrap import Bootstrap, bootstrap
 
 TESTED = ("uniform", "rooms", "frontier", "explore", "search")
 BEGUN: dict[Start, str] = {

@@ -21,6 +21,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
+from results_page import ResultsPage, describe, write_page
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.splits import split_dataset
@@ -37,7 +38,6 @@ from bsg_models.evaluation.measurement import (
 from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import BEST, METRICS
-from bsg_models.studies.results_page import ResultsPage, describe, write_page
 from bsg_models.training.learning_curve import read_metrics
 from bsg_models.training.training import train_run
 from bsg_models.zoo.catalogue import BASELINES, ZOO

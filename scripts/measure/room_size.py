@@ -14,17 +14,14 @@ from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
 
-from bsg_data.errors import DatasetError
-from bsg_models.evaluation.bootstrap import Bootstrap, bootstrap
-from bsg_models.evaluation.tallies import tally_surroundings
-from bsg_models.studies.fold_models import (
+from fold_models import (
     list_models,
     mask_of,
     measure_models,
     open_dataset,
     open_folds,
 )
-from bsg_models.studies.results_page import (
+from results_page import (
     ResultsPage,
     ResultsTable,
     describe,
@@ -32,6 +29,10 @@ from bsg_models.studies.results_page import (
     is_told_apart,
     write_page,
 )
+from tallies import tally_surroundings
+
+from bsg_data.errors import DatasetError
+from bsg_models.evaluation.bootstrap import Bootstrap, bootstrap
 
 EVIDENCE = {"floor_area": "floor area", "labels": "room label"}
 OTHER = {"floor_area": "labels", "labels": "floor_area"}

@@ -22,14 +22,15 @@ from dataclasses import asdict, dataclass, replace
 from datetime import date
 from pathlib import Path
 
-from bsg_data.dataset.manifest import encode_manifest, read_manifest
-from bsg_models.studies.results_page import (
+from results_page import (
     ResultsPage,
     ResultsTable,
     describe_machine,
     describe_run,
     write_page,
 )
+
+from bsg_data.dataset.manifest import encode_manifest, read_manifest
 
 SIZES = (30, 1_000, 10_000, 100_000)
 MEASURED = "measured.jsonl"

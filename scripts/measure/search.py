@@ -18,9 +18,10 @@ from datetime import date
 from multiprocessing import get_context
 from pathlib import Path
 
+from fold_models import list_models, open_dataset, open_folds
+from results_page import ResultsPage, ResultsTable, describe, write_page
+
 from bsg_models.evaluation.bootstrap import Estimate
-from bsg_models.studies.fold_models import list_models, open_dataset, open_folds
-from bsg_models.studies.results_page import ResultsPage, ResultsTable, describe, write_page
 from bsg_models.studies.savings import WorldResult
 from bsg_models.studies.search_report import SearchRequest, report_search
 

@@ -15,6 +15,7 @@ from datetime import date
 from pathlib import Path
 
 import numpy as np
+from results_page import ResultsPage, ResultsTable, describe, write_page
 
 from bsg_data.arrays import Counts, Floats
 from bsg_data.dataset.dataset import Dataset
@@ -23,7 +24,6 @@ from bsg_data.observation.masked_buildings import wholes_of
 from bsg_data.observation.masks import sample_hidden_draws, sample_views
 from bsg_data.observation.view import View
 from bsg_data.recipes import MaskRecipe
-from bsg_models.studies.results_page import ResultsPage, ResultsTable, describe, write_page
 
 STRATEGIES = ("uniform", "rooms", "frontier", "explore", "search")
 FRACTIONS = (0.1, 0.3, 0.5, 0.7, 0.9)

@@ -16,6 +16,17 @@ from collections.abc import Hashable, Iterator, Mapping, Sequence
 from datetime import date
 from pathlib import Path
 
+from fold_models import FoldModel, measure_models
+from results_page import (
+    ResultsPage,
+    ResultsTable,
+    describe,
+    format_estimate,
+    is_told_apart,
+    write_page,
+)
+from tallies import tally_likelihood
+
 from bsg_data.dataset.commit import revise
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import MANIFEST
@@ -27,20 +38,10 @@ from bsg_models.evaluation.bootstrap import Bootstrap, bootstrap
 from bsg_models.evaluation.catalogue import METRICS
 from bsg_models.evaluation.measurement import Measured, SplitWeights, predict_all, read_truth
 from bsg_models.evaluation.streams import Stream
-from bsg_models.evaluation.tallies import tally_likelihood
 from bsg_models.evaluation.truth import Prediction
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import BEST, is_finished
-from bsg_models.studies.fold_models import FoldModel, measure_models
 from bsg_models.studies.leaderboard_runs import run_of
-from bsg_models.studies.results_page import (
-    ResultsPage,
-    ResultsTable,
-    describe,
-    format_estimate,
-    is_told_apart,
-    write_page,
-)
 from bsg_models.training.training import train_run
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
 

@@ -6,10 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fold_models import FoldModel
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from refusals import refuses
+from searched_rooms import measure_searched
 
 from bsg_data.build import build_dataset
 from bsg_data.dataset.dataset import Dataset
@@ -31,8 +33,6 @@ from bsg_models.inputs.folds import scenes_of
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.predictor import Predictor
 from bsg_models.runs.run_folder import BEST
-from bsg_models.studies.fold_models import FoldModel
-from bsg_models.studies.searched_rooms import measure_searched
 from bsg_models.training.training import train_run
 from bsg_models.zoo.config import find_config, override, validate_config
 

@@ -6,10 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-
-from bsg_data.errors import DatasetError
-from bsg_models.evaluation.bootstrap import Estimate
-from bsg_models.studies.results_page import (
+from results_page import (
     Provenance,
     ResultsPage,
     ResultsTable,
@@ -19,6 +16,9 @@ from bsg_models.studies.results_page import (
     is_told_apart,
     write_page,
 )
+
+from bsg_data.errors import DatasetError
+from bsg_models.evaluation.bootstrap import Estimate
 
 PAGE = ResultsPage(
     "Beds",

@@ -12,15 +12,15 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
+from building_means import BuildingMeans, join_buildings
+from fold_models import FoldModel
 
 from bsg_data.arrays import Bools, Counts
 from bsg_data.observation.masked_buildings import MaskedBuildings, sample_masked
 from bsg_data.observation.observation import Observation, stack
 from bsg_data.observation.view import share_of_building
 from bsg_data.recipes import MaskRecipe
-from bsg_models.evaluation.building_means import BuildingMeans, join_buildings
 from bsg_models.evaluation.metrics import Floats
-from bsg_models.studies.fold_models import FoldModel
 from bsg_models.zoo.threads import one_thread
 
 Start = Literal["nothing", "half"]

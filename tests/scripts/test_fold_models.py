@@ -8,14 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.manifest import encode_manifest, read_manifest
-from bsg_data.errors import DatasetError
-from bsg_data.observation.masked_buildings import stack_masked
-from bsg_models.evaluation.tallies import tally_likelihood
-from bsg_models.inputs.graphs import read_split
-from bsg_models.studies.fold_models import (
+from fold_models import (
     hash_unsplit,
     list_models,
     mask_of,
@@ -23,6 +16,13 @@ from bsg_models.studies.fold_models import (
     open_dataset,
     open_folds,
 )
+from tallies import tally_likelihood
+
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.dataset.manifest import encode_manifest, read_manifest
+from bsg_data.errors import DatasetError
+from bsg_data.observation.masked_buildings import stack_masked
+from bsg_models.inputs.graphs import read_split
 
 
 def test_all_models_are_listed_with_their_mask(board: Path) -> None:

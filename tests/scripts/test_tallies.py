@@ -6,14 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-from bsg_data.observation.masked_buildings import MaskedBuildings
-from bsg_data.observation.observation import Observation
-from bsg_data.scene.connections import Connections
-from bsg_data.scene.surroundings import Surroundings
-from bsg_models.belief.count_distribution import poisson
-from bsg_models.belief.expectation import Expectation, from_hidden_counts
-from bsg_models.evaluation.tallies import (
+from tallies import (
     tally_all,
     tally_likelihood,
     tally_presence_loss,
@@ -21,6 +14,13 @@ from bsg_models.evaluation.tallies import (
     tally_surroundings,
     tally_views,
 )
+
+from bsg_data.observation.masked_buildings import MaskedBuildings
+from bsg_data.observation.observation import Observation
+from bsg_data.scene.connections import Connections
+from bsg_data.scene.surroundings import Surroundings
+from bsg_models.belief.count_distribution import poisson
+from bsg_models.belief.expectation import Expectation, from_hidden_counts
 from bsg_models.evaluation.truth import Truth
 
 # A building and three rooms: half seen, glimpsed, unvisited; two classes, of which the first was

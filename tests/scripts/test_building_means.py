@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from building_means import join_buildings, sum_buildings
 
 from bsg_data.errors import RecipeError
 from bsg_models.evaluation.bootstrap import bootstrap
-from bsg_models.evaluation.building_means import join_buildings, sum_buildings
 
 VALUES, CELLS = np.array([1.0, 3.0, 5.0]), np.array([1.0, 1.0, 2.0])
 FIRST = sum_buildings(("b", "a"), np.array([0, 0, 1]), {"x": (VALUES, CELLS)})

@@ -2,7 +2,7 @@
 
 A tally takes the truth of masked buildings, what was seen of them, and what a model expects. It
 returns `Shares`: name → (`[N]` what each node adds, `[N]` its number of cells). A cell is a room
-and a class. `bsg_models.evaluation.building_means` makes means of them.
+and a class. `building_means` makes means of them.
 """
 
 from __future__ import annotations
@@ -10,16 +10,18 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 import numpy as np
+from building_means import Shares
 
+from bsg_data.arrays import Ints
 from bsg_data.observation.masked_buildings import MaskedBuildings
+from bsg_data.observation.observation import Observation
 from bsg_models.belief.expectation import Expectation
-from bsg_models.evaluation.building_means import Shares
 from bsg_models.evaluation.metric_rows import hidden_nll
 from bsg_models.evaluation.metrics import Bools, Floats
-from bsg_models.evaluation.room_views import VIEWS, view_of
 from bsg_models.evaluation.truth import Truth
 
 Tally = Callable[[Truth, MaskedBuildings, Expectation], Shares]
+VIEWS = ("half-seen", "glimpsed", "unvisited")  # of rooms that hide something
 LEAST = 1e-6  # a presence is moved this far from 0 and 1 before its logarithm is taken
 
 
@@ -48,6 +50,17 @@ def tally_views(truth: Truth, masked: MaskedBuildings, found: Expectation) -> Sh
         shares[f"nll/{view}"] = (loss * rooms, rooms.astype(float))
         shares[f"gap/{view}"] = (gap * rooms, classes * rooms.astype(float))
     return shares
+
+
+def view_of(seen: Observation) -> Ints:
+    """Return the index in `VIEWS` of each node's view, `[N]`; -1 for none.
+
+    The robot was in a half-seen room, looked through the door of a glimpsed one, and saw nothing of
+    an unvisited one.
+    """
+    share, partly = seen.hidden_share, (seen.hidden_share > 0) & (seen.hidden_share < 1)
+    kinds = [partly & seen.visited, partly & ~seen.visited, share == 1]
+    return np.where(seen.is_building, -1, np.select(kinds, range(len(VIEWS)), default=-1))
 
 
 def view_rooms(masked: MaskedBuildings) -> Mapping[str, Bools]:

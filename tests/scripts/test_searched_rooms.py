@@ -5,20 +5,20 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-
-from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.shards import read_scene_graphs
-from bsg_data.observation.masked_buildings import sample_masked
-from bsg_data.observation.partial_graph import enter_room, mask_scene
-from bsg_data.recipes import MaskRecipe
-from bsg_models.studies.fold_models import open_folds
-from bsg_models.studies.searched_rooms import (
+from fold_models import open_folds
+from searched_rooms import (
     ALL,
     STARTS,
     STOPS,
     measure_searched_folds,
     search_rooms,
 )
+
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.dataset.shards import read_scene_graphs
+from bsg_data.observation.masked_buildings import sample_masked
+from bsg_data.observation.partial_graph import enter_room, mask_scene
+from bsg_data.recipes import MaskRecipe
 
 VOCABULARY = ("wall", "floor", "kitchen cabinet")
 

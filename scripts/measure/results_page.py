@@ -15,13 +15,13 @@ from pathlib import Path, PurePath
 
 import numpy as np
 import torch
+from fold_models import hash_unsplit
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError
 from bsg_data.files import write_bytes
 from bsg_data.tables import escape_markdown, format_markdown
 from bsg_models.evaluation.bootstrap import Estimate
-from bsg_models.studies.fold_models import hash_unsplit
 
 PACKAGE = "belief-scene-graphs"
 

@@ -11,20 +11,21 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from building_means import (
+    BuildingMeans,
+    add_buildings,
+    join_buildings,
+    sum_buildings,
+)
+from tallies import Tally
+
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import encode_manifest
 from bsg_data.errors import DatasetError
 from bsg_data.observation.masked_buildings import MaskedBuildings, stack_masked, stream_sampled
 from bsg_data.recipes import MaskRecipe
 from bsg_models.evaluation.bootstrap import Bootstrap, bootstrap
-from bsg_models.evaluation.building_means import (
-    BuildingMeans,
-    add_buildings,
-    join_buildings,
-    sum_buildings,
-)
 from bsg_models.evaluation.measurement import predict_all, read_truth
-from bsg_models.evaluation.tallies import Tally
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import BEST
