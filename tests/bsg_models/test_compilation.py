@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -12,9 +10,6 @@ import pytest
 from bsg_data.errors import BSGError
 from bsg_models import compilation
 from bsg_models.compilation import CONFIG, compiled, has_home, refuse_config
-
-ASK = "from bsg_cli.belief import main; main()"
-HOME = '{"scene_id": "home", "rooms": [{"id": "hall"}, {"id": "den"}]}'
 
 
 def test_a_function_is_compiled_and_gives_what_it_gives() -> None:
@@ -37,18 +32,6 @@ def test_numba_looks_for_its_file_no_more(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.chdir(tmp_path)
     (tmp_path / CONFIG).write_text("a: [")  # no YAML: whoever reads it raises
     compilation.config.reload_config()
-
-
-@pytest.mark.heavy
-def test_a_command_stops_before_numba_reads_it(tmp_path: Path) -> None:
-    (tmp_path / "home.json").write_text(HOME)
-    (tmp_path / CONFIG).write_text("cache_dir: cache")
-    words = [sys.executable, "-c", ASK, "home.json", "--find", "bed", "--from", "hall"]
-    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
-    assert done.returncode == 1
-    assert "remove it, or run in another folder" in done.stderr
-    assert "Traceback" not in done.stderr
-    assert not (tmp_path / "cache").exists()
 
 
 def test_without_a_home_nothing_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -67,6 +67,8 @@ WORDS = {name.rpartition(".")[2] for name in FORBIDDEN} | FORBIDDEN_METHODS
 SUSPECT = re.compile(rf"\b({'|'.join(WORDS)}|allow_pickle|shell)\b")
 # What is allowed, and why: file → names.
 ALLOWED = {
+    "bsg_data/inputs/documents.py": {"yaml.load"},  # by a loader of text, lists and mappings alone
+    "bsg_data/public_names.py": {"importlib.import_module"},  # of names that stand in a stub
     "bsg_data/dataset/commit.py": {"ctypes", "ctypes.CDLL"},  # of the C library
 }
 

@@ -79,7 +79,7 @@ PLACES = ("scenes", "rooms", "objects", "edges", "splits", "pairs", "dataset.jso
         (SCENES, setting("num_classified", 1), "num_classified: expected "),
         (SCENES, setting("scene_id", "00001-abcdefghi01"), "is there twice"),
         (SCENES, setting("scene_id", "99999-abcdefghi01"), "has two scene ids"),
-        (SCENES, setting("scene_id", "../secret"), "cannot be a scene id"),
+        (SCENES, setting("scene_id", "../secret"), "cannot be part of a file name"),
         (ROOMS, setting("room_index", 7), "room_index does not run"),
         (ROOMS, setting("scene_id", "nowhere"), "nowhere is no scene"),
         (OBJECTS, setting("room_index", 77), "room_index is not 0..R"),

@@ -7,9 +7,11 @@ import shutil
 from pathlib import Path
 
 import pytest
+from conftest import commit_manifest
+from refusals import refuses
 
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.manifest import encode_manifest, read_manifest
+from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.observation.pairs import write_pairs
@@ -57,7 +59,8 @@ def test_runs_are_compared_with_the_baselines_on_the_same_masks(
 
 def test_what_a_reader_must_know_is_noted(dataset: Path, tmp_path: Path) -> None:
     run = train(dataset, tmp_path / "a")
-    (dataset / "dataset.json").write_bytes(encode_manifest(read_manifest(dataset)))
+    other = read_manifest(dataset).model_copy(update={"generator": "another program"})
+    commit_manifest(dataset, other)
     found = compare_runs([run], dataset, split="train", resamples=0)
     assert "ceci-gcn was trained on another dataset" in found.notes[0]
     assert "were trained on" in found.notes[1]
@@ -74,11 +77,11 @@ def test_runs_of_different_folds_are_refused(dataset: Path, tmp_path: Path) -> N
 
 def test_a_changed_pair_is_not_measured(dataset: Path, tmp_path: Path) -> None:
     run = train(dataset, tmp_path / "a")
-    path = dataset / "pairs" / "test-00000.parquet"
-    shutil.copy(dataset / "pairs" / "val-00000.parquet", path)
-    # Without its seal it is not the one that is open already.
-    (dataset / "dataset.json").write_bytes(encode_manifest(read_manifest(dataset)))
-    with pytest.raises(DatasetError, match=r"test-00000\.parquet: is not what the manifest says"):
+    (val,), (test,) = (dataset.glob(f"pairs/*/{name}-00000.parquet") for name in ("val", "test"))
+    shutil.copy(val, test)
+    other = read_manifest(dataset).model_copy(update={"generator": "another program"})
+    commit_manifest(dataset, other)  # it is not the one that is open already
+    with refuses(DatasetError, "file-changed", golden=False):
         compare_runs([run], dataset, split="test", resamples=0)
 
 

@@ -5,8 +5,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from conftest import commit_manifest
 
-from bsg_data.dataset.manifest import encode_manifest, read_manifest
+from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import RecipeError
 from bsg_data.recipes import SplitRecipe
@@ -59,8 +60,9 @@ def test_the_default_model_is_taken_where_it_fits(
     folds, other = (Path(shutil.copytree(dataset, tmp_path / name)) for name in ("f", "o"))
     split_dataset(folds, SplitRecipe(method="folds", folds=3, ratios=None), force=True)
     assert "was not trained for these folds" in choose(data=folds)[1]
-    text = encode_manifest(read_manifest(other)).replace(b"hm3d45-v2", b"hm3d45-v9")
-    (other / "dataset.json").write_bytes(text)
+    manifest = read_manifest(other)
+    space = manifest.class_space.model_copy(update={"name": "hm3d45-v9"})
+    commit_manifest(other, manifest.model_copy(update={"class_space": space}))
     assert "the dataset has those of hm3d45-v9" in choose(data=other)[1]
     (shipped / "SHA256SUMS").write_text("")
     assert "no model 'universal' is shipped" in choose()[1]
