@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from bsg_data.dataset.manifest import Manifest, read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import DatasetError
-from bsg_data.exports.catalogue import EXPORTS, ExportRow
+from bsg_data.exports.catalogue import EXPORTS, EncodedScene, ExportRow
 from bsg_data.files import AnyPath, resolve_links, write_bytes
 from bsg_data.result_folder import Place, replace_together
 from bsg_data.scene.scene_graph import is_scene_id
@@ -68,10 +68,12 @@ def export_dataset(
         if not done.scenes:
             raise DatasetError(
                 f"{dataset}: none of its {manifest.totals.scenes:,} scenes has anything for the "
-                f"export {to!r} ({row.summary})"
+                f"export {to!r} ({row.summary})",
+                code="export-empty",
+                where=dataset,
             )
         if not force:
-            _refuse_replacing(sorted(file.name for file in growing.iterdir()), out)
+            _refuse_replacing(growing, out)
     return done
 
 
@@ -83,30 +85,40 @@ def _encode_all(
     *,
     progress: Callable[[int, int], None] | None,
 ) -> Exported:
-    files = written = rooms = rooms_left_out = 0
+    files = rooms = rooms_left_out = 0
     left_out: list[str] = []
     notes: Counter[str] = Counter()
     for number, graph in enumerate(read_scene_graphs(dataset, manifest=manifest), start=1):
         encoded = row.encode(graph)
-        for name, data in encoded.files.items():
-            if not is_scene_id(name):
-                raise DatasetError(f"{dataset}: scene {graph.scene_id!r}: {name!r} is no file name")
-            write_bytes(growing / name, data)
+        _write_scene(encoded, growing, graph.scene_id)
         files += len(encoded.files)
         rooms += encoded.rooms
         rooms_left_out += len(graph.rooms) - encoded.rooms
-        if encoded.files:
-            written += 1
-            notes.update([encoded.note] if encoded.note else [])
-        else:
+        if not encoded.files:
             left_out.append(graph.scene_id)
+        elif encoded.note:
+            notes[encoded.note] += 1
         if progress is not None:
             progress(number, manifest.totals.scenes)
-    return Exported(files, written, rooms, tuple(left_out), rooms_left_out, dict(notes))
+    scenes = manifest.totals.scenes - len(left_out)
+    return Exported(files, scenes, rooms, tuple(left_out), rooms_left_out, dict(notes))
 
 
-def _refuse_replacing(names: Sequence[str], out: Path) -> None:
-    taken = [name for name in names if (out / name).exists()]
+def _write_scene(encoded: EncodedScene, growing: Path, scene_id: str) -> None:
+    for name, data in encoded.files.items():
+        if not is_scene_id(name):
+            raise DatasetError(
+                f"scene {scene_id!r}: {name!r} is no file name", code="file-name", where=scene_id
+            )
+        write_bytes(growing / name, data)
+
+
+def _refuse_replacing(growing: Path, out: Path) -> None:
+    taken = sorted(file.name for file in growing.iterdir() if (out / file.name).exists())
     if taken:
         more = f" and {len(taken) - 1:,} more" if len(taken) > 1 else ""
-        raise DatasetError(f"{out / taken[0]}: exists{more}; --force replaces such files")
+        raise DatasetError(
+            f"{out / taken[0]}: exists{more}; --force replaces such files",
+            code="path-taken",
+            where=out / taken[0],
+        )
