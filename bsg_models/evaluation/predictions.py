@@ -11,28 +11,31 @@ follows from its rooms.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from tempfile import TemporaryFile
-from typing import Literal
-from weakref import finalize
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 
 from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_models.belief.count_distribution import MIN_RATE, zero_inflated
 from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import PredictionError
+from bsg_models.evaluation.prediction_files import (
+    EXPECTED,
+    KEYS,
+    PRESENCE,
+    TOTAL,
+    Predictions,
+    is_exactly,
+)
 
-PRESENCE, EXPECTED, TOTAL = "presence", "expected", "total"
 _LEAST = 1e-6  # one log 0 would dominate any mean
 _LISTED = 5
-_EXACTLY = re.compile(r"p(?:0|[1-9][0-9]*)")
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,212 +97,153 @@ def log_of_table(counts: Floats, table: Floats, expected: Floats) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class PredictedRows:
-    """Some consecutive rows of predictions, before they are aligned with masks.
+class AlignedPredictions:
+    """Predictions of the N nodes of P masked buildings.
 
     Attributes:
-        scenes: `[S]` names that occur.
-        classes: `[K]` names of classes that occur.
-        scene: `[R]` number of the scene of every row.
-        label: `[R]` number of the class of every row.
-        draw: `[R]`.
-        node: `[R]`.
-        values: column → `[R]`: presence, expected, p0, p1, …, and total if stated.
-        place: file and number of the first row, for messages.
+        pairs: `[P]` (scene id, draw).
+        starts: `[P + 1]` first node of each.
+        there: `[N, C]` whether there is a row.
+        values: column → `[N, C]`: presence, expected, p0, p1, …, and total if stated.
+        buildings: whether building nodes have rows.
     """
 
-    scenes: tuple[str, ...]
-    classes: tuple[str, ...]
-    scene: Ints
-    label: Ints
-    draw: Ints
-    node: Ints
-    values: dict[str, Floats]
-    place: tuple[Path, int]
-
-    def __len__(self) -> int:
-        """Return the number of rows R."""
-        return len(self.draw)
-
-    def find(self, cells: PairCells, elsewhere: frozenset[str]) -> tuple[Ints, Ints]:
-        """Return which rows belong to measured pairs, and the cell of each.
-
-        Args:
-            cells: of the pairs.
-            elsewhere: scenes whose rows are skipped.
-
-        Raises:
-            PredictionError: if a row belongs to no cell.
-        """
-        passed = np.array([name in elsewhere for name in self.scenes], dtype=bool)
-        kept = np.flatnonzero(~passed[self.scene]) if len(self.scene) else np.zeros(0, np.int64)
-        scenes = np.array([cells.scenes.get(name, -1) for name in self.scenes], dtype=np.int64)
-        labels = np.array([cells.classes.get(name, -1) for name in self.classes], dtype=np.int64)
-        scene, label = scenes[self.scene[kept]], labels[self.label[kept]]
-        self._require(kept, scene >= 0, "is of a scene that is not measured here")
-        self._require(kept, label >= 0, "is of a class that the class space does not have")
-        pair = cells.find_pairs(scene, self.draw[kept])
-        self._require(kept, pair >= 0, f"expected a draw of {cells.listed_draws}")
-        node = self.node[kept]
-        sizes = np.diff(cells.starts)[pair]
-        self._require(kept, (node >= 0) & (node < sizes), "its building has no such node")
-        return kept, (cells.starts[pair] + node) * len(cells.classes) + label
-
-    def _require(self, kept: Ints, sound: Bools, why: str) -> None:
-        if not sound.all():
-            wrong = int(kept[np.argmin(sound)])
-            raise PredictionError(f"{self.say(wrong)}: {why}; found {int((~sound).sum()):,} such")
-
-    def say(self, row: int) -> str:
-        """Return the name of a row, for messages."""
-        file, start = self.place
-        return (
-            f"{file}: row {start + row} (scene {self.scenes[self.scene[row]]!r}, draw "
-            f"{self.draw[row]}, node {self.node[row]}, class {self.classes[self.label[row]]!r})"
-        )
-
-
-class PairCells:
-    """The (node, class) cells of stored pairs, by scene, draw and node.
-
-    Attributes:
-        scenes: scene id → its number.
-        classes: name → its number.
-        starts: `[P + 1]` first node of each of the P masked buildings.
-        listed_draws: for messages.
-    """
-
-    def __init__(self, batches: Iterable[MaskedBuildings], classes: Sequence[str]) -> None:
-        names: list[str] = []
-        draws, sizes, hides, buildings = [], [], [], []
-        for masked in batches:
-            names += masked.seen.scene_ids
-            draws.append(masked.draws)
-            sizes.append(np.diff(masked.seen.starts))
-            hides.append((masked.seen.cell_share > 0).any(axis=1))
-            buildings.append(masked.seen.is_building)
-        self.classes = {name: number for number, name in enumerate(classes)}
-        self.scenes = {name: i for i, name in enumerate(dict.fromkeys(names))}
-        self.starts = np.concatenate([[0], np.cumsum(np.concatenate(sizes))])
-        self._names, self._draws = names, np.concatenate(draws)
-        self._hides, self._is_building = np.concatenate(hides), np.concatenate(buildings)
-        self.listed_draws = f"{self._draws.min()}..{self._draws.max()}"
-        self._pair = np.full((len(self.scenes), int(self._draws.max()) + 1), -1, dtype=np.int64)
-        self._pair[[self.scenes[name] for name in names], self._draws] = np.arange(len(names))
-
-    def __len__(self) -> int:
-        """Return the number of cells."""
-        return len(self._hides) * len(self.classes)
-
-    def find_pairs(self, scene: Ints, draw: Ints) -> Ints:
-        """Return the number of the masked building of each scene and draw; -1 if unknown."""
-        known = (draw >= 0) & (draw < self._pair.shape[1])
-        return np.where(known, self._pair[scene, np.where(known, draw, 0)], -1)
-
-    def rows_of(self, masked: MaskedBuildings) -> list[slice]:
-        """Return the nodes of some masked buildings, in their order."""
-        scene = np.array([self.scenes[name] for name in masked.seen.scene_ids], dtype=np.int64)
-        pairs = self.find_pairs(scene, masked.draws)
-        return [slice(int(self.starts[k]), int(self.starts[k + 1])) for k in pairs]
-
-    def require_all(self, there: Bools, *, buildings: bool, path: Path) -> None:
-        """Check that every node that hides something has its rows.
-
-        Args:
-            there: `[cells]` whether there is a row.
-            buildings: whether building nodes need rows, too.
-            path: for the message.
-
-        Raises:
-            PredictionError: if a row is missing.
-        """
-        nodes = self._hides & (buildings | ~self._is_building)
-        there = there.reshape(-1, len(self.classes))
-        missing = np.argwhere(nodes[:, None] & ~there)
-        if len(missing):
-            listed = "; ".join(self._describe(*cell) for cell in missing[:_LISTED].tolist())
-            raise PredictionError(
-                f"{path}: {len(missing):,} of {int(nodes.sum()) * len(self.classes):,} rows are "
-                f"missing: {listed}{'; …' if len(missing) > _LISTED else ''}"
-            )
-
-    def _describe(self, node: int, label: int) -> str:
-        pair = int(np.searchsorted(self.starts, node, side="right")) - 1
-        return (
-            f"scene {self._names[pair]}, draw {self._draws[pair]}, node "
-            f"{node - int(self.starts[pair])}, class {list(self.classes)[label]}"
-        )
-
-
-class LaidPredictions:
-    """The predictions of every cell, in a temporary file, because rows come in any order.
-
-    Args:
-        cells: of the measured pairs.
-        columns: names of the predicted values.
-        path: for messages.
-    """
-
-    def __init__(self, cells: PairCells, columns: Sequence[str], *, path: Path) -> None:
-        self._cells, self._columns, self._path = cells, tuple(columns), path
-        self._there = np.zeros(len(cells), dtype=bool)
-        self._buildings = False
-        self._file = TemporaryFile()  # noqa: SIM115 closed with this object
-        finalize(self, self._file.close)
-        self._file.truncate(max(len(cells) * len(columns) * 8, 1))
-
-    def add(self, rows: PredictedRows, *, elsewhere: frozenset[str]) -> None:
-        """Add some rows.
-
-        Args:
-            rows: of any cells.
-            elsewhere: scenes whose rows are skipped.
-
-        Raises:
-            PredictionError: if a row is unknown or repeated.
-        """
-        kept, flat = rows.find(self._cells, elsewhere)
-        twice = np.ones(len(flat), dtype=bool)
-        twice[np.unique(flat, return_index=True)[1]] = False
-        twice |= self._there[flat]
-        if twice.any():
-            second = rows.say(int(kept[np.argmax(twice)]))
-            raise PredictionError(f"{second}: is there twice; expected one row of each")
-        self._there[flat] = True
-        self._buildings |= bool((rows.node[kept] == 0).any())
-        table = self._map("r+")
-        for number, name in enumerate(self._columns):
-            table[number, flat] = rows.values[name][kept]
-
-    def finish(self) -> None:
-        """Check that no row is missing.
-
-        Raises:
-            PredictionError: if one is.
-        """
-        self._cells.require_all(self._there, buildings=self._buildings, path=self._path)
+    pairs: pd.MultiIndex
+    starts: Ints
+    there: Bools
+    values: Mapping[str, Floats]
+    buildings: bool
 
     def expect(self, masked: MaskedBuildings) -> PredictedExpectation:
-        """Return the predictions of some masked buildings."""
-        table = self._map("r").reshape(len(self._columns), -1, len(self._cells.classes))
-        slices = self._cells.rows_of(masked)
-        whole = np.concatenate([table[:, rows] for rows in slices], axis=1)
-        there = self._there.reshape(table.shape[1:])
-        known = np.concatenate([there[rows] for rows in slices])
-        values = dict(zip(self._columns, whole, strict=True))
-        exactly = [values.pop(name) for name in self._columns if is_exactly(name)]
+        """Return the predictions of some of the masked buildings."""
+        pairs = self.pairs.get_indexer(pd.MultiIndex.from_arrays(_key_of(masked)))
+        rows = np.concatenate([np.arange(*self.starts[[k, k + 1]]) for k in pairs])
+        values = {name: column[rows] for name, column in self.values.items()}
+        known = self.there[rows]
+        exactly = [values.pop(name) for name in self.values if is_exactly(name)]
         told = [np.where(known, chance, np.nan) for chance in exactly]
-        return _expect(masked, values, told, buildings=self._buildings)
-
-    def _map(self, mode: Literal["r", "r+"]) -> npt.NDArray[np.float64]:
-        """Map the file again: parts that are no longer mapped take no memory."""
-        shape = (len(self._columns), len(self._cells))
-        return np.memmap(self._file, dtype=np.float64, mode=mode, shape=shape)
+        return _expect(masked, values, told, buildings=self.buildings)
 
 
-def is_exactly(column: str) -> bool:
-    """Return whether a column is one of p0, p1, …."""
-    return _EXACTLY.fullmatch(column) is not None
+def align(
+    predictions: Predictions,
+    batches: Iterable[MaskedBuildings],
+    classes: Sequence[str],
+    *,
+    elsewhere: frozenset[str] = frozenset(),
+) -> AlignedPredictions:
+    """Align predictions with the masked buildings that are measured.
+
+    Args:
+        predictions: rows in any order.
+        batches: all measured masked buildings.
+        classes: `[C]` names.
+        elsewhere: scenes of other folds, whose rows are skipped.
+
+    Raises:
+        PredictionError: if a row is unknown or repeated, or rows are missing.
+    """
+    nodes = _MeasuredNodes.of(batches)
+    rows = predictions.rows[~predictions.rows["scene_id"].isin(elsewhere)]
+    cells = _find_cells(rows, nodes, classes)
+    shape = (int(nodes.starts[-1]), len(classes))
+    there = np.zeros(shape, dtype=bool)
+    there.flat[cells] = True
+    buildings = bool((rows["node_index"] == 0).any())
+    _require_all(there, nodes, classes, buildings=buildings, path=predictions.path)
+    values = {name: np.zeros(shape) for name in predictions.columns}
+    for name, column in values.items():
+        column.flat[cells] = rows[name].to_numpy()
+    return AlignedPredictions(nodes.pairs, nodes.starts, there, values, buildings)
+
+
+@dataclass(frozen=True, eq=False)
+class _MeasuredNodes:
+    """The nodes of all masked buildings; attributes as in `AlignedPredictions`."""
+
+    pairs: pd.MultiIndex
+    starts: Ints
+    hides: Bools
+    is_building: Bools
+
+    @classmethod
+    def of(cls, batches: Iterable[MaskedBuildings]) -> _MeasuredNodes:
+        """Keep what tells the nodes apart, and whether they hide something."""
+        parts = [
+            (
+                *_key_of(masked),
+                np.diff(masked.seen.starts),
+                (masked.seen.cell_share > 0).any(axis=1),
+                masked.seen.is_building,
+            )
+            for masked in batches
+        ]
+        scenes, draws, sizes, hides, buildings = map(np.concatenate, zip(*parts, strict=True))
+        starts = np.concatenate([[0], np.cumsum(sizes)])
+        return cls(pd.MultiIndex.from_arrays([scenes, draws]), starts, hides, buildings)
+
+
+def _key_of(masked: MaskedBuildings) -> tuple[npt.NDArray[np.object_], Ints]:
+    return np.array(masked.seen.scene_ids, dtype=object), masked.draws
+
+
+def _find_cells(rows: pd.DataFrame, nodes: _MeasuredNodes, classes: Sequence[str]) -> Ints:
+    """Return the number of the (node, class) cell of each row."""
+    label = pd.Index(classes).get_indexer(pd.Index(rows["class"]))
+    pair = nodes.pairs.get_indexer(pd.MultiIndex.from_frame(rows[["scene_id", "draw"]]))
+    node = rows["node_index"].to_numpy()
+    _require(rows, rows["scene_id"].isin(nodes.pairs.levels[0]), "scene")
+    _require(rows, label >= 0, "class")
+    _require(rows, pair >= 0, "draw")
+    _require(rows, (node >= 0) & (node < np.diff(nodes.starts)[pair]), "node")
+    cells = (nodes.starts[pair] + node) * len(classes) + label
+    _require(rows, ~pd.Series(cells).duplicated(), "twice")
+    return np.asarray(cells)
+
+
+_WHY = {
+    "scene": "is of a scene that is not measured here",
+    "class": "is of a class that the class space does not have",
+    "draw": "is of a draw that the pairs do not have",
+    "node": "its building has no such node",
+    "twice": "is there twice; expected one row of each",
+}
+
+
+def _require(rows: pd.DataFrame, sound: Bools | pd.Series[bool], what: str) -> None:
+    if sound.all():
+        return
+    wrong = int(np.argmin(sound))
+    file, number = rows.index[wrong]
+    scene, draw, node, label = rows.iloc[wrong][list(KEYS)]
+    raise PredictionError(
+        f"{file}: row {number} (scene {scene!r}, draw {draw}, node {node}, class {label!r}): "
+        f"{_WHY[what]}; found {int((~sound).sum()):,} such",
+        code=f"prediction-{what}",
+        where=f"{file}: row {number}",
+    )
+
+
+def _require_all(
+    there: Bools, nodes: _MeasuredNodes, classes: Sequence[str], *, buildings: bool, path: Path
+) -> None:
+    """Refuse predictions without a row of a node that hides something."""
+    needed = nodes.hides & (buildings | ~nodes.is_building)
+    missing = np.argwhere(needed[:, None] & ~there)
+    if not len(missing):
+        return
+    listed = []
+    for node, label in missing[:_LISTED].tolist():
+        pair = int(np.searchsorted(nodes.starts, node, side="right")) - 1
+        scene, draw = nodes.pairs[pair]
+        place = f"scene {scene}, draw {draw}, node {node - int(nodes.starts[pair])}"
+        listed.append(f"{place}, class {classes[label]}")
+    raise PredictionError(
+        f"{path}: {len(missing):,} of {int(needed.sum()) * len(classes):,} rows are missing: "
+        f"{'; '.join(listed)}{'; …' if len(missing) > _LISTED else ''}",
+        code="prediction-missing",
+        where=path,
+    )
 
 
 def _expect(

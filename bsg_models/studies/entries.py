@@ -17,11 +17,11 @@ from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.observation.mask_hash import hash_masks, hash_splits
 from bsg_models.errors import PredictionError
 from bsg_models.evaluation.prediction_files import (
-    PredictionFiles,
+    Predictions,
     PredictionWriter,
-    open_predictions,
+    read_predictions,
 )
-from bsg_models.evaluation.predictions import LaidPredictions, PairCells
+from bsg_models.evaluation.predictions import AlignedPredictions, align
 from bsg_models.inputs.folds import Split, scenes_of, splits_of
 from bsg_models.studies.measuring import NodePredictor
 from bsg_models.studies.survey import stream_batches
@@ -35,17 +35,17 @@ class Entry:
 
     Attributes:
         name: stem of the file, or name of the folder.
-        laid: predictions of all measured nodes.
+        aligned: predictions of all measured nodes.
         facts: where the entry comes from.
     """
 
     name: str
-    laid: LaidPredictions
+    aligned: AlignedPredictions
     facts: dict[str, Any]
 
     def open_fold(self, fold: int | None) -> NodePredictor:
         """Return the predictor of a fold; an entry has the same for all folds."""
-        return NodePredictor(self.laid.expect)
+        return NodePredictor(self.aligned.expect)
 
 
 def folds_of(data: Dataset, fold: int | None) -> Folds:
@@ -71,19 +71,21 @@ def read_entry(path: Path, data: Dataset, *, split: Split, folds: Folds) -> Entr
     """
     names = {scene for fold in folds for scene in scenes_of(data, split, fold=fold)}
     others = frozenset(s for name in data.splits.values() for s in name if s not in names)
-    files = open_predictions(path, most_rows=_count_cells(data))
-    _require_masks(files, data, split=split, folds=folds)
+    predictions = read_predictions(path, most_rows=_count_cells(data))
+    _require_masks(predictions, data, split=split, folds=folds)
     masked = (some for fold in folds for some in stream_batches(data, split, fold=fold))
-    classes = data.manifest.class_space.classes
-    laid = files.lay(
-        PairCells(masked, classes), elsewhere=others if folds != (None,) else frozenset()
+    aligned = align(
+        predictions,
+        masked,
+        data.manifest.class_space.classes,
+        elsewhere=others if folds != (None,) else frozenset(),
     )
     facts = {
-        "files": {file.name: hash_file(file) for file, _ in files.files},
-        "rows": len(files),
-        "exactly": files.exactly,
+        "files": {file.name: hash_file(file) for file in predictions.files},
+        "rows": len(predictions.rows),
+        "exactly": predictions.exactly,
     }
-    return Entry(path.stem if path.is_file() else resolve_links(path).name, laid, facts)
+    return Entry(path.stem if path.is_file() else resolve_links(path).name, aligned, facts)
 
 
 def _count_cells(data: Dataset) -> int:
@@ -108,9 +110,7 @@ def open_entry(
     return PredictionWriter(path, data.manifest.class_space.classes, masks_sha256=masks)
 
 
-def _require_masks(
-    predictions: PredictionFiles, data: Dataset, *, split: Split, folds: Folds
-) -> None:
+def _require_masks(predictions: Predictions, data: Dataset, *, split: Split, folds: Folds) -> None:
     ours = {hash_measured(data, split, folds), *hash_splits(data).values()}
     if other := sorted(predictions.masks - ours):
         raise PredictionError(

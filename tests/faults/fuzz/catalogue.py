@@ -38,7 +38,7 @@ from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.document import encode_belief
 from bsg_models.belief.expectation import from_hidden_counts
 from bsg_models.belief.formats import read_belief
-from bsg_models.evaluation.prediction_files import open_predictions
+from bsg_models.evaluation.prediction_files import read_predictions
 from bsg_models.zoo.config import find_config, override, read_config, validate_config, write_toml
 from fuzz.target import Target, encode, load_map, put, read_source
 
@@ -280,7 +280,7 @@ TARGETS = (
     Target(
         name="predictions",
         read=lambda folder, data: list(
-            open_predictions(put(folder, ".parquet", data), most_rows=10_000).read()
+            read_predictions(put(folder, ".parquet", data), most_rows=10_000)
         ),
         seeds=lambda: {"whole": _to_parquet(_PREDICTIONS)},
         words=("PAR1", "int8", "double", "binary", "p2"),
