@@ -11,7 +11,6 @@ models meet the same masks of the same buildings, and the same resamples.
 from __future__ import annotations
 
 import shutil
-import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -26,14 +25,10 @@ from bsg_data.errors import DatasetError
 from bsg_data.executors import run_all
 from bsg_data.files import (
     AnyPath,
-    encode_json,
     refuse_links,
     resolve_links,
-    write_bytes,
 )
 from bsg_data.inputs.bounded_file import hash_file
-from bsg_data.inputs.bounds import RUN_RECORD
-from bsg_data.inputs.documents import read_json
 from bsg_data.lock import hold
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
@@ -49,6 +44,7 @@ from bsg_models.evaluation.measurement import (
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import BEST, is_finished
+from bsg_models.runs.run_log import Ended, read_log
 from bsg_models.studies.leaderboard_runs import (
     LeaderboardRecipe,
     Place,
@@ -62,7 +58,6 @@ from bsg_models.training.training import combine_runs, member_config, train_run
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.threads import one_thread
 
-SECONDS = "seconds.json"
 DATASET = "dataset"
 
 
@@ -154,14 +149,18 @@ def make_leaderboard(
             for place, config in runs.ensembles.items()
         ]
         run_all(_combine, combined, executor=executor, progress=_name(report, "combine"))
-        shown = [
-            (out, mask, Place(trained_on(config, mask), name), recipe)
+        places = [
+            (mask, Place(trained_on(config, mask), name))
             for mask in recipe.masks
             for name, config in models.items()
         ]
+        shown = [
+            (out, mask, place, tuple(runs.members.get(place, {}).values()), recipe)
+            for mask, place in places
+        ]
         measured = run_all(_measure, shown, executor=executor, progress=_name(report, "measure"))
     results: dict[str, dict[str, ModelResult]] = {mask: {} for mask in recipe.masks}
-    for (_, mask, place, _), result in zip(shown, measured, strict=True):
+    for (mask, place), result in zip(places, measured, strict=True):
         own = models[place.name].data.own_strategy
         results[mask][place.name] = replace(result, trained_on=own)
     return Leaderboard(recipe, read_manifest(dataset), results)
@@ -228,12 +227,9 @@ def _train(folder: Path, name: str, config: RunConfig) -> None:
     for path in (run.parent, run):
         _refuse_link(path)
     data = Dataset.open(folder / DATASET)
-    if is_finished(run, config, data) and (run / SECONDS).is_file():
-        return
-    began = time.perf_counter()
-    for _ in train_run(config, data.path, run, force=True):
-        pass
-    _write_seconds(run, time.perf_counter() - began)
+    if not is_finished(run, config, data):
+        for _ in train_run(config, data.path, run, force=True):
+            pass
 
 
 def _combine(folder: Path, name: str, config: RunConfig, names: Mapping[str, str]) -> None:
@@ -244,16 +240,13 @@ def _combine(folder: Path, name: str, config: RunConfig, names: Mapping[str, str
     for member, trained in members.items():
         if not is_finished(trained, member_config(config, member), data):
             raise TrainingError(f"{trained}: is not the run that {name} needs; remove it")
-    began = time.perf_counter()
     combine_runs(config, data, members, run_of(folder, name, fold))
-    own = time.perf_counter() - began
-    _write_seconds(
-        run_of(folder, name, fold), own + sum(_read_seconds(run) for run in members.values())
-    )
 
 
-def _measure(out: Path, mask: str, place: Place, recipe: LeaderboardRecipe) -> ModelResult:
-    """Measure one model over all folds, on one kind of mask."""
+def _measure(
+    out: Path, mask: str, place: Place, members: tuple[str, ...], recipe: LeaderboardRecipe
+) -> ModelResult:
+    """Measure one model over all folds, on one kind of mask; its time includes its members'."""
     data = Dataset.open(out / mask / DATASET)
     measured, seconds = [], 0.0
     scenes = [scenes_of(data, "test", fold=fold) for fold in range(recipe.folds)]
@@ -266,19 +259,14 @@ def _measure(out: Path, mask: str, place: Place, recipe: LeaderboardRecipe) -> M
             for masked in stream_batches(data, "test", fold=fold, vocabulary=model.vocabulary):
                 streamed.add(read_truth(masked), predict_all(model, masked))
             measured.append(streamed.finish())
-            seconds += _read_seconds(run) / recipe.folds
+            runs = [run_of(out / place.mask, name, fold) for name in (place.name, *members)]
+            seconds += sum(map(_seconds_of, runs)) / recipe.folds
     return ModelResult(weights.average(measured).bootstrap(), seconds)
 
 
-def _write_seconds(run: Path, seconds: float) -> None:
-    write_bytes(run / SECONDS, encode_json({"seconds": round(seconds, 3)}).encode())
-
-
-def _read_seconds(run: Path) -> float:
-    try:
-        return float(read_json(run / SECONDS, RUN_RECORD, error=TrainingError)["seconds"])
-    except (ValueError, LookupError, TypeError, OverflowError, TrainingError) as error:
-        raise TrainingError(f"{run / SECONDS}: cannot be read ({error}); remove {run}") from error
+def _seconds_of(run: Path) -> float:
+    """Return the time of all trainings of a run."""
+    return sum(entry.seconds for entry in read_log(run) if isinstance(entry, Ended))
 
 
 def _name(report: Callable[[str, int, int], None], what: str) -> Callable[[int, int], None]:

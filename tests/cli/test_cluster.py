@@ -102,7 +102,7 @@ def test_a_leaderboard(scheduler: str, dataset: Path, tmp_path: Path) -> None:
     for name in models:  # as text, in which a metric that is not defined is itself
         metrics = [str(board.results["rooms"][name].metrics.point) for board in (one, many)]
         assert metrics[0] == metrics[1]
-    timed = ("log.jsonl", "seconds.json", "SHA256SUMS")  # which lists the log
+    timed = ("log.jsonl", "SHA256SUMS")  # which lists the log
     found = [
         {path: data for path, data in all_bytes(tmp_path / out).items() if not path.endswith(timed)}
         for out in ("one", "many")
