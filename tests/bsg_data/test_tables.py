@@ -1,16 +1,9 @@
 from __future__ import annotations
 
-import doctest
-
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bsg_data import tables
 from bsg_data.tables import escape_markdown, format_markdown, format_text, make_plain, mark_code
-
-
-def test_doctests() -> None:
-    assert doctest.testmod(tables).failed == 0
 
 
 def test_numbers_stand_to_the_right_and_letters_to_the_left() -> None:

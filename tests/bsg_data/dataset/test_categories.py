@@ -1,17 +1,10 @@
 from __future__ import annotations
 
-import doctest
 from pathlib import Path
 
-from bsg_data.dataset import categories as categories_module
 from bsg_data.dataset.categories import NO_CATEGORY, choose_vocabulary
 from bsg_data.dataset.dataset import Dataset, read_cells
 from bsg_data.dataset.shards import read_table
-
-
-def test_doctests() -> None:
-    assert doctest.testmod(categories_module).attempted == 1
-    assert doctest.testmod(categories_module).failed == 0
 
 
 def test_every_object_is_in_one_cell(dataset: Path) -> None:

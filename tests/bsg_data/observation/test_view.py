@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import doctest
-
 import numpy as np
 
-from bsg_data.observation import view as view_module
 from bsg_data.observation.view import View
 
 NOBODY = np.zeros(4, dtype=bool)
@@ -53,7 +50,3 @@ def test_views_agree_in_single_precision() -> None:
     assert not one.agrees(one.search(np.array([False, True, False])))
     assert not one.agrees(one.withhold(np.array([True, False])))
     assert one.take(1, 3).hidden_share.tolist() == [0.1, 0.7]
-
-
-def test_doctests() -> None:
-    assert doctest.testmod(view_module) == (0, 1)

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import doctest
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,6 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from bsg_models.errors import ConfigError
-from bsg_models.zoo import config as config_module
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import (
     RunConfig,
@@ -26,10 +24,6 @@ from bsg_models.zoo.settings import TrainingConfig
 
 def tables(name: str = "ceci-gcn") -> dict[str, Any]:
     return find_config(name).model_dump(mode="json")
-
-
-def test_doctests() -> None:
-    assert doctest.testmod(config_module).failed == 0
 
 
 @pytest.mark.parametrize("name", ZOO.names())
