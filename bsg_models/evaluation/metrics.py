@@ -103,34 +103,10 @@ def total_variation(p: Floats, q: Floats) -> Floats:
     return np.asarray(0.5 * np.abs(p - q).sum(axis=1))
 
 
-def moments(values: Floats, weights: Floats | None = None) -> Moments:
-    """Return the four moments of the paper's Table I, over the values that are not nan.
-
-    Args:
-        values: `[N]`.
-        weights: `[N]`, 0 or more; None gives all the same weight.
-
-    >>> moments(np.array([0.0, 0.0, 3.0])).mean
-    1.0
-    """
-    keep = ~np.isnan(values)
-    values = values[keep]
-    weights = np.ones(len(values)) if weights is None else weights[keep]
-    total = weights.sum()
-    if total == 0:
-        return Moments(np.nan, np.nan, np.nan, np.nan)
-    mean = float(weights @ values / total)
-    centred = values - mean
-    second, third, fourth = (float(weights @ centred**k / total) for k in (2, 3, 4))
-    if second <= np.finfo(float).eps * mean**2:  # like SciPy: no shape without spread
-        return Moments(mean, second, np.nan, np.nan)
-    return Moments(mean, second, third / second**1.5, fourth / second**2 - 3)
-
-
 def moments_of_sums(sums: Floats, *, centre: float = 0.0) -> tuple[Floats, ...]:
-    """Return mean, variance, skewness and excess kurtosis from sums of powers, each `[W]`.
+    """Return the four moments of the paper's Table I from sums of powers, each `[W]`.
 
-    Equal to `moments` except for rounding; two sums give the mean only.
+    Mean, population variance, skewness and excess kurtosis; two sums give the mean only.
 
     Args:
         sums: `[W, 5]` or `[W, 2]`: Σ w, Σ w (x − centre), … Σ w (x − centre)⁴.
@@ -190,16 +166,6 @@ def correlate_sums(number: float, sums: Floats, products: Floats) -> Floats:
     correlation[:, ~spread] = 0
     np.fill_diagonal(correlation, 1.0)
     return np.asarray(correlation)
-
-
-def correlation_frobenius(predicted: Floats, true: Floats, weights: Floats | None = None) -> float:
-    """Return ‖corr(predicted) − corr(true)‖, the Frobenius norm over classes (paper, section IV-B).
-
-    >>> correlation_frobenius(np.eye(3), np.eye(3))
-    0.0
-    """
-    difference = correlation_matrix(predicted, weights) - correlation_matrix(true, weights)
-    return float(np.linalg.norm(difference))
 
 
 def topk_unseen(presence: Floats, seen: Bools, hidden: Bools, *, k: int) -> Floats:

@@ -27,10 +27,10 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import PairsRecipe, SplitRecipe
-from bsg_models.evaluation.bootstrap import Estimate, bootstrap
+from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.evaluation.measurement import (
     Measurement,
-    SplitsMeasurement,
+    SplitWeights,
     count_empty,
     predict_all,
     read_truth,
@@ -99,7 +99,9 @@ def measure(
         errors.append(np.abs(found.totals - truth.targets)[~truth.is_building].mean(axis=0))
     classes = checkpoint.header.class_space.classes
     per_class = dict(zip(classes, np.mean(errors, axis=0).tolist(), strict=True))
-    measured = bootstrap(SplitsMeasurement(splits), resamples=resamples)
+    weights = SplitWeights([one.scene_ids for one in splits], resamples=resamples, seed=0)
+    each = [one.measure(weights.of_split(number)) for number, one in enumerate(splits)]
+    measured = weights.average(each).bootstrap()
     return measured.estimates(), per_class
 
 
