@@ -90,3 +90,12 @@ class RecipeError(BSGError, ValueError):
 
     It is a ValueError too, so that a record can report it with the path of the faulty key.
     """
+
+
+def ask_to_install(extra: str) -> str:
+    """Return the command that installs an extra, as errors end.
+
+    It names a place, never the bare name: on a package index, that name may be a stranger's.
+    """
+    where = "the folder of your checkout, or your wheel file"
+    return f"pip install './belief-scene-graphs[{extra}]' ({where})"

@@ -12,8 +12,7 @@ from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Generic, TypeVar
 
-from bsg_data.errors import RecipeError
-from bsg_data.extras import ask_to_install
+from bsg_data.errors import RecipeError, ask_to_install
 from bsg_data.spelling import SHOWN, ask_if_meant
 
 Row = TypeVar("Row")
@@ -47,45 +46,51 @@ class Registry(Generic[Row]):
         return iter(self.names())
 
     def __contains__(self, name: object) -> bool:
-        """Say whether a name is a row or an installed entry point."""
-        return name in self._rows or name in _installed(self.group)
+        """Say whether a name is one of `names`."""
+        return name in self.names()
 
     def __getitem__(self, name: str) -> Row:
         """Import what a name stands for.
 
         Raises:
-            RecipeError: if the name is unknown (the error has the nearest name), or if an entry
-                point cannot be imported or has another type.
+            RecipeError: if the name is unknown, or its object cannot be imported or is of another
+                type.
         """
         self.require([name])
         point = self._rows.get(name) or _installed(self.group)[name]
         try:
             row = point.load()
         except Exception as error:
-            if name not in self._rows:  # a foreign module may raise anything
-                raise RecipeError(
-                    f"{self.kind} {name!r}: the entry point {point.value} of {self.group} cannot "
-                    f"be imported ({error!r}); repair or remove its package"
-                ) from error
-            if not isinstance(error, ModuleNotFoundError):
-                raise
-            raise RecipeError(
-                f"{self.kind} {name!r} needs {error.name}, which is not installed; all that this "
-                f"project needs: {ask_to_install('all')}"
-            ) from error
+            self._explain(name, point, error)
+            raise
         if not isinstance(row, self._row_type):
             raise RecipeError(
                 f"{self.kind} {name!r}: {point.value} is a {type(row).__name__}, expected a "
-                f"{self._row_type.__name__}"
+                f"{self._row_type.__name__}",
+                code="row-type",
+                where=name,
             )
         return row
 
-    def require(self, names: Iterable[str]) -> None:
-        """Refuse unknown names, without importing anything.
+    def _explain(self, name: str, point: EntryPoint, error: Exception) -> None:
+        """Raise the error of a user's package or of a missing library; return if it is our own."""
+        if name not in self._rows:  # a foreign module may raise anything
+            raise RecipeError(
+                f"{self.kind} {name!r}: the entry point {point.value} of {self.group} cannot be "
+                f"imported ({error!r}); repair or remove its package",
+                code="entry-point-broken",
+                where=name,
+            ) from error
+        if isinstance(error, ModuleNotFoundError):
+            raise RecipeError(
+                f"{self.kind} {name!r} needs {error.name}, which is not installed; all that this "
+                f"project needs: {ask_to_install('all')}",
+                code="library-missing",
+                where=name,
+            ) from error
 
-        Raises:
-            RecipeError: for the first unknown name, with the nearest known name.
-        """
+    def require(self, names: Iterable[str]) -> None:
+        """Refuse unknown names as `require_known` does, without importing anything."""
         require_known(self.kind, names, self.names())
 
     def load_all(self) -> tuple[dict[str, Row], list[str]]:
@@ -113,7 +118,11 @@ def require_known(kind: str, names: Iterable[str], known: Iterable[str]) -> None
         if name not in listed:
             asked = ask_if_meant(name, listed)
             hint = f"; {asked}" if asked else "."
-            raise RecipeError(f"no {kind} {name[:SHOWN]!r}{hint} Known are {', '.join(listed)}")
+            raise RecipeError(
+                f"no {kind} {name[:SHOWN]!r}{hint} Known are {', '.join(listed)}",
+                code="name-unknown",
+                where=name[:SHOWN],
+            )
 
 
 @cache

@@ -7,7 +7,7 @@ The public names are in `__init__.pyi`. Each is imported when it is first asked 
 import warnings
 from typing import Any
 
-from bsg_data.extras import ask_to_install
+from bsg_data.errors import ask_to_install
 from bsg_data.public_names import read_stub
 
 # torch-geometric 2.8 calls it at import, and torch 2.15 warns of that. The warning names a file of

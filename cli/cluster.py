@@ -18,8 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from bsg_data.errors import BSGError
-from bsg_data.extras import ask_to_install
+from bsg_data.errors import BSGError, ask_to_install
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.inputs.bounds import MANIFEST_FILE, RUN_RECORD
 from bsg_data.inputs.documents import read_json

@@ -8,8 +8,7 @@ import numpy as np
 import pandas as pd
 
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.errors import BSGError
-from bsg_data.extras import ask_to_install
+from bsg_data.errors import BSGError, ask_to_install
 from bsg_data.figure_file import PLAIN_TEXT, write_figure
 from bsg_data.files import AnyPath
 from bsg_data.result_folder import refuse_datasets

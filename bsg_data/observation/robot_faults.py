@@ -68,10 +68,4 @@ def _name_entry(loc: tuple[int | str, ...], said: Any) -> tuple[str, tuple[int |
     name = entry.get("id") if isinstance(entry, Mapping) else None
     if isinstance(name, str) and name:
         return f"{kind} {name[:SHOWN]!r}", loc[2:]
-    return f"the {_ordinal(loc[1] + 1)} {kind}", loc[2:]
-
-
-def _ordinal(number: int) -> str:
-    endings = {1: "st", 2: "nd", 3: "rd"}
-    is_teen = number // 10 % 10 == 1
-    return f"{number}{'th' if is_teen else endings.get(number % 10, 'th')}"
+    return f"{kind} number {loc[1] + 1}", loc[2:]

@@ -12,7 +12,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from bsg_data.extras import ask_to_install
+from bsg_data.errors import ask_to_install
 from bsg_models.errors import HydraError
 
 BINARY = ".sparkdsg"

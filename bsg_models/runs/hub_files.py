@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from bsg_data.extras import ask_to_install
+from bsg_data.errors import ask_to_install
 from bsg_models.errors import CheckpointError
 from bsg_models.runs.checkpoint import load_checkpoint
 

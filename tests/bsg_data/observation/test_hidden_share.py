@@ -91,8 +91,8 @@ def test_a_detector_that_misses_things_leaves_them_hidden() -> None:
         ({"seconds_inside": 1.0, "floor_area": -2.0}, "floor_area: expected 0 or more, found -2"),
         ({"floor_in_view": "x"}, "floor_in_view: expected 0 to 1, found 'x'"),
         ({"walls_in_view": True}, "walls_in_view: expected 0 to 1, found True"),
-        ({"floor_in_view": 10**400}, "floor_in_view: expected 0 to 1, found an integer of more"),
-        ({"seconds_inside": 10**400}, "seconds_inside: expected 0 or more, found an integer of"),
+        ({"floor_in_view": 10**400}, "floor_in_view: expected 0 to 1, found 1000"),
+        ({"seconds_inside": 10**400}, "seconds_inside: expected 0 or more, found 1000"),
         ({"recall": 2.0}, "recall: expected 0 to 1, found 2"),
         (
             {"visited": False, "seconds_inside": 1.0},

@@ -29,9 +29,9 @@ KEYS = {"": ("rooms",), "rooms": ("id", "size")}
         ({"roms": []}, "'roms' is no key; did you mean rooms?"),
         ({"rooms": [{"id": "hall", "colour": 1}]}, "room 'hall': 'colour' is no key; known are id"),
         ({"rooms": [{"id": "hall", "size": "x"}]}, "room 'hall': size: Input should be"),
-        ({"rooms": [{"id": "hall"}] * 2 + [{"id": 5}]}, "the 3rd room: id: Input should be"),
-        ({"rooms": [{"id": "hall"}] * 21 + [None]}, "the 22nd room: expected a JSON object"),
-        ({"rooms": [{"id": "hall"}] * 112 + [None]}, "the 113th room: expected a JSON object"),
+        ({"rooms": [{"id": "hall"}] * 2 + [{"id": 5}]}, "room number 3: id: Input should be"),
+        ({"rooms": [{"id": "hall"}] * 21 + [None]}, "room number 22: expected a JSON object"),
+        ({"rooms": [{"id": "hall"}] * 112 + [None]}, "room number 113: expected a JSON object"),
         ({"rooms": [{"id": "x" * 500, "size": "x"}]}, f"room '{'x' * 80}': size: "),
     ],
 )

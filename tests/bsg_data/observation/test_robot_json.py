@@ -122,7 +122,7 @@ def room(**values: Any) -> str:
         ("[]", "expected a JSON object"),
         ('{"scene_id": "a", "scene_id": "b", "rooms": []}', "the key 'scene_id' twice"),
         (changed(rooms=[{"id": "a"}, {"id": "a"}]), "room id 'a' is there twice"),
-        (changed(rooms=[{"id": ""}]), "the 1st room: id"),
+        (changed(rooms=[{"id": ""}]), "room number 1: id"),
         (changed(rooms=[{"id": "kitchen", "hidden_share": 1.5}]), "'kitchen': hidden_share"),
         (
             changed(rooms=[{"id": "kitchen", "colour": 1}]),
@@ -133,16 +133,16 @@ def room(**values: Any) -> str:
             "'kitchen': 'hiden_share' is no key; did you mean hidden_share",
         ),
         (json.dumps({"scene_id": "a", "roms": []}), "'roms' is no key; did you mean rooms"),
-        (room(id=3), "the 1st room: id: "),
+        (room(id=3), "room number 1: id: "),
         (
             changed(objects=[{"id": "7", "clas": "bed"}]),
             "object '7': 'clas' is no key; did you mean class",
         ),
         (
             changed(objects=[{"id": "7", "category": "bed"}] * 11 + [5]),
-            "the 12th object: expected a JSON object",
+            "object number 12: expected a JSON object",
         ),
-        (changed(adjacency=[["hall", "kitchen"], ["hall", 5]]), "the 2nd pair of adjacency: 1: "),
+        (changed(adjacency=[["hall", "kitchen"], ["hall", 5]]), "pair of adjacency number 2: 1: "),
         (room(room_type={}), "'kitchen': room_type: .*at least one label, found none"),
         (changed(**{"x" * 10_000: 1}), r"graph.json: 'x{80}' is no key; known are format"),
         (
@@ -304,7 +304,7 @@ def test_the_example_of_the_docs_is_understood() -> None:
         (None, "found null"),
         ({"format": "bsg-belief-graph"}, "a belief graph without `partial`"),
         ({"format": "bsg-belief-graph", "partial": [1]}, "expected a JSON object with"),
-        ({"scene_id": "a", "rooms": [5]}, "the 1st room: expected a JSON object"),
+        ({"scene_id": "a", "rooms": [5]}, "room number 1: expected a JSON object"),
         (
             {"scene_id": "a", "rooms": [{"id": "r", "box": range(3)}]},
             "room 'r': box: expected at most 2, found more",
