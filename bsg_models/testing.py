@@ -16,6 +16,7 @@ from typing import ClassVar, cast
 import numpy as np
 import torch
 
+from bsg_data.arrays import Ints
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import ClassSpaceEntry
 from bsg_data.errors import BSGError
@@ -39,7 +40,7 @@ from bsg_models.runs.run_folder import BEST, save_fitted
 from bsg_models.search.catalogue import PLANNERS
 from bsg_models.search.knowledge import Knowledge, Task
 from bsg_models.search.planners import ask_planner
-from bsg_models.search.shortest_paths import Ints, find_ways
+from bsg_models.search.shortest_paths import find_ways
 from bsg_models.training.training import new_model
 from bsg_models.zoo.config import RunConfig, find_config, read_config, validate_config, write_toml
 from bsg_models.zoo.model import BeliefModel, Network
@@ -215,17 +216,15 @@ class PlannerContract:
         for known in self.moments():
             together = ask_planner(planner, known)
             for row in range(len(together)):
-                alone = ask_planner(planner, take_searches(known, np.array([row])))
+                alone = ask_planner(planner, known.take(np.array([row])))
                 assert alone[0] == together[row]
 
     def test_what_it_is_given_stays_as_it_is(self) -> None:
         """Check that it changes no array of what robots know."""
         for known in self.moments():
-            before = [known.presence.copy(), known.unexplored.copy(), known.lots.copy()]
+            before = [known.presence.copy(), known.unexplored.copy()]
             ask_planner(PLANNERS[self.name], known)
-            for old, new in zip(
-                before, (known.presence, known.unexplored, known.lots), strict=True
-            ):
+            for old, new in zip(before, (known.presence, known.unexplored), strict=True):
                 np.testing.assert_array_equal(new, old)
 
 
@@ -255,21 +254,6 @@ def make_knowledge(seed: int, *, nodes: int, artifacts: int, task: Task) -> Know
         wanted=np.ones((searches, artifacts), dtype=bool),
         presence=presence.astype(float),
         share=presence / 2,
-        lots=rng.random((searches, nodes)),
-    )
-
-
-def take_searches(known: Knowledge, rows: Ints) -> Knowledge:
-    """Return what the robots of some searches know."""
-    return replace(
-        known,
-        here=known.here[rows],
-        rows=known.rows[rows],
-        unexplored=known.unexplored[rows],
-        wanted=known.wanted[rows],
-        presence=known.presence[rows],
-        share=None if known.share is None else known.share[rows],
-        lots=known.lots[rows],
     )
 
 

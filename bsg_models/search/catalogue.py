@@ -1,6 +1,6 @@
 """List all planners: each name stands for a function that chooses the next room.
 
-The table holds names only, so a command can list them without importing numba. Packages add rows
+The table holds names only, so a command can list them without importing NumPy. Packages add rows
 with entry points of the group `bsg_models.planners`.
 """
 
@@ -14,8 +14,8 @@ from bsg_data.errors import RecipeError
 from bsg_data.registry import Registry
 
 if TYPE_CHECKING:  # the table needs no NumPy
+    from bsg_data.arrays import Ints
     from bsg_models.search.knowledge import Knowledge
-    from bsg_models.search.shortest_paths import Ints
 
 Reads = Literal["none", "belief", "truth"]
 
@@ -32,15 +32,12 @@ class Planner:
         so_that: its advantage, for the docs.
         shares: whether it reads `Knowledge.share`, which costs several times as much as a presence;
             otherwise it receives none.
-        most_rooms: limit of a building's rooms in a study, because it is slow in larger ones; None
-            for no limit.
     """
 
     choose: Callable[[Knowledge], Ints]
     reads: Reads = "belief"
     so_that: str = "–"
     shares: bool = True
-    most_rooms: int | None = None
 
 
 # What can be given as a planner: a name of the table, a planner, or its function.
@@ -53,7 +50,6 @@ PLANNERS: Registry[Planner] = Registry(
     group="bsg_models.planners",
     rows={
         "nearest": _HERE + "NEAREST",
-        "random": _HERE + "RANDOM",
         "greedy-share": _HERE + "GREEDY_SHARE",
         "greedy-belief": _HERE + "GREEDY_BELIEF",
         "ratio": _HERE + "RATIO",
@@ -78,4 +74,8 @@ def find_planner(planner: AnyPlanner) -> Planner:
         return planner
     if callable(planner):
         return Planner(planner)
-    raise RecipeError(f"planner {planner!r}: expected a name, a Planner or a function of Knowledge")
+    raise RecipeError(
+        f"planner {planner!r}: expected a name, a Planner or a function of Knowledge",
+        code="planner-unknown",
+        where=repr(planner),
+    )

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
-from bsg_models.search.shortest_paths import Bools, Floats, Ints, Travel
+from bsg_data.arrays import Bools, Floats, Ints
+from bsg_models.search.shortest_paths import Travel
 
 Task = Literal["single", "all"]
 
@@ -26,7 +27,6 @@ class Knowledge:
         presence: `[E, N, A]` believed P(at least one instance), of unexplored rooms only.
         share: `[E, N, A]` believed E″(α), the class's share of the room's objects; None for a
             planner that does not read it, and if the caller of `next_room` gave none.
-        lots: `[E, N]` random numbers, for a planner that chooses at random.
         tour: `[E, N]` positions of the rooms in the oracle's tour; None for other planners.
     """
 
@@ -38,8 +38,16 @@ class Knowledge:
     wanted: Bools
     presence: Floats
     share: Floats | None
-    lots: Floats
     tour: Ints | None = None
+
+    def take(self, which: Ints | Bools) -> Knowledge:
+        """Return what some of the robots know."""
+        arrays = {
+            name: value[which]
+            for name in ("here", "rows", "unexplored", "wanted", "presence", "share", "tour")
+            if (value := getattr(self, name)) is not None
+        }
+        return replace(self, **arrays)
 
     @property
     def distance(self) -> Floats:

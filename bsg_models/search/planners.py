@@ -8,30 +8,24 @@ depend on when all are found. Ties go to the room with the lowest index.
 
 from __future__ import annotations
 
-from typing import get_args
+from typing import NoReturn, get_args
 
 import numpy as np
 
+from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.errors import RecipeError
 from bsg_data.spelling import show_value
 from bsg_models.search.catalogue import AnyPlanner, Planner, find_planner
 from bsg_models.search.knowledge import Knowledge, Task
-from bsg_models.search.orders import choose_cover, choose_rooms, plan_tours
-from bsg_models.search.shortest_paths import Bools, Floats, Ints, Travel, find_ways
+from bsg_models.search.orders import choose_cover, choose_rooms
+from bsg_models.search.shortest_paths import find_ways
 
 _ALIKE = 1e-4  # presence in every room, for one instance that may be anywhere
-_ORACLE_EXACT, _ORACLE_KICKS = 12, 200
-_MOST_ORDERED = 300  # rooms; the time of a decision grows faster than their cube
 
 
 def nearest(known: Knowledge) -> Ints:
     """Go to the unexplored room that is cheapest to reach: the paper's Dijkstra on 𝒢."""
     return _best(known, -known.distance)
-
-
-def random_order(known: Knowledge) -> Ints:
-    """Go to the unexplored rooms in random order."""
-    return _best(known, known.lots)
 
 
 def greedy_share(known: Knowledge) -> Ints:
@@ -42,7 +36,9 @@ def greedy_share(known: Knowledge) -> Ints:
     """
     if known.share is None:
         raise RecipeError(
-            "greedy-share reads E″(α), the share of the class in each room: give share"
+            "greedy-share reads E″(α), the share of the class in each room: give share",
+            code="share-missing",
+            where="greedy-share",
         )
     return _best(known, np.where(known.wanted[:, None], known.share, 0.0).sum(axis=2))
 
@@ -93,34 +89,14 @@ def oracle(known: Knowledge) -> Ints:
 
 
 NEAREST = Planner(nearest, "none", so_that="the next leg is short")
-RANDOM = Planner(random_order, "none")
 GREEDY_SHARE = Planner(greedy_share, "belief", so_that="the search follows the paper's rule")
 GREEDY_BELIEF = Planner(
     greedy_belief, "belief", so_that="few rooms are entered, however far apart", shares=False
 )
 RATIO = Planner(ratio, "belief", so_that="each leg gains much for its cost", shares=False)
-EXPECTED_COST = Planner(
-    expected_cost,
-    "belief",
-    so_that="the whole search is short",
-    shares=False,
-    most_rooms=_MOST_ORDERED,
-)
-ROUTING = Planner(
-    routing,
-    "none",
-    so_that="you see how much good routes save without a belief",
-    most_rooms=_MOST_ORDERED,
-)
-ORACLE = Planner(oracle, "truth", so_that="no planner is better", most_rooms=_MOST_ORDERED)
-
-
-def plan_tour(travel: Travel, here: Ints, holds: Bools) -> Ints:
-    """Return the position `[E, N]` of each room with an artifact `[E, N]` in the oracle's tour.
-
-    Exact up to twelve rooms; beyond, the best of 200 improved orders.
-    """
-    return plan_tours(travel.costs, here, holds, exact=_ORACLE_EXACT, kicks=_ORACLE_KICKS)
+EXPECTED_COST = Planner(expected_cost, "belief", so_that="the whole search is short", shares=False)
+ROUTING = Planner(routing, "none", so_that="you see how much good routes save without a belief")
+ORACLE = Planner(oracle, "truth", so_that="no planner is better")
 
 
 def next_room(
@@ -132,7 +108,6 @@ def next_room(
     share: Floats | None = None,
     task: Task = "single",
     planner: AnyPlanner = "expected-cost",
-    seed: int = 0,
 ) -> int | None:
     """Return where a robot should go next, in one search.
 
@@ -147,7 +122,6 @@ def next_room(
         task: `single` or `all`.
         planner: a name of `PLANNERS`, a `Planner`, or a function of `Knowledge`; it must not read
             the truth.
-        seed: for the planner `random`.
 
     Returns:
         A room; None if no unexplored room can be reached.
@@ -159,21 +133,23 @@ def next_room(
     edges, presence = np.asarray(edges, dtype=float), np.asarray(presence, dtype=float)
     nodes = len(edges)
     if edges.shape != (nodes, nodes) or not (edges >= 0).all():
-        raise RecipeError(f"edges {list(edges.shape)}: expected costs of 0 or more, [N, N]")
+        _refuse_array("edges", edges, "costs of 0 or more, [N, N]")
     if presence.shape[:1] != (nodes,) or not ((presence >= 0) & (presence <= 1)).all():
-        raise RecipeError(f"presence {list(presence.shape)}: expected probabilities, [{nodes}, A]")
+        _refuse_array("presence", presence, f"probabilities, [{nodes}, A]")
     if share is not None and np.shape(share) != presence.shape:
-        raise RecipeError(f"share {list(np.shape(share))}: expected {list(presence.shape)}")
+        _refuse_array("share", share, f"{list(presence.shape)}")
     if np.shape(explored) != (nodes,) or not 0 <= here < nodes:
-        raise RecipeError(
-            f"explored {list(np.shape(explored))}, here {here}: expected {nodes} nodes"
-        )
+        _refuse_array("explored", explored, f"[{nodes}], and here, {here}, among them")
     if not isinstance(task, str) or task not in get_args(Task):
-        raise RecipeError(f"task {show_value(task)}: expected single or all")
+        raise RecipeError(
+            f"task {show_value(task)}: expected single or all", code="task-unknown", where="task"
+        )
     chosen = find_planner(planner)
     if chosen.reads == "truth":
         raise RecipeError(
-            f"planner {planner!r} reads the truth, which no robot knows; use expected-cost instead"
+            f"planner {planner!r} reads the truth, which no robot knows; use expected-cost instead",
+            code="planner-reads-truth",
+            where=planner,
         )
     travel = find_ways(edges[None])
     unexplored = ~np.asarray(explored, dtype=bool) & np.isfinite(travel.costs[0, here])
@@ -193,7 +169,6 @@ def next_room(
         wanted=np.ones((1, likely.shape[1]), dtype=bool),
         presence=likely[None],
         share=share,
-        lots=np.random.default_rng(seed).random((1, nodes)),
     )
     return int(ask_planner(chosen, known)[0])
 
@@ -206,22 +181,25 @@ def ask_planner(planner: Planner, known: Knowledge) -> Ints:
     """
     target = np.asarray(planner.choose(known))
     number, nodes = known.unexplored.shape
-    if target.shape != (number,) or not np.issubdtype(target.dtype, np.integer):
+    right = target.shape == (number,) and np.issubdtype(target.dtype, np.integer)
+    if right and ((target >= 0) & (target < nodes)).all():
+        right = bool(known.unexplored[np.arange(number), target].all())
+    else:
+        right = False
+    if not right:
+        name = getattr(planner.choose, "__name__", repr(planner.choose))
         raise RecipeError(
-            f"{_name(planner)}: expected the numbers of {number} rooms, found {target.dtype} "
-            f"{list(target.shape)}"
-        )
-    inside = (target >= 0) & (target < nodes)
-    wrong = ~(inside & known.unexplored[np.arange(number), np.where(inside, target, 0)])
-    if wrong.any():
-        raise RecipeError(
-            f"{_name(planner)}: names room {target[wrong][0]}, expected one of `unexplored`"
+            f"planner {name}: expected a room of `unexplored` for each of {number} searches, "
+            f"found {show_value(target.tolist())}",
+            code="planner-names-no-room",
+            where=name,
         )
     return target
 
 
-def _name(planner: Planner) -> str:
-    return f"planner {getattr(planner.choose, '__name__', repr(planner.choose))}"
+def _refuse_array(name: str, found: object, expected: str) -> NoReturn:
+    shape = list(np.asarray(found).shape)
+    raise RecipeError(f"{name} {shape}: expected {expected}", code="array-misshapen", where=name)
 
 
 def _best(known: Knowledge, score: Floats) -> Ints:

@@ -24,22 +24,20 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field, model_validator
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from bsg_data.arrays import Bools, Floats
 from bsg_data.errors import RecipeError
 from bsg_data.recipes import Record
 from bsg_data.registry import require_known
 from bsg_data.scene.connections import Connections
 from bsg_data.spelling import SHOWN
-from bsg_models.search.shortest_paths import Floats, Travel, find_ways, go_straight
+from bsg_models.search.shortest_paths import Travel, find_ways, go_straight
 
 WorldKind = Literal["star", "complete", "complete-paths", "tree", "tree-plus", "layout", "geometry"]
 MEASURED: tuple[Literal["layout", "geometry"], ...] = ("layout", "geometry")
-MOST_ROOMS = 2000  # of a world, which stores a way for each pair of rooms
-MOST_WAYS = 100_000_000  # of all searches of a building, 10 bytes each
 METHODS = {"layout": ("layout",), "geometry": ("door", "stairs", "boxes")}
 _SPELLING = re.compile(r"([a-z-]+?)(?::([0-9.]+)-([0-9.]+))?")
 
@@ -86,16 +84,21 @@ def parse_world(text: str) -> WorldRecipe:
     kinds = get_args(WorldKind)
     if match is None or match[1] not in kinds:
         require_known("world", [text.partition(":")[0].strip()], kinds)
-        raise RecipeError(f"no world {text[:SHOWN]!r}: expected KIND or KIND:LOW-HIGH")
+        raise _no_world(text, "expected KIND or KIND:LOW-HIGH")
     if match[2] is None:
         defaults = {world.kind: world for world in DEFAULT_WORLDS}
         return defaults.get(match[1], WorldRecipe(kind=match[1]))  # type: ignore[arg-type]
     if match[1] in MEASURED:
-        raise RecipeError(f"{text}: the costs of {match[1]} are metres; leave out LOW-HIGH")
+        raise _no_world(text, f"the costs of {match[1]} are metres; leave out LOW-HIGH")
     try:
         return WorldRecipe(kind=match[1], low=float(match[2]), high=float(match[3]))
     except ValueError as error:
-        raise RecipeError(f"{text}: expected 0 ≤ LOW ≤ HIGH, and HIGH above 0") from error
+        raise _no_world(text, "expected 0 ≤ LOW ≤ HIGH, and HIGH above 0") from error
+
+
+def _no_world(text: str, expected: str) -> RecipeError:
+    shown = text[:SHOWN]
+    return RecipeError(f"world {shown!r}: {expected}", code="world-unknown", where=shown)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +113,7 @@ class RoomGraph:
 
     nodes: int
     edges: Floats
-    rooms: npt.NDArray[np.bool_]
+    rooms: Bools
 
     def travel(self, episodes: int) -> Travel:
         """Return the same travel for E episodes."""
@@ -178,9 +181,7 @@ def world_generator(seed: int, scene_id: str, part: str) -> np.random.Generator:
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(entropy)))
 
 
-def _sample_trees(
-    rng: np.random.Generator, episodes: int, nodes: int, more: int
-) -> npt.NDArray[np.bool_]:
+def _sample_trees(rng: np.random.Generator, episodes: int, nodes: int, more: int) -> Bools:
     """Return random trees of the rooms with some further edges, `[E, N, N]`."""
     rooms = nodes - 1
     drawn = rng.random((episodes, 2 * rooms + 2 * more))

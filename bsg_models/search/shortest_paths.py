@@ -1,4 +1,4 @@
-"""Find the cheapest way between any two nodes of many room graphs at once."""
+"""Find the cheapest way between any two nodes of many room graphs."""
 
 from __future__ import annotations
 
@@ -9,10 +9,7 @@ import numpy.typing as npt
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import shortest_path
 
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
-Bools = npt.NDArray[np.bool_]
-_TOGETHER = 128  # nodes; larger graphs are processed one by one, over their edges only
+from bsg_data.arrays import Bools, Floats, Ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,44 +41,18 @@ class Travel:
                 return place
             place = np.where(going, self.steps[rows, place, target], place)
 
-    def take(self, rows: Ints) -> Travel:
-        """Return the travel of some graphs."""
-        return Travel(self.costs[rows], self.steps[rows])
-
 
 def find_ways(edges: Floats) -> Travel:
-    """Return the cheapest ways, by Floyd and Warshall for all graphs at once if they are small.
-
-    Args:
-        edges: `[E, N, N]` costs ≥ 0 from row to column; ∞ without an edge.
-    """
-    nodes = edges.shape[1]
-    if nodes > _TOGETHER:
-        return _find_ways_one_by_one(edges)
-    costs = edges.astype(np.float64)
-    every = np.arange(nodes)
-    costs[:, every, every] = 0.0
-    steps = np.where(np.isfinite(costs), every[None, None], every[None, :, None]).astype(np.int16)
-    for k in range(nodes):
-        through = costs[:, :, k, None] + costs[:, None, k]
-        better = through < costs
-        costs = np.where(better, through, costs)
-        steps = np.where(better, steps[:, :, k, None], steps)
-    return Travel(costs, steps)
-
-
-def _find_ways_one_by_one(edges: Floats) -> Travel:
-    """Return the cheapest ways, one graph at a time; sums may differ in the last bits."""
-    nodes = edges.shape[1]
+    """Return the cheapest ways over edges `[E, N, N]`: costs ≥ 0 from row to column, ∞ for none."""
     costs, steps = np.empty(edges.shape), np.empty(edges.shape, dtype=np.int16)
-    every = np.arange(nodes)
+    itself = np.arange(edges.shape[1])[:, None]
     for number, one in enumerate(edges):
         source, target = np.nonzero(np.isfinite(one))  # an edge may cost 0
         # Backwards, the node before the last is the one after the first.
         backwards = csr_array((one[source, target], (target, source)), shape=one.shape)
         found, before = shortest_path(backwards, return_predecessors=True)
         costs[number] = found.T
-        steps[number] = np.where(before.T < 0, every[:, None], before.T)
+        steps[number] = np.where(before.T < 0, itself, before.T)
     return Travel(costs, steps)
 
 

@@ -6,23 +6,28 @@ asked again. A run ends with the first instance of each sought class (`single`),
 found (`all`), which the simulator knows and the robot does not. With `stop_at`, it ends when the
 robot believes that nothing is left.
 
-All searches of one building run in lockstep: one call of the planner moves each of them once.
-Several planners also run together (`search_together`), and their questions are asked at once.
+All searches of one building run in lockstep: one call of a planner moves each of its searches once,
+and the beliefs of all robots are asked at once.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, replace
-from typing import Protocol, TypeAlias, TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 
+from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.errors import RecipeError
 from bsg_models.search.catalogue import Planner
 from bsg_models.search.knowledge import Knowledge, Task
-from bsg_models.search.planners import ask_planner, plan_tour
-from bsg_models.search.shortest_paths import Bools, Floats, Ints, Travel, find_ways
+from bsg_models.search.orders import plan_tours
+from bsg_models.search.planners import ask_planner
+from bsg_models.search.shortest_paths import Travel, find_ways
+
+_Key = TypeVar("_Key", bound=Hashable)
+Answer = tuple[Floats, Floats | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +40,6 @@ class Episodes:
         starts: `[E]` rooms without the artifact.
         artifacts: `[E, A]` classes that each search looks for.
         instances: `[E, N, A]` number of instances per node: the truth.
-        lots: `[E, N]` random numbers.
     """
 
     travel: Travel
@@ -43,18 +47,6 @@ class Episodes:
     starts: Ints
     artifacts: Ints
     instances: Ints
-    lots: Floats
-
-    def take(self, rows: Ints) -> Episodes:
-        """Return some of the searches."""
-        return Episodes(
-            self.travel.take(rows),
-            self.rooms,
-            self.starts[rows],
-            self.artifacts[rows],
-            self.instances[rows],
-            self.lots[rows],
-        )
 
 
 class Beliefs(Protocol):
@@ -73,7 +65,20 @@ class Beliefs(Protocol):
         """
 
 
-Answer: TypeAlias = "tuple[Floats, Floats | None]"
+@dataclass(frozen=True, slots=True)
+class Robot:
+    """What searches with one planner.
+
+    Attributes:
+        planner: that names its rooms.
+        task: when a search ends.
+        stop_at: the robot ends the search itself once P(anything is left) is at most this; None
+            leaves the end to the simulator.
+    """
+
+    planner: Planner
+    task: Task
+    stop_at: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,21 +98,8 @@ class Outcome:
 
 
 @dataclass(frozen=True, eq=False)
-class Question:
-    """What a planner must be told before it can continue: the arguments of `Beliefs`."""
-
-    rows: Ints
-    explored: Bools
-    shares: bool
-
-
-Going: TypeAlias = "Generator[Question, Answer, Outcome]"  # searches, up to the next question
-_Key = TypeVar("_Key")
-
-
-@dataclass(frozen=True, eq=False)
 class Step:
-    """One step of the running searches, as `watch` of `search` receives it.
+    """One step of a robot's running searches.
 
     Attributes:
         rows: `[M]` numbers of the searches.
@@ -124,133 +116,135 @@ class Step:
 
 def search(
     episodes: Episodes,
-    planner: Planner,
+    robots: Mapping[_Key, Robot],
     *,
-    task: Task,
     beliefs: Beliefs | None = None,
-    stop_at: float | None = None,
-    watch: Callable[[Step], None] | None = None,
-) -> Outcome:
-    """Run all searches with one planner.
+    watch: Callable[[_Key, Step], None] | None = None,
+) -> dict[_Key, Outcome]:
+    """Run all searches with each of some robots, and return how they ended.
 
     Args:
         episodes: E searches of one building.
-        planner: a row of `PLANNERS`, or any other.
-        task: when a search ends.
-        beliefs: source of the presence; ignored by planners that read none, or the truth.
-        stop_at: the robot ends the search itself once P(anything is left) is at most this; None
-            leaves the end to the simulator.
-        watch: called at each step.
+        robots: key → robot.
+        beliefs: source of the presence; ignored for planners that read none, or the truth.
+        watch: called with the key of a robot and each of its steps.
 
     Raises:
-        RecipeError: if the planner needs a belief and there is none, or names a room that is not
+        RecipeError: if a planner needs a belief and there is none, or names a room that is not
             unexplored.
     """
-    going = begin_search(episodes, planner, task=task, stop_at=stop_at, watch=watch)
-    return search_together({None: going}, beliefs=beliefs)[None]
+    runs = {key: _Run(episodes, robot) for key, robot in robots.items()}
+    while any(len(run.rows) for run in runs.values()):
+        answers = _ask(runs, beliefs)
+        for key, run in runs.items():
+            step = run.advance(answers.get(key)) if len(run.rows) else None
+            if step is not None and watch is not None:
+                watch(key, step)
+    return {key: run.outcome for key, run in runs.items()}
 
 
-def search_together(
-    begun: Mapping[_Key, Going], *, beliefs: Beliefs | None = None
-) -> dict[_Key, Outcome]:
-    """Run the searches of several planners to their ends, and ask all their questions at once.
-
-    Args:
-        begun: key → started searches, from `begin_search`.
-        beliefs: about the searches of all of them; ignored by planners without a belief.
-
-    Raises:
-        RecipeError: as for `search`.
-    """
-    outcomes: dict[_Key, Outcome] = {}
-    answers: dict[_Key, Answer | None] = dict.fromkeys(begun)
-    while answers:
-        questions: dict[_Key, Question] = {}
-        for key, answer in answers.items():
-            try:
-                going = begun[key]
-                questions[key] = next(going) if answer is None else going.send(answer)
-            except StopIteration as end:
-                outcomes[key] = end.value
-        if questions and beliefs is None:
-            raise RecipeError("this planner needs a belief: give the run of a model")
-        answers = {}
-        for shares in (True, False):
-            some = {key: one for key, one in questions.items() if one.shares == shares}
-            if some and beliefs is not None:
-                answers |= _ask_at_once(some, beliefs, shares=shares)
-    return {key: outcomes[key] for key in begun}
-
-
-def _ask_at_once(
-    questions: Mapping[_Key, Question], beliefs: Beliefs, *, shares: bool
-) -> dict[_Key, Answer | None]:
-    """Return the answers to several questions, asked as one."""
-    rows = np.concatenate([one.rows for one in questions.values()])
-    explored = np.concatenate([one.explored for one in questions.values()])
-    presence, share = beliefs(rows, explored, shares=shares)
-    ends = np.cumsum([len(one.rows) for one in questions.values()])
-    answers: dict[_Key, Answer | None] = {}
-    for key, one, end in zip(questions, questions.values(), ends.tolist(), strict=True):
-        part = slice(end - len(one.rows), end)
-        answers[key] = presence[part], None if share is None else share[part]
+def _ask(runs: Mapping[_Key, _Run], beliefs: Beliefs | None) -> dict[_Key, Answer]:
+    """Return what is believed about the running searches of each robot that reads beliefs."""
+    answers: dict[_Key, Answer] = {}
+    for shares in (True, False):
+        asking = {
+            key: run
+            for key, run in runs.items()
+            if len(run.rows)
+            and run.robot.planner.reads == "belief"
+            and run.robot.planner.shares == shares
+        }
+        if not asking:
+            continue
+        if beliefs is None:
+            raise RecipeError(
+                "this planner needs a belief: give the run of a model", code="belief-missing"
+            )
+        rows = np.concatenate([run.rows for run in asking.values()])
+        explored = np.concatenate([run.explored[run.rows] for run in asking.values()])
+        presence, share = beliefs(rows, explored, shares=shares)
+        end = 0
+        for key, run in asking.items():
+            begin, end = end, end + len(run.rows)
+            answers[key] = presence[begin:end], None if share is None else share[begin:end]
     return answers
 
 
-def begin_search(
-    episodes: Episodes,
-    planner: Planner,
-    *,
-    task: Task,
-    stop_at: float | None = None,
-    watch: Callable[[Step], None] | None = None,
-) -> Going:
-    """Yield the question before each step of the searches; return their outcome.
+class _Run:
+    """The searches of one robot, and where they are."""
 
-    Arguments and errors are those of `search`.
-    """
-    if planner.reads == "truth":
-        # Other planners do not see that a way through a third room may cost less than the edge.
-        episodes = replace(episodes, travel=find_ways(episodes.travel.costs))
-    tour = None
-    if planner.reads == "truth" and task == "all":
-        holds = (episodes.instances > 0).any(axis=2) & episodes.rooms
-        tour = plan_tour(episodes.travel, episodes.starts, holds)
-    number = len(episodes.starts)
-    explored = np.zeros(episodes.lots.shape, dtype=bool)
-    explored[np.arange(number), episodes.starts] = True
-    here, costs, entered = episodes.starts.copy(), np.zeros(number), np.zeros(number, np.int64)
-    unfound = episodes.instances.sum(axis=1)  # the start holds none
-    going, rooms = np.ones(number, dtype=bool), int(episodes.rooms.sum()) - 1
-    while True:
-        if stop_at is None:
-            going &= unfound.any(axis=1)
-        going &= entered < rooms
-        rows = np.flatnonzero(going)
-        if not len(rows):
-            return Outcome(costs, entered, unfound.sum(axis=1))
-        answer: Answer | None = None
-        if planner.reads == "belief":
-            answer = yield Question(rows, explored[rows], planner.shares)
-        known = _look(episodes, rows, here, explored, unfound, planner, task, answer)
-        if tour is not None:
-            known = replace(known, tour=tour[rows])
-        if stop_at is not None and (sure := known.left <= stop_at).any():
-            going[rows[sure]] = False
-            continue
-        target = ask_planner(planner, known)
-        place = episodes.travel.first_on_the_way(rows, known.here, target, known.unexplored)
-        if watch is not None:
-            watch(Step(rows, known, target, place))
-        costs[rows] += episodes.travel.costs[rows, known.here, place]
-        entered[rows] += ~explored[rows, place]
-        unfound[rows] = still_to_find(
-            unfound[rows],
-            np.where(explored[rows, place][:, None], 0, episodes.instances[rows, place]),
-            task=task,
+    def __init__(self, episodes: Episodes, robot: Robot) -> None:
+        number, nodes = episodes.instances.shape[:2]
+        self.robot, self.tour = robot, None
+        if robot.planner.reads == "truth":
+            # Others do not see that a way through a third room may cost less than the edge.
+            episodes = replace(episodes, travel=find_ways(episodes.travel.costs))
+            if robot.task == "all":
+                holds = episodes.instances.any(axis=2) & episodes.rooms
+                self.tour = plan_tours(episodes.travel.costs, episodes.starts, holds)
+        self.episodes, self.here = episodes, episodes.starts.copy()
+        self.explored = np.zeros((number, nodes), dtype=bool)
+        self.explored[np.arange(number), self.here] = True
+        self.costs, self.entered = np.zeros(number), np.zeros(number, dtype=np.int64)
+        self.unfound = episodes.instances.sum(axis=1)  # the start holds none
+        self.rows = np.arange(number)
+        self._end()
+
+    @property
+    def outcome(self) -> Outcome:
+        return Outcome(self.costs, self.entered, self.unfound.sum(axis=1))
+
+    def _end(self) -> None:
+        """Keep the searches that go on."""
+        going = self.entered[self.rows] < self.episodes.rooms.sum() - 1
+        if self.robot.stop_at is None:
+            going &= self.unfound[self.rows].any(axis=1)
+        self.rows = self.rows[going]
+
+    def advance(self, answer: Answer | None) -> Step | None:
+        """Move every search once; None if the robot ended all of them instead."""
+        known = self._look(answer)
+        if self.robot.stop_at is not None:
+            known = known.take(known.left > self.robot.stop_at)
+            self.rows = known.rows
+            if not len(self.rows):
+                return None
+        rows, travel = self.rows, self.episodes.travel
+        target = ask_planner(self.robot.planner, known)
+        place = travel.first_on_the_way(rows, known.here, target, known.unexplored)
+        new = ~self.explored[rows, place]
+        self.costs[rows] += travel.costs[rows, known.here, place]
+        self.entered[rows] += new
+        seen = np.where(new[:, None], self.episodes.instances[rows, place], 0)
+        self.unfound[rows] = still_to_find(self.unfound[rows], seen, task=self.robot.task)
+        self.explored[rows, place] = True
+        self.here[rows] = place
+        self._end()
+        return Step(rows, known, target, place)
+
+    def _look(self, answer: Answer | None) -> Knowledge:
+        """Return what the robot knows in its running searches."""
+        rows, robot, episodes = self.rows, self.robot, self.episodes
+        unexplored = episodes.rooms & ~self.explored[rows]
+        open_ = unexplored[:, :, None]
+        presence, share = (
+            answer or (np.zeros((*unexplored.shape, episodes.artifacts.shape[1])),) * 2
         )
-        explored[rows, place] = True
-        here[rows] = place
+        if robot.planner.reads == "truth":
+            presence = (episodes.instances[rows] > 0).astype(float)
+        # For `all`, every class stays wanted: a robot does not know when it has found all of one
+        wanted = (self.unfound[rows] > 0) | (robot.task == "all")
+        return Knowledge(
+            task=robot.task,
+            here=self.here[rows],
+            travel=episodes.travel,
+            rows=rows,
+            unexplored=unexplored,
+            wanted=wanted,
+            presence=np.where(open_, presence, 0.0),
+            share=None if share is None else np.where(open_, share, 0.0),
+            tour=None if self.tour is None else self.tour[rows],
+        )
 
 
 def still_to_find(before: Ints, seen: Ints, *, task: Task) -> Ints:
@@ -258,41 +252,4 @@ def still_to_find(before: Ints, seen: Ints, *, task: Task) -> Ints:
 
     For `single`, one instance of a class completes the class.
     """
-    if task == "all":
-        return before - seen
-    return np.where(seen > 0, 0, before)
-
-
-def _look(
-    episodes: Episodes,
-    rows: Ints,
-    here: Ints,
-    explored: Bools,
-    unfound: Ints,
-    planner: Planner,
-    task: Task,
-    answer: Answer | None,
-) -> Knowledge:
-    """Return what the robots of some searches know."""
-    unexplored = episodes.rooms & ~explored[rows]
-    presence = np.zeros((*unexplored.shape, episodes.artifacts.shape[1]))
-    share: Floats | None = presence
-    open_ = unexplored[:, :, None]
-    if planner.reads == "truth":
-        presence = ((episodes.instances[rows] > 0) & open_).astype(float)
-    elif answer is not None:
-        presence = np.where(open_, answer[0], 0.0)
-        share = None if answer[1] is None else np.where(open_, answer[1], 0.0)
-    # For `all`, every class stays wanted: a robot does not know when it has found all of one
-    wanted = unfound[rows] > 0 if task == "single" else np.ones_like(unfound[rows], dtype=bool)
-    return Knowledge(
-        task=task,
-        here=here[rows],
-        travel=episodes.travel,
-        rows=rows,
-        unexplored=unexplored,
-        wanted=wanted,
-        presence=presence,
-        share=share,
-        lots=episodes.lots[rows],
-    )
+    return before - seen if task == "all" else np.where(seen > 0, 0, before)

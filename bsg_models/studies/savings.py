@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bsg_data.arrays import Floats
 from bsg_models.evaluation.bootstrap import (
     LEAST_BUILDINGS,
     Estimate,
@@ -19,7 +20,6 @@ from bsg_models.evaluation.bootstrap import (
     resample_buildings,
 )
 from bsg_models.search.knowledge import Task
-from bsg_models.search.shortest_paths import Floats
 from bsg_models.search.simulator import Outcome
 from bsg_models.studies.search_cases import BASELINE, ROUTING
 from bsg_models.studies.search_study import Searches, Study

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bsg_data.arrays import Counts
+from bsg_data.arrays import Bools, Counts, Floats, Ints
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.masked_buildings import place_others, see_others, wholes_of
 from bsg_data.observation.masks import sample_hidden, sample_view
@@ -16,7 +16,6 @@ from bsg_data.observation.observation import Observation
 from bsg_data.observation.search_moment import MaskedCells, observe_search
 from bsg_data.observation.view import View
 from bsg_data.recipes import MaskRecipe
-from bsg_models.search.shortest_paths import Bools, Floats, Ints
 from bsg_models.search.simulator import Answer
 from bsg_models.zoo.model import BeliefModel
 

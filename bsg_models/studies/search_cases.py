@@ -9,25 +9,22 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, field_validator
 
-from bsg_data.arrays import Counts
+from bsg_data.arrays import Bools, Counts, Floats, Ints
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import RecipeError
 from bsg_data.observation.masks import MASKS
 from bsg_data.recipes import MaskRecipe, Record, Share
-from bsg_models.search.catalogue import PLANNERS, Planner
+from bsg_models.search.catalogue import PLANNERS
 from bsg_models.search.knowledge import Task
 from bsg_models.search.room_graphs import (
     DEFAULT_WORLDS,
     MEASURED,
-    MOST_ROOMS,
-    MOST_WAYS,
     RoomGraph,
     WorldRecipe,
     measure_rooms,
     sample_travel,
     world_generator,
 )
-from bsg_models.search.shortest_paths import Bools, Floats, Ints
 from bsg_models.search.simulator import Episodes
 
 BASELINE, ROUTING = "nearest", "routing"
@@ -126,34 +123,6 @@ def measure_building(
     }
 
 
-def find_too_large(rooms: int, recipe: StudyRecipe, planners: Mapping[str, Planner]) -> str | None:
-    """Return why a building with this many rooms is too large to search; None if it is not.
-
-    Args:
-        rooms: R of the building.
-        recipe: of the study.
-        planners: name → planner.
-    """
-    if rooms > MOST_ROOMS:
-        return f"more than {MOST_ROOMS:,} rooms, the limit of measured worlds"
-    drawn = any(world.kind not in MEASURED for world in recipe.worlds)
-    if drawn and recipe.episodes * (1 + rooms) ** 2 > MOST_WAYS:
-        most = int((MOST_WAYS / recipe.episodes) ** 0.5) - 1
-        return (
-            f"more than {most:,} rooms, the limit with {recipe.episodes:,} searches each; "
-            "ask for fewer searches"
-        )
-    asked = dict(planners)
-    if recipe.stops and "all" in recipe.tasks:
-        asked["expected-cost"] = PLANNERS["expected-cost"]
-    limits = {name: one.most_rooms for name, one in asked.items() if one.most_rooms is not None}
-    slow = [name for name, most in limits.items() if rooms > most]
-    if not slow:
-        return None
-    least = min(limits[name] for name in slow)
-    return f"more than {least:,} rooms, the limit of {', '.join(slow)}; name other planners"
-
-
 def sample_case(
     cells: Counts,
     world: WorldRecipe,
@@ -181,10 +150,9 @@ def sample_case(
         travel = sample_travel(
             world, nodes=nodes, episodes=len(starts), scene_id=scene_id, seed=recipe.seed
         )
-    lots = world_generator(recipe.seed, scene_id, "lots").random((len(starts), nodes))
     instances = np.where(rooms[:, None], cells, 0)[:, artifacts].transpose(1, 0, 2)
     draws = np.arange(len(starts)) % recipe.masks
-    return Case(Episodes(travel, rooms, starts, artifacts, instances, lots), draws)
+    return Case(Episodes(travel, rooms, starts, artifacts, instances), draws)
 
 
 def sample_searches(

@@ -21,8 +21,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from bsg_data.arrays import Bools, Floats, Ints
 from bsg_models.search.knowledge import Task
-from bsg_models.search.shortest_paths import Bools, Floats, Ints
 from bsg_models.search.simulator import Step
 
 MOST_HOLDING = 0.25  # share of the rooms, without the start

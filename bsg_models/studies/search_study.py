@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from bsg_data.arrays import Floats, Ints
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError, MismatchError, RecipeError
 from bsg_data.executors import run_all
@@ -31,15 +32,13 @@ from bsg_models.search.room_graphs import (
     WorldRecipe,
     world_generator,
 )
-from bsg_models.search.shortest_paths import Floats, Ints
-from bsg_models.search.simulator import Beliefs, Going, Outcome, Step, begin_search, search_together
+from bsg_models.search.simulator import Beliefs, Outcome, Robot, Step, search
 from bsg_models.studies.search_beliefs import FixedBeliefs, ModelBeliefs
 from bsg_models.studies.search_cases import (
     BASELINE,
     ROUTING,
     Case,
     StudyRecipe,
-    find_too_large,
     measure_building,
     sample_case,
     sample_presence,
@@ -264,8 +263,6 @@ def search_building(
     cells = data.cells(scene_id)
     planners = choose_planners(recipe, own or {}, remote=False)
     by_world: dict[str, Searches | str] = {}
-    if reason := find_too_large(len(cells) - 1, recipe, planners):
-        return {world.name: reason for world in recipe.worlds}
     measured = measure_building(data, scene_id, recipe.worlds)
     asked: dict[bytes, ModelBeliefs] = {}  # worlds with the same rooms have the same searches
     with one_thread():
@@ -319,7 +316,7 @@ def compare_planners(
     episodes = case.episodes
     every = np.arange(len(episodes.starts))
     ranked_first = np.full(len(every), np.nan)
-    at_first = np.zeros(episodes.lots.shape, dtype=bool)
+    at_first = np.zeros((len(every), len(episodes.rooms)), dtype=bool)
     at_first[every, episodes.starts] = True
     open_ = episodes.rooms & ~at_first
     if beliefs is not None:
@@ -333,24 +330,15 @@ def compare_planners(
         likeliest = np.where(open_, 1 - (1 - presence).prod(axis=2), -1.0).argmax(axis=1)
         ranked_first = (episodes.instances[every, likeliest].sum(axis=1) > 0).astype(float)
     holds = (episodes.instances.sum(axis=2) > 0) & open_
-    begun: dict[tuple[Task, str], Going] = {}
     asked = keep if keep is not None and keep.fits(scene_id, world.name) else None
     steps: dict[str, list[Step]] = {} if asked is None else {asked.planner: [], BASELINE: []}
-    for task in recipe.tasks:
-        for name, planner in planners.items():
-            watched = asked is not None and asked.task == task and name in steps
-            watch = steps[name].append if watched else None
-            begun[task, name] = begin_search(episodes, planner, task=task, watch=watch)
-    if "all" in recipe.tasks and recipe.stops:
-        planned = PLANNERS["expected-cost"]
-        for stop in recipe.stops:
-            begun["all", f"stop {stop:g}"] = begin_search(
-                episodes, planned, task="all", stop_at=stop
-            )
-        begun["all", "sweep"] = begin_search(
-            episodes, PLANNERS[BASELINE], task="all", stop_at=SWEEP
-        )
-    outcomes = search_together(begun, beliefs=beliefs)
+
+    def watch(key: tuple[Task, str], step: Step) -> None:
+        task, name = key
+        if asked is not None and asked.task == task and name in steps:
+            steps[name].append(step)
+
+    outcomes = search(episodes, _robots(recipe, planners), beliefs=beliefs, watch=watch)
     searches = Searches(
         scene_id=scene_id,
         world=world.name,
@@ -363,6 +351,21 @@ def compare_planners(
         outcomes=outcomes,
     )
     return searches if asked is None else replace(searches, kept=_keep(searches, asked, steps))
+
+
+def _robots(recipe: StudyRecipe, planners: Mapping[str, Planner]) -> dict[tuple[Task, str], Robot]:
+    """Return the robots of a study by task and name: of each planner, and those that stop."""
+    robots = {
+        (task, name): Robot(planner, task)
+        for task in recipe.tasks
+        for name, planner in planners.items()
+    }
+    if "all" in recipe.tasks and recipe.stops:
+        planned = PLANNERS["expected-cost"]
+        for stop in recipe.stops:
+            robots["all", f"stop {stop:g}"] = Robot(planned, "all", stop)
+        robots["all", "sweep"] = Robot(PLANNERS[BASELINE], "all", SWEEP)
+    return robots
 
 
 def _keep(

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import torch
 
+from bsg_data.arrays import Ints
 from bsg_data.registry import Registry
 from bsg_models.belief.belief_graph import BeliefGraph
 from bsg_models.belief.expectation import Expectation
@@ -23,7 +24,6 @@ from bsg_models.evaluation.metrics import Floats
 from bsg_models.evaluation.truth import Truth
 from bsg_models.search.catalogue import PLANNERS, Planner
 from bsg_models.search.knowledge import Knowledge
-from bsg_models.search.shortest_paths import Ints
 from bsg_models.testing import (
     FormatContract,
     MetricContract,
@@ -63,7 +63,7 @@ class TestFormats(FormatContract):
 
 def crowd_follower(known: Knowledge) -> Ints:
     """Go where the first search has most presence, whatever it says that it reads."""
-    score = known.presence[:, :, 0] + known.presence[:1, :, 0] * known.lots[:1]
+    score = known.presence[:, :, 0] + 2 * known.presence[:1, :, 0]
     return np.where(known.unexplored, score, -1.0).argmax(axis=1)
 
 

@@ -237,7 +237,7 @@ def test_what_needs_no_model_is_refused_before_models_are_imported(
     (tmp_path / "there.html").touch()
     lines = (
         "import sys\n"
-        "sys.modules['torch'] = sys.modules['numba'] = None\n"  # any import of them raises now
+        "sys.modules['torch'] = None\n"  # any import of them raises now
         "from bsg_cli.belief import main\n"
         f"main({[str(word) for word in words]!r})\n"
     )

@@ -65,7 +65,7 @@ def test_the_tab_key_offers_names_and_imports_nothing_heavy() -> None:
     said, modules = json.loads(done.stdout)
     for line, name in OFFERED.items():
         assert f"plain,{name}" in said[line], line
-    heavy = {"matplotlib", "numba", "pandas", "pyarrow", "scipy", "torch", "trimesh"}
+    heavy = {"matplotlib", "pandas", "pyarrow", "scipy", "torch", "trimesh"}
     assert not heavy & set(modules)
 
 

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 from bsg_cli.registry import COMMANDS
 
-HEAVY = ("matplotlib", "numba", "pandas", "pyarrow", "scipy", "torch", "torch_geometric", "trimesh")
+HEAVY = ("matplotlib", "pandas", "pyarrow", "scipy", "torch", "torch_geometric", "trimesh")
 ALL_WORDS = """
 import sys
 from bsg_cli.registry import COMMANDS

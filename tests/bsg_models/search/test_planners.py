@@ -10,14 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import REPOSITORY
+from refusals import refuses
 
+from bsg_data.arrays import Ints
 from bsg_data.errors import RecipeError
 from bsg_models.search.catalogue import PLANNERS, Planner, find_planner
 from bsg_models.search.knowledge import Knowledge, Task
-from bsg_models.search.orders import expected_cost
+from bsg_models.search.orders import expected_costs
 from bsg_models.search.planners import ask_planner, next_room
-from bsg_models.search.shortest_paths import Ints, find_ways
-from bsg_models.search.simulator import Episodes, search
+from bsg_models.search.shortest_paths import find_ways
+from bsg_models.search.simulator import Episodes, Robot, search
 
 PACKAGE = REPOSITORY / "bsg_models"
 ROW = np.full((6, 6), np.inf)  # rooms 1 – 2 – 3 – 4 in a row, 5 out of reach
@@ -38,7 +40,7 @@ def farthest(known: Knowledge) -> Ints:
 def test_names_are_known_without_heavy_libraries() -> None:
     code = (
         "import sys, types, pathlib\n"
-        "heavy = ('numba', 'scipy', 'torch', 'numpy')\n"
+        "heavy = ('scipy', 'torch', 'numpy')\n"
         "for name in heavy: sys.modules[name] = None\n"  # any import of them raises now
         "package = types.ModuleType('bsg_models')\n"  # the root exports models, which need torch
         f"package.__path__ = [{str(PACKAGE)!r}]\n"
@@ -55,19 +57,12 @@ def test_names_are_known_without_heavy_libraries() -> None:
     assert done.stdout.split()[0] == "nearest"
 
 
-@pytest.mark.parametrize("name", PLANNERS.names())
-def test_every_row_says_what_it_does_and_what_it_reads(name: str) -> None:
-    planner = PLANNERS[name]
-    assert (planner.choose.__doc__ or "").splitlines()[0].endswith(".")
-    assert planner.reads in ("none", "belief", "truth")
-
-
 def test_what_stands_for_a_planner() -> None:
     assert find_planner("nearest") is PLANNERS["nearest"]
     assert find_planner(farthest) == Planner(farthest, "belief")
-    with pytest.raises(RecipeError, match="did you mean nearest"):
+    with pytest.raises(RecipeError):
         find_planner("nearst")
-    with pytest.raises(RecipeError, match="expected a name, a Planner or a function"):
+    with refuses(RecipeError, "planner-unknown", where="3"):
         find_planner(3)  # type: ignore[arg-type]
 
 
@@ -96,51 +91,47 @@ def test_expected_cost_is_that_of_the_task(task: Task) -> None:
         ways = np.roll(np.roll(costs, -1, axis=0), -1, axis=1)  # where the robot is comes last
         best = min(
             itertools.permutations(range(3)),
-            key=lambda order: expected_cost(
-                ways, 3, miss, np.array(order), single=task == "single"
-            ),
+            key=lambda order: expected_costs(
+                ways[None], miss[None], np.array([order]), single=task == "single"
+            )[0],
         )
         assert room == best[0] + 2
 
 
 @pytest.mark.parametrize(
-    ("change", "words"),
+    ("change", "where"),
     [
         ({"presence": [0, np.nan, 0.5]}, "presence"),
         ({"presence": [0, 0.5]}, "presence"),
-        ({"presence": [0, 0.5, 1.5]}, "presence"),
         ({"edges": -np.ones((3, 3))}, "edges"),
         ({"edges": np.ones((3, 2))}, "edges"),
-        ({"explored": np.zeros(2, dtype=bool)}, "explored"),
-        ({"here": 3}, "here 3"),
-        ({"task": "both"}, "task 'both'"),
-        ({"task": np.array([])}, "expected single or all"),
+        ({"here": 3}, "explored"),
+        ({"share": [0, 0.5]}, "share"),
     ],
 )
-def test_what_no_robot_can_mean_is_refused(change: dict[str, Any], words: str) -> None:
+def test_arrays_that_no_robot_can_mean_are_refused(change: dict[str, Any], where: str) -> None:
     known: dict[str, Any] = {
         "edges": np.ones((3, 3)),
         "here": 1,
         "explored": np.zeros(3, dtype=bool),
         "presence": [0, 0.5, 0.5],
     }
-    with pytest.raises(RecipeError, match=words):
+    with refuses(RecipeError, "array-misshapen", where=where):
         next_room(**{**known, **change})
 
 
+def test_a_task_that_is_none_is_refused() -> None:
+    with refuses(RecipeError, "task-unknown", where="task"):
+        next_room(ROW, **HERE, task="both")  # type: ignore[arg-type]
+
+
 def test_which_planners_a_robot_may_use_follows_from_what_they_read() -> None:
-    with pytest.raises(RecipeError, match="'oracle' reads the truth"):
+    with refuses(RecipeError, "planner-reads-truth", where="oracle"):
         next_room(ROW, **HERE, planner="oracle")
-    with pytest.raises(RecipeError, match="reads the truth"):
-        next_room(ROW, **HERE, planner=Planner(farthest, "truth"))
-    with pytest.raises(RecipeError, match="greedy-share reads E″"):
+    with refuses(RecipeError, "share-missing", where="greedy-share"):
         next_room(ROW, **HERE, planner="greedy-share")
     share = np.array([0, 0.2, 0.9, 0.1, 0.05, 1.0])
     assert next_room(ROW, **HERE, planner="greedy-share", share=share) == 1
-    with pytest.raises(RecipeError, match=r"share \[2\]"):
-        next_room(ROW, **HERE, planner="greedy-share", share=share[:2])
-    rooms = {next_room(ROW, **HERE, planner="random", seed=seed) for seed in range(30)}
-    assert rooms == {1, 3, 4}
 
 
 def test_a_function_and_a_planner_of_ones_own() -> None:
@@ -151,22 +142,15 @@ def test_a_function_and_a_planner_of_ones_own() -> None:
 
 
 @pytest.mark.parametrize(
-    ("answer", "words"),
-    [
-        ([2], "names room 2"),  # explored
-        ([0], "names room 0"),  # the building
-        ([5], "names room 5"),  # out of reach
-        ([-1], "names room -1"),
-        ([6], "names room 6"),
-        ([1.0], "numbers of 1 rooms, found float64"),
-        ([1, 1], r"found int64 \[2\]"),
-    ],
+    "answer",
+    [[2], [0], [5], [-1], [6], [1.0], [1, 1]],
+    ids=["explored", "building", "far", "below", "above", "fraction", "two"],
 )
-def test_an_answer_that_is_no_unexplored_room_is_refused(answer: list[Any], words: str) -> None:
+def test_an_answer_that_is_no_unexplored_room_is_refused(answer: list[Any]) -> None:
     def broken(known: Knowledge) -> Ints:
         return np.array(answer)
 
-    with pytest.raises(RecipeError, match=f"planner broken: .*{words}"):
+    with refuses(RecipeError, "planner-names-no-room", where="broken"):
         next_room(ROW, **HERE, planner=broken)
 
 
@@ -178,11 +162,14 @@ def test_a_planner_that_stays_where_it_is_does_not_search_for_ever() -> None:
         starts=np.array([1]),
         artifacts=np.array([[7]]),
         instances=np.eye(6, dtype=np.int64)[None, :, [4]],
-        lots=np.zeros((1, 6)),
     )
-    with pytest.raises(RecipeError, match="names room 1"):
-        search(episodes, Planner(lambda known: known.here, "none"), task="single")
-    outcome = search(episodes, Planner(farthest, "none"), task="single")
+    stays, goes = (
+        {0: Robot(Planner(function, "none"), "single")}
+        for function in (lambda known: known.here, farthest)
+    )
+    with refuses(RecipeError, "planner-names-no-room"):
+        search(episodes, stays)
+    outcome = search(episodes, goes)[0]
     assert (outcome.costs[0], outcome.entered[0]) == (7.0, 3)  # straight to 4, through 2 and 3
 
 
@@ -196,7 +183,6 @@ def test_ties_go_to_the_lowest_index() -> None:
         wanted=np.ones((1, 1), dtype=bool),
         presence=np.full((1, 6, 1), 0.5),
         share=np.full((1, 6, 1), 0.5),
-        lots=np.zeros((1, 6)),
     )
-    for name in ("nearest", "random", "greedy-share", "greedy-belief", "ratio"):
+    for name in ("nearest", "greedy-share", "greedy-belief", "ratio"):
         assert ask_planner(PLANNERS[name], known).tolist() == [1]

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bsg_models.search import shortest_paths
 from bsg_models.search.shortest_paths import find_ways, go_straight
 
 
@@ -66,11 +65,3 @@ def test_going_straight_takes_no_detour() -> None:
     assert go_straight(edges).costs[0, 0, 2] == 9.0
     assert find_ways(edges).costs[0, 0, 2] == 2.0
     assert go_straight(edges).steps[0, 0, 2] == 2
-
-
-def test_graphs_one_by_one_have_the_ways_of_all_at_once() -> None:
-    rng = np.random.default_rng(0)
-    edges = np.where(rng.random((2, 40, 40)) < 0.06, rng.uniform(0, 9, (2, 40, 40)), np.inf)
-    together, alone = find_ways(edges), shortest_paths._find_ways_one_by_one(edges)
-    np.testing.assert_allclose(alone.costs, together.costs, rtol=1e-14)
-    np.testing.assert_array_equal(alone.steps, together.steps)

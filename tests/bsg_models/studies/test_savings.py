@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from bsg_data.arrays import Ints
 from bsg_data.dataset.dataset import read_cells
 from bsg_data.errors import RecipeError
 from bsg_models.search.catalogue import PLANNERS, Planner
 from bsg_models.search.knowledge import Knowledge
 from bsg_models.search.planners import nearest
-from bsg_models.search.shortest_paths import Ints
 from bsg_models.search.simulator import Outcome
 from bsg_models.studies.savings import saving_of_buildings, summarise
 from bsg_models.studies.search_cases import StudyRecipe
@@ -90,24 +90,24 @@ def contrary(known: Knowledge) -> Ints:
 
 
 def test_a_planner_of_ones_own_meets_the_same_searches(dataset: Path) -> None:
-    recipe = StudyRecipe(planners=("random",), episodes=10)
+    recipe = StudyRecipe(planners=("routing",), episodes=10)
     runs = dict.fromkeys(list(read_cells(dataset))[-5:])
     own = {"mine": Planner(nearest, "none"), "contrary": Planner(contrary, "none")}
     study = study_search(dataset, runs, recipe, planners=own)
     alone = study_search(dataset, runs, recipe)
-    assert list(study.planners) == ["nearest", "random", "mine", "contrary"]
+    assert list(study.planners) == ["nearest", "routing", "mine", "contrary"]
     for one, two in zip(summarise(study), summarise(alone), strict=True):
         assert list(one.savings) == list(study.planners)
         assert one.savings["mine"].saved.value == 0
         assert one.savings["contrary"].saved.value < 0
         assert np.isnan(one.savings["mine"].beyond_routing.value)  # it reads no belief
-        assert one.savings["random"].saved == two.savings["random"].saved
+        assert one.savings["routing"].saved == two.savings["routing"].saved
 
 
 def test_a_planner_of_ones_own_that_cannot_be_asked_is_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    recipe = StudyRecipe(planners=("random",))
+    recipe = StudyRecipe(planners=("routing",))
     for name in ("nearest", "sweep", "stop 0.1"):
         with pytest.raises(RecipeError, match=f"'{name}': this name is taken"):
             choose_planners(recipe, {name: Planner(contrary)}, remote=False)
@@ -121,4 +121,4 @@ def test_a_planner_of_ones_own_that_cannot_be_asked_is_refused(
         choose_planners(recipe, local, remote=True)
     assert "mine" in choose_planners(recipe, {"mine": Planner(contrary)}, remote=True)
     believing = choose_planners(recipe, {"mine": Planner(contrary, "belief")}, remote=False)
-    assert list(believing) == ["nearest", "random", "mine", "routing"]
+    assert list(believing) == ["nearest", "routing", "mine"]

@@ -41,7 +41,7 @@ def test_a_recipe_names_what_is_searched() -> None:
 def test_without_a_run_no_planner_reads_a_belief() -> None:
     without = make_recipe(request(), CLASSES).planners
     with_run = make_recipe(request(runs=(Path("run"),)), CLASSES).planners
-    assert without == ("nearest", "random", "routing", "oracle")
+    assert without == ("nearest", "routing", "oracle")
     assert set(with_run) > set(without)
 
 

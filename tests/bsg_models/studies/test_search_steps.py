@@ -37,7 +37,6 @@ def step(rows: list[int], presence: list[list[float]], entered: int, target: int
         wanted=np.ones((len(rows), 1), dtype=bool),
         presence=shown,
         share=None,
-        lots=np.zeros(shown.shape[:2]),
     )
     places = (np.full(len(rows), target), np.full(len(rows), entered))
     return Step(np.array(rows), known, *places)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,6 @@ from bsg_models.search.room_graphs import WorldRecipe
 from bsg_models.studies.savings import summarise
 from bsg_models.studies.search_cases import (
     StudyRecipe,
-    find_too_large,
     sample_presence,
     sample_searches,
 )
@@ -101,31 +99,6 @@ def test_buildings_without_a_layout_are_counted(dataset: Path) -> None:
     only = recipe.model_copy(update={"worlds": (WorldRecipe(kind="layout"),)})
     with pytest.raises(DatasetError, match="nothing can be searched"):
         study_search(dataset, runs, only)
-
-
-def test_a_building_too_large_for_a_planner_is_left_out_alone(dataset: Path) -> None:
-    rooms = {scene: len(cells) - 1 for scene, cells in read_cells(dataset).items()}
-    most = sorted(rooms.values())[-2]
-    own = {"patient": replace(PLANNERS["nearest"], most_rooms=most)}
-    recipe = StudyRecipe(artifacts=EVERY, worlds=DRAWN[:1], planners=("nearest",), episodes=2)
-    study = study_search(dataset, dict.fromkeys(rooms), recipe, planners=own)
-    large = {scene for scene, number in rooms.items() if number > most}
-    assert len(large) == 1
-    assert not large & {one.scene_id for one in study.searches}
-    reason = f"more than {most} rooms, the limit of patient; name other planners"
-    assert study.left_out[recipe.worlds[0].name][reason] == 1
-
-
-def test_limits_of_a_study_by_hand() -> None:
-    recipe = StudyRecipe(planners=("nearest",), episodes=200)
-    nearest = {"nearest": PLANNERS["nearest"]}
-    assert find_too_large(706, recipe, nearest) is None
-    assert "706 rooms" in str(find_too_large(707, recipe, nearest))
-    measured = recipe.model_copy(update={"worlds": (WorldRecipe(kind="layout"),)})
-    assert find_too_large(2000, measured, nearest) is None
-    assert "2,000 rooms" in str(find_too_large(2001, measured, nearest))
-    stops = recipe.model_copy(update={"stops": (0.1,)})
-    assert "expected-cost" in str(find_too_large(301, stops, nearest))
 
 
 def test_the_posterior_is_drawn_given_that_one_is_somewhere() -> None:
