@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import Field, ValidationError
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
@@ -26,21 +26,15 @@ from bsg_data.dataset.schema import FORMAT_VERSION
 from bsg_data.files import AnyPath, write_bytes
 from bsg_data.inputs.documents import parse_json
 from bsg_data.recipes import Record, name_fault
-from bsg_data.scene.class_space import hash_classes
 from bsg_data.scene.own_map import OwnMap
 from bsg_models.errors import CheckpointError, ConfigError
 from bsg_models.runs.checkpoint_file import require_safetensors
-from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.construction import make_model
 from bsg_models.zoo.model import BeliefModel
 
 CHECKPOINT_VERSION = 4
-UNTILTED_VERSIONS = (1, 2, 3)  # from before tilted counts and calibrated presence; still read
-MAPPED_VERSIONS = (1, 2)  # name a class map instead of a class space; still read
-UNSEALED_VERSION = 1  # without hashes; still read
 _SEAL = ',"sha256":"'  # begins the hash of the header, which covers all text before it
-_SPARE = 2**24  # numbers that a model may make besides those of its file
 _AGAIN = "take another copy of it, or train again"
 
 
@@ -52,8 +46,7 @@ class CheckpointHeader(Record):
         format_version: version of the dataset format that it was trained on.
         config: of the run.
         class_space: classes of the histograms that it reads and predicts.
-        class_maps: one per source of its dataset: published maps by name, the user's own in full;
-            empty in checkpoints from before this field.
+        class_maps: one per source of its dataset: published maps by name, the user's own in full.
         members: of an ensemble, name → recipe of the member's training.
         vocabulary: categories outside the classes that it reads, in the order of its columns.
         dataset_sha256: of the manifest of the dataset that it was trained on.
@@ -62,7 +55,7 @@ class CheckpointHeader(Record):
         val_loss: validation loss at that epoch; None if there is none.
         best_epoch: epoch with the lowest val_loss so far.
         best_loss: that val_loss; None if there is none.
-        tensors_sha256: of names, types, shapes and bytes of the tensors; None in version 1.
+        tensors_sha256: of names, types, shapes and bytes of the tensors; None until it is saved.
     """
 
     checkpoint_version: int = CHECKPOINT_VERSION
@@ -79,30 +72,6 @@ class CheckpointHeader(Record):
     best_epoch: int = 0
     best_loss: float | None = None
     tensors_sha256: str | None = None
-
-
-class _OldModel(BaseModel):
-    family: str
-
-
-class _OldConfig(BaseModel):
-    model: _OldModel
-
-
-class _OldMap(BaseModel):
-    version: str
-    classes: list[str]
-
-
-class _OldHeader(BaseModel):
-    """Fields of an older header that are converted; all others stay as they are."""
-
-    config: _OldConfig
-    members: dict[str, _OldConfig] = Field(default_factory=dict)
-
-
-class _MappedHeader(_OldHeader):
-    class_map: _OldMap
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +135,7 @@ def load_checkpoint(path: AnyPath) -> Checkpoint:
     with _open(path) as file:
         header = _parse_header(path, file)
         tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    if header.tensors_sha256 not in (None, hash_tensors(tensors)):
+    if header.tensors_sha256 != hash_tensors(tensors):
         raise CheckpointError(
             f"{path}: is damaged: the sha256 of its tensors is not the one in its header; {_AGAIN}"
         )
@@ -200,24 +169,17 @@ def _parse_header(path: Path, file: Any) -> CheckpointHeader:
     try:
         fields = parse_json(text)
         version = fields["checkpoint_version"]
-        if version not in (*UNTILTED_VERSIONS, CHECKPOINT_VERSION):
+        if version != CHECKPOINT_VERSION:
             raise CheckpointError(
-                f"{path}: checkpoint version {version}, this program reads "
-                f"{UNSEALED_VERSION} to {CHECKPOINT_VERSION}"
+                f"{path}: checkpoint version {version!r:.20}, this program reads "
+                f"{CHECKPOINT_VERSION}; train again"
             )
-        if version != UNSEALED_VERSION:
-            covered, _, seal = text.rpartition(_SEAL)
-            if seal != f'{_hash_text(covered)}"}}':
-                raise CheckpointError(
-                    f"{path}: is damaged: its header does not match its sha256; {_AGAIN}"
-                )
-            del fields["sha256"]
-        if version in MAPPED_VERSIONS:
-            _MappedHeader.model_validate(fields, strict=True)
-            _name_class_space(fields)
-        if version in UNTILTED_VERSIONS:
-            _OldHeader.model_validate(fields, strict=True)
-            _add_untilted(fields)
+        covered, _, seal = text.rpartition(_SEAL)
+        if seal != f'{_hash_text(covered)}"}}':
+            raise CheckpointError(
+                f"{path}: is damaged: its header does not match its sha256; {_AGAIN}"
+            )
+        del fields["sha256"]
         header = CheckpointHeader.model_validate(fields)
     except ValidationError as error:  # also raised if a model's package is not installed
         raise CheckpointError(
@@ -227,31 +189,7 @@ def _parse_header(path: Path, file: Any) -> CheckpointHeader:
         raise CheckpointError(
             f"{path}: its header is not a checkpoint's of this project"
         ) from error
-    if (header.tensors_sha256 is None) != (version == UNSEALED_VERSION):
-        raise CheckpointError(
-            f"{path}: is damaged: a checkpoint of version {version} is "
-            f"with{'out' if version == 1 else ''} a "
-            f"sha256 of the tensors; {_AGAIN}"
-        )
     return header
-
-
-def _name_class_space(fields: dict[str, Any]) -> None:
-    """Add the class space to the header of an older version that names a class map."""
-    named = fields.pop("class_map")
-    fields["class_space"] = {
-        "name": named["version"],
-        "sha256": hash_classes(named["classes"]),
-        "classes": named["classes"],
-    }
-
-
-def _add_untilted(fields: dict[str, Any]) -> None:
-    """Add the fields of untilted counts to the header of an older version."""
-    for config in (fields["config"], *fields.get("members", {}).values()):
-        family = config["model"]["family"]
-        if family in ZOO and hasattr(ZOO[family].config, "tilted"):
-            config["model"].setdefault("tilted", 0)
 
 
 def _hash_text(text: str) -> str:
@@ -265,8 +203,7 @@ def restore_model(path: AnyPath, checkpoint: Checkpoint) -> BeliefModel:
         CheckpointError: if a tensor is missing, unknown or has another shape.
     """
     path = Path(path)
-    header = checkpoint.header
-    _require_size(path, checkpoint)
+    header, stored = checkpoint.header, checkpoint.state_of("model")
     try:
         model = make_model(
             header.config,
@@ -274,13 +211,10 @@ def restore_model(path: AnyPath, checkpoint: Checkpoint) -> BeliefModel:
             vocabulary=header.vocabulary,
             members=header.members,
         )
-        model.resize_buffers(checkpoint.state_of("model"))
+        model.resize_buffers(stored)
     except (ConfigError, CheckpointError) as error:
         raise CheckpointError(f"{path}: {error}") from error
-    expected, stored = model.state_dict(), checkpoint.state_of("model")
-    if header.checkpoint_version in UNTILTED_VERSIONS:
-        added = [name for name in expected if name.endswith("presence_calibration")]
-        stored |= {name: torch.zeros_like(expected[name]) for name in added}
+    expected = model.state_dict()
     for name in sorted(expected.keys() | stored.keys()):
         ours = tuple(expected[name].shape) if name in expected else "no such tensor"
         theirs = tuple(stored[name].shape) if name in stored else "no such tensor"
@@ -293,41 +227,6 @@ def restore_model(path: AnyPath, checkpoint: Checkpoint) -> BeliefModel:
     model.load_state_dict(stored)
     model.origin = str(path)
     return model.eval()
-
-
-def _require_size(path: Path, checkpoint: Checkpoint) -> None:
-    """Refuse a configuration that needs more memory than the file holds, before allocating any.
-
-    The model is first made without memory. Its parameters must have the shapes of the file's
-    tensors. Buffers may have other sizes before they are filled, but not many more numbers than the
-    file.
-    """
-    header, stored = checkpoint.header, checkpoint.state_of("model")
-    try:
-        with torch.device("meta"):
-            model = make_model(
-                header.config,
-                classes=len(header.class_space.classes),
-                vocabulary=header.vocabulary,
-                members=header.members,
-            )
-    except (NotImplementedError, RuntimeError):  # a package's model that needs real tensors
-        return
-    except (ConfigError, CheckpointError) as error:
-        raise CheckpointError(f"{path}: {error}") from error
-    for name, parameter in model.named_parameters():
-        ours = tuple(parameter.shape)
-        theirs = tuple(stored[name].shape) if name in stored else "no such tensor"
-        if ours != theirs:
-            raise CheckpointError(
-                f"{path}: {name}: its configuration needs {ours}, the file has {theirs}"
-            )
-    wanted = sum(buffer.numel() for buffer in model.buffers())
-    held = sum(tensor.numel() for tensor in stored.values())
-    if wanted > _SPARE + 4 * held:
-        raise CheckpointError(
-            f"{path}: its configuration needs {wanted:,} numbers, the file has {held:,}"
-        )
 
 
 def require_dataset(path: Path, header: CheckpointHeader, manifest: Manifest) -> None:

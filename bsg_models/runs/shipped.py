@@ -7,6 +7,7 @@ maps.
 from __future__ import annotations
 
 import re
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Literal
@@ -126,12 +127,20 @@ def suggest_shipped(name: str) -> str:
 def read_sums(folder: Path) -> dict[str, str]:
     """Return file → sha256 of a folder of weights, in the listed order; empty without a list.
 
+    It is parsed once as long as the file stays the same.
+
     Raises:
         CheckpointError: naming the faulty line.
     """
     path = folder / SUMS
     if not path.is_file():
         return {}
+    stat = path.stat()
+    return _parse_sums(path, (stat.st_mtime_ns, stat.st_size))
+
+
+@cache
+def _parse_sums(path: Path, _changed: tuple[int, int]) -> dict[str, str]:
     try:
         lines = decode(read_bytes(path, CHECKSUMS, error=CheckpointError)).splitlines()
     except ValueError as error:

@@ -6,7 +6,6 @@ import hashlib
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -27,14 +26,12 @@ from bsg_models.evaluation.measurement import predict_all
 from bsg_models.inputs.graphs import read_split
 from bsg_models.runs import checkpoint as checkpoint_module
 from bsg_models.runs.checkpoint import (
-    Checkpoint,
     hash_tensors,
     load_checkpoint,
     read_header,
     restore_model,
     save_checkpoint,
 )
-from bsg_models.runs.found_model import find_model
 from bsg_models.runs.predictor import Predictor
 from bsg_models.runs.run_folder import BEST, is_finished
 from bsg_models.zoo.gamma_poisson import GammaPoissonModel
@@ -129,72 +126,17 @@ def test_the_same_checkpoint_has_the_same_bytes(path: Path, tmp_path: Path) -> N
     assert (tmp_path / "again").read_bytes() == path.read_bytes()
 
 
-def fields_of_version(path: Path, version: int) -> dict[str, Any]:
-    """Return the header of a checkpoint as an earlier version had it."""
-    fields = json.loads(header_text(path))
-    space = fields.pop("class_space")
-    fields["class_map"] = {"version": space.pop("name"), **space}
-    return {**fields, "checkpoint_version": version}
-
-
-def test_version_1_has_no_hash_and_is_read(path: Path) -> None:
-    loaded = load_checkpoint(path)
-    fields = fields_of_version(path, 1)
-    for added in ("sha256", "tensors_sha256"):
-        del fields[added]
-    save_file(loaded.tensors, path, metadata={"bsg": json.dumps(fields)})
-    again = load_checkpoint(path)
-    assert again.header.tensors_sha256 is None
-    assert again.header.config == loaded.header.config
-    restore_model(path, again)
-    save_checkpoint(path, again.header, again.tensors)  # what is saved is of the new version
-    assert load_checkpoint(path).header == loaded.header
-
-
-@pytest.mark.parametrize("version", [1, 2])
-def test_a_version_that_does_not_go_with_the_hashes_is_refused(path: Path, version: int) -> None:
-    tensors = load_checkpoint(path).tensors
-    fields = fields_of_version(path, version)
-    del fields["sha256" if version == 1 else "tensors_sha256"]
-    save_file(tensors, path, metadata={"bsg": json.dumps(fields)})
-    with pytest.raises(CheckpointError, match="damaged"):
-        load_checkpoint(path)
+def test_a_foreign_version_is_refused_by_name(path: Path) -> None:
+    text = json.dumps({**json.loads(header_text(path)), "checkpoint_version": 3})
+    save_file({"x": torch.zeros(1)}, path, metadata={"bsg": text})
+    with pytest.raises(CheckpointError, match="version 3"):
+        read_header(path)
 
 
 @pytest.mark.parametrize(
     "text", ["[" * 100_000, '{"checkpoint_version": ' + "9" * 5_000 + "}", "5"]
 )
 def test_headers_that_python_cannot_take_are_refused(path: Path, text: str) -> None:
-    save_file({"x": torch.zeros(1)}, path, metadata={"bsg": text})
-    with pytest.raises(CheckpointError, match="its header is not a checkpoint's"):
-        read_header(path)
-
-
-@pytest.mark.parametrize("version", [1, 2, 3])
-@pytest.mark.parametrize(
-    ("key", "odd"),
-    [
-        ("members", [1]),
-        ("members", {"a": 1}),
-        ("members", {"a": {"model": []}}),
-        ("members", None),
-        ("config", 5),
-        ("config", {"model": ["family"]}),
-        ("config", {"model": {"family": ["x"]}}),
-        ("config", {"model": {"family": {}}}),
-        ("class_map", "hm3d45-v1"),
-        ("class_map", {"version": 1, "classes": 5}),
-        ("class_map", {"version": "x", "classes": [[1]]}),
-    ],
-)
-def test_an_old_header_of_an_odd_shape_is_one_error(
-    path: Path, version: int, key: str, odd: object
-) -> None:
-    fields = fields_of_version(path, version)
-    del fields["sha256"]
-    text = json.dumps({**fields, key: odd}).removesuffix("}")
-    seal = hashlib.sha256(text.encode()).hexdigest()
-    text += "}" if version == 1 else f',"sha256":"{seal}"}}'
     save_file({"x": torch.zeros(1)}, path, metadata={"bsg": text})
     with pytest.raises(CheckpointError, match="its header is not a checkpoint's"):
         read_header(path)
@@ -226,14 +168,3 @@ def test_an_answer_that_is_not_finite_is_an_error(
     assert "is not finite" in done.stderr
     assert done.stdout == ""
     assert not out.exists()
-
-
-def test_a_configuration_larger_than_its_file_is_refused_without_memory(tmp_path: Path) -> None:
-    """The tensors are those of a small network; the header asks for one of gigabytes."""
-    loaded = load_checkpoint(find_model("universal").path)
-    config = loaded.header.config
-    large = config.model.model_copy(update={"width": 4096, "depth": 64})
-    header = loaded.header.model_copy(update={"config": config.model_copy(update={"model": large})})
-    forged = Checkpoint(header, loaded.tensors)
-    with pytest.raises(CheckpointError, match="its configuration needs"):
-        restore_model(tmp_path / "x", forged)

@@ -295,7 +295,7 @@ def test_damaged_and_foreign_checkpoints_are_refused(dataset: Path, tmp_path: Pa
     with pytest.raises(CheckpointError, match="its header is not"):
         load_checkpoint(path)
     save_file({"x": torch.zeros(1)}, path, metadata={"bsg": json.dumps({"checkpoint_version": 9})})
-    with pytest.raises(CheckpointError, match="checkpoint version 9, this program reads 1 to 4"):
+    with pytest.raises(CheckpointError, match="checkpoint version 9"):
         load_checkpoint(path)
 
 
