@@ -25,7 +25,6 @@ from bsg_data.dataset.kept_maps import keep_class_map, name_kept
 from bsg_data.dataset.manifest import (
     MANIFEST,
     ClassMapEntry,
-    ClassSpaceEntry,
     Manifest,
     ScenesPerShard,
     SourceEntry,
@@ -42,6 +41,7 @@ from bsg_data.files import AnyPath, resolve_links
 from bsg_data.inputs.bounds import MAX_PARTS
 from bsg_data.recipes import Record
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map, parse_own_map
+from bsg_data.scene.class_space import ClassSpace
 from bsg_data.scene.own_map import OwnMap, is_own_map, read_own_map
 from bsg_data.sources.catalogue import SOURCES, find_terms
 from bsg_data.sources.source import (
@@ -74,7 +74,7 @@ class BuildPlan(Record):
     format_version: int = FORMAT_VERSION
     generator: str
     source: SourceEntry
-    class_space: ClassSpaceEntry
+    class_space: ClassSpace
     scenes_per_shard: ScenesPerShard
     shards: int = Field(ge=0, le=MAX_PARTS)
     not_read: tuple[SkippedScene, ...]
@@ -282,7 +282,7 @@ def _plan(
     plan = BuildPlan(
         generator=f"belief-scene-graphs {version('belief-scene-graphs')}",
         source=_describe_source(source, listing, loaded),
-        class_space=ClassSpaceEntry.of(loaded.space),
+        class_space=loaded.space,
         scenes_per_shard=scenes_per_shard,
         shards=count_shards(len(listing.scenes), scenes_per_shard=scenes_per_shard),
         not_read=(*listing.duplicates, *listing.unreadable),

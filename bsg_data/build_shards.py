@@ -15,7 +15,6 @@ from pydantic import ValidationError
 
 from bsg_data.dataset.commit import BUILD
 from bsg_data.dataset.manifest import (
-    ClassSpaceEntry,
     FileEntry,
     ResolvedEntry,
     Totals,
@@ -94,7 +93,7 @@ def make_shard(
         names.update(obj.raw_category for obj in graph.objects)
         graphs.append(graph)
     report = ShardReport(
-        files=write_shards(graphs, folder, part=part, class_space=ClassSpaceEntry.of(loaded.space)),
+        files=write_shards(graphs, folder, part=part, class_space=loaded.space),
         totals=_total(graphs),
         skipped=tuple(skipped),
         left_out=tuple(left_out),

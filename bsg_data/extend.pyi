@@ -2,7 +2,7 @@ from .build import BuiltPart, Part, build_part, finalise_dataset
 from .dataset.composition import count_sources
 from .dataset.coverage import Coverage, count_classes, measure_coverage
 from .dataset.frequencies import count_frequencies, plot_frequencies, refuse_figure
-from .dataset.manifest import ClassSpaceEntry, Manifest, UnmappedEntry
+from .dataset.manifest import Manifest, UnmappedEntry
 from .exports.catalogue import EXPORTS, EncodedScene, ExportRow
 from .files import write_bytes
 from .observation.hidden_share import ShareBelief
@@ -11,6 +11,7 @@ from .observation.masks import MASKS, Mask
 from .observation.view import View
 from .registry import Registry
 from .scene.class_map import published_maps
+from .scene.class_space import ClassSpace
 from .scene.connections import Connections
 from .scene.mesh_coverage import MeshCoverage
 from .scene.scene_graph import Box
@@ -32,7 +33,7 @@ __all__ = [
     "Box",
     "BuildingSize",
     "BuiltPart",
-    "ClassSpaceEntry",
+    "ClassSpace",
     "Connections",
     "Coverage",
     "EncodedScene",

@@ -18,7 +18,6 @@ import torch
 
 from bsg_data.arrays import Ints
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.manifest import ClassSpaceEntry
 from bsg_data.errors import BSGError
 from bsg_data.observation.observation import Observation
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
@@ -448,7 +447,7 @@ def make_belief(scene_id: str, *, names: Sequence[str]) -> BeliefGraph:
         for known in [class_map.classify(name)]
     )
     pairs = tuple((a, a + 1) for a in range(1, len(rooms)))
-    graph = PartialGraph(scene_id, ClassSpaceEntry.of(class_map.space), 0.25, rooms, objects, pairs)
+    graph = PartialGraph(scene_id, class_map.space, 0.25, rooms, objects, pairs)
     inputs = graph.histograms().astype(float)
     hidden = np.random.default_rng(0).gamma(0.1, 1.0, inputs.shape)
     return believe(graph, from_hidden_counts(inputs, poisson(hidden)), model=scene_id)

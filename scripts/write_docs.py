@@ -49,9 +49,7 @@ def _generate(kind: str, name: str) -> str:
         return f"```text\n{_help(name.split())}\n```"
     if kind == "classes":
         loaded = load_class_map(name)
-        rows = zip(
-            range(len(loaded.classes)), loaded.classes, loaded.space.definitions, strict=True
-        )
+        rows = zip(range(len(loaded.classes)), loaded.classes, loaded.definitions, strict=True)
         return "\n".join(format_markdown(list(rows), header=("index", "class", "definition")))
     if kind == "zoo":
         rows = [(f"`{name}`", ZOO[name].describe()) for name in ZOO]

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from bsg_data.dataset.manifest import ClassSpaceEntry
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box
@@ -16,7 +15,7 @@ from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import from_hidden_counts
 
 LOADED = load_class_map()
-CLASS_SPACE = ClassSpaceEntry.of(LOADED.space)
+CLASS_SPACE = LOADED.space
 HOSTILE = '</script><img src=x onerror="alert(1)">'
 
 

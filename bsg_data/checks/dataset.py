@@ -29,7 +29,6 @@ from bsg_data.dataset.manifest import (
     CARD,
     CROISSANT,
     MANIFEST,
-    ClassSpaceEntry,
     FileEntry,
     Manifest,
     read_card_hashes,
@@ -151,9 +150,7 @@ def _check_classes(manifest: Manifest) -> Iterator[Fault]:
     """Compare class space and class maps with the published ones of the same names."""
     space = manifest.class_space
     try:
-        if space.name in list_class_spaces() and space != ClassSpaceEntry.of(
-            load_class_space(space.name)
-        ):
+        if space.name in list_class_spaces() and space != load_class_space(space.name):
             yield Fault(MANIFEST, f"class space {space.name} is not the published one")
         for ours in {source.class_map for source in manifest.sources}:
             if ours.version in published_maps():

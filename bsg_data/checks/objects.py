@@ -15,8 +15,9 @@ from bsg_data.checks.faults import Fault, ObjectFaults
 from bsg_data.checks.part import NULL, Part, Rows
 from bsg_data.checks.places import ROUNDING, WHOLES, are_partial, read_points
 from bsg_data.checks.scenes import repeats
-from bsg_data.dataset.manifest import ClassSpaceEntry, Manifest
+from bsg_data.dataset.manifest import Manifest
 from bsg_data.scene.class_map import Classified, Role, load_class_map, published_maps
+from bsg_data.scene.class_space import ClassSpace
 
 
 class ObjectCheck:
@@ -29,7 +30,7 @@ class ObjectCheck:
     def __init__(self, manifest: Manifest) -> None:
         """Start a check for the dataset of a manifest."""
         self.faults = ObjectFaults()
-        self._space: ClassSpaceEntry = manifest.class_space
+        self._space: ClassSpace = manifest.class_space
 
     def add(self, part: Part) -> Iterator[Fault]:
         """Check the objects of a part, and yield faults of its scenes' class maps."""

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ValidationError
 
 from bsg_data.dataset.schema import FORMAT_VERSION, SPLIT_NAME
 from bsg_data.errors import DatasetError, MismatchError, RecipeError, SourceError
@@ -23,7 +23,7 @@ from bsg_data.inputs.bounds import MANIFEST_FILE, MAX_PARTS, MAX_ROWS
 from bsg_data.inputs.documents import parse_json, read_json
 from bsg_data.recipes import PairsRecipe, Record, SplitRecipe, name_fault
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.scene.class_space import ClassSpace, hash_classes
+from bsg_data.scene.class_space import ClassSpace
 from bsg_data.scene.mesh_coverage import MeshCoverage
 from bsg_data.scene.spoken_names import Rule
 from bsg_data.sources.source import SkippedScene, Terms
@@ -51,29 +51,6 @@ class FileEntry(Record):
     rows: int = Field(ge=0)
     bytes: int = Field(ge=0)
     sha256: str = Field(pattern=r"^[0-9a-f]{64}$")
-
-
-class ClassSpaceEntry(Record):
-    """The class space of all histograms: its name, hash and ordered classes."""
-
-    name: str
-    sha256: str
-    classes: tuple[str, ...]
-
-    @model_validator(mode="after")
-    def _hash_fits(self) -> ClassSpaceEntry:
-        if self.sha256 != hash_classes(self.classes):
-            raise ValueError(f"the sha256 of class space {self.name} is not that of its classes")
-        return self
-
-    @classmethod
-    def of(cls, space: ClassSpace) -> ClassSpaceEntry:
-        """Describe a class space."""
-        return cls(name=space.name, sha256=space.sha256, classes=space.classes)
-
-    def __str__(self) -> str:
-        """Name it, with the beginning of its hash."""
-        return f"{self.name} (sha256 {self.sha256[:12]}…)"
 
 
 class ClassMapEntry(Record):
@@ -209,7 +186,7 @@ class Manifest(Record):
     format: Literal["bsg"] = "bsg"
     format_version: Literal[3] = FORMAT_VERSION
     generator: str
-    class_space: ClassSpaceEntry
+    class_space: ClassSpace
     sources: tuple[SourceEntry, ...] = Field(min_length=1)
     scenes_per_shard: ScenesPerShard
     totals: Totals
@@ -368,7 +345,7 @@ def hash_manifest(dataset: Path) -> str:
     return hash_file(dataset / MANIFEST, MANIFEST_FILE)
 
 
-def require_class_space(manifest: Manifest, other: ClassSpaceEntry, *, what: str) -> None:
+def require_class_space(manifest: Manifest, other: ClassSpace, *, what: str) -> None:
     """Refuse to mix two class spaces.
 
     Raises:

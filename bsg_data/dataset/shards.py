@@ -17,16 +17,17 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from bsg_data.dataset.manifest import ClassSpaceEntry, FileEntry, Manifest, read_manifest
+from bsg_data.dataset.manifest import FileEntry, Manifest, read_manifest
 from bsg_data.dataset.scene_tables import assemble_graphs, collect_columns
 from bsg_data.dataset.schema import FORMAT_VERSION, SPLITS, TABLES, pairs_schema
 from bsg_data.errors import DatasetError, MismatchError
 from bsg_data.files import AnyPath, encode_json
+from bsg_data.scene.class_space import ClassSpace
 from bsg_data.scene.scene_graph import SceneGraph, is_scene_id
 
 
 def write_shards(
-    graphs: Sequence[SceneGraph], folder: AnyPath, *, part: int, class_space: ClassSpaceEntry
+    graphs: Sequence[SceneGraph], folder: AnyPath, *, part: int, class_space: ClassSpace
 ) -> tuple[FileEntry, ...]:
     """Write one part of every table for some scenes, in the order given.
 
@@ -71,7 +72,7 @@ def writing_parquet(
     schema: pa.Schema,
     *,
     table: str,
-    class_space: ClassSpaceEntry,
+    class_space: ClassSpace,
     **extra: str,
 ) -> Iterator[ParquetFile]:
     """Write a parquet file at a path that nobody reads yet, and flush it.

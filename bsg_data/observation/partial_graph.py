@@ -17,7 +17,6 @@ from bsg_data.arrays import Bools, Counts
 from bsg_data.dataset.categories import place_columns
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import count_cells, to_histograms
-from bsg_data.dataset.manifest import ClassSpaceEntry
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath
@@ -28,6 +27,7 @@ from bsg_data.observation.masks import sample_hidden, sample_view, sample_withhe
 from bsg_data.observation.observation import Observation
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_map import ClassMap, is_nameless
+from bsg_data.scene.class_space import ClassSpace
 from bsg_data.scene.connections import Connections
 from bsg_data.scene.parts import find_wholes, load_parts
 from bsg_data.scene.room_label import list_room_labels
@@ -116,7 +116,7 @@ class PartialGraph:
     """
 
     scene_id: str
-    class_space: ClassSpaceEntry
+    class_space: ClassSpace
     hidden_share: float
     rooms: tuple[KnownRoom, ...]
     objects: tuple[SeenObject, ...]
@@ -266,7 +266,7 @@ def reclassify(graph: PartialGraph, class_map: ClassMap) -> PartialGraph:
     found = [class_map.classify(obj.raw_category) for obj in graph.objects]
     return replace(
         graph,
-        class_space=ClassSpaceEntry.of(class_map.space),
+        class_space=class_map.space,
         objects=tuple(
             replace(obj, category=one.category, class_index=one.class_index)
             for obj, one in zip(graph.objects, found, strict=True)
@@ -275,7 +275,7 @@ def reclassify(graph: PartialGraph, class_map: ClassMap) -> PartialGraph:
 
 
 def mask_scene(
-    graph: SceneGraph, recipe: MaskRecipe, *, draw: int, class_space: ClassSpaceEntry
+    graph: SceneGraph, recipe: MaskRecipe, *, draw: int, class_space: ClassSpace
 ) -> PartialGraph:
     """Return the partial graph that a mask leaves of a scene graph.
 

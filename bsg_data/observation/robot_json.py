@@ -32,7 +32,6 @@ from typing import Annotated, Any, Literal, TypeVar
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, ValidationError
 
-from bsg_data.dataset.manifest import ClassSpaceEntry
 from bsg_data.errors import RecipeError, SourceError
 from bsg_data.files import AnyPath
 from bsg_data.geometry.floor_area import find_floor_area
@@ -44,6 +43,7 @@ from bsg_data.observation.robot_faults import explain_fault, show_json
 from bsg_data.observation.said_share import SaidShare, Share
 from bsg_data.recipes import Record, name_fault
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
+from bsg_data.scene.class_space import ClassSpace
 from bsg_data.scene.scene_graph import Box
 from bsg_data.scene.surroundings import (
     MAX_FLOOR_AREA,
@@ -177,11 +177,11 @@ def parse_robot_graph(
         known = loaded.classify(obj.category)
         return known.category, known.class_index
 
-    space = ClassSpaceEntry.of(loaded.space)
+    space = loaded.space
     return _assemble(said, path=path, class_space=space, classify=classify)
 
 
-def parse_classified_graph(said: Any, *, path: Path, class_space: ClassSpaceEntry) -> PartialGraph:
+def parse_classified_graph(said: Any, *, path: Path, class_space: ClassSpace) -> PartialGraph:
     """Return the partial graph of a document that has the class of every object.
 
     Raises:
@@ -203,7 +203,7 @@ def _assemble(
     said: Any,
     *,
     path: Path,
-    class_space: ClassSpaceEntry,
+    class_space: ClassSpace,
     classify: Callable[[_Object, str], tuple[str | None, int | None]],
 ) -> PartialGraph:
     if isinstance(said, dict) and said.get("format") == "bsg-belief-graph":

@@ -22,7 +22,6 @@ from bsg_data.files import AnyPath
 from bsg_data.scene.class_space import (
     DEFAULT_CLASS_SPACE,
     ClassSpace,
-    load_class_space,
     parse_class_space,
     read_published,
     read_rows,
@@ -78,6 +77,7 @@ class ClassMap:
         sha256: hash of its files: spellings, then classes; for a map with rules also the list of
             structure, the synonyms and the version of the rules.
         space: its class space.
+        definitions: `[C]` one sentence per class.
         structure: categories that are parts of the building, not objects in it.
         entries: spelling → entry, as published.
         normalised: normalised spelling (`normalise_name`) → entry.
@@ -88,6 +88,7 @@ class ClassMap:
     version: str
     sha256: str
     space: ClassSpace
+    definitions: tuple[str, ...]
     structure: frozenset[str]
     entries: Mapping[str, MapEntry]
     normalised: Mapping[str, MapEntry]
@@ -234,7 +235,7 @@ def _load(name: str) -> ClassMap:
     row = published_maps()[name]
     return _parse_map(
         name,
-        load_class_space(row.class_space),
+        row.class_space,
         spellings=read_published(f"{name}.csv"),
         classes=read_published(f"{row.class_space}.classes.csv"),
         structure=read_published(f"{name}.structure.csv"),
@@ -250,12 +251,13 @@ def parse_own_map(own: OwnMap) -> ClassMap:
     """
     if own.name in published_maps():
         raise ClassMapError(f"{own.name} is the name of a published map; choose another name")
-    default = load_class_space(DEFAULT_CLASS_SPACE)
     return _parse_map(
         own.name,
-        default if own.classes is None else parse_class_space(own.name, own.classes),
+        DEFAULT_CLASS_SPACE if own.classes is None else own.name,
         spellings=own.spellings,
-        classes=own.classes or read_published(f"{default.name}.classes.csv"),
+        classes=read_published(f"{DEFAULT_CLASS_SPACE}.classes.csv")
+        if own.classes is None
+        else own.classes,
         structure=b"category\n" if own.structure is None else own.structure,
         synonyms=read_published(SYNONYMS),
     )
@@ -280,6 +282,7 @@ def join_maps(first: ClassMap, *others: ClassMap) -> ClassMap:
         version=" + ".join(one.version for one in maps),
         sha256=hashlib.sha256("".join(one.sha256 for one in maps).encode()).hexdigest(),
         space=first.space,
+        definitions=first.definitions,
         structure=frozenset().union(*(one.structure for one in maps)),
         entries={raw: entry for one in backwards for raw, entry in one.entries.items()},
         normalised={raw: entry for one in backwards for raw, entry in one.normalised.items()},
@@ -294,13 +297,14 @@ def join_maps(first: ClassMap, *others: ClassMap) -> ClassMap:
 
 def _parse_map(
     version: str,
-    space: ClassSpace,
+    space_name: str,
     *,
     spellings: bytes,
     classes: bytes,
     structure: bytes,
     synonyms: bytes | None,
 ) -> ClassMap:
+    space, definitions = parse_class_space(space_name, classes)
     entries, normalised = _parse_spellings(f"{version}.csv", spellings, space)
     rows = read_rows(f"{version}.structure.csv", structure, ("category",))
     hashed = [spellings, classes]
@@ -310,6 +314,7 @@ def _parse_map(
         version=version,
         sha256=hashlib.sha256(b"".join(hashed)).hexdigest(),
         space=space,
+        definitions=definitions,
         structure=frozenset(category for _, (category,) in rows),
         entries=entries,
         normalised=normalised,

@@ -11,11 +11,13 @@ import csv
 import hashlib
 import io
 from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 
+from pydantic import model_validator
+
 from bsg_data.errors import ClassMapError
+from bsg_data.recipes import Record
 from bsg_data.spelling import SHOWN, ask_if_meant
 
 DEFAULT_CLASS_SPACE = "hm3d45-v2"
@@ -23,24 +25,34 @@ MAX_CLASSES = 256  # the objects table stores the index in a byte
 _SUFFIX = ".classes.csv"
 
 
-@dataclass(frozen=True, slots=True)
-class ClassSpace:
-    """An ordered list of classes.
+class ClassSpace(Record):
+    """An ordered list of classes: that of a histogram, as files hold it.
 
     Attributes:
         name: name of the space, e.g. `hm3d45-v1`.
+        sha256: hash of the ordered names.
         classes: `[C]` names.
-        definitions: `[C]` one sentence per class.
     """
 
     name: str
+    sha256: str
     classes: tuple[str, ...]
-    definitions: tuple[str, ...]
 
-    @property
-    def sha256(self) -> str:
-        """The hash of the ordered names."""
-        return hash_classes(self.classes)
+    @model_validator(mode="after")
+    def _hash_fits(self) -> ClassSpace:
+        if self.sha256 != hash_classes(self.classes):
+            raise ValueError(f"the sha256 of class space {self.name} is not that of its classes")
+        return self
+
+    @classmethod
+    def of(cls, name: str, classes: Iterable[str]) -> ClassSpace:
+        """Name and hash an ordered list of classes."""
+        classes = tuple(classes)
+        return cls(name=name, sha256=hash_classes(classes), classes=classes)
+
+    def __str__(self) -> str:
+        """Name it, with the beginning of its hash."""
+        return f"{self.name} (sha256 {self.sha256[:12]}…)"
 
     def class_index(self, name: str) -> int:
         """Return the index of a class.
@@ -52,7 +64,11 @@ class ClassSpace:
             return self.classes.index(name)
         asked = ask_if_meant(name, self.classes, most=3)
         hint = f"; {asked}" if asked else ""
-        raise ClassMapError(f"{name[:SHOWN]!r} is not a class of {self.name}{hint}")
+        raise ClassMapError(
+            f"{name[:SHOWN]!r} is not a class of {self.name}{hint}",
+            code="class-unknown",
+            where=name[:SHOWN],
+        )
 
 
 def hash_classes(classes: Iterable[str]) -> str:
@@ -77,7 +93,7 @@ def load_class_space(name: str = DEFAULT_CLASS_SPACE) -> ClassSpace:
         raise ClassMapError(
             f"no class space {name!r}: published are {', '.join(list_class_spaces())}"
         )
-    return parse_class_space(name, read_published(f"{name}{_SUFFIX}"))
+    return parse_class_space(name, read_published(f"{name}{_SUFFIX}"))[0]
 
 
 def read_published(file: str) -> bytes:
@@ -101,8 +117,8 @@ def read_published(file: str) -> bytes:
     return data
 
 
-def parse_class_space(name: str, data: bytes) -> ClassSpace:
-    """Parse `index,class,definition`.
+def parse_class_space(name: str, data: bytes) -> tuple[ClassSpace, tuple[str, ...]]:
+    """Parse `index,class,definition` as a space, and one sentence per class `[C]`.
 
     Raises:
         ClassMapError: naming the faulty line.
@@ -122,7 +138,7 @@ def parse_class_space(name: str, data: bytes) -> ClassSpace:
         definitions.append(definition)
     if not 1 <= len(classes) <= MAX_CLASSES:
         raise ClassMapError(f"{file}: expected 1 to {MAX_CLASSES} classes, found {len(classes)}")
-    return ClassSpace(name, tuple(classes), tuple(definitions))
+    return ClassSpace.of(name, classes), tuple(definitions)
 
 
 def read_rows(file: str, data: bytes, header: tuple[str, ...]) -> list[tuple[int, list[str]]]:

@@ -9,7 +9,6 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, ValidationError
 
-from bsg_data.dataset.manifest import ClassSpaceEntry
 from bsg_data.errors import MismatchError
 from bsg_data.files import encode_json, write_bytes
 from bsg_data.inputs.bounds import BELIEF
@@ -17,7 +16,7 @@ from bsg_data.inputs.documents import read_json
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.observation.robot_json import encode_robot_graph, parse_classified_graph
 from bsg_data.recipes import Record, name_fault
-from bsg_data.scene.class_space import list_class_spaces, load_class_space
+from bsg_data.scene.class_space import ClassSpace, list_class_spaces, load_class_space
 from bsg_models.belief.belief_graph import BeliefGraph, BlindNode, Mode
 from bsg_models.belief.formats import FormatRow
 from bsg_models.errors import BeliefFileError
@@ -40,7 +39,7 @@ class _Document(Record):
     version: int
     model: str
     mode: Mode
-    class_space: ClassSpaceEntry
+    class_space: ClassSpace
     partial: dict[str, Any]
     expected: list[list[Count]]
     presence: list[list[Probability]]
@@ -120,10 +119,7 @@ def decode_belief(document: Any, *, path: Path) -> BeliefGraph:
             where=path,
         )
     space = entries.class_space
-    if (
-        space.name in list_class_spaces()
-        and ClassSpaceEntry.of(load_class_space(space.name)) != space
-    ):
+    if space.name in list_class_spaces() and load_class_space(space.name) != space:
         raise MismatchError(
             f"{path}: class space {space.name} is not the published one",
             code="class-space-changed",

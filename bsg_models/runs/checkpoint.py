@@ -21,11 +21,12 @@ from pydantic import Field, ValidationError
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
-from bsg_data.dataset.manifest import ClassSpaceEntry, Manifest, require_class_space
+from bsg_data.dataset.manifest import Manifest, require_class_space
 from bsg_data.dataset.schema import FORMAT_VERSION
 from bsg_data.files import AnyPath, write_bytes
 from bsg_data.inputs.documents import parse_json
 from bsg_data.recipes import Record, name_fault
+from bsg_data.scene.class_space import ClassSpace
 from bsg_data.scene.own_map import OwnMap
 from bsg_models.errors import CheckpointError, ConfigError
 from bsg_models.runs.checkpoint_file import require_safetensors
@@ -61,7 +62,7 @@ class CheckpointHeader(Record):
     checkpoint_version: int = CHECKPOINT_VERSION
     format_version: int = FORMAT_VERSION
     config: RunConfig
-    class_space: ClassSpaceEntry
+    class_space: ClassSpace
     class_maps: tuple[str | OwnMap, ...] = ()
     members: dict[str, RunConfig] = Field(default_factory=dict)
     vocabulary: tuple[str, ...] = ()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from bsg_data.dataset.manifest import ClassSpaceEntry
 from bsg_data.errors import ClassMapError
 from bsg_data.scene.class_map import (
     ClassMap,
@@ -45,9 +44,9 @@ def choose_class_map(path: Path, header: CheckpointHeader) -> ClassMap:
             f"{path}: {error}. A checkpoint holds the class map only if its dataset does: "
             "build the dataset again with `bsg-data build`, and train again"
         ) from error
-    if ClassSpaceEntry.of(joined.space) != space:
+    if joined.space != space:
         raise CheckpointError(
             f"{path}: predicts classes of {space}, and its class map {joined.version} leads into "
-            f"{ClassSpaceEntry.of(joined.space)}; train again"
+            f"{joined.space}; train again"
         )
     return joined

@@ -117,7 +117,7 @@ def map_show(category: str, class_map: str, as_json: bool) -> None:
         "rule": known.rule,
         "nearest": [] if mapped else list(loaded.nearest(category)),
         "elsewhere": {} if name or index is not None else find_elsewhere(category),
-        "definition": None if index is None else loaded.space.definitions[index],
+        "definition": None if index is None else loaded.definitions[index],
         "spellings": [] if index is None else spellings,
     }
     if as_json:

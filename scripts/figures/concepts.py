@@ -31,7 +31,7 @@ from bsg_data import (
     read_scene_graphs,
     write_synthetic,
 )
-from bsg_data.extend import BuildingSize, ClassSpaceEntry, GeometryOptions, ShareBelief
+from bsg_data.extend import BuildingSize, ClassSpace, GeometryOptions, ShareBelief
 from bsg_data.observation.partial_graph import hide_of_room
 from bsg_models import Predictor, SeenBuilding, open_graph
 
@@ -184,7 +184,7 @@ def _search(seen: SeenBuilding, planner: str) -> tuple[list[str], float]:
     return route, length
 
 
-def _make_building() -> tuple[SceneGraph, ClassSpaceEntry]:
+def _make_building() -> tuple[SceneGraph, ClassSpace]:
     """Return a synthetic building with places, and its class space."""
     with tempfile.TemporaryDirectory() as name:
         folder, dataset = Path(name, "buildings"), Path(name, "dataset")

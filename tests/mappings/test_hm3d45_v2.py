@@ -88,7 +88,7 @@ def test_the_classes_are_those_of_v1_in_the_same_order(v2: ClassMap) -> None:
     v1 = load_class_map("hm3d45-v1")
     assert v2.classes == v1.classes
     assert v2.space != v1.space  # other definitions, and another name
-    assert all(definition.endswith(".") for definition in v2.space.definitions)
+    assert all(definition.endswith(".") for definition in v2.definitions)
     assert {class_of(v2, name) for name in v2.classes} == set(v2.classes)
 
 

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from bsg_data.dataset.manifest import (
     ClassMapEntry,
-    ClassSpaceEntry,
     Manifest,
     SourceEntry,
     Totals,
@@ -33,7 +32,7 @@ from bsg_data.scene.class_map import Role, load_class_map
 from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph, SceneObject
 
 CLASS_MAP = ClassMapEntry.of(load_class_map())
-CLASS_SPACE = ClassSpaceEntry.of(load_class_map().space)
+CLASS_SPACE = load_class_map().space
 names = st.text(st.characters(exclude_categories=["Cs"]), max_size=12)
 metres = st.floats(-1e3, 1e3)
 points = st.tuples(metres, metres, metres)

@@ -10,7 +10,7 @@ import pytest
 
 from bsg_data.dataset.dataset import read_cells
 from bsg_data.dataset.histograms import to_histograms
-from bsg_data.dataset.manifest import ClassSpaceEntry, read_manifest
+from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import RecipeError
 from bsg_data.observation.hidden_share import ShareBelief
@@ -27,7 +27,7 @@ from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_space import load_class_space
 from bsg_data.scene.room_label import list_room_labels
 
-CLASS_SPACE = ClassSpaceEntry.of(load_class_space())
+CLASS_SPACE = load_class_space()
 CLASS = {name: number for number, name in enumerate(CLASS_SPACE.classes)}
 
 

@@ -48,7 +48,7 @@ def test_the_map_has_the_papers_classes_among_its_45() -> None:
     assert len(class_map.classes) == len(set(class_map.classes)) == 45
     assert class_map.classes == tuple(sorted(class_map.classes))
     assert set(PAPER.split(",")) <= set(class_map.classes)
-    assert all(definition.endswith(".") for definition in class_map.space.definitions)
+    assert all(definition.endswith(".") for definition in class_map.definitions)
 
 
 @pytest.mark.parametrize(
@@ -139,7 +139,8 @@ def test_a_map_of_ones_own(tmp_path: Path) -> None:
     class_map = load_class_map(path)
     assert class_map.version == "own"
     assert class_map.lookup('A  "BIG", chair') == class_map.entries['a "big", chair']
-    assert class_map.space == ClassSpace("own", ("chair",), ("A chair.",))
+    assert class_map.space == ClassSpace.of("own", ("chair",))
+    assert class_map.definitions == ("A chair.",)
     (tmp_path / "own.structure.csv").write_text("category\nwall\n", "utf-8")
     again = parse_own_map(read_own_map(Path(path)))
     assert again.sha256 != class_map.sha256  # roles are in the data, so structure counts

@@ -15,8 +15,11 @@ from bsg_data.scene.class_space import (
 
 
 def test_a_space_by_hand() -> None:
-    space = parse_class_space("two", b"index,class,definition\n0,bed,A bed.\n1,tv,A tv.\n")
+    space, definitions = parse_class_space(
+        "two", b"index,class,definition\n0,bed,A bed.\n1,tv,A tv.\n"
+    )
     assert space.classes == ("bed", "tv")
+    assert definitions == ("A bed.", "A tv.")
     assert space.sha256 == hashlib.sha256(b"bed\ntv").hexdigest() == hash_classes(["bed", "tv"])
     assert space.class_index("tv") == 1
     with pytest.raises(ClassMapError, match="'beds' is not a class of two; did you mean bed"):

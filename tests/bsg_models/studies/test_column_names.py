@@ -6,7 +6,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bsg_data.dataset.manifest import ClassSpaceEntry
 from bsg_data.files import stem_of
 from bsg_data.scene.class_space import load_class_space
 from bsg_models.runs.checkpoint import CheckpointHeader
@@ -16,7 +15,7 @@ from bsg_models.studies.column_names import name_runs
 from bsg_models.zoo.catalogue import BASELINES
 from bsg_models.zoo.config import find_config
 
-SPACE = ClassSpaceEntry.of(load_class_space())
+SPACE = load_class_space()
 
 
 def run_of(model: str, folder: str, kind: Kind = "run") -> tuple[FoundModel, CheckpointHeader]:

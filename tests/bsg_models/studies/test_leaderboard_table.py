@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bsg_data.dataset.manifest import ClassMapEntry, ClassSpaceEntry, Manifest, SourceEntry, Totals
+from bsg_data.dataset.manifest import ClassMapEntry, Manifest, SourceEntry, Totals
 from bsg_data.scene.class_map import load_class_map
 from bsg_models.evaluation.bootstrap import Bootstrap
 from bsg_models.evaluation.catalogue import list_values
@@ -43,7 +43,7 @@ def board(values: Mapping[str, float]) -> Leaderboard:
 def _small_manifest() -> Manifest:
     return Manifest(
         generator="test",
-        class_space=ClassSpaceEntry.of(load_class_map().space),
+        class_space=load_class_map().space,
         sources=(
             SourceEntry(
                 kind="hm3d",

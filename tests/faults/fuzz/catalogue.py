@@ -17,7 +17,6 @@ from conftest import REPOSITORY
 from dsg_files import robot_graph
 from house_files import HOUSE
 
-from bsg_data.dataset.manifest import ClassSpaceEntry
 from bsg_data.geometry.gltf import read_parts
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_data.observation.robot_json import read_robot_graph
@@ -120,7 +119,7 @@ def _make_mesh() -> bytes:
 
 
 def _make_belief() -> bytes:
-    space = ClassSpaceEntry.of(load_class_map().space)
+    space = load_class_map().space
     room = KnownRoom("kitchen", hidden_share=0.5, label="kitchen", box=Box((0, 0, 0), (1, 1, 2)))
     seen = SeenObject("o", 1, "chair", "chair", space.classes.index("chair"), (1.0, 1.0, 1.0))
     graph = PartialGraph(
