@@ -82,7 +82,7 @@ CONFIG = Bound("configuration, TOML", 64 * KIB)
 CHECKPOINT = Bound(
     "checkpoint, safetensors",
     4 * GIB,
-    "16 MiB of header; no network larger than its tensors is made",
+    "16 MiB of header",
 )
 CHECKPOINT_HEADER = Bound("header of a checkpoint", 16 * MIB)
 PRIOR = Bound("prior table, JSON", 16 * MIB, _NESTED)

@@ -84,17 +84,6 @@ def read_shipped_card(name: str) -> str:
     return _find_file(f"{name}.md").read_text("utf-8")
 
 
-def hash_of_shipped(name: str) -> str:
-    """Return the sha256 of the checkpoint of a shipped model, as listed in `SHA256SUMS`.
-
-    Raises:
-        RecipeError: if no model has this name; the message suggests the nearest.
-        CheckpointError: if none are shipped.
-    """
-    require_shipped(name)
-    return read_sums(weights_folder())[f"{name}{SUFFIX}"]
-
-
 def require_shipped(name: str) -> None:
     """Refuse a name that no shipped model has.
 
