@@ -11,6 +11,8 @@ from scipy.sparse.csgraph import shortest_path
 
 from bsg_data.arrays import Bools, Floats, Ints
 
+_TOGETHER = 30  # nodes; with more, one graph at a time is faster
+
 
 @dataclass(frozen=True, eq=False)
 class Travel:
@@ -44,6 +46,23 @@ class Travel:
 
 def find_ways(edges: Floats) -> Travel:
     """Return the cheapest ways over edges `[E, N, N]`: costs ≥ 0 from row to column, ∞ for none."""
+    return _search_together(edges) if edges.shape[1] <= _TOGETHER else _search_each(edges)
+
+
+def _search_together(edges: Floats) -> Travel:
+    """Return the cheapest ways in many small graphs at once, by Floyd and Warshall."""
+    straight = go_straight(edges)
+    costs, steps = straight.costs, straight.steps
+    for k in range(edges.shape[1]):
+        through = costs[:, :, k, None] + costs[:, None, k]
+        better = through < costs
+        costs = np.where(better, through, costs)
+        steps = np.where(better, steps[:, :, k, None], steps)
+    return Travel(costs, steps)
+
+
+def _search_each(edges: Floats) -> Travel:
+    """Return the cheapest ways in large graphs one by one, over their edges only."""
     costs, steps = np.empty(edges.shape), np.empty(edges.shape, dtype=np.int16)
     itself = np.arange(edges.shape[1])[:, None]
     for number, one in enumerate(edges):

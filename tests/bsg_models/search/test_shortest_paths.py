@@ -65,3 +65,15 @@ def test_going_straight_takes_no_detour() -> None:
     assert go_straight(edges).costs[0, 0, 2] == 9.0
     assert find_ways(edges).costs[0, 0, 2] == 2.0
     assert go_straight(edges).steps[0, 0, 2] == 2
+
+
+def test_a_large_graph_has_the_ways_of_its_parts() -> None:
+    """A graph beside rooms that nothing joins to it has the same ways as alone."""
+    rng = np.random.default_rng(0)
+    edges = np.where(rng.random((2, 20, 20)) < 0.15, rng.uniform(0, 9, (2, 20, 20)), np.inf)
+    large = np.full((2, 60, 60), np.inf)
+    large[:, :20, :20] = edges
+    alone, among = find_ways(edges), find_ways(large)
+    np.testing.assert_allclose(among.costs[:, :20, :20], alone.costs, rtol=1e-14)
+    np.testing.assert_array_equal(among.steps[:, :20, :20], alone.steps)
+    assert np.isinf(among.costs[:, :20, 20:]).all()
