@@ -108,12 +108,11 @@ def fit_gamma_prior(tally: Tally) -> tuple[float, float]:
     A class that never occurs gets a prior as weak as half an object in all rooms together.
     """
     values, times = tally
-    constant = float(times @ gammaln(values + 1.0))  # it would change when the search stops
     mean = max(float(values @ times) / float(times.sum()), 0.5 / float(times.sum()))
 
     def cost(log_shape: Floats) -> float:
         a = float(np.exp(log_shape[0]))
-        return -float(times @ log_negative_binomial(values, mean, a)) - constant
+        return -float(times @ _log_likelihood(values, mean, a))
 
     minimum = minimize(cost, x0=np.zeros(1), bounds=[(-8.0, 8.0)], method="L-BFGS-B")
     a = float(np.exp(minimum.x[0]))
@@ -150,6 +149,16 @@ def fit_tilted_prior(tally: Tally, shape: float, rate: float, *, tilted: int) ->
     return float(a), float(a / mean), *best[2:].tolist()
 
 
+def _log_likelihood(counts: Floats, mean: Floats | float, dispersion: float) -> Floats:
+    """Return log P(counts) of a negative binomial without the term −log counts!.
+
+    Where the likelihood is flat, the last bit decides where a fit stops: published fits have this.
+    """
+    choose = gammaln(counts + dispersion) - gammaln(dispersion)
+    power = counts * np.log(mean / (mean + dispersion))
+    return np.asarray(choose - dispersion * np.log1p(mean / dispersion) + power)
+
+
 def fit_dispersion(counts: Floats, means: Floats) -> Floats:
     """Return the dispersions `[C]` that maximise the likelihood of counts given means `[N, C]`."""
     dispersions = np.empty(counts.shape[1])
@@ -157,7 +166,7 @@ def fit_dispersion(counts: Floats, means: Floats) -> Floats:
 
         def cost(log_r: float, values: Floats = values, mean: Floats = mean) -> float:
             r = float(np.exp(log_r))
-            return -float(log_negative_binomial(values, mean, r).sum())
+            return -float(_log_likelihood(values, mean, r).sum())
 
         dispersions[c] = np.exp(minimize_scalar(cost, bounds=(-4.0, 6.0), method="bounded").x)
     return dispersions
