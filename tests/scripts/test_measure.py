@@ -109,7 +109,7 @@ def test_a_page_of_results_says_how_it_was_made() -> None:
     assert re.findall(r"^\| \[\w+\]\(([^)]+)\)", index, re.MULTILINE)
     for path in MEASURED:
         _, *sections = path.read_text("utf-8").split("\n## ")
-        assert sections[-1].startswith("How it was made\n\n```sh\n"), path.name
+        assert sections[-1].startswith("How it was made\n\n```"), path.name
         assert re.search(r"^- Date: \d{4}-\d\d-\d\d$", sections[-1], re.MULTILINE), path.name
         assert f"]({path.name})" in index, path.name
 
