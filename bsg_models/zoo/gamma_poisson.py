@@ -23,7 +23,7 @@ from pydantic import Field
 from scipy.optimize import minimize, minimize_scalar
 from scipy.special import gammaln
 
-from bsg_data.arrays import Floats
+from bsg_data.arrays import Floats, Ints
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import negative_binomial
@@ -149,7 +149,7 @@ def fit_tilted_prior(tally: Tally, shape: float, rate: float, *, tilted: int) ->
     return float(a), float(a / mean), *best[2:].tolist()
 
 
-def _log_likelihood(counts: Floats, mean: Floats | float, dispersion: float) -> Floats:
+def _log_likelihood(counts: Floats | Ints, mean: Floats | float, dispersion: float) -> Floats:
     """Return log P(counts) of a negative binomial without the term −log counts!.
 
     Where the likelihood is flat, the last bit decides where a fit stops: published fits have this.

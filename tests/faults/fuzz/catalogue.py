@@ -278,9 +278,7 @@ TARGETS = (
     ),
     Target(
         name="predictions",
-        read=lambda folder, data: list(
-            read_predictions(put(folder, ".parquet", data), most_rows=10_000)
-        ),
+        read=lambda folder, data: read_predictions(put(folder, ".parquet", data), most_rows=10_000),
         seeds=lambda: {"whole": _to_parquet(_PREDICTIONS)},
         words=("PAR1", "int8", "double", "binary", "p2"),
         most=4_000,
