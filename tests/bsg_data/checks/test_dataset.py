@@ -240,6 +240,10 @@ def without_an_end(frame: pd.DataFrame) -> pd.DataFrame:
         (EDGES, adjacent("distance_m", -1.0), "unknown method or distance"),
         (EDGES, adjacent("distance_m", np.inf), "unknown method or distance"),
         (EDGES, adjacent("distance_m", None), "unknown method or distance"),
+        (EDGES, adjacent("source_index", 0), "must join two rooms, lower index first, once"),
+        (EDGES, adjacent("source_index", 2), "must join two rooms, lower index first, once"),
+        (EDGES, adjacent("target_index", 999), "must join two rooms, lower index first, once"),
+        (EDGES, adjacent("target_kind", "object"), "must join two rooms, lower index first, once"),
     ],
 )
 def test_damaged_geometry_is_found(
