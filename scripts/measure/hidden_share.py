@@ -2,10 +2,9 @@
 
     python scripts/measure/hidden_share.py --data hm3d --models run --out PAGE
 
-A mask knows the true share of every half-seen room. The script asks a model about the same rooms
-with the true share, with one half, and with uncertain shares that the model integrates over. It
-compares the likelihood of the hidden objects. `--look` is ν of an estimate's Beta distribution: how
-sure the estimate is.
+A mask knows the true share of every half-seen room. A model is asked about the same rooms with the
+true share, with one half, and with uncertain shares that it integrates over. `--look` is ν of an
+estimate's Beta distribution: how sure the estimate is.
 """
 
 from __future__ import annotations
@@ -14,20 +13,13 @@ import argparse
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from datetime import date
 from pathlib import Path
 
 import numpy as np
-from building_means import BuildingMeans
-from results_page import (
-    ResultsPage,
-    ResultsTable,
-    describe,
-    format_estimate,
-    write_page,
-)
+from folds import Shares, add_shares
+from results import ResultsTable, format_estimate, write_page
 
-from bsg_data.arrays import Counts, Floats
+from bsg_data.arrays import Counts
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.hidden_share import CURVES, VAGUE, ShareBelief
 from bsg_data.observation.partial_graph import PartialGraph, mask_dataset
@@ -35,25 +27,19 @@ from bsg_data.recipes import MaskRecipe
 from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation.bootstrap import Bootstrap, bootstrap
 from bsg_models.inputs.folds import scenes_of
-from bsg_models.runs.found_model import find_model
 from bsg_models.runs.predictor import Predictor
 
 MASK = MaskRecipe(strategy="explore")
-LEARNED = "The model was trained on the val and test buildings"
-CALIBRATED = "The model was calibrated on the val buildings and has not seen the test buildings"
-LEAST = 1e-6  # keeps a presence this far from 0 and 1 before the logarithm
-TRUE, NUMBER = "the true share", "an estimate, its mean only"
-UPDATED = "an estimate, updated by what was seen"
+TRUE = "the true share"
 WAYS = {  # row of the table → what the model is told, and whether what was seen updates it
     TRUE: ("true", False),
     "one half": ("half", False),
     "no estimate, integrated over": ("vague", False),
     "no estimate, updated by what was seen": ("vague", True),
-    NUMBER: ("mean", False),
+    "an estimate, its mean only": ("mean", False),
     "an estimate, integrated over": ("look", False),
-    UPDATED: ("look", True),
+    "an estimate, updated by what was seen": ("look", True),
 }
-MEANS = ("nll", "log_loss", "brier", "said", "true", "expected", "hidden")
 
 
 def tell(graph: PartialGraph, believe: Callable[[int, float], ShareBelief]) -> PartialGraph:
@@ -87,127 +73,91 @@ def list_told(graph: PartialGraph, *, draw: int, size: float) -> dict[str, Parti
     }
 
 
-def weigh(found: Expectation, hidden: Counts, rooms: Sequence[int]) -> dict[str, float]:
-    """Return the sums of `MEANS` over the classes of some rooms."""
-    said = np.clip(found.presence[rooms], LEAST, 1 - LEAST)
-    there = hidden[rooms] > 0
-    return {
-        "nll": -float(found.log_probability(hidden.astype(float))[rooms].sum()),
-        "log_loss": -float(np.where(there, np.log(said), np.log1p(-said)).sum()),
-        "brier": float(((said - there) ** 2).sum()),
-        "said": float(said.sum()),
-        "true": float(there.sum()),
-        "expected": float(found.hidden[rooms].sum()),
-        "hidden": float(hidden[rooms].sum()),
+def tally(found: Expectation, hidden: Counts, rooms: Sequence[int]) -> Shares:
+    """Return what each of some rooms adds to the means over its classes, `[rooms]`."""
+    said, there = np.clip(found.presence[rooms], 1e-6, 1 - 1e-6), hidden[rooms] > 0
+    loss = -np.where(there, np.log(said), np.log1p(-said)).sum(axis=1)
+    sums = {
+        "nll": -found.log_probability(hidden.astype(float))[rooms].reshape(len(rooms), -1).sum(1),
+        "log_loss": loss,
+        "brier": ((said - there) ** 2).sum(axis=1),
+        "said": said.sum(axis=1),
+        "true": there.sum(axis=1),
+        "expected": found.hidden[rooms].sum(axis=1),
+        "hidden": hidden[rooms].sum(axis=1),
     }
+    cells = np.full(len(rooms), float(hidden.shape[1]))
+    return {name: (values.astype(float), cells) for name, values in sums.items()}
 
 
 def measure(
     predictor: Predictor, cases: Sequence[tuple[int, PartialGraph, Counts]], *, size: float
-) -> tuple[dict[str, Bootstrap], dict[str, Floats]]:
-    """Return the means of each way, and the error of each share's mean `[rooms]`."""
-    sums: dict[str, dict[str, list[dict[str, float]]]] = {way: {} for way in WAYS}
-    cells: dict[str, float] = {}
+) -> dict[str, tuple[Bootstrap, float]]:
+    """Return the means of each way, and the root mean square error of the share's mean."""
+    batches: dict[str, list[tuple[int, Sequence[str], Shares]]] = {way: [] for way in WAYS}
     errors: dict[str, list[float]] = {way: [] for way in WAYS}
     for draw, graph, truth in cases:
         rooms = [n for n, room in enumerate(graph.rooms, 1) if 0 < room.hidden_share < 1]
         if not rooms:
             continue
-        hidden = truth - graph.histograms()
-        cells[graph.scene_id] = cells.get(graph.scene_id, 0) + len(rooms) * truth.shape[1]
         told = list_told(graph, draw=draw, size=size)
         for way, (name, update) in WAYS.items():
             shares = [room.share for room in told[name].rooms]
             if update:
                 shares = [*predictor.believe_shares(told[name])]
-            found = weigh(predictor(told[name], weigh_seen=update), hidden, rooms)
-            sums[way].setdefault(graph.scene_id, []).append(found)
+            found = predictor(told[name], weigh_seen=update)
+            added = tally(found, truth - graph.histograms(), rooms)
+            batches[way].append((0, [graph.scene_id] * len(rooms), added))
             errors[way] += [shares[n - 1].mean - graph.rooms[n - 1].hidden_share for n in rooms]
-    scenes = tuple(cells)
-    number = np.array([cells[scene] for scene in scenes])
-    found_of = {}
-    for way, by_scene in sums.items():
-        totals = {
-            name: np.array([sum(one[name] for one in by_scene[scene]) for scene in scenes])
-            for name in MEANS
-        }
-        means = BuildingMeans(scenes, totals, dict.fromkeys(MEANS, number))
-        found_of[way] = bootstrap(means, resamples=1000)
-    return found_of, {way: np.array(values) for way, values in errors.items()}
+    return {
+        way: (
+            bootstrap(add_shares(batches[way]), resamples=1000),
+            float(np.sqrt(np.mean(np.square(errors[way])))),
+        )
+        for way in WAYS
+    }
 
 
-def tabulate(
-    title: str,
-    found: Mapping[str, Bootstrap],
-    errors: Mapping[str, Floats],
-    *,
-    shipped: bool,
-    again: bool = False,
-) -> ResultsTable:
-    """Return the means, a row a way.
-
-    Args:
-        title: name of the model.
-        found: means of each way.
-        errors: errors of the share's mean of each way.
-        shipped: whether the model was trained on all buildings.
-        again: whether a table above explains the values.
-    """
+def tabulate(title: str, found: Mapping[str, tuple[Bootstrap, float]]) -> ResultsTable:
+    """Return the means, a row a way."""
+    true = found[TRUE][0]
     rows = []
-    for way, means in found.items():
-        gap = means.difference(found[TRUE], "nll")
+    for way, (means, error) in found.items():
+        gap = means.difference(true, "nll")
+        point = means.point
         rows.append(
             (
                 way,
-                f"{np.sqrt((errors[way] ** 2).mean()):.2f}",
-                f"{means.point['nll']:.4f}",
+                f"{error:.2f}",
+                f"{point['nll']:.4f}",
                 "" if way == TRUE else format_estimate(gap, signed=True),
-                f"{means.point['log_loss']:.4f}",
-                f"{means.point['brier']:.4f}",
-                f"{means.point['said'] / means.point['true']:.2f}",
-                f"{means.point['expected'] / means.point['hidden']:.2f}",
+                "" if way == TRUE else f"{100 * gap.value / true.point['nll']:+.1f} %",
+                f"{point['log_loss']:.4f}",
+                f"{point['brier']:.4f}",
+                f"{point['said'] / point['true']:.2f}",
+                f"{point['expected'] / point['hidden']:.2f}",
             )
         )
-    said = found[TRUE].nodes["nll"]
-    known = LEARNED if shipped else CALIBRATED
-    values = (
-        "All else is as above."
-        if again
-        else f"Values are means over {said:,} (room, class, mask) cells of half-seen rooms of the "
-        f"val and test buildings. Masks: {MASK}. Differences are paired, with 95 % intervals over "
-        "buildings. The error of the share is the root mean square error of its mean. "
+    reading = (
+        f"Means over {true.nodes['nll']:,} (room, class, mask) cells of half-seen rooms of the val "
+        f"and test buildings. Masks: {MASK}. Differences are paired, with 95 % intervals over "
+        "buildings. The error of the share is the root mean square error of its mean. A shipped "
+        "model was trained on these buildings; a run was calibrated on the val buildings. "
         "[Hidden share](../hidden-share.md) explains the estimates."
     )
-    reading = f"{known}. {values}"
     header = (
         *("told", "error of the share", "−log P(hidden counts)", "difference from true share"),
-        *("log-loss of presence", "Brier", "presence predicted / true", "counts expected / true"),
+        *("relative", "log-loss of presence", "Brier", "presence predicted / true"),
+        "counts expected / true",
     )
-    return ResultsTable(title, header, tuple(rows), reading)
+    return ResultsTable(title, header, rows, reading)
 
 
-def conclude(name: str, found: Mapping[str, Bootstrap]) -> str:
-    """Return how much worse the likelihood is without the true share."""
-    lost = {
-        way: 100 * means.difference(found[TRUE], "nll").value / found[TRUE].point["nll"]
-        for way, means in found.items()
-    }
-    best = min((way for way in lost if way.startswith("no estimate")), key=lost.__getitem__)
-    return (
-        f"`{name}`: −log P(hidden counts) is {lost['one half']:.1f} % higher when the model is "
-        f"told one half than with the true share. It is {lost[best]:.1f} % higher with {best}. "
-        f"It is {lost[NUMBER]:.1f} % higher with {NUMBER}, and {lost[UPDATED]:.1f} % higher with "
-        f"{UPDATED}."
-    )
-
-
-def read_cases(
-    data: Dataset, path: Path, *, draws: int
-) -> Iterator[tuple[int, PartialGraph, Counts]]:
+def read_cases(data: Dataset, *, draws: int) -> Iterator[tuple[int, PartialGraph, Counts]]:
     """Yield (draw, masked graph, true histograms) of every val and test building."""
     scenes = {scene for split in ("val", "test") for scene in scenes_of(data, split)}
     for draw in range(draws):
-        for graph, truth in mask_dataset(path, scenes, MASK, draw=draw):
+        for graph, truth in mask_dataset(data.path, scenes, MASK, draw=draw):
             yield draw, graph, truth
 
 
@@ -221,23 +171,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--look", type=float, default=CURVES["floor"].size)
     options = parser.parse_args(argv)
     data = Dataset.open(options.data)
-    cases = list(read_cases(data, options.data, draws=options.draws))
-    tables: list[ResultsTable] = []
-    conclusions = []
+    cases = list(read_cases(data, draws=options.draws))
+    tables = []
     for name in options.models:
         predictor = Predictor(name)
-        found, errors = measure(predictor, cases, size=options.look)
-        shipped = find_model(name).kind == "shipped"
-        again = bool(tables)
-        tables.append(tabulate(predictor.name, found, errors, shipped=shipped, again=again))
-        conclusions.append(conclude(predictor.name, found))
-    page = ResultsPage(
-        "The cost of an unknown hidden share",
-        tuple(conclusions),
-        tuple(tables),
-        describe(data, [__file__, *(argv or sys.argv[1:])], date=date.today().isoformat()),
-    )
-    write_page(page, options.out)
+        tables.append(tabulate(predictor.name, measure(predictor, cases, size=options.look)))
+    words = [__file__, *(argv or sys.argv[1:])]
+    write_page(options.out, "The cost of an unknown hidden share", tables, argv=words, data=data)
     return 0
 
 

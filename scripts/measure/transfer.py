@@ -13,19 +13,10 @@ import argparse
 import shutil
 import sys
 from collections.abc import Hashable, Iterator, Mapping, Sequence
-from datetime import date
 from pathlib import Path
 
-from fold_models import FoldModel, measure_models
-from results_page import (
-    ResultsPage,
-    ResultsTable,
-    describe,
-    format_estimate,
-    is_told_apart,
-    write_page,
-)
-from tallies import tally_likelihood
+from folds import FoldModel, measure, tally_likelihood
+from results import ResultsTable, format_estimate, write_page
 
 from bsg_data.dataset.commit import revise
 from bsg_data.dataset.dataset import Dataset
@@ -34,11 +25,7 @@ from bsg_data.dataset.splits import assign_splits, write_splits
 from bsg_data.merge import merge_datasets
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
-from bsg_models.evaluation.bootstrap import Bootstrap, bootstrap
-from bsg_models.evaluation.catalogue import METRICS
-from bsg_models.evaluation.measurement import Measured, SplitWeights, predict_all, read_truth
-from bsg_models.evaluation.streams import Stream
-from bsg_models.evaluation.truth import Prediction
+from bsg_models.evaluation.bootstrap import Bootstrap
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import BEST, is_finished
 from bsg_models.studies.leaderboard_runs import run_of
@@ -148,68 +135,23 @@ def find_parts(both: Dataset) -> dict[str, set[str]]:
     return {name: scenes for name, scenes in parts.items() if scenes}
 
 
-def open_models(
-    name: str, runs: Sequence[Path], both: Dataset, part: set[str]
-) -> Iterator[FoldModel]:
+def open_models(runs: Sequence[Path], both: Dataset, part: set[str]) -> Iterator[FoldModel]:
     """Yield the model of every fold with those scenes of a group that are in the fold."""
     for fold, run in enumerate(runs):
         scenes = tuple(scene for scene in both.splits[f"fold-{fold}"] if scene in part)
         if scenes:
             model = restore_model(run / BEST, load_checkpoint(run / BEST))
-            yield FoldModel(name, fold, both, model, scenes, run)
+            yield FoldModel(fold, both, model, scenes, run)
 
 
-def rank_unseen(
-    folds: Sequence[FoldModel], mask: MaskRecipe, *, draws: int, resamples: int
-) -> Bootstrap:
-    """Return how well the models of several folds rank rooms by their unseen classes.
-
-    `auroc` is the AUROC of unseen classes: its mean over classes, then over folds.
-    """
-    weights = SplitWeights([fold.scenes for fold in folds], resamples=resamples, seed=0)
-    measured = []
-    for number, fold in enumerate(folds):
-        stream = Stream(fold.scenes, weights.of_split(number))
-        ranking = METRICS["presence_auroc_macro"].start(stream)
-        for masked in fold.stream(mask, draws=draws):
-            found = predict_all(fold.model, masked)
-            ranking.add(stream.batch(Prediction(read_truth(masked), found)))
-        values, key = ranking.finish(), ("rooms", "unseen")
-        measured.append(Measured({"auroc": values.values[key]}, {"auroc": values.nodes[key]}))
-    return weights.average(measured).bootstrap()
-
-
-def conclude(found: dict[str, dict[str, Bootstrap]]) -> tuple[str, ...]:
-    """Return what training on both changes in each group, compared with HM3D alone."""
-    sentences: list[str] = []
-    better: list[str] = []
-    worse: list[str] = []
-    for part in found[BOTH]:
-        both, alone = found[BOTH][part], found[HM3D][part]
-        changes = []
-        for name, what in (("nll", "NLL"), ("auroc", "unseen AUROC")):
-            gap = both.difference(alone, name)
-            told = "" if is_told_apart(gap) else ", not distinguishable from 0"
-            changes.append(f"{what} {format_estimate(gap, signed=True)}{told}")
-        sentences.append(f"- {part}: {'; '.join(changes)}.")
-        gap = both.difference(alone, "nll")
-        if is_told_apart(gap):
-            (better if gap.value < 0 else worse).append(part)
-    said = [
-        f"{how} the hidden NLL on {' and on '.join(parts)}"
-        for how, parts in (("lowers", better), ("raises", worse))
-        if parts
-    ] or ["does not change the hidden NLL by more than chance"]
-    first = f"Training on both sources instead of HM3D alone {' and '.join(said)}."
-    return (first, "The changes:\n\n" + "\n".join(sentences))
-
-
-def tabulate(found: dict[str, dict[str, Bootstrap]], name: str) -> tuple[tuple[str, ...], ...]:
+def tabulate(found: Mapping[str, Mapping[str, Bootstrap]]) -> list[list[str]]:
     """Return a row for each training, a column for each group of test buildings."""
-    return tuple(
-        (trained, *(format_estimate(one.estimate(name)) for one in by_part.values()))
+    rows = [
+        [trained, *(format_estimate(one.estimate("nll")) for one in by_part.values())]
         for trained, by_part in found.items()
-    )
+    ]
+    gaps = [both.difference(found[HM3D][part], "nll") for part, both in found[BOTH].items()]
+    return [*rows, ["both − HM3D", *(format_estimate(gap, signed=True) for gap in gaps)]]
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -244,47 +186,33 @@ def main(argv: Sequence[str] | None = None) -> int:
             train(config, data[name], options.runs / folder, fold=fold)
             for fold in range(options.folds)
         ]
-        found[name] = {}
-        for part, scenes in parts.items():
-            folds = tuple(open_models(name, runs, data[BOTH], scenes))
-            likelihood = bootstrap(
-                measure_models(iter(folds), tally_likelihood, mask=mask, draws=options.draws),
+        found[name] = {
+            part: measure(
+                open_models(runs, data[BOTH], scenes),
+                tally_likelihood,
+                mask=mask,
+                draws=options.draws,
                 resamples=options.resamples,
             )
-            ranking = rank_unseen(folds, mask, draws=options.draws, resamples=options.resamples)
-            found[name][part] = Bootstrap(
-                likelihood.point | ranking.point,
-                likelihood.resampled | ranking.resampled,
-                likelihood.nodes | ranking.nodes,
-            )
-            print(f"measured {name} on {part}", flush=True)
-    header = ("trained on", *(f"{part} ({len(scenes)})" for part, scenes in parts.items()))
-    tested = (
+            for part, scenes in parts.items()
+        }
+        print(f"measured {name}", flush=True)
+    reading = (
         f"Less is better. Model: `{options.model}`; {options.draws} `{options.mask}` masks of "
         "every building; 95 % intervals over buildings. A column is a group of test buildings, "
-        "with their number."
+        "with their number. The last row is a paired difference."
     )
-    tables = (
-        ResultsTable(
-            "Hidden NLL over the classes of all rooms",
-            header,
-            tabulate(found, "nll"),
-            tested,
-        ),
-        ResultsTable(
-            "AUROC of the unseen classes of a room",
-            header,
-            tabulate(found, "auroc"),
-            "More is better. Mean over the classes, then over the folds.",
-        ),
+    header = ("trained on", *(f"{part} ({len(scenes)})" for part, scenes in parts.items()))
+    table = ResultsTable(
+        "Hidden NLL over the classes of all rooms", header, tabulate(found), reading
     )
-    page = ResultsPage(
+    write_page(
+        options.out,
         "Training on one source, testing on another",
-        conclude(found),
-        tables,
-        describe(data[BOTH], [__file__, *(argv or sys.argv[1:])], date=date.today().isoformat()),
+        [table],
+        argv=[__file__, *(argv or sys.argv[1:])],
+        data=data[BOTH],
     )
-    write_page(page, options.out)
     return 0
 
 

@@ -6,34 +6,25 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fold_models import FoldModel
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from refusals import refuses
-from searched_rooms import measure_searched
 
-from bsg_data.build import build_dataset
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.shards import read_scene_graphs
-from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import MismatchError, RecipeError
 from bsg_data.observation.masked_buildings import sample_masked
-from bsg_data.observation.pairs import write_pairs
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, mask_scene
-from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
+from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_space import ClassSpace
-from bsg_data.sources.hm3d import HM3DFolder
-from bsg_data.synthetic.buildings import write_synthetic
 from bsg_models.belief.belief_graph import believe, complete, rank_unseen
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import from_hidden_counts, from_totals
 from bsg_models.inputs.folds import scenes_of
-from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.predictor import Predictor
-from bsg_models.runs.run_folder import BEST
 from bsg_models.training.training import train_run
-from bsg_models.zoo.config import find_config, override, validate_config
+from bsg_models.zoo.config import find_config
 
 FOUR = ClassSpace.of("test", ("bed", "lamp", "sink", "tv"))
 GRAPH = PartialGraph(
@@ -116,26 +107,3 @@ def test_a_model_reads_a_partial_graph_as_it_reads_a_masked_building(
 def test_a_graph_of_another_class_space_is_refused(run: Path) -> None:
     with pytest.raises(MismatchError):
         Predictor(run)(GRAPH)
-
-
-@pytest.mark.parametrize("source", ["synthetic", "real"])
-def test_beliefs_about_unvisited_rooms_improve_as_others_are_searched(
-    source: str, request: pytest.FixtureRequest, tmp_path: Path
-) -> None:
-    if source == "real":
-        folder = request.getfixturevalue("shared") / "annotations"
-    else:
-        folder = tmp_path / "buildings"
-        list(write_synthetic(folder, scenes=120, seed=0))
-    data, mask = tmp_path / "data", MaskRecipe(strategy="rooms")
-    build_dataset(HM3DFolder(folder), data)
-    split_dataset(data, SplitRecipe())
-    write_pairs(data, PairsRecipe(mask=mask, draws=2))
-    tables = override(find_config("mixture").model_dump(mode="json"), ["data.mask.strategy=rooms"])
-    list(train_run(validate_config(tables, source="test"), data, tmp_path / "run"))
-    best, opened = tmp_path / "run" / BEST, Dataset.open(data)
-    model = restore_model(best, load_checkpoint(best))
-    one = FoldModel("mixture@rooms", 0, opened, model, scenes_of(opened, "val"), best.parent)
-    gains = measure_searched(one, orders=3)
-    assert len(gains.scene_ids) > 10
-    assert all(gain > 0 for gain in gains.evaluate().values()), gains.evaluate()

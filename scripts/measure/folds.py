@@ -1,0 +1,252 @@
+"""Measure each model of a leaderboard on the buildings that it was not trained on.
+
+`NAME@MASK` names a model by its configuration and the mask of its training; its runs are
+`BOARD/MASK/fold-K/NAME`. A tally says what each node adds to some means; means are over nodes or
+cells, and buildings can be resampled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from bsg_data.arrays import Bools, Floats
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.errors import DatasetError
+from bsg_data.observation.masked_buildings import MaskedBuildings, stream_sampled
+from bsg_data.recipes import MaskRecipe
+from bsg_models.belief.expectation import Expectation
+from bsg_models.evaluation.bootstrap import Bootstrap, bootstrap
+from bsg_models.evaluation.measurement import predict_all, read_truth
+from bsg_models.evaluation.metric_rows import hidden_nll
+from bsg_models.evaluation.truth import Truth
+from bsg_models.inputs.folds import scenes_of
+from bsg_models.runs.checkpoint import load_checkpoint, restore_model
+from bsg_models.runs.run_folder import BEST
+from bsg_models.studies.leaderboard import DATASET
+from bsg_models.studies.leaderboard_runs import run_of
+from bsg_models.zoo.model import BeliefModel
+from bsg_models.zoo.threads import one_thread
+
+# Name → what each node adds to the sum, `[N]`, and its number of cells, `[N]`.
+Shares = Mapping[str, tuple[Floats, Floats]]
+Tally = Callable[[Truth, MaskedBuildings, Expectation], Shares]
+VIEWS = ("half-seen", "glimpsed", "unvisited")  # of rooms that hide something
+
+
+@dataclass(frozen=True, eq=False)
+class FoldModel:
+    """A model, and the scenes of the fold that it was trained without."""
+
+    fold: int
+    data: Dataset
+    model: BeliefModel
+    scenes: tuple[str, ...]
+    run: Path
+
+    def stream(self, mask: MaskRecipe, *, draws: int) -> Iterator[MaskedBuildings]:
+        """Yield masks 0 to `draws` - 1 of every building of the fold, in batches."""
+        for draw in range(draws):
+            yield from stream_sampled(
+                self.data, self.scenes, mask=mask, draw=draw, vocabulary=self.model.vocabulary
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class BuildingMeans:
+    """Means over the nodes of buildings; it is `Measurable`.
+
+    Attributes:
+        sums: a row a building, with (fold, scene) as its index; a column a name.
+        cells: number of cells behind each sum.
+        by_fold: whether a value is the mean over the folds, as in a leaderboard; else all cells
+            are pooled, which suits rare ones.
+    """
+
+    sums: pd.DataFrame
+    cells: pd.DataFrame
+    by_fold: bool = False
+
+    @property
+    def scene_ids(self) -> tuple[str, ...]:
+        """The buildings."""
+        return tuple(self.sums.index.get_level_values("scene"))
+
+    def evaluate(self, building_weights: Floats | None = None) -> dict[str, float]:
+        """Return every mean; the weights `[B]` say how often each building counts."""
+        weights = np.ones(len(self.sums)) if building_weights is None else building_weights
+        sums, cells = self.sums.mul(weights, axis=0), self.cells.mul(weights, axis=0)
+        if self.by_fold:
+            sums, cells = (each.groupby(level="fold").sum() for each in (sums, cells))
+            return {str(k): float(v) for k, v in (sums / cells).mean().items()}
+        return {str(k): float(v) for k, v in (sums.sum() / cells.sum()).items()}
+
+    def count_nodes(self, metric: str) -> int:
+        """Return the number of cells behind a mean."""
+        return int(self.cells[metric].sum())
+
+
+def add_shares(
+    batches: Iterable[tuple[int, Sequence[str], Shares]], *, by_fold: bool = False
+) -> BuildingMeans:
+    """Return the means over batches of (fold, scene of each node `[N]`, shares).
+
+    >>> shares = {"x": (np.array([1.0, 3.0, 5.0]), np.array([1.0, 1.0, 2.0]))}
+    >>> means = add_shares([(0, ("a", "a", "b"), shares)])
+    >>> means.evaluate(), means.evaluate(np.array([1.0, 0.0]))
+    ({'x': 2.25}, {'x': 2.0})
+    """
+    frames = []
+    for fold, scenes, shares in batches:
+        index = pd.MultiIndex.from_product([[fold], scenes], names=["fold", "scene"])
+        parts = {(name, part): both[part] for name, both in shares.items() for part in (0, 1)}
+        frames.append(pd.DataFrame(parts, index=index).groupby(level=["fold", "scene"]).sum())
+    joined = pd.concat(frames).groupby(level=["fold", "scene"]).sum().sort_index(level="scene")
+    return BuildingMeans(joined.xs(0, axis=1, level=1), joined.xs(1, axis=1, level=1), by_fold)
+
+
+def list_models(board: Path, masks: Sequence[str] | None = None) -> list[str]:
+    """Return the names `NAME@MASK` of all finished models of a leaderboard.
+
+    Args:
+        board: folder of the leaderboard.
+        masks: masks of the trainings; None for all.
+    """
+    found = [
+        f"{path.parent.name}@{path.parents[2].name}"
+        for path in sorted(board.glob(f"*/fold-0/*/{BEST}"))
+        if masks is None or path.parents[2].name in masks
+    ]
+    if not found:
+        raise DatasetError(
+            f"{board}: expected the folder of a leaderboard, MASK/fold-K/NAME/{BEST}, found no "
+            "model; run `bsg-leaderboard` first",
+            code="leaderboard-empty",
+            where=board,
+        )
+    return found
+
+
+def open_dataset(board: Path, name: str) -> Dataset:
+    """Return the dataset in folds that the runs of `NAME@MASK` were trained on."""
+    there = board / name.partition("@")[2] / DATASET
+    # Masks without stored pairs of their own share a dataset: all have the same folds.
+    return Dataset.open(there if there.is_dir() else sorted(board.glob(f"*/{DATASET}"))[0])
+
+
+def open_folds(board: Path, name: str) -> Iterator[FoldModel]:
+    """Yield the model of every fold of `NAME@MASK`."""
+    data = open_dataset(board, name)
+    model, _, mask = name.partition("@")
+    for fold in range(len(data.splits)):
+        run = run_of(board / mask, model, fold)
+        restored = restore_model(run / BEST, load_checkpoint(run / BEST))
+        yield FoldModel(fold, data, restored, scenes_of(data, "test", fold=fold), run)
+
+
+def mask_of(data: Dataset, strategy: str) -> MaskRecipe:
+    """Return a mask with fraction and seed of a leaderboard's dataset; no class is withheld."""
+    base = MaskRecipe() if data.manifest.pairs is None else data.manifest.pairs.mask
+    return MaskRecipe(strategy=strategy, fraction=base.fraction, seed=base.seed)
+
+
+def measure(
+    models: Iterable[FoldModel],
+    tally: Tally,
+    *,
+    mask: MaskRecipe,
+    draws: int,
+    resamples: int,
+    by_fold: bool = False,
+    without: Sequence[str] = (),
+) -> Bootstrap:
+    """Return means over the buildings of several folds, each predicted by its own model.
+
+    Args:
+        models: of different buildings.
+        tally: what each node adds.
+        mask: that the buildings are tested under.
+        draws: masks of every building.
+        resamples: of the buildings.
+        by_fold: whether a value is the mean over the folds.
+        without: evidence that is withheld from the models; the tally receives it.
+    """
+
+    def batches() -> Iterator[tuple[int, Sequence[str], Shares]]:
+        for one in models:
+            for masked in one.stream(mask, draws=draws):
+                truth = read_truth(masked)
+                told = replace(masked, seen=masked.seen.without(*without)) if without else masked
+                scenes = np.array(truth.scene_ids)[truth.building]
+                yield one.fold, scenes, tally(truth, masked, predict_all(one.model, told))
+
+    with one_thread():
+        means = add_shares(batches(), by_fold=by_fold)
+    return bootstrap(means, resamples=resamples)
+
+
+def tally_likelihood(truth: Truth, masked: MaskedBuildings, found: Expectation) -> Shares:
+    """Return `nll`: −log P(hidden counts), over the classes of every room."""
+    rooms = (~truth.is_building).astype(float)
+    return {"nll": (hidden_nll(truth, found) * rooms, rooms)}
+
+
+def tally_views(truth: Truth, masked: MaskedBuildings, found: Expectation) -> Shares:
+    """Return `nll/VIEW`, and `gap/VIEW`: presence minus outcome, for the `VIEWS` of rooms."""
+    gap = (found.presence - (truth.hidden > 0)).sum(axis=1)
+    loss, classes = hidden_nll(truth, found), truth.inputs.shape[1]
+    shares = {}
+    for view, rooms in view_rooms(masked).items():
+        shares[f"nll/{view}"] = (loss * rooms, rooms.astype(float))
+        shares[f"gap/{view}"] = (gap * rooms, classes * rooms.astype(float))
+    return shares
+
+
+def view_rooms(masked: MaskedBuildings) -> Mapping[str, Bools]:
+    """Return which nodes are rooms of each of the `VIEWS`, `[N]`.
+
+    The robot was in a half-seen room, looked through the door of a glimpsed one, and saw nothing of
+    an unvisited one.
+    """
+    seen = masked.seen
+    rooms = ~seen.is_building
+    partly = rooms & (seen.hidden_share > 0) & (seen.hidden_share < 1)
+    kinds = (partly & seen.visited, partly & ~seen.visited, rooms & (seen.hidden_share == 1))
+    return dict(zip(VIEWS, kinds, strict=True))
+
+
+def tally_second(
+    truth: Truth, masked: MaskedBuildings, found: Expectation, *, classes: Mapping[str, int]
+) -> Shares:
+    """Return `said/CLASS` and `true/CLASS`: predicted and true P(another one | one is seen).
+
+    They are over the rooms that show exactly one of the class and hide a part of their objects.
+    """
+    views = view_rooms(masked)
+    partly = views["half-seen"] | views["glimpsed"]
+    shares = {}
+    for name, c in classes.items():
+        cells = (partly & (truth.inputs[:, c] == 1) & ~masked.seen.withheld[:, c]).astype(float)
+        shares[f"said/{name}"] = (found.presence[:, c] * cells, cells)
+        shares[f"true/{name}"] = ((truth.hidden[:, c] > 0) * cells, cells)
+    return shares
+
+
+def tally_surroundings(truth: Truth, masked: MaskedBuildings, found: Expectation) -> Shares:
+    """Return `floor_area` and `labels`: log-loss of presence in unvisited rooms that have them."""
+    known = masked.seen.surroundings
+    said = np.clip(found.presence, 1e-6, 1 - 1e-6)
+    loss = -np.where(truth.hidden > 0, np.log(said), np.log1p(-said)).sum(axis=1)
+    unvisited = view_rooms(masked)["unvisited"]
+    shares = {}
+    for name, has in (
+        ("floor_area", np.isfinite(known.floor_area)),
+        ("labels", known.labels.any(axis=1)),
+    ):
+        rooms = (unvisited & has).astype(float)
+        shares[name] = (loss * rooms, truth.inputs.shape[1] * rooms)
+    return shares

@@ -1,0 +1,347 @@
+"""Write a page of results from a finished leaderboard.
+
+    bsg-leaderboard --data hm3d --masks uniform,rooms --out board
+    python scripts/measure/report.py leaderboard --leaderboard board --out leaderboard.md
+
+`leaderboard` reads the board's numbers. The other pages measure its models again, each on the
+buildings that it was not trained on: `masks` under every mask and in every view of a room,
+`ablation` as differences from `--base`, `fixtures` by P(another one | one is seen), `room_size`
+with and without floor area and room label, `search` by the cost that beliefs save.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from folds import (
+    VIEWS,
+    Tally,
+    list_models,
+    mask_of,
+    measure,
+    open_dataset,
+    open_folds,
+    tally_likelihood,
+    tally_second,
+    tally_surroundings,
+    tally_views,
+)
+from results import ResultsTable, format_estimate, is_told_apart, write_page
+
+from bsg_data.errors import DatasetError
+from bsg_models.evaluation.bootstrap import Bootstrap, estimate_value
+from bsg_models.studies.leaderboard_report import REPORT
+from bsg_models.studies.savings import WorldResult
+from bsg_models.studies.search_report import SearchRequest, report_search
+
+MASKS = ("uniform", "rooms", "frontier", "explore", "search")
+MODEL = "model@training mask"
+INTERVAL = "with 95 % intervals over buildings"
+COLUMNS = {
+    "NLL ↓": "hidden_nll",
+    "AUROC macro ↑": "presence_auroc_macro/all",
+    "AUROC micro ↑": "presence_auroc_micro/all",
+    "AUROC unseen ↑": "presence_auroc_macro/unseen",
+    "calibration error ↓": "presence_calibration_error/all",
+}
+UNVISITED = {
+    "AUROC macro ↑": "presence_auroc_macro/unvisited",
+    "AP macro ↑": "presence_ap_macro/unvisited",
+    "AP micro ↑": "presence_ap_micro/unvisited",
+    "calibration error ↓": "presence_calibration_error/unvisited",
+}
+SINGLE = ("refrigerator", "tv", "bathtub", "toilet", "dishwasher", "microwave", "stove")
+IN_PAIRS = ("nightstand", "pillow", "washing machine")  # this class includes dryers
+EVIDENCE = {"floor_area": "floor area", "labels": "room label"}
+WORLDS = ("star:1-10", "complete:5-10", "tree:1-10", "layout")
+PLANNERS = ("greedy-share", "expected-cost", "oracle")
+TASKS = {"single": "the first object of the class is", "all": "all objects of the class are"}
+Tables = list[ResultsTable]
+
+
+def report_leaderboard(options: argparse.Namespace) -> Tables:
+    """Return a table a mask, and one of the rooms not entered where a mask leaves some."""
+    board = json.loads((options.leaderboard / REPORT).read_text("utf-8"))
+    tables = []
+    for mask, models in board["masks"].items():
+        ranked = sorted(models, key=lambda name: _metric(models[name], "hidden_nll")["value"])
+        rows = [
+            [
+                f"`{name}`",
+                *(_halved(_metric(models[name], column)) for column in COLUMNS.values()),
+                _halved(models[name].get("nll_over_gamma_poisson"), digits=3),
+                f"{models[name]['seconds']:.0f}",
+            ]
+            for name in ranked
+        ]
+        header = ("model", *COLUMNS, "NLL ÷ gamma-poisson", "training, s")
+        reading = "Values are means over the folds; ± is half the 95 % interval over buildings."
+        tables.append(ResultsTable(f"Masks: {mask}", header, rows, reading))
+        rows = [
+            [f"`{name}`", *(_halved(_metric(models[name], one)) for one in UNVISITED.values())]
+            for name in ranked
+        ]
+        if not any("–" in row for row in rows):
+            reading = (
+                "Only rooms of which nothing was seen: an AUROC of 0.5 is guessing. In the table "
+                "above, rooms that were entered hide nothing, so a model that only knows which "
+                "rooms were entered is well above 0.5."
+            )
+            title = f"Rooms not entered, masks: {mask}"
+            tables.append(ResultsTable(title, ("model", *UNVISITED), rows, reading))
+    return tables
+
+
+def _metric(model: Mapping[str, Any], name: str) -> dict[str, Any]:
+    return dict(model["metrics"].get(f"rooms/{name}") or {"value": None})
+
+
+def _halved(value: Mapping[str, float | None] | None, *, digits: int = 4) -> str:
+    """Return a value and half of its interval; – if there is none."""
+    if value is None or value["value"] is None:
+        return "–"
+    low, high = value.get("low"), value.get("high")
+    text = f"{value['value']:.{digits}f}"
+    return text if low is None or high is None else f"{text} ± {(high - low) / 2:.1g}"
+
+
+def report_masks(options: argparse.Namespace) -> Tables:
+    """Return the NLL by mask, and the calibration of half-seen, glimpsed and unvisited rooms."""
+    found = {name: _by_mask(options, name, tally_likelihood) for name in _models(options)}
+    best = {mask: min((one[mask] for one in found.values()), key=_nll) for mask in MASKS}
+    rows = []
+    for name, by_mask in found.items():
+        cells = [f"{_nll(by_mask[mask]):.4f}" for mask in MASKS]
+        level = [not is_told_apart(by_mask[m].difference(best[m], "nll")) for m in MASKS]
+        gap = max(_nll(by_mask[mask]) - _nll(best[mask]) for mask in MASKS)
+        marked = [f"**{c}**" if same else c for c, same in zip(cells, level, strict=True)]
+        rows.append([f"`{name}`", *marked, f"{gap:+.4f}"])
+    reading = (
+        "Hidden NLL over the classes of all rooms, mean over the folds; less is better. Bold marks "
+        "the best of a column, and every model whose paired 95 % interval over buildings does not "
+        "separate it from the best. “Largest gap” is the largest distance to the best of a column."
+    )
+    header = (MODEL, *MASKS, "largest gap")
+    likelihood = ResultsTable("NLL by training mask and test mask", header, rows, reading)
+    names = [f"{what}/{view}" for view in VIEWS for what in ("gap", "nll")]
+    rows = []
+    for name in found:
+        views = _under(options, name, tally_views, mask="explore", by_fold=True)
+        cells = [format_estimate(views.estimate(n), signed=n.startswith("gap")) for n in names]
+        rows.append([f"`{name}`", *cells])
+    reading = (
+        "Predicted minus true presence, and NLL, under `explore` masks: means over the classes of "
+        f"the rooms of a view, {INTERVAL}. 0 is calibrated; above 0, the model predicts too much."
+    )
+    heads = [f"{view}: {what}" for view in VIEWS for what in ("predicted − true", "NLL")]
+    title = "Calibration and NLL by view of the room"
+    return [likelihood, ResultsTable(title, (MODEL, *heads), rows, reading)]
+
+
+def report_ablation(options: argparse.Namespace) -> Tables:
+    """Return the NLL of the base, and the paired difference of each variant, a column a mask."""
+    base, trained_on = options.base, options.base.partition("@")[2]
+    against = _by_mask(options, base, tally_likelihood)
+    rows = [[f"`{base}`", *(f"{_nll(against[mask]):.4f}" for mask in MASKS)]]
+    for name in options.models or list_models(options.leaderboard, [trained_on]):
+        if name != base:
+            found = _by_mask(options, name, tally_likelihood)
+            gaps = [found[mask].difference(against[mask], "nll") for mask in MASKS]
+            rows.append([f"`{name}`", *(format_estimate(gap, signed=True) for gap in gaps)])
+    reading = (
+        "The first row is the hidden NLL of the base over the classes of all rooms. The other rows "
+        f"are paired differences from it, {INTERVAL}. Above 0 is worse. "
+        "[Results](README.md#model-names) explains the names."
+    )
+    return [ResultsTable("Difference from the base, by mask", ("variant", *MASKS), rows, reading)]
+
+
+def report_fixtures(options: argparse.Namespace) -> Tables:
+    """Return P(another one | a room shows exactly one): the truth, and what each model says."""
+    names = _models(options)
+    space = open_dataset(options.leaderboard, names[0]).manifest.class_space.classes
+    classes = {name: space.index(name) for name in (*SINGLE, *IN_PAIRS) if name in space}
+    tally = partial(tally_second, classes=classes)
+    found = {name: _under(options, name, tally, mask="uniform") for name in names}
+    first = found[names[0]]
+    rows = []
+    for name in classes:
+        key = f"true/{name}"
+        if first.nodes[key]:
+            share = estimate_value(
+                first.point[key], first.resampled[key], nodes=first.nodes[key], rule="percentile"
+            )
+            said = [f"{100 * one.point[f'said/{name}']:.0f}" for one in found.values()]
+            true = format_estimate(share, digits=0, scale=100)
+            rows.append([name, str(first.nodes[key]), true, *said])
+    reading = (
+        "P(at least one more is hidden), in per cent, over all rooms and `uniform` masks that show "
+        "exactly one object of the class. The true share has a 95 % interval over buildings."
+    )
+    header = ("class", "rooms", "true", *(f"`{name}`" for name in names))
+    return [ResultsTable("Probability of a second object", header, rows, reading)]
+
+
+def report_room_size(options: argparse.Namespace) -> Tables:
+    """Return the loss in unvisited rooms, told neither, one or both of floor area and label."""
+    found = {
+        name: {
+            told: _under(options, name, tally_surroundings, mask="rooms", without=without)
+            for told, without in (
+                ("neither", tuple(EVIDENCE)),
+                *((one, tuple(other for other in EVIDENCE if other != one)) for one in EVIDENCE),
+                ("both", ()),
+            )
+        }
+        for name in _models(options)
+    }
+    nodes = next(iter(found.values()))["both"].nodes
+    tables = []
+    for one, what in EVIDENCE.items():
+        if not nodes[one]:
+            continue
+        rows = []
+        for name, told in found.items():
+            gap = told[one].difference(told["neither"], one)
+            losses = [f"{told[how].point[one]:.4f}" for how in ("neither", one, "both")]
+            relative = f"{100 * gap.value / told['neither'].point[one]:+.1f} %"
+            rows.append([f"`{name}`", *losses, format_estimate(gap, signed=True), relative])
+        reading = (
+            f"Log-loss of presence, mean over {nodes[one]:,} (room, class, mask) cells of "
+            f"unvisited rooms with a known {what}. The difference compares the {what} alone with "
+            f"neither, paired, {INTERVAL}. Below 0, the {what} helps."
+        )
+        header = ("model", "told neither", f"told the {what}", "told both", "difference")
+        tables.append(ResultsTable(what.capitalize(), (*header, "relative"), rows, reading))
+    if not tables:
+        raise DatasetError(
+            f"{options.leaderboard}: no unvisited room has a known floor area or room label",
+            code="evidence-unknown",
+            where=options.leaderboard,
+        )
+    return tables
+
+
+def report_searches(options: argparse.Namespace) -> Tables:
+    """Return the cost that each model and planner saves, a column a world, a table a task."""
+    found = {name: _search(options, name) for name in _models(options)}
+    first = next(iter(found))
+    tables = []
+    for task, end in TASKS.items():
+        rows = []
+        for name, results in found.items():
+            one_task = [one for one in results if one.task == task]
+            for planner in PLANNERS:
+                if planner != "oracle" or name == first:
+                    saved = [one.savings[planner].saved for one in one_task]
+                    cells = [format_estimate(one, digits=1, scale=100) for one in saved]
+                    who = "the truth" if planner == "oracle" else f"`{name}`"
+                    rows.append([who, f"`{planner}`", *cells])
+        worlds = [one for one in found[first] if one.task == task]
+        header = ("belief of", "planner", *(f"`{w.world}` ({w.buildings})" for w in worlds))
+        reading = (
+            f"The search ends when {end} found. Values are the cost saved compared with going to "
+            f"the nearest room, in per cent, {INTERVAL}. Below 0, the planner costs more. The "
+            "number of buildings is behind each world."
+        )
+        tables.append(ResultsTable(f"Task `{task}`", header, rows, reading))
+    return tables
+
+
+def _search(options: argparse.Namespace, name: str) -> list[WorldResult]:
+    with tempfile.TemporaryDirectory() as folder:
+        request = SearchRequest(
+            dataset=open_dataset(options.leaderboard, name).path,
+            runs=tuple(one.run for one in open_folds(options.leaderboard, name)),
+            planners=PLANNERS,
+            worlds=tuple(options.worlds),
+            episodes=options.episodes,
+            masks=options.draws,
+            resamples=options.resamples,
+            out=Path(folder) / "search",
+        )
+        return report_search(request).results
+
+
+def _models(options: argparse.Namespace) -> list[str]:
+    return options.models or list_models(options.leaderboard)
+
+
+def _by_mask(options: argparse.Namespace, name: str, tally: Tally) -> dict[str, Bootstrap]:
+    return {mask: _under(options, name, tally, mask=mask, by_fold=True) for mask in MASKS}
+
+
+def _under(
+    options: argparse.Namespace,
+    name: str,
+    tally: Tally,
+    *,
+    mask: str,
+    by_fold: bool = False,
+    without: Sequence[str] = (),
+) -> Bootstrap:
+    print(f"measures {name} under {mask}", file=sys.stderr, flush=True)
+    return measure(
+        open_folds(options.leaderboard, name),
+        tally,
+        mask=mask_of(open_dataset(options.leaderboard, name), mask),
+        draws=options.draws,
+        resamples=options.resamples,
+        by_fold=by_fold,
+        without=without,
+    )
+
+
+def _nll(one: Bootstrap) -> float:
+    return one.point["nll"]
+
+
+PAGES: dict[str, tuple[str, Callable[[argparse.Namespace], Tables]]] = {
+    "leaderboard": ("Leaderboard", report_leaderboard),
+    "masks": ("One model for every kind of mask", report_masks),
+    "ablation": ("What each part of the model is worth", report_ablation),
+    "fixtures": ("Is there a second object of the class?", report_fixtures),
+    "room_size": ("What floor area and room label tell about a room", report_room_size),
+    "search": ("What a belief saves in object search", report_searches),
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Measure, and write the page."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("page", choices=PAGES)
+    parser.add_argument("--leaderboard", type=Path, required=True, help="folder of bsg-leaderboard")
+    parser.add_argument("--out", type=Path, required=True, help="page to write")
+    parser.add_argument("--title", help="heading of the page")
+    parser.add_argument("--found", default="", help="what was found, in words above the tables")
+    parser.add_argument("--models", nargs="*", help="NAME@MASK; default: all")
+    parser.add_argument("--base", default="universal@mixed", help="of the ablation")
+    parser.add_argument("--draws", type=int, default=5, help="masks of every building")
+    parser.add_argument("--episodes", type=int, default=200, help="searches of every building")
+    parser.add_argument("--worlds", nargs="*", default=list(WORLDS), help="of the searches")
+    parser.add_argument("--resamples", type=int, default=1000)
+    options = parser.parse_args(argv)
+    title, make = PAGES[options.page]
+    words = [word for word in argv or sys.argv[1:] if word not in ("--found", options.found)]
+    write_page(
+        options.out,
+        options.title or title,
+        make(options),
+        argv=[__file__, *words],
+        found=options.found,
+        data=open_dataset(options.leaderboard, list_models(options.leaderboard)[0]),
+    )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
