@@ -39,7 +39,9 @@ def hold(folder: Path, *, wait: float = 0.0) -> Iterator[None]:
         lock.acquire(timeout=wait)
     except Timeout as error:
         raise DatasetError(
-            f"{folder}: another command is writing there; wait until it is done"
+            f"{folder}: another command is writing there; wait until it is done",
+            code="folder-busy",
+            where=folder,
         ) from error
     except OSError as error:
         if error.errno == errno.ENAMETOOLONG:

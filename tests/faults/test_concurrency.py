@@ -1,181 +1,147 @@
-"""Two commands on one dataset: one wins, the other says so, and some serial order gives the same.
+"""Two commands on one folder: one wins, the other says so, and nothing is a mix.
 
-In short, one command runs inside the transaction of the other: when it has the lock, and before it
-gives the lock back. In full, pairs of processes race, too.
+One command runs inside the other: when that has the lock, or while it works.
 """
 
 from __future__ import annotations
 
 import shutil
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from itertools import combinations_with_replacement, product
 from pathlib import Path
 
 import pytest
+from refusals import refuses
 
 from bsg_data import (
     PairsRecipe,
     SplitRecipe,
     build_dataset,
     check_dataset,
-    export_dataset,
     merge_datasets,
     read_manifest,
     split_dataset,
     write_pairs,
     write_synthetic,
 )
-from bsg_data.errors import DatasetError
+from bsg_data.errors import BSGError, DatasetError
 from bsg_data.extend import HM3DFolder, count_frequencies
 from bsg_data.lock import hold
+from bsg_data.recipes import MaskRecipe
+from bsg_models.studies.belief_report import BeliefRequest, MaskedScenes, report_beliefs
+from bsg_models.studies.evaluation_report import EvaluationRequest, report_evaluation
+from bsg_models.studies.sealed_results import check_results
+from bsg_models.training.training import train_run
+from bsg_models.zoo.config import find_config, override, validate_config
 
 pytestmark = pytest.mark.heavy
 
 Act = Callable[[Path], object]  # on a folder with `dataset`, `other` and `hm3d`
 FOLDS = SplitRecipe(method="folds", ratios=None, folds=3)
-
-
-def _export(at: Path) -> None:
-    with pytest.raises(DatasetError, match=r"none of its 1[23] scenes has anything"):
-        export_dataset(at / "dataset", at / "regions", to="habitat")
-
-
 WRITERS: dict[str, Act] = {
-    "build --force": lambda at: build_dataset(HM3DFolder(at / "hm3d"), at / "dataset", force=True),
-    "split --force": lambda at: split_dataset(at / "dataset", FOLDS, force=True),
-    "pairs --force": lambda at: write_pairs(at / "dataset", PairsRecipe(draws=1), force=True),
-    "merge --force": lambda at: merge_datasets(
-        [at / "other", at / "dataset"], at / "dataset", force=True
-    ),
+    "build": lambda at: build_dataset(HM3DFolder(at / "hm3d"), at / "dataset", force=True),
+    "split": lambda at: split_dataset(at / "dataset", FOLDS, force=True),
+    "pairs": lambda at: write_pairs(at / "dataset", PairsRecipe(draws=1), force=True),
+    "merge": lambda at: merge_datasets([at / "other", at / "dataset"], at / "dataset", force=True),
 }
 READERS: dict[str, Act] = {
     "check": lambda at: check_dataset(at / "dataset"),
     "info": lambda at: count_frequencies(at / "dataset"),
-    "export": _export,
 }
-PLACES = ("dataset.commit", "synthetic.buildings")
 
 
 @pytest.fixture
 def place(dataset: Path, hm3d_folder: Path, tmp_path: Path) -> Path:
     """A folder with a dataset that is split and has pairs, another one, and a source."""
-    other = tmp_path / "others"
-    list(write_synthetic(other, scenes=1, seed=1))
-    build_dataset(HM3DFolder(other), tmp_path / "other")
+    list(write_synthetic(tmp_path / "others", scenes=1, seed=1))
+    build_dataset(HM3DFolder(tmp_path / "others"), tmp_path / "other")
     return tmp_path
 
 
-def meet(monkeypatch: pytest.MonkeyPatch, act: Callable[[], object], *, at_the_end: bool) -> None:
-    """Have the first command that gets a lock run something while it has it."""
+def meet(monkeypatch: pytest.MonkeyPatch, act: Callable[[], object]) -> None:
+    """Have the first command that gets a dataset's lock run something while it has it."""
     met: list[Path] = []
 
     @contextmanager
     def hold_and_meet(folder: Path, *, wait: float = 0.0) -> Iterator[None]:
         with hold(folder, wait=wait):
-            first = not met
             met.append(folder)
-            if first and not at_the_end:
+            if len(met) == 1:
                 act()
             yield
-            if first and at_the_end:
-                act()
 
-    for name in PLACES:
-        monkeypatch.setattr(f"bsg_data.{name}.hold", hold_and_meet)
+    monkeypatch.setattr("bsg_data.dataset.commit.hold", hold_and_meet)
 
 
 @pytest.mark.parametrize("one", WRITERS)
+@pytest.mark.parametrize("other", [*WRITERS, *READERS])
 def test_a_command_in_the_middle_of_another(
-    one: str, place: Path, monkeypatch: pytest.MonkeyPatch, full: bool
+    one: str, other: str, place: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    misses = []
-    ends = (False, True) if full else (False,)
-    for number, (other, at_the_end) in enumerate(product([*WRITERS, *READERS], ends)):
-        at = place.with_name(f"{place.name}-{number}")
-        shutil.copytree(place, at)
-        said: list[str] = []
+    refused: list[BSGError] = []
 
-        def run_other(other: str = other, at: Path = at, said: list[str] = said) -> None:
-            try:
-                with ThreadPoolExecutor(1) as pool:
-                    pool.submit((WRITERS | READERS)[other], at).result()
-            except DatasetError as error:
-                said.append(str(error))
+    def act() -> None:
+        try:
+            with ThreadPoolExecutor(1) as pool:
+                pool.submit((WRITERS | READERS)[other], place).result()
+        except DatasetError as error:
+            refused.append(error)
 
-        with monkeypatch.context() as patch:
-            meet(patch, run_other, at_the_end=at_the_end)
-            made = WRITERS[one](at)
-        # A merge of what is merged already is refused for its buildings, before it asks for a lock.
-        refused = ("another command is writing there", "is in")
-        if other in WRITERS and not any(word in some for some in said for word in refused):
-            misses.append(f"{other} in {one}: was not refused")
-        if other in READERS and said:
-            misses.append(f"{other} in {one}: {said[0]}")
-        misses += [f"{other} in {one}: {f.where}: {f.what}" for f in check_dataset(at / "dataset")]
-        if read_made(at) != made:
-            misses.append(f"{other} in {one}: the dataset is not what {one} made")
-        shutil.rmtree(at)
-    assert misses == []
-
-
-def read_made(at: Path) -> object:
-    return read_manifest(at / "dataset")
+    with monkeypatch.context() as patch:
+        meet(patch, act)
+        made = WRITERS[one](place)
+    assert len(refused) == (other in WRITERS)
+    assert read_manifest(place / "dataset") == made
+    assert check_dataset(place / "dataset") == ()
 
 
 def test_two_sets_of_synthetic_buildings_do_not_mix(tmp_path: Path) -> None:
     out = tmp_path / "buildings"
     writing = write_synthetic(out, scenes=3, seed=1)
     next(writing)
-    with pytest.raises(DatasetError, match="another command is writing there"):
-        write_synthetic(out, scenes=3, seed=2, force=True)
+    with refuses(DatasetError, "folder-busy"):
+        list(write_synthetic(out, scenes=3, seed=2, force=True))
     list(writing)
     assert len(list(out.rglob("*.semantic.txt"))) == 3
 
 
-LINES = {
-    "build --force": "build --hm3d hm3d --out dataset --workers 1 --force",
-    "split --force": "split dataset --folds 3 --force",
-    "pairs --force": "pairs dataset --draws 3 --workers 1 --force",
-    "merge --force": "merge other dataset --out dataset --force",
-    "synth --force": "synth --out hm3d-new --scenes 5 --workers 1 --force",
-}
-ROUNDS = 5
+def test_two_commands_into_one_folder(dataset: Path, run: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    measure = EvaluationRequest(runs=(run,), dataset=dataset, out=out, resamples=0, force=True)
+    scenes = MaskedScenes(dataset=dataset, split="test", mask=MaskRecipe())
+    believe = BeliefRequest(run=run, scenes=scenes, tables=out, force=True)
+    met: list[bool] = []
+
+    def interrupt(*_: object) -> None:
+        with refuses(DatasetError, "folder-busy"):
+            report_evaluation(measure)
+        met.append(True)
+
+    report_beliefs(believe, progress=interrupt)
+    assert met
+    assert check_results(out)
 
 
-@pytest.mark.parametrize(("one", "other"), list(combinations_with_replacement(LINES, 2)))
-def test_two_processes_race(one: str, other: str, place: Path, full: bool) -> None:
-    if not full:
-        pytest.skip("races are run in full, by `make faults`")
-    misses = []
-    for number in range(ROUNDS):
-        at = place.with_name(f"{place.name}-{number}")
-        shutil.copytree(place, at)
-        code = "from bsg_cli.data import main; main()"
-        running = [
-            subprocess.Popen(
-                [sys.executable, "-c", code, *LINES[name].split()],
-                cwd=at,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.PIPE,
-                text=True,
-            )
-            for name in (one, other)
-        ]
-        ended = [(process.communicate()[1], process.returncode) for process in running]
-        if all(returned for _, returned in ended):
-            misses.append(f"{one} and {other}, round {number}: none won")
-        misses += [
-            f"{one} and {other}, round {number}: {said.strip()}"
-            for said, returned in ended
-            if "Traceback" in said or returned not in (0, 1)
-        ]
-        faults = check_dataset(at / "dataset")
-        misses += [f"{one} and {other}, round {number}: {f.where}: {f.what}" for f in faults]
-        left = [path.name for path in at.iterdir() if path.name.startswith(".")]
-        misses += [f"{one} and {other}, round {number}: leaves {name}" for name in left]
-        shutil.rmtree(at)
-    assert misses == []
+def test_a_training_that_comes_second_replaces_nothing(dataset: Path, tmp_path: Path) -> None:
+    small = ["model.width=4", "training.epochs=2"]
+    tables = override(find_config("ceci-gcn").model_dump(mode="json"), small)
+    config = validate_config(tables, source="test")
+    first = train_run(config, dataset, tmp_path / "run")
+    next(first)
+    for force in (False, True):
+        with pytest.raises(BSGError):
+            list(train_run(config, dataset, tmp_path / "run", force=force))
+    list(first)
+    assert "last.safetensors" in check_results(tmp_path / "run")
+
+
+def test_other_results_and_runs_are_left_alone(dataset: Path, run: Path, tmp_path: Path) -> None:
+    unsealed = Path(shutil.copytree(run, tmp_path / "unsealed"))
+    (unsealed / "SHA256SUMS").unlink()
+    for out in (run, unsealed, dataset, dataset / "pairs"):
+        before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+        request = EvaluationRequest(runs=(run,), dataset=dataset, out=out, resamples=0, force=True)
+        with pytest.raises(DatasetError):
+            report_evaluation(request)
+        assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before

@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from conftest import REPOSITORY
 from dsg_files import robot_graph
 from house_files import HOUSE
 
@@ -197,7 +196,7 @@ _STATISTICS = f'{",".join(HEADER)},\n00001-abcdefghi01,-1,1,1,lamp_9\ns,5,1,2,"a
 _MAP = b'raw_category,category,class\nchair,chair,chair\n"a, b",sofa,\nWall,wall,\n'
 _CLASSES = b"index,class,definition\n0,chair,A seat.\n1,bed,To sleep in.\n"
 _HOUSES = encode(_PROCTHOR) + b"\n" + encode(_PROCTHOR).replace(b"room|4", b"room|7") + b"\n"
-_ROBOT = (REPOSITORY / "docs" / "home.json").read_bytes()
+_ROBOT = (Path(__file__).parents[3] / "docs" / "home.json").read_bytes()
 
 TARGETS = (
     Target(
