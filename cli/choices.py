@@ -1,4 +1,4 @@
-"""The names that help texts list and options accept, without slow imports.
+"""The names that help texts list and options accept, without slow imports, and configurations.
 
 A registry knows its names without importing its rows, so a help text does not wait for torch. The
 modules that define worlds and mesh sizes import SciPy or trimesh. Their names are repeated here,
@@ -8,9 +8,11 @@ and a test compares them.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
 
 import click
 
+import bsg_models
 from bsg_data import registry
 from bsg_data.errors import RecipeError
 from bsg_data.observation.masks import MASKS
@@ -36,3 +38,19 @@ def require_known(kind: str, names: Iterable[str], known: Iterable[str]) -> None
         registry.require_known(kind, names, known)
     except RecipeError as error:
         raise click.UsageError(str(error)) from error
+
+
+def load_config(name: str, settings: tuple[str, ...] = ()) -> bsg_models.RunConfig:
+    """Return the configuration of a zoo name or a TOML file, with its overrides.
+
+    Raises:
+        click.UsageError: if the name is neither.
+        ConfigError: if the file or an override is invalid.
+    """
+    if name in MODELS or not (name.endswith(".toml") or Path(name).is_file()):
+        require_known("model", [name], MODELS)
+        tables = bsg_models.find_config(name).model_dump(mode="json")
+    else:
+        tables = bsg_models.read_config(Path(name))
+    source = f"--config {name}" + (" with its --set" if settings else "")
+    return bsg_models.validate_config(bsg_models.override(tables, settings), source=source)

@@ -11,9 +11,8 @@ from typing import Any
 import click
 
 import bsg_models
-from bsg_cli.choices import MASKS, MODELS, require_known
+from bsg_cli.choices import MASKS, MODELS, load_config, require_known
 from bsg_cli.completion import complete_list
-from bsg_cli.configurations import load_config
 from bsg_cli.options import (
     data_option,
     force_option,

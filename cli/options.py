@@ -11,9 +11,9 @@ from typing import Any, TypeVar, cast
 
 import click
 
+import bsg_data
 from bsg_cli.choices import MASKS
 from bsg_cli.completion import complete_class_map, complete_model
-from bsg_cli.dataset_paths import DatasetPath
 from bsg_cli.terminal import Workers
 from bsg_data.errors import RecipeError
 from bsg_data.registry import Registry
@@ -67,6 +67,20 @@ class PagePath(click.Path):
         path = Path(os.fsdecode(super().convert(value, param, ctx)))
         if path.suffix.casefold() not in (".html", ".htm"):
             self.fail(f"{path}: expected the name of a page, such as page.html", param, ctx)
+        return path
+
+
+class DatasetPath(click.Path):
+    """The path of a dataset that a command reads; one that is missing or damaged is refused."""
+
+    def __init__(self) -> None:
+        super().__init__(path_type=Path)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        """Read the manifest, before slow modules are imported, and return the path."""
+        path = Path(os.fsdecode(super().convert(value, param, ctx)))
+        if ctx is None or not ctx.resilient_parsing:  # a shell that completes waits for nothing
+            bsg_data.read_manifest(path)
         return path
 
 

@@ -26,7 +26,6 @@ from pydantic import ValidationError
 from tqdm import tqdm  # noqa: TID251 -- the command line is where bars belong
 
 from bsg_cli.cluster import connect
-from bsg_cli.dataset_paths import require_datasets
 from bsg_data.errors import BSGError, RecipeError
 from bsg_data.files import encode_json
 from bsg_data.recipes import name_fault
@@ -52,17 +51,11 @@ class Command(click.Command):
         """Return the two spellings of help in every context."""
         return ["-h", "--help"]
 
-    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Parse a command line; a missing dataset is refused before any other error."""
-        require_datasets(self, ctx, args)
-        return super().parse_args(ctx, args)
-
     def main(self, *args: Any, **kwargs: Any) -> NoReturn:
         """Run the command and exit with one of the five exit codes.
 
         Errors of the libraries become messages.
         """
-        _replace_closed_streams()
         for stream in (sys.stdout, sys.stderr):
             if isinstance(stream, TextIOWrapper):  # a terminal may lack a letter of a name
                 stream.reconfigure(errors="replace")
@@ -94,41 +87,10 @@ class Command(click.Command):
             print_note(f"Error: {error}")
             sys.exit(FAILED)
         except OSError as error:
-            print_note(f"Error: {_explain(error)}")
+            where = f"{error.filename}: " if error.filename else ""
+            print_note(f"Error: {where}{error.strerror or error}")
             sys.exit(FAILED)
         sys.exit(code if isinstance(code, int) else 0)
-
-
-def _replace_closed_streams() -> None:
-    """Open streams that the caller closed, as by `2>&-`, and drop what is written to them.
-
-    Otherwise the next file that is opened would get the number of the stream, and libraries write
-    their messages to that number.
-    """
-    if sys.stdin is None:  # it stays None, so that a reader of it can say that it is closed
-        os.open(os.devnull, os.O_RDONLY)
-    if sys.stdout is None:
-        sys.stdout = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 -- for good
-    if sys.stderr is None:
-        sys.stderr = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 -- for good
-
-
-def _explain(error: OSError) -> str:
-    """Return what went wrong and, where the error does not say it, what the user can do."""
-    if isinstance(error, FileNotFoundError) and not error.filename and _has_no_working_folder():
-        return "the working folder was removed or renamed; change to another folder, and run again"
-    where = f"{error.filename}: " if error.filename else ""
-    lacks_folder = "temporary directory" in (error.strerror or "")  # words of `tempfile`
-    hint = "; set TMPDIR to a folder that can be written" if lacks_folder else ""
-    return f"{where}{error.strerror or error}{hint}"
-
-
-def _has_no_working_folder() -> bool:
-    try:
-        Path.cwd()
-    except FileNotFoundError:
-        return True
-    return False
 
 
 class CommandGroup(Command, click.Group):
@@ -238,7 +200,7 @@ def worker_pool(
     with (
         _importing_nothing_from_here(),
         ProcessPoolExecutor(
-            workers.processes, mp_context=get_context("spawn"), initializer=_begin_worker
+            workers.processes, mp_context=get_context("spawn"), initializer=_end_with_parent
         ) as pool,
     ):
         # Only this process handles Ctrl-C. Processes that start while it is ignored here ignore it
@@ -266,12 +228,7 @@ def _importing_nothing_from_here() -> Iterator[None]:
             del os.environ["PYTHONSAFEPATH"]
 
 
-def _begin_worker() -> None:
-    """Prepare a worker process for its tasks."""
-    end_with_parent()
-
-
-def end_with_parent() -> None:
+def _end_with_parent() -> None:
     """End this worker when its parent is killed; otherwise it would wait for ever."""
     parent = parent_process()
     if parent is None:

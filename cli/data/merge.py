@@ -8,8 +8,7 @@ import click
 
 import bsg_data
 from bsg_cli.data.totals import format_sources, format_totals
-from bsg_cli.dataset_paths import DatasetPath
-from bsg_cli.options import force_option, json_option, out_option
+from bsg_cli.options import DatasetPath, force_option, json_option, out_option
 from bsg_cli.terminal import Command, print_json, print_note, print_text, progress_bar
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 import pytest
 
-from bsg_cli.completion import classes_of_dataset, complete_list, complete_names_or_files
+from bsg_cli.completion import classes_of_dataset
 from bsg_cli.registry import COMMANDS
 from bsg_data.scene.class_space import load_class_space
 
@@ -67,35 +67,6 @@ def test_the_tab_key_offers_names_and_imports_nothing_heavy() -> None:
         assert f"plain,{name}" in said[line], line
     heavy = {"matplotlib", "pandas", "pyarrow", "scipy", "torch", "trimesh"}
     assert not heavy & set(modules)
-
-
-@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_every_shell_has_a_script(shell: str) -> None:
-    code = "from bsg_cli.registry import COMMANDS; COMMANDS['bsg-data'].main(prog_name='bsg-data')"
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        env={"_BSG_DATA_COMPLETE": f"{shell}_source", "PATH": "/usr/bin:/bin"},
-    )
-    assert "_BSG_DATA_COMPLETE" in done.stdout, done.stderr
-
-
-CONTEXT = click.Context(COMMANDS["bsg-search"])
-PARAM = COMMANDS["bsg-search"].params[0]
-
-
-def test_a_list_is_completed_after_its_last_comma() -> None:
-    complete = complete_list(lambda ctx: ("star", "tree", "tree-plus"))
-    offered = [item.value for item in complete(CONTEXT, PARAM, "star,tree")]
-    assert offered == ["star,tree", "star,tree-plus"]
-    assert complete(CONTEXT, PARAM, "star,ring") == []
-
-
-def test_a_name_or_a_path_is_completed() -> None:
-    complete = complete_names_or_files(lambda: ("universal",))
-    kinds = [(item.type, item.value) for item in complete(CONTEXT, PARAM, "un")]
-    assert kinds == [("file", "un"), ("plain", "universal")]
 
 
 @pytest.mark.parametrize(

@@ -71,15 +71,6 @@ def test_a_table_fits_80_characters_with_every_planner_of_ours() -> None:
     assert max(len(line) for table in tables for line in table.splitlines()) <= 80
 
 
-def test_all_columns_are_a_table_a_task() -> None:
-    one, two = format_results(TASKS, all_columns=True)
-    assert one.startswith("tree:1-10, single: 200 searches of 10 buildings\n")
-    assert two.startswith("tree:1-10, all: ")
-    (row,) = (line for line in one.splitlines() if line.startswith("ratio"))
-    cells = ["ratio", "43.2", "(39", "to", "47)", "-", "50.0", "-150.0", "25.0"]
-    assert row.split() == [*cells, "150", "20", "30", "12.35", "3.2"]
-
-
 def test_what_is_unknown_is_a_dash_or_left_out() -> None:
     without = dataclasses.replace(
         RESULT,
