@@ -104,16 +104,6 @@ def test_a_shipped_model_is_measured_by_its_name(
 
 
 @pytest.mark.usefixtures("no_figures")
-def test_enough_buildings_have_verdicts(
-    dataset: Path, trained: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("bsg_models.studies.comparison.LEAST_BUILDINGS", 1)
-    result = run(trained, "--data", dataset, "--resamples", "3", "--out", tmp_path / "e")
-    assert result.stdout.startswith("ceci-gcn, compared with doubling what was seen")
-    assert "measured on" not in result.stderr
-
-
-@pytest.mark.usefixtures("no_figures")
 def test_json_all_metrics_and_force(dataset: Path, trained: Path, tmp_path: Path) -> None:
     words = [trained, "--data", dataset, "--resamples", "0", "--out", tmp_path / "e"]
     report = json.loads(run(*words, "--split", "val", "--json").stdout)
@@ -136,11 +126,6 @@ def test_the_page_holds_everything_and_opens_offline(
     assert "Belief scene graph" in text
     assert not re.search(r"(src|href)=.?https?:", text)
     assert "is there already; --force replaces it" in run(*words, code=1).stderr
-
-
-def test_what_is_missing_is_said(dataset: Path, tmp_path: Path) -> None:
-    assert "no checkpoint there" in run(tmp_path / "none", "--data", dataset, code=1).stderr
-    run("--data", dataset, code=2)
 
 
 @pytest.mark.usefixtures("no_figures")
