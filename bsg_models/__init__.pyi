@@ -1,5 +1,6 @@
 from .belief.belief_graph import BeliefGraph, BlindNode, believe, rank_unseen
 from .belief.count_distribution import CountDistribution
+from .belief.document import to_networkx
 from .belief.expectation import Expectation
 from .belief.formats import FORMATS, FormatRow, read_belief, write_belief
 from .belief.graph_file import read_graph
@@ -10,7 +11,6 @@ from .belief.hydra import (
     strip_hydra,
     write_hydra,
 )
-from .belief.network import to_networkx
 from .belief.tables import write_tables
 from .errors import (
     BeliefFileError,
@@ -25,10 +25,9 @@ from .evaluation.verdict import explain
 from .inputs.folds import scenes_of
 from .inputs.graphs import MaskedGraphs, read_split, to_graph
 from .rendering.explorer import View, write_explorer
-from .robot.answers import ExpectedClass, Place
 from .robot.find_probability import FindProbability
 from .robot.rooms import set_hidden_shares
-from .robot.seen_building import SeenBuilding, open_graph
+from .robot.seen_building import ExpectedClass, Place, SeenBuilding, open_graph
 from .robot.ways import Ways
 from .robot.words import Meaning
 from .runs.checkpoint import Checkpoint, load_checkpoint, restore_model

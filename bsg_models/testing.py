@@ -388,7 +388,7 @@ class FormatContract:
             self.write([belief], path)
             assert path.exists()
             assert self.read(path) in (None, [belief])
-        if FORMATS[self.name].many:
+        if FORMATS[self.name].write_all is not None:
             self.write(self.beliefs(), path)
             assert self.read(path) in (None, self.beliefs())
 

@@ -141,8 +141,8 @@ def main(
             f"{request.html}: shows the first {len(report.graphs):,} of {report.number:,} graphs; "
             "--tables writes all"
         )
-    if written := request.results.values():
-        print_text(f"written: {', '.join(map(str, written))}")
+    if written := [str(path) for _, path in request.list_results()]:
+        print_text(f"written: {', '.join(written)}")
 
 
 def check_find(options: dict[str, Any]) -> None:

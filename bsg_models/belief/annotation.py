@@ -1,8 +1,5 @@
 """Add a belief graph to the document of a Spark-DSG graph, and remove it again.
 
-    annotate(document, …)         the same document with the belief added
-    strip_annotation(document)    the document without it
-
 The belief graph goes under `metadata.bsg.belief` of the graph. Each room gets its histograms and
 each object its class there, too. Blind nodes get a layer of their own, with an edge to the room
 where each is expected. Every `belief` says in `added` which key was new, so that the user's own
@@ -13,30 +10,41 @@ from __future__ import annotations
 
 import math
 import string
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from typing import Any, TypeVar
 
 from bsg_data.sources.dsg_file import name_symbol
-from bsg_models.belief.belief_graph import BeliefGraph
+from bsg_models.belief.belief_graph import BeliefGraph, BlindNode
 from bsg_models.belief.document import encode_belief
 from bsg_models.errors import HydraError
 
 Document = dict[str, Any]
-BLIND_LAYER = "BLIND"
+_T = TypeVar("_T")
 _PATH = ("metadata", "bsg", "belief")  # of a belief in a graph, or in a node's attributes
 _SYMBOLS = "xyz" + string.ascii_letters  # Hydra uses a, b, … for robots, and B, O, p, R, s, t
-_COLOUR = (0, 204, 0)  # of blind nodes in the paper's figures
-NO_LABEL = 2**32 - 1
-NO_TURN = {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}
+_COLOUR = {"r": 0, "g": 204, "b": 0, "a": 255}  # of blind nodes in the paper's figures
+_NO_TURN = {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}
 _NOWHERE = [0.0, 0.0, 0.0]
-# Older readers need corners, newer ones a size; both ignore unknown keys.
-NO_BOX = {
-    "type": "INVALID",
-    "min": _NOWHERE,
-    "max": _NOWHERE,
-    "dimensions": _NOWHERE,
-    "world_P_center": _NOWHERE,
-    "world_R_center": NO_TURN,
+BARE_NODE: Document = {
+    # Older readers need corners, newer ones a size; both ignore unknown keys.
+    "bounding_box": {
+        "type": "INVALID",
+        "min": _NOWHERE,
+        "max": _NOWHERE,
+        "dimensions": _NOWHERE,
+        "world_P_center": _NOWHERE,
+        "world_R_center": _NO_TURN,
+    },
+    "semantic_label": 2**32 - 1,  # none
+    "is_active": False,
+    "is_predicted": False,
+    "last_update_time_ns": 0,
+}
+BARE_OBJECT: Document = {
+    "type": "ObjectNodeAttributes",
+    "mesh_connections": [],
+    "registered": False,
+    "world_R_object": _NO_TURN,
 }
 
 
@@ -45,66 +53,55 @@ def annotate(
 ) -> Document:
     """Return a graph with a belief graph in it; an older belief is replaced.
 
-    Args:
-        document: of a Spark-DSG graph.
-        belief: about its content.
-        rooms: ids of its rooms in the document, in the order of the belief graph.
-        objects: ids of its objects, likewise; None for objects that are not in the document.
-
-    Raises:
-        HydraError: if something else stands at the place of a belief.
+    `rooms` and `objects` are the ids in the document of those of the belief graph, in its order;
+    None for objects that are not in the document.
     """
     graph = strip_annotation(document)
     nodes = {node["id"]: node for node in graph["nodes"]}
-    layer, name = _choose_layer(graph, nodes[rooms[0]]["layer"] if rooms else 1)
-    prefix = _choose_symbol(nodes)
-    record = {"layer": {"id": layer, "name": name}, "document": encode_belief(belief)}
-    graph = _insert(graph, _PATH, record, "the graph")
+    layer = _choose_layer(graph, nodes[rooms[0]]["layer"] if rooms else 1)
+    symbols = {number >> 56 for number in nodes}
+    prefix = _first_free(map(ord, _SYMBOLS), symbols, "letter for the symbols of blind nodes")
+    graph = _insert(graph, {"layer": layer, "document": encode_belief(belief)}, "the graph")
     for number, said in _describe(belief, rooms, objects):
-        where = f"node {name_symbol(number)}"
-        attributes = _insert(nodes[number]["attributes"], _PATH, said, where)
+        attributes = _insert(nodes[number]["attributes"], said, f"node {name_symbol(number)}")
         nodes[number] = {**nodes[number], "attributes": attributes}
-    blind = [
-        _encode_blind(belief, place, nodes[rooms[node.room_index - 1]], layer, prefix)
-        for place, node in enumerate(belief.blind)
-    ]
-    graph["nodes"] = [*nodes.values(), *blind]
+    graph["nodes"] = list(nodes.values())
+    classes, place = belief.partial.class_space.classes, {"layer": layer["id"], "partition": 0}
     info = {"type": "EdgeAttributes", "weight": 1.0, "weighted": False}
-    graph["edges"] = graph["edges"] + [
-        {"info": info, "source": rooms[node.room_index - 1], "target": one["id"]}
-        for node, one in zip(belief.blind, blind, strict=True)
-    ]
-    return _add_layer(graph, layer, name) if blind else graph
+    for number, node in enumerate(belief.blind, prefix << 56):
+        room = nodes[rooms[node.room_index - 1]]
+        attributes = _describe_blind(node, classes[node.class_index], room["attributes"])
+        graph["nodes"].append({"attributes": attributes, "id": number, **place})
+        graph["edges"].append({"info": info, "source": room["id"], "target": number})
+    return _add_layer(graph, layer) if belief.blind else graph
 
 
 def strip_annotation(document: Document) -> Document:
     """Return a graph as it was before `annotate`; without a belief, an equal graph."""
-    beliefs = {node["id"]: _find_belief(node.get("attributes")) for node in document["nodes"]}
-    blind = {number for number, said in beliefs.items() if said and said.get("kind") == "blind"}
-    graph = {**document, "nodes": []}
+    blind, nodes = set(), []
     for node in document["nodes"]:
-        if beliefs[node["id"]] is None:
-            graph["nodes"].append(node)
-        elif node["id"] not in blind:
-            graph["nodes"].append({**node, "attributes": _remove(node["attributes"])})
-    graph["edges"] = [e for e in document["edges"] if not {e["source"], e["target"]} & blind]
-    record = _find_belief(document)
+        said = _find_belief(node.get("attributes"))
+        if said is None:
+            nodes.append(node)
+        elif said.get("kind") == "blind":
+            blind.add(node["id"])
+        else:
+            nodes.append({**node, "attributes": _remove(node["attributes"])})
+    edges = [edge for edge in document["edges"] if not {edge["source"], edge["target"]} & blind]
+    graph, record = {**document, "nodes": nodes, "edges": edges}, _find_belief(document)
     if record is None:
         return graph
-    return _remove(_remove_layer(graph, record.get("layer")) if blind else graph)
+    layer = record.get("layer")
+    return _remove(_remove_layer(graph, layer) if blind and isinstance(layer, dict) else graph)
 
 
 def find_document(graph: Any) -> Any:
     """Return the document of the belief graph that `annotate` added; None without one."""
-    record = _find_belief(graph)
-    return None if record is None else record.get("document")
+    return (_find_belief(graph) or {}).get("document")
 
 
-def _find_belief(held: Any) -> Mapping[str, Any] | None:
-    """Return what `annotate` added to a graph or a node.
-
-    Blind nodes are added as a whole; their kind says so.
-    """
+def _find_belief(held: Any) -> Document | None:
+    """Return what `annotate` added to a graph or a node; blind nodes are added as a whole."""
     for key in _PATH:
         held = held.get(key) if isinstance(held, dict) else None
     if not isinstance(held, dict):
@@ -112,57 +109,47 @@ def _find_belief(held: Any) -> Mapping[str, Any] | None:
     return held if held.get("added") in _PATH or held.get("kind") == "blind" else None
 
 
-def _insert(held: Any, path: Sequence[str], belief: Mapping[str, Any], where: str) -> Document:
-    """Return an object with a belief at a path in it, and with the objects around it."""
-    if not isinstance(held, dict):
+def _insert(held: Document, belief: Document, where: str) -> Document:
+    """Return a graph or attributes with a belief under `metadata.bsg`."""
+    metadata = held.get("metadata", {})
+    bsg = metadata.get("bsg", {}) if isinstance(metadata, dict) else None
+    if not isinstance(bsg, dict) or "belief" in bsg:
         raise HydraError(
-            f"{where}: expected an object around {'.'.join(path)}, found {str(held)[:40]}",
+            f"{where}: expected objects in metadata and bsg without a belief, found "
+            f"{str(metadata)[:40]}; rename what this program did not write",
             code="metadata-taken",
             where=where,
         )
-    key, *inner = path
-    if key in held and not inner:
-        raise HydraError(
-            f"{where}: {'.'.join(_PATH)} is there already, and this program did not write it; "
-            "rename it",
-            code="metadata-taken",
-            where=where,
-        )
-    if key in held:
-        return {**held, key: _insert(held[key], inner, belief, where)}
-    said: Any = {"added": key, **belief}
-    for outer in reversed(inner):
-        said = {outer: said}
-    return {**held, key: said}
+    added = "metadata" if "metadata" not in held else "belief" if "bsg" in metadata else "bsg"
+    said = {**bsg, "belief": {"added": added, **belief}}
+    return {**held, "metadata": {**metadata, "bsg": said}}
 
 
 def _remove(held: Document) -> Document:
-    """Return an object without its belief, and without what was added around it and is empty."""
-    added = (_find_belief(held) or {}).get("added")
-    ours = _PATH[_PATH.index(added) :] if added in _PATH else ()
-
-    def cut(held: Document, path: Sequence[str]) -> Document:
-        key, *inner = path
-        left = cut(held[key], inner) if inner else {}
-        if inner and (left or key not in ours):
-            return {**held, key: left}
-        return {name: value for name, value in held.items() if name != key}
-
-    return cut(held, _PATH)
+    """Return a graph or attributes without the belief, and what was added for it and is empty."""
+    metadata = dict(held["metadata"])
+    bsg = dict(metadata["bsg"])
+    added = bsg.pop("belief")["added"]
+    metadata["bsg"] = bsg
+    if not bsg and added != "belief":
+        del metadata["bsg"]
+    if metadata or added != "metadata":
+        return {**held, "metadata": metadata}
+    return {key: value for key, value in held.items() if key != "metadata"}
 
 
 def _describe(
     belief: BeliefGraph, rooms: Sequence[int], objects: Sequence[int | None]
 ) -> Iterator[tuple[int, Document]]:
-    """Yield the belief about each room and object, by its id in the file."""
+    """Yield what is believed about each room and object, by its id in the document."""
     classes = belief.partial.class_space.classes
-    for number, node in enumerate(rooms, 1):
-        tables = {"expected": belief.expected[number], "presence": belief.presence[number]}
+    for number, room in enumerate(rooms, 1):
+        tables = {"expected": belief.expected, "presence": belief.presence}
         yield (
-            node,
+            room,
             {
-                name: dict(zip(classes, values.tolist(), strict=True))
-                for name, values in tables.items()
+                name: dict(zip(classes, table[number].tolist(), strict=True))
+                for name, table in tables.items()
             },
         )
     for place, obj in zip(objects, belief.partial.objects, strict=True):
@@ -171,48 +158,28 @@ def _describe(
             yield place, {"category": obj.category, "class": name}
 
 
-def _encode_blind(
-    belief: BeliefGraph, place: int, room: Document, layer: int, prefix: int
-) -> Document:
-    """Return a blind node: a predicted object, at the position of its room."""
-    node = belief.blind[place]
-    name = belief.partial.class_space.classes[node.class_index]
+def _describe_blind(node: BlindNode, name: str, room: Document) -> Document:
+    """Return the attributes of a blind node: a predicted object, at the position of its room."""
+    position, colour = room.get("position"), room.get("color")
+    is_known = isinstance(position, list) and all(
+        isinstance(value, int | float) and math.isfinite(value) for value in position
+    )  # what is not finite is null, or `NaN`
+    own: Any = list(_COLOUR.values())[:3]
+    if isinstance(colour, dict):  # the file's own notation
+        own = _COLOUR if "a" in colour else dict(zip("rgb", own, strict=True))
     believed = {"class": name, "expected": node.expected, "presence": node.presence}
-    attributes = {
-        "type": "ObjectNodeAttributes",
+    return {
+        **BARE_OBJECT,
+        **BARE_NODE,
         "name": name,
-        "position": _position_of(room),
-        "color": _colour_like(room["attributes"].get("color")),
-        "bounding_box": NO_BOX,
-        "semantic_label": NO_LABEL,
-        "is_active": False,
+        "position": position if is_known else _NOWHERE,
+        "color": own,
         "is_predicted": True,
-        "last_update_time_ns": 0,
-        "mesh_connections": [],
-        "registered": False,
-        "world_R_object": NO_TURN,
         "metadata": {"bsg": {"belief": {"kind": "blind", **believed}}},
     }
-    return {"attributes": attributes, "id": prefix << 56 | place, "layer": layer, "partition": 0}
 
 
-def _position_of(room: Document) -> Any:
-    """Return the position of a room, or the origin if it is not finite (null or `NaN`)."""
-    position = room["attributes"].get("position")
-    finite = isinstance(position, list) and all(
-        isinstance(value, int | float) and math.isfinite(value) for value in position
-    )
-    return position if finite else _NOWHERE
-
-
-def _colour_like(colour: Any) -> Any:
-    """Return the colour of blind nodes in the file's own notation: a list, or by letters."""
-    if isinstance(colour, dict):
-        return dict(zip("rgb", _COLOUR, strict=True)) | ({"a": 255} if "a" in colour else {})
-    return list(_COLOUR)
-
-
-def _choose_layer(graph: Document, rooms: int) -> tuple[int, str]:
+def _choose_layer(graph: Document, rooms: int) -> Document:
     """Return id and name of an unused layer below the rooms' layer.
 
     In Spark-DSG, the node of the higher layer is the parent of an edge. Above the rooms, blind
@@ -223,34 +190,34 @@ def _choose_layer(graph: Document, rooms: int) -> tuple[int, str]:
     taken = {node["layer"] for node in graph["nodes"]} | set(graph.get("layer_ids", ()))
     taken |= {key["layer"] if isinstance(key, dict) else key for key in keys}
     taken.add(graph.get("mesh_layer_id"))
-    free = next((layer for layer in range(rooms) if layer not in taken), None)
-    if free is None:
-        raise HydraError(
-            f"expected a free layer for blind nodes below the rooms', {rooms}; found all taken",
-            code="layers-taken",
-        )
-    name = BLIND_LAYER
+    name = "BLIND"
     while name in names:
         name += "_"
-    return free, name
+    return {"id": _first_free(range(rooms), taken, "layer below the rooms'"), "name": name}
 
 
-def _add_layer(graph: Document, layer: int, name: str) -> Document:
+def _first_free(candidates: Iterable[_T], taken: Collection[_T], what: str) -> _T:
+    for one in candidates:
+        if one not in taken:
+            return one
+    raise HydraError(f"expected a free {what}, found all taken", code="layers-taken")
+
+
+def _add_layer(graph: Document, layer: Document) -> Document:
     """Return a graph with one more layer in the lists that it has, in their notation."""
-    graph, key = dict(graph), {"layer": layer, "partition": 0}
-    for member, entry in (("layer_ids", layer), ("layer_keys", key)):
+    graph, key = dict(graph), {"layer": layer["id"], "partition": 0}
+    for member, entry in (("layer_ids", layer["id"]), ("layer_keys", key)):
         if member in graph:
             graph[member] = [*graph[member], entry]
     if "layer_names" in graph:
         plain = any(isinstance(value, int) for value in graph["layer_names"].values())
-        graph["layer_names"] = {**graph["layer_names"], name: layer if plain else key}
+        entry = layer["id"] if plain else key
+        graph["layer_names"] = {**graph["layer_names"], layer["name"]: entry}
     return graph
 
 
-def _remove_layer(graph: Document, layer: Any) -> Document:
+def _remove_layer(graph: Document, layer: Document) -> Document:
     """Return a graph without the layer of blind nodes in its lists of layers."""
-    if not isinstance(layer, dict):
-        return graph
     graph, number = dict(graph), layer.get("id")
     for member, entry in (("layer_ids", number), ("layer_keys", {"layer": number, "partition": 0})):
         if member in graph:
@@ -259,15 +226,3 @@ def _remove_layer(graph: Document, layer: Any) -> Document:
         names = graph["layer_names"].items()
         graph["layer_names"] = {name: key for name, key in names if name != layer.get("name")}
     return graph
-
-
-def _choose_symbol(ids: Collection[int]) -> int:
-    """Return an unused symbol letter, as its number."""
-    taken = {number >> 56 for number in ids}
-    free = next((ord(letter) for letter in _SYMBOLS if ord(letter) not in taken), None)
-    if free is None:
-        raise HydraError(
-            "expected a free letter for the symbols of blind nodes; found all taken",
-            code="symbols-taken",
-        )
-    return free

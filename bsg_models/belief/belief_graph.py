@@ -24,38 +24,22 @@ LEAST_PRESENCE = 0.005  # classes of a lower presence get no blind node
 
 @dataclass(frozen=True, slots=True)
 class BlindNode:
-    """An expected object.
+    """An expected object."""
 
-    Attributes:
-        room_index: room where it is expected, 1..R.
-        class_index: its class.
-        expected: expected number of hidden objects of its class in the room.
-        presence: P(at least one hidden object of its class in the room).
-    """
-
-    room_index: int
+    room_index: int  # where it is expected, 1..R
     class_index: int
-    expected: float
-    presence: float
+    expected: float  # number of hidden objects of its class in the room
+    presence: float  # P(at least one of them)
 
 
 @dataclass(frozen=True, eq=False)
 class BeliefGraph:
-    """A partial graph with what is believed about it.
-
-    Attributes:
-        partial: what was seen.
-        expected: `[N, C]` expected counts of all objects, E″ × O″, the building first.
-        presence: `[N, C]` P(at least one hidden object of the class).
-        blind: blind nodes, by room, the most expected first.
-        mode: how the blind nodes were chosen.
-        model: name of the model.
-    """
+    """A partial graph with what is believed about its N nodes, the building first."""
 
     partial: PartialGraph
-    expected: Floats
-    presence: Floats
-    blind: tuple[BlindNode, ...]
+    expected: Floats  # [N, C] counts of all objects, E″ × O″
+    presence: Floats  # [N, C] P(at least one hidden object of the class)
+    blind: tuple[BlindNode, ...]  # by room, the likeliest class first
     mode: Mode
     model: str
 
@@ -129,13 +113,10 @@ def believe(
 
 
 def complete(hidden: Floats) -> npt.NDArray[np.int64]:
-    """Return how many blind nodes of each class complete each room, `[R, C]`.
+    """Return how many blind nodes of each class complete each room of `hidden` counts, `[R, C]`.
 
     A room gets its expected number of hidden objects, rounded (a half rounds up). They are
     distributed over the classes by largest remainder; ties go to the lower class index.
-
-    Args:
-        hidden: `[R, C]` expected hidden counts.
     """
     numbers = np.floor(hidden).astype(np.int64)
     missing = np.floor(hidden.sum(axis=1) + 0.5).astype(np.int64) - numbers.sum(axis=1)
@@ -145,9 +126,9 @@ def complete(hidden: Floats) -> npt.NDArray[np.int64]:
 
 
 def rank_unseen(expectation: Expectation, top: int) -> list[npt.NDArray[np.int64]]:
-    """Return for every node at most `top` classes that were not seen there, by presence.
+    """Return for every node at most `top` classes not seen there, the likeliest first.
 
-    Ties go to the lower class index. Classes with a presence below `LEAST_PRESENCE` are left out.
+    Ties go to the lower class index; a presence below `LEAST_PRESENCE` is left out.
     """
     ranked = []
     for inputs, presence in zip(expectation.inputs, expectation.presence, strict=True):

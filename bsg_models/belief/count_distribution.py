@@ -86,10 +86,7 @@ class CountDistribution:
 
     @property
     def is_finite(self) -> bool:
-        """Whether all parameters, and the values computed from them, are finite.
-
-        Finite parameters can still overflow.
-        """
+        """Whether all parameters, and what is computed from them, are finite (it may overflow)."""
         parts = [self.weights, self.means, self.mean, self.presence]
         if self.tilts is not None:
             parts.append(self.tilts)
@@ -111,12 +108,7 @@ class CountDistribution:
         return np.asarray(np.log(none) - np.log1p(-none))
 
     def log_probability(self, counts: Floats, *, floor: float = MIN_RATE) -> Floats:
-        """Return log P(hidden = counts), `[N, C]`.
-
-        Args:
-            counts: `[N, C]` whole numbers.
-            floor: lower bound of the means, before tilts.
-        """
+        """Return log P(hidden = counts), `[N, C]`; `floor` bounds the means before tilts."""
         means = np.maximum(self.means, floor)
         r = np.broadcast_to(self.dispersions, means.shape)
         each = log_none(means, r)
@@ -134,12 +126,8 @@ class CountDistribution:
     def log_seen(self, seen: Counts, shares: Floats) -> Floats:
         """Return log P(V = seen) at several hidden shares, `[S, N, C]`, of these *true* counts T.
 
-        Each object is hidden independently with probability s, so that V ~ NB((1 − s) μ, r), and
-        with tilts P(V = v) = NB_V(v) Z_v / Z (`bsg_models.belief.negative_binomial`).
-
-        Args:
-            seen: `[N, C]` counts that were seen.
-            shares: `[S, N]` hidden shares, from 0 to below 1.
+        Each object is hidden independently with probability s, `shares` `[S, N]` below 1, so that
+        V ~ NB((1 − s) μ, r), and with tilts P(V = v) = NB_V(v) Z_v / Z.
         """
         means, r = np.maximum(self.means, MIN_RATE), self.dispersions
         share = shares[:, None, :, None]
@@ -153,11 +141,7 @@ class CountDistribution:
             return np.asarray(logsumexp(each + np.log(self.weights), axis=1))
 
     def quantile(self, q: float) -> npt.NDArray[np.int64]:
-        """Return the q-quantile: the smallest count n with P(hidden ≤ n) of at least q, `[N, C]`.
-
-        Raises:
-            ValueError: if q is not 0 to below 1.
-        """
+        """Return the smallest count n with P(hidden ≤ n) of at least q, `[N, C]`; q is below 1."""
         if not 0 <= q < 1:
             raise ValueError(f"q must be 0 to below 1, found {q}")
         counts = np.zeros(self.means.shape[1:], dtype=np.int64)
@@ -192,21 +176,15 @@ class CountDistribution:
         return self._each(choose)
 
     def recalibrated(self, *, shift: float, slope: float, spread: float) -> CountDistribution:
-        """Return the distribution with means e^shift · μ^slope and dispersions e^spread · r.
-
-        The means are those before tilts; the tilts stay as they are.
-        """
+        """Return it with untilted means e^shift · μ^slope and dispersions e^spread · r."""
         means = np.exp(shift) * self.means**slope
         return replace(self, means=means, dispersions=np.exp(spread) * self.dispersions)
 
     def with_none_likelier(self, log_factor: Floats) -> CountDistribution:
-        """Return the distribution with the log odds of count 0 raised.
+        """Return it with `log_factor` `[N, C]` added to log P(0) − log P(at least one).
 
         All probabilities above 0 keep their ratios, also between components: each component is
         weighted by what is left of it.
-
-        Args:
-            log_factor: `[N, C]`, added to log P(0) − log P(at least one).
         """
         tilts = np.zeros((1, *self.means.shape)) if self.tilts is None else self.tilts.copy()
         tilts[0] += log_factor
@@ -236,9 +214,8 @@ def negative_binomial(means: Floats, dispersions: Floats) -> CountDistribution:
 def zero_inflated(presence: Floats, means: Floats) -> CountDistribution:
     """Return the zero-inflated Poisson with given P(at least one) and mean, both `[N, C]`.
 
-    Its Poisson component μ has the mean m = mean / presence, given at least one. If the mean is too
-    small for the presence, there are no zeros to add, and the result is the Poisson with that
-    presence.
+    Its Poisson has the mean m = mean / presence, given at least one. If the mean is too small for
+    the presence, there are no zeros to add: the result is the Poisson with that presence.
     """
     presence = np.clip(presence, 0.0, 1 - 1e-6)
     given = np.divide(means, presence, out=np.ones_like(means), where=presence > 0)
@@ -274,7 +251,7 @@ def blend(
 
 
 def concatenate(distributions: Sequence[CountDistribution]) -> CountDistribution:
-    """Return the distributions of several batches of nodes as one of all nodes, in order."""
+    """Return the distributions of several batches of nodes as one, in order."""
     return _join(distributions, axis=-2)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from pydantic import Field, ValidationError
@@ -21,17 +21,20 @@ from bsg_models.belief.belief_graph import BeliefGraph, BlindNode, Mode
 from bsg_models.belief.formats import FormatRow
 from bsg_models.errors import BeliefFileError
 
-FORMAT, VERSION = "bsg-belief-graph", 1
+if TYPE_CHECKING:
+    import networkx as nx
 
-Count = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Probability = Annotated[float, Field(ge=0, le=1)]
+_FORMAT, _VERSION = "bsg-belief-graph", 1
+_HEADER = ("format", "version", "model", "mode", "class_space")
+_Count = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+_Probability = Annotated[float, Field(ge=0, le=1)]
 
 
 class _Blind(Record):
     room: int = Field(ge=1)
     class_name: str = Field(alias="class")
-    expected: Count
-    presence: Probability
+    expected: _Count
+    presence: _Probability
 
 
 class _Document(Record):
@@ -41,8 +44,8 @@ class _Document(Record):
     mode: Mode
     class_space: ClassSpace
     partial: dict[str, Any]
-    expected: list[list[Count]]
-    presence: list[list[Probability]]
+    expected: list[list[_Count]]
+    presence: list[list[_Probability]]
     blind: tuple[_Blind, ...]
 
 
@@ -50,8 +53,8 @@ def encode_belief(belief: BeliefGraph) -> dict[str, Any]:
     """Return a belief graph as a JSON document; `decode_belief` reads it back."""
     classes = belief.partial.class_space.classes
     return {
-        "format": FORMAT,
-        "version": VERSION,
+        "format": _FORMAT,
+        "version": _VERSION,
         "model": belief.model,
         "mode": belief.mode,
         "class_space": belief.partial.class_space.model_dump(mode="json"),
@@ -70,8 +73,62 @@ def encode_belief(belief: BeliefGraph) -> dict[str, Any]:
     }
 
 
+def decode_belief(document: Any, *, path: Path) -> BeliefGraph:
+    """Return the belief graph of a JSON document.
+
+    Raises:
+        BeliefFileError: naming what is wrong with it.
+        MismatchError: if its class space has changed since.
+    """
+    try:
+        said = _Document.model_validate(document)
+    except ValidationError as error:
+        raise BeliefFileError(
+            f"{path}: {name_fault(error)}", code="belief-malformed", where=path
+        ) from error
+    if (said.format, said.version) != (_FORMAT, _VERSION):
+        raise BeliefFileError(
+            f"{path}: expected {_FORMAT} {_VERSION}, found {said.format} {said.version}; make it "
+            "again with bsg-belief",
+            code="version-foreign",
+            where=path,
+        )
+    space = said.class_space
+    if space.name in list_class_spaces() and load_class_space(space.name) != space:
+        raise MismatchError(
+            f"{path}: class space {space.name} is not the published one",
+            code="class-space-changed",
+            where=path,
+        )
+    partial = parse_classified_graph(said.partial, path=path, class_space=space)
+    if fault := _find_fault(said, partial):
+        raise BeliefFileError(f"{path}: {fault}", code="belief-inconsistent", where=path)
+    blind = (
+        BlindNode(node.room, space.classes.index(node.class_name), node.expected, node.presence)
+        for node in said.blind
+    )
+    tables = np.array(said.expected), np.array(said.presence)
+    return BeliefGraph(partial, *tables, tuple(blind), said.mode, said.model)
+
+
+def _find_fault(said: _Document, partial: PartialGraph) -> str | None:
+    """Return why beliefs do not belong to their partial graph."""
+    rooms, classes = len(partial.rooms), said.class_space.classes
+    for table in (said.expected, said.presence):
+        if len(table) != rooms + 1 or any(len(row) != len(classes) for row in table):
+            return f"expected histograms of {rooms + 1} × {len(classes)}"
+    if (np.array(said.expected) < partial.histograms()).any():
+        return "fewer objects are expected than were seen"
+    for node in said.blind:
+        if node.room > rooms:
+            return f"a blind node in room {node.room}; rooms are 1 to {rooms}"
+        if node.class_name not in classes:
+            return f"a blind node of {node.class_name!r}, which is no class"
+    return None
+
+
 def list_nodes(document: dict[str, Any]) -> Iterator[tuple[int | None, dict[str, Any]]]:
-    """Yield the parent and the attributes of the nodes of a document, in their order.
+    """Yield the parent and the attributes of the nodes of a document: what tables hold, too.
 
     The building has the number 0; rooms, objects and blind nodes follow. Histograms are left out.
     """
@@ -98,79 +155,39 @@ def list_edges(document: dict[str, Any]) -> Iterator[tuple[int, int, str]]:
         yield rooms[b], rooms[a], "adjacent"
 
 
-def decode_belief(document: Any, *, path: Path) -> BeliefGraph:
-    """Return the belief graph of a JSON document.
+def to_networkx(belief: BeliefGraph) -> nx.DiGraph:
+    """Return a directed graph of building, rooms, objects and blind nodes.
 
-    Raises:
-        BeliefFileError: naming what is wrong with it.
-        MismatchError: if its class space has changed since.
+    Nodes are numbered: 0 the building, then rooms, objects and blind nodes. Each has `kind`
+    (`building`, `room`, `object` or `blind`) and its attributes; the building and rooms have their
+    `expected` and `presence`. Edges have `kind`: `contains`, `expects` (room to blind node) or
+    `adjacent` (both directions). `graph.graph` holds model, mode and classes.
     """
-    try:
-        entries = _Document.model_validate(document)
-    except ValidationError as error:
-        raise BeliefFileError(
-            f"{path}: {name_fault(error)}", code="belief-malformed", where=path
-        ) from error
-    if (entries.format, entries.version) != (FORMAT, VERSION):
-        raise BeliefFileError(
-            f"{path}: expected {FORMAT} {VERSION}, found {entries.format} {entries.version}; make "
-            "it again with bsg-belief",
-            code="version-foreign",
-            where=path,
-        )
-    space = entries.class_space
-    if space.name in list_class_spaces() and load_class_space(space.name) != space:
-        raise MismatchError(
-            f"{path}: class space {space.name} is not the published one",
-            code="class-space-changed",
-            where=path,
-        )
-    partial = parse_classified_graph(entries.partial, path=path, class_space=space)
-    return _assemble(entries, partial, path)
+    import networkx as nx
+
+    document = encode_belief(belief)
+    header = {key: document[key] for key in _HEADER}
+    graph = nx.DiGraph(**header, scene_id=belief.partial.scene_id)
+    for number, (_, node) in enumerate(list_nodes(document)):
+        graph.add_node(number, **node)
+    for name in ("expected", "presence"):
+        for number, values in enumerate(document[name]):
+            graph.nodes[number][name] = values
+    graph.add_edges_from((a, b, {"kind": kind}) for a, b, kind in list_edges(document))
+    return graph
 
 
-def _assemble(entries: _Document, partial: PartialGraph, path: Path) -> BeliefGraph:
-    fault = _find_fault(entries, partial)
-    if fault is not None:
-        raise BeliefFileError(f"{path}: {fault}", code="belief-inconsistent", where=path)
-    index = {name: number for number, name in enumerate(entries.class_space.classes)}
-    blind = (
-        BlindNode(node.room, index[node.class_name], node.expected, node.presence)
-        for node in entries.blind
-    )
-    tables = np.array(entries.expected), np.array(entries.presence)
-    return BeliefGraph(partial, *tables, tuple(blind), entries.mode, entries.model)
+def write_json(document: Any, path: Path) -> None:
+    """Write a document as JSON without white space. A failed write leaves no partial file."""
+    write_bytes(path, encode_json(document, ensure_ascii=False, separators=(",", ":")).encode())
 
 
-def _find_fault(entries: _Document, partial: PartialGraph) -> str | None:
-    """Return why beliefs do not belong to their partial graph."""
-    rooms, classes = len(partial.rooms), entries.class_space.classes
-    for table in (entries.expected, entries.presence):
-        if len(table) != rooms + 1 or any(len(row) != len(classes) for row in table):
-            return f"expected histograms of {rooms + 1} × {len(classes)}"
-    if (np.array(entries.expected) < partial.histograms()).any():
-        return "fewer objects are expected than were seen"
-    for node in entries.blind:
-        if node.room > rooms:
-            return f"a blind node in room {node.room}; rooms are 1 to {rooms}"
-        if node.class_name not in classes:
-            return f"a blind node of {node.class_name!r}, which is no class"
-    return None
+def _write(belief: BeliefGraph, path: Path) -> None:
+    write_json(encode_belief(belief), path)
 
 
-def write_document(belief: BeliefGraph, path: Path) -> None:
-    """Write a belief graph as JSON. A failed write leaves no partial file."""
-    text = encode_json(encode_belief(belief), ensure_ascii=False, separators=(",", ":"))
-    write_bytes(path, text.encode())
-
-
-def read_document(path: Path) -> BeliefGraph:
-    """Read a belief graph from JSON.
-
-    Raises:
-        BeliefFileError: if it cannot be read.
-    """
+def _read(path: Path) -> BeliefGraph:
     return decode_belief(read_json(path, BELIEF, error=BeliefFileError), path=path)
 
 
-JSON = FormatRow("json", (".json",), write=write_document, read=read_document)
+JSON = FormatRow("json", (".json",), write=_write, read=_read)

@@ -1,8 +1,7 @@
 """Define the expectation: what a model believes about the nodes of interest.
 
 What was seen is certain, so a model predicts the hidden counts, and expected = input + hidden. A
-model that predicts totals, such as the paper's, gets hidden = max(total − input, 0). It keeps its
-raw totals for the paper's own metrics.
+model that predicts totals, such as the paper's, gets hidden = max(total − input, 0).
 """
 
 from __future__ import annotations

@@ -20,27 +20,15 @@ from bsg_models.belief.belief_graph import BeliefGraph
 class FormatRow:
     """The writer and reader of one format of belief graphs.
 
-    A format of one graph per file has `write`; a format of many has `write_all`. A format that
-    cannot be read has no reader.
-
-    Attributes:
-        name: of the format.
-        suffixes: endings of its file names, e.g. `.json`.
-        write: writes one belief graph to a path; a failed write leaves no partial file.
-        read: reads it back.
-        write_all: writes any number of belief graphs to a path.
+    A format of one graph per file has `write`; a format of many has `write_all`. A failed write
+    leaves no partial file. A format that cannot be read has no `read`.
     """
 
     name: str
-    suffixes: tuple[str, ...]
+    suffixes: tuple[str, ...]  # endings of its file names, e.g. `.json`
     write: Callable[[BeliefGraph, Path], None] | None = None
     read: Callable[[Path], BeliefGraph] | None = None
     write_all: Callable[[Iterable[BeliefGraph], Path], None] | None = None
-
-    @property
-    def many(self) -> bool:
-        """Whether a file holds any number of belief graphs."""
-        return self.write_all is not None
 
 
 FORMATS = Registry(
@@ -57,30 +45,22 @@ FORMATS = Registry(
 
 
 def choose_format(path: Path, format: str | None = None) -> FormatRow:  # noqa: A002
-    """Return a format by its name, or by the longest suffix that the path ends with.
-
-    Raises:
-        RecipeError: if no format has this name or suffix.
-    """
+    """Return a format by its name, or by the longest suffix that the path ends with."""
     if format is not None:
         return FORMATS[format]
-    known_rows, broken = FORMATS.load_all()
-    rows = list(known_rows.values())
-    fitting = [
-        (len(suffix), row)
-        for row in rows
-        for suffix in row.suffixes
-        if path.name.casefold().endswith(suffix) and len(path.name) > len(suffix)
-    ]
+    rows, broken = FORMATS.load_all()
+    name = path.name.casefold()
+    suffixes = [(suffix, row) for row in rows.values() for suffix in row.suffixes]
+    fitting = [one for one in suffixes if name.endswith(one[0]) and len(name) > len(one[0])]
     if not fitting:
-        known = ", ".join(f"{suffix} ({row.name})" for row in rows for suffix in row.suffixes)
+        known = ", ".join(f"{suffix} ({row.name})" for suffix, row in suffixes)
         raise RecipeError(
             f"{path}: no format of belief graphs has this suffix; name the file with one of "
             f"{known}{''.join(f'; {fault}' for fault in broken)}",
             code="format-unknown",
             where=path,
         )
-    return max(fitting, key=lambda pair: pair[0])[1]
+    return max(fitting, key=lambda one: len(one[0]))[1]
 
 
 def write_belief(
@@ -99,29 +79,20 @@ def write_belief(
         RecipeError: if no format has this suffix or name.
         DatasetError: if it cannot be written.
     """
-    write_beliefs([belief], Path(path), format)
+    write_beliefs([belief], Path(path), choose_format(Path(path), format))
 
 
-def write_beliefs(
-    beliefs: Iterable[BeliefGraph],
-    path: Path,
-    format: str | None = None,  # noqa: A002
-) -> None:
-    """Write belief graphs in the format of a path's suffix; see `write_belief`.
-
-    Raises:
-        RecipeError: also if there are several and the format holds one.
-    """
-    row = choose_format(path, format)
+def write_beliefs(beliefs: Iterable[BeliefGraph], path: Path, row: FormatRow) -> None:
+    """Write belief graphs in a format; several are refused if it holds one."""
     if row.write_all is not None:
         row.write_all(beliefs, path)
         return
     several = list(beliefs)
     if len(several) != 1 or row.write is None:
-        many = ", ".join(name for name, one in FORMATS.load_all()[0].items() if one.many)
+        many = (name for name, one in FORMATS.load_all()[0].items() if one.write_all is not None)
         raise RecipeError(
             f"{path}: the format {row.name} holds one belief graph, and there are {len(several)}; "
-            f"use one of {many}",
+            f"use one of {', '.join(many)}",
             code="graphs-several",
             where=path,
         )

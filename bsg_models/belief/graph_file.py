@@ -18,47 +18,32 @@ from bsg_data.sources.dsg_file import is_dsg
 from bsg_data.sources.label_space import load_label_space
 from bsg_models.belief.hydra import HydraFile, read_json_text
 
-STANDARD_INPUT = Path("-")
-
 
 @dataclass(frozen=True, slots=True)
 class GraphFile:
-    """A robot's graph with its source.
-
-    Attributes:
-        path: of the file.
-        graph: what the robot has seen.
-        hydra: the Spark-DSG file of a robot; None for this project's JSON.
-        notes: what a person should know about how it was read, a sentence each.
-    """
+    """A robot's graph with its source."""
 
     path: Path
     graph: PartialGraph
-    hydra: HydraFile | None = None
-    notes: tuple[str, ...] = ()
+    hydra: HydraFile | None = None  # None for this project's JSON
+    notes: tuple[str, ...] = ()  # what a person should know of how it was read, a sentence each
 
 
 def open_graph_file(
     path: Path, *, labels: AnyPath | None = None, class_map: AnyPath | ClassMap = DEFAULT_CLASS_MAP
 ) -> GraphFile:
-    """Read a robot's graph of either kind, and keep its source.
+    """Read a robot's graph of either kind, and keep its source; `-` is standard input.
 
-    Args:
-        path: of the file; `-` is standard input.
-        labels: label space of a Hydra graph, as `load_label_space` takes it.
-        class_map: map by which names become classes.
-
-    Raises:
-        BSGError: if the file cannot be read, or is not a graph.
-        RecipeError: if labels are given for a graph that is not Hydra's.
+    `labels` is the label space of a Hydra graph, and refused for our JSON.
     """
-    named = Path("standard input") if path == STANDARD_INPUT else path
-    document = _parse(_read_standard_input() if named != path else read_json_text(path), named)
+    is_input = path == Path("-")
+    named = Path("standard input") if is_input else path
+    document = _parse(_read_standard_input() if is_input else read_json_text(path), named)
     if is_dsg(document):
         file = HydraFile.of(document, path=named)
         space = None if labels is None else load_label_space(labels)
         graph = file.partial(labels=space, class_map=class_map)
-        return GraphFile(path, graph, file, file.notes(space))
+        return GraphFile(path, graph, file, tuple(file.notes(space)))
     if labels is not None:
         raise RecipeError(
             f"labels are for Hydra's graphs, and {named} is not one",
@@ -74,7 +59,17 @@ def read_graph(
     labels: AnyPath | None = None,
     class_map: AnyPath | ClassMap = DEFAULT_CLASS_MAP,
 ) -> PartialGraph:
-    """Read a robot's graph of either kind; see `open_graph_file`."""
+    """Read a robot's graph: this project's JSON or Spark-DSG's.
+
+    Args:
+        path: of the file; `-` is standard input.
+        labels: label space of a Hydra graph, as `load_label_space` takes it.
+        class_map: map by which names become classes.
+
+    Raises:
+        BSGError: if the file cannot be read, or is not a graph.
+        RecipeError: if labels are given for a graph that is not Hydra's.
+    """
     return open_graph_file(Path(path), labels=labels, class_map=class_map).graph
 
 
@@ -93,10 +88,8 @@ def _parse(data: bytes | str, path: Path) -> Any:
             raise RobotGraphError(
                 f"{path}: no JSON ({str(error)[:200]})", code="json-malformed", where=path
             ) from error
-    if (
-        not is_dsg(document)
-        and len(data if isinstance(data, bytes) else data.encode()) > ROBOT.bytes
-    ):
+    size = len(data if isinstance(data, bytes) else data.encode())
+    if size > ROBOT.bytes and not is_dsg(document):
         raise RobotGraphError(
             f"{path}: expected at most {ROBOT.bytes:,} bytes", code="file-too-large", where=path
         )
@@ -111,7 +104,6 @@ def _parse_leniently(data: bytes | str) -> Any:
 
 
 def _read_standard_input() -> bytes:
-    """Return the bytes of standard input, up to one more than a graph may have."""
     stream = getattr(sys.stdin, "buffer", None)  # None also for text that a notebook puts there
     if stream is None or stream.closed:
         raise BSGError(

@@ -35,26 +35,18 @@ _MOST_TILT = 600.0  # largest exponent computed: e^709 is the largest number
 
 
 def hidden_posterior(shape: Array, rate: Array, seen: Array, share: Array) -> tuple[Array, Array]:
-    """Return mean and dispersion of the hidden counts after some were seen.
+    """Return mean and dispersion of the hidden counts after V were seen.
 
-    The four arguments broadcast against each other.
-
-    Args:
-        shape: r of the Gamma prior of the rate.
-        rate: b of the Gamma prior.
-        seen: V, the counts that were seen.
-        share: f, the share that is hidden.
+    Arguments broadcast: r and b of the Gamma prior of the rate, V, and the hidden share f.
     """
     dispersion = shape + seen
     return share * dispersion / (rate + 1 - share), dispersion
 
 
 def hidden_tilts(tilts: Array, seen: Array) -> list[Array]:
-    """Return the tilts of the hidden counts 0..J−1 after some were seen: a_{v+h}, 0 beyond J.
+    """Return the tilts of the hidden counts 0..J−1 after V were seen: a_{v+h}, 0 beyond J.
 
-    Args:
-        tilts: a of the true counts 0..J−1 on the first axis; the other axes broadcast with `seen`.
-        seen: V, the counts that were seen.
+    The first axis of `tilts` is J; the others broadcast with `seen`.
     """
     number = len(tilts)
     return [
@@ -64,14 +56,7 @@ def hidden_tilts(tilts: Array, seen: Array) -> list[Array]:
 
 
 def first_counts(number: int, none: Array, mean: Array, dispersion: Array) -> list[Array]:
-    """Return the probabilities of the counts 0..number−1, each computed from the one before.
-
-    Args:
-        number: J.
-        none: P(0).
-        mean: μ.
-        dispersion: r, finite.
-    """
+    """Return P(0), …, P(J − 1), each computed from the one before; r is finite."""
     probabilities = [none]
     success = mean / (mean + dispersion)
     for count in range(number - 1):
@@ -81,13 +66,7 @@ def first_counts(number: int, none: Array, mean: Array, dispersion: Array) -> li
 
 
 def log_normaliser(tilts: Any, mean: Array, dispersion: Array) -> Array:
-    """Return log Z of tilted negative binomials.
-
-    Args:
-        tilts: a of the counts 0..J−1, one array each.
-        mean: μ.
-        dispersion: r.
-    """
+    """Return log Z of negative binomials; `tilts` are a of the counts 0..J−1, an array each."""
     xp = _library(mean)
     none = log_none(mean, dispersion)
     total = xp.ones_like(none)
@@ -101,14 +80,7 @@ def log_normaliser(tilts: Any, mean: Array, dispersion: Array) -> Array:
 
 
 def log_negative_binomial(counts: Any, mean: Array, dispersion: Any, tilts: Any = ()) -> Array:
-    """Return log P(counts); the arguments broadcast against each other.
-
-    Args:
-        counts: whole numbers of 0 or more.
-        mean: μ > 0.
-        dispersion: r > 0.
-        tilts: a of the counts 0..J−1, one array each.
-    """
+    """Return log P(counts) for μ > 0, r > 0; arguments broadcast, `tilts` as for log Z."""
     log_p: Array = log_beyond_none(counts, mean, dispersion) + log_none(mean, dispersion)
     for count, tilt in enumerate(tilts):
         log_p = log_p + tilt * (counts == count)

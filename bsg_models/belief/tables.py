@@ -27,55 +27,53 @@ from bsg_models.errors import BeliefFileError
 
 NODES = "nodes.parquet"  # the file that identifies belief tables
 _ROWS_PER_GROUP = 65_536
-_METRES = pa.list_(pa.float64())
-_COUNTS = pa.list_(pa.float64())
-SCHEMAS = {
+_NUMBERS = pa.list_(pa.float64())
+_SCHEMAS = {
     "nodes": pa.schema(
-        [
-            ("scene_id", pa.string()),
-            ("node", pa.int32()),
-            ("kind", pa.string()),
-            ("id", pa.string()),
-            ("room", pa.string()),
-            ("category", pa.string()),
-            ("corrected", pa.string()),
-            ("class", pa.string()),
-            ("expected", pa.float64()),
-            ("presence", pa.float64()),
-            ("visited", pa.bool_()),
-            ("hidden_share", pa.float64()),
-            ("hidden_share_sd", pa.float64()),
-            ("label", pa.string()),
-            ("position", _METRES),
-            ("box", _METRES),
-            ("footprint", _METRES),
-            ("floor_index", pa.int16()),
-            ("floor_area", pa.float64()),
-            ("room_type", pa.map_(pa.string(), pa.float64())),
-            ("building_kind", pa.string()),
-            ("source", pa.string()),
-        ]
+        {
+            "scene_id": pa.string(),
+            "node": pa.int32(),
+            "kind": pa.string(),
+            "id": pa.string(),
+            "room": pa.string(),
+            "category": pa.string(),
+            "corrected": pa.string(),
+            "class": pa.string(),
+            "expected": pa.float64(),
+            "presence": pa.float64(),
+            "visited": pa.bool_(),
+            "hidden_share": pa.float64(),
+            "hidden_share_sd": pa.float64(),
+            "label": pa.string(),
+            "position": _NUMBERS,
+            "box": _NUMBERS,
+            "footprint": _NUMBERS,
+            "floor_index": pa.int16(),
+            "floor_area": pa.float64(),
+            "room_type": pa.map_(pa.string(), pa.float64()),
+            "building_kind": pa.string(),
+            "source": pa.string(),
+        }
     ),
     "edges": pa.schema(
-        [
-            ("scene_id", pa.string()),
-            ("source", pa.int32()),
-            ("target", pa.int32()),
-            ("kind", pa.string()),
-        ]
+        {
+            "scene_id": pa.string(),
+            "source": pa.int32(),
+            "target": pa.int32(),
+            "kind": pa.string(),
+        }
     ),
     "histograms": pa.schema(
-        [
-            ("scene_id", pa.string()),
-            ("node", pa.int32()),
-            ("input", pa.list_(pa.int32())),
-            ("expected", _COUNTS),
-            ("presence", _COUNTS),
-        ]
+        {
+            "scene_id": pa.string(),
+            "node": pa.int32(),
+            "input": pa.list_(pa.int32()),
+            "expected": _NUMBERS,
+            "presence": _NUMBERS,
+        }
     ),
 }
-FILES = tuple(f"{name}.parquet" for name in SCHEMAS)
-Rows = dict[str, list[dict[str, Any]]]
+FILES = tuple(f"{name}.parquet" for name in _SCHEMAS)
 
 
 def write_tables(beliefs: Iterable[BeliefGraph], folder: AnyPath) -> None:
@@ -92,12 +90,12 @@ def write_tables(beliefs: Iterable[BeliefGraph], folder: AnyPath) -> None:
                 name: stack.enter_context(
                     pq.ParquetWriter(staged / f"{name}.parquet", schema, compression="zstd")
                 )
-                for name, schema in SCHEMAS.items()
+                for name, schema in _SCHEMAS.items()
             }
             header: dict[str, Any] = {}
-            for rows in _group_rows(beliefs, header, folder):
+            for rows in _group_rows(_list_documents(beliefs, header, folder)):
                 for name, writer in writers.items():
-                    writer.write_table(pa.Table.from_pylist(rows[name], schema=SCHEMAS[name]))
+                    writer.write_table(pa.Table.from_pylist(rows[name], schema=_SCHEMAS[name]))
             writers["nodes"].add_key_value_metadata({"bsg.beliefs": encode_json(header)})
     except OSError as error:
         raise DatasetError(
@@ -107,11 +105,10 @@ def write_tables(beliefs: Iterable[BeliefGraph], folder: AnyPath) -> None:
         ) from error
 
 
-def _group_rows(
+def _list_documents(
     beliefs: Iterable[BeliefGraph], header: dict[str, Any], folder: Path
-) -> Iterator[Rows]:
-    """Yield the rows of one row group at a time; put the header of the first graph in `header`."""
-    rows: Rows = {name: [] for name in SCHEMAS}
+) -> Iterator[tuple[BeliefGraph, dict[str, Any]]]:
+    """Yield belief graphs with their documents; put what they share in `header`."""
     scenes = set()
     for belief in beliefs:
         scene, document = belief.partial.scene_id, encode_belief(belief)
@@ -121,37 +118,40 @@ def _group_rows(
             )
         scenes.add(scene)
         header.update({key: document[key] for key in ("model", "mode", "class_space")})
-        rows["nodes"] += _list_node_rows(scene, document)
+        yield belief, document
+
+
+def _group_rows(
+    documents: Iterable[tuple[BeliefGraph, dict[str, Any]]],
+) -> Iterator[dict[str, list[dict[str, Any]]]]:
+    """Yield the rows of the tables, one row group at a time, and the last one even if empty."""
+    rows: dict[str, list[dict[str, Any]]] = {name: [] for name in _SCHEMAS}
+    for belief, document in documents:
+        scene = {"scene_id": belief.partial.scene_id}
+        rows["nodes"] += ({**scene, **row} for row in _list_node_rows(document))
         rows["edges"] += (
-            {"scene_id": scene, "source": a, "target": b, "kind": kind}
+            {**scene, "source": a, "target": b, "kind": kind}
             for a, b, kind in sorted(list_edges(document))
         )
+        histograms = (belief.partial.histograms().tolist(), belief.expected, belief.presence)
         rows["histograms"] += (
-            {"scene_id": scene, "node": node, "input": i, "expected": e, "presence": p}
-            for node, (i, e, p) in enumerate(
-                zip(
-                    belief.partial.histograms().tolist(),
-                    document["expected"],
-                    document["presence"],
-                    strict=True,
-                )
-            )
+            {**scene, "node": node, "input": seen, "expected": expected, "presence": presence}
+            for node, (seen, expected, presence) in enumerate(zip(*histograms, strict=True))
         )
         if len(rows["nodes"]) >= _ROWS_PER_GROUP:
             yield rows
-            rows = {name: [] for name in SCHEMAS}
+            rows = {name: [] for name in _SCHEMAS}
     yield rows
 
 
-def _list_node_rows(scene: str, document: dict[str, Any]) -> Iterator[dict[str, Any]]:
+def _list_node_rows(document: dict[str, Any]) -> Iterator[dict[str, Any]]:
     for number, (_, node) in enumerate(list_nodes(document)):
         for name in ("box", "footprint"):
             if node.get(name) is not None:
                 node[name] = list(chain.from_iterable(node[name]))
         said = node.get("room_type") or {}
         shares = {said: 1.0} if isinstance(said, str) else said
-        node["room_type"] = list(shares.items()) or None
-        yield {"scene_id": scene, "node": number, **node}
+        yield {**node, "node": number, "room_type": list(shares.items()) or None}
 
 
 TABLES = FormatRow("tables", (".tables",), write_all=write_tables)

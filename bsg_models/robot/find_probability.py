@@ -13,13 +13,12 @@ from collections.abc import Iterable, Mapping
 from bsg_data.errors import RecipeError
 from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.partial_graph import PartialGraph
-from bsg_models.robot.answers import Place
 from bsg_models.robot.rooms import find_room
-from bsg_models.robot.seen_building import SeenBuilding
+from bsg_models.robot.seen_building import Place, SeenBuilding
 
 _NUMBERED = re.compile(r"(.+?)_[0-9]+")  # cup_4: one cup of several, as simulators name them
 _ON_ITS_WAY = "_loc"  # suffix of a robot's name: where railroad puts it after an interrupted move
-_SHOWN = 8  # locations listed in an error
+_LISTED = 8  # locations listed in an error
 
 
 class FindProbability:
@@ -72,7 +71,7 @@ class FindProbability:
         self._searched: set[str] = set()
         self._found: dict[str, str] = {}  # thing → the location where it was found
         self._graph: PartialGraph | None = None  # the graph that the cached values belong to
-        self._places: dict[str, tuple[Place, ...] | None] = {}
+        self._places: dict[str, dict[str | None, Place] | None] = {}  # thing → room → place
         self._known: dict[tuple[str, str], float] = {}
         if otherwise is not None and not 0 <= otherwise <= 1:
             raise RecipeError(
@@ -91,11 +90,7 @@ class FindProbability:
                 )
 
     def add(self, location: str, room: str | None) -> None:
-        """Add a location in a room, or one that holds nothing (None).
-
-        Raises:
-            RecipeError: if there is no such room.
-        """
+        """Add a location in a room, by id or label, or one that holds nothing (None)."""
         self._rooms[location] = None if room is None else find_room(self.seen.graph, room)
         self._graph = None
 
@@ -113,7 +108,11 @@ class FindProbability:
         """
         if self._graph is not self.seen.graph:
             self._graph, self._places, self._known = self.seen.graph, {}, {}
-            self._forget_moved()
+            rooms = {obj.name: obj.room_index for obj in self._graph.objects}
+            was_moved = {
+                one for one, at in self._found.items() if rooms.get(one) != self._rooms[at]
+            }
+            self._found = {one: at for one, at in self._found.items() if one not in was_moved}
         known = self._known.get((location, thing))
         if known is None:
             self._robots.add(robot)
@@ -154,15 +153,6 @@ class FindProbability:
             self.seen.entered(room, hidden_share=ShareBelief(share.mean * left, share.sd * left))
         self._graph = None
 
-    def _forget_moved(self) -> None:
-        """Forget the location of things that were later seen in another room."""
-        rooms = {obj.name: obj.room_index for obj in self.seen.graph.objects}
-        self._found = {
-            thing: location
-            for thing, location in self._found.items()
-            if rooms.get(thing) == self._rooms[location]
-        }
-
     def _find(self, location: str, thing: str) -> float:
         node = self._require(location)
         if thing in self._found:
@@ -174,10 +164,9 @@ class FindProbability:
         places = self._places[thing]
         if places is None:
             return 0.0 if location in self._searched else float(self._otherwise or 0.0)
-        name = self.seen.rooms[node - 1]
-        place = next(place for place in places if place.room == name)
-        numbered = _NUMBERED.fullmatch(thing) is not None
-        seen = [one for one in place.seen if one == thing or not numbered]
+        place = places[self.seen.rooms[node - 1]]
+        is_numbered = _NUMBERED.fullmatch(thing) is not None
+        seen = [one for one in place.seen if one == thing or not is_numbered]
         if any(self._found.get(one) == location for one in seen):
             return 1.0
         if location in self._searched:
@@ -187,22 +176,18 @@ class FindProbability:
             return share
         return float(1 - (1 - place.unseen) ** share)
 
-    def _look(self, thing: str) -> tuple[Place, ...] | None:
+    def _look(self, thing: str) -> dict[str | None, Place] | None:
         """Return where a thing may be; None if no model has a class and `otherwise` is set."""
-        word = self._word(thing)
         try:
-            return self.seen.where(word)
+            return {place.room: place for place in self.seen.where(self._word(thing))}
         except RecipeError:
             if self._otherwise is None:
                 raise
             return None
 
     def _word(self, thing: str) -> str:
-        """Return the word for one of the planner's things."""
-        if thing in self._words:
-            return self._words[thing]
         numbered = _NUMBERED.fullmatch(thing)
-        return thing if numbered is None else numbered[1]
+        return self._words.get(thing, thing if numbered is None else numbered[1])
 
     def _unsearched(self, node: int) -> float:
         """Return the total size of a room's unsearched locations."""
@@ -216,9 +201,9 @@ class FindProbability:
         """Return the room of a location, 1..R; None for one that holds nothing."""
         if location not in self._rooms:
             names = list(self._rooms)
-            more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+            more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
             raise RecipeError(
-                f"no location {location!r}: known are {', '.join(names[:_SHOWN])}{more}; `add` "
+                f"no location {location!r}: known are {', '.join(names[:_LISTED])}{more}; `add` "
                 "adds a location with its room",
                 code="location-unknown",
                 where=location,

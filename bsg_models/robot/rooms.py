@@ -17,13 +17,7 @@ _NONE: Mapping[str, float] = MappingProxyType({})
 
 
 def find_room(graph: PartialGraph, name: str) -> int:
-    """Return the index of the room that a name means, 1..R.
-
-    A name is the id of a room, or a label that only one room has, in any case.
-
-    Raises:
-        RecipeError: if no room has the name, or several have the label.
-    """
+    """Return the index, 1..R, of the room with this id, or with a label that it alone has."""
     ids = [room.name for room in graph.rooms]
     if name in ids:
         return ids.index(name) + 1
@@ -68,16 +62,11 @@ def set_hidden_shares(
     """
     if every is not None and not graph.rooms:
         return replace(graph, hidden_share=ShareBelief(every).mean)
-    shares: dict[int, float | None] = dict.fromkeys(range(1, len(graph.rooms) + 1), every)
+    shares = {} if every is None else dict.fromkeys(range(1, len(graph.rooms) + 1), every)
     shares |= {find_room(graph, name): share for name, share in rooms.items()}
-    for index, share in shares.items():
-        if share is not None:
-            graph = _hide(graph, index, ShareBelief(share))
+    for index, said in shares.items():
+        share, known = ShareBelief(said), list(graph.rooms)
+        visited = share.mean < 1 and (share.mean == 0 or known[index - 1].visited)
+        known[index - 1] = replace(known[index - 1], visited=visited)
+        graph = hide_of_room(replace(graph, rooms=tuple(known)), index, share)
     return graph
-
-
-def _hide(graph: PartialGraph, index: int, share: ShareBelief) -> PartialGraph:
-    rooms = list(graph.rooms)
-    visited = share.mean < 1 and (share.mean == 0 or rooms[index - 1].visited)
-    rooms[index - 1] = replace(rooms[index - 1], visited=visited)
-    return hide_of_room(replace(graph, rooms=tuple(rooms)), index, share)

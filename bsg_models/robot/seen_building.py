@@ -9,15 +9,17 @@ All names are the robot's own: ids or labels of its rooms, and any word for a th
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import wraps
+from itertools import count
 from pathlib import Path
 from threading import RLock
 from types import MappingProxyType
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar
 
 import numpy as np
 
-from bsg_data.arrays import Bools, Floats
+from bsg_data.arrays import Floats
 from bsg_data.dataset.manifest import COMPARED, UnmappedEntry, describe_unmapped
 from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath
@@ -41,15 +43,44 @@ from bsg_data.scene.surroundings import RoomType, check_room_type
 from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, Mode, believe
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.graph_file import GraphFile, open_graph_file, use_class_map
-from bsg_models.robot.answers import ExpectedClass, Place
-from bsg_models.robot.destination import choose_destination
 from bsg_models.robot.rooms import find_room, set_hidden_shares
-from bsg_models.robot.ways import Costs, Ways, measure_ways
+from bsg_models.robot.ways import Costs, Ways, choose_destination, measure_ways
 from bsg_models.robot.words import Meaning, find_meaning
 from bsg_models.runs.predictor import Predictor
 from bsg_models.runs.shipped import DEFAULT_MODEL, WIDE_MAP, WIDE_MODEL, shipped_names
 from bsg_models.search.catalogue import AnyPlanner
 from bsg_models.search.knowledge import Task
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A room where a thing may be."""
+
+    room: str | None  # its id; None for objects that were seen in no room
+    label: str | None
+    probability: float  # P(at least one is there); 1 if one was seen
+    unseen: float  # P(at least one unseen is there)
+    expected: float  # number of unseen ones
+    seen: tuple[str, ...]  # ids of those that were seen there
+    cost: float | None  # of the way to the room; None if the robot did not say where it is
+
+
+@dataclass(frozen=True, slots=True)
+class ExpectedClass:
+    """A class of things that a room may hide."""
+
+    name: str
+    probability: float  # P(at least one unseen is there)
+    expected: float  # number of unseen ones
+    seen: int  # number that was seen there
+
+
+class _Answer(NamedTuple):
+    """What is known of one thing, for each node."""
+
+    seen: list[tuple[str, ...]]  # ids
+    presence: Floats  # [N] P(at least one unseen)
+    hidden: Floats  # [N] expected number of unseen ones
 
 
 def open_graph(
@@ -109,8 +140,8 @@ class SeenBuilding:
     `where`, `anywhere`, `expected`, `next_room` and `belief`. The state is one immutable
     `PartialGraph`. Keep `graph`, or a `copy`, to ask what-if questions.
 
-    A thing is any word. A room is its id, or its label if no other room has it. The object is
-    thread-safe.
+    A thing is any word. A room is its id, or its label if no other room has it. A word that means
+    no class, and a name that means no room, raise `RecipeError`. The object is thread-safe.
     """
 
     def __init__(
@@ -155,8 +186,8 @@ class SeenBuilding:
     @property
     def unmapped(self) -> tuple[UnmappedEntry, ...]:
         """Seen objects whose name no class map knows; models do not read them."""
-        names = list_unmapped(self._graph)
-        return tuple(describe_unmapped(names, self._class_map, near=COMPARED))
+        class_map = self._models[0].class_map
+        return tuple(describe_unmapped(list_unmapped(self._graph), class_map, near=COMPARED))
 
     @_alone
     def copy(self) -> SeenBuilding:
@@ -176,7 +207,7 @@ class SeenBuilding:
         object_id: str | None = None,
         position: tuple[float, float, float] | None = None,
     ) -> str:
-        """Report one object in a room; the room may hold more.
+        """Report one object in a room, and return its id; the room may hold more.
 
         Args:
             room: id or label; None for an object that is in no room.
@@ -184,20 +215,18 @@ class SeenBuilding:
             object_id: a known id moves the object instead of adding one. Give an id to detections
                 that repeat; without it, every call adds an object.
             position: metres, Z up.
-
-        Returns:
-            Its id.
-
-        Raises:
-            RecipeError: if there is no such room, or the object is not valid.
         """
         if not thing.strip():
             raise RecipeError("saw: expected the name of a thing, found none", code="thing-none")
         index = 0 if room is None else find_room(self._graph, room)
-        name = self._free_id() if object_id is None else object_id
-        found = self._class_map.classify(thing)
-        seen = SeenObject(name, index, thing, found.category, found.class_index, position)
-        seen = check_object(seen)
+        if object_id is None:
+            taken = {obj.name for obj in self._graph.objects}
+            names = (f"saw {number}" for number in count(len(taken) + 1))
+            object_id = next(name for name in names if name not in taken)
+        known = self._models[0].class_map.classify(thing)
+        seen = check_object(
+            SeenObject(object_id, index, thing, known.category, known.class_index, position)
+        )
         self._change(see_object(self._graph, seen))
         return seen.name
 
@@ -223,18 +252,18 @@ class SeenBuilding:
             seconds_inside: how long the robot has looked around in the room.
 
         Raises:
-            RecipeError: if there is no such room, a share is not 0 to 1, or both `hidden_share` and
-                another argument are given.
+            RecipeError: also if a share is not 0 to 1, or both `hidden_share` and another argument
+                are given.
         """
         index = find_room(self._graph, room)
-        looks = (floor_in_view, walls_in_view, seconds_inside)
-        if hidden_share is not None and any(look is not None for look in looks):
+        looked = any(x is not None for x in (floor_in_view, walls_in_view, seconds_inside))
+        if hidden_share is not None and looked:
             raise RecipeError(
                 f"room {room!r}: give hidden_share, or how it was looked at; not both",
                 code="share-twice",
                 where=room,
             )
-        if any(look is not None for look in looks):
+        if looked:
             hidden_share = estimate_hidden_share(
                 floor_in_view=floor_in_view,
                 walls_in_view=walls_in_view,
@@ -246,11 +275,7 @@ class SeenBuilding:
         self._change(enter(self._graph, index, hidden_share=hidden_share))
 
     def searched(self, room: str) -> None:
-        """Report that everything in a room was seen and reported by `saw`.
-
-        Raises:
-            RecipeError: if there is no such room.
-        """
+        """Report that everything in a room was seen and reported by `saw`."""
         self.entered(room, hidden_share=0.0)
 
     @_alone
@@ -273,8 +298,7 @@ class SeenBuilding:
             floor_area: square metres.
 
         Raises:
-            RecipeError: if the room is already known, a room beside it is unknown, or it is not
-                valid.
+            RecipeError: also if the room is already known, or is not valid.
         """
         new = KnownRoom(
             room,
@@ -285,9 +309,12 @@ class SeenBuilding:
             room_type=check_room_type(room_type),
         )
         others = [beside] if isinstance(beside, str) else beside
-        new = check_room(new)
         neighbours = [find_room(self._graph, other) for other in others]
-        self._change(discover(self._graph, new, beside=neighbours))
+        self._change(discover(self._graph, check_room(new), beside=neighbours))
+
+    def _change(self, graph: PartialGraph) -> None:
+        self._graph = graph
+        self._beliefs = {}
 
     # Questions of the robot
 
@@ -301,14 +328,9 @@ class SeenBuilding:
             thing: any word; `understand` says which class answers it.
             here: the robot's room, from which costs are measured.
             costs: (room, room) → cost, replacing what the graph measures; ∞ closes a way.
-
-        Raises:
-            RecipeError: if the word means no class, or there is no such room.
         """
-        meaning = self.understand(thing)
-        belief, seen = self._belief(meaning.model), self._seen(meaning)
+        seen, presence, hidden = self._look_up(thing)
         costs_from = None if here is None else self.ways(costs).costs[find_room(self._graph, here)]
-        presence, hidden = (x[:, meaning.class_index] for x in (belief.presence, belief.hidden))
         places = [
             Place(
                 room=room.name,
@@ -327,28 +349,18 @@ class SeenBuilding:
 
     @_alone
     def anywhere(self, thing: str) -> float:
-        """Return P(at least one is in the building, seen or not).
-
-        Raises:
-            RecipeError: if the word means no class.
-        """
-        meaning = self.understand(thing)
-        if any(self._seen(meaning)):
-            return 1.0
-        return float(self._belief(meaning.model).presence[0, meaning.class_index])
+        """Return P(at least one is in the building, seen or not)."""
+        seen, presence, _ = self._look_up(thing)
+        return 1.0 if any(seen) else float(presence[0])
 
     @_alone
     def expected(self, room: str) -> tuple[ExpectedClass, ...]:
         """Return the unseen classes that a room may hold, the likeliest first.
 
         Classes below half a percent are left out.
-
-        Raises:
-            RecipeError: if there is no such room.
         """
-        node, belief = find_room(self._graph, room), self._belief(0)
+        node, belief = find_room(self._graph, room), self._believe(0)
         presence = belief.presence[node]
-        ranked = [c for c in np.argsort(-presence, kind="stable") if presence[c] >= LEAST_PRESENCE]
         return tuple(
             ExpectedClass(
                 name=self._models[0].classes[c],
@@ -356,7 +368,8 @@ class SeenBuilding:
                 expected=float(belief.hidden[node, c]),
                 seen=int(belief.inputs[node, c]),
             )
-            for c in ranked
+            for c in np.argsort(-presence, kind="stable")
+            if presence[c] >= LEAST_PRESENCE
         )
 
     @_alone
@@ -386,17 +399,20 @@ class SeenBuilding:
             Its id; None if no room is left to search or none can be reached.
 
         Raises:
-            RecipeError: if a word means no class, there is no such room, or the planner cannot be
-                used.
+            RecipeError: also if the planner cannot be used.
         """
-        presence, seen = self._presence([things] if isinstance(things, str) else list(things))
+        answers = [self._look_up(one) for one in ([things] if isinstance(things, str) else things)]
+        if not answers:
+            raise RecipeError("things: expected one word or more, found none", code="things-none")
+        seen = np.array([[bool(ids) for ids in one.seen] for one in answers]).T
+        presence = np.where(seen, 1.0, np.stack([one.presence for one in answers], axis=1))
         explored = np.array([True, *(room.hidden_share == 0 for room in self._graph.rooms)])
         explored &= ~seen.any(axis=1)
         explored[0] = True  # node 0 holds objects of no room, and nobody can go there
+        chosen: int | None
         if here is None:
-            open_ = np.where(explored, -1.0, 1 - (1 - presence).prod(axis=1))
-            node = int(open_.argmax())
-            return None if explored[node] else self.rooms[node - 1]
+            chosen = int(np.where(explored, -1.0, 1 - (1 - presence).prod(axis=1)).argmax())
+            return None if explored[chosen] else self.rooms[chosen - 1]
         place = find_room(self._graph, here)
         if seen[place].all():
             return self.rooms[place - 1]
@@ -419,16 +435,12 @@ class SeenBuilding:
                 (`unseen`).
             top: number of classes per room that get a blind node under `unseen`.
         """
-        return believe(self._graph, self._belief(0), mode=mode, top=top, model=self.model)
+        return believe(self._graph, self._believe(0), mode=mode, top=top, model=self.model)
 
     @_alone
     def asked(self, thing: str) -> str:
-        """Return the name of the model that answers for a word.
-
-        Raises:
-            RecipeError: if the word means no class.
-        """
-        return self._predictor(self.understand(thing).model).name
+        """Return the name of the model that answers for a word."""
+        return WIDE_MODEL if self.understand(thing).model else self.model
 
     @_alone
     def understand(self, thing: str) -> Meaning:
@@ -437,40 +449,19 @@ class SeenBuilding:
         The building's own model is preferred. If it has no class for the word, the shipped model
         `universal-wide` with its 170 classes answers. It does not if everybody may use the
         building's model: `universal-wide` is for research.
-
-        Raises:
-            RecipeError: if the word means no class; the message names similar words.
         """
         if thing not in self._meanings:
-            own = self._class_map.version not in list_class_maps()
+            own = self._models[0].class_map.version not in list_class_maps()
             self._meanings[thing] = find_meaning(thing, self._class_maps(), prefer_exact=not own)
         return self._meanings[thing]
 
     def ways(self, costs: Costs | None = None) -> Ways:
-        """Return the costs of going from room to room.
+        """Return the costs of going from room to room, at most 2,000 rooms.
 
         Raises:
-            RecipeError: if a room is unknown, or a cost is not 0 or more.
+            RecipeError: also if there are more rooms, or a cost is not 0 or more.
         """
         return measure_ways(self._graph, costs)
-
-    # Internals
-
-    def _change(self, graph: PartialGraph) -> None:
-        self._graph = graph
-        self._beliefs = {}
-
-    def _free_id(self) -> str:
-        """Return an id that no object has."""
-        taken = {obj.name for obj in self._graph.objects}
-        number = len(taken) + 1
-        while f"saw {number}" in taken:
-            number += 1
-        return f"saw {number}"
-
-    @property
-    def _class_map(self) -> ClassMap:
-        return self._models[0].class_map
 
     def _class_maps(self) -> Iterator[ClassMap]:
         """Yield the model's class map, then that of the wide model if it may answer, too.
@@ -478,39 +469,31 @@ class SeenBuilding:
         It has to have another class space. A model that everybody may use is not helped by one
         with terms of its own.
         """
-        yield self._class_map
+        model = self._models[0]
+        yield model.class_map
         wide = load_class_map(WIDE_MAP)
-        has_wide = WIDE_MODEL in shipped_names() and self._class_map.space != wide.space
-        if has_wide and not self._models[0].is_free:
+        has_wide = WIDE_MODEL in shipped_names() and model.class_map.space != wide.space
+        if has_wide and not model.is_free:
             yield wide
 
-    def _belief(self, model: int) -> Expectation:
-        """Return what a model believes of the graph as it is now."""
-        if model not in self._beliefs:
-            self._beliefs[model] = self._predictor(model)(self._graph_for(model))
-        return self._beliefs[model]
+    def _look_up(self, thing: str) -> _Answer:
+        meaning = self.understand(thing)
+        belief, column = self._believe(meaning.model), meaning.class_index
+        graph = self._graph_for(meaning.model)
+        seen: list[list[str]] = [[] for _ in range(len(graph.rooms) + 1)]
+        for obj in graph.objects:
+            if obj.class_index == column:
+                seen[obj.room_index].append(obj.name)
+        ids = [tuple(names) for names in seen]
+        return _Answer(ids, belief.presence[:, column], belief.hidden[:, column])
 
-    def _predictor(self, model: int) -> Predictor:
+    def _believe(self, model: int) -> Expectation:
+        """Return what a model, 0 the building's own, believes of the graph as it is now."""
         if model == len(self._models):
             self._models.append(Predictor(WIDE_MODEL))
-        return self._models[model]
+        if model not in self._beliefs:
+            self._beliefs[model] = self._models[model](self._graph_for(model))
+        return self._beliefs[model]
 
     def _graph_for(self, model: int) -> PartialGraph:
         return reclassify(self._graph, load_class_map(WIDE_MAP)) if model else self._graph
-
-    def _seen(self, meaning: Meaning) -> list[tuple[str, ...]]:
-        """Return the ids of the seen objects of a class, for every node."""
-        ids: list[list[str]] = [[] for _ in range(len(self._graph.rooms) + 1)]
-        for obj in self._graph_for(meaning.model).objects:
-            if obj.class_index == meaning.class_index:
-                ids[obj.room_index].append(obj.name)
-        return [tuple(names) for names in ids]
-
-    def _presence(self, things: Sequence[str]) -> tuple[Floats, Bools]:
-        """Return P(at least one is there, seen or not), and whether one was seen, `[1 + R, A]`."""
-        meanings = [self.understand(thing) for thing in things]
-        if not meanings:
-            raise RecipeError("things: expected one word or more, found none", code="things-none")
-        seen = np.array([[bool(ids) for ids in self._seen(one)] for one in meanings]).T
-        hidden = [self._belief(one.model).presence[:, one.class_index] for one in meanings]
-        return np.where(seen, 1.0, np.stack(hidden, axis=1)), seen

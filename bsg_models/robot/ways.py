@@ -1,4 +1,4 @@
-"""Measure the costs of going from room to room in a robot's graph."""
+"""Measure the ways between the rooms of a robot's graph, and choose the room to go to."""
 
 from __future__ import annotations
 
@@ -9,33 +9,29 @@ from typing import Literal
 
 import numpy as np
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components, shortest_path
+from scipy.sparse.csgraph import minimum_spanning_tree, shortest_path
 from scipy.spatial.distance import cdist
 
-from bsg_data.arrays import Floats
+from bsg_data.arrays import Bools, Floats
 from bsg_data.errors import RecipeError
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph
 from bsg_data.recipes import read_number
 from bsg_models.robot.rooms import find_room
+from bsg_models.search.catalogue import AnyPlanner
+from bsg_models.search.knowledge import Task
+from bsg_models.search.planners import next_room
 
 MOST_ROOMS = 2000  # limit of measured rooms: tables hold a number for each pair
-Unit = Literal["m", "rooms", "given"]
 Costs = Mapping[tuple[str, str], float]
 
 
 @dataclass(frozen=True, eq=False)
 class Ways:
-    """The edges between rooms, and the cheapest ways over them.
+    """The edges between rooms, and the cheapest ways over them; the building is node 0."""
 
-    Attributes:
-        edges: `[1 + R, 1 + R]` costs ≥ 0, ∞ without an edge; the building is node 0.
-        costs: `[1 + R, 1 + R]` of the cheapest way; ∞ if there is none.
-        unit: metres, the number of rooms, or the unit of the given costs.
-    """
-
-    edges: Floats
-    costs: Floats
-    unit: Unit
+    edges: Floats  # [1 + R, 1 + R] costs ≥ 0, ∞ without an edge
+    costs: Floats  # [1 + R, 1 + R] of the cheapest ways; ∞ if there is none
+    unit: Literal["m", "rooms", "given"]  # metres, the number of rooms, or that of given costs
 
 
 def measure_ways(graph: PartialGraph, costs: Costs | None = None) -> Ways:
@@ -46,14 +42,7 @@ def measure_ways(graph: PartialGraph, costs: Costs | None = None) -> Ways:
     the mean of the known edges; if none is known, 1. Disconnected parts of the graph are joined
     between their nearest rooms, because a building is connected.
 
-    Args:
-        graph: with R rooms.
-        costs: (room, room) → cost of the edge between them in both directions, replacing the
-            measured one; ∞ closes a way.
-
-    Raises:
-        RecipeError: if a room is unknown, a cost is not 0 or more, or there are more than 2,000
-            rooms.
+    `costs` of pairs of rooms replace the measured ones, in both directions; ∞ closes a way.
     """
     rooms = len(graph.rooms)
     if rooms > MOST_ROOMS:
@@ -67,19 +56,20 @@ def measure_ways(graph: PartialGraph, costs: Costs | None = None) -> Ways:
     pairs = np.array(graph.adjacency, dtype=np.int64).reshape(-1, 2)
     if not len(pairs):
         pairs = np.argwhere(np.triu(np.ones((rooms, rooms), dtype=bool), k=1)) + 1
-    lengths = lines[pairs[:, 0], pairs[:, 1]]
-    known = lengths[np.isfinite(lengths)]
+    a, b = pairs.T
+    known = lines[a, b][np.isfinite(lines[a, b])]
     usual = float(np.mean(known)) if len(known) else 1.0
-    lengths = np.where(np.isfinite(lengths), lengths, usual)
     edges = np.full(lines.shape, np.inf)
-    edges[pairs[:, 0], pairs[:, 1]] = edges[pairs[:, 1], pairs[:, 0]] = lengths
-    _join_parts(edges, lines, usual)
-    if costs is not None:
-        _lay_over(edges, graph, costs)
-    unit: Unit = "given" if costs else "m" if len(known) else "rooms"
+    edges[a, b] = edges[b, a] = np.where(np.isfinite(lines[a, b]), lines[a, b], usual)
+    if graph.adjacency:
+        _join_parts(edges, lines, usual)
+    for ends, cost in (costs or {}).items():
+        one, other = (find_room(graph, end) for end in ends)
+        what = f"costs: {ends[0]!r} to {ends[1]!r}"
+        edges[one, other] = edges[other, one] = read_number(what, cost, most=math.inf)
     straight = not graph.adjacency and costs is None
     ways = _go_straight(edges, lines, usual) if straight else _find_cheapest(edges)
-    return Ways(edges, ways, unit)
+    return Ways(edges, ways, "given" if costs else "m" if len(known) else "rooms")
 
 
 def _go_straight(edges: Floats, lines: Floats, usual: float) -> Floats:
@@ -96,17 +86,9 @@ def _go_straight(edges: Floats, lines: Floats, usual: float) -> Floats:
 
 
 def _find_cheapest(edges: Floats) -> Floats:
-    """Return the costs of the cheapest ways over edges `[N, N]`; ∞ if there is none."""
     source, target = np.nonzero(np.isfinite(edges))  # an edge may cost 0
     listed = csr_array((edges[source, target], (source, target)), shape=edges.shape)
     return np.asarray(shortest_path(listed))
-
-
-def _lay_over(edges: Floats, graph: PartialGraph, costs: Costs) -> None:
-    for ends, cost in costs.items():
-        a, b = (find_room(graph, end) for end in ends)
-        what = f"costs: {ends[0]!r} to {ends[1]!r}"
-        edges[a, b] = edges[b, a] = read_number(what, cost, most=math.inf)
 
 
 def _straight_lines(graph: PartialGraph) -> Floats:
@@ -119,7 +101,6 @@ def _straight_lines(graph: PartialGraph) -> Floats:
 
 
 def _place_of(room: KnownRoom) -> tuple[float, ...]:
-    """Return the position of a room, else the middle of its box; NaN if both are unknown."""
     if room.position is not None:
         return room.position
     if room.box is None:
@@ -128,32 +109,52 @@ def _place_of(room: KnownRoom) -> tuple[float, ...]:
 
 
 def _join_parts(edges: Floats, lines: Floats, usual: float) -> None:
-    """Join the parts of a graph between their nearest rooms, one part after another.
+    """Join the parts of a graph between their nearest rooms.
 
-    This is Prim's algorithm over parts: it looks at each pair of rooms once. Of pairs that are
-    equally near, the one with the lowest numbers is joined.
+    These are the edges that a minimum spanning tree adds, where edges that are there come first. Of
+    pairs that are equally near, the one with the lowest numbers is joined.
     """
-    if len(edges) < 2:
-        return
-    part = np.append(-1, connected_components(np.isfinite(edges[1:, 1:]), directed=False)[1])
-    outside = part >= 0
-    nearest = np.full(len(edges), np.inf)  # metres from the joined rooms to each room
-    via = np.full(len(edges), len(edges))  # the joined room that is so near
-    joined = part == part[1]
+    a, b = np.triu_indices(len(edges), k=1)
+    a, b = a[a > 0], b[a > 0]  # node 0 is the building
+    order = np.lexsort((b, a, np.where(np.isfinite(edges[a, b]), -1.0, lines[a, b])))
+    a, b = a[order], b[order]
+    ranks = csr_array((np.arange(1.0, len(a) + 1), (a, b)), shape=edges.shape)
+    a, b = minimum_spanning_tree(ranks).nonzero()
+    a, b = a[np.isinf(edges[a, b])], b[np.isinf(edges[a, b])]
+    edges[a, b] = edges[b, a] = np.where(np.isfinite(lines[a, b]), lines[a, b], 2 * usual)
+
+
+def choose_destination(
+    ways: Ways,
+    *,
+    here: int,
+    explored: Bools,
+    presence: Floats,
+    planner: AnyPlanner = "expected-cost",
+    task: Task = "single",
+) -> int | None:
+    """Return the room to go to, which may be `here`; None if no room can be reached.
+
+    A planner first names a room that costs nothing to look into, however unlikely: a hall on the
+    way to the kitchen, or the robot's own room. A robot needs the destination instead. So a room is
+    skipped for the planner's next one if that is likelier and lies behind it on the cheapest way.
+
+    `explored` `[N]` are rooms that need not be looked into, `presence` `[N, A]` P(at least one is
+    there) of each thing; planner and task are those of `next_room`.
+    """
+    likely = 1 - (1 - presence).prod(axis=1)
+    known = explored.copy()
+    place, chosen = here, None
     while True:
-        for room in np.flatnonzero(joined):
-            closer = lines[room] < nearest
-            closer |= (lines[room] == nearest) & (via > room)
-            nearest[closer], via[closer] = lines[room, closer], room
-        outside &= ~joined
-        if not outside.any():
-            return
-        length = float(nearest[outside].min())
-        if np.isfinite(length):
-            tied = np.flatnonzero(outside & (nearest == length))
-            b = tied[via[tied].argmin()]
-            a = via[b]
-        else:
-            a, b, length = 1, outside.argmax(), 2 * usual
-        edges[a, b] = edges[b, a] = length
-        joined = part == part[b]
+        beyond = next_room(
+            ways.edges, here=place, explored=known, presence=presence, task=task, planner=planner
+        )
+        if beyond is None:
+            return chosen
+        if chosen is not None:
+            by_way_of = ways.costs[here, chosen] + ways.costs[chosen, beyond]
+            on_the_way = math.isclose(by_way_of, ways.costs[here, beyond])
+            if not on_the_way or likely[beyond] <= likely[chosen]:
+                return chosen
+        place = chosen = beyond
+        known[beyond] = True

@@ -17,23 +17,14 @@ LIKE_A_MISSPELLING = 0.85  # difflib's ratio: accepts microwav, refridgerator; n
 
 @dataclass(frozen=True, slots=True)
 class Meaning:
-    """The class that a word is taken for.
+    """The class that a word is taken for."""
 
-    Attributes:
-        word: as it was asked.
-        class_name: of the class.
-        class_index: in its class space.
-        model: index of the model that has this class, among the models offered.
-        how: why this class, in words; empty if the word is the name of the class.
-        is_exact: whether the class holds only such things; False for a teapot in `tableware`.
-    """
-
-    word: str
+    word: str  # as it was asked
     class_name: str
-    class_index: int
-    model: int
-    how: str
-    is_exact: bool
+    class_index: int  # in its class space
+    model: int  # index of the model that has this class, among the models offered
+    how: str  # why this class, in words; empty if the word is the name of the class
+    is_exact: bool  # whether the class holds only such things; False for a teapot in `tableware`
 
 
 def find_meaning(
@@ -46,15 +37,9 @@ def find_meaning(
     word that no map knows is taken for a very similar name. A known name without a class is never
     taken for a misspelling.
 
-    Args:
-        word: any name of a thing.
-        class_maps: one per model that can be asked, the preferred one first; later ones are only
-            loaded if they are needed.
-        prefer_exact: False takes the first map that has a class for the word, however wide the
-            class is; use it if that map is the user's own.
-
-    Raises:
-        RecipeError: if the word means no class; the message names similar words.
+    `class_maps` has one per model that can be asked, the preferred one first; later ones are only
+    loaded if they are needed. `prefer_exact=False` takes the first map that has a class for the
+    word, however wide the class is: for a map that is the user's own.
     """
     if not word.strip() or len(word) > MOST_CHARACTERS:
         raise RecipeError(

@@ -16,7 +16,7 @@ from dsg_files import write_graph
 
 from bsg_cli.belief import main
 from bsg_models.belief.annotation import strip_annotation
-from bsg_models.belief.document import read_document
+from bsg_models.belief.formats import read_belief
 from bsg_models.belief.hydra import read_hydra_belief
 
 
@@ -33,7 +33,7 @@ def test_a_robots_graph_gives_every_output(run: Path, tmp_path: Path) -> None:
     done = call(*words, "--tables", tmp_path / "tables", "--top", 2)
     assert done.exit_code == 0, done.output
     assert "B: shared kitchen" in done.output
-    belief = read_document(out)
+    belief = read_belief(out)
     assert belief == read_hydra_belief(hydra)
     nodes = pd.read_parquet(tmp_path / "tables" / "nodes.parquet")
     assert (nodes.kind == "blind").sum() == len(belief.blind)
@@ -74,7 +74,7 @@ def test_shares_are_told(dataset: Path, run: Path, tmp_path: Path) -> None:
     done = call(path, "--model", run, *shares, "--out", out)
     assert done.exit_code == 0, done.output
     assert "count as not seen" not in done.stderr
-    rooms = read_document(out).partial.rooms
+    rooms = read_belief(out).partial.rooms
     assert [(room.hidden_share, room.visited) for room in rooms] == [(0, True), (1, False)]
     asked = call(path, "--model", run, *shares, "--find", "bed", "--json")
     assert asked.exit_code == 0, asked.output

@@ -13,7 +13,8 @@ from random_beliefs import make_belief
 from refusals import refuses
 
 from bsg_data.errors import BSGError
-from bsg_models.belief.document import decode_belief, encode_belief, read_document, write_document
+from bsg_models.belief.document import decode_belief, encode_belief
+from bsg_models.belief.formats import read_belief, write_belief
 from bsg_models.errors import BeliefFileError
 
 
@@ -25,8 +26,8 @@ def test_decoding_inverts_encoding(seed: int, mode: str) -> None:
 
 
 def test_a_file_is_read_back(tmp_path: Path) -> None:
-    write_document(make_belief(1), tmp_path / "belief.json")
-    assert read_document(tmp_path / "belief.json") == make_belief(1)
+    write_belief(make_belief(1), tmp_path / "belief.json")
+    assert read_belief(tmp_path / "belief.json") == make_belief(1)
 
 
 def blind(**changes: Any) -> Any:
@@ -54,7 +55,7 @@ def test_what_is_no_belief_graph_is_refused(tmp_path: Path, change: Any, code: s
     path = tmp_path / "belief.json"
     path.write_text(json.dumps(document))
     with refuses(BeliefFileError, code, path):
-        read_document(path)
+        read_belief(path)
 
 
 def test_fewer_objects_than_were_seen_are_refused(tmp_path: Path) -> None:
@@ -71,4 +72,4 @@ def test_what_is_no_json_is_refused(tmp_path: Path, text: str | None) -> None:
     if text is not None:
         path.write_bytes(text.encode("utf-8", "surrogateescape"))
     with pytest.raises(BSGError):
-        read_document(path)
+        read_belief(path)

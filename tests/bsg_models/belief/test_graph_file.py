@@ -43,7 +43,7 @@ def test_a_graph_of_hydra_is_known_by_its_content(
     assert file.graph == read_graph(plain)
     assert file.hydra is not None
     assert file.hydra.document == robot_graph()
-    assert file.notes == file.hydra.notes()
+    assert file.notes == tuple(file.hydra.notes())
 
     class Standard:
         buffer = io.BytesIO(plain.read_bytes())

@@ -14,7 +14,7 @@ from random_beliefs import make_belief
 from refusals import refuses
 
 from bsg_models.belief import tables
-from bsg_models.belief.network import to_networkx
+from bsg_models.belief.document import to_networkx
 from bsg_models.belief.tables import write_tables
 from bsg_models.errors import BeliefFileError
 

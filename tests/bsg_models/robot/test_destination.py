@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from bsg_data.observation.robot_json import parse_robot_graph
-from bsg_models.robot.destination import choose_destination
-from bsg_models.robot.ways import Ways, measure_ways
+from bsg_models.robot.ways import Ways, choose_destination, measure_ways
 from bsg_models.search.planners import next_room
 
 NOBODY = np.array([True, False, False, False, False])
