@@ -103,13 +103,13 @@ class ModelContract:
         if not isinstance(model, Network):
             return
         read = read_split(data, "test", vocabulary=model.vocabulary)
-        graph = model.graph_of(read.seen, read.targets)
-        total, cells = model.validation_loss(graph)
+        nodes = model.nodes_of(read.seen, read.targets)
+        total, cells = model.validation_loss(nodes)
         assert np.isfinite(total)
         assert cells > 0
         network = cast(Network, new_model(config, data)).train()
         network.fit(data, config.data)
-        loss = network.loss(graph)
+        loss = network.loss(nodes)
         assert loss.shape == ()
         assert torch.isfinite(loss)
         torch.autograd.backward(loss)

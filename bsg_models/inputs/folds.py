@@ -13,18 +13,8 @@ Split = Literal["train", "val", "test"]
 
 
 def splits_of(data: Dataset, split: Split, *, fold: int | None = None) -> tuple[str, ...]:
-    """Return the stored splits that train, val or test is taken from.
-
-    Args:
-        data: an open dataset.
-        split: train, val or test.
-        fold: in a dataset of K folds, the one to test on; see `scenes_of`.
-
-    Raises:
-        DatasetError: if the dataset is not split that way, or the split is empty.
-    """
-    names: tuple[str, ...] = tuple(data.splits)
-    chosen: tuple[str, ...]
+    """Return the stored splits that train, val or test is taken from."""
+    names = tuple(data.splits)
     if not names:
         raise DatasetError(f"{data.path}: is not split yet; run `bsg-data split` first")
     folds = len(names) if names[0].startswith("fold-") else 0
@@ -33,14 +23,14 @@ def splits_of(data: Dataset, split: Split, *, fold: int | None = None) -> tuple[
             f"{data.path}: is split into {folds} folds; name the one to test on: train with "
             "`bsg-train --set data.fold=0`; other commands take `--fold 0`"
         )
-    if fold is not None and not 0 <= fold < folds:
-        raise DatasetError(f"{data.path}: has {folds or 'no'} folds; there is no fold {fold}")
     if fold is None:
-        chosen = tuple(name for name in names if name == split)
-    else:
+        chosen: tuple[str, ...] = tuple(name for name in names if name == split)
+    elif 0 <= fold < folds:
         test, val = f"fold-{fold}", f"fold-{(fold + 1) % folds}"
         rest = tuple(name for name in names if name != test)
         chosen = {"test": (test,), "val": (val,), "train": rest}[split]
+    else:
+        raise DatasetError(f"{data.path}: has {folds or 'no'} folds; there is no fold {fold}")
     if not chosen:
         raise DatasetError(f"{data.path}: its {split} split is empty; split it in another way")
     return chosen

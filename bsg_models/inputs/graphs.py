@@ -1,10 +1,8 @@
-"""Convert observations to PyG graphs: node 0 is the building, rooms follow."""
+"""Read the stored pairs of a split, and convert them to PyG graphs for other networks."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
-from typing import Any
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 import torch
@@ -23,8 +21,9 @@ from bsg_data.observation.masked_buildings import (
 )
 from bsg_data.observation.observation import Observation
 from bsg_data.recipes import MaskRecipe
-from bsg_models.inputs.edges import EdgeSet, edges_of
+from bsg_models.inputs.edges import EdgeSet, list_edges
 from bsg_models.inputs.folds import Split, scenes_of, splits_of
+from bsg_models.inputs.nodes import to_nodes
 
 
 def to_graph(seen: Observation, *, edges: Sequence[EdgeSet], targets: Counts | None = None) -> Data:
@@ -42,54 +41,23 @@ def to_graph(seen: Observation, *, edges: Sequence[EdgeSet], targets: Counts | N
         edges: among each building and its rooms.
         targets: `[N, C]` true histograms.
     """
-    nodes = to_nodes(seen, edges=torch.from_numpy(edges_of(seen, edges)))
-    graph = Data(**{one.name: getattr(nodes, one.name) for one in fields(nodes)})
-    if targets is not None:
-        graph.y = torch.from_numpy(targets.astype(np.float32))
-    return graph
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Nodes:
-    """An observation as tensors, for predictions; `to_graph` describes them.
-
-    Making and reading a PyG `Data` takes longer than the answer of a small network.
-    """
-
-    x: torch.Tensor
-    edge_index: Any
-    is_building: torch.Tensor
-    others: torch.Tensor
-    visited: torch.Tensor
-    hidden_share: torch.Tensor
-    withheld: torch.Tensor
-    floor_area: torch.Tensor
-    labels: torch.Tensor
-    building_kind: torch.Tensor
-    source: torch.Tensor
-
-
-def to_nodes(seen: Observation, *, edges: Any) -> Nodes:
-    """Return an observation as tensors.
-
-    Args:
-        seen: what was seen.
-        edges: directed, `[2, E]`, or whatever the network takes instead.
-    """
-    around, sizes = seen.surroundings, np.diff(seen.starts)
-    return Nodes(
-        x=torch.from_numpy(seen.inputs.astype(np.float32)),
-        edge_index=edges,
-        is_building=torch.from_numpy(seen.is_building),
-        others=torch.from_numpy(seen.others.astype(np.float32)),
-        visited=torch.from_numpy(seen.visited.copy()),
-        hidden_share=torch.from_numpy(seen.hidden_share.copy()),
-        withheld=torch.from_numpy(seen.withheld.copy()),
+    nodes, around = to_nodes(seen, targets=targets), seen.surroundings
+    graph = Data(
+        x=nodes.x,
+        edge_index=torch.from_numpy(list_edges(seen, edges)),
+        is_building=nodes.is_building,
+        others=nodes.others,
+        visited=nodes.visited,
+        hidden_share=nodes.hidden_share,
+        withheld=nodes.withheld,
         floor_area=torch.from_numpy(np.nan_to_num(around.floor_area).astype(np.float32)),
         labels=torch.from_numpy(around.labels.astype(np.float32)),
-        building_kind=torch.from_numpy(np.repeat(around.building_kind_index, sizes)),
-        source=torch.from_numpy(np.repeat(around.source_index, sizes)),
+        building_kind=torch.from_numpy(around.building_kind_index[seen.building]),
+        source=torch.from_numpy(around.source_index[seen.building]),
     )
+    if targets is not None:
+        graph.y = nodes.y
+    return graph
 
 
 def read_split(
@@ -117,22 +85,34 @@ def stream_split(
     vocabulary: tuple[str, ...] = (),
     shuffle: np.random.Generator | None = None,
 ) -> Iterator[MaskedBuildings]:
-    """Yield the stored pairs of train, val or test, one file at a time: the data of `read_split`.
+    """Yield the stored pairs one file at a time: the data of `read_split`.
 
-    Args:
-        data: an open dataset.
-        split: train, val or test.
-        fold: to test on, in a dataset of folds.
-        vocabulary: categories outside the classes that are read.
-        shuffle: generator for a random order of each fold's files; None keeps the order.
-
-    Raises:
-        DatasetError: if there are none.
+    With a generator, the files of each fold come in a random order.
     """
     for name, chosen in _chosen_of(data, split, fold):
         for masked in stream_masked(data, name, vocabulary=vocabulary, shuffle=shuffle):
             if some := _choose(masked, chosen):
                 yield some
+
+
+def in_batches(parts: Iterable[MaskedBuildings], size: int) -> Iterator[MaskedBuildings]:
+    """Yield the buildings of all parts in order, `size` at a time; the last batch is the rest.
+
+    So a batch does not depend on how its buildings were stored.
+    """
+    held: list[MaskedBuildings] = []
+    missing = size
+    for part in parts:
+        first = 0
+        while first < len(part):
+            last = min(first + missing, len(part))
+            held.append(part if last - first == len(part) else part.take(range(first, last)))
+            first, missing = last, missing - (last - first)
+            if not missing:
+                yield held[0] if len(held) == 1 else stack_masked(held)
+                held, missing = [], size
+    if held:
+        yield stack_masked(held)
 
 
 def _chosen_of(

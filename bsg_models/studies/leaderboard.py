@@ -56,7 +56,7 @@ from bsg_models.studies.leaderboard_runs import (
 from bsg_models.studies.survey import stream_batches
 from bsg_models.training.training import combine_runs, member_config, train_run
 from bsg_models.zoo.config import RunConfig
-from bsg_models.zoo.threads import one_thread
+from bsg_models.zoo.model import one_thread
 
 DATASET = "dataset"
 

@@ -51,8 +51,7 @@ from bsg_models.studies.search_steps import (
     find_eventful,
     walk_of,
 )
-from bsg_models.zoo.model import BeliefModel
-from bsg_models.zoo.threads import one_thread
+from bsg_models.zoo.model import BeliefModel, one_thread
 
 SWEEP = -1.0  # a threshold never reached: such a search enters every room
 

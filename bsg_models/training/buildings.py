@@ -30,9 +30,8 @@ from bsg_data.observation.masked_buildings import (
 from bsg_data.observation.pairs import fits_pairs
 from bsg_data.recipes import PairsRecipe
 from bsg_models.errors import TrainingError
-from bsg_models.inputs.batches import in_batches
 from bsg_models.inputs.folds import scenes_of
-from bsg_models.inputs.graphs import read_split, stream_split
+from bsg_models.inputs.graphs import in_batches, read_split, stream_split
 from bsg_models.training.ranks import Ranks
 from bsg_models.zoo.config import RunConfig
 

@@ -19,13 +19,13 @@ import numpy as np
 import torch
 from torch import nn
 from torch.nn.parallel import DistributedDataParallel
-from torch_geometric.data import Data
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.files import write_bytes
 from bsg_data.observation.masked_buildings import BATCH
 from bsg_models.errors import TrainingError
-from bsg_models.inputs.batches import in_batches
+from bsg_models.inputs.graphs import in_batches
+from bsg_models.inputs.nodes import Nodes
 from bsg_models.runs.checkpoint import (
     CheckpointHeader,
     load_checkpoint,
@@ -69,19 +69,19 @@ class Validation:
     def __init__(self, model: Network, config: RunConfig, data: Dataset) -> None:
         self._model, self._config, self._data = model, config, data
         held = count_validation(config, data) <= _HELD
-        self._graphs = list(self._read()) if held else None
+        self._nodes = list(self._read()) if held else None
         if not held:
             next(self._read())  # raises for missing pairs before anything is replaced
 
     def loss(self, model: Network) -> float:
         """Return a model's loss per (node, class) cell."""
-        parts = [model.validation_loss(some) for some in self._graphs or self._read()]
+        parts = [model.validation_loss(some) for some in self._nodes or self._read()]
         return sum(total for total, _ in parts) / max(sum(cells for _, cells in parts), 1)
 
-    def _read(self) -> Iterator[Data]:
+    def _read(self) -> Iterator[Nodes]:
         masked = stream_validation(self._config, self._data, vocabulary=self._model.vocabulary)
         for some in in_batches(masked, BATCH):
-            yield self._model.graph_of(some.seen, some.targets)
+            yield self._model.nodes_of(some.seen, some.targets)
 
 
 class GradientSteps:
@@ -100,7 +100,7 @@ class GradientSteps:
         self.model = model.to(device)
         self.optimiser = make_optimiser(model, config.training)
         self._config, self._device, self._ranks = config, device, ranks
-        self._loss: Callable[[Data], torch.Tensor] = model.loss
+        self._loss: Callable[[Nodes], torch.Tensor] = model.loss
 
     @contextmanager
     def join(self) -> Iterator[None]:
@@ -129,17 +129,17 @@ class GradientSteps:
         torch.manual_seed(epoch_seed(self._config, epoch, rank=ranks.number))  # of dropout
         batches, steps = buildings.batches(epoch), buildings.steps
         self.model.train()
-        losses, graphs = [], Data()
+        losses = []
         for step in range((epoch - 1) * steps, epoch * steps):
             some = next(batches, None)  # None in a last batch with fewer buildings than processes
             if some is None and ranks.size == 1:
                 raise TrainingError(f"epoch {epoch}: has fewer buildings than its steps need")
             if some is not None:
-                graphs = self.model.graph_of(some.seen, some.targets).to(self._device)
+                nodes = self.model.nodes_of(some.seen, some.targets).to(self._device)
             for group in self.optimiser.param_groups:
                 group["lr"] = learning_rate(training, step, steps=steps * training.epochs)
             self.optimiser.zero_grad()
-            loss = self._weigh(self._loss(graphs), graphs, takes=some is not None)
+            loss = self._weigh(self._loss(nodes), nodes, takes=some is not None)
             loss.backward()  # type: ignore[no-untyped-call]
             if training.clip is not None:
                 nn.utils.clip_grad_norm_(self.model.parameters(), training.clip)
@@ -148,14 +148,14 @@ class GradientSteps:
         total = ranks.add(torch.stack(losses))
         return float(np.mean(total.cpu().numpy().astype(np.float64)))
 
-    def _weigh(self, loss: torch.Tensor, graphs: Data, *, takes: bool) -> torch.Tensor:
+    def _weigh(self, loss: torch.Tensor, nodes: Nodes, *, takes: bool) -> torch.Tensor:
         """Return the loss, weighted so that its mean over the processes is that of the whole batch.
 
         A process without a share computes the loss of the batch before, with weight 0.
         """
         if self._ranks.size == 1:
             return loss
-        cells = self.model.cells_of(graphs) if takes else 0
+        cells = self.model.cells_of(nodes) if takes else 0
         every = torch.tensor(float(cells), device=self._device)
         every = self._ranks.add(every).clamp(min=1)
         return loss * (self._ranks.size * cells) / every
@@ -172,8 +172,8 @@ class _LossModule(nn.Module):
         super().__init__()
         self.model = model
 
-    def forward(self, graphs: Data) -> torch.Tensor:
-        return self.model.loss(graphs)
+    def forward(self, nodes: Nodes) -> torch.Tensor:
+        return self.model.loss(nodes)
 
 
 def train_epochs(

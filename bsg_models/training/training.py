@@ -50,9 +50,8 @@ from bsg_models.zoo.calibration import (
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.construction import find_member, make_model, reads_categories
 from bsg_models.zoo.ensemble import Ensemble, EnsembleConfig
-from bsg_models.zoo.masked_rooms import take_sample
-from bsg_models.zoo.model import BeliefModel, Network
-from bsg_models.zoo.threads import one_thread
+from bsg_models.zoo.model import BeliefModel, Network, one_thread
+from bsg_models.zoo.training_rooms import take_sample
 
 _BATCH = 256  # buildings
 _CALIBRATED_NODES = 5_000  # under masks; their distributions take a few hundred megabytes
@@ -321,7 +320,7 @@ def _combine(
     model = cast(Ensemble, new_model(config, data))
     for name, folder in members.items():
         trained = restore_model(folder / BEST, load_checkpoint(folder / BEST))
-        model.take_member(name, trained)
+        model.members[name] = trained
     with one_thread():
         calibrated = calibrate_if_wanted(model, config, data)
         recipes = {name: member_config(config, name) for name in members}

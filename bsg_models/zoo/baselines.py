@@ -37,7 +37,7 @@ class TrainMeanConfig(ModelConfig):
 
 
 class InputModel(BeliefModel):
-    """Predict that nothing is hidden: hidden = 0."""
+    """Predict hidden = 0."""
 
     def predict(self, seen: Observation) -> Expectation:
         """Return an expectation of nothing hidden."""
@@ -65,13 +65,12 @@ class TrainMeanModel(BeliefModel):
     the objects, whatever is seen.
     """
 
-    room_mean: torch.Tensor
-    building_mean: torch.Tensor
+    room_mean: torch.Tensor  # [C]
+    building_mean: torch.Tensor  # [C]
 
     def __init__(self, config: TrainMeanConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
-        self.register_buffer("room_mean", torch.zeros(inputs.classes, dtype=torch.float64))
-        self.register_buffer("building_mean", torch.zeros(inputs.classes, dtype=torch.float64))
+        self.hold(room_mean=np.zeros(inputs.classes), building_mean=np.zeros(inputs.classes))
 
     def fit(self, data: Dataset, choice: DataConfig) -> None:
         """Average the histograms of the training buildings and of their rooms."""
@@ -82,8 +81,7 @@ class TrainMeanModel(BeliefModel):
                 rooms += len(histograms) - 1
                 of_rooms += histograms[1:].sum(axis=0)
                 of_buildings += histograms[0]
-        self.room_mean.copy_(torch.from_numpy(of_rooms / rooms))
-        self.building_mean.copy_(torch.from_numpy(of_buildings / len(scenes)))
+        self.hold(room_mean=of_rooms / rooms, building_mean=of_buildings / len(scenes))
 
     def predict(self, seen: Observation) -> Expectation:
         """Return the mean, whatever was seen."""

@@ -30,21 +30,15 @@ _PRIOR = 10.0  # weight, in cells' log-likelihood, of the penalty for a line tha
 
 
 class CalibratedModel(BeliefModel):
-    """A model of the hidden counts that can be calibrated.
+    """A model of the hidden counts that can be calibrated; zeros change nothing."""
 
-    Attributes:
-        calibration: `[3]` shift, logarithm of the slope, and spread; 0 changes nothing.
-        presence_calibration: `[2, 2]` shift and slope of the log odds of none, for cells that were
-            looked into and for those that were not; 0 changes nothing.
-    """
-
-    calibration: torch.Tensor
+    calibration: torch.Tensor  # [3] shift, logarithm of the slope, and spread
+    # [2, 2] shift and slope of the log odds of none, in cells that were looked into, and in others
     presence_calibration: torch.Tensor
 
     def __init__(self, config: ModelConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
-        self.register_buffer("calibration", torch.zeros(3, dtype=torch.float64))
-        self.register_buffer("presence_calibration", torch.zeros((2, 2), dtype=torch.float64))
+        self.hold(calibration=np.zeros(3), presence_calibration=np.zeros((2, 2)))
 
     @abstractmethod
     def predict_hidden_counts(self, seen: Observation) -> CountDistribution:
@@ -58,10 +52,7 @@ class CalibratedModel(BeliefModel):
     def predict_rooms(
         self, seen: Observation, rows: Ints, columns: Ints | None
     ) -> CountDistribution:
-        """Return the hidden counts of some rooms; arguments as for `expect_rooms`.
-
-        Calibration works cell by cell, so the other cells are not computed.
-        """
+        """Return the hidden counts of some rooms, without computing other cells."""
         share = seen.cell_share[rows]
         if columns is not None:
             share = np.take_along_axis(share, columns, axis=1)
@@ -70,7 +61,7 @@ class CalibratedModel(BeliefModel):
     def learned_rooms(
         self, seen: Observation, rows: Ints, columns: Ints | None
     ) -> CountDistribution:
-        """Return the uncalibrated hidden counts of some rooms; arguments as for `expect_rooms`."""
+        """Return the uncalibrated hidden counts of some rooms."""
         return take_cells(self.predict_hidden_counts(seen), rows, columns)
 
     def _calibrate(self, learned: CountDistribution, share: Floats) -> CountDistribution:
@@ -103,13 +94,7 @@ def fit_calibration(distribution: CountDistribution, hidden: Floats) -> Floats:
 def recalibrate_presence(
     distribution: CountDistribution, lines: Floats, *, looked_into: Bools
 ) -> CountDistribution:
-    """Return the distribution under shift and slope of both kinds of cells.
-
-    Args:
-        distribution: of N nodes.
-        lines: `[2, 2]` for cells that were looked into and for those that were not.
-        looked_into: `[N, C]`.
-    """
+    """Return the distribution under the `lines` `[2, 2]`, `looked_into` `[N, C]` or not."""
     shift, slope = lines[np.where(looked_into, 0, 1)].transpose(2, 0, 1)
     return distribution.with_none_likelier(shift + slope * distribution.log_odds_of_none)
 
@@ -117,15 +102,11 @@ def recalibrate_presence(
 def fit_presence_calibration(
     distribution: CountDistribution, hidden: Floats, *, share: Floats
 ) -> Floats:
-    """Return the lines `[2, 2]` that maximise the likelihood of the hidden counts.
+    """Return the lines `[2, 2]` that maximise the likelihood of the hidden counts `[N, C]`.
 
     A line changes the likelihood of a count through its presence only, so this is a logistic
-    regression. A weak prior holds a line that few cells determine.
-
-    Args:
-        distribution: of N rooms.
-        hidden: `[N, C]` counts.
-        share: `[N, C]` that each cell hides; cells that hide nothing are not used.
+    regression. A weak prior holds a line that few cells determine. Cells that hide nothing (`share`
+    `[N, C]` of 0) are not used.
     """
     odds, none = distribution.log_odds_of_none, hidden == 0
     lines = np.zeros((2, 2))

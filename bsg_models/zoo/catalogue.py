@@ -18,28 +18,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ZooRow:
-    """A model of the zoo.
+    """A model of the zoo."""
 
-    Attributes:
-        config: the model's own settings.
-        make: class of the model; called with such settings and `ModelInputs`.
-        data: what it is trained on.
-        training: how it is trained; models fitted by counting ignore it.
-        summary: its description; if empty, the first line of the docstring of its settings.
-    """
-
-    config: ModelConfig
-    make: Callable[[Any, ModelInputs], BeliefModel]
+    config: ModelConfig  # the model's own settings
+    make: Callable[[Any, ModelInputs], BeliefModel]  # its class, called with such settings
     data: DataConfig = DataConfig()
-    training: TrainingConfig = TrainingConfig()
-    summary: str = ""
+    training: TrainingConfig = TrainingConfig()  # models fitted by counting ignore it
+    summary: str = ""  # if empty, the first line of the docstring of the settings
 
     def __post_init__(self) -> None:
-        """Refuse a class of settings where an instance is expected.
-
-        Raises:
-            TypeError: if `config` is not an instance of `ModelConfig`.
-        """
         if not isinstance(self.config, ModelConfig):
             raise TypeError(f"ZooRow: config is {self.config!r}, expected an instance of its class")
 

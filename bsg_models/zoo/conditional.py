@@ -36,10 +36,10 @@ from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import zero_inflated
 from bsg_models.belief.expectation import Expectation, from_hidden_counts
 from bsg_models.zoo.catalogue import ZooRow
-from bsg_models.zoo.masked_rooms import stream_uniform
 from bsg_models.zoo.model import BeliefModel, ModelInputs, to_array
 from bsg_models.zoo.room_sums import sum_rooms
 from bsg_models.zoo.settings import DataConfig, ModelConfig
+from bsg_models.zoo.training_rooms import stream_uniform
 
 _LEVELS = 4  # 1, 2, 3, and more
 
@@ -60,29 +60,21 @@ class ConditionalConfig(ModelConfig):
 
 
 class ConditionalModel(BeliefModel):
-    """The mean of what each observation predicts.
+    """The mean of what each observation predicts."""
 
-    Attributes:
-        presence: `[C · levels + 1, C]` P(an object of the column's class is hidden | the row's
-            observation); the last row is over all rooms.
-        hidden: mean number of hidden objects, in the same layout.
-        fraction: of the masks of the counting.
-    """
-
+    # [C · levels + 1, C] P(an object of the column's class is hidden | the row's observation) and
+    # mean number of hidden objects; the last row is over all rooms.
     presence: torch.Tensor
     hidden: torch.Tensor
-    fraction: torch.Tensor
+    fraction: torch.Tensor  # of the masks of the counting
 
     config: ConditionalConfig
 
     def __init__(self, config: ConditionalConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
-        classes = inputs.classes
         self.levels = _LEVELS if config.observe == "counts" else 1
-        shape = (classes * self.levels + 1, classes)
-        self.register_buffer("presence", torch.zeros(shape, dtype=torch.float64))
-        self.register_buffer("hidden", torch.zeros(shape, dtype=torch.float64))
-        self.register_buffer("fraction", torch.ones((), dtype=torch.float64))
+        shape = (inputs.classes * self.levels + 1, inputs.classes)
+        self.hold(presence=np.zeros(shape), hidden=np.zeros(shape), fraction=1.0)
 
     def fit(self, data: Dataset, choice: DataConfig) -> None:
         """Count on masks of the training rooms."""
@@ -98,13 +90,12 @@ class ConditionalModel(BeliefModel):
             for row, values in enumerate(((hidden > 0).astype(float), hidden)):
                 given[row] += observed.T @ values
                 total[row] += values.sum(axis=0)
-        s = self.config.smoothing
-        for row, table in enumerate((self.presence, self.hidden)):
-            overall = total[row] / rooms
-            table.copy_(
-                torch.from_numpy(np.vstack([(given[row] + s * overall) / (number + s), overall]))
-            )
-        self.fraction.fill_(choice.mask.fraction)
+        s, overall = self.config.smoothing, total / rooms
+        presence, mean = (
+            np.vstack([(some + s * usual) / (number + s), usual])
+            for some, usual in zip(given, overall, strict=True)
+        )
+        self.hold(presence=presence, hidden=mean, fraction=choice.mask.fraction)
 
     def predict(self, seen: Observation) -> Expectation:
         """Return the mean over the observations of every node."""

@@ -12,11 +12,7 @@ from bsg_models.zoo.model import BeliefModel, ModelInputs, Network
 
 
 def find_member(name: str) -> RunConfig:
-    """Return the configuration of a member of an ensemble.
-
-    Raises:
-        ConfigError: for an unknown name, or an ensemble.
-    """
+    """Return the configuration of a member of an ensemble, which is none itself."""
     config = find_config(name)
     if isinstance(config.model, EnsembleConfig):
         raise ConfigError(f"{name} is an ensemble itself; name its members instead")
@@ -60,5 +56,5 @@ def make_model(
     if isinstance(model, Ensemble):
         for name in model.config.members:
             recipe = (members or {}).get(name) or find_member(name)
-            model.take_member(name, make_model(recipe, classes=classes, vocabulary=vocabulary))
+            model.members[name] = make_model(recipe, classes=classes, vocabulary=vocabulary)
     return model

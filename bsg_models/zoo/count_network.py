@@ -1,4 +1,4 @@
-"""Build networks of hidden counts: node features, a trunk, and a prior per room and class.
+"""Networks of hidden counts: node features, a trunk, and a prior per room and class.
 
     Λ ~ Gamma(r, r / m)          the rate of class c in a room; log m = (W h)_c, log r = (U h)_c
     V ~ Poisson((1 − f) Λ)       what was seen of it
@@ -18,36 +18,32 @@ are also linear in h: rooms have one refrigerator, not two.
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 import torch
 from torch import nn
 from torch.nn import functional
-from torch_geometric.data import Data
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.masked_buildings import place_others
 from bsg_data.observation.observation import Observation
-from bsg_models.belief.count_distribution import (
-    MIN_RATE,
-    CountDistribution,
-    negative_binomial,
-    poisson,
-)
+from bsg_models.belief.count_distribution import MIN_RATE, CountDistribution, poisson
 from bsg_models.belief.negative_binomial import (
     hidden_posterior,
     hidden_tilts,
     log_negative_binomial,
 )
 from bsg_models.inputs.folds import scenes_of
+from bsg_models.inputs.nodes import Nodes
 from bsg_models.zoo.calibration import CalibratedModel
-from bsg_models.zoo.model import ModelInputs, Network, share_of, to_array
-from bsg_models.zoo.node_features import Likelihood, NetworkConfig, NodeFeatures
+from bsg_models.zoo.features import Likelihood, NetworkConfig, NodeFeatures
+from bsg_models.zoo.model import ModelInputs, Network, to_array
 from bsg_models.zoo.settings import DataConfig
 
 _MOST = 5.0  # limit of log m and |log r|: e^5 objects of a class in a room; log m ≥ −10
+
+# Of the hidden counts: λ before tilts and r, each `[N, C]`, and J tilts `[N, C]`.
+Posterior = tuple[torch.Tensor, torch.Tensor, list[torch.Tensor]]
 
 
 class CountNetwork(CalibratedModel, Network):
@@ -55,12 +51,13 @@ class CountNetwork(CalibratedModel, Network):
 
     def __init__(self, config: NetworkConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
+        self.reads = config.reads
         self.likelihood: Likelihood = config.likelihood
         self.features = NodeFeatures(config, inputs.classes, len(inputs.vocabulary))
         self.head = PriorHead(config, inputs.classes)
 
     @abstractmethod
-    def encode(self, features: torch.Tensor, graphs: Data) -> torch.Tensor:
+    def encode(self, features: torch.Tensor, nodes: Nodes) -> torch.Tensor:
         """Return the trunk's encoding of features `[N, F]`: `[N, width]`."""
 
     def fit(self, data: Dataset, choice: DataConfig) -> None:
@@ -77,64 +74,44 @@ class CountNetwork(CalibratedModel, Network):
                 number += len(rooms)
         self.head.start(torch.from_numpy(total / max(number, 1)))
 
-    def forward(self, graphs: Data) -> Posterior:
+    def forward(self, nodes: Nodes) -> Posterior:
         """Return the posterior of the hidden counts of N nodes and C classes."""
-        encoded = self.encode(self.features(graphs), graphs)
-        posterior: Posterior = self.head(encoded, graphs)
+        posterior: Posterior = self.head(self.encode(self.features(nodes), nodes), nodes)
         return posterior
 
-    def loss(self, graphs: Data) -> torch.Tensor:
+    def loss(self, nodes: Nodes) -> torch.Tensor:
         """Return the mean loss over rooms and classes, as `likelihood` says."""
-        rooms = ~graphs.is_building
-        posterior: Posterior = self(graphs)
-        hidden = (graphs.y - graphs.x)[rooms]
-        cells = cell_loss(hidden, posterior.take(rooms), likelihood=self.likelihood)
+        rooms = ~nodes.is_building
+        mean, dispersion, tilts = self(nodes)
+        posterior = mean[rooms], dispersion[rooms], [tilt[rooms] for tilt in tilts]
+        cells = cell_loss((nodes.y - nodes.x)[rooms], posterior, likelihood=self.likelihood)
         return cells.sum() / max(cells.numel(), 1)  # a batch may have no rooms
 
-    def cells_of(self, graphs: Data) -> int:
+    def cells_of(self, nodes: Nodes) -> int:
         """Return the number of cells of rooms."""
-        rooms: torch.Tensor = graphs.x[~graphs.is_building]
-        return rooms.numel()
+        return nodes.x[~nodes.is_building].numel()
 
-    def validation_loss(self, graphs: Data) -> tuple[float, int]:
+    def validation_loss(self, nodes: Nodes) -> tuple[float, int]:
         """Return the sum of the loss over rooms and classes, and the number of these cells."""
         self.eval()
         with torch.no_grad():
-            cells = self.cells_of(graphs)
-            return (self.loss(graphs).item() * cells if cells else 0.0), cells
+            cells = self.cells_of(nodes)
+            return (self.loss(nodes).item() * cells if cells else 0.0), cells
 
     def predict_hidden_counts(self, seen: Observation) -> CountDistribution:
         """Return the distribution that the network gives."""
         if self.training:
             self.eval()
         with torch.no_grad():
-            posterior: Posterior = self(self.nodes_of(seen))
+            mean, dispersion, tilts = self(self.nodes_of(seen))
         if self.likelihood != "negative-binomial":
-            return poisson(to_array(posterior.mean))
-        counts = negative_binomial(to_array(posterior.mean), to_array(posterior.dispersion))
-        if not posterior.tilts:
-            return counts
-        tilts = np.stack([to_array(tilt)[None] for tilt in posterior.tilts])
-        return replace(counts, tilts=tilts)
-
-
-class Posterior(NamedTuple):
-    """The hidden counts of N nodes and C classes, as a network predicts them.
-
-    Attributes:
-        mean: `[N, C]` λ before tilts.
-        dispersion: `[N, C]` r.
-        tilts: of the hidden counts 0..J−1, each `[N, C]`.
-    """
-
-    mean: torch.Tensor
-    dispersion: torch.Tensor
-    tilts: list[torch.Tensor]
-
-    def take(self, nodes: torch.Tensor) -> Posterior:
-        """Return the posterior of some nodes, a mask `[N]`."""
-        tilts = [tilt[nodes] for tilt in self.tilts]
-        return Posterior(self.mean[nodes], self.dispersion[nodes], tilts)
+            return poisson(to_array(mean))
+        return CountDistribution(
+            to_array(mean)[None],
+            to_array(dispersion)[None],
+            np.ones((1, len(mean), 1)),
+            np.stack([to_array(tilt)[None] for tilt in tilts]) if tilts else None,
+        )
 
 
 class PriorHead(nn.Module):
@@ -159,31 +136,26 @@ class PriorHead(nn.Module):
         with torch.no_grad():
             self.mean.bias.copy_(means.clamp(min=MIN_RATE).log())
 
-    def forward(self, encoded: torch.Tensor, graphs: Data) -> Posterior:
+    def forward(self, encoded: torch.Tensor, nodes: Nodes) -> Posterior:
         """Return the posterior of the hidden counts."""
         mean = self.mean(self.dropout(encoded)).clamp(-2 * _MOST, _MOST).exp()
         shape = self.shape(self.dropout(encoded)).clamp(-_MOST, _MOST).exp()
-        hidden = hidden_posterior(shape, shape / mean, graphs.x, share_of(graphs))
+        hidden = hidden_posterior(shape, shape / mean, nodes.x, nodes.share)
         if not self.tilted:
-            return Posterior(*hidden, [])
+            return *hidden, []
         tilts = self.tilt(self.dropout(encoded)).clamp(-_MOST, _MOST)
         of_counts = tilts.unflatten(1, (self.tilted, -1)).unbind(1)
-        return Posterior(*hidden, hidden_tilts(of_counts, graphs.x))
+        return *hidden, hidden_tilts(of_counts, nodes.x)
 
 
 def cell_loss(
     hidden: torch.Tensor, posterior: Posterior, *, likelihood: Likelihood
 ) -> torch.Tensor:
-    """Return the loss of every (node, class), `[N, C]`.
-
-    Args:
-        hidden: `[N, C]` true counts.
-        posterior: predicted counts; only `negative-binomial` reads dispersions and tilts.
-        likelihood: `mse` is the squared error; the others are −log P(hidden).
-    """
+    """Return the squared error (`mse`) or −log P(hidden) of every (node, class), `[N, C]`."""
+    mean, dispersion, tilts = posterior
     if likelihood == "mse":
-        return functional.mse_loss(posterior.mean, hidden, reduction="none")
-    mean, dispersion = posterior.mean.clamp(min=MIN_RATE), posterior.dispersion
+        return functional.mse_loss(mean, hidden, reduction="none")
+    mean = mean.clamp(min=MIN_RATE)
     if likelihood == "poisson":
         return mean - hidden * mean.log() + torch.lgamma(hidden + 1)
-    return -log_negative_binomial(hidden, mean, dispersion, posterior.tilts)
+    return -log_negative_binomial(hidden, mean, dispersion, tilts)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Literal, cast
 
 import torch
@@ -15,8 +15,7 @@ from bsg_models.belief.count_distribution import CountDistribution, blend
 from bsg_models.zoo.calibration import CalibratedModel
 from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.model import BeliefModel, ModelInputs
-from bsg_models.zoo.settings import ModelConfig
-from bsg_models.zoo.training_recipes import WHATEVER
+from bsg_models.zoo.settings import WHATEVER, ModelConfig
 
 
 class EnsembleConfig(ModelConfig):
@@ -52,10 +51,6 @@ class Ensemble(CalibratedModel):
         super().__init__(config, inputs)
         self.members = nn.ModuleDict()
 
-    def take_member(self, name: str, member: BeliefModel) -> None:
-        """Replace a member by a model."""
-        self.members[name] = member
-
     def resize_buffers(self, state: Mapping[str, torch.Tensor]) -> None:
         """Prepare every member for its part of a checkpoint."""
         for name, member in self._each():
@@ -65,19 +60,21 @@ class Ensemble(CalibratedModel):
 
     def predict_hidden_counts(self, seen: Observation) -> CountDistribution:
         """Return the mixture of the members' distributions."""
-        parts = [member.predict(seen).hidden_counts for _, member in self._each()]
-        return blend(parts, [1 / len(parts)] * len(parts))
+        return _mix([member.predict(seen).hidden_counts for _, member in self._each()])
 
     def learned_rooms(
         self, seen: Observation, rows: Ints, columns: Ints | None
     ) -> CountDistribution:
-        """Return the mixture of the members' beliefs; arguments as for `expect_rooms`."""
-        parts = [member.predict_rooms(seen, rows, columns) for _, member in self._each()]
-        return blend(parts, [1 / len(parts)] * len(parts))
+        """Return the mixture of the members' beliefs about some rooms."""
+        return _mix([member.predict_rooms(seen, rows, columns) for _, member in self._each()])
 
     def _each(self) -> Iterator[tuple[str, BeliefModel]]:
         for name, member in self.members.items():
             yield name, cast(BeliefModel, member)
+
+
+def _mix(parts: Sequence[CountDistribution]) -> CountDistribution:
+    return blend(parts, [1 / len(parts)] * len(parts))
 
 
 ENSEMBLE = ZooRow(EnsembleConfig(), Ensemble, data=WHATEVER)

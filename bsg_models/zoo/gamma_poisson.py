@@ -20,7 +20,7 @@ from typing import Literal
 import numpy as np
 import torch
 from pydantic import Field
-from scipy.optimize import minimize, minimize_scalar
+from scipy.optimize import minimize
 from scipy.special import gammaln
 
 from bsg_data.arrays import Floats, Ints
@@ -36,10 +36,10 @@ from bsg_models.belief.negative_binomial import (
 )
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.zoo.catalogue import ZooRow
-from bsg_models.zoo.complete_rooms import Tally, tally_rooms
 from bsg_models.zoo.model import BeliefModel, ModelInputs, to_array
 from bsg_models.zoo.room_sums import sum_rooms
 from bsg_models.zoo.settings import DataConfig, ModelConfig
+from bsg_models.zoo.training_rooms import Tally, tally_rooms
 
 
 class GammaPoissonConfig(ModelConfig):
@@ -54,42 +54,31 @@ class GammaPoissonConfig(ModelConfig):
 
 
 class GammaPoissonModel(BeliefModel):
-    """Shrink each room's counts to its class; the building is the sum of its rooms.
+    """Shrink each room's counts to its class; the building is the sum of its rooms."""
 
-    Attributes:
-        shape: `[C]` a of the Gamma prior.
-        rate: `[C]` b of the Gamma prior.
-        tilts: `[J, C]` log factors of the first true counts; only with `tilted`.
-    """
-
-    shape: torch.Tensor
-    rate: torch.Tensor
-    tilts: torch.Tensor
+    shape: torch.Tensor  # [C] a of the Gamma prior
+    rate: torch.Tensor  # [C] b of the Gamma prior
+    tilts: torch.Tensor  # [J, C] log factors of the first true counts; only with `tilted`
 
     config: GammaPoissonConfig
 
     def __init__(self, config: GammaPoissonConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
-        classes = inputs.classes
-        self.register_buffer("shape", torch.ones(classes, dtype=torch.float64))
-        self.register_buffer("rate", torch.ones(classes, dtype=torch.float64))
+        self.hold(shape=np.ones(inputs.classes), rate=np.ones(inputs.classes))
         if config.tilted:
-            tilts = torch.zeros((config.tilted, classes), dtype=torch.float64)
-            self.register_buffer("tilts", tilts)
+            self.hold(tilts=np.zeros((config.tilted, inputs.classes)))
 
     def fit(self, data: Dataset, choice: DataConfig) -> None:
         """Fit the prior of every class to the counts of the training rooms."""
-        scenes = scenes_of(data, "train", fold=choice.fold)
-        tallies = tally_rooms(data, scenes)
+        tallies = tally_rooms(data, scenes_of(data, "train", fold=choice.fold))
         fitted = np.array([fit_gamma_prior(tally) for tally in tallies])
         if self.config.tilted:
             starts = zip(tallies, fitted, strict=True)
             fitted = np.array(
-                [fit_tilted_prior(one, a, b, tilted=self.config.tilted) for one, (a, b) in starts]
+                [_fit_tilted_prior(one, a, b, tilted=self.config.tilted) for one, (a, b) in starts]
             )
-            self.tilts.copy_(torch.from_numpy(fitted[:, 2:].T))
-        self.shape.copy_(torch.from_numpy(fitted[:, 0]))
-        self.rate.copy_(torch.from_numpy(fitted[:, 1]))
+            self.hold(tilts=fitted[:, 2:].T)
+        self.hold(shape=fitted[:, 0], rate=fitted[:, 1])
 
     def predict(self, seen: Observation) -> Expectation:
         """Return the posterior of the hidden counts."""
@@ -119,16 +108,10 @@ def fit_gamma_prior(tally: Tally) -> tuple[float, float]:
     return a, a / mean
 
 
-def fit_tilted_prior(tally: Tally, shape: float, rate: float, *, tilted: int) -> tuple[float, ...]:
-    """Return a, b and the tilts a_0..a_{J−1} that maximise the likelihood of a class's counts.
+def _fit_tilted_prior(tally: Tally, shape: float, rate: float, *, tilted: int) -> tuple[float, ...]:
+    """Return a, b and the J tilts that maximise the likelihood of a class, from initial a and b.
 
     Each tilt has a normal prior of standard deviation 2, which limits the tilts of rare counts.
-
-    Args:
-        tally: of one class in all rooms.
-        shape: initial a.
-        rate: initial b.
-        tilted: J.
     """
     values, times = tally
     rooms = int(times.sum())
@@ -149,7 +132,7 @@ def fit_tilted_prior(tally: Tally, shape: float, rate: float, *, tilted: int) ->
     return float(a), float(a / mean), *best[2:].tolist()
 
 
-def _log_likelihood(counts: Floats | Ints, mean: Floats | float, dispersion: float) -> Floats:
+def _log_likelihood(counts: Ints, mean: float, dispersion: float) -> Floats:
     """Return log P(counts) of a negative binomial without the term −log counts!.
 
     Where the likelihood is flat, the last bit decides where a fit stops: published fits have this.
@@ -157,19 +140,6 @@ def _log_likelihood(counts: Floats | Ints, mean: Floats | float, dispersion: flo
     choose = gammaln(counts + dispersion) - gammaln(dispersion)
     power = counts * np.log(mean / (mean + dispersion))
     return np.asarray(choose - dispersion * np.log1p(mean / dispersion) + power)
-
-
-def fit_dispersion(counts: Floats, means: Floats) -> Floats:
-    """Return the dispersions `[C]` that maximise the likelihood of counts given means `[N, C]`."""
-    dispersions = np.empty(counts.shape[1])
-    for c, (values, mean) in enumerate(zip(counts.T, np.maximum(means, 1e-9).T, strict=True)):
-
-        def cost(log_r: float, values: Floats = values, mean: Floats = mean) -> float:
-            r = float(np.exp(log_r))
-            return -float(_log_likelihood(values, mean, r).sum())
-
-        dispersions[c] = np.exp(minimize_scalar(cost, bounds=(-4.0, 6.0), method="bounded").x)
-    return dispersions
 
 
 GAMMA_POISSON = ZooRow(GammaPoissonConfig(), GammaPoissonModel)

@@ -13,13 +13,13 @@ import numpy as np
 import torch
 from pydantic import Field
 from torch import nn
-from torch_geometric.data import Data
 from torch_geometric.nn import GCNConv
 from torch_geometric.nn.conv.gcn_conv import gcn_norm
 
 from bsg_data.arrays import Floats
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.expectation import Expectation, from_totals
+from bsg_models.inputs.nodes import Nodes
 from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.model import ModelInputs, Network, to_array
 from bsg_models.zoo.settings import ModelConfig
@@ -76,35 +76,35 @@ class CECIGCN(Network):
             for width in widths[1 : blocks + 1]
         )
 
-    def forward(self, graphs: Data) -> torch.Tensor:
+    def forward(self, nodes: Nodes) -> torch.Tensor:
         """Return predicted totals E″ × O″, `[N, C]`; a linear last layer may go below 0."""
-        x: torch.Tensor = graphs.x
+        x: torch.Tensor = nodes.x
         # D^-½ (A + I) D^-½, computed once; otherwise every layer would compute its own.
-        edges, weights = gcn_norm(graphs.edge_index, num_nodes=len(x), dtype=x.dtype)
+        edges, weights = gcn_norm(nodes.edges, num_nodes=len(x), dtype=x.dtype)
         for layer, convolution in enumerate(self.convolutions):
             x = convolution(x, edges, weights)
             if layer < len(self.blocks):
                 x = self.blocks[layer](x)
         return x
 
-    def loss(self, graphs: Data) -> torch.Tensor:
+    def loss(self, nodes: Nodes) -> torch.Tensor:
         """Return the mean squared error of the totals over nodes and classes (section IV-A)."""
-        return torch.nn.functional.mse_loss(self(graphs), graphs.y)
+        return torch.nn.functional.mse_loss(self(nodes), nodes.y)
 
-    def validation_loss(self, graphs: Data) -> tuple[float, int]:
+    def validation_loss(self, nodes: Nodes) -> tuple[float, int]:
         """Return the squared error of the totals, clipped at 0, and the number of cells."""
-        totals = self._predict_totals(graphs)
-        return float(((totals - graphs.y.numpy()) ** 2).sum()), totals.size
+        totals = self._predict_totals(nodes)
+        return float(((totals - nodes.y.numpy()) ** 2).sum()), totals.size
 
     def predict(self, seen: Observation) -> Expectation:
         """Return the totals, clipped at 0, and the hidden counts that follow."""
-        totals = self._predict_totals(self.graph_of(seen))
+        totals = self._predict_totals(self.nodes_of(seen))
         return from_totals(seen.inputs.astype(np.float64), totals)
 
-    def _predict_totals(self, graphs: Data) -> Floats:
+    def _predict_totals(self, nodes: Nodes) -> Floats:
         self.eval()
         with torch.no_grad():
-            return to_array(self(graphs).clamp(min=0))
+            return to_array(self(nodes).clamp(min=0))
 
 
 CECI_GCN = ZooRow(GCNConfig(), CECIGCN)

@@ -31,13 +31,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 import torch
 from pydantic import Field
 from scipy.optimize import minimize_scalar
 from scipy.special import logsumexp
 
-from bsg_data.arrays import Floats, Ints
+from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import CountDistribution
@@ -53,13 +52,12 @@ from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.zoo.calibration import CalibratedModel
 from bsg_models.zoo.catalogue import ZooRow
-from bsg_models.zoo.complete_rooms import read_rooms
 from bsg_models.zoo.model import ModelInputs, to_array
 from bsg_models.zoo.room_types import MOST, FittedTypes, Rooms, fit_types, tilted_means
 from bsg_models.zoo.settings import DataConfig, ModelConfig
+from bsg_models.zoo.training_rooms import read_rooms
 
 _LEAST = 1e-9  # no type makes a class impossible
-_MOST_BUILDINGS = 20_000  # limit of buildings for the fit of habits
 _PRIOR_TYPES = 8.0  # η: weight of the average building in π_b, in rooms
 
 
@@ -86,34 +84,22 @@ class MixtureConfig(ModelConfig):
 
 
 class RoomTypeMixture(CalibratedModel):
-    """Room types, fitted by counting; the posterior is in closed form.
+    """Room types, fitted by counting; the posterior is in closed form."""
 
-    Attributes:
-        log_types: `[K]` log π.
-        means: `[K, C]` m.
-        dispersions: `[K, C]` r.
-        habits: `[C]` α; large if buildings do not differ.
-        tilts: `[J, K, C]` log factors of the first counts; only with `tilted`.
-    """
-
-    log_types: torch.Tensor
-    means: torch.Tensor
-    dispersions: torch.Tensor
-    habits: torch.Tensor
-    tilts: torch.Tensor
+    log_types: torch.Tensor  # [K] log π
+    means: torch.Tensor  # [K, C] m
+    dispersions: torch.Tensor  # [K, C] r
+    habits: torch.Tensor  # [C] α; large if buildings do not differ
+    tilts: torch.Tensor  # [J, K, C] log factors of the first counts; only with `tilted`
 
     config: MixtureConfig
 
     def __init__(self, config: MixtureConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
-        shape = (config.types, inputs.classes)
-        self.register_buffer("log_types", torch.zeros(config.types, dtype=torch.float64))
-        self.register_buffer("means", torch.ones(shape, dtype=torch.float64))
-        self.register_buffer("dispersions", torch.ones(shape, dtype=torch.float64))
-        self.register_buffer("habits", torch.ones(inputs.classes, dtype=torch.float64))
+        ones = np.ones((config.types, inputs.classes))
+        self.hold(log_types=0 * ones[:, 0], means=ones, dispersions=ones, habits=ones[0])
         if config.tilted:
-            tilts = torch.zeros((config.tilted, *shape), dtype=torch.float64)
-            self.register_buffer("tilts", tilts)
+            self.hold(tilts=np.zeros((config.tilted, *ones.shape)))
 
     def fit(self, data: Dataset, choice: DataConfig) -> None:
         """Fit types, and how much buildings differ, to the rooms of the training buildings."""
@@ -123,26 +109,21 @@ class RoomTypeMixture(CalibratedModel):
                 f"{len(counts)} training rooms are too few for {self.config.types} room types; "
                 "lower model.types"
             )
-        seed = int(torch.randint(2**31, (1,)).item())  # torch was seeded with the run's seed
         fitted = fit_types(
             counts,
             types=self.config.types,
             iterations=self.config.iterations,
-            seed=seed,
+            seed=int(torch.randint(2**31, (1,)).item()),  # torch was seeded with the run's seed
             tilted=self.config.tilted,
         )
-        habits = fit_habits(counts, building, fitted, seed=seed)
-        if (buildings := len(np.unique(building))) > _MOST_BUILDINGS:
-            self.notes = (
-                f"habits of buildings are fitted to a random sample of {_MOST_BUILDINGS:,} of "
-                f"{buildings:,} training buildings; room types are fitted to all",
-            )
-        self.log_types.copy_(torch.from_numpy(fitted.log_types))
-        self.means.copy_(torch.from_numpy(fitted.means))
-        self.dispersions.copy_(torch.from_numpy(fitted.dispersions))
-        self.habits.copy_(torch.from_numpy(habits))
+        self.hold(
+            log_types=fitted.log_types,
+            means=fitted.means,
+            dispersions=fitted.dispersions,
+            habits=_fit_habits(counts, building, fitted),
+        )
         if self.config.tilted:
-            self.tilts.copy_(torch.from_numpy(fitted.tilts))
+            self.hold(tilts=fitted.tilts)
 
     def predict_hidden_counts(self, seen: Observation) -> CountDistribution:
         """Return the posterior of the hidden counts of every room, K components."""
@@ -214,42 +195,21 @@ class RoomTypeMixture(CalibratedModel):
 
 @dataclass(frozen=True, eq=False)
 class _Evidence:
-    """What rooms show.
+    """What rooms show."""
 
-    Attributes:
-        seen: `[rooms, C]`.
-        share: `[rooms, C]` that is hidden.
-        looked_into: `[rooms]` whether anything of them could be seen.
-        building: `[rooms]` number of the building.
-    """
-
-    seen: Floats
-    share: Floats
-    looked_into: npt.NDArray[np.bool_]
-    building: Ints
+    seen: Floats  # [rooms, C]
+    share: Floats  # [rooms, C] that is hidden
+    looked_into: Bools  # [rooms] whether anything of them could be seen
+    building: Ints  # [rooms] number of the building
 
 
-def fit_habits(counts: Rooms, building: Ints, fitted: FittedTypes, *, seed: int) -> Floats:
-    """Return α of every class `[C]`: how similar buildings are, given the types of their rooms.
-
-    Beyond `_MOST_BUILDINGS` buildings, it reads a sample of that size.
-
-    Args:
-        counts: `[R, C]`.
-        building: `[R]` number of the building of each room.
-        fitted: the types.
-        seed: of the sample of buildings.
-    """
-    numbers = np.unique(building)
-    if len(numbers) > _MOST_BUILDINGS:
-        rng = np.random.Generator(np.random.PCG64(seed))
-        chosen = np.isin(building, rng.choice(numbers, _MOST_BUILDINGS, replace=False))
-        counts, building = counts[chosen], building[chosen]
-    buildings, of_building = np.unique(building, return_inverse=True)
+def _fit_habits(counts: Rooms, building: Ints, fitted: FittedTypes) -> Floats:
+    """Return α `[C]`: how similar buildings are, given the types of their rooms `[R, C]`."""
+    buildings, building = np.unique(building, return_inverse=True)
     totals = np.zeros((len(buildings), counts.shape[1]))
-    rooms = np.zeros((len(buildings), len(fitted.means)))  # of every type
-    np.add.at(totals, of_building, counts)
-    np.add.at(rooms, of_building, fitted.belonging(counts))
+    rooms = np.zeros((len(totals), len(fitted.means)))  # of every type
+    np.add.at(totals, building, counts)
+    np.add.at(rooms, building, fitted.belonging(counts))
     expected = rooms @ fitted.expected
     return np.array([fit_habit(t, e) for t, e in zip(totals.T, expected.T, strict=True)])
 
@@ -272,23 +232,21 @@ def _sum_others(values: Floats, building: Ints) -> Floats:
     return np.asarray(np.maximum(sums[building] - values, 0.0))
 
 
-def _spread_over_nodes(
-    distribution: CountDistribution, is_room: npt.NDArray[np.bool_]
-) -> CountDistribution:
-    """Put the rooms' distribution into that of all nodes; buildings get a placeholder."""
-    shape = (len(distribution.means), len(is_room))
-    means, weights = (
-        np.zeros((*shape, distribution.means.shape[2])),
-        np.full((*shape, 1), 1 / shape[0]),
+def _spread_over_nodes(rooms: CountDistribution, is_room: Bools) -> CountDistribution:
+    """Put the distribution of the rooms into that of all nodes; buildings get a placeholder."""
+
+    def spread(values: Floats, filling: float) -> Floats:
+        shape = (*values.shape[:-2], len(is_room), values.shape[-1])
+        nodes = np.full(shape, filling)
+        nodes[..., is_room, :] = values
+        return nodes
+
+    return CountDistribution(
+        spread(rooms.means, 0.0),
+        spread(rooms.dispersions, 1.0),
+        spread(rooms.weights, 1 / len(rooms.weights)),
+        None if rooms.tilts is None else spread(rooms.tilts, 0.0),
     )
-    dispersions = np.ones_like(means)
-    means[:, is_room], dispersions[:, is_room] = distribution.means, distribution.dispersions
-    weights[:, is_room] = distribution.weights
-    if distribution.tilts is None:
-        return CountDistribution(means, dispersions, weights)
-    tilts = np.zeros((len(distribution.tilts), *means.shape))
-    tilts[:, :, is_room] = distribution.tilts
-    return CountDistribution(means, dispersions, weights, tilts)
 
 
 MIXTURE = ZooRow(MixtureConfig(), RoomTypeMixture)

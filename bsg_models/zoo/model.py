@@ -1,41 +1,36 @@
-"""Define the interface of all models: an observation in, an expectation out, for any rooms."""
+"""The interface of all models: an observation in, an expectation out, for any rooms."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import torch
-from torch_geometric.data import Data
 
-from bsg_data.arrays import Counts, Ints
+from bsg_data.arrays import Counts, Floats, Ints
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import MismatchError
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import PredictionError
-from bsg_models.inputs.edges import EdgeSet
-from bsg_models.inputs.graphs import Nodes, to_graph
+from bsg_models.inputs.edges import EdgeSet, list_edges
+from bsg_models.inputs.nodes import Nodes, to_nodes
 from bsg_models.zoo.settings import DataConfig, ModelConfig
-from bsg_models.zoo.threads import one_thread
+
+_Belief = TypeVar("_Belief", Expectation, CountDistribution)
 
 
 @dataclass(frozen=True, slots=True)
 class ModelInputs:
-    """What a model can read.
+    """What a model can read."""
 
-    Attributes:
-        classes: C, of the histograms.
-        vocabulary: `[V]` categories outside the classes that it reads.
-        edges: of the graphs, for a model that reads edges.
-    """
-
-    classes: int
-    vocabulary: tuple[str, ...] = ()
+    classes: int  # C, of the histograms
+    vocabulary: tuple[str, ...] = ()  # [V] categories outside the classes
     edges: tuple[EdgeSet, ...] = ("up", "down")
 
 
@@ -71,6 +66,15 @@ class BeliefModel(torch.nn.Module, ABC):
     def resize_buffers(self, state: Mapping[str, torch.Tensor]) -> None:
         """Prepare for the state of a checkpoint, if the shape of a tensor depends on data."""
 
+    def hold(self, **arrays: Floats | float) -> None:
+        """Keep arrays as float64 tensors of the state dict; later calls replace the values."""
+        for name, values in arrays.items():
+            tensor = torch.tensor(values, dtype=torch.float64)
+            if name in self._buffers:
+                self.get_buffer(name).copy_(tensor)
+            else:
+                self.register_buffer(name, tensor)
+
     def expect(self, seen: Observation) -> Expectation:
         """Return the prediction, without gradients, after checking that it is finite.
 
@@ -80,11 +84,7 @@ class BeliefModel(torch.nn.Module, ABC):
         Raises:
             PredictionError: naming the checkpoint, if anything is not finite.
         """
-        with torch.no_grad(), one_thread():
-            expectation = self.predict(seen)
-        if not expectation.is_finite:
-            raise self.not_finite()
-        return expectation
+        return self._require_finite(lambda: self.predict(seen))
 
     @abstractmethod
     def predict(self, seen: Observation) -> Expectation:
@@ -103,11 +103,7 @@ class BeliefModel(torch.nn.Module, ABC):
         Raises:
             PredictionError: naming the checkpoint, if anything is not finite.
         """
-        with torch.no_grad(), one_thread():
-            hidden = self.predict_rooms(seen, rows, columns)
-        if not hidden.is_finite:
-            raise self.not_finite()
-        return hidden
+        return self._require_finite(lambda: self.predict_rooms(seen, rows, columns))
 
     def predict_rooms(
         self, seen: Observation, rows: Ints, columns: Ints | None
@@ -115,48 +111,57 @@ class BeliefModel(torch.nn.Module, ABC):
         """Return the hidden counts of some rooms; arguments as for `expect_rooms`."""
         return take_cells(self.predict(seen).hidden_counts, rows, columns)
 
-    def not_finite(self) -> PredictionError:
-        """Return the error for an answer that is not finite, naming the checkpoint."""
-        return PredictionError(
-            f"{self.origin or type(self).__name__}: the model's answer is not finite (NaN or "
-            "infinite); train it again"
-        )
+    def _require_finite(self, ask: Callable[[], _Belief]) -> _Belief:
+        with torch.no_grad(), one_thread():
+            belief = ask()
+        if not belief.is_finite:
+            raise PredictionError(
+                f"{self.origin or type(self).__name__}: the model's answer is not finite (NaN or "
+                "infinite); train it again"
+            )
+        return belief
 
 
 class Network(BeliefModel):
-    """A model that is trained by the gradient of its loss on graphs."""
+    """A model that is trained by the gradient of its loss on nodes with their targets `y`."""
 
-    def graph_of(self, seen: Observation, targets: Counts | None = None) -> Data:
-        """Return an observation as the graph that the network reads, with its own edges."""
-        return to_graph(self.reading_of(seen), edges=self.inputs.edges, targets=targets)
+    reads: Collection[str] = ()  # evidence besides the seen objects
 
-    def nodes_of(self, seen: Observation) -> Data | Nodes:
-        """Return an observation in the form for predictions, without targets."""
-        return self.graph_of(seen)
+    def nodes_of(self, seen: Observation, targets: Counts | None = None) -> Nodes:
+        """Return an observation in the form that the network reads, with its own edges."""
+        if seen.vocabulary != self.vocabulary:
+            others = self._others_of(seen)
+            seen = replace(seen, vocabulary=self.vocabulary, others=others)
+        edges = self.edges_of(seen)
+        return to_nodes(seen, edges=edges, targets=targets, reads=self.reads)
 
-    def reading_of(self, seen: Observation) -> Observation:
-        """Return an observation with the categories that the network reads.
+    def _others_of(self, seen: Observation) -> Counts:
+        """Return no categories for an observation that has none, `[N, V]`."""
+        if seen.vocabulary:
+            raise MismatchError(
+                f"the observation has {len(seen.vocabulary)} categories outside the classes, "
+                f"expected the {len(self.vocabulary)} that the model reads; make it with "
+                "vocabulary=model.vocabulary"
+            )
+        return np.zeros((len(seen.inputs), len(self.vocabulary)), dtype=np.int64)
 
-        Raises:
-            MismatchError: if the observation has others.
-        """
-        if seen.vocabulary == self.vocabulary:
-            return seen
-        return replace(seen, vocabulary=self.vocabulary, others=others_of(seen, self.vocabulary))
+    def edges_of(self, seen: Observation) -> Any:
+        """Return the edges in the form that the network reads: by default a list `[2, E]`."""
+        return torch.from_numpy(list_edges(seen, self.inputs.edges))
 
     @abstractmethod
-    def loss(self, graphs: Data) -> torch.Tensor:
-        """Return the loss that a training step lowers, for graphs with their targets `y`."""
+    def loss(self, nodes: Nodes) -> torch.Tensor:
+        """Return the loss that a training step lowers."""
 
-    def cells_of(self, graphs: Data) -> int:
+    def cells_of(self, nodes: Nodes) -> int:
         """Return the number of (node, class) cells that `loss` averages over.
 
         Several processes that train together weight their losses by it.
         """
-        return int(graphs.y.numel())
+        return int(nodes.y.numel())
 
     @abstractmethod
-    def validation_loss(self, graphs: Data) -> tuple[float, int]:
+    def validation_loss(self, nodes: Nodes) -> tuple[float, int]:
         """Return the sum of the loss over (node, class) cells, and their number."""
 
 
@@ -168,37 +173,22 @@ def take_cells(
     return taken if columns is None else taken.take_classes(columns)
 
 
-def others_of(seen: Observation, vocabulary: tuple[str, ...]) -> Counts:
-    """Return the seen objects outside the classes, `[N, V]`; none if the vocabulary is empty.
-
-    Raises:
-        MismatchError: if the observation has another vocabulary.
-    """
-    if seen.vocabulary == vocabulary:
-        return seen.others
-    if not seen.vocabulary:
-        return np.zeros((len(seen.inputs), len(vocabulary)), dtype=np.int64)
-    raise MismatchError(
-        f"the observation has {len(seen.vocabulary)} categories outside the classes, expected the "
-        f"{len(vocabulary)} that the model reads; make it with vocabulary=model.vocabulary"
-    )
-
-
-def to_array(tensor: torch.Tensor) -> np.ndarray[Any, np.dtype[np.float64]]:
+def to_array(tensor: torch.Tensor) -> Floats:
     """Return a tensor as a float64 array."""
-    return tensor.detach().cpu().numpy().astype(np.float64)
+    array: Floats = tensor.detach().cpu().numpy().astype(np.float64)
+    return array
 
 
-def share_of(graphs: Data) -> torch.Tensor:
-    """Return the share of its objects of each class that each node hides, `[N, C]`.
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Let torch compute on one thread, so that sums do not depend on the number of cores.
 
-    It is the node's hidden share, and 1 for a withheld class, as in `Observation.cell_share`.
+    These networks are too small to gain from more threads. They become far slower if other programs
+    use the same cores, as on a robot, because each thread waits for the slowest.
     """
-    share: torch.Tensor = graphs.hidden_share[:, None].expand_as(graphs.x)
-    withheld: torch.Tensor | None = getattr(graphs, "withheld", None)
-    return share if withheld is None else torch.where(withheld, torch.ones_like(share), share)
-
-
-def building_numbers(graphs: Data) -> torch.Tensor:
-    """Return the number of each node's building in a graph or a batch, `[N]` from 0."""
-    return torch.cumsum(graphs.is_building.long(), dim=0) - 1
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)

@@ -1,7 +1,7 @@
 """Turn scores of presence into distributions of counts, so that other methods can be compared.
 
 A method gives a score s to a class in a room: a cosine, a log co-occurrence, or an entry of a
-table. The score moves the odds that the room has the class at all:
+table. The score scores the odds that the room has the class at all:
 
     logit P(T > 0) = o_c + β (s − s̄_c)             s̄ the mean score, o_c and β fitted
     T ~ NB(dispersion k, rate b_c)                  k = −log P(T = 0) / log(1 + 1 / b_c)
@@ -15,13 +15,13 @@ because V already counts the class itself. A score without evidence, as in a roo
 into, changes nothing.
 
 o, b and the single slope β maximise the likelihood of the hidden counts of masked training rooms. A
-slope is never below 0: a misleading score is ignored, not inverted. The fit holds all rooms in
-memory, so of many rooms it reads a sample (`bsg_models.zoo.masked_rooms.MOST_ROOMS`).
+slope is never below 0: a misleading score is ignored, not inverted.
 """
 
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -30,6 +30,7 @@ from scipy.special import logit
 
 from bsg_data.arrays import Bools, Floats
 from bsg_data.dataset.dataset import Dataset
+from bsg_data.observation.masked_buildings import MaskedBuildings, sample_masked, stack_masked
 from bsg_data.observation.observation import Observation
 from bsg_data.recipes import MaskRecipe
 from bsg_models.belief.count_distribution import negative_binomial
@@ -37,12 +38,11 @@ from bsg_models.belief.expectation import Expectation, from_hidden_counts
 from bsg_models.belief.negative_binomial import hidden_posterior
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of
-from bsg_models.zoo.complete_rooms import tally_rooms
 from bsg_models.zoo.gamma_poisson import fit_gamma_prior
-from bsg_models.zoo.masked_rooms import choose_buildings, describe_sample, sample_chosen
 from bsg_models.zoo.model import BeliefModel, ModelInputs, to_array
 from bsg_models.zoo.room_sums import sum_rooms
 from bsg_models.zoo.settings import DataConfig, ModelConfig
+from bsg_models.zoo.training_rooms import tally_rooms
 
 _DRAWS = 3  # masks of every training building
 _MOST_ODDS = 12.0  # limit of the log odds of a presence, beyond which nothing changes
@@ -50,27 +50,17 @@ _RIDGE = 1.0  # keeps parameters that few rooms determine near the prior
 
 
 class PresenceOdds(BeliefModel):
-    """A score of presence, turned into a distribution of the hidden counts.
+    """A score of presence, turned into a distribution of the hidden counts."""
 
-    Attributes:
-        odds: `[C]` o, log odds that a room has the class.
-        rate: `[C]` b of the Gamma prior.
-        centre: `[C]` s̄, the mean score in training rooms.
-        slope: β.
-    """
-
-    odds: torch.Tensor
-    rate: torch.Tensor
-    centre: torch.Tensor
-    slope: torch.Tensor
+    odds: torch.Tensor  # [C] o, log odds that a room has the class
+    rate: torch.Tensor  # [C] b of the Gamma prior
+    centre: torch.Tensor  # [C] s̄, the mean score in training rooms
+    slope: torch.Tensor  # β
 
     def __init__(self, config: ModelConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
-        classes = inputs.classes
-        self.register_buffer("odds", torch.zeros(classes, dtype=torch.float64))
-        self.register_buffer("rate", torch.ones(classes, dtype=torch.float64))
-        self.register_buffer("centre", torch.zeros(classes, dtype=torch.float64))
-        self.register_buffer("slope", torch.zeros((), dtype=torch.float64))
+        none = np.zeros(inputs.classes)
+        self.hold(odds=none, rate=none + 1, centre=none, slope=0.0)
 
     @abstractmethod
     def read_knowledge(self, classes: tuple[str, ...]) -> None:
@@ -83,38 +73,32 @@ class PresenceOdds(BeliefModel):
     def fit(self, data: Dataset, choice: DataConfig) -> None:
         """Fit odds, rates and the slope on masks of the training rooms."""
         self.read_knowledge(data.manifest.class_space.classes)
-        uniform, every = _uniform(choice), scenes_of(data, "train", fold=choice.fold)
-        scenes = choose_buildings(data, uniform)
-        if len(scenes) < len(every):
-            self.notes = (describe_sample(len(scenes), len(every)),)
-        masked = sample_chosen(data, uniform, scenes, draws=_DRAWS)
+        scenes = scenes_of(data, "train", fold=choice.fold)
+        masked = _mask_uniformly(data, choice, scenes)
         share = masked.seen.hidden_share.astype(np.float64)
         rooms = ~masked.seen.is_building & (share > 0)
         scores = self.score(masked.seen)[rooms]
-        told = ~np.isnan(scores)
-        total = np.where(told, scores, 0.0).sum(axis=0)
-        self.centre.copy_(torch.from_numpy(total / np.maximum(told.sum(axis=0), 1)))
-        prior = np.array([fit_gamma_prior(tally) for tally in tally_rooms(data, every)])
+        known = ~np.isnan(scores)
+        total = np.where(known, scores, 0.0).sum(axis=0)
+        self.hold(centre=total / np.maximum(known.sum(axis=0), 1))
         odds, rate, slope = fit_odds(
-            self._move(scores),
+            self._centred(scores),
             masked.seen.inputs[rooms].astype(np.float64),
             masked.hidden[rooms].astype(np.float64),
             share[rooms],
-            prior=prior,
+            prior=np.array([fit_gamma_prior(tally) for tally in tally_rooms(data, scenes)]),
         )
-        self.odds.copy_(torch.from_numpy(odds))
-        self.rate.copy_(torch.from_numpy(rate))
-        self.slope.fill_(slope)
+        self.hold(odds=odds, rate=rate, slope=slope)
 
     def predict(self, seen: Observation) -> Expectation:
         """Return the posterior of the hidden counts."""
         inputs, rate = seen.inputs.astype(np.float64), to_array(self.rate)
-        odds = to_array(self.odds) + float(self.slope) * self._move(self.score(seen))
+        odds = to_array(self.odds) + float(self.slope) * self._centred(self.score(seen))
         shape = to_shape(np.clip(odds, -_MOST_ODDS, _MOST_ODDS), rate)
         hidden = negative_binomial(*hidden_posterior(shape, rate, inputs, seen.cell_share))
         return from_hidden_counts(inputs, sum_rooms(hidden, seen))
 
-    def _move(self, scores: Floats) -> Floats:
+    def _centred(self, scores: Floats) -> Floats:
         """Return scores minus their means; 0 without evidence."""
         return np.nan_to_num(scores - to_array(self.centre), nan=0.0)
 
@@ -122,18 +106,13 @@ class PresenceOdds(BeliefModel):
 def average_others(visible: Bools, table: Floats) -> Floats:
     """Return the mean of the visible classes' values for each other class, `[N, C]`.
 
-    Args:
-        visible: `[N, C]` which classes are seen in each node.
-        table: `[C, C]` value of the row's class for the column's; NaN for none. The diagonal is not
-            read.
-
-    Returns:
-        The means; NaN if no other class with a value is seen.
+    It is NaN if no other class with a value is visible `[N, C]`. The table `[C, C]` has the value
+    of the row's class for the column's, NaN for none; its diagonal is not read.
     """
     table = np.where(np.eye(len(table), dtype=bool), np.nan, table)
-    told = visible.astype(np.float64) @ ~np.isnan(table)
+    number = visible.astype(np.float64) @ ~np.isnan(table)
     total = visible.astype(np.float64) @ np.nan_to_num(table, nan=0.0)
-    return np.divide(total, told, out=np.full_like(total, np.nan), where=told > 0)
+    return np.divide(total, number, out=np.full_like(total, np.nan), where=number > 0)
 
 
 def to_shape(odds: Floats, rate: Floats) -> Floats:
@@ -142,23 +121,19 @@ def to_shape(odds: Floats, rate: Floats) -> Floats:
 
 
 def fit_odds(
-    moves: Floats, seen: Floats, hidden: Floats, share: Floats, *, prior: Floats
+    scores: Floats, seen: Floats, hidden: Floats, share: Floats, *, prior: Floats
 ) -> tuple[Floats, Floats, float]:
     """Return odds `[C]`, rates `[C]` and the slope that maximise the likelihood of hidden counts.
 
-    Args:
-        moves: `[R, C]` scores of rooms minus their means.
-        seen: `[R, C]` counts that were seen.
-        hidden: `[R, C]` counts that were hidden.
-        share: `[R]` that each room hides, above 0.
-        prior: `[C, 2]` shape and rate of every class's Gamma prior, near which rare classes stay.
+    Scores minus their means, seen and hidden counts are `[R, C]`; the share `[R]` is above 0. Rare
+    classes stay near the `prior`: shape and rate of every class's Gamma, `[C, 2]`.
     """
     classes = seen.shape[1]
-    scale = max(float(moves.std()), 1e-9)  # so that steps in all directions have similar sizes
+    scale = max(float(scores.std()), 1e-9)  # so that steps in all directions have similar sizes
     shape, rate = prior.T
     start = np.clip(logit(-np.expm1(-shape * np.log1p(1 / rate))), -_MOST_ODDS, _MOST_ODDS)
     begin = np.concatenate([start, np.log(rate), [0.0]])
-    x, v, h = (torch.from_numpy(part) for part in (moves / scale, seen, hidden))
+    x, v, h = (torch.from_numpy(part) for part in (scores / scale, seen, hidden))
     f, first, some = torch.from_numpy(share)[:, None], torch.from_numpy(begin), h > 0
 
     def cost(values: Floats) -> tuple[float, Floats]:
@@ -178,13 +153,14 @@ def fit_odds(
     return found[:classes], np.exp(found[classes:-1]), float(found[-1]) / scale
 
 
-def _uniform(choice: DataConfig) -> DataConfig:
-    """Return a choice with uniform masks, because only partly seen rooms show what classes say.
-
-    Raises:
-        TrainingError: if the masks hide nothing.
-    """
+def _mask_uniformly(data: Dataset, choice: DataConfig, scenes: Sequence[str]) -> MaskedBuildings:
+    """Return buildings under uniform masks: only partly seen rooms show what classes say."""
     if not (choice.fractions or (0.0, choice.mask.fraction))[1]:
         raise TrainingError("masks that hide nothing teach nothing: raise data.mask.fraction")
     mask = MaskRecipe(fraction=choice.mask.fraction, seed=choice.mask.seed)
-    return choice.model_copy(update={"mask": mask, "withhold": 0.0})
+    return stack_masked(
+        [
+            sample_masked(data, scenes, mask=mask, draw=draw, fractions=choice.fractions)
+            for draw in range(_DRAWS)
+        ]
+    )

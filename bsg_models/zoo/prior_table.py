@@ -17,6 +17,7 @@ holds it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -39,8 +40,7 @@ from bsg_models.errors import ConfigError
 from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.model import ModelInputs, to_array
 from bsg_models.zoo.presence_odds import PresenceOdds, average_others
-from bsg_models.zoo.settings import ModelConfig
-from bsg_models.zoo.training_recipes import VARIED
+from bsg_models.zoo.settings import VARIED, ModelConfig
 
 HAND_TABLE = "hand-prior-v1.json"
 _LEAST = 0.01  # no class is certainly absent from, or certainly in, a room
@@ -49,32 +49,20 @@ Probability = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
 
 
 class RoomTypePrior(Record):
-    """What a type of room has.
+    """What a type of room has."""
 
-    Attributes:
-        weight: how usual the type is; only ratios count.
-        presence: class → P(such a room has at least one).
-    """
-
-    weight: float = Field(default=1.0, gt=0, le=1e6, allow_inf_nan=False)
-    presence: dict[str, Probability]
+    weight: float = Field(default=1.0, gt=0, le=1e6, allow_inf_nan=False)  # how usual; a ratio
+    presence: dict[str, Probability]  # class → P(such a room has at least one)
 
 
 class PriorTable(Record):
-    """A table of common sense, as in its JSON file.
-
-    Attributes:
-        version: of this format.
-        made_by: who or what made it, and how.
-        unlisted: probability of a class that a type, or an object, does not name.
-        room_types: room label → what such a room has.
-        objects: class j → class c → P(a room that has j has c).
-    """
+    """A table of common sense, as in its JSON file."""
 
     version: Literal[1]
-    made_by: str = Field(min_length=1, max_length=10_000)
-    unlisted: Probability = 0.02
-    room_types: dict[str, RoomTypePrior] = Field(default_factory=dict)
+    made_by: str = Field(min_length=1, max_length=10_000)  # who or what, and how
+    unlisted: Probability = 0.02  # of a class that a type, or an object, does not name
+    room_types: dict[str, RoomTypePrior] = Field(default_factory=dict)  # by room label
+    # Class j → class c → P(a room that has j has c).
     objects: dict[str, dict[str, Probability]] = Field(default_factory=dict)
 
     @model_validator(mode="after")
@@ -100,46 +88,42 @@ class PriorTableConfig(ModelConfig):
 
 
 class PriorTableModel(PresenceOdds):
-    """A score from a table of common sense.
+    """A score from a table of common sense."""
 
-    Attributes:
-        of_type: `[L, C]` P(c | type), L the common room labels.
-        weight: `[L]` how usual a type is, 0 if it is not listed.
-        of_object: `[C, C]` P(column | row).
-        listed: `[C]` whether the table has the row.
-    """
-
-    of_type: torch.Tensor
-    weight: torch.Tensor
-    of_object: torch.Tensor
-    listed: torch.Tensor
+    of_type: torch.Tensor  # [L, C] P(c | type), L the common room labels
+    weight: torch.Tensor  # [L] how usual a type is, 0 if it is not listed
+    of_object: torch.Tensor  # [C, C] P(column | row)
+    listed: torch.Tensor  # [C] whether the table has the row
 
     config: PriorTableConfig
 
     def __init__(self, config: PriorTableConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
         labels, classes = len(list_room_labels()), inputs.classes
-        self.register_buffer("of_type", torch.full((labels, classes), 0.5, dtype=torch.float64))
-        self.register_buffer("weight", torch.zeros(labels, dtype=torch.float64))
-        self.register_buffer("of_object", torch.full((classes, classes), 0.5, dtype=torch.float64))
+        self.hold(
+            of_type=np.full((labels, classes), 0.5),
+            weight=np.zeros(labels),
+            of_object=np.full((classes, classes), 0.5),
+        )
         self.register_buffer("listed", torch.zeros(classes, dtype=torch.bool))
 
     def read_knowledge(self, classes: tuple[str, ...]) -> None:
         """Read the table of the configuration."""
-        table = read_prior_table(self.config.table, classes)
-        place = {name: i for i, name in enumerate(classes)}
-        labels = list_room_labels()
-        of_type = np.full(self.of_type.shape, table.unlisted)
-        weight, of_object = np.zeros(len(labels)), np.full(self.of_object.shape, table.unlisted)
-        for label, prior in table.room_types.items():
-            weight[labels.index(label)] = prior.weight
-            _fill(of_type[labels.index(label)], prior.presence, place)
-        for name, presence in table.objects.items():
-            if name in place:
-                _fill(of_object[place[name]], presence, place)
-        self.of_type.copy_(torch.from_numpy(np.clip(of_type, _LEAST, 1 - _LEAST)))
-        self.weight.copy_(torch.from_numpy(weight / max(weight.sum(), 1e-300)))
-        self.of_object.copy_(torch.from_numpy(np.clip(of_object, _LEAST, 1 - _LEAST)))
+        table, labels = read_prior_table(self.config.table, classes), list_room_labels()
+
+        def fill(names: tuple[str, ...], said: Mapping[str, Mapping[str, float]]) -> Floats:
+            rows = [
+                [said.get(name, {}).get(one, table.unlisted) for one in classes] for name in names
+            ]
+            return np.asarray(np.clip(rows, _LEAST, 1 - _LEAST))
+
+        types = table.room_types
+        weight = np.array([types[one].weight if one in types else 0.0 for one in labels])
+        self.hold(
+            of_type=fill(labels, {name: one.presence for name, one in types.items()}),
+            weight=weight / max(weight.sum(), 1e-300),
+            of_object=fill(classes, table.objects),
+        )
         self.listed.copy_(torch.tensor([name in table.objects for name in classes]))
 
     def score(self, seen: Observation) -> Floats:
@@ -155,7 +139,7 @@ class PriorTableModel(PresenceOdds):
         if not len(types):
             return np.full(seen.inputs.shape, np.nan)
         table, weight = to_array(self.of_type)[types], weight[types]
-        told, known = self._told_types(seen, types)
+        prior, known = self._prior_of_types(seen, types)
         visible = seen.inputs > 0
         looked = np.where(visible, 0.0, 1 - seen.cell_share)
         log_here, log_gone = np.log(table), np.log1p(-table)
@@ -164,20 +148,20 @@ class PriorTableModel(PresenceOdds):
         for c in range(table.shape[1]):  # seen objects of the class itself do not count
             own = visible[:, [c]] * log_here[:, c] + looked[:, [c]] * log_gone[:, c]
             with np.errstate(divide="ignore"):
-                log_type = np.log(told) + self.config.temper * (total - own)
+                log_type = np.log(prior) + self.config.temper * (total - own)
             log_type -= logsumexp(log_type, axis=1, keepdims=True)
             scores[:, c] = logit(np.exp(log_type) @ table[:, c]) - logit(weight @ table[:, c])
         scores[~known & ~seen.looked_into] = np.nan
         return scores
 
-    def _told_types(self, seen: Observation, types: Ints) -> tuple[Floats, Bools]:
+    def _prior_of_types(self, seen: Observation, types: Ints) -> tuple[Floats, Bools]:
         """Return P(type) before objects, `[N, T]`, and where the observation states the type."""
         weight = np.broadcast_to(to_array(self.weight)[types], (len(seen.inputs), len(types)))
         labels = seen.surroundings.labels[:, types].astype(np.float64)
         total = labels.sum(axis=1, keepdims=True)
         trust = np.where(total > 0, self.config.trust, 0.0)
-        told = trust * labels / np.where(total > 0, total, 1.0) + (1 - trust) * weight
-        return told, trust[:, 0] > 0
+        prior = trust * labels / np.where(total > 0, total, 1.0) + (1 - trust) * weight
+        return prior, trust[:, 0] > 0
 
     def _score_objects(self, seen: Observation) -> Floats:
         """Return the mean score of the other visible classes, `[N, C]`."""
@@ -192,70 +176,49 @@ class PriorTableModel(PresenceOdds):
 def read_prior_table(path: str, classes: tuple[str, ...]) -> PriorTable:
     """Read a table, and check that it names known rooms and classes.
 
-    Args:
-        path: of the JSON; empty for the shipped one.
-        classes: `[C]` of the dataset. Classes of a published space that it lacks are allowed.
-
-    Raises:
-        ConfigError: naming the file, the entry, the fault, and the nearest name.
+    Classes of a published space that the dataset lacks are allowed. An empty path is the shipped
+    table. An error names the file, the entry, the fault, and the nearest name.
     """
     name, data = path or f"mappings/{HAND_TABLE}", _read_bytes(path)
     try:
         parse_json(data)  # refuses a repeated key
         table = PriorTable.model_validate_json(data, strict=True)
-    except ConfigError as error:
-        raise ConfigError(f"{name}: {error}; docs/prior-table.md has the format") from error
-    except ValidationError as error:
-        raise ConfigError(
-            f"{name}: {name_fault(error)}; docs/prior-table.md has the format"
-        ) from error
-    except ValueError as error:
-        raise ConfigError(
-            f"{name}: is not JSON ({error}); docs/prior-table.md has the format"
-        ) from error
-    spaces = (load_class_space(space).classes for space in list_class_spaces())
-    known = sorted({*classes, *(one for space in spaces for one in space)})
-    named = {f"objects.{one}": one for one in table.objects}
-    for where, presence in _presences(table):
-        named |= {f"{where}.{one}": one for one in presence}
-    for where, one in named.items():
-        _require(one, known, where=f"{name}: {where}", what="class")
-    for label in table.room_types:
-        _require(label, list_room_labels(), where=f"{name}: room_types.{label}", what="room label")
+        _require_known(table, classes)
+    except (ConfigError, ValueError) as error:
+        fault = name_fault(error) if isinstance(error, ValidationError) else str(error)
+        raise ConfigError(f"{name}: {fault}; docs/prior-table.md has the format") from error
     return table
 
 
-def _presences(table: PriorTable) -> list[tuple[str, dict[str, float]]]:
-    """Return the probabilities of classes, each with its place in the table."""
-    rooms = [
-        (f"room_types.{label}.presence", one.presence) for label, one in table.room_types.items()
-    ]
-    return rooms + [(f"objects.{one}", presence) for one, presence in table.objects.items()]
-
-
 def _read_bytes(path: str) -> bytes:
-    if not path:
-        try:
-            return read_published(HAND_TABLE)
-        except ClassMapError as error:
-            raise ConfigError(str(error)) from error
-    return read_bytes(Path(path), PRIOR, error=_refuse)
+    if path:
+        return read_bytes(Path(path), PRIOR, error=_refuse)
+    try:
+        return read_published(HAND_TABLE)
+    except ClassMapError as error:
+        raise ConfigError(str(error)) from error
 
 
 def _refuse(said: str, **place: Any) -> ConfigError:
     return ConfigError(f"{said}; model.table is the path of a prior table", **place)
 
 
-def _require(name: str, known: tuple[str, ...] | list[str], *, where: str, what: str) -> None:
+def _require_known(table: PriorTable, classes: tuple[str, ...]) -> None:
+    spaces = (load_class_space(space).classes for space in list_class_spaces())
+    known = sorted({*classes, *(one for space in spaces for one in space)})
+    for label, prior in table.room_types.items():
+        _require(label, list_room_labels(), what=f"room_types.{label}: room label")
+        for one in prior.presence:
+            _require(one, known, what=f"room_types.{label}.presence.{one}: class")
+    for name, presence in table.objects.items():
+        for one in (name, *presence):
+            _require(one, known, what=f"objects.{name}.{one}: class")
+
+
+def _require(name: str, known: Sequence[str], *, what: str) -> None:
     if name not in known:
-        hint = ask_if_meant(name, known, most=3) or "docs/prior-table.md lists them"
-        raise ConfigError(f"{where}: {name[:SHOWN]!r} is no {what}; {hint}")
-
-
-def _fill(row: Floats, presence: dict[str, float], place: dict[str, int]) -> None:
-    for name, probability in presence.items():
-        if name in place:
-            row[place[name]] = probability
+        hint = ask_if_meant(name, known, most=3)
+        raise ConfigError(f"{what} {name[:SHOWN]!r} is unknown" + (f"; {hint}" if hint else ""))
 
 
 PRIOR_TABLE = ZooRow(PriorTableConfig(), PriorTableModel, data=VARIED)

@@ -17,18 +17,11 @@ _STEPS = 40  # of Newton's method; ten suffice unless the mean is that of one ob
 def sum_rooms(distribution: CountDistribution, seen: Observation) -> CountDistribution:
     """Let every building hide what its rooms hide.
 
-    Args:
-        distribution: of all nodes. The rows of the buildings are replaced by one negative binomial
-            with the mean and variance of a sum of independent rooms. If counts are tilted, its P(0)
-            is tilted to the product of the rooms' P(0), and its variance is then not exact: a house
-            whose kitchen most likely has a stove most likely has one.
-        seen: what was seen.
-
-    Objects of the null region, which are in no room, count as all seen. HM3D's public scenes have
-    none with a class.
-
-    Returns:
-        The distribution. A building without rooms hides f / (1 − f) of what was seen of it.
+    The rows of the buildings become one negative binomial with the mean and variance of a sum of
+    independent rooms. If counts are tilted, its P(0) is tilted to the product of the rooms' P(0),
+    and its variance is then not exact: a house whose kitchen most likely has a stove most likely
+    has one. A building without rooms hides f / (1 − f) of what was seen of it. Objects of the null
+    region, which are in no room, count as all seen; HM3D's public scenes have none with a class.
     """
     inputs, building, count = seen.inputs, seen.building, len(seen)
     sums = np.zeros((2, count, inputs.shape[1]))

@@ -7,14 +7,15 @@ from typing import Literal
 import torch
 from pydantic import Field, model_validator
 from torch import nn
-from torch_geometric.data import Data
 from torch_geometric.utils import to_dense_batch
 
+from bsg_data.observation.observation import Observation
+from bsg_models.inputs.nodes import Nodes
 from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.count_network import CountNetwork
-from bsg_models.zoo.model import ModelInputs, building_numbers
-from bsg_models.zoo.node_features import NetworkConfig, ShownDropout
-from bsg_models.zoo.training_recipes import COUNTS, EVERYTHING, VARIED, WHATEVER
+from bsg_models.zoo.features import EVERYTHING, NetworkConfig, ShownDropout
+from bsg_models.zoo.model import ModelInputs
+from bsg_models.zoo.settings import COUNTS, VARIED, WHATEVER
 
 
 class RoomTransformerConfig(NetworkConfig):
@@ -36,7 +37,7 @@ class RoomTransformer(CountNetwork):
     def __init__(self, config: RoomTransformerConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
         self.enter = nn.Sequential(
-            ShownDropout(config.dropout / 2, self.features.told),
+            ShownDropout(config.dropout / 2, self.features.mask),
             nn.Linear(self.features.width, config.width),
         )
         layer = nn.TransformerEncoderLayer(
@@ -50,12 +51,14 @@ class RoomTransformer(CountNetwork):
         )
         self.layers = nn.TransformerEncoder(layer, config.depth, enable_nested_tensor=False)
 
-    def encode(self, features: torch.Tensor, graphs: Data) -> torch.Tensor:
+    def encode(self, features: torch.Tensor, nodes: Nodes) -> torch.Tensor:
         """Return every node's features after attention within its building."""
-        numbers = building_numbers(graphs)
-        nodes, real = to_dense_batch(self.enter(features), numbers)
-        encoded: torch.Tensor = self.layers(nodes, src_key_padding_mask=~real)[real]
+        dense, real = to_dense_batch(self.enter(features), nodes.building)
+        encoded: torch.Tensor = self.layers(dense, src_key_padding_mask=~real)[real]
         return encoded
+
+    def edges_of(self, seen: Observation) -> None:
+        """Read no edges: every room attends to every other."""
 
 
 ROOM_TRANSFORMER = ZooRow(RoomTransformerConfig(), RoomTransformer, data=VARIED, training=COUNTS)

@@ -6,18 +6,16 @@ from typing import Literal
 
 import torch
 from torch import nn
-from torch_geometric.data import Data
 from torch_geometric.nn import SAGEConv
 
 from bsg_data.observation.observation import Observation
-from bsg_models.inputs.graphs import Nodes, to_nodes
+from bsg_models.inputs.nodes import Neighbours, Nodes
 from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.count_network import CountNetwork
+from bsg_models.zoo.features import EVERYTHING, NetworkConfig, ShownDropout
 from bsg_models.zoo.gcn import WritesNoFile
 from bsg_models.zoo.model import ModelInputs
-from bsg_models.zoo.neighbours import ListedNeighbours, Neighbours
-from bsg_models.zoo.node_features import NetworkConfig, ShownDropout
-from bsg_models.zoo.training_recipes import CONNECTED, COUNTS, EVERYTHING, WHATEVER
+from bsg_models.zoo.settings import CONNECTED, COUNTS, WHATEVER
 
 
 class SAGEConfig(NetworkConfig):
@@ -27,16 +25,11 @@ class SAGEConfig(NetworkConfig):
 
 
 class MeanConv(WritesNoFile, SAGEConv):  # type: ignore[misc]
-    """PyG's convolution, which also takes `Neighbours` instead of a list of edges."""
+    """PyG's convolution, by `Neighbours` instead of a list of edges."""
 
-    def forward(
-        self, x: torch.Tensor, edges: torch.Tensor | Neighbours | ListedNeighbours
-    ) -> torch.Tensor:
+    def forward(self, x: torch.Tensor, neighbours: Neighbours) -> torch.Tensor:
         """Return W₁ (mean of the neighbours) + W₂ x, `[N, width]`."""
-        if isinstance(edges, Neighbours | ListedNeighbours):
-            convolved: torch.Tensor = self.lin_l(edges.mean(x)) + self.lin_r(x)
-        else:
-            convolved = super().forward(x, edges)
+        convolved: torch.Tensor = self.lin_l(neighbours.mean(x)) + self.lin_r(x)
         return convolved
 
 
@@ -50,7 +43,7 @@ class CECISAGE(CountNetwork):
     def __init__(self, config: SAGEConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
         self.enter = nn.Sequential(
-            ShownDropout(config.dropout / 2, self.features.told),
+            ShownDropout(config.dropout / 2, self.features.mask),
             nn.Linear(self.features.width, config.width),
             nn.SiLU(),
         )
@@ -60,19 +53,16 @@ class CECISAGE(CountNetwork):
         self.norms = nn.ModuleList(nn.LayerNorm(config.width) for _ in range(config.depth))
         self.leave = nn.Sequential(nn.SiLU(), nn.Dropout(config.dropout))
 
-    def encode(self, features: torch.Tensor, graphs: Data) -> torch.Tensor:
+    def encode(self, features: torch.Tensor, nodes: Nodes) -> torch.Tensor:
         """Return every node's features after all rounds."""
         h: torch.Tensor = self.enter(features)
-        edges = graphs.edge_index
-        if not isinstance(edges, Neighbours):
-            edges = ListedNeighbours.of(edges, nodes=len(h))
         for convolution, norm in zip(self.convolutions, self.norms, strict=True):
-            h = h + self.leave(norm(convolution(h, edges)))
+            h = h + self.leave(norm(convolution(h, nodes.edges)))
         return h
 
-    def nodes_of(self, seen: Observation) -> Nodes:
-        """Return an observation in the form for predictions, with its neighbours."""
-        return to_nodes(self.reading_of(seen), edges=Neighbours.of(seen, self.inputs.edges))
+    def edges_of(self, seen: Observation) -> Neighbours:
+        """Return the means' weights: no list of edges."""
+        return Neighbours.of(seen, self.inputs.edges)
 
 
 CECI_SAGE = ZooRow(SAGEConfig(), CECISAGE, data=CONNECTED, training=COUNTS)

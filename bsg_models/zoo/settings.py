@@ -1,4 +1,4 @@
-"""Define the settings of models, data and training, without heavy imports."""
+"""The settings of models, data and training, without heavy imports."""
 
 from __future__ import annotations
 
@@ -18,12 +18,9 @@ class ModelConfig(Record):
     """Settings of a model; each family has its own, with the measured values as defaults.
 
     Lists of models show the first line of a family's docstring.
-
-    Attributes:
-        family: its name, which is a row of `bsg_models.zoo.catalogue.ZOO`.
     """
 
-    family: str
+    family: str  # a row of `bsg_models.zoo.catalogue.ZOO`
 
 
 class DataConfig(Record):
@@ -90,15 +87,10 @@ class DataConfig(Record):
         return self.model_copy(update={"mask": withheld, "withhold": 0.0})
 
     def needs_own_masks(self, stored: MaskRecipe | None) -> bool:
-        """Return whether validation draws its own masks, because stored pairs would mislead it.
+        """Return whether the stored pairs, if any, show another kind of mask than the training.
 
-        Fresh masks are of another kind than the stored pairs if their strategy is not `uniform`, or
-        if they withhold classes. They are of the same kind if the stored pairs follow the same
-        recipe, except for fraction and seed. With its own masks, validation chooses the best epoch
-        and the calibration on the kind of mask that the model is trained for.
-
-        Args:
-            stored: mask of the stored pairs; None if there are none.
+        Validation then draws its own, so that the best epoch and the calibration are chosen on the
+        kind of mask that the model is trained for. Fraction and seed may differ.
         """
         mask = self.fresh_mask
         if self.masks == "fixed" or (mask.strategy == "uniform" and not mask.withhold):
@@ -141,3 +133,24 @@ class TrainingConfig(Record):
     clip: float | None = Field(default=None, gt=0, allow_inf_nan=False)
     validate_every: int = Field(default=10, ge=1)
     device: Device = "cpu"
+
+
+# The visible share varies, so that a model works at any share.
+VARIED = DataConfig(fractions=(0.1, 0.9))
+# Every room sees every other.
+CONNECTED = DataConfig(fractions=(0.1, 0.9), edges=("complete",))
+# Any observation: every kind of mask in turn, sometimes with withheld classes, as in a search.
+WHATEVER = DataConfig(
+    mask=MaskRecipe(strategy="mixed", withhold=0.05), fractions=(0.1, 0.9), edges=("complete",)
+)
+# How networks of hidden counts are trained.
+COUNTS = TrainingConfig(
+    epochs=160,
+    batch_size=32,
+    learning_rate=0.002,
+    decay=0.02,
+    decay_as="decoupled",
+    schedule="one-cycle",
+    clip=5.0,
+    validate_every=20,
+)

@@ -28,8 +28,7 @@ from bsg_data.scene.class_space import read_published, read_rows
 from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.model import ModelInputs, to_array
 from bsg_models.zoo.presence_odds import PresenceOdds, average_others
-from bsg_models.zoo.settings import ModelConfig
-from bsg_models.zoo.training_recipes import VARIED
+from bsg_models.zoo.settings import VARIED, ModelConfig
 
 BEHAVIOR_TABLE = "behavior-cooccurrence-v1.csv"
 _HEADER = ("class_a", "class_b", "rooms_with_both", "rooms_with_a", "rooms_with_b", "rooms")

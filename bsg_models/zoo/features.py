@@ -9,31 +9,19 @@ from collections.abc import Iterable
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 import torch
-from pydantic import Field
+from pydantic import Field, field_validator
 from torch import nn
-from torch_geometric.data import Data
 from torch_geometric.utils import scatter
 
-from bsg_data.scene.room_label import list_room_labels
-from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES
-from bsg_models.zoo.model import building_numbers, share_of
+from bsg_data.arrays import Bools
+from bsg_models.inputs.nodes import EVIDENCE, Nodes
 from bsg_models.zoo.settings import ModelConfig
 
 _EDGE = 0.02  # shares are moved this far from 0 and 1 before a logarithm
 
-
 Likelihood = Literal["mse", "poisson", "negative-binomial"]
-Reading = Literal["mask", "building", "categories", "withheld", "size", "labels", "kind", "source"]
-_USUAL_AREA = 12.0  # m² of a room, whose logarithm counts as 0
-# Widths of the surroundings of a room, in the order of their features.
-_SURROUNDINGS = {
-    "size": 2,
-    "labels": len(list_room_labels()),
-    "kind": len(BUILDING_KINDS),
-    "source": len(KNOWN_SOURCES),
-}
+EVERYTHING = ("mask", "building", "categories", "withheld", *EVIDENCE)
 
 
 class NetworkConfig(ModelConfig):
@@ -61,66 +49,62 @@ class NetworkConfig(ModelConfig):
     dropout: float = Field(default=0.4, ge=0.0, lt=1.0)
     likelihood: Likelihood = "negative-binomial"
     tilted: int = Field(default=2, ge=0, le=8)
-    reads: tuple[Reading, ...] = ("mask", "building", "categories")
+    reads: tuple[str, ...] = ("mask", "building", "categories")
     embedding: int = Field(default=32, ge=1, le=4096)
     embed: Literal["learned", "svd"] = "learned"
     category_dropout: float = Field(default=0.3, ge=0.0, lt=1.0)
     forget: float = Field(default=0.5, ge=0.0, lt=1.0)
     calibrate: bool = True
 
+    @field_validator("reads")
+    @classmethod
+    def _evidence_exists(cls, reads: tuple[str, ...]) -> tuple[str, ...]:
+        unknown = [name for name in reads if name not in EVERYTHING]
+        if unknown:
+            raise ValueError(f"reads must be of {', '.join(EVERYTHING)}; found {unknown[0]!r}")
+        return reads
+
 
 class NodeFeatures(nn.Module):
-    """Turn masked graphs into features `[N, F]`.
+    """Turn nodes into features `[N, F]`.
 
     The node's own histogram is always included: log(1 + count), presence and log(1 + total). The
     configuration (`reads`) adds:
 
     - `mask`: the share that the node hides, as log-odds, and whether it was visited; without them
       an empty node looks like one that nobody looked into.
-    - `building`: log(1 + count) of the building, the share of the other visited rooms in which each
-      class was seen, the logarithm of the number of rooms, and the kind of node.
     - `withheld`: whether each class is withheld, so that its absence is no evidence; see
       `bsg_data.observation.search_moment`.
     - `categories`: an embedding of the set of visible categories outside the classes, of the node
       and averaged over the other visited rooms; training drops single categories at random.
-    - `size`: the logarithm of the floor area relative to a usual room, and whether it is known.
-    - `labels`: the probability of each room label, all 0 if nothing is known.
-    - `kind`, `source`: the kind of building and the source of its annotation, if known.
-
-    Attributes:
-        width: F.
-        told: the features that describe the mask. Dropout must leave them: a dropped one would say
-            that nothing is hidden.
+    - `building`: log(1 + count) of the building, the share of the other visited rooms in which each
+      class was seen, the logarithm of the number of rooms, and the kind of node.
+    - the rows of `bsg_models.inputs.nodes.EVIDENCE`: what is known of the room and the building.
     """
 
     def __init__(self, config: NetworkConfig, classes: int, vocabulary: int) -> None:
         super().__init__()
         self.reads = frozenset(config.reads)
-        self.forget = config.forget
-        self.width = 2 * classes + 1
-        first = self.width
-        if "mask" in self.reads:
-            self.width += 2
-        if "withheld" in self.reads:
-            self.width += classes
-        self.told = slice(first, self.width)
-        if "building" in self.reads:
-            self.width += 2 * classes + 2
-        self.width += sum(_SURROUNDINGS[name] for name in _SURROUNDINGS if name in self.reads)
         if not vocabulary:  # no category is frequent enough
             self.reads -= {"categories"}
+        self.forget, self.category_dropout = config.forget, config.category_dropout
+        self.svd = config.embed == "svd"
+        first = 2 * classes + 1
+        mask = 2 * ("mask" in self.reads) + classes * ("withheld" in self.reads)
+        self.mask = slice(first, first + mask)  # columns that describe the mask
+        self.width = first + mask
+        if "building" in self.reads:
+            self.width += 2 * classes + 2
         if "categories" in self.reads:
-            self.category_dropout = config.category_dropout
             self.embedding = nn.Linear(vocabulary, config.embedding, bias=False)
-            self.svd = config.embed == "svd"
             self.embedding.requires_grad_(not self.svd)
             self.width += config.embedding * (2 if "building" in self.reads else 1)
+        self.width += sum(kind.width for name, kind in EVIDENCE.items() if name in self.reads)
 
-    def fit(self, present: Iterable[npt.NDArray[np.bool_]]) -> None:
+    def fit(self, present: Iterable[Bools]) -> None:
         """Compute the `svd` embedding, if configured, from the categories of rooms `[R, V]`.
 
         It is the truncated singular value decomposition, each component scaled to unit variance.
-        Only this embedding needs the rooms, and holds them all in memory.
         """
         if "categories" not in self.reads or not self.svd:
             return
@@ -132,98 +116,81 @@ class NodeFeatures(nn.Module):
         with torch.no_grad():
             self.embedding.weight.copy_(torch.from_numpy(weight))
 
-    def forward(self, graphs: Data) -> torch.Tensor:
+    def forward(self, nodes: Nodes) -> torch.Tensor:
         """Return features `[N, F]`."""
-        seen = (graphs.x > 0).float()
-        parts = [torch.log1p(graphs.x), seen, torch.log1p(graphs.x.sum(dim=1, keepdim=True))]
+        seen = (nodes.x > 0).float()
+        parts = [torch.log1p(nodes.x), seen, torch.log1p(nodes.x.sum(dim=1, keepdim=True))]
         if "mask" in self.reads:
-            share = graphs.hidden_share.clamp(_EDGE, 1 - _EDGE)
-            parts += [torch.logit(share)[:, None] / 2, graphs.visited.float()[:, None]]
-        looked_for = (share_of(graphs) < 1).float()
+            share = nodes.hidden_share.clamp(_EDGE, 1 - _EDGE)
+            parts += [torch.logit(share)[:, None] / 2, nodes.visited.float()[:, None]]
+        looked_for = (nodes.share < 1).float()
         if "withheld" in self.reads:
             parts.append(1 - looked_for)
         shown = [seen]
         if "categories" in self.reads:
-            shown.append(self._embed(graphs))
+            shown.append(self._embed(nodes))
             parts.append(shown[-1])
         if "building" in self.reads:
             every = seen.new_ones(len(seen), sum(part.shape[1] for part in shown[1:]))
             parts += _look_around(
-                graphs, torch.cat(shown, dim=1), torch.cat([looked_for, every], dim=1)
+                nodes, torch.cat(shown, dim=1), torch.cat([looked_for, every], dim=1)
             )
-        parts += self._surroundings(graphs)
+        for name in EVIDENCE:
+            if name in self.reads:
+                parts.append(self._remember(name, nodes))
         return torch.cat(parts, dim=1)
 
-    def _surroundings(self, graphs: Data) -> list[torch.Tensor]:
-        """Return size, label, kind and source of every node, as far as they are read."""
-        parts = []
-        if "size" in self.reads:
-            known = (graphs.floor_area > 0) & self._remembered(graphs.floor_area)
-            size = torch.log(graphs.floor_area.clamp(min=1e-2) / _USUAL_AREA) * known
-            parts += [size[:, None], known.float()[:, None]]
-        if "labels" in self.reads:
-            parts.append(graphs.labels * self._remembered(graphs.labels[:, 0])[:, None])
-        for name, of_building in (("kind", graphs.building_kind), ("source", graphs.source)):
-            if name in self.reads:
-                building = building_numbers(graphs)
-                kept = self._remembered(of_building[graphs.is_building])[building]
-                numbers = torch.where(kept, of_building, -1)
-                places = torch.arange(_SURROUNDINGS[name], device=numbers.device)
-                parts.append((numbers[:, None] == places).float())
-        return parts
-
-    def _remembered(self, values: torch.Tensor) -> torch.Tensor:
-        """Return which of some nodes `[M]` keep their surroundings; outside training, all."""
+    def _remember(self, name: str, nodes: Nodes) -> torch.Tensor:
+        """Return evidence, of which training hides a share, a whole building's or a room's."""
+        values = nodes.evidence[name]
         if not self.training:
-            return torch.ones(len(values), dtype=torch.bool, device=values.device)
-        return torch.rand(len(values), device=values.device) >= self.forget
+            return values
+        of_building = EVIDENCE[name].of_building
+        number = len(nodes.first) if of_building else len(values)
+        kept = torch.rand(number, device=values.device) >= self.forget
+        return values * (kept[nodes.building] if of_building else kept)[:, None]
 
-    def _embed(self, graphs: Data) -> torch.Tensor:
-        present = (graphs.others > 0).float()
+    def _embed(self, nodes: Nodes) -> torch.Tensor:
+        present = (nodes.others > 0).float()
         if self.training:  # dropped without rescaling: a robot overlooks things, too
             present = present * (torch.rand_like(present) >= self.category_dropout)
         embedded: torch.Tensor = self.embedding(present)
         return embedded
 
 
-def _look_around(graphs: Data, shown: torch.Tensor, looked_for: torch.Tensor) -> list[torch.Tensor]:
+def _look_around(nodes: Nodes, shown: torch.Tensor, looked_for: torch.Tensor) -> list[torch.Tensor]:
     """Return what is around each node.
 
-    Args:
-        graphs: a graph or a batch.
-        shown: `[N, S]` what every node shows.
-        looked_for: `[N, S]` 1 where a node could show it, 0 where it is withheld.
-
-    Returns:
-        `[N, C]` the building's counts, `[N, S]` the mean over the other visited rooms that could
-        show it, `[N, 1]` the number of rooms, `[N, 1]` whether the node is a building.
+    These are the building's counts `[N, C]`, the mean of `shown` `[N, S]` over the other visited
+    rooms that could show it (`looked_for`), the number of rooms, and whether it is a building.
     """
-    building = building_numbers(graphs)
-    visited = (graphs.visited & ~graphs.is_building).float()[:, None] * looked_for
-    others = scatter(visited, building)[building] - visited
-    siblings = scatter(shown * visited, building)[building] - shown * visited
-    rooms = scatter((~graphs.is_building).float(), building)[building, None]
-    first = torch.nonzero(graphs.is_building)[:, 0][building]
+    visited = (nodes.visited & ~nodes.is_building).float()[:, None] * looked_for
+    others = scatter(visited, nodes.building)[nodes.building] - visited
+    siblings = scatter(shown * visited, nodes.building)[nodes.building] - shown * visited
+    rooms = scatter((~nodes.is_building).float(), nodes.building)[nodes.building, None]
     return [
-        torch.log1p(graphs.x[first]),
+        torch.log1p(nodes.x[nodes.first][nodes.building]),
         siblings / others.clamp(min=1),
         torch.log1p(rooms),
-        graphs.is_building.float()[:, None],
+        nodes.is_building.float()[:, None],
     ]
 
 
 class ShownDropout(nn.Module):
-    """Dropout of features `[N, F]` that leaves those that describe the mask."""
+    """Dropout of features `[N, F]` that leaves those of the mask.
 
-    def __init__(self, share: float, told: slice) -> None:
+    A dropped one would say that nothing is hidden.
+    """
+
+    def __init__(self, share: float, mask: slice) -> None:
         super().__init__()
         self.share = share
-        self.told = told
+        self.mask = mask
 
     def forward(self, features: torch.Tensor) -> torch.Tensor:
         """Return the features; in training, some are 0 and the others scaled up."""
         if not (self.training and self.share):
             return features
         dropped = nn.functional.dropout(features, self.share)
-        dropped[:, self.told] = features[:, self.told]
+        dropped[:, self.mask] = features[:, self.mask]
         return dropped

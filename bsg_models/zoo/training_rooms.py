@@ -1,0 +1,85 @@
+"""The rooms of the training buildings: complete, counted, or under masks.
+
+Buildings are read one part of the dataset at a time, so only the result stays in memory.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from bsg_data.arrays import Ints
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.observation.masked_buildings import (
+    BATCH,
+    MaskedBuildings,
+    stack_masked,
+    stream_sampled,
+)
+from bsg_data.recipes import MaskRecipe
+from bsg_models.errors import TrainingError
+from bsg_models.inputs.folds import scenes_of
+from bsg_models.zoo.settings import DataConfig
+
+Tally = tuple[Ints, Ints]  # distinct counts, rising, and the number of rooms with each
+
+
+def read_rooms(
+    data: Dataset, scenes: Sequence[str], *, most: int
+) -> tuple[npt.NDArray[np.uint8], Ints]:
+    """Return the counts of some rooms `[R, C]`, cut to `most`, and each room's building `[R]`."""
+    rooms: dict[str, npt.NDArray[np.uint8]] = {}
+    for some in data.in_parts(scenes):
+        for scene in some:
+            rooms[scene] = np.minimum(data.cells(scene)[1:], most).astype(np.uint8)
+    sizes = [len(rooms[scene]) for scene in scenes]
+    counts = np.concatenate([rooms[scene] for scene in scenes])
+    return counts, np.repeat(np.arange(len(scenes)), sizes)
+
+
+def tally_rooms(data: Dataset, scenes: Sequence[str]) -> list[Tally]:
+    """Return for every class `[C]` which counts occur in rooms, and in how many rooms each."""
+    tallies = [Counter[int]() for _ in data.manifest.class_space.classes]
+    for some in data.in_parts(scenes):
+        rooms = np.concatenate([data.cells(scene)[1:] for scene in some])
+        for tally, counts in zip(tallies, rooms.T, strict=True):
+            values, times = np.unique(counts, return_counts=True)
+            tally.update(dict(zip(values.tolist(), times.tolist(), strict=True)))
+    both = [np.array(sorted(tally.items()), dtype=np.int64).reshape(-1, 2) for tally in tallies]
+    return [(values_times[:, 0], values_times[:, 1]) for values_times in both]
+
+
+def stream_uniform(data: Dataset, choice: DataConfig, *, draws: int) -> Iterator[MaskedBuildings]:
+    """Yield the training buildings under uniform masks of the choice's fraction.
+
+    The masks are uniform whatever the strategy, because only partly seen rooms show what one class
+    says about another. All masks of some buildings come before the next, so that each part of the
+    dataset is read once.
+
+    Raises:
+        TrainingError: if the fraction is 0.
+    """
+    if not choice.mask.fraction:
+        raise TrainingError("masks that hide nothing teach nothing: raise data.mask.fraction")
+    mask = MaskRecipe(fraction=choice.mask.fraction, seed=choice.mask.seed)
+    scenes = scenes_of(data, "train", fold=choice.fold)
+    streams = [stream_sampled(data, scenes, mask=mask, draw=draw) for draw in range(draws)]
+    for _ in range(0, len(scenes), BATCH):
+        yield from map(next, streams)
+
+
+def take_sample(batches: Iterable[MaskedBuildings], *, most: int) -> tuple[MaskedBuildings, int]:
+    """Return a random sample of masked buildings in their order, and the number of all.
+
+    It has at most `most` nodes, but one building at least. It does not depend on the batches.
+    """
+    rng = np.random.Generator(np.random.PCG64(0))
+    masked = stack_masked(list(batches))
+    order = np.argsort(rng.random(len(masked)), kind="stable")
+    last = np.searchsorted(np.cumsum(np.diff(masked.seen.starts)[order]), most, side="right")
+    if last == len(masked):
+        return masked, len(masked)
+    return masked.take(np.sort(order[: max(last, 1)])), len(masked)
