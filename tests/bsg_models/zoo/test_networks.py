@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,32 +10,29 @@ import pytest
 import torch
 from one_building import observe_building
 from scipy import stats
-from torch import nn
-from torch_geometric.data import Data
-from torch_geometric.nn import GCNConv, SAGEConv
+from torch_geometric.nn import GCNConv
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import MismatchError
 from bsg_data.observation.masked_buildings import sample_masked
 from bsg_data.observation.observation import Observation
 from bsg_data.recipes import MaskRecipe
-from bsg_data.scene.room_label import list_room_labels
-from bsg_data.scene.surroundings import BUILDING_KINDS, Surroundings
+from bsg_data.scene.surroundings import Surroundings
 from bsg_models.belief.count_distribution import negative_binomial
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of
-from bsg_models.inputs.graphs import read_split, to_graph
+from bsg_models.inputs.graphs import read_split
+from bsg_models.inputs.nodes import EVIDENCE, to_nodes
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import BEST, LAST
 from bsg_models.training.training import new_model, train_run
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
-from bsg_models.zoo.count_network import CountNetwork, Posterior, PriorHead, cell_loss
+from bsg_models.zoo.count_network import CountNetwork, PriorHead, cell_loss
+from bsg_models.zoo.features import NetworkConfig, NodeFeatures, ShownDropout
 from bsg_models.zoo.gamma_poisson import GammaPoissonConfig, GammaPoissonModel
-from bsg_models.zoo.gcn import NormalisedConv
+from bsg_models.zoo.gcn import CECIGCN, GCNConfig
 from bsg_models.zoo.model import ModelInputs, to_array
-from bsg_models.zoo.node_features import NetworkConfig, NodeFeatures, ShownDropout
-from bsg_models.zoo.sage import MeanConv
 
 NETWORKS = [name for name in ZOO if isinstance(ZOO[name].config, NetworkConfig)]
 SMALL = ("model.width=8", "model.embedding=4", "training.epochs=4", "training.validate_every=2")
@@ -46,16 +41,6 @@ SMALL = ("model.width=8", "model.embedding=4", "training.epochs=4", "training.va
 def configure(name: str, *settings: str) -> RunConfig:
     tables = override(find_config(name).model_dump(mode="json"), [*SMALL, *settings])
     return validate_config(tables, source="test")
-
-
-def building(
-    counts: list[list[float]], *, others: list[list[float]], visited: list[bool], share: list[float]
-) -> Data:
-    categories = tuple(f"category {number}" for number in range(len(others[0])))
-    seen = observe_building(
-        counts, hidden_share=share, visited=visited, others=others, vocabulary=categories
-    )
-    return to_graph(seen, edges=("up", "down"), targets=seen.inputs)
 
 
 def test_the_head_is_shrinkage_with_a_prior_of_its_own() -> None:
@@ -71,17 +56,17 @@ def test_the_head_is_shrinkage_with_a_prior_of_its_own() -> None:
         hidden_share=[0.5, 0.5, 0.2, 1.0],
         visited=[True, True, True, False],
     )
-    posterior = head(torch.randn(4, 4), to_graph(seen, edges=("up", "down")))
+    mean, dispersion, found_tilts = head(torch.randn(4, 4), to_nodes(seen))
     model = GammaPoissonModel(GammaPoissonConfig(tilted=2), ModelInputs(classes=2))
     model.tilts.copy_(tilts)
     model.shape.copy_(torch.tensor([3.0, 0.7]))
     model.rate.copy_(torch.tensor([3.0 / 2.0, 0.7 / 0.5]))
     expected = model.predict(seen).hidden_counts
-    found = [to_array(part) for part in (posterior.mean, posterior.dispersion)]
+    found = [to_array(part) for part in (mean, dispersion)]
     np.testing.assert_allclose(found[0][1:], expected.means[0, 1:], rtol=1e-5)
     np.testing.assert_allclose(found[1][1:], expected.dispersions[0, 1:], rtol=1e-5)
     assert expected.tilts is not None
-    for found_tilt, tilt in zip(posterior.tilts, expected.tilts[:, 0, 1:], strict=True):
+    for found_tilt, tilt in zip(found_tilts, expected.tilts[:, 0, 1:], strict=True):
         np.testing.assert_allclose(to_array(found_tilt)[1:], tilt, rtol=1e-5)
     assert found[0][3].tolist() == pytest.approx([2.0, 0.5])  # nothing seen: the prior
 
@@ -96,8 +81,8 @@ def test_losses_are_scipys(likelihood: str) -> None:
         "poisson": -stats.poisson.logpmf(hidden, mean),
         "negative-binomial": -stats.nbinom.logpmf(hidden, r, r / (r + mean)),
     }[likelihood]
-    counts, *parts = map(torch.from_numpy, (hidden, mean, r))
-    found = cell_loss(counts, Posterior(*parts, []), likelihood=likelihood)  # type: ignore[arg-type]
+    counts, mu, dispersion = map(torch.from_numpy, (hidden, mean, r))
+    found = cell_loss(counts, (mu, dispersion, []), likelihood=likelihood)  # type: ignore[arg-type]
     np.testing.assert_allclose(found.numpy(), expected, rtol=1e-6)
 
 
@@ -106,8 +91,8 @@ def test_the_loss_of_tilted_counts_is_their_log_probability() -> None:
     hidden = rng.poisson(1.0, (6, 3)).astype(float)
     mean, r, tilts = rng.gamma(2, 1, (6, 3)), rng.gamma(2, 1, (6, 3)), rng.normal(0, 1, (2, 6, 3))
     expected = replace(negative_binomial(mean, r), tilts=tilts[:, None]).log_probability(hidden)
-    counts, *parts = map(torch.from_numpy, (hidden, mean, r))
-    posterior = Posterior(*parts, list(torch.from_numpy(tilts)))
+    counts, mu, dispersion = map(torch.from_numpy, (hidden, mean, r))
+    posterior = mu, dispersion, list(torch.from_numpy(tilts))
     found = cell_loss(counts, posterior, likelihood="negative-binomial")
     np.testing.assert_allclose(found.numpy(), -expected, rtol=1e-9)
 
@@ -120,41 +105,19 @@ def test_dropout_leaves_what_is_told_of_the_mask() -> None:
     assert torch.equal(ShownDropout(0.5, slice(2, 5)).eval()(features), features)
 
 
-def test_surroundings_by_hand() -> None:
-    """Two rooms: one of 12 m² and known kind, one of which nothing is known."""
-    config = NetworkConfig(reads=("size", "labels", "kind", "source"))
-    features = NodeFeatures(config, 1, 0)
-    labels = list_room_labels()
-    around = Surroundings.of_rooms(
-        [12 * math.e, None], ["kitchen", None], building_kind="office", source="behavior"
-    )
-    seen = replace(observe_building([[1.0], [1.0], [0.0]]), surroundings=around)
-    graphs = to_graph(seen, edges=("up", "down"))
-    told = features.eval()(graphs)[:, 3:]
-    assert told[:, :2].tolist() == [[0, 0], [pytest.approx(1.0, abs=1e-6), 1], [0, 0]]
-    kitchen = [float(label == "kitchen") for label in labels]
-    assert told[1, 2 : 2 + len(labels)].tolist() == kitchen
-    assert not told[[0, 2], 2 : 2 + len(labels)].any()
-    rest = told[:, 2 + len(labels) :]
-    assert [row.nonzero().flatten().tolist() for row in rest] == [[1, len(BUILDING_KINDS) + 1]] * 3
-    torch.manual_seed(0)
-    forgetting = NodeFeatures(config.model_copy(update={"forget": 0.999}), 1, 0).train()
-    assert not forgetting(graphs)[:, 3:].any()
-
-
 def test_features_by_hand() -> None:
     """Building with three rooms, the last unvisited; one class, two other categories."""
-    config = NetworkConfig(embedding=2)
-    features = NodeFeatures(config, 1, 2).eval()
+    features = NodeFeatures(NetworkConfig(embedding=2), 1, 2).eval()
     with torch.no_grad():
         features.embedding.weight.copy_(torch.tensor([[1.0, 0.0], [0.0, 10.0]]))
-    graphs = building(
+    seen = observe_building(
         [[3.0], [3.0], [0.0], [0.0]],
-        others=[[1.0, 5.0], [1.0, 0.0], [0.0, 5.0], [0.0, 0.0]],
+        hidden_share=[0.5, 0.5, 0.5, 1.0],
         visited=[True, True, True, False],
-        share=[0.5, 0.5, 0.5, 1.0],
+        others=[[1.0, 5.0], [1.0, 0.0], [0.0, 5.0], [0.0, 0.0]],
+        vocabulary=("tap", "wall"),
     )
-    found = features(graphs).detach().numpy()
+    found = features(to_nodes(seen)).detach().numpy()
     assert found.shape == (4, features.width)
     log3, rooms = np.log(4.0), np.log(4.0)
     # log count, presence, log total | odds, visited | embedding | building's log count,
@@ -166,32 +129,23 @@ def test_features_by_hand() -> None:
     assert found[0, -1] == 1
 
 
-@pytest.mark.parametrize(
-    ("reads", "changed"),
-    [
-        ("mask", ("hidden_share", "visited")),
-        ("building", ("x",)),
-        ("categories", ("others",)),
-    ],
-)
-def test_a_network_reads_what_it_is_told_to_and_nothing_else(
-    reads: str, changed: tuple[str, ...]
-) -> None:
-    config = NetworkConfig(reads=(reads,), embedding=3)  # type: ignore[arg-type]
-    counts, others = [[4.0, 1.0], [4.0, 0.0], [0.0, 1.0]], [[2.0], [0.0], [2.0]]
-    graphs = building(counts, others=others, visited=[True] * 3, share=[0.5] * 3)
-    other = building(
-        [[4.0, 3.0], [4.0, 0.0], [0.0, 3.0]],
-        others=[[1.0], [1.0], [0.0]],
-        visited=[True, False, True],
-        share=[0.5, 1.0, 0.5],
-    )
-    features = NodeFeatures(config, 2, 1).eval()
-    for key in ("hidden_share", "visited", "x", "others"):
-        mixed = graphs.clone()
-        mixed[key] = other[key]
-        same = torch.equal(features(graphs)[1], features(mixed)[1])
-        assert same == (key not in changed), key
+def test_training_forgets_evidence_of_rooms_and_buildings() -> None:
+    around = Surroundings.of_rooms([30] * 99, ["kitchen"] * 99, building_kind="home", source="hm3d")
+    seen = observe_building(np.ones((100, 1)).tolist(), surroundings=around)
+    nodes = to_nodes(seen, reads=EVIDENCE)
+    features = NodeFeatures(NetworkConfig(reads=tuple(EVIDENCE), forget=0.4), 1, 0)
+    first = 3
+    torch.manual_seed(0)
+    every = {name: one.any(dim=1).float() for name, one in nodes.evidence.items()}
+    told, shares = features.eval()(nodes), {}
+    for name, kind in EVIDENCE.items():
+        columns = slice(first, first := first + kind.width)
+        assert torch.equal(told[:, columns], nodes.evidence[name])
+        shares[name] = [features.train()(nodes)[:, columns].any(dim=1).float() for _ in range(20)]
+    for name, kind in EVIDENCE.items():
+        means = torch.stack([one.mean() / every[name].mean() for one in shares[name]])
+        assert means.mean() == pytest.approx(0.6, abs=0.25 if kind.of_building else 0.05)
+        assert set(means.tolist()) <= {0.0, 1.0} or not kind.of_building
 
 
 @pytest.mark.parametrize("name", NETWORKS)
@@ -209,18 +163,6 @@ def test_every_network_learns_and_is_saved_and_loaded_alike(
     assert checkpoint.header.calibrated
 
 
-@pytest.mark.parametrize("likelihood", ["mse", "poisson", "negative-binomial"])
-def test_a_likelihood_is_the_distribution_that_is_given(
-    likelihood: str, dataset: Path, tmp_path: Path
-) -> None:
-    config = configure("ceci-sage", f"model.likelihood={likelihood}", "model.calibrate=false")
-    list(train_run(config, dataset, tmp_path / "run"))
-    model = restore_model(tmp_path / "run" / BEST, load_checkpoint(tmp_path / "run" / BEST))
-    seen = read_split(Dataset.open(dataset), "test", vocabulary=model.vocabulary).seen
-    distribution = model.predict(seen.take([0])).hidden_counts.take(np.array([1, 2]))
-    assert (distribution.dispersions < 1e9).all() == (likelihood == "negative-binomial")
-
-
 def test_an_svd_embedding_is_numpys() -> None:
     present = np.random.default_rng(0).random((60, 7)) < [0.9, 0.7, 0.5, 0.3, 0.3, 0.2, 0.1]
     features = NodeFeatures(NetworkConfig(embed="svd", embedding=3), 2, 7)
@@ -232,39 +174,26 @@ def test_an_svd_embedding_is_numpys() -> None:
         np.testing.assert_allclose(np.abs(found[:, k]), np.abs(expected), atol=1e-4)
 
 
-def test_an_svd_embedding_stays_as_it_is(dataset: Path, tmp_path: Path) -> None:
-    config = configure("ceci-sage", "model.embed=svd")
-    data = Dataset.open(dataset)
-    model = new_model(config, data)
-    assert isinstance(model, CountNetwork)
-    model.fit(data, config.data)
-    for report in train_run(config, dataset, tmp_path / "run"):
-        if report.epoch == 2:
-            break
-    list(train_run(config, dataset, tmp_path / "run", resume=True))
-    trained = load_checkpoint(tmp_path / "run" / LAST).state_of("model")
-    torch.testing.assert_close(
-        trained["features.embedding.weight"], model.features.embedding.weight.detach()
-    )
-
-
-def test_a_falling_learning_rate_cannot_be_made_longer(dataset: Path, tmp_path: Path) -> None:
-    list(train_run(configure("ceci-sage"), dataset, tmp_path / "run"))
-    longer = configure("ceci-sage", "training.epochs=9")
-    with pytest.raises(TrainingError, match="cannot be made longer"):
-        list(train_run(longer, dataset, tmp_path / "run", resume=True))
-
-
-def test_a_stopped_network_resumes_to_the_same_weights(dataset: Path, tmp_path: Path) -> None:
-    config = configure("ceci-sage", "training.epochs=6")
+def test_a_stopped_network_resumes_to_the_same_weights_and_keeps_its_svd(
+    dataset: Path, tmp_path: Path
+) -> None:
+    config, data = configure("ceci-sage", "model.embed=svd"), Dataset.open(dataset)
+    start = new_model(config, data)
+    assert isinstance(start, CountNetwork)
+    start.fit(data, config.data)
     list(train_run(config, dataset, tmp_path / "whole"))
     for report in train_run(config, dataset, tmp_path / "stopped"):
         if report.epoch == 3:
             break
     list(train_run(config, dataset, tmp_path / "stopped", resume=True))
-    a, b = (load_checkpoint(tmp_path / name / BEST) for name in ("whole", "stopped"))
+    a, b = (load_checkpoint(tmp_path / name / LAST) for name in ("whole", "stopped"))
     assert a.header == b.header
     assert all(torch.equal(t, b.tensors[name]) for name, t in a.tensors.items())
+    embedding = a.state_of("model")["features.embedding.weight"]
+    torch.testing.assert_close(embedding, start.features.embedding.weight.detach())
+    longer = configure("ceci-sage", "model.embed=svd", "training.epochs=9")
+    with pytest.raises(TrainingError):  # its learning rate falls over all epochs
+        list(train_run(longer, dataset, tmp_path / "whole", resume=True))
 
 
 def test_what_is_seen_of_other_categories_is_masked_too(dataset: Path) -> None:
@@ -298,26 +227,7 @@ def test_what_is_seen_of_other_categories_is_masked_too(dataset: Path) -> None:
     assert (half.others[:, [2]] == narrow.others).all()
 
 
-def test_the_fraction_varies_from_mask_to_mask_and_not_from_run_to_run(dataset: Path) -> None:
-    data = Dataset.open(dataset)
-
-    def shares(draw: int) -> list[float]:
-        masked = sample_masked(
-            data,
-            scenes_of(data, "train"),
-            mask=MaskRecipe(),
-            draw=draw,
-            fractions=(0.1, 0.9),
-        )
-        return [float(share) for share in masked.seen.hidden_share[masked.seen.is_building]]
-
-    assert shares(0) == shares(0) != shares(1)
-    assert len(set(shares(0))) > 3
-    # A share is a 32-bit float, and 0.9 is a little above the 64-bit one.
-    assert all(0.1 <= round(share, 6) <= 0.9 for share in shares(0))
-
-
-def test_an_observation_without_other_categories_gets_an_answer_and_one_of_others_an_error(
+def test_categories_that_an_observation_lacks_are_unseen_and_others_are_refused(
     dataset: Path,
 ) -> None:
     data = Dataset.open(dataset)
@@ -329,12 +239,8 @@ def test_an_observation_without_other_categories_gets_an_answer_and_one_of_other
     unasked = replace(seen, vocabulary=(), others=seen.others[:, :0])
     np.testing.assert_array_equal(model.predict(unasked).hidden, model.predict(nothing).hidden)
     assert not np.array_equal(model.predict(seen).hidden, model.predict(nothing).hidden)
-    foreign = replace(
-        seen,
-        vocabulary=tuple("abcdefg"),
-        others=np.ones((len(seen.inputs), 7), dtype=np.int64),
-    )
-    with pytest.raises(MismatchError, match=r"make it with vocabulary=model\.vocabulary"):
+    foreign = replace(seen, vocabulary=("a",), others=seen.others[:, :1])
+    with pytest.raises(MismatchError):
         model.predict(foreign)
     narrow = new_model(configure("ceci-sage", "data.min_scenes=99"), data)
     assert narrow.vocabulary == ()
@@ -345,29 +251,58 @@ def test_a_batch_without_rooms_has_no_loss(dataset: Path) -> None:
     model = new_model(configure("ceci-sage"), Dataset.open(dataset))
     assert isinstance(model, CountNetwork)
     alone = observe_building([[3] * 45])
-    loss = model.loss(model.graph_of(alone, alone.inputs))
+    loss = model.loss(model.nodes_of(alone, alone.inputs))
     assert loss.item() == 0
     loss.backward()  # type: ignore[no-untyped-call]
 
 
-@pytest.mark.parametrize(
-    ("ours", "of_pyg"),
-    [
-        (lambda: NormalisedConv(4, 4), lambda: GCNConv(4, 4)),
-        (lambda: MeanConv(4, 4), lambda: SAGEConv(4, 4)),
-    ],
-    ids=["normalised", "mean"],
-)
-def test_convolutions_that_write_no_file_are_pygs_to_the_bit(
-    ours: Callable[[], nn.Module], of_pyg: Callable[[], nn.Module]
-) -> None:
-    mine, theirs = ours(), of_pyg()
-    mine.load_state_dict(theirs.state_dict())
-    h = torch.randn(5, 4)
-    edges = torch.tensor([[0, 1, 2, 3, 4, 1, 2], [1, 0, 0, 0, 0, 2, 1]])
-    found, expected = (
-        torch.autograd.grad(convolution(x, edges).square().sum(), x)[0]
-        for convolution, x in ((mine, h.clone().requires_grad_()), (theirs, h.requires_grad_()))
-    )
-    assert torch.equal(mine(h, edges), theirs(h, edges))
-    assert torch.equal(found, expected)
+def test_the_gcn_is_the_papers_layers() -> None:
+    model = CECIGCN(GCNConfig(), ModelInputs(classes=45))
+    assert [(c.in_channels, c.out_channels) for c in model.convolutions] == [
+        (45, 64),
+        (64, 64),
+        (64, 64),
+        (64, 64),
+        (64, 45),
+    ]
+    assert len(model.blocks) == 4
+    literal = CECIGCN(GCNConfig(last_layer="block"), ModelInputs(classes=45))
+    assert len(literal.blocks) == 5
+    assert [type(layer).__name__ for layer in model.blocks[0]] == ["BatchNorm1d", "ReLU", "Dropout"]
+
+
+def test_one_layer_of_the_gcn_by_hand() -> None:
+    """x′ = D^-½ (A + I) D^-½ x W (Kipf and Welling, eq. 2) on a building with two rooms."""
+    model = CECIGCN(GCNConfig(depth=1), ModelInputs(classes=2))
+    weight = torch.tensor([[1.0, 2.0], [0.0, 1.0]])
+    convolution = model.convolutions[0]
+    assert isinstance(convolution, GCNConv)
+    with torch.no_grad():
+        convolution.lin.weight.copy_(weight)
+        convolution.bias.zero_()
+    x = np.array([[4.0, 2.0], [3.0, 0.0], [1.0, 2.0]])
+    adjacency = np.array([[1.0, 1, 1], [1, 1, 0], [1, 0, 1]])
+    scale = np.diag(adjacency.sum(axis=1) ** -0.5)
+    expected = scale @ adjacency @ scale @ x @ weight.numpy().T
+    found = model(model.nodes_of(observe_building(x.tolist())))
+    np.testing.assert_allclose(found.detach().numpy(), expected, rtol=1e-5)
+
+
+def test_the_gcn_normalises_once_what_pygs_layers_normalise_each() -> None:
+    torch.manual_seed(0)
+    model = CECIGCN(GCNConfig(depth=3, width=8, dropout=0.0), ModelInputs(classes=2)).eval()
+    nodes = model.nodes_of(observe_building([[4, 2], [3, 0], [1, 2]]))
+    x = nodes.x
+    for layer, convolution in enumerate(model.convolutions):
+        pygs = GCNConv(convolution.in_channels, convolution.out_channels)
+        pygs.load_state_dict(convolution.state_dict())
+        x = pygs(x, nodes.edges)
+        if layer < len(model.blocks):
+            x = model.blocks[layer](x)
+    assert torch.equal(model(nodes), x)
+
+
+def test_the_gcn_has_no_negative_totals() -> None:
+    torch.manual_seed(0)
+    model = CECIGCN(GCNConfig(), ModelInputs(classes=45))
+    assert (model.predict(observe_building([[1] * 45] * 4)).totals >= 0).all()

@@ -1,0 +1,156 @@
+"""Edges and neighbours by hand, by brute force, and against PyG's sums over the edges."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from one_building import observe_building
+from torch_geometric.nn import SAGEConv
+
+from bsg_data.observation.observation import Observation, stack
+from bsg_data.scene.room_label import list_room_labels
+from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES, Surroundings
+from bsg_models.inputs.edges import EdgeSet, list_edges
+from bsg_models.inputs.nodes import EVIDENCE, Neighbours, to_nodes
+from bsg_models.zoo.sage import MeanConv
+
+KINDS: tuple[EdgeSet, ...] = ("up", "down", "adjacent", "complete")
+EDGES = [some for size in range(5) for some in combinations(KINDS, size)]
+
+
+def observe_several() -> Observation:
+    """Return three buildings of 3, 0 and 5 rooms."""
+    return stack(
+        [
+            observe_building([[6], [1], [2], [3]], connected=[(1, 2), (2, 3)]),
+            observe_building([[4]]),
+            observe_building([[9], [1], [1], [2], [2], [3]], connected=[(1, 5), (2, 4)]),
+        ]
+    )
+
+
+def test_the_edges_of_two_buildings_by_hand() -> None:
+    """Three nodes, then one without rooms, then four: rows 0 to 2, 3, and 4 to 7."""
+    seen = stack(
+        [
+            observe_building([[0]] * 3, connected=[(1, 2)]),
+            observe_building([[0]]),
+            observe_building([[0]] * 4, connected=[(1, 3)]),
+        ]
+    )
+    assert list_edges(seen, ("up",)).tolist() == [[1, 2, 5, 6, 7], [0, 0, 4, 4, 4]]
+    assert list_edges(seen, ("adjacent",)).tolist() == [[1, 2, 5, 7], [2, 1, 7, 5]]
+    assert list_edges(seen.take([0]), ("up", "down")).tolist() == [[0, 0, 1, 2], [1, 2, 0, 0]]
+    assert list_edges(seen.take([1]), ("up", "down", "complete")).shape == (2, 0)
+
+
+@given(
+    sizes=st.lists(st.integers(1, 6), min_size=1, max_size=4), edges=st.sets(st.sampled_from(KINDS))
+)
+def test_edges_are_those_of_a_naive_loop(sizes: list[int], edges: set[EdgeSet]) -> None:
+    parts = [
+        observe_building([[0]] * nodes, connected=[(1, nodes - 1)] if nodes > 2 else [])
+        for nodes in sizes
+    ]
+    seen, expected = stack(parts), []
+    for first, nodes in zip(seen.starts.tolist(), sizes, strict=False):
+        for a in range(nodes):
+            for b in range(nodes):
+                rooms = a > 0 and b > 0 and a != b
+                kinds = {"complete"} if rooms else set()
+                kinds |= {"adjacent"} if rooms and {a, b} == {1, nodes - 1} else set()
+                kinds |= {"up"} if a > 0 == b else set()
+                kinds |= {"down"} if b > 0 == a else set()
+                if kinds & edges:
+                    expected.append([first + a, first + b])
+    assert list_edges(seen, tuple(edges)).T.tolist() == expected
+
+
+def test_means_by_hand() -> None:
+    """A building of 10 with rooms of 1, 2 and 6."""
+    seen = observe_building([[0]] * 4, connected=[(1, 2)])
+    h = torch.tensor([[10.0], [1.0], [2.0], [6.0]])
+
+    def mean(*edges: EdgeSet) -> list[float]:
+        return Neighbours.of(seen, edges).mean(h)[:, 0].tolist()
+
+    assert mean("complete") == [0.0, 4.0, 3.5, 1.5]
+    assert mean("up") == [3.0, 0.0, 0.0, 0.0]
+    assert mean("down") == [0.0, 10.0, 10.0, 10.0]
+    assert mean("adjacent") == [0.0, 2.0, 1.0, 0.0]
+    assert mean("down", "adjacent") == [0.0, 6.0, 5.5, 10.0]
+    assert mean() == [0.0] * 4
+
+
+@pytest.mark.parametrize("edges", EDGES)
+def test_the_convolution_and_its_gradients_are_pygs_over_the_edges(
+    edges: tuple[EdgeSet, ...],
+) -> None:
+    seen = observe_several()
+    torch.manual_seed(0)
+    ours, pygs = MeanConv(6, 6), SAGEConv(6, 6)
+    pygs.load_state_dict(ours.state_dict())
+    listed = torch.from_numpy(list_edges(seen, edges))
+    h = torch.randn(len(seen.inputs), 6)
+    found = []
+    for convolution, neighbours in ((ours, Neighbours.of(seen, edges)), (pygs, listed)):
+        x = h.clone().requires_grad_()
+        convolved = convolution(x, neighbours)
+        convolved.square().sum().backward()
+        found.append((convolved.detach(), x.grad, convolution.lin_l.weight.grad))
+    for one, other in zip(*found, strict=True):
+        torch.testing.assert_close(one, other, rtol=1e-5, atol=1e-6)
+
+
+def test_many_rooms_take_no_edges() -> None:
+    """Of 20,000 rooms that see each other a list would hold 400 million edges."""
+    rooms = 20_000
+    neighbours = Neighbours.of(observe_building(np.zeros((rooms + 1, 1)).tolist()), ("complete",))
+    h = torch.arange(rooms + 1, dtype=torch.float32)[:, None]
+    expected = (rooms * (rooms + 1) / 2 - h[1:, 0].double()) / (rooms - 1)
+    torch.testing.assert_close(neighbours.mean(h)[1:, 0], expected.float())
+
+
+def test_evidence_by_hand() -> None:
+    """Two rooms: one of 12 e m² and known kind, one of which nothing is known; then a building."""
+    around = Surroundings.of_rooms(
+        [12 * math.e, None], ["kitchen", None], building_kind="office", source="behavior"
+    )
+    known = replace(observe_building([[1.0], [1.0], [0.0]]), surroundings=around)
+    nodes = to_nodes(stack([known, observe_building([[0.0]])]), reads=EVIDENCE)
+    assert {name: one.shape for name, one in nodes.evidence.items()} == {
+        name: (4, kind.width) for name, kind in EVIDENCE.items()
+    }
+    size = nodes.evidence["size"].tolist()
+    assert size == [[0, 0], [pytest.approx(1.0, abs=1e-6), 1], [0, 0], [0, 0]]
+    kitchen = list_room_labels().index("kitchen")
+    assert nodes.evidence["labels"].nonzero().tolist() == [[1, kitchen]]
+    for name, names, word in (
+        ("kind", BUILDING_KINDS, "office"),
+        ("source", KNOWN_SOURCES, "behavior"),
+    ):
+        column = names.index(word)
+        assert nodes.evidence[name].nonzero().tolist() == [[row, column] for row in range(3)]
+
+
+def test_networks_and_models_that_count_read_the_same_share() -> None:
+    seen = observe_building([[3] * 4] * 3, hidden_share=[0.25, 0.5, 1.0], withheld=[2])
+    assert to_nodes(seen).share.tolist() == seen.cell_share.tolist()
+    assert seen.cell_share[:2].tolist() == [[0.25, 0.25, 1, 0.25], [0.5, 0.5, 1, 0.5]]
+
+
+def test_nodes_share_no_memory_with_what_they_are_made_of() -> None:
+    seen = observe_building([[4, 1], [4, 1]])
+    nodes = to_nodes(seen)
+    for one in (nodes.x, nodes.visited, nodes.hidden_share, nodes.withheld):
+        one.zero_()
+    assert seen.inputs.tolist() == [[4, 1], [4, 1]]
+    assert seen.visited.all()
+    assert seen.hidden_share.tolist() == [0.5, 0.5]

@@ -1,0 +1,272 @@
+"""Models that count, by hand; the contract of all models is proved in `test_testing.py`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from one_building import observe_building
+from scipy import stats
+
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.observation.masked_buildings import sample_masked, stack_masked
+from bsg_data.observation.observation import stack
+from bsg_data.recipes import MaskRecipe
+from bsg_models.belief.count_distribution import CountDistribution, negative_binomial
+from bsg_models.errors import TrainingError
+from bsg_models.inputs.folds import scenes_of
+from bsg_models.training.training import new_model
+from bsg_models.zoo.calibration import fit_calibration, recalibrate
+from bsg_models.zoo.conditional import ConditionalConfig, ConditionalModel
+from bsg_models.zoo.config import find_config
+from bsg_models.zoo.gamma_poisson import (
+    GammaPoissonConfig,
+    GammaPoissonModel,
+    fit_gamma_prior,
+)
+from bsg_models.zoo.model import BeliefModel, ModelInputs
+from bsg_models.zoo.room_sums import sum_rooms
+from bsg_models.zoo.settings import DataConfig
+from bsg_models.zoo.training_rooms import read_rooms, stream_uniform, take_sample, tally_rooms
+
+TOLD = ("gamma-poisson", "mixture", "ceci-sage", "universal", "prior-table")
+STOVE = 35
+
+
+def fitted(name: str, dataset: Path) -> BeliefModel:
+    torch.manual_seed(0)
+    data = Dataset.open(dataset)
+    config = find_config(name)
+    model = new_model(config, data)
+    model.fit(data, config.data)
+    return model.eval()
+
+
+def test_input_and_doubled_by_hand(dataset: Path) -> None:
+    inputs = [[4.0, 1.0], [3.0, 1.0]]
+    assert (fitted("input", dataset).predict(observe_building(inputs)).hidden == 0).all()
+    doubled = fitted("doubled", dataset)
+    assert doubled.predict(observe_building(inputs)).expected.tolist() == [[8.0, 2.0], [6.0, 2.0]]
+    assert doubled.predict(observe_building(inputs, hidden_share=0.75)).expected.tolist()[1] == [
+        12.0,
+        4.0,
+    ]
+    assert doubled.predict(observe_building(inputs, hidden_share=0.0)).expected.tolist() == inputs
+    assert np.isfinite(
+        doubled.predict(observe_building([[0.0, 0.0]], hidden_share=1.0)).hidden
+    ).all()
+
+
+def test_train_mean_is_the_mean_of_the_training_rooms_and_buildings(dataset: Path) -> None:
+    data = Dataset.open(dataset)
+    scenes = scenes_of(data, "train")
+    found = fitted("train-mean", dataset).predict(observe_building([[0.0] * 45] * 3))
+    rooms = np.concatenate([data.cells(scene)[1:] for scene in scenes])
+    buildings = np.stack([data.cells(scene).sum(axis=0) for scene in scenes])
+    np.testing.assert_allclose(found.totals[1], rooms.mean(axis=0))
+    np.testing.assert_allclose(found.totals[0], buildings.mean(axis=0))
+    np.testing.assert_allclose(found.hidden, found.totals / 2)
+
+
+def test_the_gamma_prior_maximises_scipys_likelihood() -> None:
+    counts = stats.nbinom(1.5, 1.5 / (1.5 + 2.0)).rvs(4000, random_state=0)
+    a, b = fit_gamma_prior(np.unique(counts, return_counts=True))
+    assert a / b == pytest.approx(counts.mean())
+
+    def likelihood(shape: float) -> float:
+        mean = counts.mean()
+        return float(stats.nbinom.logpmf(counts, shape, shape / (shape + mean)).sum())
+
+    assert likelihood(a) >= max(likelihood(0.97 * a), likelihood(1.03 * a))
+    assert a == pytest.approx(1.5, rel=0.15)
+
+
+def test_a_class_that_never_occurs_has_a_weak_prior() -> None:
+    a, b = fit_gamma_prior((np.array([0]), np.array([50])))
+    assert a / b == pytest.approx(0.01)
+
+
+def test_gamma_poisson_by_hand() -> None:
+    """Prior Gamma(2, 1), 3 seen of a mask of one half: posterior Gamma(5, 1.5), hidden mean 5/3."""
+    model = GammaPoissonModel(GammaPoissonConfig(), ModelInputs(classes=1))
+    model.shape.fill_(2.0)
+    model.rate.fill_(1.0)
+    found = model.predict(observe_building([[3.0], [3.0], [0.0]]))
+    assert found.hidden[1, 0] == pytest.approx(0.5 * 5 / 1.5)
+    assert found.hidden_counts.dispersions[0, 1, 0] == 5
+    assert found.hidden[0, 0] == pytest.approx(found.hidden[1:].sum())
+
+
+def test_gamma_poisson_is_the_posterior_of_its_own_model() -> None:
+    """Among rooms drawn from the model with 3 objects seen, the hidden ones follow it."""
+    rng = np.random.default_rng(0)
+    rates = rng.gamma(2.0, 1 / 1.0, 200_000)
+    there = rng.poisson(rates)
+    seen = rng.binomial(there, 0.5)
+    hidden = (there - seen)[seen == 3]
+    model = GammaPoissonModel(GammaPoissonConfig(), ModelInputs(classes=1))
+    model.shape.fill_(2.0)
+    model.rate.fill_(1.0)
+    found = model.predict(observe_building([[3.0], [3.0]]))
+    distribution = [
+        np.exp(found.log_probability(np.full((2, 1), float(n))))[1, 0] for n in range(8)
+    ]
+    np.testing.assert_allclose(
+        np.bincount(hidden, minlength=8)[:8] / len(hidden), distribution, atol=0.01
+    )
+
+
+def test_the_sum_of_rooms_has_their_mean_and_variance() -> None:
+    distribution = negative_binomial(
+        np.array([[9.0], [2.0], [3.0], [5.0]]), np.array([[9.0], [1.0], [4.0], [2.0]])
+    )
+    seen = stack(
+        [
+            observe_building([[0], [0], [0]], hidden_share=0.75),
+            observe_building([[4]], hidden_share=0.75),
+        ]
+    )
+    found = sum_rooms(distribution, seen)
+    assert found.mean[:3].ravel().tolist() == [5.0, 2.0, 3.0]
+    assert found.variance[0, 0] == pytest.approx(2 + 2**2 / 1 + 3 + 3**2 / 4)
+    assert found.mean[3, 0] == pytest.approx(4 * 0.75 / 0.25)  # without rooms: what was seen
+
+
+def test_a_building_of_tilted_rooms_has_what_any_of_them_has() -> None:
+    """Its mean is the sum of the rooms', its P(0) their product, Poissons and mixtures too."""
+    rng = np.random.default_rng(0)
+    seen = observe_building([[0] * 6] * 5)
+    means, r = rng.gamma(1.0, 1.0, (2, 5, 6)), rng.gamma(2.0, 1.0, (2, 5, 6)) + 0.05
+    r[1, 2:] = np.inf
+    means[:, :, 5] = 1e-14  # what no room has
+    tilts = rng.normal(0, 1.5, (2, 2, 5, 6))
+    tilts[:, :, :, 0] = [[[-4.0]], [[4.0]]]  # exactly one in every room
+    distribution = CountDistribution(means, r, np.full((2, 5, 1), 0.5), tilts)
+    found = sum_rooms(distribution, seen)
+    np.testing.assert_allclose(found.mean[0], distribution.mean[1:].sum(axis=0), rtol=1e-6)
+    none = (1 - distribution.presence[1:]).prod(axis=0)
+    np.testing.assert_allclose(found.presence[0], 1 - none, atol=1e-9)
+    np.testing.assert_array_equal(found.presence[1:], distribution.presence[1:])
+
+
+def test_conditional_is_the_mean_over_what_was_seen() -> None:
+    model = ConditionalModel(ConditionalConfig(observe="classes"), ModelInputs(classes=2))
+    model.presence.copy_(torch.tensor([[0.8, 0.1], [0.2, 0.5], [0.3, 0.3]]))
+    model.hidden.copy_(torch.tensor([[2.6, 0.2], [0.4, 1.0], [0.6, 0.6]]))
+    model.fraction.fill_(0.5)
+    found = model.predict(observe_building([[9, 9], [2, 0], [1, 3], [0, 0]]))
+    np.testing.assert_allclose(found.presence[1:], [[0.8, 0.1], [0.5, 0.3], [0.3, 0.3]])
+    np.testing.assert_allclose(found.hidden[1:], [[2.6, 0.2], [1.5, 0.6], [0.6, 0.6]])
+    quarter = model.predict(observe_building([[2, 0], [2, 0]], hidden_share=0.25))
+    np.testing.assert_allclose(quarter.hidden[1], [1.3, 0.1])
+    np.testing.assert_allclose(quarter.presence[1], 1 - np.sqrt([0.2, 0.9]))
+
+
+@pytest.mark.parametrize("observe", ["classes", "counts"])
+def test_conditional_counts_as_a_naive_loop_does(dataset: Path, observe: str) -> None:
+    data = Dataset.open(dataset)
+    config = ConditionalConfig(observe=observe, draws=2, smoothing=1.5)  # type: ignore[arg-type]
+    model = ConditionalModel(config, ModelInputs(classes=45))
+    model.fit(data, DataConfig())
+    masked = stack_masked(list(stream_uniform(data, DataConfig(), draws=2)))
+    rows = ~masked.seen.is_building
+    seen, hidden = masked.seen.inputs[rows], (masked.targets - masked.seen.inputs)[rows]
+    classes = data.manifest.class_space.classes
+    levels = 4 if observe == "counts" else 1
+    for name, level in (("chair", 2), ("pillow", 1), ("bed", 1)):
+        j = classes.index(name)
+        observed = np.minimum(seen[:, j], levels) == min(level, levels)
+        for c in range(45):
+            overall = (hidden[:, c] > 0).mean()
+            expected = ((hidden[observed, c] > 0).sum() + 1.5 * overall) / (observed.sum() + 1.5)
+            row = j * levels + min(level, levels) - 1
+            assert float(model.presence[row, c]) == pytest.approx(expected)
+
+
+def test_masks_that_hide_nothing_teach_nothing(dataset: Path) -> None:
+    choice = DataConfig(mask=MaskRecipe(fraction=0.0))
+    with pytest.raises(TrainingError):
+        ConditionalModel(ConditionalConfig(), ModelInputs(classes=45)).fit(
+            Dataset.open(dataset), choice
+        )
+
+
+def test_rooms_are_in_the_order_that_is_asked_for(dataset: Path) -> None:
+    data = Dataset.open(dataset)
+    scenes = data.scene_ids[::-2]
+    counts, building = read_rooms(data, scenes, most=3)
+    for number, scene in enumerate(scenes):
+        cut = np.minimum(data.cells(scene)[1:], 3)
+        np.testing.assert_array_equal(counts[building == number], cut)
+
+
+def test_a_tally_is_that_of_all_rooms_at_once(dataset: Path) -> None:
+    data = Dataset.open(dataset)
+    rooms = np.concatenate([data.cells(scene)[1:] for scene in data.scene_ids])
+    tallies = tally_rooms(data, data.scene_ids)
+    for column, (values, times) in zip(rooms.T, tallies, strict=True):
+        np.testing.assert_array_equal([values, times], np.unique(column, return_counts=True))
+
+
+@pytest.mark.parametrize("size", [1, 100])
+def test_a_sample_does_not_depend_on_batches(dataset: Path, size: int) -> None:
+    data, mask = Dataset.open(dataset), MaskRecipe()
+    whole = stack_masked([sample_masked(data, data.scene_ids, mask=mask, draw=d) for d in range(4)])
+    for most in (1, 60, 10_000):
+        expected, _ = take_sample([whole], most=most)
+        found, number = take_sample(whole.batches(size), most=most)
+        assert number == len(whole)
+        assert found.seen.scene_ids == expected.seen.scene_ids
+        np.testing.assert_array_equal(found.targets, expected.targets)
+        assert len(found.targets) <= most or len(found) == 1
+    assert len(take_sample([whole], most=len(whole.targets))[0]) == len(whole)
+
+
+def test_calibration_mends_what_is_too_sure() -> None:
+    rng = np.random.default_rng(0)
+    rates = rng.gamma(1.0, 2.0, (4000, 3))
+    hidden = rng.poisson(rng.gamma(2.0, rates / 2.0)).astype(float)
+    distorted = negative_binomial(0.6 * rates**1.4, np.full(rates.shape, 5.0))
+    found = fit_calibration(distorted, hidden)
+    mended = recalibrate(distorted, found)
+    assert mended.log_probability(hidden).mean() > distorted.log_probability(hidden).mean()
+    np.testing.assert_allclose(np.exp(found[1]), 1 / 1.4, rtol=0.05)
+    np.testing.assert_allclose(mended.dispersions[0, 0, 0], 2.0, rtol=0.15)
+    perfect = negative_binomial(rates, np.full(rates.shape, 2.0))
+    np.testing.assert_allclose(fit_calibration(perfect, hidden), 0, atol=0.05)
+
+
+@pytest.mark.parametrize("name", ["gamma-poisson", "mixture"])
+def test_withholding_is_marginalising(name: str, dataset: Path) -> None:
+    """Of a withheld class, and of it alone, all is hidden, as under a mask of share 1."""
+    model = fitted(name, dataset)
+    rooms = np.random.default_rng(0).poisson(0.7, (5, 45))
+    rooms[:, STOVE] = 0  # withheld: no stove is shown anywhere
+    inputs = [rooms.sum(axis=0).tolist(), *rooms.tolist()]
+    plain, told = observe_building(inputs), observe_building(inputs, withheld=[STOVE])
+    absent, unknown = (model.predict(one).presence[1:, STOVE] for one in (plain, told))
+    assert (unknown > absent).all()
+    if name == "gamma-poisson":  # the prior alone
+        a, b = float(model.shape[STOVE]), float(model.rate[STOVE])  # type: ignore[arg-type, index]
+        np.testing.assert_allclose(unknown, 1 - (b / (b + 1)) ** a)
+
+
+@pytest.mark.parametrize("name", TOLD)
+def test_a_withheld_class_is_expected_more_than_one_that_was_not_seen(
+    name: str, dataset: Path
+) -> None:
+    model = fitted(name, dataset)
+    data = Dataset.open(dataset)
+    scenes = scenes_of(data, "val")[:1]
+    masked = sample_masked(data, scenes, mask=MaskRecipe(), draw=0, vocabulary=model.vocabulary)
+    inputs, withheld = masked.seen.inputs.copy(), masked.seen.withheld.copy()
+    inputs[:, STOVE] = 0
+    withheld[:, STOVE] = True
+    seen = replace(masked.seen, inputs=inputs, others=np.zeros_like(masked.seen.others))
+    rooms = ~seen.is_building
+    absent = model.predict(seen).hidden[rooms, STOVE]
+    told = model.predict(replace(seen, withheld=withheld)).hidden[rooms, STOVE]
+    assert (told > absent).all()
