@@ -21,7 +21,7 @@ from .sources.catalogue import SOURCES
 from .sources.hm3d import HM3DFolder
 from .sources.room_layouts import WithLayouts
 from .sources.source import FoundScenes, Reading, SceneRef, SkippedScene, Source, SourceRow, Terms
-from .synthetic.building_size import BuildingSize
+from .synthetic.building import BuildingSize
 from .synthetic.geometry import GeometryOptions
 from .testing import ExportContract, MaskContract, SourceContract
 

@@ -7,37 +7,15 @@ aggregates only.
 from __future__ import annotations
 
 from importlib import resources
-from typing import Annotated, Literal
 
-from pydantic import AfterValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import ConfigDict
 
 from bsg_data.errors import RecipeError
-from bsg_data.recipes import Record, name_fault
-
-RATES_FILE = "rates.json"
+from bsg_data.recipes import Record
 
 
 class SyntheticError(RecipeError, ValueError):
-    """Report buildings that cannot be drawn as asked, or rates that are malformed."""
-
-
-def _require_some(weights: tuple[float, ...]) -> tuple[float, ...]:
-    if not any(weights):
-        raise ValueError("expected weights that are not all 0")
-    return weights
-
-
-def _require_one(spellings: tuple[tuple[str, float], ...]) -> tuple[tuple[str, float], ...]:
-    _require_some(tuple(weight for _, weight in spellings))
-    return spellings
-
-
-Share = Annotated[float, Field(ge=0, le=1)]
-Spread = Annotated[float, Field(ge=1e-6, allow_inf_nan=False)]
-Weight = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Weights = Annotated[tuple[Weight, ...], AfterValidator(_require_some)]
-Spelling = tuple[Annotated[str, Field(pattern=r'^[^"\n]*$')], Weight]  # quoted, on one line
-Spellings = Annotated[tuple[Spelling, ...], AfterValidator(_require_one)]
+    """Report buildings that cannot be drawn as asked."""
 
 
 class SyntheticRates(Record):
@@ -47,7 +25,6 @@ class SyntheticRates(Record):
     of mean 1.
 
     Attributes:
-        version: of the file's layout.
         categories: corrected names `[C]`.
         order: mean place of a category in the list of its room, 0 first and 1 last `[C + 1]`.
         regularity: share of the mean count that neither varies nor grows `[C + 1]`.
@@ -70,55 +47,30 @@ class SyntheticRates(Record):
         null_region: probability that some instances are in region -1.
     """
 
-    model_config = ConfigDict(extra="ignore", strict=True)
+    model_config = ConfigDict(extra="ignore")
 
-    version: Literal[1]
-    categories: Annotated[tuple[str, ...], Field(min_length=1)]
-    order: tuple[Share, ...]
-    regularity: tuple[Share, ...]
-    structure: tuple[Literal[0, 1], ...]
-    style: tuple[Spread, ...]
-    burst: tuple[Spread, ...]
-    richness: tuple[Spread, Spread]
-    sizes: Annotated[tuple[Spread, ...], Field(min_length=1)]
-    growth: Share
-    rates: tuple[Weights, ...]
-    rooms: Weights
-    bins: Annotated[tuple[tuple[int, tuple[Weights, ...]], ...], Field(min_length=1)]
-    spellings: tuple[Spellings, ...]
-    novelty: tuple[Spread, Spread]
-    starts_at_one: Share
-    gap: Share
-    stray: Weight
-    shuffled: Share
-    null_region: Share
-
-    @model_validator(mode="after")
-    def _check_sizes(self) -> SyntheticRates:
-        types, names = len(self.sizes), len(set(self.categories))
-        sizes = {"categories": names, "spellings": names, "rates": types}
-        wide = dict.fromkeys(("order", "regularity", "structure", "style", "burst"), names + 1)
-        for field, size in (sizes | wide).items():
-            if len(getattr(self, field)) != size:
-                raise ValueError(f"{field}: expected {size} entries, each once")
-        if any(len(means) != names + 1 for means in self.rates):
-            raise ValueError(f"rates: expected {names + 1} means a type")
-        if any(len(weights) != types for _, weights in self.bins):
-            raise ValueError(f"bins: expected weights for {types} types in each")
-        if self.rooms[0] or self.bins[-1][0] < len(self.rooms) - 1:
-            raise ValueError("rooms: expected none of 0 rooms, and every number in a bin")
-        return self
+    categories: tuple[str, ...]
+    order: tuple[float, ...]
+    regularity: tuple[float, ...]
+    structure: tuple[int, ...]
+    style: tuple[float, ...]
+    burst: tuple[float, ...]
+    richness: tuple[float, float]
+    sizes: tuple[float, ...]
+    growth: float
+    rates: tuple[tuple[float, ...], ...]
+    rooms: tuple[float, ...]
+    bins: tuple[tuple[int, tuple[tuple[float, ...], ...]], ...]
+    spellings: tuple[tuple[tuple[str, float], ...], ...]
+    novelty: tuple[float, float]
+    starts_at_one: float
+    gap: float
+    stray: float
+    shuffled: float
+    null_region: float
 
 
 def load_rates() -> SyntheticRates:
-    """Load the rates that the package ships; raise SyntheticError if they are malformed."""
-    path = resources.files("bsg_data.synthetic").joinpath(RATES_FILE)
-    return parse_rates(path.read_text(encoding="utf-8"))
-
-
-def parse_rates(text: str) -> SyntheticRates:
-    """Parse the text of a rates file; raise SyntheticError naming the field that is malformed."""
-    try:
-        return SyntheticRates.model_validate_json(text)
-    except ValidationError as error:
-        raise SyntheticError(f"{RATES_FILE}: {name_fault(error)}") from error
+    """Load the rates that the package ships."""
+    path = resources.files("bsg_data.synthetic").joinpath("rates.json")
+    return SyntheticRates.model_validate_json(path.read_text(encoding="utf-8"))

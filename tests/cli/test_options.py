@@ -12,8 +12,7 @@ from click.testing import CliRunner
 from bsg_cli import choices
 from bsg_cli.options import Fraction, split_names, workers_option
 from bsg_cli.registry import COMMANDS
-from bsg_data.synthetic.building_size import MOST_OBJECTS, MOST_ROOMS
-from bsg_data.synthetic.buildings import MAX_SCENES
+from bsg_data.synthetic.building import MAX_OBJECTS, MAX_ROOMS, MAX_SCENES
 from bsg_data.synthetic.meshes import SIZES
 from bsg_models.search import room_graphs
 from bsg_models.zoo.config import find_config
@@ -24,7 +23,7 @@ def test_names_that_helps_repeat_are_those_of_the_library() -> None:
     assert tuple(world.name for world in room_graphs.DEFAULT_WORLDS) == choices.DEFAULT_WORLDS
     assert tuple(SIZES) == choices.MESH_SIZES
     assert choices.MOST_SCENES == MAX_SCENES
-    assert (choices.MOST_ROOMS, choices.MOST_OBJECTS) == (MOST_ROOMS, MOST_OBJECTS)
+    assert (choices.MOST_ROOMS, choices.MOST_OBJECTS) == (MAX_ROOMS, MAX_OBJECTS)
 
 
 def test_a_name_of_the_zoo_comes_before_a_file_of_that_name(

@@ -1,0 +1,249 @@
+"""Draw synthetic buildings with statistics like HM3D's.
+
+A building has rooms, each of a latent type with a mean count per category. Counts vary with the
+building's richness and its style (a factor per category), with the room's size, and with a burst
+per room and category. Names then get HM3D's raw spellings, and the file its irregularities. Every
+rate comes from `rates.json`, which `scripts/fit/synthetic_rates.py` at commit 4227eff fitted on
+HM3D. docs/synthetic.md has the model, and docs/results/synthetic.md how close it is.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from bsg_data.arrays import Floats
+from bsg_data.scene.scene_graph import SceneObject
+from bsg_data.synthetic.rates import SyntheticError, SyntheticRates
+
+MAX_SCENES = 10_000_000  # the digits of a scene id number no more
+MAX_ROOMS, MAX_OBJECTS = 100_000, 4_000_000  # each object has one of 16.7 million colours
+NULL_REGION = -1
+_HM3D_SCENES = 900  # HM3D numbers 800 train scenes from 00000 and 100 val scenes from 00800
+_VAL_EVERY = 9  # the last of every nine numbers is in val: 100 of 900, 2 of 20
+_ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789"
+
+Counts = npt.NDArray[np.int64]
+Placed = tuple[str, int]  # raw name, region id
+
+
+@dataclass(frozen=True, slots=True)
+class BuildingSize:
+    """The size of buildings; None means the usual random size.
+
+    Attributes:
+        rooms: number of rooms, 1 to 100,000.
+        objects: number of objects in the rooms, at least the number of rooms, at most 4,000,000.
+    """
+
+    rooms: int | None = None
+    objects: int | None = None
+
+    @property
+    def name(self) -> str:
+        """A name for this size."""
+        return f"{self.rooms or 'any'}-rooms-{self.objects or 'any'}-objects"
+
+    def require_possible(self, rates: SyntheticRates, *, meshes: bool) -> None:
+        """Refuse an impossible size, or, with meshes, a size too large for a mesh."""
+        max_rooms, max_objects = (100, 10_000) if meshes else (MAX_ROOMS, MAX_OBJECTS)
+        rooms = len(rates.rooms) - 1 if self.rooms is None else self.rooms
+        objects = max(rooms, 1) if self.objects is None else self.objects  # no room is empty
+        if not (1 <= rooms <= max_rooms and rooms <= objects <= max_objects):
+            raise SyntheticError(
+                f"buildings of {self.name}: expected 1 to {max_rooms:,} rooms, and one object a "
+                f"room ({rooms:,}) to {max_objects:,}{' with a mesh' * meshes}",
+                code="size-range",
+                where=self.name,
+            )
+
+
+USUAL = BuildingSize()  # as the rates say
+
+
+@dataclass(frozen=True, slots=True)
+class SyntheticBuilding:
+    """One synthetic building; its room types are (region id, index of the latent type)."""
+
+    scene_id: str  # five digits or more, a dash and the hash: 00017-8bHk3aXq1Zc
+    hash: str
+    split: str
+    rows: tuple[SceneObject, ...]
+    room_types: tuple[tuple[int, int], ...] = field(repr=False)
+
+
+def synthesise(
+    rates: SyntheticRates, *, seed: int, number: int, size: BuildingSize = USUAL
+) -> SyntheticBuilding:
+    """Sample one building; it depends only on rates, seed, number and size.
+
+    The first 900 numbers have the ids of HM3D, whose val buildings follow its train buildings; the
+    id of a later one is its number.
+    """
+    if seed < 0 or not 0 <= number < MAX_SCENES:
+        raise SyntheticError(
+            f"building {number} of seed {seed}: expected a number from 0 to {MAX_SCENES - 1}, and "
+            "a seed from 0 on",
+            code="number-range",
+            where=number,
+        )
+    size.require_possible(rates, meshes=False)
+    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence((seed, number))))
+    types = draw_room_types(rates, rng, rooms=size.rooms)
+    regions = _draw_regions(rates, len(types), rng)
+    counts = _draw_counts(rates, types, rng)
+    if size.objects is not None:
+        counts = _share_objects(counts, size.objects, rng)
+    rows = _number_rows(rates, _draw_names(rates, types, regions, counts, rng), rng)
+    split, scene_id, name = name_building(seed, number, size)
+    return SyntheticBuilding(scene_id, name, split, rows, tuple(zip(regions, types, strict=True)))
+
+
+def name_building(seed: int, number: int, size: BuildingSize) -> tuple[str, str, str]:
+    """Return split, scene id and hash of a building."""
+    said = f"synthetic/{seed}/{number}" + ("" if size == USUAL else f"/{size.name}")
+    value = int.from_bytes(hashlib.sha256(said.encode()).digest(), "big")
+    name = "".join(_ALPHABET[value // 62**place % 62] for place in range(11))
+    nines, place = divmod(number, _VAL_EVERY)
+    split, scene = ("val", 800 + nines) if place == _VAL_EVERY - 1 else ("train", number - nines)
+    return split, f"{number if number >= _HM3D_SCENES else scene:05d}-{name}", name
+
+
+def draw_room_types(
+    rates: SyntheticRates, rng: np.random.Generator, *, rooms: int | None = None
+) -> tuple[int, ...]:
+    """Sample how many rooms are of each type given their sum, which is sampled if None; shuffled.
+
+    Of more rooms than any fitted building has each is sampled by itself.
+    """
+    total = _pick(np.array(rates.rooms), rng) if rooms is None else rooms
+    if total >= len(rates.rooms):
+        types = _draw_many_types(rates, total, rng)
+    else:
+        types = _draw_fitted_types(rates, total, rng)
+    return tuple(int(kind) for kind in rng.permutation(types))
+
+
+def _draw_fitted_types(rates: SyntheticRates, total: int, rng: np.random.Generator) -> list[int]:
+    """Sample the types of a number of rooms that fitted buildings have, in order of types."""
+    counts = next(counts for most, counts in rates.bins if total <= most)
+    rest = [np.eye(1, total + 1)[0]]  # rest[k][n]: weight of n rooms in the types from k on
+    for weights in reversed(counts):
+        ways = np.convolve(rest[0], weights)[: total + 1]
+        rest.insert(0, ways / ways.sum())
+    types: list[int] = []
+    for kind, weights in enumerate(counts):
+        left = total - len(types)
+        some = np.array(weights[: left + 1])
+        types += [kind] * _pick(some * rest[kind + 1][left - np.arange(len(some))], rng)
+    return types
+
+
+def _pick(weights: Floats, rng: np.random.Generator) -> int:
+    """Sample an index in proportion to weights, which need not sum to 1."""
+    ends = np.cumsum(weights)
+    return int(np.searchsorted(ends, rng.random() * ends[-1], side="right"))
+
+
+def _urn(drawn: list[Any], novelty: float, weights: Floats, rng: np.random.Generator) -> int:
+    """Sample from a Polya urn, by weight or again what was drawn before, and remember the draw."""
+    new = rng.random() * (novelty + len(drawn)) < novelty
+    drawn.append(_pick(weights, rng) if new else drawn[int(rng.integers(len(drawn)))])
+    return int(drawn[-1])
+
+
+def _draw_regions(rates: SyntheticRates, rooms: int, rng: np.random.Generator) -> tuple[int, ...]:
+    """Sample ascending region ids, which mostly count from 0."""
+    regions = np.arange(rooms) + int(rng.random() < rates.starts_at_one)
+    if rng.random() < rates.gap and rooms > 1:
+        regions[rng.integers(1, rooms) :] += rng.integers(1, 4)
+    return tuple(int(region) for region in regions)
+
+
+def _draw_counts(rates: SyntheticRates, types: tuple[int, ...], rng: np.random.Generator) -> Counts:
+    """Sample counts per room and category `[R, C + 1]`; no room is empty."""
+    regular, structure = np.array(rates.regularity), np.array(rates.structure)
+    style, burst, rich = np.array(rates.style), np.array(rates.burst), np.array(rates.richness)
+    building = rng.gamma(1 / rich, rich)[structure] * rng.gamma(1 / style, style)
+    counts = np.zeros((len(types), len(regular)), dtype=np.int64)
+    for room, kind in enumerate(types):
+        mean, size = np.array(rates.rates[kind]), rates.sizes[kind]
+        while not counts[room].any():
+            fixed = np.floor(regular * mean + rng.random(len(mean))).astype(np.int64)
+            follows = np.where(structure == 1, rates.growth, 1.0)
+            grown = 1 + follows * (rng.gamma(1 / size, size) - 1)
+            varying = (1 - regular) * mean * building * grown * rng.gamma(1 / burst, burst)
+            counts[room] = fixed + rng.poisson(varying)
+    return counts
+
+
+def _draw_names(
+    rates: SyntheticRates,
+    types: tuple[int, ...],
+    regions: tuple[int, ...],
+    every: Counts,
+    rng: np.random.Generator,
+) -> list[Placed]:
+    """Sample the name and region of every instance from counts `[R, C + 1]`, room by room."""
+    usual = np.array(rates.rates)[:, :-1] + 1e-9
+    scarce = usual.mean(axis=0) <= np.median(usual.mean(axis=0))  # stand in for the rare ones
+    weights = [np.array([weight for _, weight in known]) for known in rates.spellings]
+    stand_ins: list[int] = []
+    spelt: list[list[int]] = [[] for _ in rates.categories]
+    placed = []
+    for region, kind, counts in zip(regions, types, every, strict=True):
+        present = np.flatnonzero(counts)
+        listed = np.argsort(np.array(rates.order)[present] + rng.normal(0, 0.25, len(present)))
+        for chosen in np.repeat(present[listed], counts[present[listed]]):
+            category = int(chosen)
+            if category == len(rates.categories):
+                category = _urn(stand_ins, rates.novelty[1], usual[kind] * scarce, rng)
+            spelling = _urn(spelt[category], rates.novelty[0], weights[category], rng)
+            placed.append((rates.spellings[category][spelling][0], region))
+    return placed
+
+
+def _number_rows(
+    rates: SyntheticRates, placed: list[Placed], rng: np.random.Generator
+) -> tuple[SceneObject, ...]:
+    """Fill the null region, move strays away from their rooms, and give ids and colours."""
+    listed = list(placed)
+    if rng.random() < rates.null_region:
+        listed += [(placed[int(i)][0], NULL_REGION) for i in rng.integers(0, len(placed), 3)]
+    for _ in range(rng.poisson(rates.stray * len({region for _, region in placed}))):
+        moved = listed.pop(int(rng.integers(len(listed))))
+        listed.insert(int(rng.integers(len(listed) + 1)), moved)
+    colours = rng.choice(0xFFFFFF, size=len(listed), replace=False) + 1  # black is no instance
+    rows = [
+        SceneObject(0, index, region, name, colour=f"{colour:X}")
+        for index, ((name, region), colour) in enumerate(zip(listed, colours, strict=True), 1)
+    ]
+    if rng.random() < rates.shuffled:
+        rows = [rows[int(i)] for i in rng.permutation(len(rows))]
+    return tuple(rows)
+
+
+def _draw_many_types(rates: SyntheticRates, rooms: int, rng: np.random.Generator) -> list[int]:
+    """Sample the types of more rooms than any fitted building has, in order of types.
+
+    Types are as frequent as in the largest buildings that were fitted; each room is by itself.
+    """
+    _, counts = rates.bins[-1]
+    means = np.array([np.average(np.arange(len(some)), weights=some) for some in counts])
+    numbers = rng.multinomial(rooms, means / means.sum())
+    return [int(kind) for kind in np.repeat(np.arange(len(means)), numbers)]
+
+
+def _share_objects(counts: Counts, objects: int, rng: np.random.Generator) -> Counts:
+    """Return counts per room and category `[R, C]` of a stated sum, in proportion to others.
+
+    Every room has at least one object.
+    """
+    some = np.array([rng.multinomial(1, room / room.sum()) for room in counts])
+    return some + rng.multinomial(objects - len(counts), counts.ravel() / counts.sum()).reshape(
+        counts.shape
+    )
