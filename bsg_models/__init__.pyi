@@ -84,7 +84,7 @@ from .training.ranks import leads_training
 from .training.training import train_run
 from .zoo.catalogue import BASELINES, ZOO
 from .zoo.config import RunConfig, find_config, override, read_config, validate_config, write_toml
-from .zoo.construction import make_model
+from .zoo.ensemble import make_model
 from .zoo.model import BeliefModel
 from .zoo.settings import DataConfig, ModelConfig, TrainingConfig
 

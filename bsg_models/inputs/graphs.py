@@ -11,10 +11,10 @@ from torch_geometric.data import Dataset as GraphDataset
 
 from bsg_data.arrays import Counts
 from bsg_data.dataset.dataset import Dataset
+from bsg_data.errors import DatasetError
 from bsg_data.files import AnyPath
 from bsg_data.observation.masked_buildings import (
     MaskedBuildings,
-    read_masked,
     sample_masked,
     stack_masked,
     stream_masked,
@@ -68,13 +68,10 @@ def read_split(
     Raises:
         DatasetError: if there are none.
     """
-    return stack_masked(
-        [
-            some
-            for name, chosen in _chosen_of(data, split, fold)
-            if (some := _choose(read_masked(data, name, vocabulary=vocabulary), chosen))
-        ]
-    )
+    parts = list(stream_split(data, split, fold=fold, vocabulary=vocabulary))
+    if not parts:
+        raise DatasetError(f"{data.path}: no building of its {split} split has pairs")
+    return stack_masked(parts)
 
 
 def stream_split(
@@ -89,10 +86,14 @@ def stream_split(
 
     With a generator, the files of each fold come in a random order.
     """
-    for name, chosen in _chosen_of(data, split, fold):
+    scenes = frozenset(scenes_of(data, split, fold=fold))
+    for name in splits_of(data, split, fold=fold):
         for masked in stream_masked(data, name, vocabulary=vocabulary, shuffle=shuffle):
-            if some := _choose(masked, chosen):
-                yield some
+            chosen = [i for i, scene in enumerate(masked.seen.scene_ids) if scene in scenes]
+            if len(chosen) == len(masked):
+                yield masked
+            elif chosen:
+                yield masked.take(chosen)
 
 
 def in_batches(parts: Iterable[MaskedBuildings], size: int) -> Iterator[MaskedBuildings]:
@@ -113,22 +114,6 @@ def in_batches(parts: Iterable[MaskedBuildings], size: int) -> Iterator[MaskedBu
                 held, missing = [], size
     if held:
         yield stack_masked(held)
-
-
-def _chosen_of(
-    data: Dataset, split: Split, fold: int | None
-) -> Iterator[tuple[str, frozenset[str]]]:
-    """Yield the stored splits that train, val or test is taken from, with the scenes taken."""
-    scenes = frozenset(scenes_of(data, split, fold=fold))
-    for name in splits_of(data, split, fold=fold):
-        yield name, scenes
-
-
-def _choose(masked: MaskedBuildings, scenes: frozenset[str]) -> MaskedBuildings | None:
-    chosen = [number for number, scene in enumerate(masked.seen.scene_ids) if scene in scenes]
-    if len(chosen) == len(masked):
-        return masked
-    return masked.take(chosen) if chosen else None
 
 
 class MaskedGraphs(GraphDataset):  # type: ignore[misc]

@@ -31,7 +31,7 @@ from bsg_data.scene.own_map import OwnMap
 from bsg_models.errors import CheckpointError, ConfigError
 from bsg_models.runs.checkpoint_file import require_safetensors
 from bsg_models.zoo.config import RunConfig
-from bsg_models.zoo.construction import make_model
+from bsg_models.zoo.ensemble import make_model
 from bsg_models.zoo.model import BeliefModel
 
 CHECKPOINT_VERSION = 4

@@ -41,7 +41,7 @@ from bsg_models.studies.measuring import (
 from bsg_models.studies.survey import Survey, choose_stride, join_surveys, survey_split
 from bsg_models.zoo.catalogue import BASELINES
 from bsg_models.zoo.config import find_config
-from bsg_models.zoo.construction import make_model
+from bsg_models.zoo.ensemble import make_model
 from bsg_models.zoo.settings import DataConfig
 
 

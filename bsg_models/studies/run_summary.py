@@ -18,8 +18,7 @@ from bsg_models.runs.run_log import Begun, Ended, read_log
 from bsg_models.studies.sealed_results import list_of_other_weights
 from bsg_models.training.learning_curve import EpochReport, read_metrics
 from bsg_models.zoo.config import RunConfig, read_config, validate_config
-from bsg_models.zoo.construction import can_resume
-from bsg_models.zoo.ensemble import EnsembleConfig
+from bsg_models.zoo.ensemble import EnsembleConfig, can_resume
 
 
 @dataclass(frozen=True, slots=True)

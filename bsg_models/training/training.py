@@ -48,8 +48,13 @@ from bsg_models.zoo.calibration import (
     recalibrate,
 )
 from bsg_models.zoo.config import RunConfig
-from bsg_models.zoo.construction import find_member, make_model, reads_categories
-from bsg_models.zoo.ensemble import Ensemble, EnsembleConfig
+from bsg_models.zoo.ensemble import (
+    Ensemble,
+    EnsembleConfig,
+    find_member,
+    make_model,
+    reads_categories,
+)
 from bsg_models.zoo.model import BeliefModel, Network, one_thread
 from bsg_models.zoo.training_rooms import take_sample
 

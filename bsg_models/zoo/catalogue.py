@@ -49,11 +49,11 @@ ZOO: Registry[ZooRow] = Registry(
         "prior-table": "bsg_models.zoo.prior_table:PRIOR_TABLE",
         "mixture": "bsg_models.zoo.mixture:MIXTURE",
         "ceci-gcn": "bsg_models.zoo.gcn:CECI_GCN",
-        "ceci-sage": "bsg_models.zoo.sage:CECI_SAGE",
-        "room-transformer": "bsg_models.zoo.room_transformer:ROOM_TRANSFORMER",
+        "ceci-sage": "bsg_models.zoo.networks:CECI_SAGE",
+        "room-transformer": "bsg_models.zoo.networks:ROOM_TRANSFORMER",
         "ensemble": "bsg_models.zoo.ensemble:ENSEMBLE",
-        "universal": "bsg_models.zoo.sage:UNIVERSAL",
-        "universal-transformer": "bsg_models.zoo.room_transformer:UNIVERSAL_TRANSFORMER",
+        "universal": "bsg_models.zoo.networks:UNIVERSAL",
+        "universal-transformer": "bsg_models.zoo.networks:UNIVERSAL_TRANSFORMER",
     },
 )
 BASELINES = ("input", "doubled", "train-mean", "gamma-poisson")

@@ -6,6 +6,7 @@ error names the path of an unknown key, wrong type or impossible value, and the 
 
 from __future__ import annotations
 
+import copy
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -31,30 +32,20 @@ from bsg_models.errors import ConfigError
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.settings import DataConfig, ModelConfig, TrainingConfig
 
-_LONGEST_NAME = 1_000  # characters; the zoo's longest has 24
-
 
 class RunConfig(Record):
-    """The configuration of a run.
+    """The configuration of a run."""
 
-    Attributes:
-        name: of the model, as in the zoo; by default the name of its family.
-        seed: of all random draws.
-        model: settings of its family.
-        data: what it is trained on.
-        training: how it is trained; models fitted by counting ignore it.
-    """
-
-    name: str = Field(default="", max_length=_LONGEST_NAME)
-    seed: int = Field(default=0, ge=0, lt=2**63)
-    model: SerializeAsAny[ModelConfig]
-    data: DataConfig = DataConfig()
-    training: TrainingConfig = TrainingConfig()
+    # Of the model, as in the zoo; by default the name of its family, the longest has 24 characters.
+    name: str = Field(default="", max_length=1_000)
+    seed: int = Field(default=0, ge=0, lt=2**63)  # of all random draws
+    model: SerializeAsAny[ModelConfig]  # settings of its family
+    data: DataConfig = DataConfig()  # what it is trained on
+    training: TrainingConfig = TrainingConfig()  # models fitted by counting ignore it
 
     @field_validator("name")
     @classmethod
     def _name_is_printable(cls, value: str) -> str:
-        """Refuse a name that tables, pages and figures cannot show."""
         if not value.isprintable():
             raise ValueError(f"expected printable characters, found {value!r}")
         return value
@@ -62,7 +53,6 @@ class RunConfig(Record):
     @field_validator("model", mode="before")
     @classmethod
     def _read_family(cls, value: Any) -> ModelConfig:
-        """Read the settings of a family by its row in the zoo."""
         if isinstance(value, ModelConfig):
             return value
         family = value.get("family") if isinstance(value, Mapping) else value
@@ -76,7 +66,6 @@ class RunConfig(Record):
 
     @model_validator(mode="after")
     def _take_name(self) -> RunConfig:
-        """Name a configuration after its family, if it has no name of its own."""
         if not self.name:
             object.__setattr__(self, "name", self.model.family)  # frozen, but not yet in use
         return self
@@ -117,7 +106,7 @@ def override(tables: Mapping[str, Any], settings: Sequence[str]) -> dict[str, An
         >>> override({"seed": 0}, ["seed=3", "training.epochs=50", "data.masks=fixed"])
         {'seed': 3, 'training': {'epochs': 50}, 'data': {'masks': 'fixed'}}
     """
-    result = _copy(tables)
+    result = copy.deepcopy(dict(tables))
     for setting in settings:
         path, equals, value = setting.partition("=")
         keys = path.strip().split(".")
@@ -195,7 +184,3 @@ def _parse_value(text: str) -> Any:
         return parse_toml(f"value = {text}")["value"]
     except ValueError:
         return text
-
-
-def _copy(tables: Mapping[str, Any]) -> dict[str, Any]:
-    return {k: _copy(v) if isinstance(v, Mapping) else v for k, v in tables.items()}

@@ -27,7 +27,6 @@ class, f is that of the class.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -127,80 +126,72 @@ class RoomTypeMixture(CalibratedModel):
 
     def predict_hidden_counts(self, seen: Observation) -> CountDistribution:
         """Return the posterior of the hidden counts of every room, K components."""
-        is_room = ~seen.is_building
-        evidence = _Evidence(
-            seen=seen.inputs[is_room].astype(np.float64),
-            share=seen.cell_share[is_room],
-            looked_into=seen.looked_into[is_room],
-            building=seen.building[is_room],
-        )
+        rooms = _Rooms(seen)
         means = to_array(self.means)[:, None]
-        types = np.broadcast_to(to_array(self.log_types)[:, None], (len(means), is_room.sum()))
-        posterior = self._posterior(evidence, types, means)
+        posterior = self._posterior(rooms, to_array(self.log_types)[:, None], means)
         if self.config.building:
-            types, habit = self._learn_habits(evidence, posterior.weights[..., 0])
-            posterior = self._posterior(evidence, types, means * habit)
-        return _spread_over_nodes(posterior, is_room)
+            types, habit = self._learn_habits(rooms, posterior.weights[..., 0])
+            posterior = self._posterior(rooms, types, means * habit)
+        return _spread_over_nodes(posterior, ~seen.is_building)
 
-    def _posterior(
-        self, evidence: _Evidence, log_types: Floats, means: Floats
-    ) -> CountDistribution:
-        """Return the hidden counts given the prior of types `[K, rooms]` and their means."""
+    def _posterior(self, rooms: _Rooms, log_types: Floats, means: Floats) -> CountDistribution:
+        """Return the hidden counts given the prior of types `[K, rooms or 1]` and their means."""
         r = to_array(self.dispersions)[:, None]
-        hidden, dispersions = hidden_posterior(r, r / means, evidence.seen, evidence.share)
+        hidden, dispersions = hidden_posterior(r, r / means, rooms.seen, rooms.share)
         dispersions = np.broadcast_to(dispersions, hidden.shape)
-        log_seen = self._log_seen(evidence, means)
+        log_seen = self._log_seen(rooms, means)
         tilts = None
         if self.config.tilted:
             prior = to_array(self.tilts)[:, :, None]
-            tilts = np.stack(hidden_tilts(prior, evidence.seen))
+            tilts = np.stack(hidden_tilts(prior, rooms.seen))
             log_seen += log_normaliser(tilts, hidden, dispersions).sum(axis=2)
             log_seen -= log_normaliser(prior, means, r).sum(axis=2)
-        log_posterior = log_types + self.config.temper * log_seen * evidence.looked_into
+        log_posterior = log_types + self.config.temper * log_seen * rooms.looked_into
         log_posterior -= logsumexp(log_posterior, axis=0)
         weights = np.exp(log_posterior)[:, :, None]
         return CountDistribution(hidden, dispersions, weights, tilts)
 
-    def _log_seen(self, evidence: _Evidence, means: Floats) -> Floats:
+    def _log_seen(self, rooms: _Rooms, means: Floats) -> Floats:
         """Return log NB(seen counts) under every type without tilts, `[K, rooms]`."""
-        kept = 1 - evidence.share
-        rows, columns = np.nonzero(evidence.seen)
-        seen = evidence.seen[rows, columns]
-        log_seen = np.empty((len(means), len(evidence.seen)))
+        kept = 1 - rooms.share
+        rows, columns = np.nonzero(rooms.seen)
+        seen = rooms.seen[rows, columns]
+        log_seen = np.empty((len(means), len(rooms.seen)))
         for k, r in enumerate(to_array(self.dispersions)):
             mean = np.maximum(kept * means[k], _LEAST)
             log_seen[k] = log_none(mean, r).sum(axis=1)
             np.add.at(log_seen[k], rows, log_beyond_none(seen, mean[rows, columns], r[columns]))
         return log_seen
 
-    def _learn_habits(self, evidence: _Evidence, posterior: Floats) -> tuple[Floats, Floats]:
+    def _learn_habits(self, rooms: _Rooms, posterior: Floats) -> tuple[Floats, Floats]:
         """Return log π_b `[K, rooms]` and g_b `[rooms, C]`, from the other rooms."""
-        looked_into = evidence.looked_into[:, None].astype(float)
+        looked_into = rooms.looked_into[:, None].astype(float)
         belonging = posterior.T * looked_into
-        expected = (1 - evidence.share) * (belonging @ self._expected())
-        of_others = [
-            _sum_others(values, evidence.building)
-            for values in (belonging, evidence.seen * looked_into, expected)
-        ]
-        types = of_others[0] + _PRIOR_TYPES * np.exp(to_array(self.log_types))
+        tilts = to_array(self.tilts) if self.config.tilted else None
+        usual = tilted_means(to_array(self.means), to_array(self.dispersions), tilts)
+        types, found, expected = (
+            _sum_others(values, rooms.building)
+            for values in (
+                belonging,
+                rooms.seen * looked_into,
+                (1 - rooms.share) * (belonging @ usual),
+            )
+        )
+        types += _PRIOR_TYPES * np.exp(to_array(self.log_types))
         habit = to_array(self.habits)
-        gain = (habit + of_others[1]) / (habit + of_others[2])
+        gain = (habit + found) / (habit + expected)
         return np.log(types / types.sum(axis=1, keepdims=True)).T, gain
 
-    def _expected(self) -> Floats:
-        """Return the mean counts of every type with its tilts, `[K, C]`."""
-        tilts = to_array(self.tilts) if self.config.tilted else None
-        return tilted_means(to_array(self.means), to_array(self.dispersions), tilts)
 
+class _Rooms:
+    """What the rooms of an observation show."""
 
-@dataclass(frozen=True, eq=False)
-class _Evidence:
-    """What rooms show."""
-
-    seen: Floats  # [rooms, C]
-    share: Floats  # [rooms, C] that is hidden
-    looked_into: Bools  # [rooms] whether anything of them could be seen
-    building: Ints  # [rooms] number of the building
+    def __init__(self, seen: Observation) -> None:
+        rooms = ~seen.is_building
+        self.seen: Floats = seen.inputs[rooms].astype(np.float64)  # [rooms, C]
+        self.share = seen.cell_share[rooms]  # [rooms, C] that is hidden
+        self.looked_into = seen.looked_into[rooms]  # [rooms]
+        self.building = seen.building[rooms]  # [rooms] number of the building
 
 
 def _fit_habits(counts: Rooms, building: Ints, fitted: FittedTypes) -> Floats:

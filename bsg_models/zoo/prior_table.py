@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import torch
@@ -27,7 +27,6 @@ from pydantic import Field, ValidationError, model_validator
 from scipy.special import logit, logsumexp
 
 from bsg_data.arrays import Bools, Floats, Ints
-from bsg_data.errors import ClassMapError
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import PRIOR
 from bsg_data.inputs.documents import parse_json
@@ -73,17 +72,13 @@ class PriorTable(Record):
 
 
 class PriorTableConfig(ModelConfig):
-    """Presence of each class by a table that a language model or a person wrote.
-
-    Attributes:
-        table: path of its JSON; empty for the shipped one, which we wrote by hand.
-        temper: exponent on the evidence of each object about the type of its room.
-        trust: probability that a room's label is right; otherwise it counts as unlabelled.
-    """
+    """Presence of each class by a table that a language model or a person wrote."""
 
     family: Literal["prior-table"] = "prior-table"
-    table: str = ""
+    table: str = ""  # path of its JSON; empty for the shipped one, which we wrote by hand
+    # Exponent on the evidence of each object about the type of its room.
     temper: float = Field(default=0.5, gt=0, le=1)
+    # Probability that a room's label is right; otherwise it counts as unlabelled.
     trust: float = Field(default=0.9, ge=0, le=1)
 
 
@@ -174,12 +169,17 @@ class PriorTableModel(PresenceOdds):
 
 
 def read_prior_table(path: str, classes: tuple[str, ...]) -> PriorTable:
-    """Read a table, and check that it names known rooms and classes.
+    """Read a table, the shipped one for no path; check that it names known rooms and classes.
 
-    Classes of a published space that the dataset lacks are allowed. An empty path is the shipped
-    table. An error names the file, the entry, the fault, and the nearest name.
+    Classes of a published space that the dataset lacks are allowed. An error names the file, the
+    entry, the fault, and the nearest name.
     """
-    name, data = path or f"mappings/{HAND_TABLE}", _read_bytes(path)
+    if not path:
+        return _parse(read_published(HAND_TABLE), f"mappings/{HAND_TABLE}", classes)
+    return _parse(read_bytes(Path(path), PRIOR, error=ConfigError), path, classes)
+
+
+def _parse(data: bytes, name: str, classes: tuple[str, ...]) -> PriorTable:
     try:
         parse_json(data)  # refuses a repeated key
         table = PriorTable.model_validate_json(data, strict=True)
@@ -188,19 +188,6 @@ def read_prior_table(path: str, classes: tuple[str, ...]) -> PriorTable:
         fault = name_fault(error) if isinstance(error, ValidationError) else str(error)
         raise ConfigError(f"{name}: {fault}; docs/prior-table.md has the format") from error
     return table
-
-
-def _read_bytes(path: str) -> bytes:
-    if path:
-        return read_bytes(Path(path), PRIOR, error=_refuse)
-    try:
-        return read_published(HAND_TABLE)
-    except ClassMapError as error:
-        raise ConfigError(str(error)) from error
-
-
-def _refuse(said: str, **place: Any) -> ConfigError:
-    return ConfigError(f"{said}; model.table is the path of a prior table", **place)
 
 
 def _require_known(table: PriorTable, classes: tuple[str, ...]) -> None:

@@ -41,19 +41,12 @@ _MOST_TILT = 5.0
 
 @dataclass(frozen=True, eq=False)
 class FittedTypes:
-    """The result of expectation maximisation, with K types and C classes.
+    """The result of expectation maximisation, with K types and C classes."""
 
-    Attributes:
-        log_types: log π `[K]`.
-        means: m `[K, C]`, before tilts.
-        dispersions: r `[K, C]`.
-        tilts: `[J, K, C]`.
-    """
-
-    log_types: Floats
-    means: Floats
-    dispersions: Floats
-    tilts: Floats
+    log_types: Floats  # log π [K]
+    means: Floats  # m [K, C], before tilts
+    dispersions: Floats  # r [K, C]
+    tilts: Floats  # [J, K, C]
 
     @property
     def expected(self) -> Floats:
@@ -86,15 +79,10 @@ class FittedTypes:
 
 @dataclass(frozen=True, eq=False)
 class _Sums:
-    """What expectation maximisation needs of the rooms.
+    """What expectation maximisation needs of the rooms."""
 
-    Attributes:
-        size: `[K]` number of rooms of each type.
-        frequency: `[K, C, values]` number of those rooms with each count.
-    """
-
-    size: Floats
-    frequency: Floats
+    size: Floats  # [K] number of rooms of each type
+    frequency: Floats  # [K, C, values] number of those rooms with each count
 
 
 def fit_types(
@@ -110,18 +98,8 @@ def fit_types(
 
     Each round fits the negative binomials as if there were no tilts, then the tilts to the rest.
     That is not exactly the maximum of the likelihood. But both steps are in closed form or nearly
-    so, and neither overfits a rare type to a few rooms.
-
-    Besides the counts it needs memory for the sample, however many rooms there are.
-
-    Args:
-        counts: `[R, C]`, up to `MOST`; a byte each is enough.
-        types: K.
-        iterations: of the algorithm. If there are more rooms than the sample has, all iterations
-            are on the sample, and `LAST_ROUNDS` more on all rooms.
-        seed: of the sample and of the start, in which rooms are grouped around K random ones.
-        tilted: J.
-        sample: rooms.
+    so, and neither overfits a rare type to a few rooms. The counts `[R, C]` are up to `MOST`. The
+    seed is that of the sample, and of the start, in which rooms are grouped around K random ones.
     """
     width = max(int(counts.max(initial=0)) + 1, tilted, 2)
     some = _take_sample(counts, sample, seed=seed)
@@ -205,13 +183,7 @@ def _complete(size: Floats, some: Floats, width: int) -> _Sums:
 
 
 def _ask(log_types: Floats, table: Floats, marked: csr_array) -> tuple[Floats, Floats]:
-    """Return P(type | room) `[R, K]` and log P(room) `[R]`.
-
-    Args:
-        log_types: `[K]`.
-        table: `[K, C, values]` log probabilities of the counts.
-        marked: the rooms, from `_mark`.
-    """
+    """Return P(type | room) `[R, K]` and log P(room) `[R]` by the `table` of `tabulate`."""
     none = table[..., 0]
     beyond = (table[..., 1:] - none[..., None]).reshape(len(table), -1)
     log_joint = log_types + none.sum(axis=1) + marked @ beyond.T
@@ -233,14 +205,7 @@ def _fit_sums(sums: _Sums, dispersions: Floats, tilts: Floats) -> FittedTypes:
 
 
 def _improve_dispersions(r: Floats, mean: Floats, frequency: Floats, values: Ints) -> Floats:
-    """Return dispersions `[K, C]` after Newton steps in log r on the weighted likelihood.
-
-    Args:
-        r: `[K, C]`.
-        mean: `[K, C]`.
-        frequency: `[K, C, values]` weight of the rooms with each count.
-        values: the counts.
-    """
+    """Return dispersions `[K, C]` after Newton steps in log r on the weighted likelihood."""
     for _ in range(3):
         s, m = r[..., None], mean[..., None]
         steps = 1 / (s + values[:-1])  # their sums are the differences of the digamma function
@@ -263,12 +228,8 @@ def _sum_before(steps: Floats) -> Floats:
 def _fit_tilts(table: Floats, frequency: Floats, tilted: int) -> Floats:
     """Return the tilts `[J, K, C]` that give the first counts their shares of the rooms.
 
-    The shares are shrunk towards those without tilts, with the weight of `_TILT_ROOMS` rooms.
-
-    Args:
-        table: `[K, C, values]` log probabilities of the counts without tilts.
-        frequency: `[K, C, values]` weight of the rooms with each count.
-        tilted: J.
+    The shares are shrunk towards those without tilts, with the weight of `_TILT_ROOMS` rooms. The
+    `table` `[K, C, values]` has the log probabilities of the counts without tilts.
     """
     first = np.exp(table[..., :tilted])
     beyond = np.maximum(1 - first.sum(axis=-1), 1e-9)

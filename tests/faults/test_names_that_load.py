@@ -22,7 +22,7 @@ from bsg_models.evaluation.catalogue import METRICS
 from bsg_models.search.catalogue import PLANNERS
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import validate_config
-from bsg_models.zoo.construction import make_model
+from bsg_models.zoo.ensemble import make_model
 
 REGISTRIES = (EXPORTS, FORMATS, MASKS, METRICS, PLANNERS, SOURCES, ZOO)
 CANARY = "canary_of_the_tests"  # a module that says so when it is imported

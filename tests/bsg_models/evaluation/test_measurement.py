@@ -33,7 +33,7 @@ from bsg_models.inputs.graphs import read_split
 from bsg_models.rendering.figures import plot_evaluation, plot_learning_curve
 from bsg_models.training.learning_curve import EpochReport
 from bsg_models.zoo.config import find_config
-from bsg_models.zoo.construction import make_model
+from bsg_models.zoo.ensemble import make_model
 from bsg_models.zoo.settings import DataConfig
 
 

@@ -19,7 +19,7 @@ from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES, Surroundings
 from bsg_models.inputs.edges import EdgeSet, list_edges
 from bsg_models.inputs.nodes import EVIDENCE, Neighbours, to_nodes
-from bsg_models.zoo.sage import MeanConv
+from bsg_models.zoo.networks import MeanConv
 
 KINDS: tuple[EdgeSet, ...] = ("up", "down", "adjacent", "complete")
 EDGES = [some for size in range(5) for some in combinations(KINDS, size)]

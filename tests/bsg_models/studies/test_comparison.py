@@ -26,7 +26,7 @@ from bsg_models.studies.comparison_table import encode_comparison, headline_rows
 from bsg_models.training.training import train_run
 from bsg_models.zoo.catalogue import BASELINES
 from bsg_models.zoo.config import find_config, override, validate_config
-from bsg_models.zoo.construction import make_model
+from bsg_models.zoo.ensemble import make_model
 
 
 def train(dataset: Path, run: Path, *settings: str) -> Path:

@@ -23,7 +23,7 @@ from bsg_models.studies.comparison import compare_runs
 from bsg_models.studies.entries import folds_of, open_entry
 from bsg_models.zoo.catalogue import BASELINES
 from bsg_models.zoo.config import find_config
-from bsg_models.zoo.construction import make_model
+from bsg_models.zoo.ensemble import make_model
 from bsg_models.zoo.settings import DataConfig
 
 

@@ -20,8 +20,7 @@ from bsg_models.zoo.config import (
     validate_config,
     write_toml,
 )
-from bsg_models.zoo.construction import can_resume, make_model, reads_categories
-from bsg_models.zoo.ensemble import EnsembleConfig
+from bsg_models.zoo.ensemble import EnsembleConfig, can_resume, make_model, reads_categories
 from bsg_models.zoo.model import BeliefModel, Network
 from bsg_models.zoo.settings import DataConfig, TrainingConfig
 

@@ -17,8 +17,7 @@ from bsg_models.runs.run_folder import BEST, CONFIG, LAST, LOG, MEMBERS
 from bsg_models.training.training import new_model, train_run
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
-from bsg_models.zoo.construction import make_model, reads_categories
-from bsg_models.zoo.ensemble import Ensemble
+from bsg_models.zoo.ensemble import Ensemble, make_model, reads_categories
 from bsg_models.zoo.model import Network
 
 
