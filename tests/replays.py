@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.rendering.plan import KnownOutline, draw_plan
-from bsg_models.rendering.replay import Replay, Stop, Walk
+from bsg_models.rendering.replay import Replay, Visit, Walk
 
 NAN = float("nan")
 
@@ -20,15 +20,15 @@ def make_replay(*, name: str = "kitchen", artifact: str = "sink") -> Replay:
     ]
     lamps, sink, found = (("lamp", 2),), ((artifact, 1), ("stove", 1)), (artifact,)
     ours = (
-        Stop(1, (), 0.0, lamps, (), (0, 0.6, 0.2, 0.004), 3, 3.0),
-        Stop(3, (3,), 3.0, (), (), (0, 0.9, 0, 0.1), 2, 6.0),
-        Stop(2, (1, 2), 9.0, sink, found, (0, 0, 0, 0.1), None, None),
+        Visit(1, (), 0.0, lamps, (), (0, 0.6, 0.2, 0.004), 3, 3.0),
+        Visit(3, (3,), 3.0, (), (), (0, 0.9, 0, 0.1), 2, 6.0),
+        Visit(2, (1, 2), 9.0, sink, found, (0, 0, 0, 0.1), None, None),
     )
     base = (
-        Stop(1, (), 0.0, lamps, (), None, 3, 3.0),
-        Stop(3, (3,), 3.0, (), (), None, 4, 3.5),
-        Stop(4, (4,), 6.5, (("bed", 1),), (), None, 2, 9.5),
-        Stop(2, (3, 1, 2), 16.0, sink, found, None, None, None),
+        Visit(1, (), 0.0, lamps, (), None, 3, 3.0),
+        Visit(3, (3,), 3.0, (), (), None, 4, 3.5),
+        Visit(4, (4,), 6.5, (("bed", 1),), (), None, 2, 9.5),
+        Visit(2, (3, 1, 2), 16.0, sink, found, None, None, None),
     )
     return Replay(
         scene_id="house",

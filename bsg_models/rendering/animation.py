@@ -23,52 +23,47 @@ from bsg_data.errors import RecipeError
 from bsg_data.figure_file import PLAIN_TEXT
 from bsg_data.files import write_bytes
 from bsg_models.rendering.plan import PlannedRoom
-from bsg_models.rendering.replay import Replay, Stop, Walk, describe_share
+from bsg_models.rendering.replay import Replay, Visit, Walk
 
-FORMATS = {".gif": "GIF", ".png": "PNG"}
 FRAME_MS, LAST_MS = 1200, 5000  # milliseconds that a frame and the last frame are shown
+_FORMATS = {".gif": "GIF", ".png": "PNG"}
 _WIDTH, _DPI = 10.0, 120  # inches
 _HEAD, _FOOT = 1.15, 1.12  # inches above and below the plans
+_MARGIN = 0.012  # of the width
 _COLOURS = 128
 # the colours of theme.css, light
 _INK, _SOFT, _WALL, _PAPER = "#1d2330", "#566074", "#cf8dfd", "#ffffff"
 _LIKELY, _ENTERED, _HOLDS = "#a876de", "#eceef3", "#ff0000"
 _LEGEND = (
-    "Shade and %: probability that a room holds one. Red outline: holds one, which no robot knows.",
     "Grey: entered. Numbers: the order of the rooms entered. Dotted: the next room.",
+    "Shade and %: probability that a room holds one. Red outline: holds one, which no robot knows.",
 )
 
 
 def require_suffix(path: Path) -> None:
-    """Refuse a path whose format cannot hold an animation.
-
-    Raises:
-        RecipeError: if the suffix is not one of `FORMATS`.
-    """
-    if path.suffix.lower() not in FORMATS:
-        raise RecipeError(f"{path}: expected a name that ends in {' or '.join(FORMATS)}")
+    """Refuse a path whose format cannot hold an animation."""
+    if path.suffix.lower() not in _FORMATS:
+        raise RecipeError(
+            f"{path}: expected a name that ends in {' or '.join(_FORMATS)}",
+            code="suffix-unknown",
+            where=path,
+        )
 
 
 def write_animation(replay: Replay, path: Path) -> None:
-    """Write a search as an animation. A failed write leaves no partial file.
-
-    Args:
-        replay: the search.
-        path: file to write, `.gif` or `.png` (an animated PNG).
-
-    Raises:
-        RecipeError: if the format cannot hold an animation.
-    """
+    """Write a search as `.gif` or animated `.png`. A failed write leaves no partial file."""
     require_suffix(path)
-    first, *others = share_palette([draw_frame(replay, k) for k in range(replay.steps + 1)])
-    times = [FRAME_MS] * len(others) + [LAST_MS]
+    frames = [draw_frame(replay, k) for k in range(replay.steps + 1)]
+    strip = Image.fromarray(np.concatenate([np.asarray(frame) for frame in frames]))
+    palette = strip.quantize(_COLOURS, dither=Image.Dither.NONE)
+    first, *others = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     buffer = io.BytesIO()
     first.save(
         buffer,
-        format=FORMATS[path.suffix.lower()],
+        format=_FORMATS[path.suffix.lower()],
         save_all=True,
         append_images=others,
-        duration=times,
+        duration=[FRAME_MS] * len(others) + [LAST_MS],
         loop=0,
         optimize=False,
     )
@@ -76,48 +71,35 @@ def write_animation(replay: Replay, path: Path) -> None:
     write_bytes(path, buffer.getvalue())
 
 
-def share_palette(frames: Sequence[Image.Image]) -> list[Image.Image]:
-    """Return the frames in one palette that serves all of them."""
-    width, height = frames[0].size
-    strip = Image.new("RGB", (width, height * len(frames)))
-    for k, frame in enumerate(frames):
-        strip.paste(frame, (0, k * height))
-    palette = strip.quantize(_COLOURS, dither=Image.Dither.NONE)
-    return [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
-
-
 @rc_context(PLAIN_TEXT)
 def draw_frame(replay: Replay, step: int) -> Image.Image:
     """Return the picture after `step` rooms; a robot that is done stays in its last room."""
-    plan = replay.plan
-    wide = _WIDTH / len(replay.walks)
+    plan, share = replay.plan, 1 / len(replay.walks)
+    wide = _WIDTH * share
     deep = min(max(wide * plan.height / max(plan.width, 1e-9), 2.0), 0.9 * wide)
     height = _HEAD + deep + _FOOT
     figure = Figure(figsize=(_WIDTH, height), dpi=_DPI, facecolor=_PAPER)
     canvas = FigureCanvasAgg(figure)
     sought = " and ".join(replay.artifacts)
     title = f"Two robots look for: {sought}" if len(replay.walks) > 1 else f"Looking for: {sought}"
-    figure.text(0.012, 1 - 0.32 / height, title, size=15, weight="bold", color=_INK)
-    figure.text(
-        0.988, 1 - 0.32 / height, f"room {step} of {replay.steps}", size=13, color=_SOFT, ha="right"
-    )
+    line, right = 1 - 0.32 / height, 1 - _MARGIN
+    figure.text(_MARGIN, line, title, size=15, weight="bold", color=_INK)
+    shown = f"room {step} of {replay.steps}"
+    figure.text(right, line, shown, size=13, color=_SOFT, ha="right")
     for k, walk in enumerate(replay.walks):
-        left = k / len(replay.walks)
-        stops = walk.stops[: step + 1]
-        _write_head(figure, replay, walk, stops, x=left + 0.012, height=height)
-        axes = figure.add_axes(
-            (left + 0.012, _FOOT / height, 1 / len(replay.walks) - 0.024, deep / height)
-        )
-        _draw_plan(axes, replay, stops)
-    for k, line in enumerate((_describe_all(replay), *reversed(_LEGEND))):
-        figure.text(0.012, (0.11 + 0.21 * k) / height, line, size=9, color=_SOFT)
+        stops, x = walk.stops[: step + 1], k * share + _MARGIN
+        _write_head(figure, replay, walk, stops, x=x, height=height)
+        box = (x, _FOOT / height, share - 2 * _MARGIN, deep / height)
+        _draw_plan(figure.add_axes(box), replay, stops)
+    for k, text in enumerate((_describe_all(replay), *_LEGEND)):
+        figure.text(_MARGIN, (0.11 + 0.21 * k) / height, text, size=9, color=_SOFT)
     canvas.draw()  # type: ignore[no-untyped-call]
     pixels = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]
     return Image.fromarray(pixels).convert("RGB")
 
 
 def _write_head(
-    figure: Figure, replay: Replay, walk: Walk, stops: Sequence[Stop], *, x: float, height: float
+    figure: Figure, replay: Replay, walk: Walk, stops: Sequence[Visit], *, x: float, height: float
 ) -> None:
     here = stops[-1]
     name = walk.planner + (f", beliefs of {walk.model}" if walk.model else ", no belief")
@@ -130,39 +112,36 @@ def _write_head(
     figure.text(x, (_FOOT - 0.27) / height, _cut(line, 68), size=9.5, color=_SOFT)
 
 
-def _draw_plan(axes: Axes, replay: Replay, stops: Sequence[Stop]) -> None:
-    plan, here = replay.plan, stops[-1]
+def _draw_plan(axes: Axes, replay: Replay, stops: Sequence[Visit]) -> None:
+    plan, presence = replay.plan, stops[-1].presence
     axes.set_axis_off()
     axes.set_xlim(-0.3, plan.width + 0.3)
     axes.set_ylim(plan.height + 0.3, -0.3)
     axes.set_aspect("equal", anchor="N")
     entered = {stop.room for stop in stops}
     for room in plan.rooms:
-        likely = None if here.presence is None else here.presence[room.number - 1]
-        _draw_room(
-            axes, room, likely, entered=room.number in entered, holds=room.number in replay.holds
-        )
+        is_entered = room.number in entered
+        likely = None if presence is None or is_entered else presence[room.number - 1]
+        axes.add_patch(Polygon(room.outline, facecolor=_ENTERED if is_entered else _PAPER))
+        if likely:
+            axes.add_patch(Polygon(room.outline, facecolor=_LIKELY, alpha=likely))
+        edge, width = (_HOLDS, 2.6) if room.number in replay.holds else (_WALL, 1.2)
+        axes.add_patch(Polygon(room.outline, fill=False, edgecolor=edge, linewidth=width))
+        _name_room(axes, room, likely, colour=_SOFT if is_entered else _INK)
     for caption, (x, y) in plan.captions:
         axes.text(x, y, caption, size=9, color=_SOFT, va="center")
     _draw_way(axes, replay, stops)
 
 
-def _draw_room(
-    axes: Axes, room: PlannedRoom, likely: float | None, *, entered: bool, holds: bool
-) -> None:
-    """Draw a room with its name and the probability that it holds an artifact."""
-    axes.add_patch(Polygon(room.outline, facecolor=_ENTERED if entered else _PAPER))
-    if likely and not entered:
-        axes.add_patch(Polygon(room.outline, facecolor=_LIKELY, alpha=likely))
-    edge, width = (_HOLDS, 2.6) if holds else (_WALL, 1.2)
-    axes.add_patch(Polygon(room.outline, fill=False, edgecolor=edge, linewidth=width))
+def _name_room(axes: Axes, room: PlannedRoom, likely: float | None, *, colour: str) -> None:
+    """Write the name of a room and the probability that it holds an artifact, if they fit."""
     (left, top), (right, bottom) = axes.transData.transform(
         ((room.name_x, room.top), (room.right, room.bottom))
     )
     name = _cut_name(room.name, int((right - left - 6) / 8))
     lines = [name] if len(name) > 2 or name == room.name else []
-    if likely is not None and not entered:
-        lines.append(describe_share(likely))
+    if likely is not None:
+        lines.append(_describe_share(likely))
     if lines and top - bottom > 15 * len(lines) and right - left > 22:
         text = axes.annotate(
             "\n".join(lines),
@@ -172,40 +151,31 @@ def _draw_room(
             va="top",
             size=9,
             linespacing=1.05,
-            color=_SOFT if entered else _INK,
+            color=colour,
             zorder=4,
         )
         text.set_path_effects([withStroke(linewidth=2, foreground=_PAPER, alpha=0.7)])
 
 
-def _draw_way(axes: Axes, replay: Replay, stops: Sequence[Stop]) -> None:
+def _draw_way(axes: Axes, replay: Replay, stops: Sequence[Visit]) -> None:
     """Draw the numbered route of a robot and the next room."""
-    find = replay.plan.find
+    find, here = replay.plan.find, stops[-1]
     way = [stops[0].room, *(room for stop in stops[1:] for room in stop.way)]
     for a, b in pairwise(map(find, way)):
         (x, y), (to_x, to_y) = a.centre, b.centre
         alpha = 1.0 if a.part == b.part else 0.3  # stairs
         axes.plot([x, to_x], [y, to_y], color=_INK, linewidth=1.8, alpha=alpha)
-    here = stops[-1]
     if here.target is not None:
         (x, y), (to_x, to_y) = find(here.room).centre, find(here.target).centre
         axes.plot([x, to_x], [y, to_y], color=_INK, linewidth=1.4, linestyle=(0, (2, 2)))
         axes.plot(to_x, to_y, "o", markersize=7, color=_PAPER, markeredgecolor=_INK)
     for number, stop in enumerate(stops):
         x, y = find(stop.room).centre
-        now = stop is here
+        size, letters = (17, 9) if stop is here else (13, 7.5)
         colour = _HOLDS if stop.found else _INK
-        axes.plot(x, y, "o", markersize=17 if now else 13, color=colour, markeredgecolor=_PAPER)
-        axes.text(
-            x,
-            y,
-            str(number),
-            size=9 if now else 7.5,
-            color=_PAPER,
-            ha="center",
-            va="center_baseline",
-            weight="bold",
-        )
+        axes.plot(x, y, "o", markersize=size, color=colour, markeredgecolor=_PAPER)
+        middle = {"ha": "center", "va": "center_baseline"}
+        axes.text(x, y, str(number), size=letters, color=_PAPER, weight="bold", **middle)
 
 
 def _describe_all(replay: Replay) -> str:
@@ -215,6 +185,13 @@ def _describe_all(replay: Replay) -> str:
     )
     saved = f"; {replay.mean_saved} saved" if len(replay.walks) > 1 else ""
     return f"Mean of all {replay.searches:,} searches: {told}{saved}."
+
+
+def _describe_share(share: float) -> str:
+    """Format a probability in whole per cent; only exact 0 and 1 become 0 % and 100 %."""
+    if 0 < share < 0.005:
+        return "< 1 %"
+    return "> 99 %" if 0.995 < share < 1 else f"{100 * share:.0f} %"
 
 
 def _cut_name(name: str, letters: int) -> str:

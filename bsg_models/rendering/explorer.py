@@ -2,6 +2,9 @@
 
 `explorer.html.jinja` is filled with the beliefs as JSON. Everything that comes from the data is put
 on the page as text, never as markup.
+
+A browser draws a few thousand dots smoothly, and a page should fit into a mail, so a page shows a
+part of a very large building. The numbers of a building always count all of it.
 """
 
 from __future__ import annotations
@@ -14,6 +17,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 
 from bsg_data.files import AnyPath, write_bytes
 from bsg_data.observation.partial_graph import KnownRoom
@@ -21,71 +25,65 @@ from bsg_models.belief.belief_graph import BeliefGraph
 from bsg_models.belief.formats import FormatRow
 from bsg_models.rendering.pages import render_page
 from bsg_models.rendering.plan import KnownOutline, draw_plan, number_alike, outline_room
-from bsg_models.rendering.shown_part import (
-    ALL_OF_IT,
-    ShownPart,
-    choose_shown_part,
-    count_buildings,
-)
 
+MOST_ROOMS = 200  # of a building
+MOST_OBJECTS = 2_500  # of a building; also the limit of its blind nodes
+PAGE_ROOMS = 2_500  # of all buildings of a page, which keeps it below 8 MB
+PAGE_DOTS = 50_000  # objects and blind nodes of all buildings of a page
+_LIKELIEST = 3  # rooms shown for every class
+_ALL_OF_IT = "`bsg-belief … --out beliefs.json` writes everything."
 _DIGITS = 4
 _ONE_ROW = 1e9  # an aspect so wide that all storeys lie in one row
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """One belief graph for the explorer.
-
-    Attributes:
-        belief: what was seen and what is believed.
-        truth: `[N, C]` true counts, the building first; None where unknown.
-        title: of the view; if empty, the scene id.
-    """
+    """One belief graph for the explorer."""
 
     belief: BeliefGraph
-    truth: npt.NDArray[np.integer] | None = None
-    title: str = ""
+    truth: npt.NDArray[np.integer] | None = None  # [N, C] counts, the building first
+    title: str = ""  # of the view; if empty, the scene id
 
 
 def write_explorer(views: Sequence[View], path: AnyPath) -> None:
     """Write the explorer page of some belief graphs. A failed write leaves no partial file."""
-    path = Path(path)
-    write_bytes(path, explorer_page(views).encode())
+    write_bytes(Path(path), explorer_page(views).encode())
 
 
 def explorer_page(views: Sequence[View]) -> str:
     """Return the explorer page of some views; the first is open.
 
     The page says at its top what it leaves out: parts of large buildings, and buildings beyond the
-    limit of a page (`shown_part.py`).
+    limit of a page.
     """
-    parts = [choose_shown_part(view.belief) for view in views]
-    shown = count_buildings(parts)
+    counts = [
+        (
+            min(len(belief.partial.rooms), MOST_ROOMS),
+            min(len(belief.partial.objects), MOST_OBJECTS),
+            min(len(belief.blind), MOST_OBJECTS),
+        )
+        for belief in (view.belief for view in views)
+    ]
+    rooms, *dots = np.cumsum(np.reshape(counts, (-1, 3)), axis=0).T
+    shown = max(int(((rooms <= PAGE_ROOMS) & (sum(dots) <= PAGE_DOTS)).sum()), 1)
     said = ""
     if shown < len(views):
-        said = f"This page shows the first {shown:,} of {len(views):,} buildings. {ALL_OF_IT}"
-    encoded = [_encode(view, part) for view, part in zip(views[:shown], parts, strict=False)]
+        said = f"This page shows the first {shown:,} of {len(views):,} buildings. {_ALL_OF_IT}"
+    encoded = [_encode(view) for view in views[:shown]]
     return render_page("explorer.html.jinja", data={"views": encoded, "left_out": said})
 
 
-def _encode(view: View, part: ShownPart) -> dict[str, Any]:
+def _encode(view: View) -> dict[str, Any]:
     belief, partial = view.belief, view.belief.partial
-    nodes = [0, *part.rooms]
-    rooms = [partial.rooms[number - 1] for number in part.rooms]
+    rooms = _choose_rooms(belief)
+    nodes = [0, *rooms]
     place = {number: node for node, number in enumerate(nodes)}
-    names = [_name(room) for room in partial.rooms]
-    if len(rooms) < len(partial.rooms):  # numbered names count the rooms that are left out, too
-        names = list(number_alike(names))
-    known = [
-        KnownOutline(node, names[number - 1], outline_room(room, room.position), room.floor_index)
-        for node, (number, room) in enumerate(zip(part.rooms, rooms, strict=True), start=1)
-    ]
-    plan, row = draw_plan(known), draw_plan(known, aspect=_ONE_ROW)
-    drawn_names = {room.number: room.name for room in plan.rooms}
+    objects = _take_evenly([obj.room_index for obj in partial.objects], nodes)
+    blind = _take_evenly([node.room_index for node in belief.blind], nodes)
     classless = Counter(obj.room_index for obj in partial.objects if obj.class_index is None)
     return {
         "title": view.title or partial.scene_id,
-        "left_out": part.left_out,
+        "left_out": _say_left_out(belief, len(rooms), len(objects), len(blind)),
         "model": belief.model,
         "mode": belief.mode,
         "classes": list(partial.class_space.classes),
@@ -94,19 +92,8 @@ def _encode(view: View, part: ShownPart) -> dict[str, Any]:
         "expected": np.round(belief.expected[nodes], _DIGITS).tolist(),
         "presence": np.round(belief.presence[nodes], _DIGITS).tolist(),
         "truth": None if view.truth is None else np.asarray(view.truth)[nodes].tolist(),
-        "classless": [classless.total(), *(classless[number] for number in part.rooms)],
-        "rooms": [
-            {
-                "id": room.name,
-                "name": drawn_names[drawn.number],
-                "visited": room.visited,
-                "share": round(room.hidden_share, _DIGITS),
-                "corner": drawn.outline and drawn.outline[0],
-            }
-            for room, drawn in zip(rooms, known, strict=True)
-        ],
-        "plan": asdict(plan),
-        "row": asdict(row),
+        "classless": [classless.total(), *(classless[number] for number in rooms)],
+        **_encode_rooms(partial.rooms, rooms),
         "objects": [
             {
                 "room": place[obj.room_index],
@@ -114,7 +101,7 @@ def _encode(view: View, part: ShownPart) -> dict[str, Any]:
                 "class": obj.class_index,
                 "at": None if obj.position is None else [round(v, 2) for v in obj.position],
             }
-            for obj in (partial.objects[number] for number in part.objects)
+            for obj in (partial.objects[number] for number in objects)
         ],
         "blind": [
             {
@@ -123,7 +110,7 @@ def _encode(view: View, part: ShownPart) -> dict[str, Any]:
                 "expected": round(node.expected, _DIGITS),
                 "presence": round(node.presence, _DIGITS),
             }
-            for node in (belief.blind[number] for number in part.blind)
+            for node in (belief.blind[number] for number in blind)
         ],
         "adjacency": [
             [place[a], place[b]] for a, b in partial.adjacency if a in place and b in place
@@ -131,9 +118,65 @@ def _encode(view: View, part: ShownPart) -> dict[str, Any]:
     }
 
 
+def _encode_rooms(rooms: Sequence[KnownRoom], shown: Sequence[int]) -> dict[str, Any]:
+    """Return the shown rooms and where they are drawn: as a plan, and in a row."""
+    names = [_name(room) for room in rooms]
+    if len(shown) < len(rooms):  # numbered names count the rooms that are left out, too
+        names = list(number_alike(names))
+    kept = [rooms[number - 1] for number in shown]
+    known = [
+        KnownOutline(node, names[number - 1], outline_room(room, room.position), room.floor_index)
+        for node, (number, room) in enumerate(zip(shown, kept, strict=True), start=1)
+    ]
+    plan, row = draw_plan(known), draw_plan(known, aspect=_ONE_ROW)
+    drawn_names = {room.number: room.name for room in plan.rooms}
+    encoded = [
+        {
+            "id": room.name,
+            "name": drawn_names[drawn.number],
+            "visited": room.visited,
+            "share": round(room.hidden_share, _DIGITS),
+            "corner": drawn.outline and drawn.outline[0],
+        }
+        for room, drawn in zip(kept, known, strict=True)
+    ]
+    return {"rooms": encoded, "plan": asdict(plan), "row": asdict(row)}
+
+
 def _name(room: KnownRoom) -> str:
-    """Return the name of a room: its label, else its id."""
     return room.label or (f"room {room.name}" if room.name.isdecimal() else room.name)
+
+
+def _choose_rooms(belief: BeliefGraph) -> list[int]:
+    """Return the likeliest rooms of every class, then those where most is expected, 1..R."""
+    number = len(belief.partial.rooms)
+    if number <= MOST_ROOMS:
+        return list(range(1, number + 1))
+    likeliest = np.argsort(-belief.presence[1:], axis=0, kind="stable")[:_LIKELIEST]
+    promising = np.argsort(-belief.hidden[1:].sum(axis=1), kind="stable")
+    order = dict.fromkeys([*likeliest.ravel().tolist(), *promising.tolist()])
+    return sorted(room + 1 for room in list(order)[:MOST_ROOMS])
+
+
+def _take_evenly(rooms: Sequence[int], shown: Sequence[int]) -> list[int]:
+    """Return at most `MOST_OBJECTS` things of shown rooms: the first of each, then the second."""
+    things = pd.Series(rooms, dtype=np.int64)
+    things = things[things.isin(shown)]
+    order = things.groupby(things).cumcount().sort_values(kind="stable")
+    return sorted(order.index[:MOST_OBJECTS].tolist())
+
+
+def _say_left_out(belief: BeliefGraph, rooms: int, objects: int, blind: int) -> str:
+    partial = belief.partial
+    every = (len(partial.rooms), len(partial.objects), len(belief.blind))
+    if (rooms, objects, blind) == every:
+        return ""
+    return (
+        f"This page shows {rooms:,} of {every[0]:,} rooms, {objects:,} of {every[1]:,} seen "
+        f"objects and {blind:,} of {every[2]:,} blind nodes. The rooms are the {_LIKELIEST} "
+        "likeliest for each class, then those with the most expected unseen objects. The numbers "
+        f"of the building and of each room count everything. {_ALL_OF_IT}"
+    )
 
 
 def _write_beliefs(beliefs: Iterable[BeliefGraph], path: Path) -> None:

@@ -10,24 +10,62 @@ from __future__ import annotations
 
 import base64
 import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
 from importlib import resources
+from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from bsg_data.files import encode_json
+from bsg_data.files import encode_json, write_bytes
 
 _ELEMENTS = {".css": "style", ".js": "script"}
 
 
-def render_page(template: str, **values: Any) -> str:
-    """Fill a template; a missing value is an error.
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table of the report, of text."""
 
-    Args:
-        template: name of a file beside this one, e.g. `report.html.jinja`.
-        values: values that the template names.
+    caption: str
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+
+def write_report(
+    path: Path,
+    *,
+    title: str,
+    facts: Sequence[str],
+    findings: Mapping[str, Mapping[str, Sequence[str]]],
+    tables: Sequence[Table],
+    figures: Mapping[str, Path],
+    explorer: str | None,
+) -> None:
+    """Write an evaluation as one self-contained page. A failed write leaves no partial file.
+
+    `facts` are paragraphs: what was measured, on which buildings. `findings` are heading → verdict
+    → the metrics with it. Tables after the first are folded. `figures` are caption → PNG file, and
+    `explorer` is a page of `explorer_page`, shown in a frame.
     """
+    pictures = {
+        caption: base64.b64encode(image.read_bytes()).decode() for caption, image in figures.items()
+    }
+    page = render_page(
+        "report.html.jinja",
+        title=title,
+        facts=facts,
+        findings=findings,
+        tables=tables,
+        figures=pictures,
+        explorer=explorer,
+    )
+    write_bytes(path, page.encode())
+
+
+def render_page(template: str, **values: Any) -> str:
+    """Fill a template beside this file; a missing value is an error."""
     return _environment().get_template(template).render(values)
 
 

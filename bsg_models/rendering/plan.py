@@ -7,9 +7,9 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
-from typing import Protocol
 
-from bsg_data.scene.scene_graph import Box, Point
+from bsg_data.observation.partial_graph import KnownRoom
+from bsg_data.scene.scene_graph import Point, Room
 
 Spot = tuple[float, float]
 Outline = tuple[Spot, ...]
@@ -20,56 +20,25 @@ _LETTERS = 0.3  # metres from the top of a room to its name, roughly
 _DIGITS = 2
 
 
-class PlacedRoom(Protocol):
-    """What a plan reads of a room; `Room` and `KnownRoom` provide it."""
-
-    @property
-    def footprint(self) -> Outline | None:
-        """Corners (x, y) from above, metres; None if unknown."""
-
-    @property
-    def box(self) -> Box | None:
-        """Axis-aligned box around the room, metres; None if unknown."""
-
-    @property
-    def floor_index(self) -> int | None:
-        """Storey, 0 at the bottom; None if unknown."""
-
-
 @dataclass(frozen=True, slots=True)
 class KnownOutline:
-    """The known outline of a room, from above.
+    """The known outline of a room, from above."""
 
-    Attributes:
-        number: of the room, 1..R.
-        name: of the room.
-        outline: corners in metres, y up; None if unknown.
-        floor_index: storey, 0 at the bottom; None if unknown, and then drawn as the lowest.
-    """
-
-    number: int
+    number: int  # of the room, 1..R
     name: str
-    outline: Outline | None
-    floor_index: int | None
+    outline: Outline | None  # corners in metres, y up
+    floor_index: int | None  # storey, 0 at the bottom; None is drawn as the lowest
 
 
 @dataclass(frozen=True, slots=True)
 class PlannedRoom:
-    """A room on a plan.
+    """A room on a plan."""
 
-    Attributes:
-        number: of the room, 1..R.
-        name: unique on the plan.
-        outline: corners, metres.
-        part: storey on which it is drawn, counted from 0.
-        name_x: x where its name may begin: the left edge, or beside a room that covers that corner.
-    """
-
-    number: int
-    name: str
-    outline: Outline
-    part: int
-    name_x: float
+    number: int  # of the room, 1..R
+    name: str  # unique on the plan
+    outline: Outline  # corners, metres
+    part: int  # storey on which it is drawn, counted from 0
+    name_x: float  # where its name may begin: left, or beside a room that covers that corner
 
     @property
     def left(self) -> float:
@@ -99,17 +68,10 @@ class PlannedRoom:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Positions of rooms on a page, in metres from 0: x to the right, y down.
+    """Positions of rooms on a page, in metres from 0: x to the right, y down."""
 
-    Attributes:
-        rooms: large ones first, so that small ones are drawn over them.
-        captions: names of storeys and where they begin, if there are several storeys.
-        width: of the plan.
-        height: of the plan.
-    """
-
-    rooms: tuple[PlannedRoom, ...]
-    captions: tuple[tuple[str, Spot], ...]
+    rooms: tuple[PlannedRoom, ...]  # large ones first, so that small ones are drawn over them
+    captions: tuple[tuple[str, Spot], ...]  # names of storeys and where they begin, if several
     width: float
     height: float
 
@@ -118,7 +80,7 @@ class Plan:
         return next(room for room in self.rooms if room.number == number)
 
 
-def outline_room(room: PlacedRoom, position: Point | None) -> Outline | None:
+def outline_room(room: Room | KnownRoom, position: Point | None) -> Outline | None:
     """Return a room from above: its footprint, else its box, else a square at its position."""
     if room.footprint is not None:
         return tuple(_round(x, y) for x, y in room.footprint)
@@ -133,14 +95,10 @@ def outline_room(room: PlacedRoom, position: Point | None) -> Outline | None:
 
 
 def draw_plan(rooms: Sequence[KnownOutline], *, aspect: float = 1.3) -> Plan:
-    """Place rooms on a page of about the given shape, the highest storey first.
+    """Place rooms on a page of about the given width / height, the highest storey first.
 
     Rooms without an outline become squares of one size, apart from the others. Rooms that share a
     name are numbered.
-
-    Args:
-        rooms: of a building.
-        aspect: width of the page divided by its height.
     """
     storeys: dict[int, list[KnownOutline]] = {}
     for room in sorted(rooms, key=lambda room: -(room.floor_index or 0)):

@@ -29,7 +29,7 @@ from bsg_models.evaluation.prediction_files import PredictionWriter
 from bsg_models.evaluation.verdict import BESIDE_DOUBLED, judge_all
 from bsg_models.rendering.explorer import View, explorer_page
 from bsg_models.rendering.figures import plot_evaluation
-from bsg_models.rendering.report import Table, write_report
+from bsg_models.rendering.pages import Table, write_report
 from bsg_models.runs.predictor import Predictor
 from bsg_models.runs.run_folder import refuse_run
 from bsg_models.studies.comparison import Comparison, compare_runs

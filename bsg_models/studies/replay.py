@@ -17,7 +17,7 @@ from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.scene.scene_graph import Room, SceneGraph
 from bsg_models.rendering.plan import KnownOutline, Plan, draw_plan, outline_room
-from bsg_models.rendering.replay import Replay, Stop, Walk
+from bsg_models.rendering.replay import Replay, Visit, Walk
 from bsg_models.search.room_graphs import MEASURED
 from bsg_models.studies.savings import WorldResult
 from bsg_models.studies.search_cases import BASELINE
@@ -153,7 +153,7 @@ class _Ground:
         sought = list(self.kept.artifacts)
         return tuple(room for room in self.reachable if self.cells[room, sought].any())
 
-    def stops(self, planner: str, *, reads: bool) -> Iterator[Stop]:
+    def stops(self, planner: str, *, reads: bool) -> Iterator[Visit]:
         """Yield the start of a robot, then each room that it enters."""
         walk = self.kept.walks[planner]
         room, cost = self.kept.start, 0.0
@@ -163,7 +163,7 @@ class _Ground:
             here = [c for c in self.kept.artifacts if self.cells[room, c]]
             found.update(here if self.kept.task == "single" else ())
             given = step or (walk[-1] if walk else None)
-            yield Stop(
+            yield Visit(
                 room=room,
                 way=tuple(node for node in way if node),  # node 0 is the building, not a room
                 cost=round(cost, 3),

@@ -64,7 +64,7 @@ def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_results_are_kept_if_a_figure_cannot_be_drawn(
     dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fail(figure: Figure, path: Path) -> None:
+    def fail(figure: Figure, path: Path, **_: object) -> None:
         if "building" not in path.name:
             raise FigureError(f"{path.name}: no LaTeX")
         write_figure(figure, path)

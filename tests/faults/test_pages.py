@@ -25,8 +25,8 @@ from bsg_models.belief.belief_graph import believe
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import from_hidden_counts
 from bsg_models.rendering.explorer import View, explorer_page
+from bsg_models.rendering.pages import Table, write_report
 from bsg_models.rendering.replay import replay_page
-from bsg_models.rendering.report import Table, write_report
 
 RUN = "top.ran=(window.ran=1)"  # what must never happen
 PAYLOADS = (

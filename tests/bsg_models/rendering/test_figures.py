@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,46 +12,51 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from bsg_data.errors import BSGError
+from bsg_data.figure_file import write_figure
 from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.evaluation.shown_nodes import ShownNodes
 from bsg_models.rendering import figures
 from bsg_models.training.learning_curve import EpochReport
 
 CLASSES = ("bed", "lamp", "sink")
+# A building, then two rooms.
+SHOWN = ShownNodes(
+    inputs=np.array([[1.0, 0, 0], [0, 0, 0], [0, 0, 0]]),
+    totals=np.array([[1.0, 2, 1], [2, 0, 1], [5, 1, 1]]),
+    targets=np.array([[1.0, 3, 0], [1, 2, 1], [2, 1, 1]]),
+    is_building=np.array([True, False, False]),
+    example=0,
+)
 
 
 @pytest.fixture
 def saved(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
     """Figures in the order in which they are saved; they are written, too."""
     kept: list[Figure] = []
-    save = figures._save
 
-    def keep(figure: Figure, path: Path) -> None:
+    def keep(figure: Figure, path: Path, **how: Any) -> None:
         kept.append(figure)
-        save(figure, path)
+        write_figure(figure, path, **how)
 
-    monkeypatch.setattr(figures, "_save", keep)
+    monkeypatch.setattr(figures, "write_figure", keep)
     return kept
 
 
-def test_every_class_has_a_box_and_its_mean(saved: list[Figure], tmp_path: Path) -> None:
-    errors = np.array([[1.0, -2.0, 0.0], [3.0, 0.0, 0.0]])
-    figures.plot_class_errors(errors, CLASSES, tmp_path / "a" / "x.png", title="errors")
+def test_an_evaluation_has_the_three_figures_of_the_paper(
+    saved: list[Figure], tmp_path: Path
+) -> None:
+    notes: list[str] = []
+    told = {"name": "my run", "shown": SHOWN, "classes": CLASSES, "building": "b", "notes": notes}
+    drawn = figures.plot_evaluation(tmp_path / "new", **told)
+    assert len(drawn) == len(saved) == 3
+    with Image.open(drawn["error in number per class, rooms"]) as image:
+        assert image.format == "PNG"
+        assert image.width > 1000
     (axes,) = saved[0].axes
     assert [label.get_text() for label in axes.get_xticklabels()] == list(CLASSES)
     (means,) = [line for line in axes.lines if line.get_label() == "mean"]
     assert list(np.asarray(means.get_ydata())) == [2.0, -1.0, 0.0]
-    with Image.open(tmp_path / "a" / "x.png") as image:
-        assert image.format == "PNG"
-        assert image.width > 1000
-
-
-def test_bars_are_counts_above_and_probabilities_below(saved: list[Figure], tmp_path: Path) -> None:
-    inputs, totals = np.array([[1.0, 0.0, 0.0]]), np.array([[1.0, 2.0, 1.0]])
-    target = np.array([[1.0, 3.0, 0.0]])
-    shown = ShownNodes(inputs, totals, target, is_building=np.array([True]), example=0)
-    figures.plot_building(shown, CLASSES, tmp_path / "x.png", title="t")
-    top, bottom = saved[0].axes
+    top, bottom = saved[2].axes
     heights = [[bar.get_height() for bar in bars] for bars in top.containers]
     assert heights == [[1, 0, 0], [1, 2, 1], [1, 3, 0]]
     shares = [[bar.get_height() for bar in bars] for bars in bottom.containers]
@@ -58,16 +64,20 @@ def test_bars_are_counts_above_and_probabilities_below(saved: list[Figure], tmp_
 
 
 def test_the_learning_curve_marks_the_best_epoch(saved: list[Figure], tmp_path: Path) -> None:
+    """In the words of matplotlib this title is a formula, and one that it cannot read."""
+    name = r"$\nothing$ 5 %"
     losses: list[tuple[float, float | None]] = [(3.0, None), (2.0, 2.5), (1.0, 2.75)]
     reports = [
         EpochReport(epoch, 3, train, val, best_epoch=2, seconds=1.0)
         for epoch, (train, val) in enumerate(losses, 1)
     ]
-    figures.plot_learning_curve(reports, tmp_path / "x.png", title="t", loss="nll")
+    with rc_context({"text.usetex": True}):
+        figures.plot_learning_curve(reports, tmp_path / "x.png", title=name, loss=name)
     lines = {str(line.get_label()): line for line in saved[0].axes[0].lines}
     assert list(np.asarray(lines["training"].get_ydata())) == [3.0, 2.0, 1.0]
     assert list(np.asarray(lines["validation"].get_xdata())) == [2, 3]
     assert "best, epoch 2" in lines
+    assert saved[0].get_suptitle() == name
 
 
 def test_the_leaderboard_has_a_panel_a_metric_and_a_row_a_model(
@@ -91,26 +101,13 @@ def test_savings_are_in_percent_with_the_oracle_in_its_own_colour(
     figures.plot_savings(savings, tmp_path / "x.png", title="t", whole="oracle")
     (axes,) = saved[0].axes
     assert [label.get_text() for label in axes.get_yticklabels()] == ["oracle", "ratio"]
-    colours = {patch.get_facecolor() for patch in axes.patches}
-    assert len(colours) == 2
+    assert len({patch.get_facecolor() for patch in axes.patches}) == 2
     medians = [np.asarray(line.get_xdata()) for line in axes.lines if line.get_color() == "black"]
-    assert any(np.allclose(line, 20) for line in medians)
-    assert any(np.allclose(line, 60) for line in medians)
+    for percent in (20, 60):
+        assert any(np.allclose(line, percent) for line in medians)
 
 
 def test_a_figure_that_cannot_be_written_is_said(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(BSGError):
-        figures.plot_class_errors(np.zeros((2, 3)), CLASSES, tmp_path / "file" / "x.png", title="")
-
-
-def test_a_name_is_shown_as_it_is_whatever_the_settings(
-    saved: list[Figure], tmp_path: Path
-) -> None:
-    """In the words of matplotlib this name is a formula, and one that it cannot read."""
-    name = r"$\nothing$ 5 %"
-    report = EpochReport(1, 1, 2.0, 3.0, 1, 0.1)
-    with rc_context({"text.usetex": True}):
-        figures.plot_learning_curve([report], tmp_path / "x.png", title=name, loss=name)
-    assert saved[0].axes[0].get_title() == name
-    assert (tmp_path / "x.png").is_file()
+        figures.plot_learning_curve([], tmp_path / "file" / "x.png", title="", loss="")

@@ -12,12 +12,7 @@ from headless_browser import measure_contrasts, open_page, start_browser
 from random_beliefs import HOSTILE
 from replays import make_replay
 
-from bsg_models.evaluation.bootstrap import Estimate
-from bsg_models.rendering.replay import describe_saving, replay_page, write_replay
-
-
-def test_a_saving_is_told_with_its_interval() -> None:
-    assert describe_saving(Estimate(0.4, 0.31, 0.52, 50)) == "40 % (31 to 52)"
+from bsg_models.rendering.replay import replay_page, write_replay
 
 
 def test_the_page_says_how_the_search_was_chosen_and_what_all_came_to() -> None:
