@@ -174,8 +174,8 @@ def _draw_way(axes: Axes, replay: Replay, stops: Sequence[Visit]) -> None:
         size, letters = (17, 9) if stop is here else (13, 7.5)
         colour = _HOLDS if stop.found else _INK
         axes.plot(x, y, "o", markersize=size, color=colour, markeredgecolor=_PAPER)
-        middle = {"ha": "center", "va": "center_baseline"}
-        axes.text(x, y, str(number), size=letters, color=_PAPER, weight="bold", **middle)
+        text = axes.text(x, y, str(number), size=letters, color=_PAPER, weight="bold")
+        text.set(ha="center", va="center_baseline")
 
 
 def _describe_all(replay: Replay) -> str:
