@@ -29,8 +29,7 @@ from bsg_cli.options import (
 )
 from bsg_cli.terminal import Command, print_json, print_note, print_text, progress_bar
 from bsg_data import extend
-from bsg_data.result_folder import Place, require_vacant
-from bsg_data.seals import refuse_sealed_file
+from bsg_data.results import refuse_file
 from bsg_data.spelling import SHOWN
 from bsg_data.tables import format_text
 
@@ -206,11 +205,8 @@ def refuse_present(options: dict[str, Any]) -> None:
     read = {path.absolute() for path in options["graphs"]}  # naming one of them is another error
     for name in ("out", "hydra", "html"):
         path: Path | None = options[name]
-        if path is None or options["force"] or path.absolute() in read:
-            continue
-        if path.is_file() and not Place(path, is_file=True).unfinished.exists():
-            refuse_sealed_file(path)
-            require_vacant(path)
+        if path is not None and path.absolute() not in read:
+            refuse_file(path, force=options["force"])
 
 
 def note_graph(

@@ -15,7 +15,7 @@ from bsg_cli.completion import complete_names_or_files
 from bsg_cli.options import PATH, data_option, force_option, json_option, out_option
 from bsg_cli.terminal import Command, print_json, print_note, print_text, progress_bar
 from bsg_data.errors import BSGError
-from bsg_data.seals import SEAL, read_seal
+from bsg_data.results import SEAL, read_seal
 from bsg_data.tables import format_text
 
 
@@ -133,7 +133,7 @@ def _seal_of(run: Path) -> dict[str, str] | None:
 def _note_stopped(run: Path) -> None:
     """Print what an interrupted training has saved, if it began."""
     if (run / SEAL).is_file():
-        print_note(f"{run}: the earlier run is unchanged")
+        print_note(f"{run}: the earlier run is unchanged; --resume goes on with the new one")
         return
     with suppress(BSGError):
         bsg_models.plot_run(run)

@@ -11,8 +11,7 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import BSGError, ask_to_install
 from bsg_data.figure_file import PLAIN_TEXT, write_figure
 from bsg_data.files import AnyPath
-from bsg_data.result_folder import refuse_datasets
-from bsg_data.seals import refuse_sealed_file
+from bsg_data.results import refuse_file
 
 _MARK = "belief-scene-graphs: frequencies"  # in the figure: marks it as written by this program
 _HEAD = 4096  # bytes in which the mark is, in PNG and SVG
@@ -53,10 +52,9 @@ def refuse_figure(path: AnyPath, *, force: bool) -> None:
             without `force`, another file.
     """
     path = Path(path)
-    refuse_datasets(path, is_file=True)
     if path.is_dir():
         raise BSGError(f"{path}: is a folder; name a file in it, e.g. {path / 'classes.png'}")
-    refuse_sealed_file(path)
+    refuse_file(path, force=True)
     if path.exists() and not force:
         with path.open("rb") as file:
             if _MARK.encode() not in file.read(_HEAD):

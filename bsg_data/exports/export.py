@@ -12,7 +12,7 @@ from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import DatasetError
 from bsg_data.exports.catalogue import EXPORTS, EncodedScene, ExportRow
 from bsg_data.files import AnyPath, resolve_links, write_bytes
-from bsg_data.result_folder import Place, replace_together
+from bsg_data.results import write_together
 from bsg_data.scene.scene_graph import is_scene_id
 
 
@@ -63,7 +63,7 @@ def export_dataset(
     """
     dataset, out = Path(dataset), resolve_links(out)
     row, manifest = EXPORTS[to], read_manifest(dataset)
-    with replace_together([Place(out)]) as (growing,):
+    with write_together(out) as growing:
         done = _encode_all(dataset, manifest, growing, row, progress=progress)
         if not done.scenes:
             raise DatasetError(

@@ -16,7 +16,7 @@ from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import SYNTHETIC
 from bsg_data.inputs.documents import parse_json
 from bsg_data.lock import hold
-from bsg_data.result_folder import refuse_datasets
+from bsg_data.results import refuse_datasets
 from bsg_data.sources.annotations import HEADER
 from bsg_data.sources.hm3d import SYNTHETIC_MARK
 from bsg_data.synthetic.building import (

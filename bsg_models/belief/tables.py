@@ -19,7 +19,7 @@ import pyarrow.parquet as pq
 
 from bsg_data.errors import DatasetError
 from bsg_data.files import AnyPath, encode_json
-from bsg_data.seals import replace_sealed
+from bsg_data.results import write_results
 from bsg_models.belief.belief_graph import BeliefGraph
 from bsg_models.belief.document import encode_belief, list_edges, list_nodes
 from bsg_models.belief.formats import FormatRow
@@ -85,7 +85,7 @@ def write_tables(beliefs: Iterable[BeliefGraph], folder: AnyPath) -> None:
     """
     folder = Path(folder)
     try:
-        with replace_sealed(folder, report=NODES) as (staged,), ExitStack() as stack:
+        with write_results(folder, report=NODES) as staged, ExitStack() as stack:
             writers = {
                 name: stack.enter_context(
                     pq.ParquetWriter(staged / f"{name}.parquet", schema, compression="zstd")

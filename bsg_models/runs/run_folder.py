@@ -15,8 +15,18 @@ from bsg_data.errors import DatasetError
 from bsg_data.inputs.bounded_file import hash_file, open_stream
 from bsg_data.inputs.bounds import RUN_RECORD
 from bsg_data.lock import hold
-from bsg_data.result_folder import refuse_datasets
-from bsg_data.seals import SEAL, read_seal, refuse_other_results, require_seal, write_seal
+from bsg_data.results import (
+    SEAL,
+    UNFINISHED,
+    list_files,
+    put_in_place,
+    read_seal,
+    refuse_datasets,
+    refuse_other_results,
+    remove_unfinished,
+    require_seal,
+    write_seal,
+)
 from bsg_models.errors import CheckpointError, TrainingError
 from bsg_models.runs.checkpoint import CheckpointHeader, read_header, save_checkpoint
 from bsg_models.zoo.config import RunConfig
@@ -68,7 +78,8 @@ def open_run(run: Path, *, resume: bool = False, force: bool = True) -> Iterator
     Args:
         run: its folder, which is created.
         resume: whether to continue what is there; it must match its seal.
-        force: whether to replace a run, which is removed first.
+        force: whether to replace a run; a finished one stays until the new one is whole, which
+            grows in its `UNFINISHED` folder.
 
     Raises:
         TrainingError: if a run, or a file that bsg-train did not write, is in the way.
@@ -81,14 +92,26 @@ def open_run(run: Path, *, resume: bool = False, force: bool = True) -> Iterator
         raise TrainingError(message, code="not-written", where=run) from error
     with hold(run):
         refuse_overwriting(run, resume=resume, force=force)
-        remove_files(run, list_half_written(run))
         if resume:
-            require_seal(run)
+            place = active_folder(run)
+            require_seal(place)
         else:
-            clear_run(run)
-        with unsealed(run):
-            yield run
-        seal_run(run)
+            remove_unfinished(run)
+            place = run if read_seal(run) is None else run / UNFINISHED
+            clear_run(place)
+        place.mkdir(exist_ok=True)
+        remove_files(place, list_half_written(place))
+        with unsealed(place):
+            yield place
+        seal_run(place)
+        if place != run:
+            put_in_place(run, leaving={*list_run(run)} - {*list_files(place)})
+            remove_unfinished(run)
+
+
+def active_folder(run: Path) -> Path:
+    """Return the folder that a training of a run goes on in: inside it, if it replaces the run."""
+    return run / UNFINISHED if is_run(run / UNFINISHED) else run
 
 
 def refuse_overwriting(run: Path, *, resume: bool, force: bool) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -11,18 +11,16 @@ from typing import Literal, NamedTuple
 from bsg_data.arrays import Counts
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError, RecipeError
-from bsg_data.files import resolve_links
 from bsg_data.observation.partial_graph import PartialGraph, list_withheld, mask_dataset
 from bsg_data.recipes import MaskRecipe
-from bsg_data.result_folder import Place, replace_together, require_vacant
+from bsg_data.results import UNFINISHED, refuse_datasets, refuse_file, refuse_other_results
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.seals import SEAL, refuse_other_results, refuse_replacing, refuse_sealed_file
 from bsg_models.belief.belief_graph import BeliefGraph, Mode, believe, rank_unseen
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.formats import FormatRow, choose_format, write_beliefs
 from bsg_models.belief.graph_file import GraphFile, use_class_map
 from bsg_models.belief.hydra import annotate_hydra
-from bsg_models.belief.tables import FILES, NODES
+from bsg_models.belief.tables import NODES
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.rendering.explorer import View, write_explorer
 from bsg_models.robot.seen_building import ExpectedClass
@@ -110,24 +108,8 @@ def report_beliefs(
     paths += [file.path.absolute() for file in request.graphs]
     if len(set(paths)) < len(paths):
         raise RecipeError("one file is named twice", code="output-twice")
-    if not results:
-        return _report(request, (), progress=progress)
-    places = [
-        Place(resolve_links(path), last=SEAL) if row.name == "tables" else Place(path, is_file=True)
-        for row, path in results
-    ]
-    with replace_together(places, refuse=lambda: _refuse_replacing(request, results)) as staged:
-        rows = [(row, path) for (row, _), path in zip(results, staged, strict=True)]
-        return _report(request, rows, progress=progress)
-
-
-def _report(
-    request: BeliefRequest,
-    results: Sequence[tuple[FormatRow, Path]],
-    *,
-    progress: Callable[[int, int], None] | None,
-) -> BeliefReport:
-    """Write the results to their staged paths."""
+    for row, path in results:
+        _refuse_replacing(row, path, force=request.force)
     wanted = _choose(request.scenes) if request.scenes else frozenset()
     total = len(request.graphs) or len(wanted)
     streamed = _choose_streamed(results, total)
@@ -225,18 +207,17 @@ def _describe_rooms(
         )
 
 
-def _refuse_replacing(request: BeliefRequest, results: Iterable[tuple[FormatRow, Path]]) -> None:
+def _refuse_replacing(row: FormatRow, path: Path, *, force: bool) -> None:
     """Refuse to replace files without --force, and files that belong to other results."""
-    for row, path in results:
-        if row.name == "tables":
-            refuse_other_results(path, NODES)
-        else:
-            refuse_sealed_file(path)
-        if not request.force:
-            require_vacant(path)
-        if row.write_all is not None and path.is_dir():
-            refuse_run(path)
-            refuse_replacing(path, NODES, FILES)
+    if row.name != "tables":
+        refuse_file(path, force=force)
+        return
+    refuse_datasets(path)
+    refuse_other_results(path, NODES)
+    refuse_run(path)
+    if path.exists() and not force and {one.name for one in path.iterdir()} - {UNFINISHED}:
+        message = f"{path}: is there already; --force replaces it"
+        raise DatasetError(message, code="path-taken", where=path)
 
 
 def _write(row: FormatRow, path: Path, request: BeliefRequest, views: Sequence[View]) -> None:

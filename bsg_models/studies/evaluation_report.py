@@ -18,12 +18,10 @@ from pydantic import Field, model_validator
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
-from bsg_data.errors import DatasetError
 from bsg_data.files import encode_json, resolve_links, write_bytes
 from bsg_data.observation.partial_graph import list_withheld, mask_dataset
 from bsg_data.recipes import MaskRecipe, Record
-from bsg_data.result_folder import Place
-from bsg_data.seals import refuse_sealed_file, replace_sealed
+from bsg_data.results import refuse_datasets, refuse_file, write_results
 from bsg_models.belief.belief_graph import believe
 from bsg_models.evaluation.prediction_files import PredictionWriter
 from bsg_models.evaluation.verdict import BESIDE_DOUBLED, judge_all
@@ -122,16 +120,17 @@ def report_evaluation(
         MismatchError: if a run predicts the classes of another class map.
         PredictionError: if predictions cannot be read, or do not fit the pairs.
     """
-    pages = [Place(path, is_file=True) for path in [request.html] if path is not None]
     into = request.write_predictions
-    beside = into is not None and not _is_same(into, request.folder)  # that is held already
-    folders = [Place(resolve_links(into))] if into is not None and beside else []
-    with replace_sealed(
+    if request.html is not None:
+        refuse_file(request.html, force=request.force)
+    if into is not None:
+        refuse_datasets(into)
+    with write_results(
         request.folder,
         report=REPORT,
-        beside=[*pages, *folders],
-        refuse=lambda: _refuse_done(request),
-    ) as (staged, *others):
+        force=request.force,
+        refuse=lambda: refuse_run(request.folder),
+    ) as staged:
         with ExitStack() as open_files:
             comparison = compare_runs(
                 request.runs,
@@ -141,9 +140,7 @@ def report_evaluation(
                 fold=request.fold,
                 resamples=request.resamples,
                 seed=request.seed,
-                write=None
-                if into is None
-                else _begin_entries(request, others[-1] if folders else staged, open_files),
+                write=None if into is None else _begin_entries(request, staged, open_files),
                 progress=progress,
             )
         summary = encode_comparison(comparison)
@@ -151,8 +148,8 @@ def report_evaluation(
         figures = _plot(comparison, staged, notes)
         write_bytes(staged / CLASSES, comparison.classes.to_csv(index=False).encode())
         write_bytes(staged / REPORT, (encode_json(summary, indent=1) + "\n").encode())
-        if pages:
-            _write_page(others[0], comparison, request, figures)
+        if request.html is not None:
+            _write_page(request.html, comparison, request, figures)
     figures = {what: request.folder / path.name for what, path in figures.items()}
     return EvaluationReport(
         comparison,
@@ -162,18 +159,6 @@ def report_evaluation(
         figures,
         tuple(notes),
     )
-
-
-def _refuse_done(request: EvaluationRequest) -> None:
-    """Refuse to replace results without --force."""
-    report = request.folder / REPORT
-    refuse_run(request.folder)
-    if report.exists() and not request.force:
-        raise DatasetError(
-            f"{report}: is there already; --force replaces it, --out puts it elsewhere"
-        )
-    if request.html is not None and request.html.exists() and not request.force:
-        raise DatasetError(f"{request.html}: is there already; --force replaces it")
 
 
 def _is_same(one: Path, other: Path) -> bool:
@@ -187,13 +172,11 @@ def _begin_entries(
 
     def begin(name: str, fold: int | None) -> PredictionWriter:
         data = Dataset.open(request.dataset)
-        writer = open_entry(staged, name, data, split=request.split, fold=fold)
         into = request.write_predictions or staged
-        path = into / writer.path.relative_to(staged)
-        if not _is_same(into, request.folder):  # else they are part of the results
-            refuse_sealed_file(path)
-        if path.exists() and not request.force:
-            raise DatasetError(f"{path}: is there already; --force replaces it")
+        folder = staged if _is_same(into, request.folder) else into  # part of the results, or not
+        writer = open_entry(folder, name, data, split=request.split, fold=fold)
+        if folder is into:
+            refuse_file(writer.path, force=request.force)
         return open_files.enter_context(writer)
 
     return begin

@@ -32,7 +32,7 @@ from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.lock import hold
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
-from bsg_data.result_folder import refuse_datasets
+from bsg_data.results import refuse_datasets
 from bsg_models.errors import TrainingError
 from bsg_models.evaluation.bootstrap import Bootstrap
 from bsg_models.evaluation.measurement import (

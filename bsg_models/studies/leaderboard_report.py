@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from bsg_data.errors import DatasetError
 from bsg_data.figure_file import noting_failures
 from bsg_data.files import AnyPath, encode_json, write_bytes
-from bsg_data.seals import refuse_other_results, replace_sealed
+from bsg_data.results import refuse_other_results, write_results
 from bsg_models.evaluation.catalogue import head_value
 from bsg_models.rendering.figures import plot_leaderboard
 from bsg_models.runs.run_folder import refuse_run
@@ -68,7 +68,7 @@ def report_leaderboard(board: Leaderboard, out: AnyPath) -> LeaderboardReport:
     """Write the files of a leaderboard."""
     out = Path(out)
     summary = write_json(board)
-    with replace_sealed(out, report=REPORT) as (staged,):
+    with write_results(out, report=REPORT) as staged:
         drawn: list[str] = []
         notes: list[str] = []
         for mask, results in board.results.items():

@@ -13,7 +13,7 @@ from bsg_data.files import AnyPath, resolve_links
 from bsg_data.inputs.bounded_file import hash_file, read_bytes
 from bsg_data.inputs.bounds import RESULTS
 from bsg_data.inputs.documents import parse_json
-from bsg_data.seals import SEAL, require_seal
+from bsg_data.results import SEAL, require_seal
 from bsg_models.runs.checkpoint_file import require_safetensors
 
 _WEIGHTS, _NODES = ".safetensors", "nodes.parquet"

@@ -23,8 +23,7 @@ from bsg_data.files import AnyPath, encode_json, write_bytes
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.recipes import Record, Share
 from bsg_data.registry import require_known
-from bsg_data.result_folder import Place
-from bsg_data.seals import replace_sealed
+from bsg_data.results import refuse_file, write_results
 from bsg_models.evaluation.bootstrap import LEAST_BUILDINGS
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.rendering.animation import require_suffix, write_animation
@@ -165,15 +164,15 @@ def report_search(
         CheckpointError: if a run cannot be loaded.
     """
     report = request.folder / REPORT
-    pictures = [Place(path, is_file=True) for path in [request.animation] if path is not None]
-    with replace_sealed(
+    if request.animation is not None:
+        refuse_file(request.animation, force=request.force)
+    with write_results(
         request.folder,
         report=REPORT,
-        beside=pictures,
-        refuse=lambda: _refuse_done(report, force=request.force),
-    ) as (staged, *others):
-        picture = others[0] if pictures else None
-        made = _search_into(staged, request, picture, executor=executor, progress=progress)
+        force=request.force,
+        refuse=lambda: refuse_run(request.folder),
+    ) as staged:
+        made = _search_into(staged, request, executor=executor, progress=progress)
     written = {what: _place(path, staged, request) for what, path in made.written.items()}
     return made._replace(report=report, written=written)
 
@@ -181,7 +180,6 @@ def report_search(
 def _search_into(
     staged: Path,
     request: SearchRequest,
-    picture: Path | None,
     *,
     executor: Executor | None,
     progress: Callable[[int, int], None] | None,
@@ -206,7 +204,7 @@ def _search_into(
             written["box plot over buildings"] = staged / FIGURE
     if keep is not None:
         written |= _write_replay(
-            request, study, results, model, page=staged / TRACE, picture=picture
+            request, study, results, model, page=staged / TRACE, picture=request.animation
         )
     facts = {
         "dataset": str(request.dataset),
@@ -227,20 +225,9 @@ def _search_into(
     )
 
 
-def _refuse_done(report: Path, *, force: bool) -> None:
-    """Refuse to replace results without --force."""
-    refuse_run(report.parent)
-    if report.exists() and not force:
-        raise DatasetError(
-            f"{report}: is there already; --force replaces it, --out puts it elsewhere"
-        )
-
-
 def _place(path: Path, staged: Path, request: SearchRequest) -> Path:
     """Return where a staged file will be in the end."""
-    if path.is_relative_to(staged):
-        return request.folder / path.relative_to(staged)
-    return path if request.animation is None else request.animation
+    return request.folder / path.relative_to(staged) if path.is_relative_to(staged) else path
 
 
 def choose_default_run(

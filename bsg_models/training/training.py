@@ -14,7 +14,7 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError
 from bsg_data.files import AnyPath, refuse_links
 from bsg_data.observation.masked_buildings import MaskedBuildings
-from bsg_data.seals import require_seal
+from bsg_data.results import require_seal
 from bsg_models.belief.count_distribution import CountDistribution, concatenate
 from bsg_models.errors import CheckpointError, TrainingError
 from bsg_models.inputs.folds import scenes_of, vocabulary_of
@@ -23,6 +23,7 @@ from bsg_models.runs.run_folder import (
     BEST,
     LAST,
     MEMBERS,
+    active_folder,
     clear_run,
     is_finished,
     name_tensors,
@@ -76,8 +77,8 @@ def train_run(
             configuration) and `log.jsonl` (when each training began and how it ended).
         resume: continue from `last.safetensors`, or from the finished members of an ensemble. A
             model fitted by counting starts again, unless it is finished. Without `resume`, start.
-        force: replace an existing run, which is removed first. With `resume`, replace it only if
-            it is of another training.
+        force: replace an existing run; a finished one stays until the new one is whole. With
+            `resume`, replace it only if it is of another training.
 
     Yields:
         One report per epoch; none for a model that is fitted by counting.
@@ -118,7 +119,7 @@ def _is_fitted(config: RunConfig, data: Dataset, run: Path) -> bool:
         TrainingError: if it is of another dataset or configuration.
         DatasetError: if it does not match its seal.
     """
-    place = run
+    place = active_folder(run)
     require_same_training(config, data, place / BEST)
     return (place / BEST).is_file() and require_seal(place) is not None
 
@@ -155,7 +156,7 @@ def _train_network(
             _require_resumable(config, data, place)
             notes = held.enter_context(keep_log(place, config, data))
         ranks.wait()  # until the folder is ready
-        place = run
+        place = active_folder(run)
         held.enter_context(one_thread())
         model.fit(data, config.data)
         with steps.join():
@@ -167,6 +168,7 @@ def _train_network(
 def _is_other_training(config: RunConfig, data: Dataset, run: Path) -> bool:
     """Return whether a run cannot be continued, because it is of another training or damaged."""
     try:
+        run = active_folder(run)
         _require_resumable(config, data, run)
         require_seal(run)
     except (TrainingError, CheckpointError, DatasetError):
@@ -282,7 +284,7 @@ def _train_ensemble(
     if resume and _is_fitted(config, data, run):
         return
     if resume:
-        _require_resumable(config, data, run)
+        _require_resumable(config, data, active_folder(run))
     with open_run(run, resume=resume, force=force) as place, keep_log(place, config, data) as notes:
         members = {name: place / MEMBERS / name for name in ensemble.members}
         for name, folder in members.items():

@@ -12,7 +12,7 @@ from bsg_data.build import build_dataset
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError, MismatchError, RecipeError
 from bsg_data.recipes import SplitRecipe
-from bsg_data.seals import write_seal
+from bsg_data.results import write_seal
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_models.belief.graph_file import open_graph_file
 from bsg_models.studies import belief_report

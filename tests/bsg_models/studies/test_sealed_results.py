@@ -14,7 +14,7 @@ from bsg_cli.models import main
 from bsg_cli.registry import COMMANDS
 from bsg_data.errors import DatasetError
 from bsg_data.inputs.bounded_file import hash_file
-from bsg_data.seals import write_seal
+from bsg_data.results import write_seal
 from bsg_models.errors import CheckpointError
 from bsg_models.studies.sealed_results import check_results
 

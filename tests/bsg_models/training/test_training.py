@@ -16,7 +16,7 @@ from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError, MismatchError
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import PairsRecipe, SplitRecipe
-from bsg_data.seals import SEAL
+from bsg_data.results import SEAL
 from bsg_models.errors import CheckpointError, TrainingError
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.runs.checkpoint import (
