@@ -100,25 +100,6 @@ def test_gamma_poisson_by_hand() -> None:
     assert found.hidden[0, 0] == pytest.approx(found.hidden[1:].sum())
 
 
-def test_gamma_poisson_is_the_posterior_of_its_own_model() -> None:
-    """Among rooms drawn from the model with 3 objects seen, the hidden ones follow it."""
-    rng = np.random.default_rng(0)
-    rates = rng.gamma(2.0, 1 / 1.0, 200_000)
-    there = rng.poisson(rates)
-    seen = rng.binomial(there, 0.5)
-    hidden = (there - seen)[seen == 3]
-    model = GammaPoissonModel(GammaPoissonConfig(), ModelInputs(classes=1))
-    model.shape.fill_(2.0)
-    model.rate.fill_(1.0)
-    found = model.predict(observe_building([[3.0], [3.0]]))
-    distribution = [
-        np.exp(found.log_probability(np.full((2, 1), float(n))))[1, 0] for n in range(8)
-    ]
-    np.testing.assert_allclose(
-        np.bincount(hidden, minlength=8)[:8] / len(hidden), distribution, atol=0.01
-    )
-
-
 def test_the_sum_of_rooms_has_their_mean_and_variance() -> None:
     distribution = negative_binomial(
         np.array([[9.0], [2.0], [3.0], [5.0]]), np.array([[9.0], [1.0], [4.0], [2.0]])

@@ -1,4 +1,4 @@
-"""Room types: the posterior by a naive loop, the building's habits."""
+"""Room types: their fit, the posterior by a naive loop, the building's habits."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ import torch
 from one_building import observe_building
 from scipy import stats
 
+from bsg_models.zoo import room_types
 from bsg_models.zoo.mixture import MixtureConfig, RoomTypeMixture, fit_habit
 from bsg_models.zoo.model import ModelInputs
+from bsg_models.zoo.room_types import FittedTypes, fit_types
 
 
 def two_types(*, temper: float = 1.0, building: bool = False, tilted: int = 0) -> RoomTypeMixture:
@@ -46,25 +48,6 @@ def test_the_posterior_is_that_of_a_naive_loop(temper: float) -> None:
             r, m = float(model.dispersions[k, c]), float(model.means[k, c])
             mean[c] += posterior[k] * f * (r + seen[c]) / (r / m + 1 - f)
     np.testing.assert_allclose(found.hidden[1], mean)
-
-
-def test_the_posterior_predicts_what_its_own_rooms_hide() -> None:
-    """Among rooms drawn from the model with (1, 0) seen, the hidden ones follow its posterior."""
-    rng = np.random.default_rng(0)
-    model, rooms = two_types(), 400_000
-    kind = rng.choice(2, rooms, p=[0.7, 0.3])
-    means, shapes = model.means.numpy()[kind], model.dispersions.numpy()[kind]
-    there = rng.poisson(rng.gamma(shapes, means / shapes))
-    seen = rng.binomial(there, 0.5)
-    chosen = (seen == [1, 0]).all(axis=1)
-    hidden = (there - seen)[chosen]
-    found = model.predict(observe_building([[1, 0], [1, 0]]))
-    for c in range(2):
-        distribution = [
-            np.exp(found.log_probability(np.full((2, 2), float(n))))[1, c] for n in range(5)
-        ]
-        share = np.bincount(hidden[:, c], minlength=5)[:5] / len(hidden)
-        np.testing.assert_allclose(share, distribution, atol=0.01)
 
 
 def test_the_posterior_of_tilted_types_is_that_of_the_joint_written_out() -> None:
@@ -137,3 +120,70 @@ def test_a_searched_room_hides_nothing_for_sure() -> None:
     found = model.predict(observe_building([[3, 1], [2, 1], [1, 0]], hidden_share=[0.25, 0.0, 0.5]))
     assert not found.presence[1].any()
     np.testing.assert_allclose(found.log_probability(np.zeros((3, 2)))[1], 0, atol=0.002)
+
+
+def test_tilts_give_the_first_counts_their_shares() -> None:
+    """Rooms of one toilet each: a negative binomial alone says two in many."""
+    counts = np.ones((400, 1), dtype=np.int64)
+    fitted = fit_types(counts, types=1, iterations=20, seed=0, tilted=2)
+    p = stats.nbinom.pmf([0, 1, 2], r := fitted.dispersions[0, 0], r / (r + fitted.means[0, 0]))
+    p[:2] *= np.exp(fitted.tilts[:, 0, 0])
+    assert p[1] / p.sum() > 0.9
+    assert fitted.expected[0, 0] == pytest.approx(1.0, abs=0.1)
+
+
+def test_more_iterations_never_lose_likelihood() -> None:
+    rng = np.random.default_rng(1)
+    counts = rng.poisson(rng.gamma(0.7, 2.0, (300, 6)))
+
+    def likelihood(iterations: int) -> float:
+        fitted = fit_types(counts, types=4, iterations=iterations, seed=0)
+        log_types, means, r = fitted.log_types, fitted.means, fitted.dispersions
+        distribution = stats.nbinom.logpmf(counts[:, None], r, r / (r + means)).sum(axis=2)
+        prior = stats.norm.logpdf(np.log(r)).sum()  # what the fit maximises has it
+        return float(np.logaddexp.reduce(log_types + distribution, axis=1).sum() + prior)
+
+    values = [likelihood(iterations) for iterations in (2, 10, 40)]
+    assert values == sorted(values)
+
+
+def test_types_of_rooms_are_those_of_a_naive_sum() -> None:
+    fitted = FittedTypes(
+        log_types=np.log([0.7, 0.3]),
+        means=np.array([[4.0, 0.1], [0.2, 3.0]]),
+        dispersions=np.array([[2.0, 1.0], [1.0, 5.0]]),
+        tilts=np.array([[[0.5, 1.0], [-1.0, 0.2]], [[1.5, 0.0], [0.3, -0.7]]]),
+    )
+    counts = np.array([[0, 0], [7, 1], [1, 12], [2, 0]])
+    values = np.arange(150)
+    joint = np.log([[0.7, 0.3]]) * np.ones((4, 1))
+    for k in range(2):
+        for c in range(2):
+            m, r = fitted.means[k, c], fitted.dispersions[k, c]
+            p = stats.nbinom.pmf(values, r, r / (r + m))
+            p[:2] *= np.exp(fitted.tilts[:, k, c])
+            joint[:, k] += np.log(p / p.sum())[counts[:, c]]
+    log_room = np.logaddexp(*joint.T)
+    np.testing.assert_allclose(fitted.log_probability(counts), log_room)
+    np.testing.assert_allclose(fitted.belonging(counts), np.exp(joint - log_room[:, None]))
+
+
+def test_planted_types_are_found_in_chunks_bytes_and_samples_too(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rng = np.random.default_rng(0)
+    means = np.array([[6.0, 0.1, 1.0], [0.1, 4.0, 1.0]])
+    kind = rng.choice(2, 3000, p=[0.6, 0.4])
+    counts = rng.poisson(rng.gamma(2.0, means[kind] / 2.0))
+    fitted = fit_types(counts, types=2, iterations=60, seed=0)
+    order = np.argsort(-fitted.means[:, 0])
+    np.testing.assert_allclose(fitted.means[order], means, rtol=0.15, atol=0.05)
+    np.testing.assert_allclose(np.exp(fitted.log_types[order]), [0.6, 0.4], atol=0.03)
+    assert (fitted.belonging(counts).argmax(axis=1) == order[kind]).mean() > 0.93  # types overlap
+    np.testing.assert_allclose(fitted.dispersions[order[0], 0], 2.0, rtol=0.25)
+    quick = fit_types(counts, types=2, iterations=60, seed=0, sample=400)
+    lost = fitted.log_probability(counts).mean() - quick.log_probability(counts).mean()
+    assert lost < 1e-3  # of 5 nats a room
+    monkeypatch.setattr(room_types, "_CHUNK", 7)
+    parts = fit_types(counts.astype(np.uint8), types=2, iterations=60, seed=0)
+    np.testing.assert_allclose(parts.means, fitted.means, rtol=1e-7, atol=1e-9)

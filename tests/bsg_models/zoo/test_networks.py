@@ -197,34 +197,26 @@ def test_a_stopped_network_resumes_to_the_same_weights_and_keeps_its_svd(
 
 
 def test_what_is_seen_of_other_categories_is_masked_too(dataset: Path) -> None:
-    """At share 1 − f of them in uniform masks, none of an unvisited room, the same in all draws."""
-    vocabulary = ("ceiling", "floor", "wall")
-    data = Dataset.open(dataset)
+    """About half of them in uniform masks of one half, and none of an unvisited room."""
+    data, vocabulary = Dataset.open(dataset), ("ceiling", "floor", "wall")
     scenes = scenes_of(data, "train")
 
-    def sample(
-        mask: MaskRecipe, *, draw: int = 0, vocabulary: tuple[str, ...] = vocabulary
-    ) -> Observation:
-        return sample_masked(data, scenes, mask=mask, draw=draw, vocabulary=vocabulary).seen
+    def sample(mask: MaskRecipe) -> Observation:
+        return sample_masked(data, scenes, mask=mask, draw=1, vocabulary=vocabulary).seen
 
     whole, half = sample(MaskRecipe(fraction=0.0)), sample(MaskRecipe())
     assert (half.others <= whole.others).all()
     of_rooms = np.zeros((len(half), 3), dtype=int)
     np.add.at(of_rooms, half.building[~half.is_building], half.others[~half.is_building])
     assert (half.others[half.is_building] == of_rooms).all()
-    # Every room of the fixture has a floor and a wall.
-    assert (whole.others[~whole.is_building, 1:] == 1).all()
-    share = half.others[half.is_building].sum() / whole.others[whole.is_building].sum()
-    assert 0.3 < share < 0.7
-    rooms = sample(MaskRecipe(strategy="rooms"), draw=1)
-    for number in range(len(rooms)):
-        one = rooms.take([number])
-        assert (~one.visited).any()
-        assert (one.others[~one.visited] == 0).all()
-        assert (one.hidden_share[~one.visited] == 1).all()
-        assert (one.hidden_share[one.visited & ~one.is_building] == 0).all()
-    narrow = sample(MaskRecipe(), vocabulary=("wall",))  # a mask does not depend on who reads it
-    assert (half.others[:, [2]] == narrow.others).all()
+    assert (whole.others[~whole.is_building, 1:] == 1).all()  # every room has a floor and a wall
+    assert 0.3 < half.others[half.is_building].sum() / whole.others[whole.is_building].sum() < 0.7
+    rooms = sample(MaskRecipe(strategy="rooms"))
+    unvisited = ~rooms.visited
+    assert set(rooms.building[unvisited].tolist()) == set(range(len(rooms)))
+    assert not rooms.others[unvisited].any()
+    assert (rooms.hidden_share[unvisited] == 1).all()
+    assert not rooms.hidden_share[~unvisited & ~rooms.is_building].any()
 
 
 def test_categories_that_an_observation_lacks_are_unseen_and_others_are_refused(
@@ -256,21 +248,6 @@ def test_a_batch_without_rooms_has_no_loss(dataset: Path) -> None:
     loss.backward()  # type: ignore[no-untyped-call]
 
 
-def test_the_gcn_is_the_papers_layers() -> None:
-    model = CECIGCN(GCNConfig(), ModelInputs(classes=45))
-    assert [(c.in_channels, c.out_channels) for c in model.convolutions] == [
-        (45, 64),
-        (64, 64),
-        (64, 64),
-        (64, 64),
-        (64, 45),
-    ]
-    assert len(model.blocks) == 4
-    literal = CECIGCN(GCNConfig(last_layer="block"), ModelInputs(classes=45))
-    assert len(literal.blocks) == 5
-    assert [type(layer).__name__ for layer in model.blocks[0]] == ["BatchNorm1d", "ReLU", "Dropout"]
-
-
 def test_one_layer_of_the_gcn_by_hand() -> None:
     """x′ = D^-½ (A + I) D^-½ x W (Kipf and Welling, eq. 2) on a building with two rooms."""
     model = CECIGCN(GCNConfig(depth=1), ModelInputs(classes=2))
@@ -300,9 +277,3 @@ def test_the_gcn_normalises_once_what_pygs_layers_normalise_each() -> None:
         if layer < len(model.blocks):
             x = model.blocks[layer](x)
     assert torch.equal(model(nodes), x)
-
-
-def test_the_gcn_has_no_negative_totals() -> None:
-    torch.manual_seed(0)
-    model = CECIGCN(GCNConfig(), ModelInputs(classes=45))
-    assert (model.predict(observe_building([[1] * 45] * 4)).totals >= 0).all()
