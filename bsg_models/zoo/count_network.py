@@ -22,12 +22,10 @@ from abc import abstractmethod
 import numpy as np
 import torch
 from torch import nn
-from torch.nn import functional
 
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.observation.masked_buildings import place_others
 from bsg_data.observation.observation import Observation
-from bsg_models.belief.count_distribution import MIN_RATE, CountDistribution, poisson
+from bsg_models.belief.count_distribution import MIN_RATE, CountDistribution
 from bsg_models.belief.negative_binomial import (
     hidden_posterior,
     hidden_tilts,
@@ -36,7 +34,7 @@ from bsg_models.belief.negative_binomial import (
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.inputs.nodes import Nodes
 from bsg_models.zoo.calibration import CalibratedModel
-from bsg_models.zoo.features import Likelihood, NetworkConfig, NodeFeatures
+from bsg_models.zoo.features import NetworkConfig, NodeFeatures
 from bsg_models.zoo.model import ModelInputs, Network, to_array
 from bsg_models.zoo.settings import DataConfig
 
@@ -52,7 +50,6 @@ class CountNetwork(CalibratedModel, Network):
     def __init__(self, config: NetworkConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
         self.reads = config.reads
-        self.likelihood: Likelihood = config.likelihood
         self.features = NodeFeatures(config, inputs.classes, len(inputs.vocabulary))
         self.head = PriorHead(config, inputs.classes)
 
@@ -63,10 +60,6 @@ class CountNetwork(CalibratedModel, Network):
     def fit(self, data: Dataset, choice: DataConfig) -> None:
         """Start the head from the mean histogram of the training rooms."""
         scenes = scenes_of(data, "train", fold=choice.fold)
-        others = (data.others(scene) for scene in scenes)
-        self.features.fit(
-            place_others(one.cells, one.categories, self.vocabulary)[1:] > 0 for one in others
-        )
         total, number = np.zeros(self.inputs.classes), 0
         for part in data.in_parts(scenes):
             for rooms in (data.cells(scene)[1:] for scene in part):
@@ -80,12 +73,16 @@ class CountNetwork(CalibratedModel, Network):
         return posterior
 
     def loss(self, nodes: Nodes) -> torch.Tensor:
-        """Return the mean loss over rooms and classes, as `likelihood` says."""
+        """Return the mean of −log P(hidden) over rooms and classes."""
         rooms = ~nodes.is_building
         mean, dispersion, tilts = self(nodes)
-        posterior = mean[rooms], dispersion[rooms], [tilt[rooms] for tilt in tilts]
-        cells = cell_loss((nodes.y - nodes.x)[rooms], posterior, likelihood=self.likelihood)
-        return cells.sum() / max(cells.numel(), 1)  # a batch may have no rooms
+        cells: torch.Tensor = log_negative_binomial(
+            (nodes.y - nodes.x)[rooms],
+            mean[rooms].clamp(min=MIN_RATE),
+            dispersion[rooms],
+            [tilt[rooms] for tilt in tilts],
+        )
+        return -cells.sum() / max(cells.numel(), 1)  # a batch may have no rooms
 
     def cells_of(self, nodes: Nodes) -> int:
         """Return the number of cells of rooms."""
@@ -104,8 +101,6 @@ class CountNetwork(CalibratedModel, Network):
             self.eval()
         with torch.no_grad():
             mean, dispersion, tilts = self(self.nodes_of(seen))
-        if self.likelihood != "negative-binomial":
-            return poisson(to_array(mean))
         return CountDistribution(
             to_array(mean)[None],
             to_array(dispersion)[None],
@@ -123,7 +118,7 @@ class PriorHead(nn.Module):
         self.mean = nn.Linear(config.width, classes)
         self.shape = nn.Linear(config.width, classes)
         layers = [self.mean, self.shape]
-        self.tilted = config.tilted if config.likelihood == "negative-binomial" else 0
+        self.tilted = config.tilted
         if self.tilted:
             self.tilt = nn.Linear(config.width, self.tilted * classes)
             layers.append(self.tilt)
@@ -146,16 +141,3 @@ class PriorHead(nn.Module):
         tilts = self.tilt(self.dropout(encoded)).clamp(-_MOST, _MOST)
         of_counts = tilts.unflatten(1, (self.tilted, -1)).unbind(1)
         return *hidden, hidden_tilts(of_counts, nodes.x)
-
-
-def cell_loss(
-    hidden: torch.Tensor, posterior: Posterior, *, likelihood: Likelihood
-) -> torch.Tensor:
-    """Return the squared error (`mse`) or −log P(hidden) of every (node, class), `[N, C]`."""
-    mean, dispersion, tilts = posterior
-    if likelihood == "mse":
-        return functional.mse_loss(mean, hidden, reduction="none")
-    mean = mean.clamp(min=MIN_RATE)
-    if likelihood == "poisson":
-        return mean - hidden * mean.log() + torch.lgamma(hidden + 1)
-    return -log_negative_binomial(hidden, mean, dispersion, tilts)

@@ -5,22 +5,18 @@ Every feature is of order one, whatever the size of a room or a building.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Literal
 
-import numpy as np
 import torch
 from pydantic import Field, field_validator
 from torch import nn
 from torch_geometric.utils import scatter
 
-from bsg_data.arrays import Bools
 from bsg_models.inputs.nodes import EVIDENCE, Nodes
 from bsg_models.zoo.settings import ModelConfig
 
 _EDGE = 0.02  # shares are moved this far from 0 and 1 before a logarithm
 
-Likelihood = Literal["mse", "poisson", "negative-binomial"]
 EVERYTHING = ("mask", "building", "categories", "withheld", *EVIDENCE)
 
 
@@ -31,12 +27,9 @@ class NetworkConfig(ModelConfig):
         width: channels of the hidden layers.
         depth: rounds or layers.
         dropout: share of channels dropped after each layer; half of it for the features.
-        likelihood: of the hidden counts.
         tilted: J, the number of first counts whose prior is tilted; 0 for a plain Gamma prior.
         reads: evidence besides the node's own histogram; see `NodeFeatures`.
         embedding: width of the embedding of the categories outside the classes.
-        embed: `learned` with the network, or `svd`: fixed first components of the table of
-            categories by training rooms.
         category_dropout: share of these categories that training overlooks.
         forget: share of the rooms whose size and label training hides, and of the buildings whose
             kind and source it hides, so that the network never depends on them.
@@ -47,11 +40,11 @@ class NetworkConfig(ModelConfig):
     width: int = Field(default=128, ge=1, le=4096)
     depth: int = Field(default=2, ge=1, le=64)
     dropout: float = Field(default=0.4, ge=0.0, lt=1.0)
-    likelihood: Likelihood = "negative-binomial"
+    likelihood: Literal["negative-binomial"] = "negative-binomial"  # of the hidden counts
     tilted: int = Field(default=2, ge=0, le=8)
     reads: tuple[str, ...] = ("mask", "building", "categories")
     embedding: int = Field(default=32, ge=1, le=4096)
-    embed: Literal["learned", "svd"] = "learned"
+    embed: Literal["learned"] = "learned"  # with the network
     category_dropout: float = Field(default=0.3, ge=0.0, lt=1.0)
     forget: float = Field(default=0.5, ge=0.0, lt=1.0)
     calibrate: bool = True
@@ -88,7 +81,6 @@ class NodeFeatures(nn.Module):
         if not vocabulary:  # no category is frequent enough
             self.reads -= {"categories"}
         self.forget, self.category_dropout = config.forget, config.category_dropout
-        self.svd = config.embed == "svd"
         first = 2 * classes + 1
         mask = 2 * ("mask" in self.reads) + classes * ("withheld" in self.reads)
         self.mask = slice(first, first + mask)  # columns that describe the mask
@@ -97,24 +89,8 @@ class NodeFeatures(nn.Module):
             self.width += 2 * classes + 2
         if "categories" in self.reads:
             self.embedding = nn.Linear(vocabulary, config.embedding, bias=False)
-            self.embedding.requires_grad_(not self.svd)
             self.width += config.embedding * (2 if "building" in self.reads else 1)
         self.width += sum(kind.width for name, kind in EVIDENCE.items() if name in self.reads)
-
-    def fit(self, present: Iterable[Bools]) -> None:
-        """Compute the `svd` embedding, if configured, from the categories of rooms `[R, V]`.
-
-        It is the truncated singular value decomposition, each component scaled to unit variance.
-        """
-        if "categories" not in self.reads or not self.svd:
-            return
-        rooms = np.concatenate(list(present)).astype(float)
-        _, _, components = np.linalg.svd(rooms, full_matrices=False)
-        weight = np.zeros(self.embedding.weight.shape)
-        kept = components[: len(weight)]
-        weight[: len(kept)] = kept / np.maximum((rooms @ kept.T).std(axis=0), 1e-3)[:, None]
-        with torch.no_grad():
-            self.embedding.weight.copy_(torch.from_numpy(weight))
 
     def forward(self, nodes: Nodes) -> torch.Tensor:
         """Return features `[N, F]`."""

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import torch
 from one_building import observe_building
-from scipy import stats
 from torch_geometric.nn import GCNConv
 
 from bsg_data.dataset.dataset import Dataset
@@ -18,7 +17,6 @@ from bsg_data.observation.masked_buildings import sample_masked
 from bsg_data.observation.observation import Observation
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.surroundings import Surroundings
-from bsg_models.belief.count_distribution import negative_binomial
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.inputs.graphs import read_split
@@ -28,7 +26,7 @@ from bsg_models.runs.run_folder import BEST, LAST
 from bsg_models.training.training import new_model, train_run
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
-from bsg_models.zoo.count_network import CountNetwork, PriorHead, cell_loss
+from bsg_models.zoo.count_network import CountNetwork, PriorHead
 from bsg_models.zoo.features import NetworkConfig, NodeFeatures, ShownDropout
 from bsg_models.zoo.gamma_poisson import GammaPoissonConfig, GammaPoissonModel
 from bsg_models.zoo.gcn import CECIGCN, GCNConfig
@@ -71,30 +69,19 @@ def test_the_head_is_shrinkage_with_a_prior_of_its_own() -> None:
     assert found[0][3].tolist() == pytest.approx([2.0, 0.5])  # nothing seen: the prior
 
 
-@pytest.mark.parametrize("likelihood", ["mse", "poisson", "negative-binomial"])
-def test_losses_are_scipys(likelihood: str) -> None:
-    rng = np.random.default_rng(0)
-    hidden = rng.poisson(2.0, (5, 3)).astype(float)
-    mean, r = rng.gamma(2.0, 1.0, (5, 3)), rng.gamma(2.0, 1.0, (5, 3))
-    expected = {
-        "mse": (mean - hidden) ** 2,
-        "poisson": -stats.poisson.logpmf(hidden, mean),
-        "negative-binomial": -stats.nbinom.logpmf(hidden, r, r / (r + mean)),
-    }[likelihood]
-    counts, mu, dispersion = map(torch.from_numpy, (hidden, mean, r))
-    found = cell_loss(counts, (mu, dispersion, []), likelihood=likelihood)  # type: ignore[arg-type]
-    np.testing.assert_allclose(found.numpy(), expected, rtol=1e-6)
-
-
-def test_the_loss_of_tilted_counts_is_their_log_probability() -> None:
-    rng = np.random.default_rng(0)
-    hidden = rng.poisson(1.0, (6, 3)).astype(float)
-    mean, r, tilts = rng.gamma(2, 1, (6, 3)), rng.gamma(2, 1, (6, 3)), rng.normal(0, 1, (2, 6, 3))
-    expected = replace(negative_binomial(mean, r), tilts=tilts[:, None]).log_probability(hidden)
-    counts, mu, dispersion = map(torch.from_numpy, (hidden, mean, r))
-    posterior = mu, dispersion, list(torch.from_numpy(tilts))
-    found = cell_loss(counts, posterior, likelihood="negative-binomial")
-    np.testing.assert_allclose(found.numpy(), -expected, rtol=1e-9)
+def test_the_loss_is_minus_the_log_probability_of_what_rooms_hide(dataset: Path) -> None:
+    data = Dataset.open(dataset)
+    torch.manual_seed(0)
+    model = new_model(configure("ceci-sage"), data).eval()
+    assert isinstance(model, CountNetwork)
+    for parameter in model.head.parameters():  # as if trained: no head is all zeros
+        torch.nn.init.normal_(parameter, std=0.1)
+    masked = read_split(data, "test", vocabulary=model.vocabulary)
+    found = model.loss(model.nodes_of(masked.seen, masked.targets)).item()
+    rooms = np.flatnonzero(~masked.seen.is_building)
+    beliefs = model.predict_hidden_counts(masked.seen).take(rooms)
+    expected = -beliefs.log_probability(masked.hidden[rooms].astype(float)).mean()
+    assert found == pytest.approx(expected, rel=1e-5)
 
 
 def test_dropout_leaves_what_is_told_of_the_mask() -> None:
@@ -163,24 +150,8 @@ def test_every_network_learns_and_is_saved_and_loaded_alike(
     assert checkpoint.header.calibrated
 
 
-def test_an_svd_embedding_is_numpys() -> None:
-    present = np.random.default_rng(0).random((60, 7)) < [0.9, 0.7, 0.5, 0.3, 0.3, 0.2, 0.1]
-    features = NodeFeatures(NetworkConfig(embed="svd", embedding=3), 2, 7)
-    features.fit([present[:20], present[20:]])
-    u, s, _ = np.linalg.svd(present.astype(float), full_matrices=False)
-    found = present @ features.embedding.weight.detach().numpy().T
-    for k in range(3):
-        expected = u[:, k] * s[k] / (u[:, k] * s[k]).std()
-        np.testing.assert_allclose(np.abs(found[:, k]), np.abs(expected), atol=1e-4)
-
-
-def test_a_stopped_network_resumes_to_the_same_weights_and_keeps_its_svd(
-    dataset: Path, tmp_path: Path
-) -> None:
-    config, data = configure("ceci-sage", "model.embed=svd"), Dataset.open(dataset)
-    start = new_model(config, data)
-    assert isinstance(start, CountNetwork)
-    start.fit(data, config.data)
+def test_a_stopped_network_resumes_to_the_same_weights(dataset: Path, tmp_path: Path) -> None:
+    config = configure("ceci-sage")
     list(train_run(config, dataset, tmp_path / "whole"))
     for report in train_run(config, dataset, tmp_path / "stopped"):
         if report.epoch == 3:
@@ -189,9 +160,7 @@ def test_a_stopped_network_resumes_to_the_same_weights_and_keeps_its_svd(
     a, b = (load_checkpoint(tmp_path / name / LAST) for name in ("whole", "stopped"))
     assert a.header == b.header
     assert all(torch.equal(t, b.tensors[name]) for name, t in a.tensors.items())
-    embedding = a.state_of("model")["features.embedding.weight"]
-    torch.testing.assert_close(embedding, start.features.embedding.weight.detach())
-    longer = configure("ceci-sage", "model.embed=svd", "training.epochs=9")
+    longer = configure("ceci-sage", "training.epochs=9")
     with pytest.raises(TrainingError):  # its learning rate falls over all epochs
         list(train_run(longer, dataset, tmp_path / "whole", resume=True))
 
