@@ -58,27 +58,17 @@ _PARTS_OF = "parts-of-"  # a mark in `.build`: the number of parts that a proces
 
 
 class BuildPlan(Record):
-    """All that determines the bytes of a dataset; a build goes on with its own plan only.
+    """All that determines the bytes of a dataset; a build goes on with its own plan only."""
 
-    Attributes:
-        format_version: version of the dataset format.
-        generator: this program and its version.
-        source: what is built.
-        class_space: the classes of all histograms.
-        scenes_per_shard: number of scenes in each part of a table.
-        shards: number of parts of each table.
-        not_read: scenes that the source found but does not read, with the reason.
-        unused: files that belong to no scene.
-    """
-
-    format_version: int = FORMAT_VERSION
-    generator: str
-    source: SourceEntry
-    class_space: ClassSpace
-    scenes_per_shard: ScenesPerShard
-    shards: int = Field(ge=0, le=MAX_PARTS)
+    format_version: int = FORMAT_VERSION  # version of the dataset format
+    generator: str  # this program and its version
+    source: SourceEntry  # what is built
+    class_space: ClassSpace  # the classes of all histograms
+    scenes_per_shard: ScenesPerShard  # number of scenes in each part of a table
+    shards: int = Field(ge=0, le=MAX_PARTS)  # number of parts of each table
+    # scenes that the source found but does not read, with the reason
     not_read: tuple[SkippedScene, ...]
-    unused: tuple[SkippedScene, ...]
+    unused: tuple[SkippedScene, ...]  # files that belong to no scene
 
 
 @dataclass(frozen=True, slots=True)

@@ -108,13 +108,7 @@ def make_shard(
 
 
 def _read(source: Source, ref: SceneRef, class_map: ClassMap) -> Reading:
-    """Read one scene; unexpected errors of the source are raised again with the scene's name.
-
-    Raises:
-        SourceError: if the scene is unreadable.
-        SourceChangedError: if the source changed or failed.
-        RuntimeError: if the code of the source has a bug.
-    """
+    """Read one scene; unexpected errors of the source are raised again with the scene's name."""
     try:
         return source.read(ref, class_map)
     except SourceChangedError as error:

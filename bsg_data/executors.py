@@ -31,9 +31,6 @@ def run_all(
         tasks: arguments of each call.
         executor: runs the tasks in parallel; None runs them one by one in this process.
         progress: called with (tasks done, tasks in all) after each task.
-
-    Raises:
-        Exception: the first exception of a task; tasks that have not begun are cancelled.
     """
     report = progress or (lambda done, total: None)
     results: dict[int, Result] = {}
@@ -49,11 +46,7 @@ def run_in_order(
     *,
     executor: Executor | None = None,
 ) -> Iterator[Result]:
-    """Yield the results of any number of tasks in order, with at most `WINDOW` in memory.
-
-    Raises:
-        Exception: the exception of a task, in its turn; tasks that have not begun are cancelled.
-    """
+    """Yield the results of any number of tasks in order, with at most `WINDOW` in memory."""
     if executor is None:
         yield from (function(*task) for task in tasks)
         return

@@ -32,10 +32,6 @@ def write_figure(figure: Drawing, path: Path, **how: Any) -> None:
         figure: of matplotlib.
         path: its suffix names the format.
         how: as `savefig` takes it.
-
-    Raises:
-        FigureError: if the figure cannot be drawn in the format that the suffix names.
-        BSGError: if there is no suffix, or the file cannot be written.
     """
     if not path.suffix:  # matplotlib would take another path
         raise BSGError(f"{path}: no suffix names the format of the figure; take {path}.png")

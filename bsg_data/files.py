@@ -17,11 +17,7 @@ AnyPath: TypeAlias = "str | os.PathLike[str]"  # what a public function takes fo
 
 
 def resolve_links(path: AnyPath) -> Path:
-    """Return the absolute path without links.
-
-    Raises:
-        DatasetError: if a link on the way leads to itself.
-    """
+    """Return the absolute path without links."""
     path = Path(path)
     loop = DatasetError(
         f"{path}: a link on the way leads to itself; name another place, or remove the link"
@@ -45,9 +41,6 @@ def open_beside(path: Path) -> Iterator[Path]:
     A missing folder is made. The old file at `path` stays until the rename, and stays for good if
     the block raises. The data are flushed before the rename, and the name before the function
     returns.
-
-    Raises:
-        DatasetError: if the file cannot be written, or `path` is a device such as `/dev/null`.
     """
     refuse_devices(path)
     partial = path.with_name(f".{path.name}.partial")
@@ -81,9 +74,6 @@ def encode_json(value: object, **style: Any) -> str:
     Args:
         value: a value of types that JSON has.
         style: keywords of `json.dumps`.
-
-    Raises:
-        DatasetError: if a number in it is not finite.
     """
     try:
         return json.dumps(value, allow_nan=False, **style)  # noqa: TID251
@@ -109,9 +99,6 @@ def refuse_links(root: Path, path: Path) -> None:
     Args:
         root: the folder that the user named; it may be a link itself.
         path: a path below it, existing or not.
-
-    Raises:
-        DatasetError: naming the link.
     """
     for place in (path, *path.parents):
         if place == root:
@@ -123,21 +110,13 @@ def refuse_links(root: Path, path: Path) -> None:
 
 
 def refuse_devices(path: Path) -> None:
-    """Refuse a path that is a device, a pipe or a socket, because a rename would replace it.
-
-    Raises:
-        DatasetError: naming it.
-    """
+    """Refuse a path that is a device, a pipe or a socket, because a rename would replace it."""
     if path.exists() and not (path.is_file() or path.is_dir()):
         raise DatasetError(f"{path}: is a device or a pipe; expected a file or a free path")
 
 
 def flush_file(path: Path) -> None:
-    """Flush the data of a file to the disk.
-
-    Raises:
-        OSError: if they do not.
-    """
+    """Flush the data of a file to the disk."""
     descriptor = os.open(path, os.O_RDWR)  # Windows flushes only what is open for writing
     try:
         os.fsync(descriptor)

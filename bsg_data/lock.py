@@ -24,9 +24,6 @@ def hold(folder: Path, *, wait: float = 0.0) -> Iterator[None]:
     Args:
         folder: folder to lock; it need not exist.
         wait: seconds to wait for the current holder.
-
-    Raises:
-        DatasetError: if another holder (also this process) keeps it, or it cannot be made.
     """
     folder = resolve_links(folder)  # a link and what it leads to have one lock
     if not folder.name:

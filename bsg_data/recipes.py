@@ -46,9 +46,6 @@ def read_number(name: str, value: object, *, most: float, wanted: str = "") -> f
         value: what the caller gave.
         most: the largest number; it may be infinite.
         wanted: what was expected, for an error; empty says the range.
-
-    Raises:
-        RecipeError: naming it, if it is no such number; True and False are none.
     """
     try:
         is_number = isinstance(value, Real) and not isinstance(value, bool)
@@ -84,28 +81,26 @@ class Exploration(Record):
     A mask hides the fraction f of the objects and shows 1 − f. `not_entered` and `searched` say how
     much of each part lies in whole rooms. The rest is in partly seen rooms. The other masks are
     special cases: see `bsg_data.observation.masks`.
-
-    Attributes:
-        not_entered: share of the hidden objects that is in rooms not entered: (low, high); each
-            draw takes one value, uniformly.
-        searched: share of the shown objects that is in searched rooms: (low, high), uniformly.
-        glimpsed: probability that a room was seen through the door, if the robot entered a
-            neighbour of it but not the room itself.
-        glimpsed_share: hidden share of such a room: (low, high), uniformly.
-        spread: how much the hidden shares of partly seen rooms differ: uniformly, by at most
-            spread · min(b, 1 − b) from their mean b; 0: not at all.
-        connected: whether the robot enters room after room along the connections; otherwise the
-            rooms are scattered.
-        exact: whether the rooms of one share s lose exactly ⌊s · their objects⌋ together, as in
-            the paper's mask. Otherwise each object is hidden with the probability s.
     """
 
+    # share of the hidden objects that is in rooms not entered: (low, high); each draw takes one
+    # value, uniformly
     not_entered: tuple[Share, Share] = (0.0, 1.0)
+    # share of the shown objects that is in searched rooms: (low, high), uniformly
     searched: tuple[Share, Share] = (0.0, 1.0)
+    # probability that a room was seen through the door, if the robot entered a neighbour of it but
+    # not the room itself
     glimpsed: Share = 0.5
+    # hidden share of such a room: (low, high), uniformly
     glimpsed_share: tuple[Share, Share] = (0.7, 0.98)
+    # how much the hidden shares of partly seen rooms differ: uniformly, by at most spread · min(b,
+    # 1 − b) from their mean b; 0: not at all
     spread: float = Field(default=0.8, ge=0.0, lt=1.0)
+    # whether the robot enters room after room along the connections; otherwise the rooms are
+    # scattered
     connected: bool = True
+    # whether the rooms of one share s lose exactly ⌊s · their objects⌋ together, as in the paper's
+    # mask. Otherwise each object is hidden with the probability s.
     exact: bool = False
 
     @model_validator(mode="after")

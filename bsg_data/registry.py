@@ -108,11 +108,7 @@ class Registry(Generic[Row]):
 
 
 def require_known(kind: str, names: Iterable[str], known: Iterable[str]) -> None:
-    """Refuse unknown names.
-
-    Raises:
-        RecipeError: for the first unknown name, with the nearest known name.
-    """
+    """Refuse unknown names."""
     listed = tuple(known)
     for name in names:
         if name not in listed:

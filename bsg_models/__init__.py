@@ -24,11 +24,7 @@ def __dir__() -> list[str]:
 
 
 def __getattr__(name: str) -> Any:
-    """Import a public name.
-
-    Raises:
-        ModuleNotFoundError: if a package of the extra `models` is missing; the message names it.
-    """
+    """Import a public name."""
     try:
         return _load(name)
     except ModuleNotFoundError as error:

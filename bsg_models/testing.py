@@ -89,13 +89,9 @@ def observe_building(
 
 
 class ModelContract:
-    """The contract of every model.
+    """The contract of every model."""
 
-    Attributes:
-        name: of the model's row in `ZOO`, or of its entry point.
-    """
-
-    name: ClassVar[str]
+    name: ClassVar[str]  # of the model's row in `ZOO`, or of its entry point
 
     def test_losses_are_numbers(self) -> None:
         """Check that losses and gradients of a network are finite."""
@@ -179,13 +175,9 @@ class ModelContract:
 
 
 class PlannerContract:
-    """The contract of every planner.
+    """The contract of every planner."""
 
-    Attributes:
-        name: of the planner's row in `PLANNERS`, or of its entry point.
-    """
-
-    name: ClassVar[str]
+    name: ClassVar[str]  # of the planner's row in `PLANNERS`, or of its entry point
 
     def moments(self) -> Iterator[Knowledge]:
         """Yield what robots know in searches of random buildings of several sizes and tasks."""
@@ -257,13 +249,9 @@ def make_knowledge(seed: int, *, nodes: int, artifacts: int, task: Task) -> Know
 
 
 class MetricContract:
-    """The contract of every metric.
+    """The contract of every metric."""
 
-    Attributes:
-        name: of the metric's row in `METRICS`, or of its entry point.
-    """
-
-    name: ClassVar[str]
+    name: ClassVar[str]  # of the metric's row in `METRICS`, or of its entry point
 
     def prediction(self) -> Prediction:
         """Return two draws of three buildings with three rooms each, five classes."""
@@ -344,13 +332,9 @@ def _take_nodes(prediction: Prediction, rows: Ints) -> Prediction:
 
 
 class FormatContract:
-    """The contract of every format.
+    """The contract of every format."""
 
-    Attributes:
-        name: of the format's row in `FORMATS`, or of its entry point.
-    """
-
-    name: ClassVar[str]
+    name: ClassVar[str]  # of the format's row in `FORMATS`, or of its entry point
 
     def beliefs(self) -> list[BeliefGraph]:
         """Return belief graphs: an empty one, and one with hostile names."""

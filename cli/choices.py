@@ -29,11 +29,7 @@ MOST_ROOMS, MOST_OBJECTS = 100_000, 4_000_000  # of a synthetic building
 
 
 def require_known(kind: str, names: Iterable[str], known: Iterable[str]) -> None:
-    """Refuse an unknown name and suggest the nearest known one.
-
-    Raises:
-        click.UsageError: for the first unknown name.
-    """
+    """Refuse an unknown name and suggest the nearest known one."""
     try:
         registry.require_known(kind, names, known)
     except RecipeError as error:
@@ -41,12 +37,7 @@ def require_known(kind: str, names: Iterable[str], known: Iterable[str]) -> None
 
 
 def load_config(name: str, settings: tuple[str, ...] = ()) -> bsg_models.RunConfig:
-    """Return the configuration of a zoo name or a TOML file, with its overrides.
-
-    Raises:
-        click.UsageError: if the name is neither.
-        ConfigError: if the file or an override is invalid.
-    """
+    """Return the configuration of a zoo name or a TOML file, with its overrides."""
     if name in MODELS or not (name.endswith(".toml") or Path(name).is_file()):
         require_known("model", [name], MODELS)
         tables = bsg_models.find_config(name).model_dump(mode="json")

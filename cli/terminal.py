@@ -168,15 +168,10 @@ def tell_now_and_then(
 
 @dataclass(frozen=True, slots=True)
 class Workers:
-    """The workers for the parallel part of a command.
+    """The workers for the parallel part of a command."""
 
-    Attributes:
-        processes: number of processes on this machine.
-        scheduler: address of a Dask scheduler, whose workers replace the processes.
-    """
-
-    processes: int
-    scheduler: str | None = None
+    processes: int  # number of processes on this machine
+    scheduler: str | None = None  # address of a Dask scheduler, whose workers replace the processes
 
 
 @contextmanager

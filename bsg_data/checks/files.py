@@ -16,19 +16,12 @@ from bsg_data.errors import BSGError
 
 @dataclass(eq=False)
 class FileReader:
-    """Read the files of a dataset and collect their faults.
+    """Read the files of a dataset and collect their faults."""
 
-    Attributes:
-        dataset: folder of the dataset.
-        manifest: manifest to compare the files with.
-        progress: called with (files done, files in all).
-        faults: the faults found so far.
-    """
-
-    dataset: Path
-    manifest: Manifest
-    progress: Callable[[int, int], None] | None = None
-    faults: list[Fault] = field(default_factory=list)
+    dataset: Path  # folder of the dataset
+    manifest: Manifest  # manifest to compare the files with
+    progress: Callable[[int, int], None] | None = None  # called with (files done, files in all)
+    faults: list[Fault] = field(default_factory=list)  # the faults found so far
     _done: int = 0
 
     def read(self, entry: FileEntry) -> pa.Table | None:

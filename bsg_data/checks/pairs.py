@@ -96,21 +96,13 @@ class PairCheck:
 
 @dataclass(frozen=True, eq=False)
 class _Pairs:
-    """The rows of P pairs.
+    """The rows of P pairs."""
 
-    Attributes:
-        draw: `[P]` numbers of the masks.
-        node: `[P]` nodes of interest.
-        inputs: `[P, C]` input histograms.
-        targets: `[P, C]` target histograms.
-        view: view of all rows.
-    """
-
-    draw: npt.NDArray[np.int32]
-    node: npt.NDArray[np.int32]
-    inputs: npt.NDArray[np.uint16]
-    targets: npt.NDArray[np.uint16]
-    view: View
+    draw: npt.NDArray[np.int32]  # `[P]` numbers of the masks
+    node: npt.NDArray[np.int32]  # `[P]` nodes of interest
+    inputs: npt.NDArray[np.uint16]  # `[P, C]` input histograms
+    targets: npt.NDArray[np.uint16]  # `[P, C]` target histograms
+    view: View  # view of all rows
 
     @classmethod
     def of(cls, table: pa.Table) -> _Pairs:

@@ -17,15 +17,10 @@ NULL = -1  # instead of a word
 
 @dataclass(frozen=True, eq=False)
 class Words:
-    """A column of words.
+    """A column of words."""
 
-    Attributes:
-        names: the distinct words.
-        codes: `[n]` index of every row's word in `names`, or `NULL`.
-    """
-
-    names: tuple[str, ...]
-    codes: Ints
+    names: tuple[str, ...]  # the distinct words
+    codes: Ints  # `[n]` index of every row's word in `names`, or `NULL`
 
     @classmethod
     def of(cls, column: pa.ChunkedArray) -> Words:
@@ -55,17 +50,11 @@ class Words:
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """The rows of one table of a part.
+    """The rows of one table of a part."""
 
-    Attributes:
-        table: the columns.
-        scene: `[n]` number of every row's scene in the part; `NULL` for other scenes.
-        strangers: names of the other scenes.
-    """
-
-    table: pa.Table
-    scene: Ints
-    strangers: tuple[str, ...]
+    table: pa.Table  # the columns
+    scene: Ints  # `[n]` number of every row's scene in the part; `NULL` for other scenes
+    strangers: tuple[str, ...]  # names of the other scenes
 
     @classmethod
     def of(cls, table: pa.Table, scenes: Mapping[str, int]) -> Rows:

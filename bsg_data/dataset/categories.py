@@ -20,15 +20,11 @@ NO_CATEGORY = ""  # stands for nameless and unmapped objects: nothing to learn f
 
 @dataclass(frozen=True, eq=False)
 class OtherObjects:
-    """The objects without a class of one scene.
+    """The objects without a class of one scene."""
 
-    Attributes:
-        categories: `[K]` names, sorted; `NO_CATEGORY` stands for objects without a category.
-        cells: `[1 + R, K]` counts, row 0 the null region.
-    """
-
+    # `[K]` names, sorted; `NO_CATEGORY` stands for objects without a category
     categories: tuple[str, ...]
-    cells: Counts
+    cells: Counts  # `[1 + R, K]` counts, row 0 the null region
 
 
 def choose_vocabulary(others: Iterable[OtherObjects], *, min_scenes: int) -> tuple[str, ...]:

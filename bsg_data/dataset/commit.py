@@ -59,12 +59,7 @@ def name_growing(out: Path) -> Path:
 
 
 def require_place(out: Path, *, force: bool) -> None:
-    """Refuse a path where no dataset can be put.
-
-    Raises:
-        DatasetError: if the name is too long, the working folder is in it, it lies in a dataset,
-            or something is there that may not be replaced.
-    """
+    """Refuse a path where no dataset can be put."""
     if not out.name or len(os.fsencode(out.name)) > _MAX_NAME:
         raise DatasetError(
             f"{out}: expected a folder with a name of at most {_MAX_NAME} bytes; choose another",
@@ -94,11 +89,7 @@ def require_place(out: Path, *, force: bool) -> None:
 
 
 def require_own(folder: Path) -> None:
-    """Refuse a folder with a file that no command of this program wrote.
-
-    Raises:
-        DatasetError: naming the first.
-    """
+    """Refuse a folder with a file that no command of this program wrote."""
     foreign = [path for path in list_paths(folder) if not is_own(path)]
     if folder.is_symlink() or foreign:
         what = "is a link" if folder.is_symlink() else f"holds {foreign[0]}, which is not ours"
@@ -142,9 +133,6 @@ def growing(
 
     Yields:
         The folder; whether the same dataset is in its place already.
-
-    Raises:
-        DatasetError: if `out` is taken, or something else is where the dataset would grow.
     """
     _make_folder(out.parent)
     folder = name_growing(out)
@@ -185,11 +173,7 @@ def _prepare(folder: Path, plan: Record) -> None:
 
 
 def put_in_place(out: Path, manifest: Manifest) -> None:
-    """Publish a dataset that has grown, move it to its place, and remove the one it replaces.
-
-    Raises:
-        DatasetError: if it cannot be moved there.
-    """
+    """Publish a dataset that has grown, move it to its place, and remove the one it replaces."""
     folder = name_growing(out)
     for name in set(list_strays(folder, manifest)):
         if not name.startswith(f"{BUILD}/"):
@@ -240,10 +224,6 @@ def revise(dataset: Path, write: Callable[[Manifest], Manifest]) -> Manifest:
         dataset: its folder.
         write: called with the manifest, while no other command writes. It adds files that no
             manifest names yet, and returns the manifest that names them.
-
-    Raises:
-        DatasetError: if there is no dataset, another command is writing, or a file cannot be
-            written.
     """
     with hold(dataset):
         settle(resolve_links(dataset))

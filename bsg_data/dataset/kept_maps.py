@@ -41,20 +41,13 @@ def read_class_maps(dataset: Path, manifest: Manifest) -> tuple[str | OwnMap, ..
 
     Published maps are returned by name. So are own maps without a copy in the dataset, as in
     datasets of earlier versions.
-
-    Raises:
-        ClassMapError: if a kept map differs from the manifest.
     """
     maps = (_read(dataset, entry) for entry in _list_entries(manifest))
     return tuple(maps)
 
 
 def copy_class_maps(source: Path, manifest: Manifest, dataset: Path) -> None:
-    """Copy the class maps that a dataset keeps into another one.
-
-    Raises:
-        ClassMapError: if what is kept is not what the manifest says.
-    """
+    """Copy the class maps that a dataset keeps into another one."""
     entries = _list_entries(manifest)
     for entry, found in zip(entries, read_class_maps(source, manifest), strict=True):
         if isinstance(found, OwnMap):

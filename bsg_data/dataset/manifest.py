@@ -144,31 +144,18 @@ class Totals(Record):
 
 
 class SourceEntry(Record):
-    """One source of a dataset.
+    """One source of a dataset."""
 
-    Attributes:
-        kind: its name in the catalogue of sources.
-        version: version of the source; None if it has none.
-        fingerprint: hash of the annotations of all its scenes.
-        class_map: the class map of its names.
-        options: options that its bytes depend on.
-        terms: licence and citation of its data; None if unknown.
-    """
-
-    kind: str
-    version: str | None
-    fingerprint: str
-    class_map: ClassMapEntry
-    options: dict[str, int | str] = Field(default_factory=dict)
-    terms: Terms | None = None
+    kind: str  # its name in the catalogue of sources
+    version: str | None  # version of the source; None if it has none
+    fingerprint: str  # hash of the annotations of all its scenes
+    class_map: ClassMapEntry  # the class map of its names
+    options: dict[str, int | str] = Field(default_factory=dict)  # options that its bytes depend on
+    terms: Terms | None = None  # licence and citation of its data; None if unknown
 
 
 def count_shards(scenes: int, *, scenes_per_shard: int) -> int:
-    """Return how many parts each table of a dataset has.
-
-    Raises:
-        RecipeError: if `scenes_per_shard` is too large for a part, or gives too many parts.
-    """
+    """Return how many parts each table of a dataset has."""
     if not 1 <= scenes_per_shard <= MAX_ROWS:
         raise RecipeError(f"scenes_per_shard: expected 1 to {MAX_ROWS:,}, found {scenes_per_shard}")
     shards = -(-scenes // scenes_per_shard)
@@ -236,12 +223,7 @@ def read_manifest(dataset: AnyPath) -> Manifest:
 
 
 def read_hashed_manifest(dataset: Path) -> tuple[Manifest, str]:
-    """Return the manifest of a finished dataset, and the sha256 of the bytes read.
-
-    Raises:
-        DatasetError: if there is none or it is damaged.
-        MismatchError: if it is of another format version.
-    """
+    """Return the manifest of a finished dataset, and the sha256 of the bytes read."""
     path = dataset / MANIFEST
     if not path.is_file():
         if not dataset.is_dir():
@@ -316,11 +298,7 @@ def seal_manifest(text: bytes, cards: Mapping[str, bytes]) -> bytes:
 
 
 def read_card_hashes(dataset: Path) -> dict[str, str]:
-    """Return file → sha256 of the cards beside a manifest.
-
-    Raises:
-        DatasetError: if there is no manifest, or it is damaged.
-    """
+    """Return file → sha256 of the cards beside a manifest."""
     read_manifest(dataset)
     hashes = read_json(dataset / MANIFEST, MANIFEST_FILE, error=DatasetError).get(SEAL, {})
     return {name: sha256 for name, sha256 in hashes.items() if name != MANIFEST}
@@ -337,20 +315,12 @@ def _require_seal(path: Path, text: str) -> None:
 
 
 def hash_manifest(dataset: Path) -> str:
-    """Return the sha256 of `dataset.json`, which identifies the whole dataset.
-
-    Raises:
-        OSError: if it cannot be read.
-    """
+    """Return the sha256 of `dataset.json`, which identifies the whole dataset."""
     return hash_file(dataset / MANIFEST, MANIFEST_FILE)
 
 
 def require_class_space(manifest: Manifest, other: ClassSpace, *, what: str) -> None:
-    """Refuse to mix two class spaces.
-
-    Raises:
-        MismatchError: naming both with their hashes.
-    """
+    """Refuse to mix two class spaces."""
     if manifest.class_space != other:
         raise MismatchError(
             f"{what} has class space {other}, the dataset has {manifest.class_space}; use two "

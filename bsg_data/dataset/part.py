@@ -37,17 +37,11 @@ _OBJECT_BYTES = 40
 
 @dataclass(frozen=True, eq=False)
 class DatasetPart:
-    """A part of every table: B buildings with N nodes and O objects in all.
+    """A part of every table: B buildings with N nodes and O objects in all."""
 
-    Attributes:
-        dataset: folder of the dataset.
-        manifest: its manifest.
-        files: table → file of this part.
-    """
-
-    dataset: Path
-    manifest: Manifest
-    files: Mapping[str, FileEntry]
+    dataset: Path  # folder of the dataset
+    manifest: Manifest  # its manifest
+    files: Mapping[str, FileEntry]  # table → file of this part
 
     @property
     def weight(self) -> int:

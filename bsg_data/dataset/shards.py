@@ -29,11 +29,7 @@ from bsg_data.scene.scene_graph import SceneGraph, is_scene_id
 def write_shards(
     graphs: Sequence[SceneGraph], folder: AnyPath, *, part: int, class_space: ClassSpace
 ) -> tuple[FileEntry, ...]:
-    """Write one part of every table for some scenes, in the order given.
-
-    Raises:
-        DatasetError: if a file cannot be written.
-    """
+    """Write one part of every table for some scenes, in the order given."""
     columns = collect_columns(graphs, classes=class_space.classes)
     entries = []
     for name, schema in TABLES.items():
@@ -48,13 +44,9 @@ def write_shards(
 
 
 class ParquetFile:
-    """A parquet file that is being written, hashed on its way to the disk.
+    """A parquet file that is being written, hashed on its way to the disk."""
 
-    Attributes:
-        entry: what the manifest says of it, when it is written.
-    """
-
-    entry: FileEntry
+    entry: FileEntry  # what the manifest says of it, when it is written
 
     def __init__(self, writer: pq.ParquetWriter) -> None:
         self._writer, self.rows = writer, 0
@@ -78,9 +70,6 @@ def writing_parquet(
     """Write a parquet file at a path that nobody reads yet, and flush it.
 
     Its metadata has its table, format version, class space, class names and `extra`.
-
-    Raises:
-        DatasetError: if it cannot be written.
     """
     metadata = {
         "bsg.table": table,
@@ -139,10 +128,6 @@ def read_table(
         name: `scenes`, `rooms`, `objects`, `edges` or `splits`.
         columns: names of the columns to read, in this order; None: all.
         manifest: its manifest, if it was read already.
-
-    Raises:
-        DatasetError: if a file is missing or changed.
-        MismatchError: if a file has another class space or format than the manifest.
     """
     dataset = Path(dataset)
     return pa.concat_tables(stream_table(dataset, name, columns=columns, manifest=manifest))
@@ -177,12 +162,7 @@ def read_file(
 
 @contextmanager
 def open_listed(dataset: Path, entry: FileEntry, *, manifest: Manifest) -> Iterator[pq.ParquetFile]:
-    """Open one parquet file of a dataset; its bytes are read once, hashed, and then trusted.
-
-    Raises:
-        DatasetError: if it is missing, or is not what the manifest says.
-        MismatchError: if it is of another class space or format than the manifest.
-    """
+    """Open one parquet file of a dataset; its bytes are read once, hashed, and then trusted."""
     path = dataset / entry.path
     try:
         data = path.read_bytes() if path.stat().st_size == entry.bytes else b""
@@ -202,12 +182,7 @@ def open_listed(dataset: Path, entry: FileEntry, *, manifest: Manifest) -> Itera
 
 
 def require_schema(path: Path, entry: FileEntry, file: pq.ParquetFile, manifest: Manifest) -> None:
-    """Refuse a file of other columns, or of another format or class space than the manifest.
-
-    Raises:
-        DatasetError: naming the columns.
-        MismatchError: naming the values of the file and of the manifest.
-    """
+    """Refuse a file of other columns, or of another format or class space than the manifest."""
     schema, expected = file.schema_arrow, schema_of(table_of(entry), manifest)
     words = {key.decode(): value.decode() for key, value in (schema.metadata or {}).items()}
     found = tuple(

@@ -36,9 +36,6 @@ def assign_splits(
 
     Returns:
         Scene id → split, sorted by scene id. It depends only on the set of ids and the recipe.
-
-    Raises:
-        RecipeError: if a split would be empty.
     """
     ids = sorted(scenes)
     strata: dict[str, list[str]] = {}

@@ -18,22 +18,14 @@ from bsg_data.scene.scene_graph import is_scene_id
 
 @dataclass(frozen=True, slots=True)
 class Exported:
-    """The result of an export.
+    """The result of an export."""
 
-    Attributes:
-        files: number of files.
-        scenes: number of scenes in them.
-        rooms: number of rooms in them.
-        left_out: ids of the scenes without content for the format.
-        rooms_left_out: number of rooms without content for the format, in all scenes.
-        notes: note → number of scenes that it applies to.
-    """
-
-    files: int
-    scenes: int
-    rooms: int
-    left_out: tuple[str, ...]
-    rooms_left_out: int
+    files: int  # number of files
+    scenes: int  # number of scenes in them
+    rooms: int  # number of rooms in them
+    left_out: tuple[str, ...]  # ids of the scenes without content for the format
+    rooms_left_out: int  # number of rooms without content for the format, in all scenes
+    # note → number of scenes that it applies to
     notes: Mapping[str, int] = field(default_factory=dict)
 
 

@@ -17,10 +17,6 @@ def read_member(path: Path, name: str, bound: Bound) -> bytes:
         path: of the zip.
         name: of the file, without a folder.
         bound: of the zip, and of what the member unpacks to.
-
-    Raises:
-        SourceError: if the zip cannot be read, is damaged or encrypted, does not have the name
-            once, or is larger or unpacks to more than the bound.
     """
     try:
         if not path.is_file() and path.exists():

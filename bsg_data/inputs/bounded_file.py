@@ -30,10 +30,6 @@ def read_bytes(path: Path, bound: Bound, *, error: Refusal = SourceError) -> byt
         path: of the file; a pipe and a device are read as well.
         bound: that it must keep, packed and unpacked.
         error: makes what is raised of a message.
-
-    Raises:
-        SourceError: or what `error` makes, if it cannot be read, is no gzip though its name says
-            so, or is larger.
     """
     return unpack(read_packed(path, bound, error=error), path, bound, error=error)
 
@@ -59,11 +55,7 @@ def unpack(data: bytes, path: Path, bound: Bound, *, error: Refusal = SourceErro
 
 @contextmanager
 def open_stream(path: Path, bound: Bound, *, error: Refusal = SourceError) -> Iterator[BinaryIO]:
-    """Open a file to read it piece by piece, unpacked if its name ends in `.gz`.
-
-    Raises:
-        SourceError: or what `error` makes, as `read_bytes`, also within the block.
-    """
+    """Open a file to read it piece by piece, unpacked if its name ends in `.gz`."""
     with _refusing(path, error), path.open("rb") as file:
         counted = _Counted(file, path, bound, error)
         with io.BufferedReader(counted) as stream:
@@ -76,10 +68,6 @@ def hash_file(path: Path, bound: Bound = DATASET_TABLE) -> str:
     Args:
         path: of the file.
         bound: that it must keep; no kind of file that we write may be larger than the usual one.
-
-    Raises:
-        OSError: if it cannot be read.
-        TooLargeError: if it is larger.
     """
     with path.open("rb") as file:
         if path.stat().st_size > bound.bytes:

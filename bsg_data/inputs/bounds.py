@@ -13,17 +13,11 @@ KIB, MIB, GIB = 2**10, 2**20, 2**30
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """How much of a file is read.
+    """How much of a file is read."""
 
-    Attributes:
-        what: the kind of file, in words.
-        bytes: that it may have, packed and unpacked.
-        items: what else is counted, in words; empty where bytes say all.
-    """
-
-    what: str
-    bytes: int
-    items: str = ""
+    what: str  # the kind of file, in words
+    bytes: int  # that it may have, packed and unpacked
+    items: str = ""  # what else is counted, in words; empty where bytes say all
 
 
 MAX_ROWS = 10_000_000  # of a parquet file

@@ -28,11 +28,7 @@ _PARSER = yaml.CBaseLoader if yaml.__with_libyaml__ else yaml.BaseLoader
 
 
 def read_json(path: Path, bound: Bound, *, error: Refusal = SourceError) -> Any:
-    """Read a JSON file, packed or not.
-
-    Raises:
-        SourceError: or what `error` makes, if it cannot be read, is too large or is no JSON.
-    """
+    """Read a JSON file, packed or not."""
     data = read_bytes(path, bound, error=error)
     try:
         return parse_json(data)
@@ -46,9 +42,6 @@ def parse_json(data: bytes | str, *, once: bool = True) -> Any:
     Args:
         data: the text, or its bytes.
         once: whether a key that is there twice is refused; otherwise its last value is taken.
-
-    Raises:
-        ValueError: if it is none, is not UTF-8, has a key twice, or is nested 200 deep.
     """
     text = data.encode("utf-8", "surrogatepass") if isinstance(data, str) else data
     document = from_json(text.removeprefix(b"\xef\xbb\xbf"), allow_inf_nan=False)
@@ -58,11 +51,7 @@ def parse_json(data: bytes | str, *, once: bool = True) -> Any:
 
 
 def parse_yaml(data: bytes) -> Any:
-    """Parse YAML as text, lists and mappings alone.
-
-    Raises:
-        ValueError: if it is none, has an alias or a key twice, or is nested beyond reason.
-    """
+    """Parse YAML as text, lists and mappings alone."""
     depth = 0
     try:
         for event in yaml.parse(data, Loader=_PARSER):  # aliases multiply what is read
@@ -78,11 +67,7 @@ def parse_yaml(data: bytes) -> Any:
 
 
 def parse_toml(text: bytes | str) -> dict[str, Any]:
-    """Parse TOML.
-
-    Raises:
-        ValueError: if it is none, is not UTF-8, or is nested beyond reason.
-    """
+    """Parse TOML."""
     try:
         return tomllib.loads(decode(text))
     except RecursionError:
@@ -90,11 +75,7 @@ def parse_toml(text: bytes | str) -> dict[str, Any]:
 
 
 def decode(data: bytes | str) -> str:
-    """Return UTF-8 text, without a byte order mark.
-
-    Raises:
-        ValueError: naming the first line that is none.
-    """
+    """Return UTF-8 text, without a byte order mark."""
     if isinstance(data, str):
         return data.removeprefix("\ufeff")
     try:

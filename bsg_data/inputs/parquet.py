@@ -36,9 +36,6 @@ def open_parquet_file(
         most: rows that it may have.
         dictionaries: columns of words that are read as numbers.
         error: makes what is raised of a message.
-
-    Raises:
-        SourceError: or what `error` makes, if it is not there, damaged or has other rows.
     """
     with refusing_damage(path, error=error):
         source = path if data is None else pa.BufferReader(data)
@@ -63,9 +60,6 @@ def reading_parquet(
         path: of the file, named in errors.
         error: makes what is raised of a message.
         options: of `open_parquet_file`.
-
-    Raises:
-        SourceError: or what `error` makes, if it is not there, damaged or has other rows.
     """
     with (
         open_parquet_file(path, error=error, **options) as file,
@@ -76,11 +70,7 @@ def reading_parquet(
 
 @contextmanager
 def refusing_damage(path: Path, *, error: Refusal = SourceError) -> Iterator[None]:
-    """Turn whatever Arrow raises for a file within a block into one error.
-
-    Raises:
-        SourceError: or what `error` makes.
-    """
+    """Turn whatever Arrow raises for a file within a block into one error."""
     try:
         yield
     except BSGError:  # of whoever reads within the block; some are a ValueError, too

@@ -33,9 +33,6 @@ def find_files(
         bound: of each file.
         expected: what is said if there is none.
         is_path: whether the folders of the path are in the name, joined by `-`.
-
-    Raises:
-        SourceError: if nothing is there.
     """
     unreadable: list[SkippedScene] = []
     suffixes = (suffix, suffix + PACKED)
@@ -125,11 +122,7 @@ def _require_lasting(error: OSError, path: object) -> None:
 
 
 def refuse_unreadable(root: Path, unreadable: Sequence[SkippedScene]) -> None:
-    """Refuse a folder in which nothing that was found can be read; there may be nothing.
-
-    Raises:
-        SourceError: naming the first, and why it cannot be read.
-    """
+    """Refuse a folder in which nothing that was found can be read; there may be nothing."""
     if unreadable:
         first = unreadable[0]
         shown = os.fsencode(root).decode("utf-8", "backslashreplace")
@@ -143,11 +136,7 @@ def refuse_unreadable(root: Path, unreadable: Sequence[SkippedScene]) -> None:
 
 
 def fingerprint(path: Path, bound: Bound) -> str:
-    """Hash a file; a forbidden or far too large file is reported later, when it is read.
-
-    Raises:
-        SourceChangedError: if the file is missing or temporarily unreadable.
-    """
+    """Hash a file; a forbidden or far too large file is reported later, when it is read."""
     try:
         return hash_file(path, bound)
     except TooLargeError:
@@ -164,10 +153,6 @@ def read_listed(path: Path, bound: Bound, *, expected: str | None = None) -> byt
         path: of the file.
         bound: that it must keep, packed and unpacked.
         expected: its fingerprint when it was listed, which these very bytes must have.
-
-    Raises:
-        SourceError: if it cannot be read, is no gzip though its name says so, or is larger.
-        SourceChangedError: if it is not what it was when it was listed.
     """
     try:
         data = read_packed(path, bound)
@@ -190,9 +175,6 @@ def fetch_listed(
         path: of the file, named in errors.
         read: reads the scene; it could when the scenes were listed.
         digest: hashes what is read.
-
-    Raises:
-        SourceChangedError: if it cannot be read any more, or is not what it was.
     """
     where = f"{path}: {ref.location}"
     try:
@@ -214,9 +196,6 @@ def require_fingerprint(path: Path | str, found: str, expected: str | None) -> N
         path: path for the error.
         found: fingerprint of the file now.
         expected: fingerprint when it was listed; None if it was not listed.
-
-    Raises:
-        SourceChangedError: if the two differ.
     """
     if expected is not None and found != expected:
         why = f" ({found})" if found.startswith("unreadable") else ""
@@ -235,11 +214,7 @@ def malformed(path: Path, number: int, line: str, *, expected: str) -> Annotatio
 
 
 def decode(data: bytes, *, path: Path) -> str:
-    """Return UTF-8 text.
-
-    Raises:
-        AnnotationError: naming the first line that is none.
-    """
+    """Return UTF-8 text."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

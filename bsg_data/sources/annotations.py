@@ -25,10 +25,6 @@ def parse_annotation(data: bytes, *, path: Path) -> tuple[SceneObject, ...]:
     Args:
         data: the file's content.
         path: named in errors.
-
-    Raises:
-        AnnotationError: for the first malformed line, wrong encoding, a repeated id or colour, or
-            a file without instances.
     """
     lines = decode(data, path=path).split("\n")  # not splitlines(): a name may hold a U+2028
     if HEADER not in lines[0]:

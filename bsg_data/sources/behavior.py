@@ -85,15 +85,10 @@ class _Listing(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class Floor:
-    """Where a scene of BEHAVIOR belongs.
+    """Where a scene of BEHAVIOR belongs."""
 
-    Attributes:
-        building: the house that it is a floor of, or its own name.
-        number: of the floor, from below; 0 where there is one.
-    """
-
-    building: str
-    number: int = 0
+    building: str  # the house that it is a floor of, or its own name
+    number: int = 0  # of the floor, from below; 0 where there is one
 
 
 def find_floor(scene: str) -> Floor:
@@ -123,15 +118,11 @@ def find_building_kind(scene: str) -> str | None:
 
 @dataclass(frozen=True)
 class BehaviorRooms:
-    """BEHAVIOR-1K's list of rooms and their objects.
+    """BEHAVIOR-1K's list of rooms and their objects."""
 
-    Attributes:
-        path: the JSON file.
-        as_listed: take every scene of the list for a building of its own, under its own name; a
-            house is then there several times, and can be in two splits.
-    """
-
-    path: Path
+    path: Path  # the JSON file
+    # take every scene of the list for a building of its own, under its own name; a house is then
+    # there several times, and can be in two splits
     as_listed: bool = False
 
     @property

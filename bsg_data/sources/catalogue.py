@@ -89,10 +89,6 @@ def parse_options(name: str, words: Mapping[str, str]) -> dict[str, object]:
 
     Returns:
         Option → value.
-
-    Raises:
-        RecipeError: if the source is unknown; the error has the nearest name.
-        SourceError: if the source does not have an option, or a word does not fit its type.
     """
     kinds = _list_options(SOURCES[name])
     for option in words:
@@ -137,9 +133,5 @@ def _parse_word(word: str, kind: object, option: str) -> object:
 
 
 def find_terms(kind: str) -> Terms | None:
-    """Return the terms of a kind of source; None if its row has none or the name is unknown.
-
-    Raises:
-        RecipeError: if the entry point of that name cannot be imported.
-    """
+    """Return the terms of a kind of source; None if its row has none or the name is unknown."""
     return SOURCES[kind].terms if kind in SOURCES else None

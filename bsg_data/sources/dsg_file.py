@@ -102,28 +102,17 @@ class _Graph(_Part):
 
 @dataclass(frozen=True, slots=True)
 class DSGNode:
-    """A node of a robot's graph.
+    """A node of a robot's graph."""
 
-    Attributes:
-        id: its symbol as a number, unique in the file.
-        index: the number of its symbol, 3 of `O(3)`; its place among its kind if numbers repeat.
-        name: its own; None if that is its symbol, or empty.
-        label: the number of its label; None without one.
-        label_name: the name that the file has for its label; None without one.
-        position: metres; None where it is not finite.
-        box: axis-aligned, around the node's own; metres; None without one.
-        room: place of its room among the rooms; None without one, and for rooms.
-        said: what its metadata say under `bsg`; empty without.
-    """
-
-    id: int
-    index: int
-    name: str | None
-    label: int | None
-    label_name: str | None
-    position: Point | None
-    box: Box | None
-    room: int | None = None
+    id: int  # its symbol as a number, unique in the file
+    index: int  # the number of its symbol, 3 of `O(3)`; its place among its kind if numbers repeat
+    name: str | None  # its own; None if that is its symbol, or empty
+    label: int | None  # the number of its label; None without one
+    label_name: str | None  # the name that the file has for its label; None without one
+    position: Point | None  # metres; None where it is not finite
+    box: Box | None  # axis-aligned, around the node's own; metres; None without one
+    room: int | None = None  # place of its room among the rooms; None without one, and for rooms
+    # what its metadata say under `bsg`; empty without
     said: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -134,18 +123,12 @@ class DSGNode:
 
 @dataclass(frozen=True, slots=True)
 class DSGFile:
-    """What a robot's graph says of a building.
+    """What a robot's graph says of a building."""
 
-    Attributes:
-        rooms: in the order of their ids.
-        objects: in the order of their ids.
-        adjacency: pairs of places of rooms, ascending and once each.
-        said: what its metadata say under `bsg`; empty without.
-    """
-
-    rooms: tuple[DSGNode, ...]
-    objects: tuple[DSGNode, ...]
-    adjacency: tuple[tuple[int, int], ...]
+    rooms: tuple[DSGNode, ...]  # in the order of their ids
+    objects: tuple[DSGNode, ...]  # in the order of their ids
+    adjacency: tuple[tuple[int, int], ...]  # pairs of places of rooms, ascending and once each
+    # what its metadata say under `bsg`; empty without
     said: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -170,9 +153,6 @@ def parse_dsg(text: str, *, path: Path) -> DSGFile:
     Args:
         text: of the file.
         path: named in errors.
-
-    Raises:
-        SourceError: if it is none, naming the entry at fault.
     """
     try:
         document = parse_json(text, once=False)  # Hydra's own parser takes the last value
@@ -186,11 +166,7 @@ def parse_dsg(text: str, *, path: Path) -> DSGFile:
 
 
 def parse_document(document: Any, *, path: Path) -> DSGFile:
-    """Parse the JSON document of a Spark-DSG file.
-
-    Raises:
-        SourceError: if it is none, naming the entry at fault.
-    """
+    """Parse the JSON document of a Spark-DSG file."""
     try:
         graph = _Graph.model_validate(document)
     except ValidationError as error:

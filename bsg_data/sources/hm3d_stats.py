@@ -100,11 +100,7 @@ class HM3DStatistics:
 
 
 def read_scene_lines(path: Path) -> dict[str, list[tuple[int, str]]]:
-    """Read the statistics as numbered lines by scene, scenes sorted by id.
-
-    Raises:
-        SourceError: if the zip or its member is missing, damaged, encrypted or far too large.
-    """
+    """Read the statistics as numbered lines by scene, scenes sorted by id."""
     scenes: dict[str, list[tuple[int, str]]] = {}
     lines = _read_member(path)
     header = next(lines, "")
@@ -117,12 +113,7 @@ def read_scene_lines(path: Path) -> dict[str, list[tuple[int, str]]]:
 
 
 def parse_scene_lines(lines: list[tuple[int, str]], *, path: Path) -> tuple[SceneObject, ...]:
-    """Parse the lines of one scene into objects sorted by id, with their region ids.
-
-    Raises:
-        AnnotationError: for the first malformed row, a count that disagrees with its instances,
-            or a repeated id or region.
-    """
+    """Parse the lines of one scene into objects sorted by id, with their region ids."""
     objects: dict[int, SceneObject] = {}
     regions: set[int] = set()
     for number, line in lines:

@@ -32,38 +32,27 @@ _COUNTED = ("I", "panorama", "V", "S", "E", "O", "C", "R", "portal", "L")
 
 @dataclass(frozen=True, slots=True)
 class HouseRegion:
-    """One region.
+    """One region."""
 
-    Attributes:
-        level: index of its level; `NOWHERE` without one.
-        label: its letter, `k` for a kitchen; `-` without one.
-        box: around it, metres; None for an empty region.
-        polygons: of its floor, corners (x, y) as the file orders them; metres.
-    """
-
-    level: int
-    label: str
-    box: Box | None
+    level: int  # index of its level; `NOWHERE` without one
+    label: str  # its letter, `k` for a kitchen; `-` without one
+    box: Box | None  # around it, metres; None for an empty region
+    # of its floor, corners (x, y) as the file orders them; metres
     polygons: tuple[tuple[tuple[float, float], ...], ...]
 
 
 @dataclass(frozen=True, slots=True)
 class House:
-    """What a `.house` file says of one building.
+    """What a `.house` file says of one building."""
 
-    Attributes:
-        levels: height of the lowest point of each, by its index, metres; None for an empty one.
-        regions: by their index.
-        portals: pairs of regions that an opening joins, ascending and once each.
-        categories: names as annotators wrote them, by their index.
-        objects: region, category and axis-aligned box of each, by its index; `NOWHERE` without a
-            region or a category, None without a box.
-    """
-
+    # height of the lowest point of each, by its index, metres; None for an empty one
     levels: tuple[float | None, ...]
-    regions: tuple[HouseRegion, ...]
+    regions: tuple[HouseRegion, ...]  # by their index
+    # pairs of regions that an opening joins, ascending and once each
     portals: tuple[tuple[int, int], ...]
-    categories: tuple[str, ...]
+    categories: tuple[str, ...]  # names as annotators wrote them, by their index
+    # region, category and axis-aligned box of each, by its index; `NOWHERE` without a region or a
+    # category, None without a box
     objects: tuple[tuple[int, int, Box | None], ...]
 
 
@@ -73,11 +62,6 @@ def parse_house(text: str, *, path: Path) -> House:
     Args:
         text: of the file.
         path: named in errors.
-
-    Raises:
-        AnnotationError: for the first malformed line, an index that is not the next one, a
-            reference to a line that is not there, a number that is not finite, or counts of the
-            header that are not those of the lines.
     """
     lines = text.split("\n")
     if lines[0].strip() != HEADER:

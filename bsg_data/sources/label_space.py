@@ -50,20 +50,14 @@ class _HydraFile(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class LabelSpace:
-    """What the labels of a robot stand for.
+    """What the labels of a robot stand for."""
 
-    Attributes:
-        name: of the space, or of its file.
-        sha256: of its bytes.
-        names: the names of numbers, whatever a file says of them; empty in a published space.
-        categories: the categories of names, where they are translated.
-        usual: in a published space the names of numbers, where a file says nothing of them.
-    """
-
-    name: str
-    sha256: str
+    name: str  # of the space, or of its file
+    sha256: str  # of its bytes
+    # the names of numbers, whatever a file says of them; empty in a published space
     names: Mapping[int, str]
-    categories: Mapping[str, str]
+    categories: Mapping[str, str]  # the categories of names, where they are translated
+    # in a published space the names of numbers, where a file says nothing of them
     usual: Mapping[int, str] = field(default_factory=dict)
 
     def translate(self, name: str) -> str:
@@ -104,10 +98,6 @@ def load_label_space(name: AnyPath) -> LabelSpace:
 
     Args:
         name: `ade20k`, `mpcat40`, or the path of a `.yaml`, `.yml` or `.csv`.
-
-    Raises:
-        ClassMapError: for a name that is neither.
-        SourceError: for a file that cannot be read, naming the entry at fault.
     """
     path = Path(name)
     if path.suffix.casefold() not in (".yaml", ".yml", _SUFFIX):

@@ -113,11 +113,7 @@ class ProcTHORHouses:
         return {}
 
     def find(self) -> FoundScenes:
-        """Find the houses; of each only the hash is taken.
-
-        Raises:
-            SourceError: if there is none, or a file ends too early, naming the line.
-        """
+        """Find the houses; of each only the hash is taken."""
         refs = [
             self._refer(file, index, *house)
             for file in self._files()

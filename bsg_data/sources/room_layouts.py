@@ -74,23 +74,14 @@ class _Layout(_Entry):
 
 @dataclass(frozen=True, slots=True)
 class RoomLayout:
-    """The layout of one building.
+    """The layout of one building."""
 
-    Attributes:
-        rooms: label and box of every room by its number k; metres, Z up.
-        connections: pairs of numbers, ascending and once each.
-    """
-
-    rooms: dict[int, tuple[str, Box]]
-    connections: tuple[tuple[int, int], ...]
+    rooms: dict[int, tuple[str, Box]]  # label and box of every room by its number k; metres, Z up
+    connections: tuple[tuple[int, int], ...]  # pairs of numbers, ascending and once each
 
 
 def read_layout(path: Path) -> RoomLayout:
-    """Read one layout.
-
-    Raises:
-        LayoutError: naming the file, the entry, and what was expected there.
-    """
+    """Read one layout."""
     try:
         parsed = _Layout.model_validate(parse_yaml(read_bytes(path, LAYOUT, error=LayoutError)))
     except ValueError as error:
@@ -123,9 +114,6 @@ def lay_out(graph: SceneGraph, layout: RoomLayout) -> SceneGraph:
     Boxes come from the layout only if there is no mesh, because the origins may differ. Between
     rooms of the layout, its connections replace those of the mesh. All other rooms and connections
     stay as they are.
-
-    Raises:
-        LayoutError: if the layout has a room that is not in the scene.
     """
     beyond = [number for number in layout.rooms if number > len(graph.rooms)]
     if beyond:

@@ -21,15 +21,11 @@ _WITH_MESH = "_with_mesh"  # Hydra writes dsg.json and, with the mesh, dsg_with_
 
 @dataclass(frozen=True)
 class RobotGraphs:
-    """A folder of Spark-DSG graphs, packed or not, or one such file.
+    """A folder of Spark-DSG graphs, packed or not, or one such file."""
 
-    Attributes:
-        path: the folder or the file.
-        labels: the label space of the objects: `ade20k`, `mpcat40`, or the path of a YAML or CSV
-            of your own; None takes the names that the files have.
-    """
-
-    path: Path
+    path: Path  # the folder or the file
+    # the label space of the objects: `ade20k`, `mpcat40`, or the path of a YAML or CSV of your own;
+    # None takes the names that the files have
     labels: str | None = None
 
     @property

@@ -12,11 +12,7 @@ from bsg_data.sources.source import SourceRow, Terms
 def open_synthetic(
     path: Path, *, meshes: bool = True, snap_colours: int | None = None
 ) -> HM3DFolder:
-    """Open a folder of synthetic buildings.
-
-    Raises:
-        SourceError: if the folder is there and is not of `bsg-data synth`.
-    """
+    """Open a folder of synthetic buildings."""
     folder = HM3DFolder(path, meshes=meshes, snap_colours=snap_colours)
     if path.is_dir() and folder.kind != "synthetic":
         raise SourceError(

@@ -77,28 +77,19 @@ Metres = Annotated[float, Field(ge=-10_000, le=10_000)]
 
 
 class TableRow(BaseModel):
-    """One row of a table: an object, or a room alone.
-
-    Attributes:
-        scene: the name of its building.
-        room: the name of its room; empty for an object of the building.
-        category: the name of the object; empty for a room alone.
-        room_label: what the room is, e.g. `kitchen`.
-        floor: the level of the room, counted as one likes.
-        floor_area: of the room, square metres.
-        connected: names of rooms that connect to the room.
-        x, y, z: where the object is, metres, Z up.
-        box_min_x and so on: the box of the object, metres, Z up.
-    """
+    """One row of a table: an object, or a room alone."""
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
-    scene: Name
-    room: Name = ""
-    category: Name = ""
-    room_label: Name | None = None
+    scene: Name  # the name of its building
+    room: Name = ""  # the name of its room; empty for an object of the building
+    category: Name = ""  # the name of the object; empty for a room alone
+    room_label: Name | None = None  # what the room is, e.g. `kitchen`.
+    # the level of the room, counted as one likes
     floor: Annotated[int, Field(ge=-1000, le=1000)] | None = None
-    floor_area: Annotated[float, Field(gt=0, le=1e7)] | None = None
+    floor_area: Annotated[float, Field(gt=0, le=1e7)] | None = None  # of the room, square metres
+    # names of rooms that connect to the room. x, y, z: where the object is, metres, Z up. box_min_x
+    # and so on: the box of the object, metres, Z up.
     connected: Annotated[tuple[Name, ...], BeforeValidator(_as_names)] = ()
     x: Metres | None = None
     y: Metres | None = None
@@ -170,21 +161,14 @@ OPTIONAL = tuple(name for name in TableRow.model_fields if name not in REQUIRED)
 
 @dataclass(frozen=True)
 class ObjectTable:
-    """A table of objects, CSV (`.csv`, `.tsv`, gzip too) or parquet.
+    """A table of objects, CSV (`.csv`, `.tsv`, gzip too) or parquet."""
 
-    Attributes:
-        path: the file.
-        licence: SPDX identifier of its licence; None where it is unknown.
-        licence_url: where the licence is to be read; SPDX's own page if it is not given.
-        homepage: where the data are to be found.
-        citation: how to cite them.
-    """
-
-    path: Path
-    licence: str | None = None
+    path: Path  # the file
+    licence: str | None = None  # SPDX identifier of its licence; None where it is unknown
+    # where the licence is to be read; SPDX's own page if it is not given
     licence_url: str | None = None
-    homepage: str | None = None
-    citation: str | None = None
+    homepage: str | None = None  # where the data are to be found
+    citation: str | None = None  # how to cite them
 
     def __post_init__(self) -> None:
         _ = self.terms  # refuse what would spoil a card before anything is built
@@ -201,11 +185,7 @@ class ObjectTable:
 
     @property
     def terms(self) -> Terms | None:
-        """The terms that the user gave; None where nobody said any.
-
-        Raises:
-            SourceError: if only some of them are given, or one is malformed.
-        """
+        """The terms that the user gave; None where nobody said any."""
         given = {"licence": self.licence, "homepage": self.homepage, "citation": self.citation}
         missing = [name for name, value in given.items() if value is None]
         if len(missing) == len(given) and self.licence_url is None:
@@ -412,9 +392,6 @@ def _name_unread(column: str) -> str:
 
 def _require_agreement(rows: Sequence[tuple[TableRow, str]], where: str) -> None:
     """Refuse rows of one room that disagree about it, and connections to rooms that are not there.
-
-    Raises:
-        SourceError: naming the line.
     """
     first: dict[tuple[str, str], tuple[object, str]] = {}
     names = {row.room for row, _ in rows if row.room}

@@ -26,15 +26,10 @@ _GRID = 0.1  # every wall lies on it, and therefore on whole texels of every siz
 
 @dataclass(frozen=True, slots=True)
 class Rectangle:
-    """A rectangle of a plan.
+    """A rectangle of a plan."""
 
-    Attributes:
-        low: its lowest corner (x, y), metres.
-        high: its highest corner (x, y), metres.
-    """
-
-    low: tuple[float, float]
-    high: tuple[float, float]
+    low: tuple[float, float]  # its lowest corner (x, y), metres
+    high: tuple[float, float]  # its highest corner (x, y), metres
 
     def sides(self) -> tuple[float, float]:
         """Return its lengths along x and y."""
@@ -60,47 +55,29 @@ class Rectangle:
 
 @dataclass(frozen=True, slots=True)
 class Doorway:
-    """An opening in the wall of two rooms.
+    """An opening in the wall of two rooms."""
 
-    Attributes:
-        rooms: places of the two in the plan, ascending.
-        axis: the axis that the wall runs along, 0 or 1.
-        span: where the opening starts and ends on that axis.
-    """
-
-    rooms: tuple[int, int]
-    axis: int
-    span: tuple[float, float]
+    rooms: tuple[int, int]  # places of the two in the plan, ascending
+    axis: int  # the axis that the wall runs along, 0 or 1
+    span: tuple[float, float]  # where the opening starts and ends on that axis
 
 
 @dataclass(frozen=True, slots=True)
 class Stairs:
-    """Stairs from one storey to the next.
+    """Stairs from one storey to the next."""
 
-    Attributes:
-        rooms: places in the plan of the lower and the upper room.
-        rectangle: what they cover, inside both rooms.
-    """
-
-    rooms: tuple[int, int]
-    rectangle: Rectangle
+    rooms: tuple[int, int]  # places in the plan of the lower and the upper room
+    rectangle: Rectangle  # what they cover, inside both rooms
 
 
 @dataclass(frozen=True, slots=True)
 class FloorPlan:
-    """The plan of a building.
+    """The plan of a building."""
 
-    Attributes:
-        rooms: the inner rectangle of every room.
-        storeys: the storey of every room, from 0.
-        doorways: within storeys.
-        stairs: between storeys.
-    """
-
-    rooms: tuple[Rectangle, ...]
-    storeys: tuple[int, ...]
-    doorways: tuple[Doorway, ...]
-    stairs: tuple[Stairs, ...]
+    rooms: tuple[Rectangle, ...]  # the inner rectangle of every room
+    storeys: tuple[int, ...]  # the storey of every room, from 0
+    doorways: tuple[Doorway, ...]  # within storeys
+    stairs: tuple[Stairs, ...]  # between storeys
 
     def connections(self) -> list[tuple[int, int, str]]:
         """Return (room, room, `door` or `stairs`), sorted."""

@@ -76,38 +76,23 @@ _SIZES: Mapping[str, tuple[float, float, float]] = {
 
 @dataclass(frozen=True, slots=True)
 class Fixture:
-    """One listed instance: what it is and where.
+    """One listed instance: what it is and where."""
 
-    Attributes:
-        label: its place in the annotation, from 1.
-        category: its corrected name, or "" if it has none.
-        room: the place of its room in the plan.
-    """
-
-    label: int
-    category: str
-    room: int
+    label: int  # its place in the annotation, from 1
+    category: str  # its corrected name, or "" if it has none
+    room: int  # the place of its room in the plan
 
 
 @dataclass(frozen=True, slots=True)
 class Surface:
-    """A painted rectangle.
+    """A painted rectangle."""
 
-    Attributes:
-        room: the place of the room in the plan that it is in.
-        corner: where texel [0, 0] begins, metres `[3]`.
-        across: direction of the columns, a unit vector `[3]`.
-        upward: direction of the rows, a unit vector `[3]`.
-        texels: labels `[rows, columns]`; `UNLISTED` and below are no instance's.
-        specks: which texels are painted astray.
-    """
-
-    room: int
-    corner: Floats
-    across: Floats
-    upward: Floats
-    texels: Texels
-    specks: npt.NDArray[np.bool_]
+    room: int  # the place of the room in the plan that it is in
+    corner: Floats  # where texel [0, 0] begins, metres `[3]`
+    across: Floats  # direction of the columns, a unit vector `[3]`
+    upward: Floats  # direction of the rows, a unit vector `[3]`
+    texels: Texels  # labels `[rows, columns]`; `UNLISTED` and below are no instance's
+    specks: npt.NDArray[np.bool_]  # which texels are painted astray
 
     @property
     def normal(self) -> Floats:

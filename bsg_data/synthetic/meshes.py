@@ -35,17 +35,11 @@ _NEAREST, _FLOAT, _UINT, _UBYTE = 9728, 5126, 5125, 5121
 
 @dataclass(frozen=True, slots=True)
 class MeshSize:
-    """How fine a mesh is.
+    """How fine a mesh is."""
 
-    Attributes:
-        texel: side of a texel, metres.
-        quad: side of the squares that surfaces are cut into, texels.
-        page: side of a texture, texels.
-    """
-
-    texel: float
-    quad: int
-    page: int
+    texel: float  # side of a texel, metres
+    quad: int  # side of the squares that surfaces are cut into, texels
+    page: int  # side of a texture, texels
 
 
 SIZES = {"small": MeshSize(0.02, 15, 512), "full": MeshSize(0.01, 4, 1024)}

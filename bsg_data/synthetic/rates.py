@@ -23,51 +23,36 @@ class SyntheticRates(Record):
 
     Vectors `[C + 1]` end with all rare categories together. Spreads are variances of gamma factors
     of mean 1.
-
-    Attributes:
-        categories: corrected names `[C]`.
-        order: mean place of a category in the list of its room, 0 first and 1 last `[C + 1]`.
-        regularity: share of the mean count that neither varies nor grows `[C + 1]`.
-        structure: 1 for walls, floors, doors, ..., 0 for furnishing `[C + 1]`.
-        style: spread of a category between buildings `[C + 1]`.
-        burst: spread of a category between rooms `[C + 1]`.
-        richness: spread between buildings of all furnishing, and of all structure `[2]`.
-        sizes: spread of the size of a room, per type `[K]`.
-        growth: how much of its room's size structure follows, 0 to 1; furnishing follows it all.
-        rates: mean counts `[K, C + 1]`.
-        rooms: weights of 0, 1, 2, ... rooms in a building.
-        bins: (largest number of rooms, per type the weights of 0, 1, 2, ... rooms), ascending.
-        spellings: per category (raw spelling, weight) `[C]`.
-        novelty: concentrations of a building's urns of spellings and of rare names; small means
-            that it keeps to one.
-        starts_at_one: probability that the first region id is 1, not 0.
-        gap: probability that region ids skip some.
-        stray: mean number of instances per room that are listed elsewhere.
-        shuffled: probability that the rows are out of order.
-        null_region: probability that some instances are in region -1.
     """
 
     model_config = ConfigDict(extra="ignore")
 
-    categories: tuple[str, ...]
+    categories: tuple[str, ...]  # corrected names `[C]`
+    # mean place of a category in the list of its room, 0 first and 1 last `[C + 1]`
     order: tuple[float, ...]
-    regularity: tuple[float, ...]
-    structure: tuple[int, ...]
-    style: tuple[float, ...]
-    burst: tuple[float, ...]
+    regularity: tuple[float, ...]  # share of the mean count that neither varies nor grows `[C + 1]`
+    structure: tuple[int, ...]  # 1 for walls, floors, doors, ..., 0 for furnishing `[C + 1]`
+    style: tuple[float, ...]  # spread of a category between buildings `[C + 1]`
+    burst: tuple[float, ...]  # spread of a category between rooms `[C + 1]`
+    # spread between buildings of all furnishing, and of all structure `[2]`
     richness: tuple[float, float]
-    sizes: tuple[float, ...]
+    sizes: tuple[float, ...]  # spread of the size of a room, per type `[K]`
+    # how much of its room's size structure follows, 0 to 1; furnishing follows it all
     growth: float
-    rates: tuple[tuple[float, ...], ...]
-    rooms: tuple[float, ...]
+    rates: tuple[tuple[float, ...], ...]  # mean counts `[K, C + 1]`
+    rooms: tuple[float, ...]  # weights of 0, 1, 2, ... rooms in a building.
+    # (largest number of rooms, per type the weights of 0, 1, 2, ... rooms), ascending.
     bins: tuple[tuple[int, tuple[tuple[float, ...], ...]], ...]
+    # per category (raw spelling, weight) `[C]`
     spellings: tuple[tuple[tuple[str, float], ...], ...]
+    # concentrations of a building's urns of spellings and of rare names; small means that it keeps
+    # to one
     novelty: tuple[float, float]
-    starts_at_one: float
-    gap: float
-    stray: float
-    shuffled: float
-    null_region: float
+    starts_at_one: float  # probability that the first region id is 1, not 0
+    gap: float  # probability that region ids skip some
+    stray: float  # mean number of instances per room that are listed elsewhere
+    shuffled: float  # probability that the rows are out of order
+    null_region: float  # probability that some instances are in region -1
 
 
 def load_rates() -> SyntheticRates:

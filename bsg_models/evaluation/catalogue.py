@@ -51,11 +51,7 @@ def name_value(metric: str, node_set: str, part: str) -> str:
 
 
 def find_value(name: str) -> tuple[Metric, str, str]:
-    """Return metric, node set and part of a value's name.
-
-    Raises:
-        RecipeError: if no metric has such a value.
-    """
+    """Return metric, node set and part of a value's name."""
     node_set, _, rest = name.partition("/")
     row, _, part = rest.partition("/")
     metric = METRICS[row]

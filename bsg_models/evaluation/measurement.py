@@ -48,15 +48,11 @@ def predict_all(model: BeliefModel, masked: MaskedBuildings, *, batch: int = 256
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """Every metric of one model under W weights of the buildings.
+    """Every metric of one model under W weights of the buildings."""
 
-    Attributes:
-        values: metric → `[W]`, in the order of all tables; the first column is the data.
-        nodes: metric → number of nodes behind it.
-    """
-
+    # metric → `[W]`, in the order of all tables; the first column is the data
     values: Mapping[str, Floats]
-    nodes: Mapping[str, int]
+    nodes: Mapping[str, int]  # metric → number of nodes behind it
 
     def bootstrap(self) -> Bootstrap:
         """Return the values with those of every resample, as `weigh_buildings` weighs them."""
@@ -88,11 +84,7 @@ class StreamedMeasurement:
             accumulator.add(batch)
 
     def finish(self) -> Measured:
-        """Return every metric by name, e.g. `rooms/wasserstein_values/mean`.
-
-        Raises:
-            RecipeError: if a metric has other node sets or parts than it declares.
-        """
+        """Return every metric by name, e.g. `rooms/wasserstein_values/mean`."""
         values: dict[str, Floats] = {}
         nodes: dict[str, int] = {}
         for row, accumulator in self._sums.items():
@@ -188,11 +180,7 @@ def _mean_known(values: Floats, there: Bools) -> Floats:
 
 
 def measure_metric(name: str, prediction: Prediction, weights: Weights) -> Values:
-    """Return a row of `METRICS` for a whole prediction, under weights of its buildings `[B, W]`.
-
-    Raises:
-        RecipeError: if it has other node sets or parts than it declares.
-    """
+    """Return a row of `METRICS` for a whole prediction, under weights of its buildings `[B, W]`."""
     stream = Stream(prediction.truth.scene_ids, weights)
     accumulator = METRICS[name].start(stream)
     accumulator.add(stream.batch(prediction))

@@ -38,16 +38,11 @@ class Metric(ABC):
     """A row of `METRICS`.
 
     The names of its values are `NODE_SET/METRIC` or `NODE_SET/METRIC/PART`.
-
-    Attributes:
-        label: common name, short enough for a column head.
-        less: whether less is better; None if neither is, as for a signed error.
-        about: what it is, in a sentence for the docs.
     """
 
-    label: str
-    less: bool | None
-    about: str
+    label: str  # common name, short enough for a column head
+    less: bool | None  # whether less is better; None if neither is, as for a signed error
+    about: str  # what it is, in a sentence for the docs
 
     @property
     @abstractmethod
@@ -83,17 +78,12 @@ class WholeMetric(Metric):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NodeMetric(Metric):
-    """A value per node, averaged over nodes with the weights of their buildings.
+    """A value per node, averaged over nodes with the weights of their buildings."""
 
-    Attributes:
-        values: function of the truth and the expectation to `[N]`; nan for a node without a value.
-        over: node sets.
-        spread: whether variance, skewness and kurtosis are given besides the mean.
-    """
-
+    # function of the truth and the expectation to `[N]`; nan for a node without a value
     values: Callable[[Truth, Expectation], Floats]
-    over: tuple[str, ...] = NODE_SETS
-    spread: bool = False
+    over: tuple[str, ...] = NODE_SETS  # node sets
+    spread: bool = False  # whether variance, skewness and kurtosis are given besides the mean
 
     @property
     def node_sets(self) -> tuple[str, ...]:
@@ -110,11 +100,7 @@ class NodeMetric(Metric):
         return _NodePowers(self, stream.width)
 
     def evaluate_nodes(self, prediction: Prediction) -> Floats:
-        """Return the value of every node.
-
-        Raises:
-            RecipeError: if the function does not give one value per node.
-        """
+        """Return the value of every node."""
         values = np.asarray(self.values(prediction.truth, prediction.expectation), dtype=float)
         nodes = len(prediction.truth.building)
         if values.shape != (nodes,):
@@ -141,15 +127,12 @@ class _PresenceMetric(Metric):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CellMetric(_PresenceMetric):
-    """A function of means over the cells of each selection.
+    """A function of means over the cells of each selection."""
 
-    Attributes:
-        addends: function of presence, whether an object is hidden, and which cells are selected,
-            all `[N, C]`; returns what each room adds to K sums, `[N, K]`.
-        combine: function of the K means over cells, `[W, K]`; returns the value, `[W]`.
-    """
-
+    # function of presence, whether an object is hidden, and which cells are selected, all `[N, C]`;
+    # returns what each room adds to K sums, `[N, K]`
     addends: Callable[[Floats, Bools, Bools], Floats]
+    # function of the K means over cells, `[W, K]`; returns the value, `[W]`
     combine: Callable[[Floats], Floats]
 
     def start(self, stream: Stream) -> Accumulator:
@@ -159,15 +142,10 @@ class CellMetric(_PresenceMetric):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RankMetric(_PresenceMetric):
-    """A measure of the ranking of the cells of each selection.
+    """A measure of the ranking of the cells of each selection."""
 
-    Attributes:
-        measure: area under the ROC curve, or average precision.
-        by_class: whether it is the mean over the classes in which it is defined.
-    """
-
-    measure: Literal["auroc", "precision"]
-    by_class: bool = False
+    measure: Literal["auroc", "precision"]  # area under the ROC curve, or average precision
+    by_class: bool = False  # whether it is the mean over the classes in which it is defined
 
     def start(self, stream: Stream) -> Accumulator:
         """Start to read the histograms, which all metrics of this kind share."""
@@ -176,12 +154,9 @@ class RankMetric(_PresenceMetric):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CorrelationMetric(Metric):
-    """A distance between predicted and true correlations of the classes over nodes.
+    """A distance between predicted and true correlations of the classes over nodes."""
 
-    Attributes:
-        distance: function of the two matrices `[C, C]`, predicted and true.
-    """
-
+    # function of the two matrices `[C, C]`, predicted and true
     distance: Callable[[Floats, Floats], float]
 
     @property

@@ -47,21 +47,13 @@ _MASKS = b"bsg.masks_sha256"
 
 @dataclass(frozen=True, eq=False)
 class Predictions:
-    """The rows of a file of predictions, or of all files of a folder.
+    """The rows of a file of predictions, or of all files of a folder."""
 
-    Attributes:
-        path: of the file or folder.
-        files: in order.
-        rows: by (file, number of the row in it), with `KEYS` and the columns.
-        columns: scored columns: presence, expected, p0, …, total.
-        masks: hashes of the masks that the files state.
-    """
-
-    path: Path
-    files: tuple[Path, ...]
-    rows: pd.DataFrame
-    columns: tuple[str, ...]
-    masks: frozenset[str]
+    path: Path  # of the file or folder
+    files: tuple[Path, ...]  # in order
+    rows: pd.DataFrame  # by (file, number of the row in it), with `KEYS` and the columns
+    columns: tuple[str, ...]  # scored columns: presence, expected, p0, …, total
+    masks: frozenset[str]  # hashes of the masks that the files state
 
     @property
     def exactly(self) -> int:
@@ -80,9 +72,6 @@ def read_predictions(path: Path, *, most_rows: int) -> Predictions:
     Args:
         path: of the file or folder.
         most_rows: number of rows of the benchmark; more are refused before they are read.
-
-    Raises:
-        PredictionError: if it is not readable, has other columns, or a value is out of range.
     """
     files = sorted(path.glob("*.parquet")) if path.is_dir() else [path]
     if not files:
@@ -139,11 +128,7 @@ class PredictionWriter:
         self._writer: pq.ParquetWriter | None = None
 
     def __enter__(self) -> PredictionWriter:
-        """Start the file.
-
-        Raises:
-            DatasetError: if it cannot be written.
-        """
+        """Start the file."""
         self._partial = self._stack.enter_context(open_beside(self.path))
         return self
 

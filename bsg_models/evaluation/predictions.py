@@ -43,15 +43,12 @@ class PredictedExpectation(Expectation):
     """Predictions of a file for N nodes and C classes.
 
     `hidden_counts` is the distribution without p0, p1, ….
-
-    Attributes:
-        stated_presence: `[N, C]` as stated in the file.
-        stated_hidden: `[N, C]` expected hidden counts as stated in the file.
-        exactly: `[J + 1, N, C]` P(hidden = 0..J), nan where not stated; None without the columns.
     """
 
-    stated_presence: Floats = field(kw_only=True)
+    stated_presence: Floats = field(kw_only=True)  # `[N, C]` as stated in the file
+    # `[N, C]` expected hidden counts as stated in the file
     stated_hidden: Floats = field(kw_only=True)
+    # `[J + 1, N, C]` P(hidden = 0..J), nan where not stated; None without the columns
     exactly: Floats | None = field(kw_only=True)
 
     @cached_property
@@ -98,21 +95,14 @@ def log_of_table(counts: Floats, table: Floats, expected: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class AlignedPredictions:
-    """Predictions of the N nodes of P masked buildings.
+    """Predictions of the N nodes of P masked buildings."""
 
-    Attributes:
-        pairs: `[P]` (scene id, draw).
-        starts: `[P + 1]` first node of each.
-        there: `[N, C]` whether there is a row.
-        values: column → `[N, C]`: presence, expected, p0, p1, …, and total if stated.
-        buildings: whether building nodes have rows.
-    """
-
-    pairs: pd.MultiIndex
-    starts: Ints
-    there: Bools
+    pairs: pd.MultiIndex  # `[P]` (scene id, draw)
+    starts: Ints  # `[P + 1]` first node of each
+    there: Bools  # `[N, C]` whether there is a row
+    # column → `[N, C]`: presence, expected, p0, p1, …, and total if stated
     values: Mapping[str, Floats]
-    buildings: bool
+    buildings: bool  # whether building nodes have rows
 
     def expect(self, masked: MaskedBuildings) -> PredictedExpectation:
         """Return the predictions of some of the masked buildings."""
@@ -139,9 +129,6 @@ def align(
         batches: all measured masked buildings.
         classes: `[C]` names.
         elsewhere: scenes of other folds, whose rows are skipped.
-
-    Raises:
-        PredictionError: if a row is unknown or repeated, or rows are missing.
     """
     nodes = _MeasuredNodes.of(batches)
     rows = predictions.rows[~predictions.rows["scene_id"].isin(elsewhere)]

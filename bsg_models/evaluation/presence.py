@@ -33,19 +33,12 @@ _Counts = tuple[Ints, Bools, Ints, Ints]  # bin, hidden, building and number of 
 
 
 class Ranks(NamedTuple):
-    """AUROC and average precision under W weights; nan if they are not defined.
+    """AUROC and average precision under W weights; nan if they are not defined."""
 
-    Attributes:
-        auroc: selection → `[W]`, all classes in one ranking.
-        precision: selection → `[W]`, all classes in one ranking.
-        auroc_of_classes: selection → `[C, W]`, each class ranked separately.
-        precision_of_classes: selection → `[C, W]`, each class ranked separately.
-    """
-
-    auroc: dict[str, Floats]
-    precision: dict[str, Floats]
-    auroc_of_classes: dict[str, Floats]
-    precision_of_classes: dict[str, Floats]
+    auroc: dict[str, Floats]  # selection → `[W]`, all classes in one ranking
+    precision: dict[str, Floats]  # selection → `[W]`, all classes in one ranking
+    auroc_of_classes: dict[str, Floats]  # selection → `[C, W]`, each class ranked separately
+    precision_of_classes: dict[str, Floats]  # selection → `[C, W]`, each class ranked separately
 
 
 def select_cells(seen: Bools, visited: Bools) -> dict[str, Bools]:

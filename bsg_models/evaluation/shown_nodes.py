@@ -13,21 +13,13 @@ from bsg_models.evaluation.truth import Truth
 
 @dataclass(frozen=True, eq=False)
 class ShownNodes:
-    """What is seen, expected and true of M nodes.
+    """What is seen, expected and true of M nodes."""
 
-    Attributes:
-        inputs: `[M, C]` histograms that the masks leave.
-        totals: `[M, C]` whole histograms as the model predicts them.
-        targets: `[M, C]` true histograms.
-        is_building: `[M]`.
-        example: row of the node that is drawn separately.
-    """
-
-    inputs: Floats
-    totals: Floats
-    targets: Floats
-    is_building: Bools
-    example: int
+    inputs: Floats  # `[M, C]` histograms that the masks leave
+    totals: Floats  # `[M, C]` whole histograms as the model predicts them
+    targets: Floats  # `[M, C]` true histograms
+    is_building: Bools  # `[M]`
+    example: int  # row of the node that is drawn separately
 
 
 class ShownCollector:

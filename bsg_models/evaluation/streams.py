@@ -26,30 +26,19 @@ Weights = npt.NDArray[Any]  # `[B, W]` of floats or of whole numbers
 
 @dataclass(frozen=True, slots=True)
 class Values:
-    """A metric under each of W weights.
+    """A metric under each of W weights."""
 
-    Attributes:
-        values: (node set, part) → `[W]`; nan if it is not defined.
-        nodes: (node set, part) → number of nodes behind it.
-    """
-
-    values: Mapping[Key, Floats]
-    nodes: Mapping[Key, int]
+    values: Mapping[Key, Floats]  # (node set, part) → `[W]`; nan if it is not defined
+    nodes: Mapping[Key, int]  # (node set, part) → number of nodes behind it
 
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """Some nodes of a prediction, with the weights of all B buildings.
+    """Some nodes of a prediction, with the weights of all B buildings."""
 
-    Attributes:
-        prediction: of N nodes.
-        building: `[N]` 0..B-1, the number of each node's building.
-        weights: `[B, W]` how often each building counts.
-    """
-
-    prediction: Prediction
-    building: Ints
-    weights: Weights
+    prediction: Prediction  # of N nodes
+    building: Ints  # `[N]` 0..B-1, the number of each node's building
+    weights: Weights  # `[B, W]` how often each building counts
 
     def sum(self, rows: Ints, values: Floats) -> Floats:
         """Return the sums over some nodes under every weight, `[W, K]`.

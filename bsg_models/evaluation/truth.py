@@ -17,25 +17,15 @@ NODE_SETS = ("rooms", "building", "all")
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """The stored pairs of a split, over all N nodes of all draws.
+    """The stored pairs of a split, over all N nodes of all draws."""
 
-    Attributes:
-        inputs: `[N, C]` histograms that the masks leave.
-        targets: `[N, C]` true histograms.
-        is_building: `[N]`.
-        visited: `[N]` whether the robot entered.
-        building: `[N]` 0..B-1, the number of the node's building.
-        draw: `[N]` number of the mask.
-        scene_ids: `[B]`.
-    """
-
-    inputs: Floats
-    targets: Floats
-    is_building: Bools
-    visited: Bools
-    building: npt.NDArray[np.int64]
-    draw: npt.NDArray[np.int64]
-    scene_ids: tuple[str, ...]
+    inputs: Floats  # `[N, C]` histograms that the masks leave
+    targets: Floats  # `[N, C]` true histograms
+    is_building: Bools  # `[N]`
+    visited: Bools  # `[N]` whether the robot entered
+    building: npt.NDArray[np.int64]  # `[N]` 0..B-1, the number of the node's building
+    draw: npt.NDArray[np.int64]  # `[N]` number of the mask
+    scene_ids: tuple[str, ...]  # `[B]`
 
     @property
     def hidden(self) -> Floats:
@@ -61,15 +51,10 @@ def join_truths(parts: Sequence[Truth]) -> Truth:
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """A model's expectation and the truth: the input of a metric.
+    """A model's expectation and the truth: the input of a metric."""
 
-    Attributes:
-        truth: of N nodes.
-        expectation: of the same nodes.
-    """
-
-    truth: Truth
-    expectation: Expectation
+    truth: Truth  # of N nodes
+    expectation: Expectation  # of the same nodes
 
     @cached_property
     def rows(self) -> Mapping[str, npt.NDArray[np.int64]]:

@@ -55,9 +55,6 @@ def judge(ours: Bootstrap, other: Bootstrap, name: str) -> Verdict:
 
     It is better or worse if the interval of the paired difference excludes 0; without resamples, if
     the values differ.
-
-    Raises:
-        RecipeError: for a value without a better side.
     """
     less = find_value(name)[0].less
     if less is None:

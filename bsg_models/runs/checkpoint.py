@@ -40,38 +40,25 @@ _AGAIN = "take another copy of it, or train again"
 
 
 class CheckpointHeader(Record):
-    """The header of a checkpoint.
+    """The header of a checkpoint."""
 
-    Attributes:
-        checkpoint_version: version of this format.
-        format_version: version of the dataset format that it was trained on.
-        config: of the run.
-        class_space: classes of the histograms that it reads and predicts.
-        class_maps: one per source of its dataset: published maps by name, the user's own in full.
-        members: of an ensemble, name → recipe of the member's training.
-        vocabulary: categories outside the classes that it reads, in the order of its columns.
-        dataset_sha256: of the manifest of the dataset that it was trained on.
-        calibrated: whether its calibration was fitted.
-        epoch: epochs done; 0 for a model that was fitted by counting.
-        val_loss: validation loss at that epoch; None if there is none.
-        best_epoch: epoch with the lowest val_loss so far.
-        best_loss: that val_loss; None if there is none.
-        tensors_sha256: of names, types, shapes and bytes of the tensors; None until it is saved.
-    """
-
-    checkpoint_version: int = CHECKPOINT_VERSION
-    format_version: int = FORMAT_VERSION
-    config: RunConfig
-    class_space: ClassSpace
+    checkpoint_version: int = CHECKPOINT_VERSION  # version of this format
+    format_version: int = FORMAT_VERSION  # version of the dataset format that it was trained on
+    config: RunConfig  # of the run
+    class_space: ClassSpace  # classes of the histograms that it reads and predicts
+    # one per source of its dataset: published maps by name, the user's own in full
     class_maps: tuple[str | OwnMap, ...] = ()
+    # of an ensemble, name → recipe of the member's training
     members: dict[str, RunConfig] = Field(default_factory=dict)
+    # categories outside the classes that it reads, in the order of its columns
     vocabulary: tuple[str, ...] = ()
-    dataset_sha256: str
-    calibrated: bool = False
-    epoch: int = 0
-    val_loss: float | None = None
-    best_epoch: int = 0
-    best_loss: float | None = None
+    dataset_sha256: str  # of the manifest of the dataset that it was trained on
+    calibrated: bool = False  # whether its calibration was fitted
+    epoch: int = 0  # epochs done; 0 for a model that was fitted by counting
+    val_loss: float | None = None  # validation loss at that epoch; None if there is none
+    best_epoch: int = 0  # epoch with the lowest val_loss so far
+    best_loss: float | None = None  # that val_loss; None if there is none
+    # of names, types, shapes and bytes of the tensors; None until it is saved
     tensors_sha256: str | None = None
 
 
@@ -94,11 +81,7 @@ class Checkpoint:
 
 
 def save_checkpoint(path: Path, header: CheckpointHeader, tensors: dict[str, torch.Tensor]) -> None:
-    """Write a checkpoint to a temporary file and rename it.
-
-    Raises:
-        DatasetError: if it cannot be written; an older checkpoint stays.
-    """
+    """Write a checkpoint to a temporary file and rename it."""
     plain = {name: tensor.detach().contiguous() for name, tensor in tensors.items()}
     sealed = {"checkpoint_version": CHECKPOINT_VERSION, "tensors_sha256": hash_tensors(plain)}
     text = header.model_copy(update=sealed).model_dump_json().removesuffix("}")
@@ -117,11 +100,7 @@ def hash_tensors(tensors: Mapping[str, torch.Tensor]) -> str:
 
 
 def read_header(path: Path) -> CheckpointHeader:
-    """Read the header of a checkpoint, without its tensors.
-
-    Raises:
-        CheckpointError: if the file is missing, its header is damaged, or it has another version.
-    """
+    """Read the header of a checkpoint, without its tensors."""
     with _open(path) as file:
         return _parse_header(path, file)
 
@@ -231,9 +210,5 @@ def restore_model(path: AnyPath, checkpoint: Checkpoint) -> BeliefModel:
 
 
 def require_dataset(path: Path, header: CheckpointHeader, manifest: Manifest) -> None:
-    """Refuse a dataset whose class space differs from the checkpoint's.
-
-    Raises:
-        MismatchError: naming both.
-    """
+    """Refuse a dataset whose class space differs from the checkpoint's."""
     require_class_space(manifest, header.class_space, what=f"checkpoint {path}")

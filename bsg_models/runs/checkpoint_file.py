@@ -14,11 +14,7 @@ _LENGTH = 8  # bytes that hold the length of the header
 
 
 def require_safetensors(path: Path) -> None:
-    """Refuse a file that is not safetensors, or is larger than any model of this project.
-
-    Raises:
-        CheckpointError: saying what is wrong with it.
-    """
+    """Refuse a file that is not safetensors, or is larger than any model of this project."""
     try:
         with path.open("rb") as file:
             size = os.fstat(file.fileno()).st_size
@@ -41,11 +37,7 @@ def require_safetensors(path: Path) -> None:
 
 
 def read_plain_header(path: Path) -> dict[str, Any]:
-    """Return the header of a checkpoint as it stands; only for a file whose hash is known.
-
-    Raises:
-        CheckpointError: if it is not a checkpoint.
-    """
+    """Return the header of a checkpoint as it stands; only for a file whose hash is known."""
     require_safetensors(path)
     with path.open("rb") as file:
         text = file.read(int.from_bytes(file.read(_LENGTH), "little"))

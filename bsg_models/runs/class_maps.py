@@ -27,9 +27,6 @@ def choose_class_map(path: Path, header: CheckpointHeader) -> ClassMap:
     Args:
         path: of the checkpoint, for errors.
         header: of the checkpoint.
-
-    Raises:
-        CheckpointError: if the checkpoint lacks its map, or the map has other classes.
     """
     own = [one for one in header.class_maps if isinstance(one, OwnMap)]
     named = [one for one in header.class_maps if isinstance(one, str)]

@@ -33,25 +33,15 @@ _BATCH = 256  # buildings
 
 @dataclass(frozen=True, slots=True)
 class Disclosure:
-    """What was looked for in a checkpoint, and what was found.
+    """What was looked for in a checkpoint, and what was found."""
 
-    Attributes:
-        tensors: number in the checkpoint.
-        numbers: in all tensors.
-        categories: of its vocabulary.
-        least_scenes: number of training buildings with the rarest of these categories.
-        scenes: of the dataset.
-        rooms: of the dataset.
-        faults: disclosures found; empty if there are none.
-    """
-
-    tensors: int
-    numbers: int
-    categories: int
-    least_scenes: int
-    scenes: int
-    rooms: int
-    faults: tuple[str, ...]
+    tensors: int  # number in the checkpoint
+    numbers: int  # in all tensors
+    categories: int  # of its vocabulary
+    least_scenes: int  # number of training buildings with the rarest of these categories
+    scenes: int  # of the dataset
+    rooms: int  # of the dataset
+    faults: tuple[str, ...]  # disclosures found; empty if there are none
 
     def __str__(self) -> str:
         """Return the result in words."""
@@ -76,9 +66,6 @@ def find_disclosed(path: Path, data: Dataset) -> Disclosure:
     Args:
         path: of the checkpoint.
         data: the dataset, split.
-
-    Raises:
-        CheckpointError: if it cannot be read.
     """
     checkpoint = load_checkpoint(path)
     train = data.splits.get("train", data.scene_ids)
@@ -98,22 +85,14 @@ def find_disclosed(path: Path, data: Dataset) -> Disclosure:
 
 @dataclass(frozen=True, slots=True)
 class Membership:
-    """How well a training building can be told from a held-out one.
+    """How well a training building can be told from a held-out one."""
 
-    Attributes:
-        inside: mean −log P of the hidden counts of a room, over training buildings, nats.
-        outside: the same over held-out buildings.
-        auc: of the attack that takes the likelier building for a training building; 0.5 is
-            guessing.
-        error: standard error of `auc` if it were 0.5.
-        buildings: numbers of training buildings and held-out buildings.
-    """
-
-    inside: float
-    outside: float
+    inside: float  # mean −log P of the hidden counts of a room, over training buildings, nats
+    outside: float  # the same over held-out buildings
+    # of the attack that takes the likelier building for a training building; 0.5 is guessing
     auc: float
-    error: float
-    buildings: tuple[int, int]
+    error: float  # standard error of `auc` if it were 0.5
+    buildings: tuple[int, int]  # numbers of training buildings and held-out buildings
 
     def __str__(self) -> str:
         """Return the result in words."""

@@ -41,11 +41,7 @@ def download(name: str, **options: Any) -> Path:
 
 
 def find_downloaded(name: str) -> Path | None:
-    """Return the checkpoint of a hub model if it is on this machine, without using the network.
-
-    Raises:
-        CheckpointError: if huggingface-hub is not installed.
-    """
+    """Return the checkpoint of a hub model if it is on this machine, without using the network."""
     library = _library(name)
     try:
         return Path(library.hf_hub_download(name, HUB_WEIGHTS, local_files_only=True))

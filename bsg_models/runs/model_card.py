@@ -133,11 +133,7 @@ def card_text(found: FoundModel, header: CheckpointHeader) -> str:
 
 
 def read_figures(path: Path) -> dict[str, list[dict[str, _MEASURED]]]:
-    """Read tables of measured values: JSON, model → rows of the same keys.
-
-    Raises:
-        RecipeError: if the file has another form.
-    """
+    """Read tables of measured values: JSON, model → rows of the same keys."""
     found = read_json(path, RUN_RECORD, error=RecipeError)
     tables: dict[str, Any] = found if isinstance(found, dict) else {"the file": ""}
     for name, rows in tables.items():

@@ -22,37 +22,22 @@ _MOST_BYTES = 1_000_000
 
 
 class TrainedOn(Record):
-    """One source of a model's training data.
+    """One source of a model's training data."""
 
-    Attributes:
-        source: its kind, e.g. `hm3d`.
-        buildings: number used for training or validation.
-        licence: SPDX, or `unknown`.
-        licence_url: link to the licence; empty if unknown.
-        sentence: what a user must know of the terms.
-        citation: of the source.
-    """
-
-    source: str
-    buildings: int = Field(ge=0)
-    licence: str = UNKNOWN
-    licence_url: str = ""
-    sentence: str = ""
-    citation: str = ""
+    source: str  # its kind, e.g. `hm3d`.
+    buildings: int = Field(ge=0)  # number used for training or validation
+    licence: str = UNKNOWN  # SPDX, or `unknown`
+    licence_url: str = ""  # link to the licence; empty if unknown
+    sentence: str = ""  # what a user must know of the terms
+    citation: str = ""  # of the source
 
 
 class ModelCard(Record):
-    """The facts of a card.
+    """The facts of a card."""
 
-    Attributes:
-        name: of the model.
-        purpose: what it is for, in one line.
-        trained_on: the sources, in the order of the dataset.
-    """
-
-    name: str
-    purpose: str
-    trained_on: tuple[TrainedOn, ...] = ()
+    name: str  # of the model
+    purpose: str  # what it is for, in one line
+    trained_on: tuple[TrainedOn, ...] = ()  # the sources, in the order of the dataset
 
     @property
     def licences(self) -> tuple[tuple[str, str], ...]:
@@ -126,9 +111,6 @@ def read_card(text: str, *, origin: str) -> ModelCard:
     Args:
         text: of the card.
         origin: the file, for errors.
-
-    Raises:
-        CheckpointError: if it is not a card of this project.
     """
     _, fence, rest = text.partition("---\n")
     front, end, _ = rest.partition("\n---")

@@ -80,10 +80,6 @@ def open_run(run: Path, *, resume: bool = False, force: bool = True) -> Iterator
         resume: whether to continue what is there; it must match its seal.
         force: whether to replace a run; a finished one stays until the new one is whole, which
             grows in its `UNFINISHED` folder.
-
-    Raises:
-        TrainingError: if a run, or a file that bsg-train did not write, is in the way.
-        DatasetError: if another command holds the lock, or the run to continue was changed.
     """
     try:
         run.mkdir(parents=True, exist_ok=True)
@@ -115,12 +111,7 @@ def active_folder(run: Path) -> Path:
 
 
 def refuse_overwriting(run: Path, *, resume: bool, force: bool) -> None:
-    """Refuse a folder that holds a run, unless the run is continued or replaced.
-
-    Raises:
-        TrainingError: if a run is there, or a file with a run's file name that is not of a run.
-        DatasetError: if results of another command are there.
-    """
+    """Refuse a folder that holds a run, unless the run is continued or replaced."""
     refuse_foreign_files(run)
     if has_checkpoint(run) and not (resume or force):
         message = f"{run}: holds a run already; --resume continues it, --force replaces it"
@@ -128,12 +119,7 @@ def refuse_overwriting(run: Path, *, resume: bool, force: bool) -> None:
 
 
 def refuse_foreign_files(run: Path) -> None:
-    """Refuse a folder where other files have the names of a run's files.
-
-    Raises:
-        TrainingError: naming the first of them.
-        DatasetError: if results of another command are there, or the folder is in a dataset.
-    """
+    """Refuse a folder where other files have the names of a run's files."""
     refuse_datasets(run)
     if run.exists() and not run.is_dir():
         message = f"{run}: is a file; expected a folder for the run"
@@ -174,11 +160,7 @@ def is_run(folder: Path) -> bool:
 
 
 def refuse_run(folder: Path) -> None:
-    """Refuse to put other results into a run; a stopped run has no seal to recognise it by.
-
-    Raises:
-        DatasetError: if it is a run.
-    """
+    """Refuse to put other results into a run; a stopped run has no seal to recognise it by."""
     if is_run(folder):
         raise DatasetError(f"{folder}: is a run of bsg-train; choose another folder")
 

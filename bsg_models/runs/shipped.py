@@ -45,12 +45,7 @@ def shipped_names() -> tuple[str, ...]:
 
 
 def find_shipped(name: str) -> Path:
-    """Return the checkpoint of a shipped model, after checking its hash.
-
-    Raises:
-        RecipeError: if no model has this name; the message suggests the nearest.
-        CheckpointError: if none are shipped, or the file was changed.
-    """
+    """Return the checkpoint of a shipped model, after checking its hash."""
     require_shipped(name)
     return _find_file(f"{name}{SUFFIX}")
 
@@ -62,35 +57,20 @@ def name_run(run: Path) -> str:
 
 
 def find_name_of_shipped(path: Path) -> str | None:
-    """Return which shipped model a checkpoint is, wherever it lies; None for any other.
-
-    Raises:
-        CheckpointError: if the list of shipped models is damaged.
-        OSError: if the checkpoint cannot be read.
-    """
+    """Return which shipped model a checkpoint is, wherever it lies; None for any other."""
     sha256 = hash_file(path, CHECKPOINT)
     listed = read_sums(weights_folder()).items()
     return next((name.removesuffix(SUFFIX) for name, digest in listed if digest == sha256), None)
 
 
 def read_shipped_card(name: str) -> str:
-    """Return the card of a shipped model.
-
-    Raises:
-        RecipeError: if no model has this name; the message suggests the nearest.
-        CheckpointError: if none are shipped, or the card was changed.
-    """
+    """Return the card of a shipped model."""
     require_shipped(name)
     return _find_file(f"{name}.md").read_text("utf-8")
 
 
 def require_shipped(name: str) -> None:
-    """Refuse a name that no shipped model has.
-
-    Raises:
-        RecipeError: the message suggests the nearest name.
-        CheckpointError: if none are shipped.
-    """
+    """Refuse a name that no shipped model has."""
     names = shipped_names()
     if not names:
         raise CheckpointError(
@@ -117,9 +97,6 @@ def read_sums(folder: Path) -> dict[str, str]:
     """Return file → sha256 of a folder of weights, in the listed order; empty without a list.
 
     It is parsed once as long as the file stays the same.
-
-    Raises:
-        CheckpointError: naming the faulty line.
     """
     path = folder / SUMS
     if not path.is_file():

@@ -64,9 +64,6 @@ def find_planner(planner: AnyPlanner) -> Planner:
     """Return the planner for a name, a planner or a function.
 
     A bare function may read the belief; `Planner(function, reads="none")` says that it does not.
-
-    Raises:
-        RecipeError: for an unknown name, or an object of another type.
     """
     if isinstance(planner, str):
         return PLANNERS[planner]

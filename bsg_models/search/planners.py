@@ -29,11 +29,7 @@ def nearest(known: Knowledge) -> Ints:
 
 
 def greedy_share(known: Knowledge) -> Ints:
-    """Go to the room with the greatest E″(α), the class's share of the objects expected there.
-
-    Raises:
-        RecipeError: if the share is not known.
-    """
+    """Go to the room with the greatest E″(α), the class's share of the objects expected there."""
     if known.share is None:
         raise RecipeError(
             "greedy-share reads E″(α), the share of the class in each room: give share",
@@ -174,11 +170,7 @@ def next_room(
 
 
 def ask_planner(planner: Planner, known: Knowledge) -> Ints:
-    """Return the rooms `[E]` that a planner names.
-
-    Raises:
-        RecipeError: if one of them is not an unexplored room that the robot can reach.
-    """
+    """Return the rooms `[E]` that a planner names."""
     target = np.asarray(planner.choose(known))
     number, nodes = known.unexplored.shape
     right = target.shape == (number,) and np.issubdtype(target.dtype, np.integer)

@@ -75,11 +75,7 @@ DEFAULT_WORLDS = (
 
 
 def parse_world(text: str) -> WorldRecipe:
-    """Return the recipe that a text like `complete:5-10` or `layout` names.
-
-    Raises:
-        RecipeError: if it names none; the message suggests the nearest.
-    """
+    """Return the recipe that a text like `complete:5-10` or `layout` names."""
     match = _SPELLING.fullmatch(text.strip())
     kinds = get_args(WorldKind)
     if match is None or match[1] not in kinds:

@@ -32,21 +32,13 @@ Answer = tuple[Floats, Floats | None]
 
 @dataclass(frozen=True, eq=False)
 class Episodes:
-    """E searches of one building.
+    """E searches of one building."""
 
-    Attributes:
-        travel: of each search.
-        rooms: `[N]` rooms of the world.
-        starts: `[E]` rooms without the artifact.
-        artifacts: `[E, A]` classes that each search looks for.
-        instances: `[E, N, A]` number of instances per node: the truth.
-    """
-
-    travel: Travel
-    rooms: Bools
-    starts: Ints
-    artifacts: Ints
-    instances: Ints
+    travel: Travel  # of each search
+    rooms: Bools  # `[N]` rooms of the world
+    starts: Ints  # `[E]` rooms without the artifact
+    artifacts: Ints  # `[E, A]` classes that each search looks for
+    instances: Ints  # `[E, N, A]` number of instances per node: the truth
 
 
 class Beliefs(Protocol):
@@ -67,17 +59,12 @@ class Beliefs(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Robot:
-    """What searches with one planner.
+    """What searches with one planner."""
 
-    Attributes:
-        planner: that names its rooms.
-        task: when a search ends.
-        stop_at: the robot ends the search itself once P(anything is left) is at most this; None
-            leaves the end to the simulator.
-    """
-
-    planner: Planner
-    task: Task
+    planner: Planner  # that names its rooms
+    task: Task  # when a search ends
+    # the robot ends the search itself once P(anything is left) is at most this; None leaves the end
+    # to the simulator
     stop_at: float | None = None
 
 
@@ -99,19 +86,12 @@ class Outcome:
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """One step of a robot's running searches.
+    """One step of a robot's running searches."""
 
-    Attributes:
-        rows: `[M]` numbers of the searches.
-        known: what they know.
-        target: `[M]` rooms that the planner names.
-        entered: `[M]` rooms that they enter on the way there.
-    """
-
-    rows: Ints
-    known: Knowledge
-    target: Ints
-    entered: Ints
+    rows: Ints  # `[M]` numbers of the searches
+    known: Knowledge  # what they know
+    target: Ints  # `[M]` rooms that the planner names
+    entered: Ints  # `[M]` rooms that they enter on the way there
 
 
 def search(
@@ -128,10 +108,6 @@ def search(
         robots: key → robot.
         beliefs: source of the presence; ignored for planners that read none, or the truth.
         watch: called with the key of a robot and each of its steps.
-
-    Raises:
-        RecipeError: if a planner needs a belief and there is none, or names a room that is not
-            unexplored.
     """
     runs = {key: _Run(episodes, robot) for key, robot in robots.items()}
     while any(len(run.rows) for run in runs.values()):

@@ -84,17 +84,11 @@ class Comparison:
 
 
 class Loaded(NamedTuple):
-    """A run that is compared.
+    """A run that is compared."""
 
-    Attributes:
-        name: of its column.
-        found: where it is.
-        checkpoint: its weights.
-    """
-
-    name: str
-    found: FoundModel
-    checkpoint: Checkpoint
+    name: str  # of its column
+    found: FoundModel  # where it is
+    checkpoint: Checkpoint  # its weights
 
     @property
     def header(self) -> CheckpointHeader:

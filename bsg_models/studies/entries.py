@@ -31,17 +31,11 @@ Folds = tuple[int | None, ...]
 
 @dataclass(frozen=True, eq=False)
 class Entry:
-    """A file of predictions or a folder of them, aligned with the measured nodes.
+    """A file of predictions or a folder of them, aligned with the measured nodes."""
 
-    Attributes:
-        name: stem of the file, or name of the folder.
-        aligned: predictions of all measured nodes.
-        facts: where the entry comes from.
-    """
-
-    name: str
-    aligned: AlignedPredictions
-    facts: dict[str, Any]
+    name: str  # stem of the file, or name of the folder
+    aligned: AlignedPredictions  # predictions of all measured nodes
+    facts: dict[str, Any]  # where the entry comes from
 
     def open_fold(self, fold: int | None) -> NodePredictor:
         """Return the predictor of a fold; an entry has the same for all folds."""
@@ -64,10 +58,6 @@ def read_entry(path: Path, data: Dataset, *, split: Split, folds: Folds) -> Entr
     """Read an entry and align it with the nodes that are measured.
 
     If only one of several folds is measured, rows of other folds are skipped.
-
-    Raises:
-        PredictionError: if the entry cannot be read or is for other masks, or a row is wrong or
-            missing.
     """
     names = {scene for fold in folds for scene in scenes_of(data, split, fold=fold)}
     others = frozenset(s for name in data.splits.values() for s in name if s not in names)
@@ -98,9 +88,6 @@ def open_entry(
     folder: Path, name: str, data: Dataset, *, split: Split, fold: int | None, force: bool = False
 ) -> PredictionWriter:
     """Open a writer of a run's expectations as an entry; the file appears when the writer closes.
-
-    Raises:
-        DatasetError: if the file exists and not `force`, or it cannot be written.
     """
     stem = stem_of(name)
     path = folder / f"{stem}.parquet" if fold is None else folder / stem / f"fold-{fold}.parquet"

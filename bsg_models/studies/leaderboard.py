@@ -191,11 +191,7 @@ def _copy_listed(source: Path, entry: FileEntry, place: Path) -> None:
 
 
 def prepare_dataset(source: Path, copy: Path, recipe: LeaderboardRecipe, *, mask: str) -> None:
-    """Copy a dataset, split it into folds and draw its pairs, unless that is done.
-
-    Raises:
-        DatasetError: if another dataset, or a file not made by this project, is there.
-    """
+    """Copy a dataset, split it into folds and draw its pairs, unless that is done."""
     manifest = read_manifest(source)
     split = SplitRecipe(method="folds", ratios=None, folds=recipe.folds, seed=recipe.seed)
     pairs = PairsRecipe(

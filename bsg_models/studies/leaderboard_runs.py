@@ -60,16 +60,12 @@ class Place(NamedTuple):
 
 
 class Runs(NamedTuple):
-    """All runs of a leaderboard, the same for every fold.
+    """All runs of a leaderboard, the same for every fold."""
 
-    Attributes:
-        single: place → configuration of each trained model, including members of ensembles.
-        ensembles: place → configuration of each ensemble.
-        members: place of an ensemble → member → name of its run, trained on the same mask.
-    """
-
+    # place → configuration of each trained model, including members of ensembles
     single: dict[Place, RunConfig]
-    ensembles: dict[Place, RunConfig]
+    ensembles: dict[Place, RunConfig]  # place → configuration of each ensemble
+    # place of an ensemble → member → name of its run, trained on the same mask
     members: dict[Place, dict[str, str]]
 
     @property
@@ -83,9 +79,6 @@ def plan_runs(models: Mapping[str, RunConfig], recipe: LeaderboardRecipe) -> Run
 
     An ensemble reuses a run of the leaderboard if its configuration is the one it needs. Otherwise
     the member is trained once more, as `ENSEMBLE+MEMBER`.
-
-    Raises:
-        ConfigError: if another model has that name.
     """
     runs = Runs({}, {}, {})
     placed = {

@@ -27,16 +27,11 @@ from bsg_models.zoo.model import BeliefModel
 
 
 class NodePredictor(NamedTuple):
-    """A source of expectations for masked buildings.
+    """A source of expectations for masked buildings."""
 
-    Attributes:
-        expect: returns the expectation of masked buildings, called in the order of the stored
-            pairs.
-        vocabulary: categories outside the classes that it reads.
-    """
-
+    # returns the expectation of masked buildings, called in the order of the stored pairs
     expect: Callable[[MaskedBuildings], Expectation]
-    vocabulary: tuple[str, ...] = ()
+    vocabulary: tuple[str, ...] = ()  # categories outside the classes that it reads
 
 
 class Receiver(Protocol):
@@ -47,17 +42,12 @@ class Receiver(Protocol):
 
 
 class MeasuredModel(NamedTuple):
-    """The measurements of one model.
+    """The measurements of one model."""
 
-    Attributes:
-        bootstrap: every metric, with its values on every resample of the buildings.
-        classes: one row per node set and class, as `ClassErrors.rows` gives them.
-        shown: the nodes for its figures; None if it has no figures.
-    """
-
-    bootstrap: Bootstrap
+    bootstrap: Bootstrap  # every metric, with its values on every resample of the buildings
+    # one row per node set and class, as `ClassErrors.rows` gives them
     classes: list[dict[str, Any]]
-    shown: ShownNodes | None
+    shown: ShownNodes | None  # the nodes for its figures; None if it has no figures
 
 
 def predict_by(model: BeliefModel) -> NodePredictor:
@@ -67,22 +57,14 @@ def predict_by(model: BeliefModel) -> NodePredictor:
 
 @dataclass(frozen=True, eq=False)
 class Measuring:
-    """The stored pairs and bootstrap weights that all models are measured with.
+    """The stored pairs and bootstrap weights that all models are measured with."""
 
-    Attributes:
-        data: an open dataset.
-        split: split to measure on.
-        folds: folds measured one by one; (None,) for a dataset without folds.
-        surveys: of each fold.
-        weights: bootstrap weights of the buildings of all folds.
-        progress: called after each batch with the number of masked buildings measured in it.
-    """
-
-    data: Dataset
-    split: Split
-    folds: tuple[int | None, ...]
-    surveys: Sequence[Survey]
-    weights: SplitWeights
+    data: Dataset  # an open dataset
+    split: Split  # split to measure on
+    folds: tuple[int | None, ...]  # folds measured one by one; (None,) for a dataset without folds
+    surveys: Sequence[Survey]  # of each fold
+    weights: SplitWeights  # bootstrap weights of the buildings of all folds
+    # called after each batch with the number of masked buildings measured in it
     progress: Callable[[int], None] = field(default=lambda done: None)
 
     def measure(

@@ -41,9 +41,6 @@ def choose_replay(study: Study, results: Sequence[WorldResult], *, named: bool) 
         study: a study that kept searches.
         results: of the study.
         named: whether the searches were named by number; the first building's is then shown.
-
-    Raises:
-        RecipeError: if the study kept none.
     """
     kept = [one for searches in study.searches for one in searches.kept]
     if not kept:
@@ -74,10 +71,6 @@ def replay_search(
         kept: the search.
         model: whose beliefs the study used; None for none.
         named: whether the search was named by its number instead of chosen by the rule.
-
-    Raises:
-        DatasetError: if the dataset does not have the building.
-        RecipeError: if the artifacts were placed by the model's belief instead of the truth.
     """
     if study.recipe.truth == "posterior":
         raise RecipeError("a replay needs searches for what is really there (--truth real)")
@@ -125,17 +118,11 @@ def replay_search(
 
 @dataclass(frozen=True, eq=False)
 class _Ground:
-    """The truth of the building of a search.
+    """The truth of the building of a search."""
 
-    Attributes:
-        cells: `[N, C]` objects.
-        classes: `[C]` names.
-        kept: the search.
-    """
-
-    cells: Counts
-    classes: Sequence[str]
-    kept: KeptSearch
+    cells: Counts  # `[N, C]` objects
+    classes: Sequence[str]  # `[C]` names
+    kept: KeptSearch  # the search
 
     @property
     def reachable(self) -> tuple[int, ...]:

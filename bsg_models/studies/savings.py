@@ -60,18 +60,12 @@ class Saving:
 @dataclass(frozen=True, slots=True)
 class Stop:
     """The result of a robot that stops by itself, compared with entering every room, nearest first.
-
-    Attributes:
-        saved: 1 − ratio of the total costs.
-        missed: share of all instances that were not found.
-        incomplete: share of the searches that missed at least one.
-        entered: rooms, mean over the searches.
     """
 
-    saved: Estimate
-    missed: Estimate
-    incomplete: Estimate
-    entered: float
+    saved: Estimate  # 1 − ratio of the total costs
+    missed: Estimate  # share of all instances that were not found
+    incomplete: Estimate  # share of the searches that missed at least one
+    entered: float  # rooms, mean over the searches
 
 
 @dataclass(frozen=True, eq=False)

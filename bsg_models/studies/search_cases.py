@@ -163,9 +163,6 @@ def sample_searches(
     The first artifact is uniform over the classes that some room has and another has not. The start
     is uniform over the rooms without it. Further artifacts are uniform over the classes that the
     start also lacks.
-
-    Raises:
-        RecipeError: if an artifact is not a class.
     """
     strange = [c for c in recipe.artifacts or () if not 0 <= c < cells.shape[1]]
     if strange:

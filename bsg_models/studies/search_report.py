@@ -265,11 +265,7 @@ def choose_default_run(
 
 
 def make_recipe(request: SearchRequest, classes: Sequence[str]) -> StudyRecipe:
-    """Return the recipe of the study that a request asks for.
-
-    Raises:
-        RecipeError: if a class, planner or world is unknown, or the searches need a run.
-    """
+    """Return the recipe of the study that a request asks for."""
     recipe = StudyRecipe(
         worlds=_choose_worlds(request),
         tasks=("single", "all") if request.task == "both" else (request.task,),
@@ -311,13 +307,7 @@ def choose_buildings(
     split: Literal["train", "val", "test", "all"],
     scene: str | None,
 ) -> tuple[dict[str, Path | None], list[str]]:
-    """Return building → run to ask, and notes about the choice.
-
-    Raises:
-        RecipeError: if the split would search buildings of a run's training, or needs a run.
-        DatasetError: if `scene` is not one of the buildings.
-        MismatchError: if a run predicts the classes of another class map.
-    """
+    """Return building → run to ask, and notes about the choice."""
     chosen: dict[str, Path | None]
     notes: list[str] = []
     folds = "fold-0" in opened.splits

@@ -56,21 +56,15 @@ class KeepRequest:
 
 @dataclass(frozen=True, eq=False)
 class KeptStep:
-    """One decision of a planner in one search.
+    """One decision of a planner in one search."""
 
-    Attributes:
-        target: room that the planner named.
-        entered: room that the robot entered on the way there.
-        way: nodes that it passed on the way into that room, which is the last of them.
-        distance: `[N]` cost of going to each node; infinite out of reach.
-        presence: `[N, A]` that the planner received, for rooms not yet entered; 0 for a planner
-            that reads no belief.
-    """
-
-    target: int
-    entered: int
+    target: int  # room that the planner named
+    entered: int  # room that the robot entered on the way there
+    # nodes that it passed on the way into that room, which is the last of them
     way: tuple[int, ...]
-    distance: Floats
+    distance: Floats  # `[N]` cost of going to each node; infinite out of reach
+    # `[N, A]` that the planner received, for rooms not yet entered; 0 for a planner that reads no
+    # belief
     presence: Floats
 
     @property
@@ -81,32 +75,19 @@ class KeptStep:
 
 @dataclass(frozen=True, eq=False)
 class KeptSearch:
-    """One search by one planner and by `nearest`: same start, artifacts and costs.
+    """One search by one planner and by `nearest`: same start, artifacts and costs."""
 
-    Attributes:
-        scene_id: of the building.
-        world: name of the world.
-        task: when it ended.
-        planner: that was asked for.
-        episode: number of the search in its building, from 0.
-        start: room where it began.
-        artifacts: classes that it looked for.
-        draw: number of the mask.
-        eventful: whether few rooms hold an artifact and every robot enters many.
-        change: of its beliefs, see `belief_changes`.
-        walks: planner → its steps, in order; the requested planner is the first.
-    """
-
-    scene_id: str
-    world: str
-    task: Task
-    planner: str
-    episode: int
-    start: int
-    artifacts: tuple[int, ...]
-    draw: int
-    eventful: bool
-    change: float
+    scene_id: str  # of the building
+    world: str  # name of the world
+    task: Task  # when it ended
+    planner: str  # that was asked for
+    episode: int  # number of the search in its building, from 0
+    start: int  # room where it began
+    artifacts: tuple[int, ...]  # classes that it looked for
+    draw: int  # number of the mask
+    eventful: bool  # whether few rooms hold an artifact and every robot enters many
+    change: float  # of its beliefs, see `belief_changes`
+    # planner → its steps, in order; the requested planner is the first
     walks: Mapping[str, tuple[KeptStep, ...]]
 
     def saved(self, baseline: str) -> float:

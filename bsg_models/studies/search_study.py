@@ -166,10 +166,6 @@ def choose_planners(
         recipe: of the study.
         own: name → planner of the caller.
         remote: whether other processes ask them.
-
-    Raises:
-        RecipeError: if the caller's planner has a name of `PLANNERS`, a planner has a name of the
-            study's own outcomes, or another process cannot import a function.
     """
     for name in (*own, *recipe.all_planners):
         if name == "sweep" or name.startswith("stop ") or (name in own and name in PLANNERS):
@@ -206,10 +202,6 @@ def choose_runs(
     """Return building → run to ask, and notes about the choice.
 
     In a dataset of folds, each run answers about the fold that it was not trained on.
-
-    Raises:
-        MismatchError: if a run predicts the classes of another class map.
-        DatasetError: if two runs are for one fold, or the dataset is not split.
     """
     data = Dataset.open(dataset)
     chosen: dict[str, Path | None] = {}

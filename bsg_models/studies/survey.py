@@ -20,19 +20,12 @@ MOST_SHOWN = 20_000  # nodes in figures: more cannot be told apart, and would fi
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """The masked buildings of a split, or of one fold.
+    """The masked buildings of a split, or of one fold."""
 
-    Attributes:
-        scene_ids: `[B]` of the buildings, in their order.
-        sizes: `[B]` number of classified objects of each.
-        masked: number of masked buildings; every draw counts.
-        counts: `rooms`, `building`, `empty_inputs`, `empty_targets`: numbers of nodes.
-    """
-
-    scene_ids: tuple[str, ...]
-    sizes: Floats
-    masked: int
-    counts: dict[str, int]
+    scene_ids: tuple[str, ...]  # `[B]` of the buildings, in their order
+    sizes: Floats  # `[B]` number of classified objects of each
+    masked: int  # number of masked buildings; every draw counts
+    counts: dict[str, int]  # `rooms`, `building`, `empty_inputs`, `empty_targets`: numbers of nodes
 
     @property
     def by_size(self) -> list[str]:
@@ -54,11 +47,7 @@ def stream_batches(
 
 
 def survey_split(data: Dataset, split: Split, *, fold: int | None) -> Survey:
-    """Read the stored pairs of a split once, and count what is in them.
-
-    Raises:
-        DatasetError: if there are none.
-    """
+    """Read the stored pairs of a split once, and count what is in them."""
     sizes: dict[str, float] = {}
     counts = dict.fromkeys(("rooms", "building", "empty_inputs", "empty_targets"), 0)
     number = 0

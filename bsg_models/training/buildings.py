@@ -51,10 +51,6 @@ class TrainingBuildings:
         vocabulary: categories outside the classes that the model reads.
         ranks: this process among those of the training.
         window: number of masked buildings that are shuffled together.
-
-    Raises:
-        DatasetError: if the dataset is not split, or needed stored pairs are missing.
-        TrainingError: if a process would have nothing to do.
     """
 
     def __init__(
@@ -213,9 +209,6 @@ def stream_validation(
         config: of the run.
         data: an open dataset.
         vocabulary: categories outside the classes that the model reads.
-
-    Raises:
-        DatasetError: if needed stored pairs are missing.
     """
     choice = config.data
     if not _draws_own(config, data):
@@ -242,11 +235,7 @@ def count_validation(config: RunConfig, data: Dataset) -> int:
 def validation_buildings(
     config: RunConfig, data: Dataset, *, vocabulary: tuple[str, ...]
 ) -> MaskedBuildings:
-    """Return everything that `stream_validation` yields, as one.
-
-    Raises:
-        DatasetError: if needed stored pairs are missing.
-    """
+    """Return everything that `stream_validation` yields, as one."""
     return stack_masked(list(stream_validation(config, data, vocabulary=vocabulary)))
 
 

@@ -61,9 +61,6 @@ class Validation:
         model: the network that is trained, or another with the same inputs.
         config: of the run.
         data: an open dataset.
-
-    Raises:
-        DatasetError: if needed stored pairs are missing.
     """
 
     def __init__(self, model: Network, config: RunConfig, data: Dataset) -> None:
@@ -197,9 +194,6 @@ def train_epochs(
 
     Yields:
         One report per epoch.
-
-    Raises:
-        TrainingError: if the loss is not finite, or a file of the run is missing.
     """
     training = config.training
     start, best_epoch, best_loss = 0, 0, float("inf")
@@ -274,10 +268,6 @@ def require_same_training(config: RunConfig, data: Dataset, path: Path) -> None:
         config: of the run.
         data: an open dataset.
         path: of the checkpoint to continue from, which may be missing.
-
-    Raises:
-        TrainingError: naming what differs.
-        CheckpointError: if the checkpoint is damaged.
     """
     if not path.exists():
         return

@@ -47,11 +47,7 @@ def encode_metrics(rows: list[EpochReport]) -> bytes:
 
 
 def read_metrics(path: Path) -> list[EpochReport]:
-    """Read the output of `encode_metrics`.
-
-    Raises:
-        TrainingError: if the file is missing or damaged.
-    """
+    """Read the output of `encode_metrics`."""
     try:
         text = decode(read_bytes(path, RUN_RECORD, error=TrainingError))
         with io.StringIO(text, newline="") as file:

@@ -70,11 +70,7 @@ def load_optimiser(
     *,
     path: Path,
 ) -> None:
-    """Restore the state that `optimiser_state` returned.
-
-    Raises:
-        CheckpointError: if a tensor is missing or has another shape.
-    """
+    """Restore the state that `optimiser_state` returned."""
     for name, parameter in model.named_parameters():
         if not parameter.requires_grad:
             continue

@@ -22,15 +22,10 @@ from bsg_models.zoo.settings import Device
 
 @dataclass(frozen=True, slots=True)
 class Ranks:
-    """This process among those of a training.
+    """This process among those of a training."""
 
-    Attributes:
-        number: of this process; 0 leads.
-        size: number of processes.
-    """
-
-    number: int = 0
-    size: int = 1
+    number: int = 0  # of this process; 0 leads
+    size: int = 1  # number of processes
 
     @property
     def leads(self) -> bool:
@@ -48,11 +43,7 @@ class Ranks:
         return mine
 
     def share_of(self, batch_size: int) -> int:
-        """Return how many buildings of a batch belong to this process.
-
-        Raises:
-            TrainingError: if a process would have none.
-        """
+        """Return how many buildings of a batch belong to this process."""
         if batch_size < self.size:
             raise TrainingError(
                 f"training.batch_size {batch_size} cannot be dealt to {self.size} processes; start "
@@ -100,9 +91,6 @@ def find_device(wanted: Device) -> torch.device:
 
     Args:
         wanted: `auto` for a GPU if there is one.
-
-    Raises:
-        TrainingError: if a GPU is wanted, and there is none.
     """
     there = torch.cuda.is_available()
     if wanted == "cuda" and not there:

@@ -113,12 +113,7 @@ def _refuse_several(ranks: Ranks, why: str) -> None:
 
 
 def _is_fitted(config: RunConfig, data: Dataset, run: Path) -> bool:
-    """Return whether a run with one checkpoint is finished; a stopped one starts again.
-
-    Raises:
-        TrainingError: if it is of another dataset or configuration.
-        DatasetError: if it does not match its seal.
-    """
+    """Return whether a run with one checkpoint is finished; a stopped one starts again."""
     place = active_folder(run)
     require_same_training(config, data, place / BEST)
     return (place / BEST).is_file() and require_seal(place) is not None
@@ -190,11 +185,7 @@ def _require_resumable(config: RunConfig, data: Dataset, run: Path) -> None:
 
 
 def new_model(config: RunConfig, data: Dataset) -> BeliefModel:
-    """Return a new model for a dataset; its vocabulary is that of the training set.
-
-    Raises:
-        DatasetError: if the dataset lacks the split.
-    """
+    """Return a new model for a dataset; its vocabulary is that of the training set."""
     torch.manual_seed(config.seed)
     scenes = scenes_of(data, "train", fold=config.data.fold)
     reads = reads_categories(config)
