@@ -391,8 +391,7 @@ def _name_unread(column: str) -> str:
 
 
 def _require_agreement(rows: Sequence[tuple[TableRow, str]], where: str) -> None:
-    """Refuse rows of one room that disagree about it, and connections to rooms that are not there.
-    """
+    """Refuse rows of one room that disagree about it, and connections to rooms that lack."""
     first: dict[tuple[str, str], tuple[object, str]] = {}
     names = {row.room for row, _ in rows if row.room}
     for row, line in rows:

@@ -87,8 +87,7 @@ def _count_cells(data: Dataset) -> int:
 def open_entry(
     folder: Path, name: str, data: Dataset, *, split: Split, fold: int | None, force: bool = False
 ) -> PredictionWriter:
-    """Open a writer of a run's expectations as an entry; the file appears when the writer closes.
-    """
+    """Open a writer of a run's expectations as an entry, which appears when it closes."""
     stem = stem_of(name)
     path = folder / f"{stem}.parquet" if fold is None else folder / stem / f"fold-{fold}.parquet"
     if path.exists() and not force:

@@ -59,8 +59,7 @@ class Saving:
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """The result of a robot that stops by itself, compared with entering every room, nearest first.
-    """
+    """How a robot that stops by itself compares with entering every room, nearest first."""
 
     saved: Estimate  # 1 − ratio of the total costs
     missed: Estimate  # share of all instances that were not found
