@@ -18,25 +18,25 @@ from bsg_models.zoo.model import BeliefModel, ModelInputs, to_array
 from bsg_models.zoo.settings import DataConfig, ModelConfig
 
 
-class InputConfig(ModelConfig):
+class _InputConfig(ModelConfig):
     """Predict that nothing is hidden."""
 
     family: Literal["input"] = "input"
 
 
-class DoubledConfig(ModelConfig):
+class _DoubledConfig(ModelConfig):
     """Predict input / (1 − f), with f the hidden share: at one half, twice what was seen."""
 
     family: Literal["doubled"] = "doubled"
 
 
-class TrainMeanConfig(ModelConfig):
+class _TrainMeanConfig(ModelConfig):
     """Predict the mean histogram of the training rooms, and of the training buildings."""
 
     family: Literal["train-mean"] = "train-mean"
 
 
-class InputModel(BeliefModel):
+class _InputModel(BeliefModel):
     """Predict hidden = 0."""
 
     def predict(self, seen: Observation) -> Expectation:
@@ -45,7 +45,7 @@ class InputModel(BeliefModel):
         return from_hidden_counts(inputs, poisson(np.zeros_like(inputs)))
 
 
-class DoubledModel(BeliefModel):
+class _DoubledModel(BeliefModel):
     """Predict hidden = input · f / (1 − f) for each class, with f the hidden share.
 
     At f = 1/2 this doubles what was seen, hence the name. Normalised, it equals the input.
@@ -58,7 +58,7 @@ class DoubledModel(BeliefModel):
         return from_hidden_counts(inputs, poisson(inputs * share / np.maximum(1 - share, 1e-6)))
 
 
-class TrainMeanModel(BeliefModel):
+class _TrainMeanModel(BeliefModel):
     """Predict the mean histogram of the training rooms, and of the training buildings.
 
     Its raw totals are the mean; hidden = share · mean, because a uniform mask hides that share of
@@ -68,7 +68,7 @@ class TrainMeanModel(BeliefModel):
     room_mean: torch.Tensor  # [C]
     building_mean: torch.Tensor  # [C]
 
-    def __init__(self, config: TrainMeanConfig, inputs: ModelInputs) -> None:
+    def __init__(self, config: _TrainMeanConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
         self.hold(room_mean=np.zeros(inputs.classes), building_mean=np.zeros(inputs.classes))
 
@@ -90,6 +90,6 @@ class TrainMeanModel(BeliefModel):
         return Expectation(seen.inputs.astype(np.float64), poisson(seen.cell_share * mean), mean)
 
 
-INPUT = ZooRow(InputConfig(), InputModel)
-DOUBLED = ZooRow(DoubledConfig(), DoubledModel)
-TRAIN_MEAN = ZooRow(TrainMeanConfig(), TrainMeanModel)
+INPUT = ZooRow(_InputConfig(), _InputModel)
+DOUBLED = ZooRow(_DoubledConfig(), _DoubledModel)
+TRAIN_MEAN = ZooRow(_TrainMeanConfig(), _TrainMeanModel)

@@ -69,7 +69,7 @@ class CalibratedModel(BeliefModel):
         calibrated = recalibrate(learned, to_array(self.calibration))
         lines = to_array(self.presence_calibration)
         if lines.any():
-            calibrated = recalibrate_presence(calibrated, lines, looked_into=share < 1)
+            calibrated = _recalibrate_presence(calibrated, lines, looked_into=share < 1)
         return calibrated.without(share == 0)
 
 
@@ -91,7 +91,7 @@ def fit_calibration(distribution: CountDistribution, hidden: Floats) -> Floats:
     return np.asarray(minimum.x)
 
 
-def recalibrate_presence(
+def _recalibrate_presence(
     distribution: CountDistribution, lines: Floats, *, looked_into: Bools
 ) -> CountDistribution:
     """Return the distribution under the `lines` `[2, 2]`, `looked_into` `[N, C]` or not."""

@@ -21,7 +21,7 @@ EVERYTHING = ("mask", "building", "categories", "withheld", *EVIDENCE)
 
 
 class NetworkConfig(ModelConfig):
-    """Settings of all networks of hidden counts (`bsg_models.zoo.count_network`).
+    """Settings of all networks of hidden counts (`bsg_models.zoo.networks`).
 
     Attributes:
         width: channels of the hidden layers.

@@ -56,7 +56,7 @@ class WritesNoFile:
         """Generate nothing."""
 
 
-class NormalisedConv(WritesNoFile, GCNConv):  # type: ignore[misc]
+class _NormalisedConv(WritesNoFile, GCNConv):  # type: ignore[misc]
     """PyG's sum over neighbours and the node itself, by the square roots of their degrees."""
 
 
@@ -68,7 +68,7 @@ class CECIGCN(Network):
         hidden = [config.width] * (config.depth - 1)
         widths = [inputs.classes, *hidden, inputs.classes]
         self.convolutions = nn.ModuleList(
-            NormalisedConv(before, after, normalize=False) for before, after in pairwise(widths)
+            _NormalisedConv(before, after, normalize=False) for before, after in pairwise(widths)
         )
         blocks = config.depth if config.last_layer == "block" else config.depth - 1
         self.blocks = nn.ModuleList(

@@ -1,39 +1,168 @@
-"""The networks of hidden counts: rounds of means over neighbours, and attention between rooms."""
+"""Networks of hidden counts: node features, a trunk, and a prior per room and class.
+
+    Λ ~ Gamma(r, r / m)          the rate of class c in a room; log m = (W h)_c, log r = (U h)_c
+    V ~ Poisson((1 − f) Λ)       what was seen of it
+    H ~ Poisson(f Λ)             what is hidden, so that
+    H | V ~ NB(mean f (r + V) / (r / m + 1 − f), dispersion r + V)
+
+h is the trunk's encoding of a node's features, and f the share that the node hides. This is
+shrinkage per class (`bsg_models.zoo.gamma_poisson`) with a separate prior for every room. The
+network predicts the usual count in such a room, and how sure that is. Bayes' rule then adds the
+seen objects of the class itself, at any share. So the node's own histogram need not pass through
+the trunk.
+
+The prior of the first true counts is tilted (`bsg_models.belief.negative_binomial`) by factors that
+are also linear in h: rooms have one refrigerator, not two.
+"""
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import Literal
 
+import numpy as np
 import torch
 from pydantic import Field, model_validator
 from torch import nn
 from torch_geometric.nn import SAGEConv
 from torch_geometric.utils import to_dense_batch
 
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.observation import Observation
+from bsg_models.belief.count_distribution import MIN_RATE, CountDistribution
+from bsg_models.belief.negative_binomial import (
+    hidden_posterior,
+    hidden_tilts,
+    log_negative_binomial,
+)
+from bsg_models.inputs.folds import scenes_of
 from bsg_models.inputs.nodes import Neighbours, Nodes
+from bsg_models.zoo.calibration import CalibratedModel
 from bsg_models.zoo.catalogue import ZooRow
-from bsg_models.zoo.count_network import CountNetwork
-from bsg_models.zoo.features import EVERYTHING, NetworkConfig, ShownDropout
+from bsg_models.zoo.features import EVERYTHING, NetworkConfig, NodeFeatures, ShownDropout
 from bsg_models.zoo.gcn import WritesNoFile
-from bsg_models.zoo.model import ModelInputs
-from bsg_models.zoo.settings import CONNECTED, COUNTS, VARIED, WHATEVER
+from bsg_models.zoo.model import ModelInputs, Network, to_array
+from bsg_models.zoo.settings import CONNECTED, COUNTS, VARIED, WHATEVER, DataConfig
+
+_MOST = 5.0  # limit of log m and |log r|: e^5 objects of a class in a room; log m ≥ −10
+
+# Of the hidden counts: λ before tilts and r, each `[N, C]`, and J tilts `[N, C]`.
+Posterior = tuple[torch.Tensor, torch.Tensor, list[torch.Tensor]]
 
 
-class SAGEConfig(NetworkConfig):
+class CountNetwork(CalibratedModel, Network):
+    """A network that predicts the hidden counts of rooms; a building hides what its rooms hide."""
+
+    def __init__(self, config: NetworkConfig, inputs: ModelInputs) -> None:
+        super().__init__(config, inputs)
+        self.reads = config.reads
+        self.features = NodeFeatures(config, inputs.classes, len(inputs.vocabulary))
+        self.head = PriorHead(config, inputs.classes)
+
+    @abstractmethod
+    def encode(self, features: torch.Tensor, nodes: Nodes) -> torch.Tensor:
+        """Return the trunk's encoding of features `[N, F]`: `[N, width]`."""
+
+    def fit(self, data: Dataset, choice: DataConfig) -> None:
+        """Start the head from the mean histogram of the training rooms."""
+        scenes = scenes_of(data, "train", fold=choice.fold)
+        total, number = np.zeros(self.inputs.classes), 0
+        for part in data.in_parts(scenes):
+            for rooms in (data.cells(scene)[1:] for scene in part):
+                total += rooms.sum(axis=0)  # whole numbers: exact in any order
+                number += len(rooms)
+        self.head.start(torch.from_numpy(total / max(number, 1)))
+
+    def forward(self, nodes: Nodes) -> Posterior:
+        """Return the posterior of the hidden counts of N nodes and C classes."""
+        posterior: Posterior = self.head(self.encode(self.features(nodes), nodes), nodes)
+        return posterior
+
+    def loss(self, nodes: Nodes) -> torch.Tensor:
+        """Return the mean of −log P(hidden) over rooms and classes."""
+        rooms = ~nodes.is_building
+        mean, dispersion, tilts = self(nodes)
+        cells: torch.Tensor = log_negative_binomial(
+            (nodes.y - nodes.x)[rooms],
+            mean[rooms].clamp(min=MIN_RATE),
+            dispersion[rooms],
+            [tilt[rooms] for tilt in tilts],
+        )
+        return -cells.sum() / max(cells.numel(), 1)  # a batch may have no rooms
+
+    def cells_of(self, nodes: Nodes) -> int:
+        """Return the number of cells of rooms."""
+        return nodes.x[~nodes.is_building].numel()
+
+    def validation_loss(self, nodes: Nodes) -> tuple[float, int]:
+        """Return the sum of the loss over rooms and classes, and the number of these cells."""
+        self.eval()
+        with torch.no_grad():
+            cells = self.cells_of(nodes)
+            return (self.loss(nodes).item() * cells if cells else 0.0), cells
+
+    def predict_hidden_counts(self, seen: Observation) -> CountDistribution:
+        """Return the distribution that the network gives."""
+        if self.training:
+            self.eval()
+        with torch.no_grad():
+            mean, dispersion, tilts = self(self.nodes_of(seen))
+        return CountDistribution(
+            to_array(mean)[None],
+            to_array(dispersion)[None],
+            np.ones((1, len(mean), 1)),
+            np.stack([to_array(tilt)[None] for tilt in tilts]) if tilts else None,
+        )
+
+
+class PriorHead(nn.Module):
+    """Layers from the encoded nodes to priors of the rates, and to the hidden counts."""
+
+    def __init__(self, config: NetworkConfig, classes: int) -> None:
+        super().__init__()
+        self.dropout = nn.Dropout(config.dropout)
+        self.mean = nn.Linear(config.width, classes)
+        self.shape = nn.Linear(config.width, classes)
+        layers = [self.mean, self.shape]
+        self.tilted = config.tilted
+        if self.tilted:
+            self.tilt = nn.Linear(config.width, self.tilted * classes)
+            layers.append(self.tilt)
+        for layer in layers:
+            nn.init.zeros_(layer.weight)
+            nn.init.zeros_(layer.bias)
+
+    def start(self, means: torch.Tensor) -> None:
+        """Start with a room's mean counts `[C]` as the prior of all."""
+        with torch.no_grad():
+            self.mean.bias.copy_(means.clamp(min=MIN_RATE).log())
+
+    def forward(self, encoded: torch.Tensor, nodes: Nodes) -> Posterior:
+        """Return the posterior of the hidden counts."""
+        mean = self.mean(self.dropout(encoded)).clamp(-2 * _MOST, _MOST).exp()
+        shape = self.shape(self.dropout(encoded)).clamp(-_MOST, _MOST).exp()
+        hidden = hidden_posterior(shape, shape / mean, nodes.x, nodes.share)
+        if not self.tilted:
+            return *hidden, []
+        tilts = self.tilt(self.dropout(encoded)).clamp(-_MOST, _MOST)
+        of_counts = tilts.unflatten(1, (self.tilted, -1)).unbind(1)
+        return *hidden, hidden_tilts(of_counts, nodes.x)
+
+
+class _SAGEConfig(NetworkConfig):
     """GraphSAGE between building and rooms."""
 
     family: Literal["ceci-sage"] = "ceci-sage"
 
 
-class RoomTransformerConfig(NetworkConfig):
+class _RoomTransformerConfig(NetworkConfig):
     """Attention of all nodes of a building to each other; `heads` divides `width`."""
 
     family: Literal["room-transformer"] = "room-transformer"
     heads: int = Field(default=4, ge=1)
 
     @model_validator(mode="after")
-    def _heads_divide(self) -> RoomTransformerConfig:
+    def _heads_divide(self) -> _RoomTransformerConfig:
         if self.width % self.heads:
             raise ValueError(f"width {self.width} must be a multiple of heads {self.heads}")
         return self
@@ -55,7 +184,7 @@ class CECISAGE(CountNetwork):
     information: without it, rounds of averaging over a star of rooms make the rooms alike.
     """
 
-    def __init__(self, config: SAGEConfig, inputs: ModelInputs) -> None:
+    def __init__(self, config: _SAGEConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
         width, rounds = config.width, range(config.depth)
         self.enter = nn.Sequential(
@@ -82,7 +211,7 @@ class CECISAGE(CountNetwork):
 class RoomTransformer(CountNetwork):
     """Pre-norm self-attention over rooms, which have no order (Vaswani et al., 2017)."""
 
-    def __init__(self, config: RoomTransformerConfig, inputs: ModelInputs) -> None:
+    def __init__(self, config: _RoomTransformerConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
         self.enter = nn.Sequential(
             ShownDropout(config.dropout / 2, self.features.mask),
@@ -109,17 +238,17 @@ class RoomTransformer(CountNetwork):
         """Read no edges: every room attends to every other."""
 
 
-CECI_SAGE = ZooRow(SAGEConfig(), CECISAGE, data=CONNECTED, training=COUNTS)
+CECI_SAGE = ZooRow(_SAGEConfig(), CECISAGE, data=CONNECTED, training=COUNTS)
 UNIVERSAL = ZooRow(
-    SAGEConfig(reads=EVERYTHING),
+    _SAGEConfig(reads=EVERYTHING),
     CECISAGE,
     data=WHATEVER,
     training=COUNTS,
     summary="GraphSAGE for any observation: trained on every kind of mask; reads all evidence.",
 )
-ROOM_TRANSFORMER = ZooRow(RoomTransformerConfig(), RoomTransformer, data=VARIED, training=COUNTS)
+ROOM_TRANSFORMER = ZooRow(_RoomTransformerConfig(), RoomTransformer, data=VARIED, training=COUNTS)
 UNIVERSAL_TRANSFORMER = ZooRow(
-    RoomTransformerConfig(reads=EVERYTHING),
+    _RoomTransformerConfig(reads=EVERYTHING),
     RoomTransformer,
     data=WHATEVER,
     training=COUNTS,

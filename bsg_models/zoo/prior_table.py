@@ -47,25 +47,25 @@ _LEAST = 0.01  # no class is certainly absent from, or certainly in, a room
 Probability = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
 
 
-class RoomTypePrior(Record):
+class _RoomTypePrior(Record):
     """What a type of room has."""
 
     weight: float = Field(default=1.0, gt=0, le=1e6, allow_inf_nan=False)  # how usual; a ratio
     presence: dict[str, Probability]  # class → P(such a room has at least one)
 
 
-class PriorTable(Record):
+class _PriorTable(Record):
     """A table of common sense, as in its JSON file."""
 
     version: Literal[1]
     made_by: str = Field(min_length=1, max_length=10_000)  # who or what, and how
     unlisted: Probability = 0.02  # of a class that a type, or an object, does not name
-    room_types: dict[str, RoomTypePrior] = Field(default_factory=dict)  # by room label
+    room_types: dict[str, _RoomTypePrior] = Field(default_factory=dict)  # by room label
     # Class j → class c → P(a room that has j has c).
     objects: dict[str, dict[str, Probability]] = Field(default_factory=dict)
 
     @model_validator(mode="after")
-    def _says_something(self) -> PriorTable:
+    def _says_something(self) -> _PriorTable:
         if not self.room_types and not self.objects:
             raise ValueError("expected room_types, objects or both, found neither")
         return self
@@ -168,7 +168,7 @@ class PriorTableModel(PresenceOdds):
         return average_others(seen.inputs > 0, table)
 
 
-def read_prior_table(path: str, classes: tuple[str, ...]) -> PriorTable:
+def read_prior_table(path: str, classes: tuple[str, ...]) -> _PriorTable:
     """Read a table, the shipped one for no path; check that it names known rooms and classes.
 
     Classes of a published space that the dataset lacks are allowed. An error names the file, the
@@ -179,10 +179,10 @@ def read_prior_table(path: str, classes: tuple[str, ...]) -> PriorTable:
     return _parse(read_bytes(Path(path), PRIOR, error=ConfigError), path, classes)
 
 
-def _parse(data: bytes, name: str, classes: tuple[str, ...]) -> PriorTable:
+def _parse(data: bytes, name: str, classes: tuple[str, ...]) -> _PriorTable:
     try:
         parse_json(data)  # refuses a repeated key
-        table = PriorTable.model_validate_json(data, strict=True)
+        table = _PriorTable.model_validate_json(data, strict=True)
         _require_known(table, classes)
     except (ConfigError, ValueError) as error:
         fault = name_fault(error) if isinstance(error, ValidationError) else str(error)
@@ -190,7 +190,7 @@ def _parse(data: bytes, name: str, classes: tuple[str, ...]) -> PriorTable:
     return table
 
 
-def _require_known(table: PriorTable, classes: tuple[str, ...]) -> None:
+def _require_known(table: _PriorTable, classes: tuple[str, ...]) -> None:
     spaces = (load_class_space(space).classes for space in list_class_spaces())
     known = sorted({*classes, *(one for space in spaces for one in space)})
     for label, prior in table.room_types.items():
