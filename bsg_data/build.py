@@ -57,7 +57,7 @@ _MAX_NAMED = 20  # parts in an error
 _PARTS_OF = "parts-of-"  # a mark in `.build`: the number of parts that a process was told
 
 
-class BuildPlan(Record):
+class _BuildPlan(Record):
     """All that determines the bytes of a dataset; a build goes on with its own plan only."""
 
     format_version: int = FORMAT_VERSION  # version of the dataset format
@@ -109,7 +109,7 @@ class _Job:
 
     source: Source
     scenes: tuple[SceneRef, ...]
-    plan: BuildPlan
+    plan: _BuildPlan
     own_map: OwnMap | None
     strict: bool
 
@@ -261,7 +261,7 @@ def _plan(
     source: Source, class_map: AnyPath | None, *, strict: bool, scenes_per_shard: int
 ) -> _Job:
     """Find the scenes of a source and plan the build; write nothing."""
-    chosen = name_class_map(source) if class_map is None else os.fspath(class_map)
+    chosen = _name_class_map(source) if class_map is None else os.fspath(class_map)
     own = read_own_map(Path(chosen)) if is_own_map(chosen) else None
     loaded = load_class_map(chosen) if own is None else parse_own_map(own)
     listing = source.find()
@@ -269,7 +269,7 @@ def _plan(
         skip = listing.unreadable[0]
         where = source.path / skip.location
         raise SourceError(f"{where}: {skip.reason}", code="scene-unreadable", where=where)
-    plan = BuildPlan(
+    plan = _BuildPlan(
         generator=f"belief-scene-graphs {version('belief-scene-graphs')}",
         source=_describe_source(source, listing, loaded),
         class_space=loaded.space,
@@ -281,7 +281,7 @@ def _plan(
     return _Job(source, listing.scenes, plan, own, strict)
 
 
-def name_class_map(source: Source) -> str:
+def _name_class_map(source: Source) -> str:
     """Return the name of the published class map for a source."""
     return SOURCES[source.kind].class_map if source.kind in SOURCES else DEFAULT_CLASS_MAP
 
@@ -302,7 +302,7 @@ def _describe_source(source: Source, listing: FoundScenes, class_map: ClassMap) 
     )
 
 
-def _finish(plan: BuildPlan, reports: list[ShardReport], out: Path, *, where: Path) -> Manifest:
+def _finish(plan: _BuildPlan, reports: list[ShardReport], out: Path, *, where: Path) -> Manifest:
     """Put a dataset in place after all its shards are built."""
     folder = name_growing(out)
     manifest = _summarise(plan, reports, load_class_map(name_kept(plan.source.class_map, folder)))
@@ -315,7 +315,7 @@ def _finish(plan: BuildPlan, reports: list[ShardReport], out: Path, *, where: Pa
     return manifest
 
 
-def _summarise(plan: BuildPlan, reports: list[ShardReport], class_map: ClassMap) -> Manifest:
+def _summarise(plan: _BuildPlan, reports: list[ShardReport], class_map: ClassMap) -> Manifest:
     unmapped: Counter[str] = Counter()
     resolved: Counter[str] = Counter()
     for report in reports:
@@ -336,7 +336,7 @@ def _summarise(plan: BuildPlan, reports: list[ShardReport], class_map: ClassMap)
     )
 
 
-def _read_plan(out: Path) -> BuildPlan:
+def _read_plan(out: Path) -> _BuildPlan:
     """Read the plan that the first part of a build left, where it grows or has grown."""
     paths = [folder / PLAN for folder in (name_growing(out), out) if (folder / PLAN).is_file()]
     if not paths:
@@ -350,7 +350,7 @@ def _read_plan(out: Path) -> BuildPlan:
             where=out,
         )
     try:
-        return BuildPlan.model_validate_json(paths[0].read_bytes())
+        return _BuildPlan.model_validate_json(paths[0].read_bytes())
     except ValidationError as error:
         message = f"{paths[0]}: is damaged; remove it and run any part again"
         raise DatasetError(message, code="plan-damaged", where=paths[0]) from error

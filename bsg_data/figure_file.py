@@ -18,14 +18,14 @@ class FigureError(BSGError):
     """Report a figure that cannot be drawn, though its file could be written."""
 
 
-class Drawing(Protocol):
+class _Drawing(Protocol):
     """An object that can be drawn into a file, such as a figure of matplotlib."""
 
     def savefig(self, fname: Any, **how: Any) -> None:
         """Draw the object into a file."""
 
 
-def write_figure(figure: Drawing, path: Path, **how: Any) -> None:
+def write_figure(figure: _Drawing, path: Path, **how: Any) -> None:
     """Draw a figure beside its final path and rename it there; an old file stays until then.
 
     Args:

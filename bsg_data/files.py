@@ -42,7 +42,7 @@ def open_beside(path: Path) -> Iterator[Path]:
     the block raises. The data are flushed before the rename, and the name before the function
     returns.
     """
-    refuse_devices(path)
+    _refuse_devices(path)
     partial = path.with_name(f".{path.name}.partial")
     try:
         try:
@@ -109,7 +109,7 @@ def refuse_links(root: Path, path: Path) -> None:
             )
 
 
-def refuse_devices(path: Path) -> None:
+def _refuse_devices(path: Path) -> None:
     """Refuse a path that is a device, a pipe or a socket, because a rename would replace it."""
     if path.exists() and not (path.is_file() or path.is_dir()):
         raise DatasetError(f"{path}: is a device or a pipe; expected a file or a free path")

@@ -32,7 +32,7 @@ from bsg_data.recipes import Record
 from bsg_data.scene.scene_id import building_hash
 
 
-class MergePlan(Record):
+class _MergePlan(Record):
     """All that determines the bytes of a merged dataset; `parts` are hashes of manifests."""
 
     generator: str
@@ -91,7 +91,7 @@ def merge_datasets(
     count_shards(scenes, scenes_per_shard=scenes_per_shard)  # an impossible number is refused
     _refuse_shared_buildings(parts)
     merged = _combine([part.manifest for part in parts], scenes_per_shard=scenes_per_shard)
-    plan = MergePlan(
+    plan = _MergePlan(
         generator=merged.generator,
         parts=tuple(part.sha256 for part in parts),
         scenes_per_shard=scenes_per_shard,

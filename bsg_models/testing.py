@@ -184,7 +184,7 @@ class PlannerContract:
         tasks: tuple[Task, ...] = ("single", "all")
         for seed, (nodes, artifacts) in enumerate([(3, 1), (7, 1), (7, 2)]):
             for task in tasks:
-                yield make_knowledge(seed, nodes=nodes, artifacts=artifacts, task=task)
+                yield _make_knowledge(seed, nodes=nodes, artifacts=artifacts, task=task)
 
     def test_it_names_unexplored_rooms_that_can_be_reached(self) -> None:
         """Check that it names one of `unexplored` in every search, as `ask_planner` requires."""
@@ -219,7 +219,7 @@ class PlannerContract:
                 np.testing.assert_array_equal(new, old)
 
 
-def make_knowledge(seed: int, *, nodes: int, artifacts: int, task: Task) -> Knowledge:
+def _make_knowledge(seed: int, *, nodes: int, artifacts: int, task: Task) -> Knowledge:
     """Return what six robots know in buildings of N nodes, one room of which is out of reach.
 
     A presence is 0 or 1, so that it can also serve as the truth.

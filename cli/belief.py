@@ -114,27 +114,27 @@ def main(
     if here is not None and not find:
         raise click.UsageError("--from needs --find THING; give both or neither")
     if find:
-        check_find(options)
+        _check_find(options)
     named = options.pop("model")
-    shares = read_shares(options.pop("shares"), dataset)
-    refuse_present(options)
+    shares = _read_shares(options.pop("shares"), dataset)
+    _refuse_present(options)
     files = [open_graph(path, options["labels"], **shares) for path in options.pop("graphs")]
     del options["labels"]
     model = bsg_models.DEFAULT_MODEL if named is None else named
     if find:
         ask(files[0], model, find, here=here, as_json=as_json, announce=named is None)
         return
-    request = read_request(dataset, {**options, "run": model, "graphs": tuple(files)})
+    request = _read_request(dataset, {**options, "run": model, "graphs": tuple(files)})
     with progress_bar("belief", unit="graph") as progress:
         report = bsg_models.report_beliefs(request, progress=progress)
     if named is None:
         print_note(f"model: {bsg_models.describe_model()}")
     for file, graph in zip(files, report.graphs, strict=False):
-        note_graph(file, graph.partial, class_map=report.class_map, model=report.model)
+        _note_graph(file, graph.partial, class_map=report.class_map, model=report.model)
     if as_json:
-        print_json([encode_room(room) for room in report.rooms])
+        print_json([_encode_room(room) for room in report.rooms])
         return
-    print_rooms(report)
+    _print_rooms(report)
     if request.html and len(report.graphs) < report.number:
         print_note(
             f"{request.html}: shows the first {len(report.graphs):,} of {report.number:,} graphs; "
@@ -144,7 +144,7 @@ def main(
         print_text(f"written: {', '.join(written)}")
 
 
-def check_find(options: dict[str, Any]) -> None:
+def _check_find(options: dict[str, Any]) -> None:
     """Refuse several graphs, and options that `--find` does not use."""
     context = click.get_current_context()
     for name in ("mode", "top", "split", "fold", "scene", "force"):
@@ -178,7 +178,7 @@ def ask(
     graph = use_class_map(file.graph, predictor.class_map)
     if announce:
         print_note(f"model: {bsg_models.describe_model()}")
-    note_graph(file, graph, class_map=predictor.class_map, model=predictor.name)
+    _note_graph(file, graph, class_map=predictor.class_map, model=predictor.name)
     seen = bsg_models.SeenBuilding(graph, predictor)
     find_things(seen, tuple(dict.fromkeys(things)), here=here, as_json=as_json)
 
@@ -192,7 +192,7 @@ def open_graph(path: Path, labels: str | None, **shares: Any) -> GraphFile:
     return replace(file, graph=set_hidden_shares(file.graph, **shares))
 
 
-def refuse_present(options: dict[str, Any]) -> None:
+def _refuse_present(options: dict[str, Any]) -> None:
     """Refuse files that are there already, or of no format, before the models are imported.
 
     The library refuses what is left: folders, and files beside what a killed command left, which
@@ -209,7 +209,7 @@ def refuse_present(options: dict[str, Any]) -> None:
             refuse_file(path, force=options["force"])
 
 
-def note_graph(
+def _note_graph(
     file: GraphFile, graph: bsg_data.PartialGraph, *, class_map: bsg_data.ClassMap, model: str
 ) -> None:
     """Print what a person should know about how a graph was read."""
@@ -286,7 +286,7 @@ def _describe_unmapped(name: extend.UnmappedEntry) -> str:
     return f"{name.name[:SHOWN]!r} ({name.instances:,}{near})"
 
 
-def read_request(dataset: Path | None, options: dict[str, Any]) -> bsg_models.BeliefRequest:
+def _read_request(dataset: Path | None, options: dict[str, Any]) -> bsg_models.BeliefRequest:
     """Return the request of the options; the options of masks count only with a dataset."""
     mask = {"strategy": options.pop("mask")}
     mask |= {name: options.pop(name) for name in ("fraction", "seed", "withhold", "parts")}
@@ -297,7 +297,7 @@ def read_request(dataset: Path | None, options: dict[str, Any]) -> bsg_models.Be
     return bsg_models.BeliefRequest(**options)
 
 
-def read_shares(said: Sequence[str], dataset: Path | None) -> dict[str, Any]:
+def _read_shares(said: Sequence[str], dataset: Path | None) -> dict[str, Any]:
     """Return the hidden shares of `--hidden-share`: `0.4` for all rooms, `kitchen=0.2` for one."""
     if said and dataset is not None:
         raise click.UsageError("--hidden-share needs GRAPHs; with --data give --mask instead")
@@ -322,7 +322,7 @@ def read_shares(said: Sequence[str], dataset: Path | None) -> dict[str, Any]:
     return {"every": every, "rooms": shares}
 
 
-def encode_room(room: bsg_models.RoomBelief) -> dict[str, Any]:
+def _encode_room(room: bsg_models.RoomBelief) -> dict[str, Any]:
     """Return the belief of a room, ready for JSON."""
     unseen = [
         {"class": c.name, "presence": round(c.probability, 4), "expected": round(c.expected, 4)}
@@ -331,7 +331,7 @@ def encode_room(room: bsg_models.RoomBelief) -> dict[str, Any]:
     return {**room._asdict(), "expected_more": round(room.expected_more, 3), "unseen": unseen}
 
 
-def print_rooms(report: bsg_models.BeliefReport) -> None:
+def _print_rooms(report: bsg_models.BeliefReport) -> None:
     """Print what is believed of each room as a table, and how much there is in all."""
     rows = [_row(room) for room in report.rooms[:MOST_ROWS]]
     header = ("building", "room", "seen", "expected more", "unseen, most expected first")

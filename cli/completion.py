@@ -42,7 +42,7 @@ def complete_names_or_files(names: Callable[[], Iterable[str]]) -> Complete:
     return complete
 
 
-def shipped_models() -> tuple[str, ...]:
+def _shipped_models() -> tuple[str, ...]:
     """Return the names of the shipped models; no names if their list is damaged."""
     try:
         return bsg_models.shipped_names()
@@ -50,7 +50,7 @@ def shipped_models() -> tuple[str, ...]:
         return ()
 
 
-complete_model = complete_names_or_files(shipped_models)
+complete_model = complete_names_or_files(_shipped_models)
 complete_class_map = complete_names_or_files(list_class_maps)
 
 

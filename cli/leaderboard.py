@@ -90,7 +90,7 @@ def main(
     """
     names = split_names(masks, option="--masks")
     require_known("mask", names or (), MASKS)
-    chosen = choose_models(models)
+    chosen = _choose_models(models)
     out = out or Path("leaderboard")
     bsg_models.refuse_finished(out, force=force)
     recipe = bsg_models.LeaderboardRecipe.model_validate({"masks": names, **options})
@@ -116,7 +116,7 @@ def main(
     print_text("\n".join(f"  {path}" for path in report.figures))
 
 
-def choose_models(models: str | None) -> dict[str, bsg_models.RunConfig]:
+def _choose_models(models: str | None) -> dict[str, bsg_models.RunConfig]:
     """Return the models of a list of zoo names and TOML files with commas; None: all of the zoo."""
     if models is None:
         return {name: load_config(name) for name in MODELS}

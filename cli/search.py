@@ -35,7 +35,7 @@ from bsg_cli.terminal import (
 )
 
 
-class SearchNumber(click.ParamType[int | str]):
+class _SearchNumber(click.ParamType[int | str]):
     """The number of a search, from 0, or `auto` for an instructive one."""
 
     name = "search"
@@ -127,7 +127,7 @@ class SearchNumber(click.ParamType[int | str]):
 @resamples_option(1000)
 @click.option(
     "--trace",
-    type=SearchNumber(),
+    type=_SearchNumber(),
     metavar="[N]",
     is_flag=False,
     flag_value="auto",
@@ -186,7 +186,7 @@ def main(
         )
         print_note(note)
     request = bsg_models.SearchRequest.model_validate(
-        {**options, **lists, "runs": runs, "stops": read_stops(stops)}
+        {**options, **lists, "runs": runs, "stops": _read_stops(stops)}
     )
     pool = worker_pool(workers, reads=[request.dataset, *request.runs])
     with pool as executor, progress_bar("search", unit="building") as progress:
@@ -210,7 +210,7 @@ def main(
     print_text(f"\nall results: {report.report}; {written}")
 
 
-def read_stops(text: str | None) -> tuple[float, ...]:
+def _read_stops(text: str | None) -> tuple[float, ...]:
     """Return the probabilities of `--stop`."""
     if text is None:
         return ()

@@ -36,7 +36,7 @@ NO_MEMORY = "Error: not enough memory; free some, or give the command fewer --wo
 SECONDS_BETWEEN_LINES = 30.0  # of progress, if stderr is no terminal
 
 
-class AskedToEndError(KeyboardInterrupt):
+class _AskedToEndError(KeyboardInterrupt):
     """SIGTERM came, as from a cluster or a shutdown; it is handled like Ctrl-C."""
 
 
@@ -75,7 +75,7 @@ class Command(click.Command):
             sys.exit(WRONG_USAGE)
         except (click.Abort, KeyboardInterrupt) as error:  # click turns Ctrl-C into Abort
             cause = error.__cause__ or error
-            asked = isinstance(cause, AskedToEndError)
+            asked = isinstance(cause, _AskedToEndError)
             print_note("asked to end" if asked else "interrupted")
             sys.exit(ENDED if asked else INTERRUPTED)
         except MemoryError:
@@ -105,7 +105,7 @@ def _ended_in_order() -> Iterator[None]:
 
     def end(number: int, frame: FrameType | None) -> None:
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        raise AskedToEndError
+        raise _AskedToEndError
 
     if current_thread() is not main_thread():  # only the main thread may set handlers
         yield

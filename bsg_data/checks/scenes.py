@@ -23,7 +23,7 @@ def check_scenes(part: Part) -> Iterator[Fault]:
         ("num_objects", part.objects.scene),
         ("num_classified", part.objects.scene[classified]),
     ):
-        counted = count_rows(scene, scenes=len(part.scenes))
+        counted = _count_rows(scene, scenes=len(part.scenes))
         stated = part.scenes.integers(column)
         for row in np.flatnonzero(stated != counted):
             found = f"{column}: expected {counted[row]}, found {stated[row]}"
@@ -40,7 +40,7 @@ def check_scenes(part: Part) -> Iterator[Fault]:
             yield Fault(name, f"{scene}: {key} does not run 1, 2, 3, …")
 
 
-def count_rows(scene: Ints, *, scenes: int) -> Ints:
+def _count_rows(scene: Ints, *, scenes: int) -> Ints:
     """Return the number of rows of each scene, `[scenes]`, from the scene of every row."""
     return np.bincount(scene[scene != NULL], minlength=scenes)
 

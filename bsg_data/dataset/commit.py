@@ -85,12 +85,12 @@ def require_place(out: Path, *, force: bool) -> None:
     if not force:
         message = f"{out}: is a finished dataset; --force replaces it"
         raise DatasetError(message, code="dataset-exists", where=out)
-    require_own(out)
+    _require_own(out)
 
 
-def require_own(folder: Path) -> None:
+def _require_own(folder: Path) -> None:
     """Refuse a folder with a file that no command of this program wrote."""
-    foreign = [path for path in list_paths(folder) if not is_own(path)]
+    foreign = [path for path in _list_paths(folder) if not is_own(path)]
     if folder.is_symlink() or foreign:
         what = "is a link" if folder.is_symlink() else f"holds {foreign[0]}, which is not ours"
         message = f"{folder}: {what}; move it away, and run the command again"
@@ -106,7 +106,7 @@ def is_own(path: str) -> bool:
     return bool(_OURS.fullmatch(re.sub(r"(^|/)\.([^/]+)\.partial$", r"\1\2", path)))
 
 
-def list_paths(folder: Path) -> list[str]:
+def _list_paths(folder: Path) -> list[str]:
     """Return the sorted relative paths of all files below a folder."""
     found = (path for path in folder.rglob("*") if path.is_symlink() or not path.is_dir())
     return sorted(path.relative_to(folder).as_posix() for path in found)
@@ -116,7 +116,7 @@ def list_strays(dataset: Path, manifest: Manifest) -> list[str]:
     """Return the sorted files in a dataset's folder that its manifest does not name."""
     known = {entry.path for entry in manifest.files} | {MANIFEST, CARD, CROISSANT}
     known |= set(list_kept(manifest))
-    return [path for path in list_paths(dataset) if path not in known]
+    return [path for path in _list_paths(dataset) if path not in known]
 
 
 @contextmanager
@@ -140,7 +140,7 @@ def growing(
         yield folder, False
         return
     with hold(out, wait=SECONDS_TO_JOIN if shared else 0.0):
-        if settle(out) == _encode(plan):
+        if _settle(out) == _encode(plan):
             yield out, True
             return
         require_place(out, force=force)
@@ -154,7 +154,7 @@ def growing(
 def _prepare(folder: Path, plan: Record) -> None:
     """Make the folder of a growing dataset, unless the same plan began it."""
     if folder.exists() or folder.is_symlink():
-        require_own(folder)
+        _require_own(folder)
         found = _read(folder / PLAN)
         if found == _encode(plan):
             return
@@ -193,10 +193,10 @@ def put_in_place(out: Path, manifest: Manifest) -> None:
             code="not-written",
             where=out,
         ) from error
-    settle(out)
+    _settle(out)
 
 
-def settle(out: Path) -> bytes | None:
+def _settle(out: Path) -> bytes | None:
     """Finish what a killed command began at the place of a dataset; the caller holds the lock.
 
     Returns:
@@ -226,7 +226,7 @@ def revise(dataset: Path, write: Callable[[Manifest], Manifest]) -> Manifest:
             manifest names yet, and returns the manifest that names them.
     """
     with hold(dataset):
-        settle(resolve_links(dataset))
+        _settle(resolve_links(dataset))
         manifest = read_manifest(dataset)
         for name in _ADDED:
             if (dataset / name).is_symlink():

@@ -152,7 +152,7 @@ def read_file(
     # No threads: files are small, and Arrow may abort a process that ends while it starts one.
     with open_listed(dataset, entry, manifest=manifest) as file:
         table = file.read(columns=columns, use_threads=False)
-    if table_of(entry) == "scenes" and "scene_id" in table.column_names:
+    if _table_of(entry) == "scenes" and "scene_id" in table.column_names:
         for scene in table["scene_id"].to_pylist():
             if not is_scene_id(scene):  # it becomes part of names of files
                 message = f"{dataset / entry.path}: {scene!r} cannot be part of a file name"
@@ -177,13 +177,13 @@ def open_listed(dataset: Path, entry: FileEntry, *, manifest: Manifest) -> Itera
         message = f"{path}: is not what the manifest says; run `bsg-data check` for details"
         raise DatasetError(message, code="file-changed", where=entry.path)
     with pq.ParquetFile(pa.BufferReader(data)) as file:
-        require_schema(path, entry, file, manifest)
+        _require_schema(path, entry, file, manifest)
         yield file
 
 
-def require_schema(path: Path, entry: FileEntry, file: pq.ParquetFile, manifest: Manifest) -> None:
+def _require_schema(path: Path, entry: FileEntry, file: pq.ParquetFile, manifest: Manifest) -> None:
     """Refuse a file of other columns, or of another format or class space than the manifest."""
-    schema, expected = file.schema_arrow, schema_of(table_of(entry), manifest)
+    schema, expected = file.schema_arrow, schema_of(_table_of(entry), manifest)
     words = {key.decode(): value.decode() for key, value in (schema.metadata or {}).items()}
     found = tuple(
         words.get(f"bsg.{key}", "none")
@@ -211,7 +211,7 @@ def schema_of(table: str, manifest: Manifest) -> pa.Schema:
     return SPLITS if table == "splits" else TABLES[table]
 
 
-def table_of(entry: FileEntry) -> str:
+def _table_of(entry: FileEntry) -> str:
     """Return the table of a file: `rooms/part-00000.parquet` → `rooms`."""
     return entry.path.partition("/")[0]
 

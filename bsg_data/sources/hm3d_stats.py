@@ -64,7 +64,7 @@ class HM3DStatistics:
             SceneRef(
                 scene_id=scene_id,
                 location=scene_id,
-                fingerprint=digest_scene_lines(lines),
+                fingerprint=_digest_scene_lines(lines),
                 source_split=split_by_number(scene_id),
                 source_version=version_of(self.path.name),
             )
@@ -80,7 +80,7 @@ class HM3DStatistics:
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one scene from its rows."""
-        lines = fetch_listed(ref, self.path, lambda: self._lines[ref.location], digest_scene_lines)
+        lines = fetch_listed(ref, self.path, lambda: self._lines[ref.location], _digest_scene_lines)
         graph = assemble(
             parse_scene_lines(lines, path=self.path),
             ref=ref,
@@ -126,7 +126,7 @@ def parse_scene_lines(lines: list[tuple[int, str]], *, path: Path) -> tuple[Scen
     return tuple(objects[key] for key in sorted(objects))
 
 
-def digest_scene_lines(lines: list[tuple[int, str]]) -> str:
+def _digest_scene_lines(lines: list[tuple[int, str]]) -> str:
     """Return the sha256 of the lines of one scene, joined by line feeds."""
     return hashlib.sha256("\n".join(line for _, line in lines).encode()).hexdigest()
 

@@ -73,14 +73,14 @@ class _Layout(_Entry):
 
 
 @dataclass(frozen=True, slots=True)
-class RoomLayout:
+class _RoomLayout:
     """The layout of one building."""
 
     rooms: dict[int, tuple[str, Box]]  # label and box of every room by its number k; metres, Z up
     connections: tuple[tuple[int, int], ...]  # pairs of numbers, ascending and once each
 
 
-def read_layout(path: Path) -> RoomLayout:
+def read_layout(path: Path) -> _RoomLayout:
     """Read one layout."""
     try:
         parsed = _Layout.model_validate(parse_yaml(read_bytes(path, LAYOUT, error=LayoutError)))
@@ -97,7 +97,7 @@ def read_layout(path: Path) -> RoomLayout:
                 code="room-unknown",
                 where=path,
             )
-    return RoomLayout(rooms, tuple(sorted({(min(p), max(p)) for p in parsed.connections})))
+    return _RoomLayout(rooms, tuple(sorted({(min(p), max(p)) for p in parsed.connections})))
 
 
 def _box(room: _LayoutRoom) -> Box:
@@ -108,7 +108,7 @@ def _box(room: _LayoutRoom) -> Box:
     return Box(low, high)
 
 
-def lay_out(graph: SceneGraph, layout: RoomLayout) -> SceneGraph:
+def lay_out(graph: SceneGraph, layout: _RoomLayout) -> SceneGraph:
     """Return the scene graph with the labels and connections of a layout.
 
     Boxes come from the layout only if there is no mesh, because the origins may differ. Between

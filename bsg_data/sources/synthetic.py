@@ -9,7 +9,7 @@ from bsg_data.sources.hm3d import HOMEPAGE, HM3DFolder
 from bsg_data.sources.source import SourceRow, Terms
 
 
-def open_synthetic(
+def _open_synthetic(
     path: Path, *, meshes: bool = True, snap_colours: int | None = None
 ) -> HM3DFolder:
     """Open a folder of synthetic buildings."""
@@ -25,7 +25,7 @@ def open_synthetic(
 
 ROW = SourceRow(
     summary="a folder that `bsg-data synth` wrote",
-    open=open_synthetic,
+    open=_open_synthetic,
     terms=Terms(
         licence="Apache-2.0",
         licence_url="https://www.apache.org/licenses/LICENSE-2.0",

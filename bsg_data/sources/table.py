@@ -76,7 +76,7 @@ Name = Annotated[str, BeforeValidator(_as_text), Field(max_length=200)]
 Metres = Annotated[float, Field(ge=-10_000, le=10_000)]
 
 
-class TableRow(BaseModel):
+class _TableRow(BaseModel):
     """One row of a table: an object, or a room alone."""
 
     model_config = ConfigDict(extra="ignore", frozen=True)
@@ -102,7 +102,7 @@ class TableRow(BaseModel):
     box_max_z: Metres | None = None
 
     @model_validator(mode="after")
-    def _fits_together(self) -> TableRow:
+    def _fits_together(self) -> _TableRow:
         given = self.model_fields_set
         if not is_scene_id(self.scene):
             raise ValueError(f"scene: expected a name that a file can have, found {self.scene!r}")
@@ -156,7 +156,7 @@ class TableRow(BaseModel):
         )
 
 
-OPTIONAL = tuple(name for name in TableRow.model_fields if name not in REQUIRED)
+OPTIONAL = tuple(name for name in _TableRow.model_fields if name not in REQUIRED)
 
 
 @dataclass(frozen=True)
@@ -265,7 +265,7 @@ class ObjectTable:
 
 @dataclass(frozen=True, slots=True)
 class _Table:
-    scenes: Mapping[str, Sequence[TableRow]]
+    scenes: Mapping[str, Sequence[_TableRow]]
     unread: tuple[str, ...]
 
 
@@ -283,7 +283,7 @@ def _read_table(path: Path, size: int, changed: int) -> _Table:
     _, header = next(lines, ("", []))
     columns = [str(column).strip() for column in header]
     _require_columns(path, columns)
-    scenes: dict[str, list[tuple[TableRow, str]]] = defaultdict(list)
+    scenes: dict[str, list[tuple[_TableRow, str]]] = defaultdict(list)
     for count, (line, cells) in enumerate(lines):
         if count >= MAX_OBJECT_ROWS:
             raise SourceError(
@@ -299,7 +299,7 @@ def _read_table(path: Path, size: int, changed: int) -> _Table:
         )
     for scene, rows in scenes.items():
         _require_agreement(rows, f"{path}: scene {scene}")
-    unread = tuple(column for column in columns if column not in TableRow.model_fields)
+    unread = tuple(column for column in columns if column not in _TableRow.model_fields)
     ordered = {
         scene: sorted((row for row, _ in rows), key=lambda row: row.key)
         for scene, rows in scenes.items()
@@ -336,13 +336,13 @@ def _read_parquet(path: Path) -> Iterator[tuple[str, list[Any]]]:
     with reading_parquet(path, most=MAX_OBJECT_ROWS) as file:
         names = file.schema_arrow.names
         yield "", names
-        known = [name for name in names if name in TableRow.model_fields]
+        known = [name for name in names if name in _TableRow.model_fields]
         rows = chain.from_iterable(b.to_pylist() for b in file.iter_batches(columns=known))
         for number, row in enumerate(rows, start=1):
             yield f"row {number}", [row.get(name) for name in names]
 
 
-def _parse_row(where: str, columns: Sequence[str], cells: Sequence[Any]) -> TableRow:
+def _parse_row(where: str, columns: Sequence[str], cells: Sequence[Any]) -> _TableRow:
     if len(cells) != len(columns):
         raise SourceError(
             f"{where}: expected {len(columns)} fields, as many as the header has; found "
@@ -352,7 +352,7 @@ def _parse_row(where: str, columns: Sequence[str], cells: Sequence[Any]) -> Tabl
         )
     given = {name: cell for name, cell in zip(columns, cells, strict=True) if not _is_empty(cell)}
     try:
-        return TableRow.model_validate({"scene": "", **given})
+        return _TableRow.model_validate({"scene": "", **given})
     except ValidationError as error:
         raise SourceError(
             f"{where}, column {name_fault(error)}", code="row-malformed", where=where
@@ -390,8 +390,8 @@ def _name_unread(column: str) -> str:
     return f"{column} ({asked})" if asked else column
 
 
-def _require_agreement(rows: Sequence[tuple[TableRow, str]], where: str) -> None:
-    """Refuse rows of one room that disagree about it, and connections to rooms that lack."""
+def _require_agreement(rows: Sequence[tuple[_TableRow, str]], where: str) -> None:
+    """Refuse rows of one room that disagree about it, and connections to missing rooms."""
     first: dict[tuple[str, str], tuple[object, str]] = {}
     names = {row.room for row, _ in rows if row.room}
     for row, line in rows:
@@ -438,9 +438,9 @@ def _by_digits(name: str) -> tuple[list[Any], str]:
     return [int(part) if place % 2 else part for place, part in enumerate(parts)], name
 
 
-def _describe_rooms(rows: Sequence[TableRow], regions: Mapping[str, int]) -> list[Room]:
+def _describe_rooms(rows: Sequence[_TableRow], regions: Mapping[str, int]) -> list[Room]:
     """Return what the rows tell of the rooms; their levels, or those that their floors show."""
-    of_room: dict[str, list[TableRow]] = {name: [] for name in regions}
+    of_room: dict[str, list[_TableRow]] = {name: [] for name in regions}
     for row in rows:
         if row.room:
             of_room[row.room].append(row)
@@ -455,7 +455,7 @@ def _describe_rooms(rows: Sequence[TableRow], regions: Mapping[str, int]) -> lis
     ]
 
 
-def _describe_room(name: str, rows: Sequence[TableRow], region: int) -> Room:
+def _describe_room(name: str, rows: Sequence[_TableRow], region: int) -> Room:
     """Return a room with the box around its objects; where they are points, with its middle."""
     label = _first(rows, "room_label") or (None if _NUMBER.fullmatch(name) else name)
     room = Room(0, region, source_label=label, floor_area=_first(rows, "floor_area"))
@@ -474,11 +474,11 @@ def _describe_room(name: str, rows: Sequence[TableRow], region: int) -> Room:
 _ENDS = ("minimum", "maximum")
 
 
-def _first(rows: Iterable[TableRow], name: str) -> Any:
+def _first(rows: Iterable[_TableRow], name: str) -> Any:
     return next((value for row in rows if (value := getattr(row, name)) is not None), None)
 
 
-def _digest(rows: Iterable[TableRow]) -> str:
+def _digest(rows: Iterable[_TableRow]) -> str:
     """Hash what the rows of a scene say, in whatever order they stand."""
     said = sorted(repr(row.key) for row in rows)
     return hashlib.sha256("\n".join(said).encode("utf-8", "surrogatepass")).hexdigest()

@@ -54,7 +54,7 @@ class Rectangle:
 
 
 @dataclass(frozen=True, slots=True)
-class Doorway:
+class _Doorway:
     """An opening in the wall of two rooms."""
 
     rooms: tuple[int, int]  # places of the two in the plan, ascending
@@ -76,7 +76,7 @@ class FloorPlan:
 
     rooms: tuple[Rectangle, ...]  # the inner rectangle of every room
     storeys: tuple[int, ...]  # the storey of every room, from 0
-    doorways: tuple[Doorway, ...]  # within storeys
+    doorways: tuple[_Doorway, ...]  # within storeys
     stairs: tuple[Stairs, ...]  # between storeys
 
     def connections(self) -> list[tuple[int, int, str]]:
@@ -164,7 +164,7 @@ def _columns(whole: Rectangle, columns: list[int], rng: np.random.Generator) -> 
 
 def _draw_doorways(
     group: list[int], centres: dict[int, Rectangle], rng: np.random.Generator
-) -> Iterator[Doorway]:
+) -> Iterator[_Doorway]:
     """Join the rooms of a storey: the hall's walls first, then what is still apart, then a few."""
     walls = []
     for a, b in combinations(group, 2):
@@ -173,7 +173,7 @@ def _draw_doorways(
         room = shared.sides()[axis] - WALL - DOORWAY
         if min(shared.sides()) > -1e-9 and room > 0.1:
             start = shared.low[axis] + WALL / 2 + _snap(rng.uniform(0, room - 0.05))
-            walls.append(Doorway((a, b), axis, (start, start + DOORWAY)))
+            walls.append(_Doorway((a, b), axis, (start, start + DOORWAY)))
     hall = group[0] if len(group) >= 4 else -1
     part = {room: room for room in group}
     walls = [walls[int(i)] for i in rng.permutation(len(walls))]

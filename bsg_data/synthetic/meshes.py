@@ -34,7 +34,7 @@ _NEAREST, _FLOAT, _UINT, _UBYTE = 9728, 5126, 5125, 5121
 
 
 @dataclass(frozen=True, slots=True)
-class MeshSize:
+class _MeshSize:
     """How fine a mesh is."""
 
     texel: float  # side of a texel, metres
@@ -42,7 +42,7 @@ class MeshSize:
     page: int  # side of a texture, texels
 
 
-SIZES = {"small": MeshSize(0.02, 15, 512), "full": MeshSize(0.01, 4, 1024)}
+SIZES = {"small": _MeshSize(0.02, 15, 512), "full": _MeshSize(0.01, 4, 1024)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +84,7 @@ def encode_mesh(
     surfaces: Sequence[Surface],
     colours: npt.NDArray[np.uint8],
     *,
-    size: MeshSize,
+    size: _MeshSize,
     up_axis: UpAxis,
     coloured_by: Colours,
     rng: np.random.Generator,
@@ -171,7 +171,7 @@ def _add_nodes(tree: dict[str, Any], room: int, up_axis: UpAxis, rng: np.random.
     return local
 
 
-def _paginate(surfaces: list[Surface], size: MeshSize) -> Iterator[list[_Tile]]:
+def _paginate(surfaces: list[Surface], size: _MeshSize) -> Iterator[list[_Tile]]:
     """Cut surfaces into tiles and set these on shelves, page after page, with a margin of 1."""
     most = size.page // 2 - 2
     tiles = [tile for surface in surfaces for tile in _cut(surface, most, size.texel)]
@@ -219,7 +219,7 @@ def _add_primitive(
     tiles: list[_Tile],
     local: Any,
     colours: Bytes,
-    size: MeshSize,
+    size: _MeshSize,
     coloured_by: Colours,
 ) -> dict[str, Any]:
     points, places, faces, shades = [], [], [], []

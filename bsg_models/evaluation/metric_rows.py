@@ -20,7 +20,7 @@ from bsg_models.evaluation.truth import Truth
 BINS = 15  # bins of presence, of equal width, for the calibration error
 
 
-def between_distributions(
+def _between_distributions(
     distance: Callable[[Floats, Floats], Floats],
 ) -> Callable[[Truth, Expectation], Floats]:
     """Return a function of the distance of E″ from E, both `[N, C]`, at every node."""
@@ -56,17 +56,17 @@ def topk_unseen(k: int) -> Callable[[Truth, Expectation], Floats]:
     return values
 
 
-def squared_error(presence: Floats, hidden: Bools, keep: Bools) -> Floats:
+def _squared_error(presence: Floats, hidden: Bools, keep: Bools) -> Floats:
     """Return what each room adds to the Brier score, `[N, 1]`."""
     return np.asarray((keep * (presence - hidden) ** 2).sum(axis=1, keepdims=True))
 
 
-def first_mean(means: Floats) -> Floats:
+def _first_mean(means: Floats) -> Floats:
     """Return the only mean over cells, `[W]` of `[W, 1]`."""
     return means[:, 0]
 
 
-def gap_of_bins(presence: Floats, hidden: Bools, keep: Bools) -> Floats:
+def _gap_of_bins(presence: Floats, hidden: Bools, keep: Bools) -> Floats:
     """Return presence minus outcome of each room, in bins of presence, `[N, BINS]`."""
     which = np.minimum((presence * BINS).astype(np.int64), BINS - 1)
     place = np.arange(len(which))[:, None] * BINS + which
@@ -74,7 +74,7 @@ def gap_of_bins(presence: Floats, hidden: Bools, keep: Bools) -> Floats:
     return np.asarray(gaps.reshape(-1, BINS), dtype=float)
 
 
-def sum_of_gaps(means: Floats) -> Floats:
+def _sum_of_gaps(means: Floats) -> Floats:
     """Return the expected calibration error, `[W]`, from the mean gaps of the bins `[W, BINS]`."""
     return np.asarray(np.abs(means).sum(axis=1))
 
@@ -88,7 +88,7 @@ WASSERSTEIN_VALUES = NodeMetric(
     label="Wasserstein",
     less=True,
     spread=True,
-    values=between_distributions(metrics.wasserstein_values),
+    values=_between_distributions(metrics.wasserstein_values),
     about="distance of E″ and E with their 45 probabilities taken as samples, "
     "`scipy.stats.wasserstein_distance(p, q)`; this reading fits the paper's Table I",
 )
@@ -96,28 +96,28 @@ ENERGY_VALUES = NodeMetric(
     label="energy",
     less=True,
     spread=True,
-    values=between_distributions(metrics.energy_values),
+    values=_between_distributions(metrics.energy_values),
     about="the same with `scipy.stats.energy_distance(p, q)`",
 )
 WASSERSTEIN_CLASSES = NodeMetric(
     label="Wasserstein over class indices",
     less=True,
     spread=True,
-    values=between_distributions(metrics.wasserstein_classes),
+    values=_between_distributions(metrics.wasserstein_classes),
     about="Wasserstein distance of E″ and E with the class index as support",
 )
 ENERGY_CLASSES = NodeMetric(
     label="energy over class indices",
     less=True,
     spread=True,
-    values=between_distributions(metrics.energy_classes),
+    values=_between_distributions(metrics.energy_classes),
     about="energy distance of E″ and E with the class index as support",
 )
 TOTAL_VARIATION = NodeMetric(
     label="total variation",
     less=True,
     spread=True,
-    values=between_distributions(metrics.total_variation),
+    values=_between_distributions(metrics.total_variation),
     about="½ Σ |E″ − E|: the share of probability on wrong classes",
 )
 MEAN_ERROR = NodeMetric(
@@ -165,15 +165,15 @@ PRESENCE_AP_MICRO = RankMetric(
 PRESENCE_BRIER = CellMetric(
     label="Brier score",
     less=True,
-    addends=squared_error,
-    combine=first_mean,
+    addends=_squared_error,
+    combine=_first_mean,
     about="Brier score over the same cells",
 )
 PRESENCE_CALIBRATION_ERROR = CellMetric(
     label="calibration error",
     less=True,
-    addends=gap_of_bins,
-    combine=sum_of_gaps,
+    addends=_gap_of_bins,
+    combine=_sum_of_gaps,
     about="expected calibration error over the same cells, in 15 bins",
 )
 PRESENCE_AUROC_MACRO = RankMetric(

@@ -133,7 +133,7 @@ class PresenceHistograms(SharedSums):
         return self._classes, BINS, 2 << len(SELECTIONS), len(self._weights)
 
 
-def rank_bins(true: Floats, false: Floats) -> tuple[Floats, Floats]:
+def _rank_bins(true: Floats, false: Floats) -> tuple[Floats, Floats]:
     """Return AUROC and average precision of histograms, both `[W]`; nan if not defined.
 
     Args:
@@ -167,7 +167,7 @@ def _rank(cells: _Counts, weights: Weights) -> tuple[Floats, Floats]:
         for some in (hidden, ~hidden)
     ]
     pieces = [
-        rank_bins(*(table @ some.astype(float) for table in tables))
+        _rank_bins(*(table @ some.astype(float) for table in tables))
         for some in np.split(weights, range(_COLUMNS, weights.shape[1], _COLUMNS), axis=1)
     ]
     auroc, precision = (np.concatenate(values) for values in zip(*pieces, strict=True))

@@ -46,7 +46,7 @@ def checkpoint_of(run: Path) -> Path:
     return run / BEST if run.is_dir() else run
 
 
-def seal_run(run: Path) -> None:
+def _seal_run(run: Path) -> None:
     """Write the seal of a finished run: the hashes of all its files.
 
     An ensemble's seal also covers its members' files, except their curves: these may be plotted
@@ -66,7 +66,7 @@ def reseal(run: Path) -> Iterator[None]:
         with unsealed(run):
             yield
         if sealed:
-            seal_run(run)
+            _seal_run(run)
 
 
 @contextmanager
@@ -96,24 +96,24 @@ def open_run(run: Path, *, resume: bool = False, force: bool = True) -> Iterator
             place = run if read_seal(run) is None else run / UNFINISHED
             clear_run(place)
         place.mkdir(exist_ok=True)
-        remove_files(place, list_half_written(place))
+        _remove_files(place, _list_half_written(place))
         with unsealed(place):
             yield place
-        seal_run(place)
+        _seal_run(place)
         if place != run:
-            put_in_place(run, leaving={*list_run(run)} - {*list_files(place)})
+            put_in_place(run, leaving={*_list_run(run)} - {*list_files(place)})
             remove_unfinished(run)
 
 
 def active_folder(run: Path) -> Path:
     """Return the folder that a training of a run goes on in: inside it, if it replaces the run."""
-    return run / UNFINISHED if is_run(run / UNFINISHED) else run
+    return run / UNFINISHED if _is_run(run / UNFINISHED) else run
 
 
 def refuse_overwriting(run: Path, *, resume: bool, force: bool) -> None:
     """Refuse a folder that holds a run, unless the run is continued or replaced."""
     refuse_foreign_files(run)
-    if has_checkpoint(run) and not (resume or force):
+    if _has_checkpoint(run) and not (resume or force):
         message = f"{run}: holds a run already; --resume continues it, --force replaces it"
         raise TrainingError(message, code="run-exists", where=run)
 
@@ -125,7 +125,7 @@ def refuse_foreign_files(run: Path) -> None:
         message = f"{run}: is a file; expected a folder for the run"
         raise TrainingError(message, code="path-taken", where=run)
     refuse_other_results(run, BEST)
-    if is_run(run):
+    if _is_run(run):
         return
     for name in (*FILES, SEAL):
         if (run / name).exists() or (run / name).is_symlink():
@@ -151,7 +151,7 @@ def unsealed(run: Path) -> Iterator[None]:
         raise
 
 
-def is_run(folder: Path) -> bool:
+def _is_run(folder: Path) -> bool:
     """Return whether a folder was begun by a training, as its log or a checkpoint shows.
 
     Runs of early versions have no log.
@@ -161,7 +161,7 @@ def is_run(folder: Path) -> bool:
 
 def refuse_run(folder: Path) -> None:
     """Refuse to put other results into a run; a stopped run has no seal to recognise it by."""
-    if is_run(folder):
+    if _is_run(folder):
         raise DatasetError(f"{folder}: is a run of bsg-train; choose another folder")
 
 
@@ -181,12 +181,12 @@ def _has_header(path: Path) -> bool:
     return True
 
 
-def has_checkpoint(run: Path) -> bool:
+def _has_checkpoint(run: Path) -> bool:
     """Return whether a run, or a member of it, has saved anything that a training can continue."""
-    return any(Path(name).name in (BEST, LAST, METRICS) for name in list_run(run))
+    return any(Path(name).name in (BEST, LAST, METRICS) for name in _list_run(run))
 
 
-def list_run(run: Path) -> list[str]:
+def _list_run(run: Path) -> list[str]:
     """Return the existing files of a run and of its members, as paths below its folder.
 
     The log of each comes last. A folder with a log is a run, so a stopped removal leaves a run.
@@ -199,8 +199,8 @@ def list_run(run: Path) -> list[str]:
         *(
             f"{MEMBERS}/{member.name}/{name}"
             for member in sorted(members.iterdir())
-            if member.is_dir() and not member.is_symlink() and is_run(member)
-            for name in list_run(member)
+            if member.is_dir() and not member.is_symlink() and _is_run(member)
+            for name in _list_run(member)
         ),
         *found,
     ]
@@ -210,17 +210,17 @@ def _is_file(path: Path) -> bool:
     return path.is_symlink() or (os.path.lexists(path) and not path.is_dir())
 
 
-def list_half_written(run: Path) -> list[str]:
+def _list_half_written(run: Path) -> list[str]:
     """Return the unfinished files that a killed training left, as paths below a run."""
     return [path.name for name in (SEAL, *FILES) for path in run.glob(f".{name}.partial")]
 
 
 def clear_run(run: Path) -> None:
     """Remove the files of a run and its members, and folders in it that become empty."""
-    remove_files(run, list_run(run))
+    _remove_files(run, _list_run(run))
 
 
-def remove_files(folder: Path, names: Sequence[str]) -> None:
+def _remove_files(folder: Path, names: Sequence[str]) -> None:
     """Remove files of a folder, and folders in it that become empty."""
     for name in names:
         (folder / name).unlink(missing_ok=True)

@@ -46,7 +46,7 @@ def shipped_names() -> tuple[str, ...]:
 
 def find_shipped(name: str) -> Path:
     """Return the checkpoint of a shipped model, after checking its hash."""
-    require_shipped(name)
+    _require_shipped(name)
     return _find_file(f"{name}{SUFFIX}")
 
 
@@ -65,11 +65,11 @@ def find_name_of_shipped(path: Path) -> str | None:
 
 def read_shipped_card(name: str) -> str:
     """Return the card of a shipped model."""
-    require_shipped(name)
+    _require_shipped(name)
     return _find_file(f"{name}.md").read_text("utf-8")
 
 
-def require_shipped(name: str) -> None:
+def _require_shipped(name: str) -> None:
     """Refuse a name that no shipped model has."""
     names = shipped_names()
     if not names:

@@ -83,7 +83,7 @@ class Comparison:
         return {name: measured.estimates() for name, measured in self.bootstraps.items()}
 
 
-class Loaded(NamedTuple):
+class _Loaded(NamedTuple):
     """A run that is compared."""
 
     name: str  # of its column
@@ -137,7 +137,7 @@ def compare_runs(
     checkpoints = [load_checkpoint(one.path) for one in found]
     sums = [hash_file(one.path) for one in found]
     columns = name_runs([(one, c.header) for one, c in zip(found, checkpoints, strict=True)])
-    loaded = [Loaded(*one) for one in zip(columns, found, checkpoints, strict=True)]
+    loaded = [_Loaded(*one) for one in zip(columns, found, checkpoints, strict=True)]
     for run in loaded:
         require_dataset(run.found.path, run.header, data.manifest)
     fold = _one_fold(loaded, fold) if loaded else fold
@@ -185,7 +185,7 @@ def compare_runs(
     )
 
 
-def _opener(run: Loaded | None, name: str, data: Dataset) -> Callable[[int | None], NodePredictor]:
+def _opener(run: _Loaded | None, name: str, data: Dataset) -> Callable[[int | None], NodePredictor]:
     """Return a function that opens a run, or fits the baseline of that name, for a fold."""
 
     def open_fold(fold: int | None) -> NodePredictor:
@@ -206,7 +206,7 @@ def _order(runs: Iterable[str], entries: Sequence[Entry]) -> dict[str, Entry | N
     return names | dict.fromkeys(BASELINES)
 
 
-def _describe(loaded: Sequence[Loaded]) -> dict[str, Any]:
+def _describe(loaded: Sequence[_Loaded]) -> dict[str, Any]:
     """Return folder, epoch, dataset and configuration of each run, by name."""
     return {
         run.name: {
@@ -219,7 +219,7 @@ def _describe(loaded: Sequence[Loaded]) -> dict[str, Any]:
     }
 
 
-def _one_fold(loaded: Sequence[Loaded], asked: int | None) -> int | None:
+def _one_fold(loaded: Sequence[_Loaded], asked: int | None) -> int | None:
     folds = {run.header.config.data.fold for run in loaded}
     listed = ", ".join(f"{run.found.name}: {run.header.config.data.fold}" for run in loaded)
     if asked is not None and folds != {asked}:
@@ -250,7 +250,7 @@ def _facts(
     }
 
 
-def _notes(loaded: Sequence[Loaded], data: Dataset, survey: Survey, split: str) -> list[str]:
+def _notes(loaded: Sequence[_Loaded], data: Dataset, survey: Survey, split: str) -> list[str]:
     notes = []
     for run in loaded:
         header = run.header

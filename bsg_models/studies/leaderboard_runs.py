@@ -87,10 +87,10 @@ def plan_runs(models: Mapping[str, RunConfig], recipe: LeaderboardRecipe) -> Run
         for name, config in models.items()
     }
     for place, config in placed.items():
-        some = runs.ensembles if members_of(config) else runs.single
+        some = runs.ensembles if _members_of(config) else runs.single
         some[place] = config
     for place, config in runs.ensembles.items():
-        needed = {member: member_config(config, member) for member in members_of(config)}
+        needed = {member: member_config(config, member) for member in _members_of(config)}
         runs.members[place] = {
             member: _plan_member(runs.single, place, member, own, recipe)
             for member, own in needed.items()
@@ -121,7 +121,7 @@ def trained_on(config: RunConfig, mask: str) -> str:
     return config.data.own_strategy or mask
 
 
-def members_of(config: RunConfig) -> tuple[str, ...]:
+def _members_of(config: RunConfig) -> tuple[str, ...]:
     """Return the names of an ensemble's members; none for other models."""
     return config.model.members if isinstance(config.model, EnsembleConfig) else ()
 

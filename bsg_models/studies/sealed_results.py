@@ -56,7 +56,7 @@ def check_results(path: AnyPath) -> tuple[str, ...]:
         if name.endswith(_WEIGHTS):
             _load(path / name)
     here = resolve_links(path)
-    if here.name in _OF_A_RUN and measures_other_weights(here):
+    if here.name in _OF_A_RUN and _measures_other_weights(here):
         raise DatasetError(
             f"{path}: measures other weights than those of its run: the sha256 of "
             f"{path.parent / _BEST} is not in {_OF_A_RUN[here.name]}; measure the run again with "
@@ -67,10 +67,10 @@ def check_results(path: AnyPath) -> tuple[str, ...]:
 
 def list_of_other_weights(run: Path) -> tuple[Path, ...]:
     """Return the folders of an evaluation and a search in a run that measure other weights."""
-    return tuple(run / name for name in _OF_A_RUN if measures_other_weights(run / name))
+    return tuple(run / name for name in _OF_A_RUN if _measures_other_weights(run / name))
 
 
-def measures_other_weights(results: Path) -> bool:
+def _measures_other_weights(results: Path) -> bool:
     """Say whether the evaluation or the search of a run is not of the run's present checkpoint.
 
     Args:

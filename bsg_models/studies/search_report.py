@@ -188,7 +188,7 @@ def _search_into(
     runs = request.runs
     opened = Dataset.open(request.dataset)
     classes = opened.manifest.class_space.classes
-    chosen, notes = choose_buildings(opened, runs, split=request.split, scene=request.scene)
+    chosen, notes = _choose_buildings(opened, runs, split=request.split, scene=request.scene)
     recipe = make_recipe(request, classes)
     sums = [hash_file(checkpoint_of(run)) for run in runs]
     keep = None if request.trace is None else _choose_trace(recipe, request.trace)
@@ -300,7 +300,7 @@ def make_recipe(request: SearchRequest, classes: Sequence[str]) -> StudyRecipe:
     return recipe
 
 
-def choose_buildings(
+def _choose_buildings(
     opened: Dataset,
     runs: Sequence[Path],
     *,

@@ -141,7 +141,7 @@ def study_search(
     own = {name: chosen[name] for name in planners or {}}
     place = dataset.absolute()  # a worker may run in another folder
     tasks = [(place, run, scene, recipe, own, keep) for scene, run in placed.items()]
-    by_building = run_all(search_building, tasks, executor=executor, progress=progress)
+    by_building = run_all(_search_building, tasks, executor=executor, progress=progress)
     left_out: dict[str, dict[str, int]] = {}
     searches = []
     for one in by_building:
@@ -241,7 +241,7 @@ def known_worlds(dataset: Path) -> tuple[WorldRecipe, ...]:
     return tuple(WorldRecipe(kind=kind) for kind in MEASURED if methods & set(METHODS[kind]))
 
 
-def search_building(
+def _search_building(
     dataset: Path,
     run: Path | None,
     scene_id: str,
@@ -266,15 +266,15 @@ def search_building(
             if run is not None:
                 key = case.episodes.rooms.tobytes()
                 if key not in asked:
-                    asked[key] = ask_run(run, data, scene_id, recipe.mask, case)
+                    asked[key] = _ask_run(run, data, scene_id, recipe.mask, case)
                 beliefs = asked[key]
-            by_world[world.name] = compare_planners(
+            by_world[world.name] = _compare_planners(
                 case, world, recipe, scene_id, beliefs, planners, keep=keep
             )
     return by_world
 
 
-def ask_run(run: Path, data: Dataset, scene_id: str, mask: MaskRecipe, case: Case) -> ModelBeliefs:
+def _ask_run(run: Path, data: Dataset, scene_id: str, mask: MaskRecipe, case: Case) -> ModelBeliefs:
     """Return the beliefs of a run about the searches of a building."""
     path = checkpoint_of(run)
     changed = path.stat().st_mtime_ns if path.exists() else 0
@@ -293,7 +293,7 @@ def _restore_once(path: Path, changed: int) -> BeliefModel:
     return restore_model(path, load_checkpoint(path))
 
 
-def compare_planners(
+def _compare_planners(
     case: Case,
     world: WorldRecipe,
     recipe: StudyRecipe,

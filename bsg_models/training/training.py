@@ -124,7 +124,7 @@ def _fit_by_counting(
 ) -> None:
     with open_run(run, force=force) as place, one_thread(), keep_log(place, config, data) as notes:
         model.fit(data, config.data)
-        calibrated = calibrate_if_wanted(model, config, data)
+        calibrated = _calibrate_if_wanted(model, config, data)
         save_fitted(model, config, data, place, calibrated=calibrated)
         notes += model.notes
 
@@ -157,7 +157,7 @@ def _train_network(
         with steps.join():
             yield from train_epochs(steps, config, data, place, buildings, validation)
         if ranks.leads:
-            notes += calibrate_run(config, data, place)
+            notes += _calibrate_run(config, data, place)
 
 
 def _is_other_training(config: RunConfig, data: Dataset, run: Path) -> bool:
@@ -198,17 +198,17 @@ def new_model(config: RunConfig, data: Dataset) -> BeliefModel:
     )
 
 
-def calibrate_run(config: RunConfig, data: Dataset, run: Path) -> tuple[str, ...]:
+def _calibrate_run(config: RunConfig, data: Dataset, run: Path) -> tuple[str, ...]:
     """Calibrate a run's best checkpoint if its configuration says so; return the model's notes."""
     checkpoint = load_checkpoint(run / BEST)
     model = restore_model(run / BEST, checkpoint)
-    if calibrate_if_wanted(model, config, data):
+    if _calibrate_if_wanted(model, config, data):
         header = checkpoint.header.model_copy(update={"calibrated": True})
         save_checkpoint(run / BEST, header, name_tensors("model", model.state_dict()))
     return model.notes
 
 
-def calibrate_if_wanted(model: BeliefModel, config: RunConfig, data: Dataset) -> bool:
+def _calibrate_if_wanted(model: BeliefModel, config: RunConfig, data: Dataset) -> bool:
     """Calibrate a model on val if its configuration says so; return whether it did."""
     if not (isinstance(model, CalibratedModel) and getattr(config.model, "calibrate", False)):
         return False
@@ -320,7 +320,7 @@ def _combine(
         trained = restore_model(folder / BEST, load_checkpoint(folder / BEST))
         model.members[name] = trained
     with one_thread():
-        calibrated = calibrate_if_wanted(model, config, data)
+        calibrated = _calibrate_if_wanted(model, config, data)
         recipes = {name: member_config(config, name) for name in members}
         save_fitted(model, config, data, run, calibrated=calibrated, members=recipes)
     return model.notes

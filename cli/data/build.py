@@ -34,7 +34,7 @@ from bsg_data.errors import BSGError
 from bsg_data.sources.catalogue import SOURCES, parse_options
 
 
-class PartNumber(click.ParamType[tuple[int, int]]):
+class _PartNumber(click.ParamType[tuple[int, int]]):
     """The number of a part of a build, `I/N`."""
 
     name = "part"
@@ -90,7 +90,7 @@ class PartNumber(click.ParamType[tuple[int, int]]):
 @click.option(
     "--parts",
     "part",
-    type=PartNumber(),
+    type=_PartNumber(),
     metavar="I/N",
     help="Build only part I of N, in any order, on any machine that sees --out; run "
     "`bsg-data finalise` at the end.",

@@ -34,7 +34,7 @@ def command() -> None:
 
 @command.command("list")
 @json_option
-def map_list(as_json: bool) -> None:
+def _map_list(as_json: bool) -> None:
     """List the published class maps.
 
     \b
@@ -66,7 +66,7 @@ def map_list(as_json: bool) -> None:
     print_text(format_text(cells, header=header))
 
 
-def find_elsewhere(category: str) -> dict[str, str]:
+def _find_elsewhere(category: str) -> dict[str, str]:
     """Return map → class of a name, for the published maps that have a class for it."""
     maps = [bsg_data.load_class_map(version) for version in extend.published_maps()]
     found = [(one, one.classify(category).class_index) for one in maps]
@@ -95,7 +95,7 @@ def _describe(answer: Mapping[str, Any], version: str, index: int | None) -> Ite
 @click.argument("category")
 @class_map_option
 @json_option
-def map_show(category: str, class_map: str, as_json: bool) -> None:
+def _map_show(category: str, class_map: str, as_json: bool) -> None:
     """Show the class of a category, or all spellings of a class.
 
     \b
@@ -116,7 +116,7 @@ def map_show(category: str, class_map: str, as_json: bool) -> None:
         "role": known.role,
         "rule": known.rule,
         "nearest": [] if mapped else list(loaded.nearest(category)),
-        "elsewhere": {} if name or index is not None else find_elsewhere(category),
+        "elsewhere": {} if name or index is not None else _find_elsewhere(category),
         "definition": None if index is None else loaded.definitions[index],
         "spellings": [] if index is None else spellings,
     }
@@ -136,7 +136,7 @@ def map_show(category: str, class_map: str, as_json: bool) -> None:
     help="Use this map instead of the dataset's own: a version, or your NAME.csv.",
 )
 @json_option
-def map_coverage(dataset: Path, class_map: str | None, as_json: bool) -> None:
+def _map_coverage(dataset: Path, class_map: str | None, as_json: bool) -> None:
     """Measure how much of a dataset a class map covers.
 
     \b
@@ -169,7 +169,7 @@ def map_coverage(dataset: Path, class_map: str | None, as_json: bool) -> None:
     help="A published version, or your NAME.csv; repeat it for each map.",
 )
 @json_option
-def map_compare(dataset: Path, class_maps: tuple[str, ...], as_json: bool) -> None:
+def _map_compare(dataset: Path, class_maps: tuple[str, ...], as_json: bool) -> None:
     """Compare class maps on the objects of a dataset.
 
     The output has the coverage of each map. For each class it has the instances, the rooms with at
