@@ -9,9 +9,10 @@ from .errors import BSGError, ClassMapError, DatasetError, RecipeError, SourceEr
 from .exports.export import export_dataset
 from .merge import merge_datasets
 from .observation.hidden_share import estimate_hidden_share
+from .observation.masked_graph import mask_scene
 from .observation.observation import Observation
 from .observation.pairs import write_pairs
-from .observation.partial_graph import KnownRoom, PartialGraph, SeenObject, mask_scene, observe
+from .observation.partial_graph import KnownRoom, PartialGraph, SeenObject, observe
 from .observation.robot_json import read_robot_graph
 from .recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from .scene.class_map import ClassMap, load_class_map

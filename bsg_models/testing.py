@@ -24,6 +24,7 @@ from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObje
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.connections import Connections
 from bsg_data.scene.scene_graph import Box
+from bsg_data.scene.surroundings import Surroundings
 from bsg_data.testing import write_example_dataset
 from bsg_models.belief.belief_graph import BeliefGraph, BlindNode, believe
 from bsg_models.belief.count_distribution import poisson
@@ -85,6 +86,7 @@ def observe_building(
         vocabulary=vocabulary,
         others=np.zeros((len(inputs), len(vocabulary)), dtype=np.int64),
         connections=Connections.of_pairs(()),
+        surroundings=Surroundings.unknown(nodes=len(inputs)),
     )
 
 

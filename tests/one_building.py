@@ -3,12 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from types import SimpleNamespace
 
 import numpy as np
 
 from bsg_data.observation.observation import Observation
 from bsg_data.scene.connections import Connections
-from bsg_data.scene.surroundings import Surroundings
+from bsg_data.scene.room_label import RoomType
+from bsg_data.scene.surroundings import EVIDENCE, Surroundings
+
+
+def surround_rooms(
+    areas: Sequence[float | None],
+    room_types: Sequence[RoomType | None],
+    *,
+    building_kind: str | None = None,
+    source: str | None = None,
+) -> Surroundings:
+    """Return the surroundings of a building, from what a robot says of its rooms."""
+    rooms = [
+        SimpleNamespace(floor_area=area, footprint=None, box=None, room_type=room_type)
+        for area, room_type in zip(areas, room_types, strict=True)
+    ]
+    graph = SimpleNamespace(building_kind=building_kind, source=source)
+    return Surroundings.of_graph(graph, rooms)
+
+
+def same_surroundings(a: Surroundings, b: Surroundings) -> bool:
+    return all(
+        np.array_equal(getattr(a, name), getattr(b, name), equal_nan=True) for name in EVIDENCE
+    )
 
 
 def observe_building(
@@ -52,5 +76,5 @@ def observe_building(
             else np.array(others, dtype=np.int64).reshape(nodes, len(vocabulary))
         ),
         connections=Connections.of_pairs(connected),
-        **({} if surroundings is None else {"surroundings": surroundings}),
+        surroundings=Surroundings.unknown(nodes=nodes) if surroundings is None else surroundings,
     )

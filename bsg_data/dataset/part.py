@@ -10,27 +10,23 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from bsg_data.arrays import Counts, Floats, Ints
+from bsg_data.arrays import Counts, Ints
 from bsg_data.dataset.categories import NO_CATEGORY, OtherObjects
 from bsg_data.dataset.histograms import count_cells
 from bsg_data.dataset.manifest import FileEntry, Manifest
 from bsg_data.dataset.shards import read_file
 from bsg_data.errors import DatasetError
-from bsg_data.geometry.floor_area import find_floor_area
 from bsg_data.scene.class_map import is_nameless
 from bsg_data.scene.connections import Connections
-from bsg_data.scene.scene_graph import Box
-from bsg_data.scene.surroundings import MAX_FLOOR_AREA, Surroundings, label_rows
+from bsg_data.scene.surroundings import EVIDENCE, Surroundings
 
 _MOST_ROOMS = 1_000_000  # in one building
-_BOX = tuple(f"box_{end}_{axis}" for end in ("min", "max") for axis in "xyz")
 _NODE_BYTES = 250  # about what is held of a node besides its cells
 _OBJECT_BYTES = 40
 
@@ -95,7 +91,8 @@ class DatasetPart:
 
     @cached_property
     def _scenes(self) -> pa.Table:
-        return self._read("scenes", ["scene_id", "num_rooms", "source", "building_kind"])
+        columns = [n for kind in EVIDENCE.values() if kind.of_building for n in kind.columns]
+        return self._read("scenes", ["scene_id", "num_rooms", *columns])
 
     @cached_property
     def starts(self) -> Ints:
@@ -162,27 +159,18 @@ class DatasetPart:
     @cached_property
     def _surroundings(self) -> Surroundings:
         """What is known of all scenes, one after another."""
-        scenes = self._scenes
-        nothing = Surroundings.unknown(nodes=int(self.starts[-1]), buildings=len(scenes))
-        floor_area, labels = nothing.floor_area, nothing.labels
-        if self.starts[-1] > len(scenes):  # there are rooms
-            columns = ["scene_id", "room_index", "label", "floor_area", "footprint", *_BOX]
-            rooms = self._read("rooms", columns)
+        rooms, rows = None, np.zeros(0, dtype=np.int64)
+        if self.starts[-1] > len(self._scenes):  # there are rooms
+            columns = [
+                name for kind in EVIDENCE.values() for name in kind.columns if not kind.of_building
+            ]
+            rooms = self._read("rooms", ["scene_id", "room_index", *columns])
             scene = self._number_scenes(rooms["scene_id"])
             places = rooms["room_index"].to_numpy()
             sizes = np.diff(self.starts)
             self._require(bool(((places >= 1) & (places < sizes[scene])).all()), "room_index")
-            nodes = self.starts[scene] + places
-            floor_area[nodes] = _measure_rooms(rooms)
-            labels[nodes] = label_rows(rooms["label"].to_pylist())
-        for array in (floor_area, labels):
-            array.setflags(write=False)  # all readers of this dataset share it
-        return Surroundings(
-            floor_area,
-            labels,
-            tuple(kind or "" for kind in scenes["building_kind"].to_pylist()),
-            tuple(source or "" for source in scenes["source"].to_pylist()),
-        )
+            rows = self.starts[scene] + places
+        return Surroundings.of_tables(self._scenes, rooms, rows=rows, nodes=int(self.starts[-1]))
 
     def _number_scenes(self, column: pa.ChunkedArray) -> Ints:
         """Return the place of the scene of every row of a table."""
@@ -200,27 +188,6 @@ class DatasetPart:
                 f"{path}: a {column} in this part of the tables is impossible; run "
                 "`bsg-data check` to see where"
             )
-
-
-def _measure_rooms(rooms: pa.Table) -> Floats:
-    """Return the floor area of every row of the rooms' table, `[R]`; NaN where unknown."""
-    areas: Floats = pc.fill_null(rooms["floor_area"], np.nan).to_numpy().astype(np.float64)
-    silent = np.flatnonzero(~((areas > 0) & (areas <= MAX_FLOOR_AREA)))
-    areas[silent] = np.nan
-    for row, room in zip(silent, rooms.take(silent).to_pylist(), strict=True):
-        corners = room["footprint"] or ()
-        area = find_floor_area(
-            None,
-            footprint=tuple(zip(corners[::2], corners[1::2], strict=False)),
-            box=_box(room),
-        )
-        areas[row] = np.nan if area is None else area
-    return areas
-
-
-def _box(room: dict[str, Any]) -> Box | None:
-    values = [room[name] for name in _BOX]
-    return None if None in values else Box(tuple(values[:3]), tuple(values[3:]))
 
 
 def _number_categories(column: pa.ChunkedArray) -> tuple[Ints, tuple[str, ...]]:

@@ -2,8 +2,7 @@
 
 They are sampled from the objects of a dataset, or read from its stored pairs. Stored pairs hold the
 masked histograms and the view. They do not hold the objects outside the classes. For a model that
-reads such objects, these are sampled again by the same recipe. Pairs of format 1 say only which
-rooms were visited.
+reads such objects, these are sampled again by the same recipe.
 """
 
 from __future__ import annotations
@@ -13,7 +12,6 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
 
 from bsg_data.arrays import Counts, Ints
@@ -21,30 +19,25 @@ from bsg_data.dataset.categories import place_columns
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import to_cells, to_histograms
 from bsg_data.errors import DatasetError
-from bsg_data.observation.hidden_others import sample_hidden_others
-from bsg_data.observation.masks import sample_hidden, sample_view
+from bsg_data.observation.hidden_objects import sample_hidden, sample_hidden_others
+from bsg_data.observation.masks import sample_view
 from bsg_data.observation.observation import Observation, observe_view, stack
 from bsg_data.observation.pairs import histogram_column, read_views, stream_pairs
 from bsg_data.observation.view import View
-from bsg_data.recipes import MaskRecipe, PairsRecipe
-from bsg_data.scene.parts import find_wholes, load_parts
+from bsg_data.recipes import MaskRecipe
+from bsg_data.scene.class_space import find_wholes
 
 BATCH = 256  # buildings in memory at a time
+_place_columns = lru_cache(maxsize=4096)(place_columns)
 
 
 @dataclass(frozen=True, eq=False)
 class MaskedBuildings:
-    """Buildings under masks, with their true histograms.
-
-    Attributes:
-        seen: what the masks show of B buildings.
-        targets: `[N, C]` true histograms.
-        draws: `[B]` number of each mask.
-    """
+    """B buildings under masks, with their true histograms."""
 
     seen: Observation
-    targets: Counts
-    draws: Ints
+    targets: Counts  # [N, C]
+    draws: Ints  # [B] number of each mask
 
     def __len__(self) -> int:
         """Return the number of masked buildings B."""
@@ -77,6 +70,28 @@ def stack_masked(parts: Sequence[MaskedBuildings]) -> MaskedBuildings:
     )
 
 
+def stream_sampled(
+    data: Dataset,
+    scenes: Sequence[str],
+    *,
+    mask: MaskRecipe,
+    draw: int,
+    fractions: tuple[float, float] | None = None,
+    vocabulary: tuple[str, ...] = (),
+    size: int = BATCH,
+) -> Iterator[MaskedBuildings]:
+    """Yield mask number `draw` of some buildings in order, `size` at a time.
+
+    The `fractions` say from where to where the fraction varies from mask to mask, instead of that
+    of `mask`; the `vocabulary` has the categories outside the classes that are looked for. Scenes
+    in the order of the tables read each part of these once.
+    """
+    recipes = vary_fractions(mask, fractions, draw, len(scenes))
+    for first in range(0, len(scenes), size):
+        some = np.s_[first : first + size]
+        yield sample_each(data, scenes[some], recipes[some], draw=draw, vocabulary=vocabulary)
+
+
 def sample_masked(
     data: Dataset,
     scenes: Sequence[str],
@@ -86,17 +101,7 @@ def sample_masked(
     fractions: tuple[float, float] | None = None,
     vocabulary: tuple[str, ...] = (),
 ) -> MaskedBuildings:
-    """Sample mask number `draw` of some buildings.
-
-    Args:
-        data: an open dataset.
-        scenes: of it, one or more.
-        mask: how objects are hidden.
-        draw: number of the mask.
-        fractions: from where to where the fraction varies from mask to mask, instead of that of
-            `mask`.
-        vocabulary: categories outside the classes that are looked for.
-    """
+    """Sample what `stream_sampled` yields, one building or more, as one record."""
     recipes = vary_fractions(mask, fractions, draw, len(scenes))
     return sample_each(data, scenes, recipes, draw=draw, vocabulary=vocabulary)
 
@@ -110,235 +115,17 @@ def sample_each(
     vocabulary: tuple[str, ...] = (),
 ) -> MaskedBuildings:
     """Sample mask number `draw` of some buildings, each by its own recipe."""
+    seen = []
+    for scene, mask in zip(scenes, recipes, strict=True):
+        cells, connections = data.cells(scene), data.connections(scene)
+        view = sample_view(cells.shape, mask, scene_id=scene, draw=draw, connections=connections)
+        hidden = sample_hidden(cells, view, mask, scene_id=scene, draw=draw)
+        others = see_others(data, scene, mask, draw, view, hidden, vocabulary=vocabulary)
+        seen.append(_observe(data, scene, view, cells - hidden, vocabulary, others))
     return MaskedBuildings(
-        stack(
-            [
-                _observe(data, scene, recipe, draw, vocabulary)
-                for scene, recipe in zip(scenes, recipes, strict=True)
-            ]
-        ),
+        stack(seen),
         np.concatenate([to_histograms(data.cells(scene)) for scene in scenes]),
         np.full(len(scenes), draw, dtype=np.int64),
-    )
-
-
-def stream_sampled(
-    data: Dataset,
-    scenes: Sequence[str],
-    *,
-    mask: MaskRecipe,
-    draw: int,
-    fractions: tuple[float, float] | None = None,
-    vocabulary: tuple[str, ...] = (),
-    size: int = BATCH,
-) -> Iterator[MaskedBuildings]:
-    """Yield masked buildings as `sample_masked` does, `size` at a time, in order.
-
-    Args:
-        data: an open dataset.
-        scenes: of it; in the order of its tables, each part of them is read once.
-        mask: how objects are hidden.
-        draw: number of the mask.
-        fractions: from where to where the fraction varies.
-        vocabulary: categories outside the classes that are looked for.
-        size: buildings at a time.
-    """
-    recipes = vary_fractions(mask, fractions, draw, len(scenes))
-    for first in range(0, len(scenes), size):
-        some = np.s_[first : first + size]
-        yield sample_each(data, scenes[some], recipes[some], draw=draw, vocabulary=vocabulary)
-
-
-def stream_masked(
-    data: Dataset,
-    split: str,
-    *,
-    vocabulary: tuple[str, ...] = (),
-    shuffle: np.random.Generator | None = None,
-) -> Iterator[MaskedBuildings]:
-    """Yield the stored pairs of one split or fold, a file at a time.
-
-    Args:
-        data: an open dataset.
-        split: train, val, test or a fold.
-        vocabulary: categories outside the classes that are looked for.
-        shuffle: for files in a random order.
-
-    Raises:
-        DatasetError: if there are none.
-    """
-    recipe = data.manifest.pairs
-    if recipe is None:
-        raise DatasetError(f"{data.path}: has no pairs; run `bsg-data pairs {data.path}` first")
-    for table in stream_pairs(data.path, split, manifest=data.manifest, shuffle=shuffle):
-        yield _read_table(data, table, recipe, vocabulary)
-
-
-def read_masked(data: Dataset, split: str, *, vocabulary: tuple[str, ...] = ()) -> MaskedBuildings:
-    """Read the stored pairs of one split or fold; a repeated call returns the same arrays.
-
-    Raises:
-        DatasetError: if there are none.
-    """
-    return _read_masked(data, split, vocabulary)
-
-
-@lru_cache(maxsize=32)
-def _read_masked(data: Dataset, split: str, vocabulary: tuple[str, ...]) -> MaskedBuildings:
-    parts = list(stream_masked(data, split, vocabulary=vocabulary))
-    if not parts:
-        raise DatasetError(f"{data.path}: no building of split {split!r} has pairs")
-    masked = stack_masked(parts)
-    for array in (masked.seen.inputs, masked.seen.hidden_share, masked.seen.others, masked.targets):
-        array.setflags(write=False)  # all readers of these pairs share them
-    return masked
-
-
-def _read_table(
-    data: Dataset, table: pa.Table, recipe: PairsRecipe, vocabulary: tuple[str, ...]
-) -> MaskedBuildings:
-    inputs = histogram_column(table, "input").astype(np.int64)
-    targets = histogram_column(table, "target").astype(np.int64)
-    views = read_views(table)
-    starts = np.flatnonzero(table["node_index"].to_numpy() == 0)
-    scenes = table["scene_id"].take(starts).to_pylist()
-    draws = table["draw"].take(starts).to_numpy().astype(np.int64)
-    _require_whole(data, table["node_index"].to_numpy(), starts, scenes)
-    parts = []
-    for scene, draw, a, b in zip(scenes, draws, starts, [*starts[1:], len(table)], strict=True):
-        view, seen = views.take(int(a), int(b)), to_cells(inputs[a:b])
-        hidden = to_cells(targets[a:b]) - seen
-        others = see_others(
-            data, scene, recipe.mask, int(draw), view, hidden, vocabulary=vocabulary
-        )
-        parts.append(
-            observe_view(
-                scene,
-                view,
-                seen,
-                vocabulary=vocabulary,
-                others=others,
-                connections=data.connections(scene),
-                surroundings=data.surroundings(scene),
-            )
-        )
-    return MaskedBuildings(stack(parts), targets, draws)
-
-
-def _require_whole(data: Dataset, nodes: Ints, starts: Ints, scenes: list[str]) -> None:
-    """Check that every masked building has one row for each node of its scene, in order.
-
-    Raises:
-        DatasetError: naming the first scene without them.
-    """
-    remedy = "run `bsg-data check` for details, `bsg-data pairs --force` to write them again"
-    if len(nodes) and nodes[0] != 0:
-        raise DatasetError(
-            f"{data.path}: pairs begin within a building, at node {nodes[0]}; {remedy}"
-        )
-    for scene, start, end in zip(scenes, starts, [*starts[1:], len(nodes)], strict=True):
-        size = len(data.cells(scene))
-        if not np.array_equal(nodes[start:end], np.arange(size)):
-            raise DatasetError(
-                f"{data.path}: the pairs of {scene} are not for its nodes 0 to {size - 1}; {remedy}"
-            )
-
-
-def see_others(
-    data: Dataset,
-    scene: str,
-    mask: MaskRecipe,
-    draw: int,
-    view: View,
-    hidden: Counts,
-    *,
-    vocabulary: tuple[str, ...],
-) -> Counts:
-    """Return the objects outside the classes that a mask shows, `[N, V]` cells.
-
-    All such objects are masked before the vocabulary selects some, so it does not change a mask.
-
-    Args:
-        data: an open dataset.
-        scene: of it.
-        mask: the recipe.
-        draw: number of the mask.
-        view: view of the mask, sampled or read from pairs.
-        hidden: `[N, C]` classified objects that the mask hides.
-        vocabulary: categories to count.
-    """
-    if not vocabulary:
-        return np.zeros((len(hidden), 0), dtype=np.int64)
-    sampled = sample_view(
-        data.cells(scene).shape,
-        mask,
-        scene_id=scene,
-        draw=draw,
-        connections=data.connections(scene),
-    )
-    if not sampled.agrees(view):  # another version of NumPy drew the pairs: use their view
-        sampled = replace(view, exact=sampled.exact)
-    return _show_others(data, scene, mask, draw, sampled, hidden, vocabulary)
-
-
-def _show_others(
-    data: Dataset,
-    scene: str,
-    mask: MaskRecipe,
-    draw: int,
-    view: View,
-    hidden: Counts,
-    vocabulary: tuple[str, ...],
-) -> Counts:
-    """Return the objects outside the classes that a mask shows under a sampled view."""
-    if not vocabulary:
-        return np.zeros((len(hidden), 0), dtype=np.int64)
-    others = data.others(scene)
-    gone = sample_hidden_others(
-        others.cells,
-        view,
-        mask,
-        scene_id=scene,
-        draw=draw,
-        there=data.cells(scene),
-        hidden=hidden,
-        wholes=wholes_of(others.categories, data) if mask.parts else None,
-    )
-    return place_others(others.cells - gone, others.categories, vocabulary)
-
-
-def wholes_of(categories: tuple[str, ...], data: Dataset) -> Ints:
-    """Return the class that each category is a part of, `[K]`; -1 for none."""
-    return find_wholes(categories, data.manifest.class_space.classes, load_parts())
-
-
-def place_others(cells: Counts, categories: tuple[str, ...], vocabulary: tuple[str, ...]) -> Counts:
-    """Return cells `[N, K]` by category in the columns of a vocabulary, `[N, V]`."""
-    columns = _place_once(categories, vocabulary)
-    placed = np.zeros((len(cells), len(vocabulary)), dtype=np.int64)
-    placed[:, columns[columns >= 0]] = cells[:, columns >= 0]
-    return placed
-
-
-@lru_cache(maxsize=4096)
-def _place_once(categories: tuple[str, ...], vocabulary: tuple[str, ...]) -> npt.NDArray[np.int64]:
-    return place_columns(categories, vocabulary)
-
-
-def _observe(
-    data: Dataset, scene: str, mask: MaskRecipe, draw: int, vocabulary: tuple[str, ...]
-) -> Observation:
-    cells, connections = data.cells(scene), data.connections(scene)
-    view = sample_view(cells.shape, mask, scene_id=scene, draw=draw, connections=connections)
-    hidden = sample_hidden(cells, view, mask, scene_id=scene, draw=draw)
-    return observe_view(
-        scene,
-        view,
-        cells - hidden,
-        vocabulary=vocabulary,
-        others=_show_others(data, scene, mask, draw, view, hidden, vocabulary),
-        connections=connections,
-        surroundings=data.surroundings(scene),
     )
 
 
@@ -354,3 +141,145 @@ def vary_fractions(
         fraction: mask.model_copy(update={"fraction": fraction}) for fraction in sorted(set(drawn))
     }
     return [recipes[fraction] for fraction in drawn]
+
+
+def stream_masked(
+    data: Dataset,
+    split: str,
+    *,
+    vocabulary: tuple[str, ...] = (),
+    shuffle: np.random.Generator | None = None,
+) -> Iterator[MaskedBuildings]:
+    """Yield the stored pairs of one split or fold, a file at a time, shuffled if asked.
+
+    Raises:
+        DatasetError: if there are none.
+    """
+    for table in stream_pairs(data.path, split, manifest=data.manifest, shuffle=shuffle):
+        yield _read_table(data, table, vocabulary)
+
+
+@lru_cache(maxsize=32)
+def read_masked(data: Dataset, split: str, *, vocabulary: tuple[str, ...] = ()) -> MaskedBuildings:
+    """Read the stored pairs of one split or fold; a repeated call returns the same arrays.
+
+    Raises:
+        DatasetError: if there are none.
+    """
+    parts = list(stream_masked(data, split, vocabulary=vocabulary))
+    if not parts:
+        raise DatasetError(
+            f"{data.path}: no building of split {split!r} has pairs",
+            code="pairs-missing",
+            where=split,
+        )
+    masked = stack_masked(parts)
+    for array in (masked.seen.inputs, masked.seen.hidden_share, masked.seen.others, masked.targets):
+        array.setflags(write=False)  # all readers of these pairs share them
+    return masked
+
+
+def _read_table(data: Dataset, table: pa.Table, vocabulary: tuple[str, ...]) -> MaskedBuildings:
+    inputs = histogram_column(table, "input").astype(np.int64)
+    targets = histogram_column(table, "target").astype(np.int64)
+    views, nodes = read_views(table), table["node_index"].to_numpy()
+    starts = np.flatnonzero(nodes == 0)
+    scenes = table["scene_id"].take(starts).to_pylist()
+    draws = table["draw"].take(starts).to_numpy().astype(np.int64)
+    parts = []
+    for scene, draw, a, b in zip(scenes, draws, starts, [*starts[1:], len(table)], strict=True):
+        _require_whole(data, scene, nodes[a:b])
+        view, seen = views.take(int(a), int(b)), to_cells(inputs[a:b])
+        hidden = to_cells(targets[a:b]) - seen
+        others = _see_stored_others(data, scene, int(draw), view, hidden, vocabulary)
+        parts.append(_observe(data, scene, view, seen, vocabulary, others))
+    return MaskedBuildings(stack(parts), targets, draws)
+
+
+def _require_whole(data: Dataset, scene: str, nodes: Ints) -> None:
+    size = len(data.cells(scene))
+    if not np.array_equal(nodes, np.arange(size)):
+        raise DatasetError(
+            f"{data.path}: the pairs of {scene} are not for its nodes 0 to {size - 1}; run "
+            "`bsg-data check` for details, `bsg-data pairs --force` to write them again",
+            code="pairs-torn",
+            where=scene,
+        )
+
+
+def _see_stored_others(
+    data: Dataset,
+    scene: str,
+    draw: int,
+    view: View,
+    hidden: Counts,
+    vocabulary: tuple[str, ...],
+) -> Counts:
+    recipe = data.manifest.pairs
+    if recipe is None or not vocabulary:
+        return np.zeros((len(hidden), 0), dtype=np.int64)
+    mask, connections = recipe.mask, data.connections(scene)
+    shape = data.cells(scene).shape
+    sampled = sample_view(shape, mask, scene_id=scene, draw=draw, connections=connections)
+    if not sampled.agrees(view):  # another version of NumPy drew the pairs: use their view
+        sampled = replace(view, exact=sampled.exact)
+    return see_others(data, scene, mask, draw, sampled, hidden, vocabulary=vocabulary)
+
+
+def see_others(
+    data: Dataset,
+    scene: str,
+    mask: MaskRecipe,
+    draw: int,
+    view: View,
+    hidden: Counts,
+    *,
+    vocabulary: tuple[str, ...],
+) -> Counts:
+    """Return the objects outside the classes that a mask shows under its view, `[N, V]` cells.
+
+    All such objects are masked before the vocabulary selects some, so it does not change a mask.
+    `hidden` `[N, C]` are the classified objects that the mask hides.
+    """
+    if not vocabulary:
+        return np.zeros((len(hidden), 0), dtype=np.int64)
+    others = data.others(scene)
+    classes = data.manifest.class_space.classes
+    gone = sample_hidden_others(
+        others.cells,
+        view,
+        mask,
+        scene_id=scene,
+        draw=draw,
+        there=data.cells(scene),
+        hidden=hidden,
+        wholes=find_wholes(others.categories, classes) if mask.parts else None,
+    )
+    return place_others(others.cells - gone, others.categories, vocabulary)
+
+
+def place_others(cells: Counts, categories: tuple[str, ...], vocabulary: tuple[str, ...]) -> Counts:
+    """Return cells `[N, K]` by category in the columns of a vocabulary, `[N, V]`."""
+    columns = _place_columns(categories, vocabulary)
+    placed = np.zeros((len(cells), len(vocabulary)), dtype=np.int64)
+    placed[:, columns[columns >= 0]] = cells[:, columns >= 0]
+    return placed
+
+
+def _observe(
+    data: Dataset,
+    scene: str,
+    view: View,
+    seen: Counts,
+    vocabulary: tuple[str, ...],
+    others: Counts,
+) -> Observation:
+    return observe_view(
+        scene,
+        view,
+        seen,
+        vocabulary=vocabulary,
+        others=others,
+        connections=data.connections(scene),
+        surroundings=data.surroundings(scene),
+    )

@@ -35,16 +35,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from bsg_data.arrays import Bools, Counts
-from bsg_data.observation.explored_rooms import (
-    divide_share,
-    find_beside,
-    glimpse,
-    spread_shares,
-    walk,
-)
-from bsg_data.observation.hiding import Hiding
-from bsg_data.observation.mask_streams import Stream, mask_generator, mask_generators
+from bsg_data.arrays import Bools, Floats, Ints
+from bsg_data.observation.mask_streams import mask_generator, mask_generators
 from bsg_data.observation.view import View
 from bsg_data.recipes import Exploration, MaskRecipe
 from bsg_data.registry import Registry
@@ -122,19 +114,19 @@ class Exploring(Mask):
         lot = rng.random()
         entered = number - math.floor(closed * fraction * number + lot)
         searched = min(entered, math.ceil(bare * (1 - fraction) * number - lot))
-        order = walk(number, entered, plan, connections, rng)
+        order = _walk(number, entered, plan, connections, rng)
         inside, outside = order[:entered], order[entered:]
         half = rng.permutation(inside)[searched:]
-        mean = divide_share(fraction * (1 - closed), (1 - fraction) * (1 - bare), alone=fraction)
+        mean = _divide_share(fraction * (1 - closed), (1 - fraction) * (1 - bare), alone=fraction)
         shares = np.zeros(number)
         shares[outside] = 1.0
         if len(half):
             limit = GLIMPSES_OF_SHOWN * len(half) * (1 - mean)
-            near = find_beside(inside, outside, number, connections)
-            glimpsed, hide = glimpse(near, plan, limit, rng)
+            near = _find_beside(inside, outside, number, connections)
+            glimpsed, hide = _glimpse(near, plan, limit, rng)
             shares[glimpsed] = hide
             more = float((1 - hide).sum()) / len(half)
-            shares[half] = spread_shares(mean + more, len(half), plan, rng)
+            shares[half] = _spread_shares(mean + more, len(half), plan, rng)
         was_there = np.zeros(number, dtype=bool)
         was_there[inside] = True
         return View.of_rooms(shares, classes=shape[1], entered=was_there, exact=plan.exact)
@@ -314,60 +306,72 @@ def sample_withheld(recipe: MaskRecipe, *, scene_id: str, draw: int, classes: in
     return rng.random(classes) < recipe.withhold
 
 
-def sample_hidden(
-    cells: Counts,
-    view: View,
-    recipe: MaskRecipe,
-    *,
-    scene_id: str,
-    draw: int,
-    stream: Stream = "classified",
-) -> Counts:
-    """Sample how many objects of every cell are hidden.
+def _divide_share(hidden: float, shown: float, *, alone: float) -> float:
+    """Return hidden / (hidden + shown), or `alone` where there is neither."""
+    return hidden / (hidden + shown) if hidden + shown else alone
 
-    Args:
-        cells: `[1 + R, K]` objects per room and kind, classified or not; row 0 the null region.
-        view: the view from `sample_view`.
-        recipe: recipe of the mask.
-        scene_id: id of the building.
-        draw: number of the draw.
-        stream: kind of the objects; each kind has its own generator.
 
-    Returns:
-        Hidden counts `[1 + R, K]`, never above `cells`.
+def _walk(
+    number: int,
+    entered: int,
+    plan: Exploration,
+    connections: Connections,
+    rng: np.random.Generator,
+) -> Ints:
+    """Return the rooms from 0, those that are entered first, in the order of entering them.
+
+    Over connections the robot starts in a random room and goes on in a random one beside those that
+    it was in; where a connected part is exhausted, in any other. Where nothing is known, every room
+    neighbours every other.
     """
-    rng = mask_generator(recipe, scene_id=scene_id, draw=draw, stream=stream)
-    hidden = Hiding.under(view, cells).draw(rng)
-    return np.where(view.withheld, cells, hidden) if stream == "classified" else hidden
+    if not (plan.connected and len(connections)):
+        return rng.permutation(number)
+    neighbours = _neighbours(number, connections)
+    inside, frontier = np.zeros(number, dtype=bool), np.zeros(number, dtype=bool)
+    order = []
+    for _ in range(entered):
+        reachable = frontier & ~inside
+        room = int(rng.choice(np.flatnonzero(reachable if reachable.any() else ~inside)))
+        inside[room] = True
+        frontier |= neighbours[room]
+        order.append(room)
+    return np.concatenate([np.array(order, dtype=np.int64), np.flatnonzero(~inside)])
 
 
-def sample_hidden_draws(
-    cells: Counts,
-    views: Sequence[View],
-    recipe: MaskRecipe,
-    *,
-    scene_id: str,
-    draws: Sequence[int],
-) -> Counts:
-    """Sample hidden classified objects as `sample_hidden` does, for several draws, but faster.
+def _find_beside(inside: Ints, outside: Ints, number: int, connections: Connections) -> Ints:
+    """Return the rooms outside that a door joins to one inside; all of them if none is known."""
+    if not (len(inside) and len(connections)):
+        return outside if len(inside) else outside[:0]
+    reachable: Bools = np.asarray(_neighbours(number, connections)[inside].any(axis=0))
+    return outside[reachable[outside]]
 
-    Args:
-        cells: `[1 + R, C]` classified objects, row 0 the null region.
-        views: `[D]` from `sample_views`.
-        recipe: of the mask.
-        scene_id: of the building.
-        draws: `[D]` numbers of the masks.
 
-    Returns:
-        `[D, 1 + R, C]`.
-    """
-    hidden = np.empty((len(views), *cells.shape), dtype=cells.dtype)
-    rngs = mask_generators(recipe, scene_id=scene_id, draws=draws, stream="classified")
-    hiding, same = None, None
-    for place, (view, rng) in enumerate(zip(views, rngs, strict=True)):
-        if hiding is None or view is not same:
-            hiding, same = Hiding.under(view, cells), view
-        hidden[place] = hiding.draw(rng)
-        if recipe.withhold:
-            np.copyto(hidden[place], cells, where=view.withheld)
-    return hidden
+def _glimpse(
+    near: Ints, plan: Exploration, limit: float, rng: np.random.Generator
+) -> tuple[Ints, Floats]:
+    """Sample which rooms are glimpsed and what they hide; they show `limit` in all at most."""
+    chosen = rng.permutation(near)[rng.random(len(near)) < plan.glimpsed]
+    hide = _as_told(rng.uniform(*plan.glimpsed_share, size=len(chosen)))
+    within = np.cumsum(1 - hide) <= limit
+    return chosen[within], hide[within]
+
+
+def _spread_shares(mean: float, number: int, plan: Exploration, rng: np.random.Generator) -> Floats:
+    """Sample shares uniformly around a mean, as far from it as the plan says."""
+    width = plan.spread * max(min(mean, 1 - mean), 0.0)
+    if not width:
+        return np.full(number, min(mean, 1.0))
+    return _as_told(rng.uniform(mean - width, mean + width, size=number))
+
+
+def _as_told(shares: Floats) -> Floats:
+    """Return shares in the precision that they are told in: none that is less is told as 1."""
+    return shares.astype(np.float32).astype(np.float64)
+
+
+def _neighbours(number: int, connections: Connections) -> Bools:
+    """Return which rooms connect, `[R, R]`, from 0."""
+    matrix = np.zeros((number, number), dtype=bool)
+    left, right = connections.pairs.T - 1
+    matrix[left, right] = matrix[right, left] = True
+    return matrix

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,13 +16,10 @@ import numpy.typing as npt
 
 from bsg_data.arrays import Bools, Counts, Floats, Ints
 from bsg_data.dataset.histograms import to_histograms
+from bsg_data.observation.hidden_objects import have_wholes
 from bsg_data.observation.view import View
 from bsg_data.scene.connections import Connections, stack_connections
 from bsg_data.scene.surroundings import Surroundings, stack_surroundings
-
-
-def _say_nothing() -> Surroundings:
-    return Surroundings.unknown(nodes=0, buildings=0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +37,7 @@ class Observation:
         vocabulary: `[V]` categories outside the classes.
         others: `[N, V]` seen objects outside the classes, by the vocabulary.
         connections: connections between rooms, by rows.
-        surroundings: what is known of nodes and buildings besides objects; by default nothing.
+        surroundings: what is known of nodes and buildings besides objects.
     """
 
     scene_ids: tuple[str, ...]
@@ -52,24 +49,7 @@ class Observation:
     vocabulary: tuple[str, ...]
     others: Counts
     connections: Connections
-    surroundings: Surroundings = field(default_factory=_say_nothing)
-
-    def __post_init__(self) -> None:
-        """Set unknown surroundings if none are given.
-
-        Raises:
-            ValueError: if the surroundings have another number of nodes or buildings.
-        """
-        found, size = self.surroundings, (len(self.inputs), len(self.scene_ids))
-        if (len(found), len(found.sources)) == size:
-            return
-        if len(found):
-            raise ValueError(
-                f"surroundings: expected (nodes, buildings) {size}, "
-                f"found {(len(found), len(found.sources))}"
-            )
-        nothing = Surroundings.unknown(nodes=size[0], buildings=size[1])
-        object.__setattr__(self, "surroundings", nothing)
+    surroundings: Surroundings
 
     def __len__(self) -> int:
         """Return the number of buildings B."""
@@ -122,18 +102,11 @@ class Observation:
             vocabulary=self.vocabulary,
             others=self.others[rows],
             connections=self._take_connections(numbers, starts),
-            surroundings=self.surroundings.gather(rows, buildings=numbers),
+            surroundings=self.surroundings.take(rows, buildings=numbers),
         )
 
     def rows_of(self, buildings: Ints) -> tuple[Ints, Ints]:
-        """Return the rows of some buildings, and where each building starts among them.
-
-        Args:
-            buildings: `[M]` numbers, in any order.
-
-        Returns:
-            Rows `[K]` and starts `[M + 1]`; the last start is K.
-        """
+        """Return the rows `[K]` of some buildings `[M]`, and their starts in these `[M + 1]`."""
         return _spread_rows(self.starts, buildings)
 
     def _take_connections(self, buildings: Ints, starts: Ints) -> Connections:
@@ -146,14 +119,7 @@ class Observation:
         return Connections(taken.pairs + moved[:, None], taken.methods, taken.lengths)
 
     def without(self, *evidence: str) -> Observation:
-        """Return a copy with some surroundings unknown.
-
-        Args:
-            evidence: names of `EVIDENCE`.
-
-        Raises:
-            RecipeError: if a name is unknown.
-        """
+        """Return a copy with some surroundings unknown; see `Surroundings.without`."""
         return replace(self, surroundings=self.surroundings.without(*evidence))
 
     def connections_of(self, number: int) -> Connections:
@@ -185,7 +151,7 @@ def observe_view(
     vocabulary: tuple[str, ...],
     others: Counts,
     connections: Connections,
-    surroundings: Surroundings | None = None,
+    surroundings: Surroundings,
 ) -> Observation:
     """Return the observation of one building under a view.
 
@@ -196,7 +162,7 @@ def observe_view(
         vocabulary: `[V]` categories outside the classes.
         others: `[N, V]` cells of the seen objects of these categories.
         connections: connections between the rooms.
-        surroundings: surroundings of the building; None if nothing is known.
+        surroundings: surroundings of the building.
     """
     return Observation(
         scene_ids=(scene_id,),
@@ -208,9 +174,69 @@ def observe_view(
         vocabulary=vocabulary,
         others=to_histograms(others),
         connections=connections,
-        surroundings=Surroundings.unknown(nodes=len(seen))
-        if surroundings is None
-        else surroundings,
+        surroundings=surroundings,
+    )
+
+
+def observe_search(
+    scene_id: str,
+    *,
+    there: tuple[Counts, Counts],
+    left: tuple[Counts, Counts],
+    views: Sequence[View],
+    searched: Bools,
+    withheld: Bools,
+    vocabulary: tuple[str, ...],
+    connections: Connections,
+    wholes: Ints | None = None,
+    surroundings: Surroundings,
+) -> Observation:
+    """Return what E searches of one building see, one building of the observation each.
+
+    Before a search, a mask hides some objects, and all instances of the artifact are *withheld*
+    (paper, section IV-D). A room that the search entered shows everything. So the absence of a
+    withheld class is a fact in a searched room, and says nothing in any other. Models are told
+    which is which.
+
+    Args:
+        scene_id: of the building.
+        there: `[N, C]` objects of the classes and `[N, V]` by the vocabulary, row 0 in no room.
+        left: what the masks left of them, `[E, N, C]` and `[E, N, V]`.
+        views: `[E]` of the masks before the searches began.
+        searched: `[E, N]` rooms that were entered since; the building (0) is none.
+        withheld: `[E, C]` classes of which nothing is shown elsewhere, not even in rooms that the
+            robot had searched before.
+        vocabulary: `[V]`.
+        connections: between the rooms.
+        wholes: `[V]` class that each category is a part of, -1 for none, where parts of what is
+            withheld are, too; None where they are not.
+        surroundings: of the building.
+    """
+    searches, nodes = searched.shape
+    share = np.where(searched, 0.0, np.stack([view.hidden_share for view in views]))
+    if nodes > 1:
+        share[:, 0] = share[:, 1:].mean(axis=1)
+    outside = ~searched[:, :, None]
+    before = np.stack([view.withheld for view in views])
+    without = (withheld[:, None, :] | before) & outside
+    seen, others = (np.where(outside, *two) for two in zip(left, there, strict=True))
+    seen[without] = 0
+    if wholes is not None:
+        others[have_wholes(there[0], wholes) & withheld[:, None, wholes] & outside] = 0
+    without[:, 0] &= (share[:, 0] > 0)[:, None]
+    starts = np.arange(searches + 1) * nodes
+    visited = np.stack([view.visited for view in views]) | searched
+    return Observation(
+        scene_ids=(scene_id,) * searches,
+        starts=starts,
+        inputs=to_histograms(seen).reshape(searches * nodes, -1),
+        hidden_share=share.astype(np.float32).ravel(),
+        visited=visited.ravel(),
+        withheld=without.reshape(searches * nodes, -1),
+        vocabulary=vocabulary,
+        others=to_histograms(others).reshape(searches * nodes, -1),
+        connections=stack_connections([connections] * searches, starts[:-1].tolist()),
+        surroundings=stack_surroundings([surroundings] * searches),
     )
 
 

@@ -22,7 +22,8 @@ from bsg_data.dataset.splits import read_splits
 from bsg_data.errors import DatasetError
 from bsg_data.executors import run_all
 from bsg_data.files import AnyPath
-from bsg_data.observation.masks import sample_hidden_draws, sample_views
+from bsg_data.observation.hidden_objects import sample_hidden_draws
+from bsg_data.observation.masks import sample_views
 from bsg_data.observation.view import View
 from bsg_data.recipes import PairsRecipe
 from bsg_data.scene.connections import Connections

@@ -2,37 +2,83 @@
 
 A robot knows the rooms, which of them it entered, what it saw there, and the hidden share of each
 room. The hidden share is 1 for a room that it never entered, and 0 for a room that it searched.
-Node indices are those of `bsg_data.scene.scene_graph`.
+Node indices are those of `bsg_data.scene.scene_graph`. Each update returns a new graph.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
+from numbers import Real
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetPydanticSchema,
+    PlainValidator,
+)
 
 from bsg_data.arrays import Bools, Counts
 from bsg_data.dataset.categories import place_columns
-from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import count_cells, to_histograms
-from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import RecipeError
-from bsg_data.files import AnyPath
-from bsg_data.geometry.floor_area import find_floor_area
-from bsg_data.observation.hidden_others import sample_hidden_others
-from bsg_data.observation.hidden_share import ShareBelief
-from bsg_data.observation.masks import sample_hidden, sample_view, sample_withheld
+from bsg_data.observation.hidden_share import VAGUE, ShareBelief
 from bsg_data.observation.observation import Observation
-from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_map import ClassMap, is_nameless
 from bsg_data.scene.class_space import ClassSpace
 from bsg_data.scene.connections import Connections
-from bsg_data.scene.parts import find_wholes, load_parts
-from bsg_data.scene.room_label import list_room_labels
-from bsg_data.scene.scene_graph import Box, Point, SceneGraph, SceneObject
-from bsg_data.scene.surroundings import BUILDING_KINDS, RoomType, Surroundings, is_floor_area
+from bsg_data.scene.room_label import RoomType, check_room_type
+from bsg_data.scene.scene_graph import Box, Point
+from bsg_data.scene.surroundings import MAX_FLOOR_AREA, Surroundings
+from bsg_data.spelling import show_value
+
+GLIMPSED_SHARE = 0.84  # of a room seen only from outside: the middle value of the mask `explore`
+_JSON = {None: "null", True: "true", False: "false"}
+
+
+def show_json(value: object) -> str:
+    """Return what a document has instead of what was expected, in the words of JSON."""
+    return _JSON[value] if value is None or isinstance(value, bool) else show_value(value)
+
+
+def _read_number(said: object) -> object:
+    """Refuse what pydantic would take for a number, true, false and text; NumPy's become plain."""
+    if isinstance(said, np.generic):
+        said = said.item()
+    if isinstance(said, bool) or not isinstance(said, Real):
+        raise ValueError(f"expected a number, found {show_json(said)}")
+    return said
+
+
+def _read_room_type(said: object) -> RoomType | None:
+    shares = said.values() if isinstance(said, dict) else ()
+    if said is None or (
+        isinstance(said, str | dict) and all(type(s) in (int, float) for s in shares)
+    ):
+        return check_room_type(said)
+    raise ValueError(
+        f"expected a room label, or labels with their probabilities, found {show_json(said)}"
+    )
+
+
+# What a robot's JSON may hold; `KnownRoom` in Python is trusted.
+Id = Annotated[str, Field(min_length=1, max_length=500)]
+Text = Annotated[str, Field(max_length=500)]
+Number = BeforeValidator(_read_number)
+Metres = Annotated[float, Number, Field(ge=-1e6, le=1e6)]
+Position = tuple[Metres, Metres, Metres]
+_Corners = Annotated[
+    tuple[Position, Position],
+    BeforeValidator(lambda said: (said.minimum, said.maximum) if isinstance(said, Box) else said),
+    AfterValidator(lambda ends: Box(*ends)),
+]
+_AS_CORNERS = GetPydanticSchema(lambda _, handler: handler.generate_schema(_Corners | None))
+Share = Annotated[float, Field(ge=0, le=1, strict=True)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +104,7 @@ class SeenObject:
 
 @dataclass(frozen=True, slots=True)
 class KnownRoom:
-    """One room that the robot knows.
+    """One room that the robot knows. The types of its fields say what its JSON may hold.
 
     Attributes:
         name: its id in the source, unique in the graph.
@@ -76,17 +122,19 @@ class KnownRoom:
         hidden_share_sd: standard deviation of the hidden share; 0 if it is certain.
     """
 
-    name: str
-    hidden_share: float
-    visited: bool = True
-    label: str | None = None
-    position: Point | None = None
-    box: Box | None = None
-    footprint: tuple[tuple[float, float], ...] | None = None
-    floor_index: int | None = None
-    floor_area: float | None = None
-    room_type: RoomType | None = None
-    hidden_share_sd: float = 0.0
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+
+    name: Annotated[Id, Field(alias="id")]
+    hidden_share: Share
+    visited: Annotated[bool, Field(strict=True)] = True
+    label: Text | None = None
+    position: Position | None = None
+    box: Annotated[Box | None, _AS_CORNERS] = None
+    footprint: Annotated[tuple[tuple[Metres, Metres], ...], Field(min_length=3)] | None = None
+    floor_index: Annotated[int, Number, Field(ge=-1000, le=1000)] | None = None
+    floor_area: Annotated[float, Number, Field(gt=0, le=MAX_FLOOR_AREA)] | None = None
+    room_type: Annotated[RoomType | None, PlainValidator(_read_room_type)] = None
+    hidden_share_sd: Share = 0.0
 
     @property
     def share(self) -> ShareBelief:
@@ -155,15 +203,16 @@ class PartialGraph:
                 shown.
 
         Raises:
-            RecipeError: if an array has another shape, or a floor area, room type or kind of
-                building is impossible.
+            RecipeError: if an array has another shape, or a room type is impossible.
         """
         inputs = self.histograms()
         share = np.array([self.hidden_share, *(room.hidden_share for room in self.rooms)])
         if isinstance(withheld, np.ndarray):
             if withheld.shape != inputs.shape:
                 raise RecipeError(
-                    f"{self.scene_id}: withheld: expected {inputs.shape}, found {withheld.shape}"
+                    f"{self.scene_id}: withheld: expected {inputs.shape}, found {withheld.shape}",
+                    code="withheld-shape",
+                    where=self.scene_id,
                 )
             without = withheld.astype(bool)
         else:
@@ -186,17 +235,9 @@ class PartialGraph:
         """Return what is known of the building and its rooms besides their objects.
 
         Raises:
-            RecipeError: if a floor area, a room type or a kind of building cannot be.
+            RecipeError: if a room type cannot be.
         """
-        try:
-            return Surroundings.of_rooms(
-                [area_of(room) for room in self.rooms],
-                [room.room_type for room in self.rooms],
-                building_kind=self.building_kind,
-                source=self.source,
-            )
-        except RecipeError as error:
-            raise RecipeError(f"{self.scene_id}: {error}") from error
+        return Surroundings.of_graph(self, self.rooms)
 
     def _others(self, vocabulary: Sequence[str]) -> Counts:
         """Return the seen objects outside the classes, counted by a vocabulary, `[N, V]`."""
@@ -212,13 +253,6 @@ class PartialGraph:
         return to_histograms(cells)
 
 
-def area_of(room: KnownRoom) -> float | None:
-    """Return the floor area of a room, or the area of its shape, in square metres."""
-    if room.floor_area is not None:
-        return room.floor_area
-    return find_floor_area(None, footprint=room.footprint, box=room.box)
-
-
 def observe(graph: PartialGraph, room_index: int, objects: Iterable[SeenObject]) -> PartialGraph:
     """Return the partial graph after the robot has searched a room.
 
@@ -232,33 +266,27 @@ def observe(graph: PartialGraph, room_index: int, objects: Iterable[SeenObject])
     Raises:
         RecipeError: if the room does not exist, or an object is in another room or occurs twice.
     """
-    if not 1 <= room_index <= len(graph.rooms):
-        raise RecipeError(
-            f"{graph.scene_id}: expected a room of 1..{len(graph.rooms)}, found room {room_index}"
-        )
+    _require_room(graph, room_index)
     inside = tuple(objects)
     strays = [obj.name for obj in inside if obj.room_index != room_index]
     if strays:
-        raise RecipeError(f"{graph.scene_id}: object {strays[0]} is not in room {room_index}")
-    elsewhere = tuple(obj for obj in graph.objects if obj.room_index != room_index)
-    twice = {obj.name for obj in elsewhere} & {obj.name for obj in inside}
-    if twice or len({obj.name for obj in inside}) < len(inside):
-        what = min(twice) if twice else "an object"
-        raise RecipeError(f"{graph.scene_id}: {what} is there twice")
-    rooms = list(graph.rooms)
-    rooms[room_index - 1] = replace(rooms[room_index - 1], visited=True)
-    known = replace(graph, rooms=tuple(rooms), objects=elsewhere + inside)
-    return hide_of_room(known, room_index, ShareBelief(0.0))
+        raise RecipeError(
+            f"{graph.scene_id}: object {strays[0]} is not in room {room_index}",
+            code="object-elsewhere",
+            where=strays[0],
+        )
+    every = (*(obj for obj in graph.objects if obj.room_index != room_index), *inside)
+    twice = [name for name, times in Counter(obj.name for obj in every).items() if times > 1]
+    if twice:
+        raise RecipeError(
+            f"{graph.scene_id}: {twice[0]} is there twice", code="object-twice", where=twice[0]
+        )
+    return enter(replace(graph, objects=every), room_index, hidden_share=ShareBelief(0.0))
 
 
 def hide_of_room(graph: PartialGraph, room_index: int, share: ShareBelief) -> PartialGraph:
     """Return the graph with another hidden share of a room, 1..R."""
-    rooms = list(graph.rooms)
-    rooms[room_index - 1] = replace(
-        rooms[room_index - 1], hidden_share=share.mean, hidden_share_sd=share.sd
-    )
-    building = graph.share_with([room.hidden_share for room in rooms])
-    return replace(graph, rooms=tuple(rooms), hidden_share=building)
+    return _change_room(graph, room_index, hidden_share=share.mean, hidden_share_sd=share.sd)
 
 
 def reclassify(graph: PartialGraph, class_map: ClassMap) -> PartialGraph:
@@ -274,128 +302,74 @@ def reclassify(graph: PartialGraph, class_map: ClassMap) -> PartialGraph:
     )
 
 
-def mask_scene(
-    graph: SceneGraph, recipe: MaskRecipe, *, draw: int, class_space: ClassSpace
-) -> PartialGraph:
-    """Return the partial graph that a mask leaves of a scene graph.
+def see_object(graph: PartialGraph, seen: SeenObject) -> PartialGraph:
+    """Return the partial graph after the robot has seen one object.
 
-    Its histograms equal the inputs of `bsg-data pairs`. A mask says how many objects of each class
-    and room are hidden, not which. This function hides those that are listed last. Withheld classes
-    are left out, and the graph does not say which: give `list_withheld` to `observation`.
+    A known object of this name moves to the new place. A room of which nothing was seen becomes
+    glimpsed. The hidden share of any other room stays the same, because one object does not say how
+    much more the robot looked at.
     """
-    adjacent = [(edge.source, edge.target) for edge in graph.adjacency]
-    cells, others, kinds, categories = _count(graph, len(class_space.classes))
-    view = sample_view(
-        cells.shape,
-        recipe,
-        scene_id=graph.scene_id,
-        draw=draw,
-        connections=Connections.of_pairs(adjacent),
-    )
-    hidden = sample_hidden(cells, view, recipe, scene_id=graph.scene_id, draw=draw)
-    unseen = sample_hidden_others(
-        others,
-        view,
-        recipe,
-        scene_id=graph.scene_id,
-        draw=draw,
-        there=cells,
-        hidden=hidden,
-        wholes=find_wholes(categories, class_space.classes, load_parts()) if recipe.parts else None,
-    )
-    left = np.concatenate([cells - hidden, others - unseen], axis=1)
-    seen = []
-    for obj, kind in zip(graph.objects, kinds, strict=True):
-        left[obj.room_index, kind] -= 1
-        if left[obj.room_index, kind] >= 0:
-            seen.append(_see(obj))
-    share = view.hidden_share
-    return PartialGraph(
-        scene_id=graph.scene_id,
-        class_space=class_space,
-        hidden_share=float(share[0]),
-        rooms=tuple(
-            KnownRoom(
-                str(room.region_id),
-                float(share[room.room_index]),
-                bool(view.visited[room.room_index]),
-                room.source_label,
-                room.centroid,
-                room.box,
-                room.footprint,
-                room.floor_index,
-                room.floor_area if is_floor_area(room.floor_area) else None,
-                room.label if room.label in list_room_labels() else None,
-            )
-            for room in graph.rooms
-        ),
-        objects=tuple(seen),
-        adjacency=tuple(adjacent),
-        building_kind=graph.building_kind if graph.building_kind in BUILDING_KINDS else None,
-        source=graph.source,
+    others = tuple(obj for obj in graph.objects if obj.name != seen.name)
+    graph = replace(graph, objects=(*others, seen))
+    if not seen.room_index or graph.rooms[seen.room_index - 1].hidden_share < 1:
+        return graph
+    return hide_of_room(graph, seen.room_index, ShareBelief(GLIMPSED_SHARE))
+
+
+def enter(
+    graph: PartialGraph, room_index: int, *, hidden_share: ShareBelief | None = None
+) -> PartialGraph:
+    """Return the partial graph after the robot has entered a room, 1..R, or seen more of it.
+
+    Without a new hidden share, the known one stays, but a room not yet visited with a share above
+    0.5 gets `VAGUE`.
+    """
+    known = graph.rooms[room_index - 1]
+    if hidden_share is None:
+        was_inside = known.visited and known.hidden_share < 1
+        hidden_share = known.share if was_inside or known.hidden_share <= VAGUE.mean else VAGUE
+    return _change_room(
+        graph,
+        room_index,
+        visited=True,
+        hidden_share=hidden_share.mean,
+        hidden_share_sd=hidden_share.sd,
     )
 
 
-def list_withheld(recipe: MaskRecipe, graph: PartialGraph, *, draw: int = 0) -> tuple[int, ...]:
-    """Return the indices of the classes that the mask of `mask_scene` withheld."""
-    withheld = sample_withheld(
-        recipe, scene_id=graph.scene_id, draw=draw, classes=len(graph.class_space.classes)
-    )
-    return tuple(np.flatnonzero(withheld).tolist())
-
-
-def enter_room(known: PartialGraph, graph: SceneGraph, room_index: int) -> PartialGraph:
-    """Return the partial graph after the robot has entered a room and seen all objects in it.
+def discover(graph: PartialGraph, room: KnownRoom, *, beside: Collection[int] = ()) -> PartialGraph:
+    """Return the partial graph with one more room, the last, `beside` known ones.
 
     Raises:
-        RecipeError: if the room does not exist.
+        RecipeError: if the name is known already.
     """
-    inside = (obj for obj in graph.objects if obj.room_index == room_index)
-    return observe(known, room_index, map(_see, inside))
-
-
-def mask_dataset(
-    dataset: AnyPath, scenes: Collection[str], recipe: MaskRecipe, *, draw: int = 0
-) -> Iterator[tuple[PartialGraph, Counts]]:
-    """Yield the partial graphs of some masked scenes with their true histograms `[N, C]`."""
-    dataset = Path(dataset)
-    data = Dataset.open(dataset)
-    for graph in read_scene_graphs(dataset):
-        if graph.scene_id in scenes:
-            left = mask_scene(graph, recipe, draw=draw, class_space=data.manifest.class_space)
-            yield left, to_histograms(data.cells(graph.scene_id))
-
-
-def _see(obj: SceneObject) -> SeenObject:
-    return SeenObject(
-        str(obj.instance_id),
-        obj.room_index,
-        obj.raw_category,
-        obj.category,
-        obj.class_index,
-        obj.centroid,
+    number = len(graph.rooms) + 1
+    if room.name in {known.name for known in graph.rooms}:
+        raise RecipeError(
+            f"{graph.scene_id}: room {room.name!r} is known already",
+            code="room-known",
+            where=room.name,
+        )
+    pairs = {*graph.adjacency, *((other, number) for other in beside)}
+    return replace(
+        graph,
+        rooms=(*graph.rooms, room),
+        adjacency=tuple(sorted(pairs)),
+        hidden_share=(graph.hidden_share * (number - 1) + room.hidden_share) / number,
     )
 
 
-def _count(graph: SceneGraph, classes: int) -> tuple[Counts, Counts, list[int], tuple[str, ...]]:
-    """Return classified cells, other cells, the column of each object, and the others' names."""
-    names = [
-        None if obj.category is None or is_nameless(obj.category) else obj.category
-        for obj in graph.objects
-    ]
-    others = sorted(
-        {
-            name or ""
-            for obj, name in zip(graph.objects, names, strict=True)
-            if obj.class_index is None
-        }
-    )
-    column = {name: classes + i for i, name in enumerate(others)}
-    kinds = [
-        column[name or ""] if obj.class_index is None else obj.class_index
-        for obj, name in zip(graph.objects, names, strict=True)
-    ]
-    rooms = np.array([obj.room_index for obj in graph.objects], dtype=np.int64)
-    shape = (len(graph.rooms) + 1, classes + len(others))
-    cells = count_cells(rooms, np.array(kinds, dtype=np.int64), shape=shape)
-    return cells[:, :classes], cells[:, classes:], kinds, tuple(others)
+def _require_room(graph: PartialGraph, room_index: int) -> None:
+    if not 1 <= room_index <= len(graph.rooms):
+        raise RecipeError(
+            f"{graph.scene_id}: expected a room of 1..{len(graph.rooms)}, found room {room_index}",
+            code="room-unknown",
+            where=room_index,
+        )
+
+
+def _change_room(graph: PartialGraph, room_index: int, **facts: Any) -> PartialGraph:
+    rooms = list(graph.rooms)
+    rooms[room_index - 1] = replace(rooms[room_index - 1], **facts)
+    building = graph.share_with([room.hidden_share for room in rooms])
+    return replace(graph, rooms=tuple(rooms), hidden_share=building)

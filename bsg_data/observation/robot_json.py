@@ -17,93 +17,84 @@
 gives its class. By default the hidden share is 1 for a room that was not visited, and vague
 (`VAGUE`) for a visited one. Units are metres and square metres, Z up. `seconds_inside`,
 `floor_in_view` and `walls_in_view` can replace a hidden share, which is then estimated.
-docs/belief.md describes the format.
+docs/belief.md describes the format. A room's fields are those of `KnownRoom`.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping
-from dataclasses import replace
-from numbers import Real
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, ValidationError
+from pydantic import AfterValidator, Field, TypeAdapter, ValidationError
 
 from bsg_data.errors import RecipeError, SourceError
 from bsg_data.files import AnyPath
-from bsg_data.geometry.floor_area import find_floor_area
 from bsg_data.inputs.bounds import MAX_ROBOT_ROOMS, ROBOT
 from bsg_data.inputs.documents import read_json
-from bsg_data.observation.hidden_share import VAGUE
-from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
-from bsg_data.observation.robot_faults import explain_fault, show_json
-from bsg_data.observation.said_share import SaidShare, Share
+from bsg_data.observation.hidden_share import VAGUE, ShareBelief, estimate_hidden_share
+from bsg_data.observation.partial_graph import (
+    Id,
+    KnownRoom,
+    Number,
+    PartialGraph,
+    Position,
+    SeenObject,
+    Share,
+    Text,
+    show_json,
+)
 from bsg_data.recipes import Record, name_fault
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
 from bsg_data.scene.class_space import ClassSpace
-from bsg_data.scene.scene_graph import Box
-from bsg_data.scene.surroundings import (
-    MAX_FLOOR_AREA,
-    RoomType,
-    check_building_kind,
-    check_room_type,
-)
-from bsg_data.spelling import SHOWN, show_value
+from bsg_data.scene.surroundings import area_of, check_building_kind
+from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 
 _MOST_ROOMS = 5  # named in an error
-AnyRecord = TypeVar("AnyRecord", bound=Record)
-Id = Annotated[str, Field(min_length=1, max_length=500)]
-Text = Annotated[str, Field(max_length=500)]
-
-
-def _refuse_other_than_number(said: object) -> object:
-    """Refuse what pydantic would take for a number: true, false and text."""
-    if isinstance(said, bool) or not isinstance(said, Real):
-        raise ValueError(f"expected a number, found {show_json(said)}")
-    return said
-
-
-Number = BeforeValidator(_refuse_other_than_number)
-Metres = Annotated[float, Number, Field(ge=-1e6, le=1e6)]
-Triple = tuple[Metres, Metres, Metres]
-SquareMetres = Annotated[float, Field(gt=0, le=MAX_FLOOR_AREA, strict=True)]
-BuildingKind = Annotated[Text | None, AfterValidator(check_building_kind)]
-
-
-def _read_room_type(said: object) -> RoomType | None:
-    """Return a room type from JSON in the common labels.
-
-    Raises:
-        RecipeError: if it is no room type.
-    """
-    if said is None or isinstance(said, str):
-        return check_room_type(said)
-    if isinstance(said, dict) and all(type(share) in (int, float) for share in said.values()):
-        return check_room_type(said)
-    raise RecipeError(
-        f"expected a room label, or labels with their probabilities, found {show_json(said)}"
-    )
-
-
-RoomTypes = Annotated[RoomType | None, PlainValidator(_read_room_type)]
+_ENTRIES = {"rooms": "room", "objects": "object", "adjacency": "pair of adjacency"}
+_UNKNOWN_KEY = ("extra_forbidden", "unexpected_keyword_argument")
+_LOOKS = ("seconds_inside", "floor_in_view", "walls_in_view")
+_Place = tuple[int | str, ...]
+_Class = tuple[str | None, int | None]  # corrected name and class of an object
 
 
 class RobotGraphError(SourceError):
     """Report a malformed graph of a robot."""
 
 
-class _Room(SaidShare):
-    id: Id
-    label: Text | None = None
-    position: Triple | None = None
-    box: tuple[Triple, Triple] | None = None
-    footprint: Annotated[tuple[tuple[Metres, Metres], ...], Field(min_length=3)] | None = None
-    floor_index: Annotated[int, Number, Field(ge=-1000, le=1000)] | None = None
-    floor_area: SquareMetres | None = None
-    room_type: RoomTypes = None
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Room(KnownRoom):
+    """A room as a robot says it: its hidden share, or how it looked at the room."""
+
+    hidden_share: Share | None = None  # type: ignore[assignment]
+    seconds_inside: Annotated[float, Field(ge=0, le=1e9, strict=True)] | None = None
+    floor_in_view: Share | None = None
+    walls_in_view: Share | None = None
+
+    def know(self) -> KnownRoom:
+        """Return the room with its hidden share.
+
+        Raises:
+            RecipeError: if the share is impossible, or said twice.
+        """
+        looks = {name: getattr(self, name) for name in _LOOKS}
+        if self.hidden_share is None:
+            if self.hidden_share_sd:
+                raise RecipeError("has hidden_share_sd without hidden_share; give both or neither")
+            area = area_of(self)
+            share = estimate_hidden_share(visited=self.visited, floor_area=area, **looks)
+        else:
+            for name in (name for name in _LOOKS if looks[name] is not None):
+                raise RecipeError(
+                    f"has hidden_share and {name}, which serves to estimate it; leave out one of "
+                    "them"
+                )
+            share = ShareBelief(self.hidden_share, self.hidden_share_sd)
+        facts = {one.name: getattr(self, one.name) for one in fields(KnownRoom)}
+        return KnownRoom(**facts | {"hidden_share": share.mean, "hidden_share_sd": share.sd})
 
 
 class _Object(Record):
@@ -112,7 +103,7 @@ class _Object(Record):
     category: Text
     corrected: Text | None = None
     class_name: Annotated[Text | None, Field(alias="class")] = None
-    position: Triple | None = None
+    position: Position | None = None
 
 
 class _Graph(Record):
@@ -120,27 +111,28 @@ class _Graph(Record):
     version: Annotated[Literal[1], Number] = 1
     scene_id: Id
     hidden_share: Share | None = None
-    building_kind: BuildingKind = None
+    building_kind: Annotated[Text | None, AfterValidator(check_building_kind)] = None
     source: Id | None = None
     rooms: Annotated[tuple[_Room, ...], Field(max_length=MAX_ROBOT_ROOMS)]
     objects: tuple[_Object, ...] = ()
     adjacency: tuple[tuple[Id, Id], ...] = ()
 
 
+# What a robot may say of its rooms, its objects and the building, in any file format.
+_SHARE_WORDS = ("visited", "hidden_share", "hidden_share_sd")
+ROOM_WORDS = (
+    *_SHARE_WORDS,
+    *_LOOKS,
+    "id",
+    *(one.name for one in fields(KnownRoom) if one.name not in ("name", *_SHARE_WORDS)),
+)
+OBJECT_WORDS = ("id", "category", "position")
+GRAPH_WORDS = ("scene_id", "hidden_share", "building_kind", "source")
 _KEYS = {
     "": tuple(_Graph.model_fields),
-    "rooms": tuple(_Room.model_fields),
-    "objects": tuple(field.alias or name for name, field in _Object.model_fields.items()),
+    "rooms": ROOM_WORDS,
+    "objects": tuple(one.alias or name for name, one in _Object.model_fields.items()),
 }
-
-# What a robot may say of its rooms, its objects and the building, in any file format.
-ROOM_WORDS = tuple(_Room.model_fields)
-OBJECT_WORDS = ("id", "category", "position")
-GRAPH_WORDS = tuple(
-    word
-    for word in _Graph.model_fields
-    if word not in ("format", "version", "rooms", "objects", "adjacency")
-)
 
 
 def read_robot_graph(
@@ -166,80 +158,70 @@ def read_robot_graph(
 def parse_robot_graph(
     said: Any, *, path: Path, class_map: AnyPath | ClassMap = DEFAULT_CLASS_MAP
 ) -> PartialGraph:
-    """Return the partial graph in a robot's JSON document.
-
-    Raises:
-        RobotGraphError: as `read_robot_graph`.
-    """
+    """Return the partial graph in a robot's JSON document; see `read_robot_graph`."""
     loaded = load_class_map(class_map)
 
-    def classify(obj: _Object, _: str) -> tuple[str | None, int | None]:
+    def classify(obj: _Object) -> _Class:
         known = loaded.classify(obj.category)
         return known.category, known.class_index
 
-    space = loaded.space
-    return _assemble(said, path=path, class_space=space, classify=classify)
+    return _parse(said, path, loaded.space, classify)
 
 
 def parse_classified_graph(said: Any, *, path: Path, class_space: ClassSpace) -> PartialGraph:
-    """Return the partial graph of a document that has the class of every object.
-
-    Raises:
-        RobotGraphError: as `read_robot_graph`, and for a class that is not in the space.
-    """
+    """Return the partial graph of a document that has the class of every object."""
     index = {name: number for number, name in enumerate(class_space.classes)}
 
-    def classify(obj: _Object, where: str) -> tuple[str | None, int | None]:
+    def classify(obj: _Object) -> _Class:
         if obj.class_name is not None and obj.class_name not in index:
-            raise RobotGraphError(
-                f"{path}: {where}: {obj.class_name!r} is no class of {class_space.name}"
+            raise RecipeError(
+                f"objects: {obj.id}: {obj.class_name!r} is no class of {class_space.name}"
             )
         return obj.corrected, None if obj.class_name is None else index[obj.class_name]
 
-    return _assemble(said, path=path, class_space=class_space, classify=classify)
+    return _parse(said, path, class_space, classify)
+
+
+def _parse(
+    said: Any, path: Path, class_space: ClassSpace, classify: Callable[[_Object], _Class]
+) -> PartialGraph:
+    try:
+        if isinstance(said, dict) and said.get("format") == "bsg-belief-graph":
+            said = _find_partial(said)
+        if not isinstance(said, dict):
+            raise RecipeError(
+                "expected a JSON object with `scene_id`, `rooms` and `objects` (docs/belief.md), "
+                f"found {show_json(said)}"
+            )
+        return _assemble(_Graph.model_validate(said), class_space, classify)
+    except ValidationError as error:
+        why = _explain(error, said)
+        raise RobotGraphError(f"{path}: {why}", code="graph-malformed", where=path) from error
+    except RecipeError as error:
+        raise RobotGraphError(f"{path}: {error}", code="graph-malformed", where=path) from error
+
+
+def _find_partial(said: dict[str, Any]) -> Any:
+    """Return the partial graph that a belief graph holds."""
+    if said.get("partial") is None:
+        raise RecipeError(
+            "a belief graph without `partial`, the graph that the robot has seen; expected it "
+            "there (docs/belief.md)"
+        )
+    return said["partial"]
 
 
 def _assemble(
-    said: Any,
-    *,
-    path: Path,
-    class_space: ClassSpace,
-    classify: Callable[[_Object, str], tuple[str | None, int | None]],
+    document: _Graph, class_space: ClassSpace, classify: Callable[[_Object], _Class]
 ) -> PartialGraph:
-    if isinstance(said, dict) and said.get("format") == "bsg-belief-graph":
-        said = said.get("partial")  # a belief graph holds the partial graph
-        if said is None:
-            raise RobotGraphError(
-                f"{path}: a belief graph without `partial`, the graph that the robot has seen; "
-                "expected it there (docs/belief.md)"
-            )
-    if not isinstance(said, dict):
-        raise RobotGraphError(
-            f"{path}: expected a JSON object with `scene_id`, `rooms` and `objects` "
-            f"(docs/belief.md), found {show_json(said)}"
-        )
-    try:
-        document = _Graph.model_validate(said)
-    except ValidationError as error:
-        raise RobotGraphError(f"{path}: {explain_fault(error, said, keys=_KEYS)}") from error
-    index = _number([room.id for room in document.rooms], "room", path)
-    _number([obj.id for obj in document.objects], "object", path)
-    rooms = tuple(_know(room, path) for room in document.rooms)
+    index = _number([room.name for room in document.rooms], "room")
+    _number([obj.id for obj in document.objects], "object")
+    rooms = tuple(_know(room) for room in document.rooms)
     objects = []
     for obj in document.objects:
         called = f"object {obj.id[:SHOWN]!r} ({obj.category[:SHOWN]})"
-        room = _find(obj.room, index, called, path) if obj.room is not None else 0
-        category, class_index = classify(obj, f"objects: {obj.id}")
-        objects.append(SeenObject(obj.id, room, obj.category, category, class_index, obj.position))
-    adjacency = set()
-    for ends in document.adjacency:
-        a, b = (
-            _find(end, index, f"adjacency of {ends[0][:SHOWN]!r} and {ends[1][:SHOWN]!r}", path)
-            for end in ends
-        )
-        if a == b:
-            raise RobotGraphError(f"{path}: adjacency: {ends[0]!r} with itself")
-        adjacency.add((min(a, b), max(a, b)))
+        room = _find(obj.room, index, called) if obj.room is not None else 0
+        objects.append(SeenObject(obj.id, room, obj.category, *classify(obj), obj.position))
     share = document.hidden_share
     if share is None:
         share = float(np.mean([room.hidden_share for room in rooms])) if rooms else VAGUE.mean
@@ -249,50 +231,83 @@ def _assemble(
         hidden_share=share,
         rooms=rooms,
         objects=tuple(objects),
-        adjacency=tuple(sorted(adjacency)),
+        adjacency=tuple(sorted({_connect(ends, index) for ends in document.adjacency})),
         building_kind=document.building_kind,
         source=document.source,
     )
 
 
-def _number(ids: list[str], what: str, path: Path) -> dict[str, int]:
+def _know(room: _Room) -> KnownRoom:
+    try:
+        return room.know()
+    except RecipeError as error:
+        raise RecipeError(f"room {room.name!r}: {error}") from error
+
+
+def _connect(ends: tuple[str, str], index: Mapping[str, int]) -> tuple[int, int]:
+    where = f"adjacency of {ends[0][:SHOWN]!r} and {ends[1][:SHOWN]!r}"
+    a, b = sorted(_find(end, index, where) for end in ends)
+    if a == b:
+        raise RecipeError(f"adjacency: {ends[0]!r} with itself")
+    return a, b
+
+
+def _number(ids: list[str], what: str) -> dict[str, int]:
     twice = [name for name, times in Counter(ids).items() if times > 1]
     if twice:
-        raise RobotGraphError(f"{path}: {what} id {twice[0]!r} is there twice")
+        raise RecipeError(f"{what} id {twice[0]!r} is there twice")
     return {name: number for number, name in enumerate(ids, 1)}
 
 
-def _find(name: str, index: Mapping[str, int], where: str, path: Path) -> int:
+def _find(name: str, index: Mapping[str, int], where: str) -> int:
     if name not in index:
         known = ", ".join(room[:SHOWN] for room in list(index)[:_MOST_ROOMS]) or "none"
         more = f" and {len(index) - _MOST_ROOMS:,} more" if len(index) > _MOST_ROOMS else ""
-        raise RobotGraphError(
-            f"{path}: {where}: expected the id of a room, found no room {name[:SHOWN]!r}; rooms "
-            f"are {known}{more}: name one of these, or add the room to `rooms`"
+        raise RecipeError(
+            f"{where}: expected the id of a room, found no room {name[:SHOWN]!r}; rooms are "
+            f"{known}{more}: name one of these, or add the room to `rooms`"
         )
     return index[name]
 
 
-def _know(room: _Room, path: Path) -> KnownRoom:
-    box = None if room.box is None else Box(*room.box)
-    try:
-        area = find_floor_area(room.floor_area, footprint=room.footprint, box=box)
-        share = room.believe(floor_area=area)
-    except RecipeError as error:
-        raise RobotGraphError(f"{path}: room {room.id!r}: {error}") from error
-    return KnownRoom(
-        name=room.id,
-        hidden_share=share.mean,
-        visited=room.visited,
-        label=room.label,
-        position=room.position,
-        box=box,
-        footprint=room.footprint,
-        floor_index=room.floor_index,
-        floor_area=room.floor_area,
-        room_type=room.room_type,
-        hidden_share_sd=share.sd,
-    )
+def _explain(error: ValidationError, said: Any) -> str:
+    """Return place and kind of a fault: `room 'kitchen': hidden_share: Input should be …`.
+
+    A key that is unknown comes first, for what is missing may stand under it.
+    """
+    faults = error.errors(include_url=False, include_input=False)
+    fault = next((one for one in faults if one["type"] in _UNKNOWN_KEY), faults[0])
+    entry, path = _name_entry(fault["loc"], said)
+    if fault["type"] not in _UNKNOWN_KEY:
+        where = ".".join(map(str, path)) or ("" if entry else "the whole file")
+        return ": ".join(filter(None, (entry, where, _say(fault))))
+    wrong, known = str(path[-1]), _KEYS[str(fault["loc"][0]) if entry else ""]
+    hint = ask_if_meant(wrong, known) or f"known are {', '.join(known)}"
+    return ": ".join(filter(None, (entry, f"{wrong[:SHOWN]!r} is no key; {hint}")))
+
+
+def _say(fault: Mapping[str, Any]) -> str:
+    """Return what is wrong, in the words of pydantic but where they are of Python's types."""
+    if fault["type"] == "too_long":
+        most, found = fault["ctx"]["max_length"], fault["ctx"]["actual_length"]
+        return f"expected at most {most:,}, found {'more' if found is None else f'{found:,}'}"
+    if fault["type"] in ("model_type", "dataclass_type"):
+        return "expected a JSON object (docs/belief.md)"
+    if fault["type"] == "tuple_type":
+        return "expected a JSON list"
+    return str(fault["msg"]).removeprefix("Value error, ")
+
+
+def _name_entry(loc: _Place, said: Any) -> tuple[str, _Place]:
+    """Return the entry of a list that a place is in, empty outside the lists, and the rest."""
+    if len(loc) < 2 or loc[0] not in _ENTRIES or not isinstance(loc[1], int):
+        return "", loc
+    kind, entries = _ENTRIES[str(loc[0])], said[loc[0]]
+    entry = entries[loc[1]] if isinstance(entries, Sequence) else None  # JSON has sequences only
+    name = entry.get("id") if isinstance(entry, Mapping) else None
+    if isinstance(name, str) and name:
+        return f"{kind} {name[:SHOWN]!r}", loc[2:]
+    return f"{kind} number {loc[1] + 1}", loc[2:]
 
 
 def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
@@ -300,37 +315,19 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
 
     `parse_classified_graph` reads it back; so does `parse_robot_graph` with the same class map.
     """
-    names = [room.name for room in graph.rooms]
+    names, classes = [room.name for room in graph.rooms], graph.class_space.classes
     return {
         "format": "bsg-partial-graph",
         "version": 1,
-        "scene_id": graph.scene_id,
-        "hidden_share": graph.hidden_share,
-        "building_kind": graph.building_kind,
-        "source": graph.source,
-        "rooms": [
-            {
-                "id": room.name,
-                "visited": room.visited,
-                "hidden_share": room.hidden_share,
-                "hidden_share_sd": room.hidden_share_sd,
-                "label": room.label,
-                "position": room.position,
-                "box": None if room.box is None else [room.box.minimum, room.box.maximum],
-                "footprint": room.footprint,
-                "floor_index": room.floor_index,
-                "floor_area": room.floor_area,
-                "room_type": room.room_type,
-            }
-            for room in graph.rooms
-        ],
+        **{name: getattr(graph, name) for name in GRAPH_WORDS},
+        "rooms": [_encode_room(room) for room in graph.rooms],
         "objects": [
             {
                 "id": obj.name,
                 "room": names[obj.room_index - 1] if obj.room_index else None,
                 "category": obj.raw_category,
                 "corrected": obj.category,
-                "class": _name_class(graph, obj),
+                "class": None if obj.class_index is None else classes[obj.class_index],
                 "position": obj.position,
             }
             for obj in graph.objects
@@ -339,8 +336,10 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
     }
 
 
-def _name_class(graph: PartialGraph, obj: SeenObject) -> str | None:
-    return None if obj.class_index is None else graph.class_space.classes[obj.class_index]
+def _encode_room(room: KnownRoom) -> dict[str, Any]:
+    said = {one.name: getattr(room, one.name) for one in fields(KnownRoom)}
+    said["box"] = None if room.box is None else [room.box.minimum, room.box.maximum]
+    return {"id": said.pop("name"), **{name: said.pop(name) for name in _SHARE_WORDS}, **said}
 
 
 def check_object(seen: SeenObject) -> SeenObject:
@@ -350,7 +349,7 @@ def check_object(seen: SeenObject) -> SeenObject:
         RecipeError: naming what is wrong with it.
     """
     said = {"id": seen.name, "category": seen.raw_category, "position": seen.position}
-    found = _check(_Object, said, f"object {show_value(seen.name)}")
+    found: _Object = _check(_Object, said, f"object {show_value(seen.name)}")
     return replace(seen, name=found.id, raw_category=found.category, position=found.position)
 
 
@@ -360,17 +359,16 @@ def check_room(room: KnownRoom) -> KnownRoom:
     Raises:
         RecipeError: naming what is wrong with it.
     """
-    said = {"id": room.name, "position": room.position, "floor_area": room.floor_area}
-    found = _check(_Room, said, f"room {show_value(room.name)}")
-    area = None if found.floor_area is None else float(found.floor_area)
-    return replace(room, name=found.id, position=found.position, floor_area=area)
+    found: KnownRoom = _check(KnownRoom, _encode_room(room), f"room {show_value(room.name)}")
+    return found
 
 
-def _check(kind: type[AnyRecord], said: dict[str, Any], what: str) -> AnyRecord:
+def _check(kind: Any, said: dict[str, Any], what: str) -> Any:
     try:
-        return kind.model_validate(said)
+        return TypeAdapter(kind).validate_python(said)
     except ValidationError as error:
-        raise RecipeError(f"{what}: {name_fault(error)}") from error
+        why = name_fault(error)
+        raise RecipeError(f"{what}: {why}", code="report-impossible", where=what) from error
 
 
 def list_unmapped(graph: PartialGraph) -> dict[str, int]:

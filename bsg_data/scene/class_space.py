@@ -10,12 +10,14 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from importlib.resources import files
 
+import numpy as np
 from pydantic import model_validator
 
+from bsg_data.arrays import Ints
 from bsg_data.errors import ClassMapError
 from bsg_data.recipes import Record
 from bsg_data.spelling import SHOWN, ask_if_meant
@@ -23,6 +25,7 @@ from bsg_data.spelling import SHOWN, ask_if_meant
 DEFAULT_CLASS_SPACE = "hm3d45-v2"
 MAX_CLASSES = 256  # the objects table stores the index in a byte
 _SUFFIX = ".classes.csv"
+_PARTS = "parts-v1.csv"
 
 
 class ClassSpace(Record):
@@ -167,3 +170,23 @@ def read_rows(file: str, data: bytes, header: tuple[str, ...]) -> list[tuple[int
                 f"{file}, line {line}: expected {len(header)} fields, found {len(row)}"
             )
     return rows
+
+
+@cache
+def _load_parts() -> Mapping[str, str]:
+    rows = read_rows(_PARTS, read_published(_PARTS), ("category", "class"))
+    return dict(row for _, row in rows)
+
+
+def find_wholes(categories: Sequence[str], classes: Sequence[str]) -> Ints:
+    """Return the index of the class that each category is a part of, `[K]`; -1 for none.
+
+    A curtain rod tells that there is a curtain. A mask that hides objects independently can show
+    the rod and hide the curtain. A real robot seldom sees one without the other.
+
+    >>> find_wholes(["curtain rod", "wall"], ["bed", "curtain"])
+    array([ 1, -1])
+    """
+    index = {name: number for number, name in enumerate(classes)}
+    parts = _load_parts()
+    return np.array([index.get(parts.get(name, ""), -1) for name in categories], dtype=np.int64)

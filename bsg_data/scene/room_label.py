@@ -1,4 +1,4 @@
-"""Room labels: map a source's name of a room to a common label.
+"""Room labels: common words for kinds of rooms, and what the words of sources and robots mean.
 
 `mappings/room-labels-v1.csv` has `source,source_label,label`. Rows of the source `any` hold
 everyday words and count for every source. A row without a label marks a word that names no kind of
@@ -7,28 +7,35 @@ room.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from functools import cache
 
+import numpy as np
+import numpy.typing as npt
+
+from bsg_data.errors import RecipeError
+from bsg_data.recipes import read_number
 from bsg_data.scene.class_map import normalise_name
 from bsg_data.scene.class_space import read_published, read_rows
+from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 
-ROOM_LABELS = "room-labels-v1.csv"
-ANY_SOURCE = "any"
+RoomType = str | Mapping[str, float]  # a label, or labels with their probabilities
 LAYOUTS = "layouts"  # the source name of labels in room layouts, for scenes of any source
+NO_KIND = frozenset({"", "other", "unknown"})  # words that name no kind of room or building
+_FILE = "room-labels-v1.csv"
+_ANY_SOURCE = "any"
 _NUMBER = re.compile(r"[\s#]*[0-9]+$")
+_ROUNDING = 1e-6  # by which probabilities may add up to more than 1
+_MOST_LABELS = 1000  # of one room
 
 
 def label_of(source: str, source_label: str | None) -> str | None:
     """Return the common label of a room; None if the word names no kind of room or is unknown.
 
-    The source's own rows count first, exactly as written: in Matterport3D `b` is a bedroom and `B`
-    a bar.
-
-    Args:
-        source: the kind of source, e.g. `behavior`; `layouts` for labels of room layouts.
-        source_label: the source's own word.
+    The rows of the kind of source count first, exactly as written: in Matterport3D `b` is a bedroom
+    and `B` a bar.
 
     >>> label_of("mp3d", "b"), label_of("mp3d", "B"), label_of("table", "Master_Bedroom 2")
     ('bedroom', 'bar', 'bedroom')
@@ -37,7 +44,7 @@ def label_of(source: str, source_label: str | None) -> str | None:
         return None
     rows = _read_labels()
     spoken = normalise_room(source_label)
-    for key in ((source, source_label), (source, spoken), (ANY_SOURCE, spoken)):
+    for key in ((source, source_label), (source, spoken), (_ANY_SOURCE, spoken)):
         if key in rows:
             return rows[key]
     return None
@@ -58,10 +65,72 @@ def normalise_room(name: str) -> str:
     return _NUMBER.sub("", normalise_name(re.sub(r"[_-]", " ", name)))
 
 
+def check_room_type(said: RoomType | None) -> RoomType | None:
+    """Return the type of a room in common labels; probabilities of equal labels are summed.
+
+    >>> check_room_type("Hallway"), check_room_type({"hall": 0.5, "corridor": 0.25})
+    ('corridor', {'corridor': 0.75})
+
+    Raises:
+        RecipeError: for an unknown label, an impossible probability or a sum above 1.
+    """
+    if said is None or isinstance(said, str):
+        return None if said is None else _find_label(said)
+    if not isinstance(said, Mapping) or not all(isinstance(word, str) for word in said):
+        raise RecipeError(
+            f"expected a room label, or labels with their probabilities, found {show_value(said)}"
+        )
+    if not 1 <= len(said) <= _MOST_LABELS:
+        raise RecipeError(
+            f"expected 1 to {_MOST_LABELS} labels, found {len(said)}; leave it out, or give null"
+        )
+    found: dict[str, float] = {}
+    for word, share in said.items():
+        most, wanted = 1 + _ROUNDING, "a probability, 0 to 1"
+        share = read_number(show_value(word), share, most=most, wanted=wanted)
+        label = _find_label(word)
+        if label is not None and share > 0:
+            found[label] = found.get(label, 0.0) + share
+    total = math.fsum(said.values())
+    if total > 1 + _ROUNDING:
+        raise RecipeError(f"expected probabilities that add up to 1 or less, found {total:g}")
+    return next(iter(found)) if list(found.values()) == [1.0] else found or None
+
+
+def spread_labels(said: RoomType | None) -> npt.NDArray[np.float32]:
+    """Return a type as a distribution over the labels `[L]`; all 0 for None.
+
+    What its probabilities leave is spread evenly over all labels.
+
+    Raises:
+        RecipeError: as `check_room_type`.
+    """
+    known = check_room_type(said)
+    shares = {known: 1.0} if isinstance(known, str) else known
+    row = np.array([0.0 if shares is None else shares.get(one, 0.0) for one in list_room_labels()])
+    if shares is not None:
+        row += max(0.0, 1 - row.sum()) / len(row)
+        row /= row.sum()
+    return row.astype(np.float32)
+
+
+def _find_label(word: str) -> str | None:
+    """Return the common label of a word; None if the word means unknown."""
+    spoken = normalise_room(word)
+    if spoken in NO_KIND:
+        return None
+    label = label_of(_ANY_SOURCE, word)
+    if label is None:
+        asked = ask_if_meant(spoken, list_room_labels(), most=3)
+        hint = asked or "leave it out, or say `other`"
+        raise RecipeError(f"expected a room label, found {word[:SHOWN]!r}; {hint}")
+    return label
+
+
 @cache
 def _read_labels() -> Mapping[tuple[str, str], str | None]:
     """Read the published rows, each exact and normalised."""
     header = ("source", "source_label", "label")
-    rows = [row for _, row in read_rows(ROOM_LABELS, read_published(ROOM_LABELS), header)]
+    rows = [row for _, row in read_rows(_FILE, read_published(_FILE), header)]
     spoken = {(source, normalise_room(word)): label or None for source, word, label in rows}
     return {**spoken, **{(source, word): label or None for source, word, label in rows}}

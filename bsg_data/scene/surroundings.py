@@ -1,59 +1,60 @@
-"""Surroundings: facts about a room and its building besides the objects.
+"""Surroundings: what is known of a room and its building besides the objects. A mask hides none.
 
-These are the floor area, the type of the room, the kind of the building, and the source that names
-and counts the objects. Each may be unknown. A mask hides none of them.
+Each kind of evidence is a row of `EVIDENCE` and a field of `Surroundings`. A new kind also needs a
+field of `bsg_data.observation.partial_graph.KnownRoom`, which is how a robot says it, and a row of
+`bsg_models.inputs.nodes.EVIDENCE`, which is how networks read and forget it.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cache
-from itertools import chain
-from typing import ClassVar, TypeVar
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from bsg_data.arrays import Floats, Ints
 from bsg_data.errors import RecipeError
-from bsg_data.recipes import read_number
-from bsg_data.scene.room_label import ANY_SOURCE, label_of, list_room_labels, normalise_room
-from bsg_data.spelling import SHOWN, ask_if_meant, show_value
+from bsg_data.scene.room_label import NO_KIND, list_room_labels, normalise_room, spread_labels
+from bsg_data.scene.scene_graph import Box
+from bsg_data.spelling import SHOWN
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 # Models know each by its index here; add new kinds and sources at the end.
 BUILDING_KINDS = ("home", "office", "school", "shop", "restaurant", "hotel", "hall")
 KNOWN_SOURCES = ("hm3d", "behavior", "procthor", "mp3d")
-EVIDENCE = ("floor_area", "labels", "building_kinds", "sources")
-
+UNKNOWN = -1  # the index of a kind or a source that is not known
 MAX_FLOOR_AREA = 1e5  # square metres, of a room: the largest halls that are built
-RoomType = str | Mapping[str, float]  # a label, or labels with their probabilities
-Said = TypeVar("Said")
-Read = TypeVar("Read")
-_NOTHING = frozenset({"", "other", "unknown"})  # words that name no kind
-_ROUNDING = 1e-6  # by which probabilities may add up to more than 1
-_MOST_LABELS = 1000  # of one room
+
+Values = npt.NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """One kind of evidence about rooms, or about buildings."""
+
+    unit: str
+    unknown: float  # its value where it is not known
+    of_graph: Callable[[Any], Any]  # of a `KnownRoom` or a `PartialGraph`; None if not known
+    of_table: Callable[[pa.Table], Values]  # of every row of a dataset's rooms or scenes
+    columns: tuple[str, ...]  # of that table
+    of_building: bool = False
+    dtype: type[np.generic] = np.int64
+    width: int | None = None  # of a value that is an array
 
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """Facts about N nodes of interest in B buildings besides their objects, with L room labels.
+    """What is known of N nodes of interest in B buildings besides their objects; L room labels."""
 
-    Attributes:
-        floor_area: `[N]` square metres; NaN if unknown, and for buildings.
-        labels: `[N, L]` distributions over `list_room_labels()`; all 0 if unknown.
-        building_kinds: `[B]` names of `BUILDING_KINDS`; "" or another word means unknown.
-        sources: `[B]` kinds of source with the same names and counting of objects, e.g. `hm3d`; ""
-            if unknown.
-    """
-
-    UNKNOWN: ClassVar[int] = -1  # the index of a kind or a source that is not known
-
-    floor_area: Floats
-    labels: npt.NDArray[np.float32]
-    building_kinds: tuple[str, ...]
-    sources: tuple[str, ...]
+    floor_area: Floats  # [N] square metres; NaN if unknown, and for buildings
+    labels: npt.NDArray[np.float32]  # [N, L] distributions; all 0 if unknown
+    building_kinds: Ints  # [B] indices in `BUILDING_KINDS`
+    sources: Ints  # [B] in `KNOWN_SOURCES`: sources that name and count objects in the same way
 
     def __len__(self) -> int:
         """Return the number of nodes N."""
@@ -63,134 +64,112 @@ class Surroundings:
     def unknown(cls, *, nodes: int, buildings: int = 1) -> Surroundings:
         """Return surroundings that are all unknown."""
         return cls(
-            np.full(nodes, np.nan),
-            np.zeros((nodes, len(list_room_labels())), dtype=np.float32),
-            ("",) * buildings,
-            ("",) * buildings,
+            **{
+                name: _fill(kind, buildings if kind.of_building else nodes)
+                for name, kind in EVIDENCE.items()
+            }
         )
 
     @classmethod
-    def of_rooms(
-        cls,
-        areas: Sequence[float | None],
-        room_types: Sequence[RoomType | None],
-        *,
-        building_kind: str | None = None,
-        source: str | None = None,
-    ) -> Surroundings:
-        """Return the surroundings of one building and its rooms; the building's node is first.
-
-        Args:
-            areas: `[R]` square metres of each room; None if unknown.
-            room_types: `[R]` label of each room in any spelling, or labels with probabilities. If
-                these sum to less than 1, the rest is spread evenly over all labels. None if
-                unknown.
-            building_kind: one of `BUILDING_KINDS`; None if unknown.
-            source: kind of source; None if unknown.
+    def of_graph(cls, graph: Any, rooms: Sequence[Any]) -> Surroundings:
+        """Return the surroundings of a `PartialGraph` and its rooms; the building's node is first.
 
         Raises:
-            RecipeError: if an area, a label, a probability or a kind is impossible.
+            RecipeError: if the type of a room is impossible.
         """
-        if len(areas) != len(room_types):
-            raise RecipeError(
-                f"expected areas and room types of the same rooms, found {len(areas)}"
-                f" and {len(room_types)}"
-            )
-        return cls(
-            np.array([None, *_of_each_room(check_floor_area, areas)], dtype=np.float64),
-            np.stack([_spread(None), *_of_each_room(_spread, room_types)]),
-            (check_building_kind(building_kind) or "",),
-            (source or "",),
-        )
+        found = cls.unknown(nodes=1 + len(rooms))
+        for name, kind in EVIDENCE.items():
+            column = getattr(found, name)
+            for row, one in enumerate([graph] if kind.of_building else rooms, not kind.of_building):
+                value = kind.of_graph(one)
+                column[row] = kind.unknown if value is None else value
+        return found
 
-    @property
-    def building_kind_index(self) -> Ints:
-        """Index of each building's kind in `BUILDING_KINDS`, `[B]`; `UNKNOWN` for any other."""
-        return _places(self.building_kinds, BUILDING_KINDS)
+    @classmethod
+    def of_tables(
+        cls, scenes: pa.Table, rooms: pa.Table | None, *, rows: Ints, nodes: int
+    ) -> Surroundings:
+        """Return those of a dataset's tables; `rows` `[R]` has the node of each row of `rooms`."""
+        found = cls.unknown(nodes=nodes, buildings=len(scenes))
+        for name, kind in EVIDENCE.items():
+            column = getattr(found, name)
+            if kind.of_building:
+                column[:] = kind.of_table(scenes)
+            elif rooms is not None:
+                column[rows] = kind.of_table(rooms)
+            column.setflags(write=False)  # all readers of the dataset share it
+        return found
 
-    @property
-    def source_index(self) -> Ints:
-        """Index of each building's source in `KNOWN_SOURCES`, `[B]`; `UNKNOWN` for any other."""
-        return _places(self.sources, KNOWN_SOURCES)
-
-    def take(self, rows: slice, *, buildings: slice) -> Surroundings:
-        """Return the surroundings of a range of nodes and their buildings."""
-        return replace(
-            self,
-            floor_area=self.floor_area[rows],
-            labels=self.labels[rows],
-            building_kinds=self.building_kinds[buildings],
-            sources=self.sources[buildings],
-        )
-
-    def gather(self, rows: Ints, *, buildings: Ints) -> Surroundings:
-        """Return the surroundings of nodes by their numbers, and of their buildings."""
-        numbers = buildings.tolist()
-        return replace(
-            self,
-            floor_area=self.floor_area[rows],
-            labels=self.labels[rows],
-            building_kinds=tuple(self.building_kinds[number] for number in numbers),
-            sources=tuple(self.sources[number] for number in numbers),
+    def take(self, rows: slice | Ints, *, buildings: slice | Ints) -> Surroundings:
+        """Return those of some nodes and of their buildings."""
+        return Surroundings(
+            **{
+                name: getattr(self, name)[buildings if kind.of_building else rows]
+                for name, kind in EVIDENCE.items()
+            }
         )
 
     def without(self, *evidence: str) -> Surroundings:
-        """Return a copy with some evidence set to unknown.
-
-        Args:
-            evidence: names of `EVIDENCE`.
+        """Return a copy with some evidence, names of `EVIDENCE`, set to unknown.
 
         Raises:
             RecipeError: if a name is unknown.
         """
-        nothing = self.unknown(nodes=len(self), buildings=len(self.sources))
         for name in evidence:
             if name not in EVIDENCE:
-                raise RecipeError(f"{name!r} is no evidence; expected one of {', '.join(EVIDENCE)}")
+                raise RecipeError(
+                    f"{name!r} is no evidence; expected one of {', '.join(EVIDENCE)}",
+                    code="evidence-unknown",
+                    where=name,
+                )
+        nothing = self.unknown(nodes=len(self), buildings=len(self.sources))
         return replace(self, **{name: getattr(nothing, name) for name in evidence})
 
 
 def stack_surroundings(parts: Sequence[Surroundings]) -> Surroundings:
     """Return the surroundings of several buildings, one or more, in order."""
     return Surroundings(
-        np.concatenate([part.floor_area for part in parts]),
-        np.concatenate([part.labels for part in parts]),
-        tuple(chain.from_iterable(part.building_kinds for part in parts)),
-        tuple(chain.from_iterable(part.sources for part in parts)),
-    )
-
-
-def repeat_surroundings(part: Surroundings, times: int) -> Surroundings:
-    """Return the surroundings of the same buildings, repeated several times."""
-    return Surroundings(
-        np.tile(part.floor_area, times),
-        np.tile(part.labels, (times, 1)),
-        part.building_kinds * times,
-        part.sources * times,
-    )
-
-
-def check_floor_area(area: float | None) -> float | None:
-    """Return a floor area in square metres, unchanged.
-
-    Raises:
-        RecipeError: if no room can have this area.
-    """
-    if area is None or is_floor_area(area):
-        return area
-    raise RecipeError(
-        f"expected a floor area in square metres, above 0 and at most {MAX_FLOOR_AREA:,.0f}, "
-        f"found {area}"
+        **{
+            one.name: np.concatenate([getattr(part, one.name) for part in parts])
+            for one in fields(Surroundings)
+        }
     )
 
 
 def is_floor_area(area: float | None) -> bool:
-    """Say whether a room can have a floor area, in square metres.
-
-    >>> is_floor_area(12.5), is_floor_area(0), is_floor_area(float("nan"))
-    (True, False, False)
-    """
+    """Say whether a room can have a floor area, in square metres."""
     return area is not None and math.isfinite(area) and 0 < area <= MAX_FLOOR_AREA
+
+
+def find_floor_area(
+    said: float | None, *, footprint: Sequence[tuple[float, float]] | None, box: Box | None
+) -> float | None:
+    """Return the floor area of a room in square metres; None if nothing says one.
+
+    What is said counts first, then the footprint `(x, y)`, then the box. What no room can have
+    counts as not said.
+    """
+    if is_floor_area(said):
+        return said
+    area = measure_footprint(footprint) if footprint else None
+    if area is None and box is not None:
+        (a, b, _), (c, d, _) = box.minimum, box.maximum
+        area = (c - a) * (d - b) if c > a and d > b else None
+    return area if is_floor_area(area) else None
+
+
+def area_of(room: Any) -> float | None:
+    """Return the floor area of a `KnownRoom`, square metres; see `find_floor_area`."""
+    return find_floor_area(room.floor_area, footprint=room.footprint, box=room.box)
+
+
+def measure_footprint(corners: Sequence[tuple[float, float]]) -> float | None:
+    """Return the area of a polygon (x, y), also of one that crosses itself; None if it has none."""
+    import shapely  # Imported here because importing Shapely is slow.
+
+    if len(corners) < 3:
+        return None
+    return float(shapely.make_valid(shapely.Polygon(corners)).area) or None
 
 
 def check_building_kind(kind: str | None) -> str | None:
@@ -200,7 +179,7 @@ def check_building_kind(kind: str | None) -> str | None:
         RecipeError: if the kind is unknown.
     """
     spoken = "" if kind is None else normalise_room(kind)
-    if spoken in _NOTHING:
+    if spoken in NO_KIND:
         return None
     if spoken not in BUILDING_KINDS:
         raise RecipeError(
@@ -210,96 +189,74 @@ def check_building_kind(kind: str | None) -> str | None:
     return spoken
 
 
-def check_room_type(said: RoomType | None) -> RoomType | None:
-    """Return the type of a room in common labels; probabilities of equal labels are summed.
-
-    >>> check_room_type("Hallway"), check_room_type({"hall": 0.5, "corridor": 0.25})
-    ('corridor', {'corridor': 0.75})
-
-    Args:
-        said: a label in any spelling that `mappings/room-labels-v1.csv` lists for all sources, or
-            labels with probabilities whose sum is at most 1.
-
-    Raises:
-        RecipeError: for an unknown label or an impossible probability.
-    """
-    if said is None or isinstance(said, str):
-        return None if said is None else _find_label(said)
-    if not isinstance(said, Mapping):
-        raise RecipeError(
-            f"expected a room label, or labels with their probabilities, found {show_value(said)}"
-        )
-    if not said:
-        raise RecipeError("expected at least one label, found none; leave it out, or give null")
-    if len(said) > _MOST_LABELS:
-        raise RecipeError(f"expected at most {_MOST_LABELS} labels, found {len(said)}")
-    found: dict[str, float] = {}
-    for word, share in said.items():
-        if not isinstance(word, str):
-            raise RecipeError(f"expected a room label, found {show_value(word)}")
-        most, wanted = 1 + _ROUNDING, "a probability, 0 to 1"
-        share = read_number(show_value(word), share, most=most, wanted=wanted)
-        label = _find_label(word)
-        if label is not None and share > 0:
-            found[label] = found.get(label, 0.0) + share
-    total = math.fsum(said.values())
-    if total > 1 + _ROUNDING:
-        raise RecipeError(f"expected probabilities that add up to 1 or less, found {total:g}")
-    return next(iter(found)) if list(found.values()) == [1.0] else found or None
+def _fill(kind: Evidence, number: int) -> Values:
+    shape = (number,) if kind.width is None else (number, kind.width)
+    return np.full(shape, kind.unknown, dtype=kind.dtype)
 
 
-def label_rows(labels: Sequence[str | None]) -> npt.NDArray[np.float32]:
-    """Return labels of rooms as rows `[R, L]`; all 0 for a label that this version lacks."""
-    places = _label_places()
-    rows = np.zeros((len(labels), len(places)), dtype=np.float32)
-    for row, label in enumerate(labels):
-        if label is not None and label in places:
-            rows[row, places[label]] = 1
-    return rows
+def _measure_rooms(rooms: pa.Table) -> Values:
+    """Return the floor area of every room `[R]`, from its shape where the source says none."""
+    areas = np.array(rooms["floor_area"].to_numpy(), dtype=np.float64)  # NaN for null
+    silent = np.flatnonzero(~((areas > 0) & (areas <= MAX_FLOOR_AREA)))
+    for row, room in zip(silent, rooms.take(silent).to_pylist(), strict=True):
+        corners = room["footprint"] or ()
+        ends = [room[name] for name in _BOX]
+        box = None if None in ends else Box(tuple(ends[:3]), tuple(ends[3:]))
+        pairs = tuple(zip(corners[::2], corners[1::2], strict=False))
+        area = find_floor_area(None, footprint=pairs, box=box)
+        areas[row] = np.nan if area is None else area
+    return areas
 
 
-def _of_each_room(read: Callable[[Said], Read], said: Iterable[Said]) -> Iterator[Read]:
-    """Yield the result of `read` for each room; an error names the room."""
-    for number, one in enumerate(said, 1):
-        try:
-            yield read(one)
-        except RecipeError as error:
-            raise RecipeError(f"room {number}: {error}") from error
+def _mark_labels(rooms: pa.Table) -> Values:
+    """Return 1 at the label of every room `[R, L]`; all 0 for a label that this version lacks."""
+    places = {label: place for place, label in enumerate(list_room_labels())}
+    found = [places.get(label, len(places)) for label in rooms["label"].to_pylist()]
+    return np.eye(len(places) + 1, len(places))[found]
 
 
-def _find_label(word: str) -> str | None:
-    """Return the common label of a word; None if the word means unknown."""
-    spoken = normalise_room(word)
-    if spoken in _NOTHING:
-        return None
-    label = label_of(ANY_SOURCE, word)
-    if label is None:
-        asked = ask_if_meant(spoken, list_room_labels(), most=3)
-        hint = asked or "leave it out, or say `other`"
-        raise RecipeError(f"expected a room label, found {word[:SHOWN]!r}; {hint}")
-    return label
+def _find_each(words: pa.ChunkedArray, listed: Sequence[str]) -> Values:
+    return np.array([_find(word, listed) for word in words.to_pylist()], dtype=np.int64)
 
 
-def _spread(said: RoomType | None) -> npt.NDArray[np.float32]:
-    """Return the distribution over the labels `[L]` of a room type; all 0 for None."""
-    places = _label_places()
-    row = np.zeros(len(places))
-    known = check_room_type(said)
-    if known is not None:
-        shares = {known: 1.0} if isinstance(known, str) else known
-        for label, share in shares.items():
-            row[places[label]] = share
-        row += max(0.0, 1 - row.sum()) / len(row)
-        row /= row.sum()
-    return row.astype(np.float32)
+def _find(word: str | None, listed: Sequence[str]) -> int:
+    return listed.index(word) if word in listed else UNKNOWN
 
 
-@cache
-def _label_places() -> Mapping[str, int]:
-    """Return the place of every common room label in their order."""
-    return {label: place for place, label in enumerate(list_room_labels())}
-
-
-def _places(words: Sequence[str], listed: Sequence[str]) -> Ints:
-    places = {word: place for place, word in enumerate(listed)}
-    return np.array([places.get(word, Surroundings.UNKNOWN) for word in words], dtype=np.int64)
+_BOX = tuple(f"box_{end}_{axis}" for end in ("min", "max") for axis in "xyz")
+# In the order of the fields of `Surroundings`.
+EVIDENCE = {
+    "floor_area": Evidence(
+        unit="m²",
+        unknown=np.nan,
+        of_graph=area_of,
+        of_table=_measure_rooms,
+        columns=("floor_area", "footprint", *_BOX),
+        dtype=np.float64,
+    ),
+    "labels": Evidence(
+        unit="probability",
+        unknown=0,
+        of_graph=lambda room: spread_labels(room.room_type),
+        of_table=_mark_labels,
+        columns=("label",),
+        dtype=np.float32,
+        width=len(list_room_labels()),
+    ),
+    "building_kinds": Evidence(
+        unit="index",
+        unknown=UNKNOWN,
+        of_graph=lambda graph: _find(graph.building_kind, BUILDING_KINDS),
+        of_table=lambda scenes: _find_each(scenes["building_kind"], BUILDING_KINDS),
+        columns=("building_kind",),
+        of_building=True,
+    ),
+    "sources": Evidence(
+        unit="index",
+        unknown=UNKNOWN,
+        of_graph=lambda graph: _find(graph.source, KNOWN_SOURCES),
+        of_table=lambda scenes: _find_each(scenes["source"], KNOWN_SOURCES),
+        columns=("source",),
+        of_building=True,
+    ),
+}

@@ -52,8 +52,8 @@ def to_graph(seen: Observation, *, edges: Sequence[EdgeSet], targets: Counts | N
         withheld=nodes.withheld,
         floor_area=torch.from_numpy(np.nan_to_num(around.floor_area).astype(np.float32)),
         labels=torch.from_numpy(around.labels.astype(np.float32)),
-        building_kind=torch.from_numpy(around.building_kind_index[seen.building]),
-        source=torch.from_numpy(around.source_index[seen.building]),
+        building_kind=torch.from_numpy(around.building_kinds[seen.building]),
+        source=torch.from_numpy(around.sources[seen.building]),
     )
     if targets is not None:
         graph.y = nodes.y

@@ -154,12 +154,12 @@ EVIDENCE = {
     "labels": Evidence(len(list_room_labels()), lambda around: _floats(around.labels)),
     "kind": Evidence(
         len(BUILDING_KINDS),
-        lambda around: _mark(around.building_kind_index, len(BUILDING_KINDS)),
+        lambda around: _mark(around.building_kinds, len(BUILDING_KINDS)),
         of_building=True,
     ),
     "source": Evidence(
         len(KNOWN_SOURCES),
-        lambda around: _mark(around.source_index, len(KNOWN_SOURCES)),
+        lambda around: _mark(around.sources, len(KNOWN_SOURCES)),
         of_building=True,
     ),
 }

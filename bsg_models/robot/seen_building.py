@@ -28,8 +28,10 @@ from bsg_data.observation.partial_graph import (
     KnownRoom,
     PartialGraph,
     SeenObject,
-    area_of,
+    discover,
+    enter,
     reclassify,
+    see_object,
 )
 from bsg_data.observation.robot_json import (
     check_object,
@@ -37,9 +39,9 @@ from bsg_data.observation.robot_json import (
     list_unmapped,
     parse_robot_graph,
 )
-from bsg_data.observation.sightings import discover, enter, see_object
 from bsg_data.scene.class_map import ClassMap, list_class_maps, load_class_map
-from bsg_data.scene.surroundings import RoomType, check_room_type
+from bsg_data.scene.room_label import RoomType
+from bsg_data.scene.surroundings import area_of
 from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, Mode, believe
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.graph_file import GraphFile, open_graph_file, use_class_map
@@ -306,7 +308,7 @@ class SeenBuilding:
             visited=False,
             position=position,
             floor_area=floor_area,
-            room_type=check_room_type(room_type),
+            room_type=room_type,
         )
         others = [beside] if isinstance(beside, str) else beside
         neighbours = [find_room(self._graph, other) for other in others]

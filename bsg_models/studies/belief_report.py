@@ -11,7 +11,8 @@ from typing import Literal, NamedTuple
 from bsg_data.arrays import Counts
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError, RecipeError
-from bsg_data.observation.partial_graph import PartialGraph, list_withheld, mask_dataset
+from bsg_data.observation.masked_graph import list_withheld, mask_dataset
+from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.recipes import MaskRecipe
 from bsg_data.results import UNFINISHED, refuse_datasets, refuse_file, refuse_other_results
 from bsg_data.scene.class_map import ClassMap

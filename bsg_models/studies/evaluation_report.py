@@ -19,7 +19,7 @@ from pydantic import Field, model_validator
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.files import encode_json, resolve_links, write_bytes
-from bsg_data.observation.partial_graph import list_withheld, mask_dataset
+from bsg_data.observation.masked_graph import list_withheld, mask_dataset
 from bsg_data.recipes import MaskRecipe, Record
 from bsg_data.results import refuse_datasets, refuse_file, write_results
 from bsg_models.belief.belief_graph import believe

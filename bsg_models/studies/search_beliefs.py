@@ -10,12 +10,13 @@ import numpy as np
 
 from bsg_data.arrays import Bools, Counts, Floats, Ints
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.observation.masked_buildings import place_others, see_others, wholes_of
-from bsg_data.observation.masks import sample_hidden, sample_view
-from bsg_data.observation.observation import Observation
-from bsg_data.observation.search_moment import MaskedCells, observe_search
+from bsg_data.observation.hidden_objects import sample_hidden
+from bsg_data.observation.masked_buildings import place_others, see_others
+from bsg_data.observation.masks import sample_view
+from bsg_data.observation.observation import Observation, observe_search
 from bsg_data.observation.view import View
 from bsg_data.recipes import MaskRecipe
+from bsg_data.scene.class_space import find_wholes
 from bsg_models.search.simulator import Answer
 from bsg_models.zoo.model import BeliefModel
 
@@ -51,7 +52,9 @@ class ModelBeliefs:
         self._surroundings = data.surroundings(scene_id)
         every = data.others(scene_id)
         self._others = place_others(every.cells, every.categories, model.vocabulary)
-        self._wholes = wholes_of(model.vocabulary, data) if mask.parts else None
+        self._wholes = (
+            find_wholes(model.vocabulary, data.manifest.class_space.classes) if mask.parts else None
+        )
         self._left: dict[int, tuple[View, Counts, Counts]] = {}
         shape = self._cells.shape
         for draw in np.unique(draws).tolist():
@@ -123,8 +126,11 @@ class ModelBeliefs:
         np.put_along_axis(withheld, states[:, 1 : 1 + width], True, axis=1)
         return observe_search(
             self._scene_id,
-            MaskedCells(self._cells, np.stack([classified for _, classified, _ in left])),
-            MaskedCells(self._others, np.stack([others for *_, others in left])),
+            there=(self._cells, self._others),
+            left=(
+                np.stack([classified for _, classified, _ in left]),
+                np.stack([others for *_, others in left]),
+            ),
             views=[view for view, *_ in left],
             searched=states[:, 1 + width :] > 0,
             withheld=withheld,

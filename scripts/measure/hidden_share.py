@@ -22,7 +22,8 @@ from results import ResultsTable, format_estimate, write_page
 from bsg_data.arrays import Counts
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.hidden_share import CURVES, VAGUE, ShareBelief
-from bsg_data.observation.partial_graph import PartialGraph, mask_dataset
+from bsg_data.observation.masked_graph import mask_dataset
+from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.recipes import MaskRecipe
 from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation.bootstrap import Bootstrap, bootstrap

@@ -25,6 +25,7 @@ from bsg_data.dataset.splits import assign_splits, write_splits
 from bsg_data.merge import merge_datasets
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
+from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES
 from bsg_models.evaluation.bootstrap import Bootstrap
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import BEST, is_finished
@@ -130,8 +131,10 @@ def find_parts(both: Dataset) -> dict[str, set[str]]:
     parts: dict[str, set[str]] = {HM3D: set(), "BEHAVIOR, homes": set(), "BEHAVIOR, others": set()}
     for scene in both.scene_ids:
         known = both.surroundings(scene)
-        home = "homes" if known.building_kinds[0] == "home" else "others"
-        parts[HM3D if known.sources[0] == "hm3d" else f"BEHAVIOR, {home}"].add(scene)
+        is_home = known.building_kinds[0] == BUILDING_KINDS.index("home")
+        is_hm3d = known.sources[0] == KNOWN_SOURCES.index(TRAINED[HM3D])
+        other = "BEHAVIOR, homes" if is_home else "BEHAVIOR, others"
+        parts[HM3D if is_hm3d else other].add(scene)
     return {name: scenes for name, scenes in parts.items() if scenes}
 
 

@@ -24,6 +24,7 @@ from folds import (
     tally_surroundings,
     tally_views,
 )
+from one_building import surround_rooms
 from refusals import refuses
 from results import format_command, hash_unsplit
 
@@ -62,6 +63,7 @@ def case() -> Case:
         vocabulary=(),
         others=np.zeros((4, 0), dtype=np.int64),
         connections=Connections.of_pairs(()),
+        surroundings=Surroundings.unknown(nodes=4),
     )
     truth = Truth(
         INPUTS.astype(float),
@@ -102,7 +104,7 @@ def test_a_second_one_is_asked_for_where_one_is_seen(case: Case) -> None:
 def test_evidence_is_measured_in_unvisited_rooms_that_have_it(case: Case) -> None:
     """All rooms have an area, and the unvisited one has no label."""
     truth, masked, found = case
-    known = Surroundings.of_rooms([9.0, 4.0, 12.0], ["kitchen", "bathroom", None])
+    known = surround_rooms([9.0, 4.0, 12.0], ["kitchen", "bathroom", None])
     told = replace(masked, seen=replace(masked.seen, surroundings=known))
     shares = tally_surroundings(truth, told, found)
     added, cells = shares["floor_area"]

@@ -17,8 +17,9 @@ from bsg_data.dataset.histograms import to_histograms
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.splits import read_splits, split_dataset
 from bsg_data.errors import DatasetError
+from bsg_data.observation.hidden_objects import sample_hidden
 from bsg_data.observation.mask_hash import hash_splits
-from bsg_data.observation.masks import sample_hidden, sample_view
+from bsg_data.observation.masks import sample_view
 from bsg_data.observation.pairs import (
     histogram_column,
     read_pairs,

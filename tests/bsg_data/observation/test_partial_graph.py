@@ -7,25 +7,30 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from one_building import same_surroundings, surround_rooms
+from refusals import refuses
 
 from bsg_data.dataset.dataset import read_cells
 from bsg_data.dataset.histograms import to_histograms
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import RecipeError
-from bsg_data.observation.hidden_share import ShareBelief
-from bsg_data.observation.masks import sample_hidden, sample_view
+from bsg_data.observation.hidden_objects import sample_hidden
+from bsg_data.observation.hidden_share import VAGUE, ShareBelief
+from bsg_data.observation.masked_graph import list_withheld, mask_scene
+from bsg_data.observation.masks import sample_view
 from bsg_data.observation.partial_graph import (
+    GLIMPSED_SHARE,
     KnownRoom,
     PartialGraph,
     SeenObject,
-    list_withheld,
-    mask_scene,
+    discover,
+    enter,
     observe,
+    see_object,
 )
-from bsg_data.recipes import MaskRecipe
+from bsg_data.recipes import Exploration, MaskRecipe
 from bsg_data.scene.class_space import load_class_space
-from bsg_data.scene.room_label import list_room_labels
 
 CLASS_SPACE = load_class_space()
 CLASS = {name: number for number, name in enumerate(CLASS_SPACE.classes)}
@@ -75,23 +80,18 @@ def test_an_observation_by_hand() -> None:
 def test_the_surroundings_of_a_graph_by_hand() -> None:
     one = replace(GRAPH.rooms[0], room_type={"kitchen": 1.0}, footprint=((0, 0), (4, 0), (0, 2)))
     graph = replace(GRAPH, rooms=(one, GRAPH.rooms[1]), building_kind="school", source="behavior")
-    around = graph.observation().surroundings
-    np.testing.assert_array_equal(around.floor_area, [np.nan, 4, np.nan])
-    assert np.argwhere(around.labels).tolist() == [[1, list_room_labels().index("kitchen")]]
-    assert (around.building_kinds, around.sources) == (("school",), ("behavior",))
-    after = observe(graph, 1, []).observation().surroundings
-    np.testing.assert_array_equal(after.labels, around.labels)
-    with pytest.raises(RecipeError, match=r"home: room 2: .*found 'kitchn'; did you mean kitchen"):
-        replace(graph, rooms=(one, KnownRoom("b", 1.0, room_type="kitchn"))).observation()
-    with pytest.raises(RecipeError, match="home: room 1: expected a floor area"):
-        replace(graph, rooms=(replace(one, floor_area=-1.0),)).observation()
+    expected = surround_rooms(
+        [4, None], ["kitchen", None], building_kind="school", source="behavior"
+    )
+    assert same_surroundings(graph.observation().surroundings, expected)
+    assert same_surroundings(observe(graph, 1, []).observation().surroundings, expected)
 
 
 def test_what_is_withheld_may_be_said_by_node_and_class() -> None:
     where = np.zeros((3, 45), dtype=bool)
     where[2, CLASS["sink"]] = True
     assert GRAPH.observation(withheld=where).withheld.tolist() == where.tolist()
-    with pytest.raises(RecipeError, match=r"withheld: expected \(3, 45\), found \(2, 45\)"):
+    with refuses(RecipeError, "withheld-shape", where="home"):
         GRAPH.observation(withheld=where[1:])
 
 
@@ -138,13 +138,55 @@ def test_the_share_of_a_building_moves_with_its_rooms() -> None:
     assert known.share_with([1.0, 0.0]) == 0.5
 
 
-def test_what_cannot_be_observed_is_refused() -> None:
-    with pytest.raises(RecipeError, match=r"expected a room of 1\.\.2, found room 3"):
+def test_one_more_object_leaves_the_share_of_a_room_that_was_looked_into() -> None:
+    sink = seen("sink", 1, "sink")
+    after = see_object(GRAPH, sink)
+    assert after.objects == (*GRAPH.objects, sink)
+    assert (after.rooms, after.hidden_share) == (GRAPH.rooms, GRAPH.hidden_share)
+    assert len(GRAPH.objects) == 4, "the graph that was given stays what it was"
+    moved = seen("sink", 0, "sink")
+    assert see_object(after, moved).objects == (*GRAPH.objects, moved)
+
+
+def test_a_room_in_which_something_was_seen_was_glimpsed_at_least() -> None:
+    graph = see_object(GRAPH, seen("sink", 2, "sink"))
+    assert (graph.rooms[1].hidden_share, graph.rooms[1].visited) == (GLIMPSED_SHARE, False)
+    assert graph.hidden_share == pytest.approx(0.5 * (0.5 + GLIMPSED_SHARE) / 1.5)
+    low, high = Exploration().glimpsed_share
+    assert pytest.approx((low + high) / 2) == GLIMPSED_SHARE, "as models are trained"
+
+
+@pytest.mark.parametrize(
+    ("before", "said", "after"),
+    [(1.0, None, VAGUE.mean), (0.2, None, 0.2), (0.2, 0.7, 0.7), (0.9, 0.0, 0.0)],
+)
+def test_entering_a_room_tells_what_it_hides(
+    before: float, said: float | None, after: float
+) -> None:
+    room = KnownRoom("a", before, visited=before < 1)
+    graph = replace(GRAPH, rooms=(room, GRAPH.rooms[1]), hidden_share=(before + 1) / 2)
+    graph = enter(graph, 1, hidden_share=None if said is None else ShareBelief(said))
+    assert graph.rooms[0].visited
+    assert graph.rooms[0].hidden_share == after
+    assert graph.hidden_share == pytest.approx((after + 1) / 2)
+
+
+def test_a_new_room_is_the_last_and_beside_others() -> None:
+    graph = discover(GRAPH, KnownRoom("hall", 1.0, visited=False), beside=[2, 1])
+    assert [room.name for room in graph.rooms] == ["a", "b", "hall"]
+    assert graph.adjacency == ((1, 2), (1, 3), (2, 3))
+    assert graph.hidden_share == pytest.approx((2 * 0.5 + 1) / 3)
+
+
+def test_what_cannot_be_is_refused() -> None:
+    with refuses(RecipeError, "room-unknown", where=3):
         observe(GRAPH, 3, [])
-    with pytest.raises(RecipeError, match="object 5 is not in room 1"):
+    with refuses(RecipeError, "object-elsewhere", where="5"):
         observe(GRAPH, 1, [seen("5", 2, "sink")])
-    with pytest.raises(RecipeError, match="1 is there twice"):
+    with refuses(RecipeError, "object-twice", where="1"):
         observe(GRAPH, 2, [seen("1", 2, "sink")])
+    with refuses(RecipeError, "room-known", where="a"):
+        discover(GRAPH, KnownRoom("a", 1.0))
 
 
 @pytest.mark.parametrize("strategy", ["uniform", "rooms", "frontier", "explore", "search", "mixed"])

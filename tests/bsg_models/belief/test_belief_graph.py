@@ -15,7 +15,8 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import MismatchError, RecipeError
 from bsg_data.observation.masked_buildings import sample_masked
-from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, mask_scene
+from bsg_data.observation.masked_graph import mask_scene
+from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_space import ClassSpace
 from bsg_models.belief.belief_graph import believe, complete, rank_unseen

@@ -11,6 +11,7 @@ from refusals import refuses
 from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_data.observation.observation import Observation
 from bsg_data.scene.connections import Connections
+from bsg_data.scene.surroundings import Surroundings
 from bsg_models.errors import PredictionError
 from bsg_models.evaluation.measurement import EVALUATOR_VERSION, Measurement, read_truth
 from bsg_models.evaluation.prediction_files import read_predictions
@@ -31,6 +32,7 @@ def two_rooms() -> MaskedBuildings:
         vocabulary=(),
         others=np.zeros((3, 0), dtype=np.int64),
         connections=Connections(np.zeros((0, 2), dtype=np.int64), np.zeros(0, str), np.zeros(0)),
+        surroundings=Surroundings.unknown(nodes=3),
     )
     return MaskedBuildings(seen, np.array([[2, 1], [1, 1], [1, 0]]), np.array([0]))
 

@@ -8,7 +8,7 @@ import pytest
 import torch
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from one_building import observe_building
+from one_building import observe_building, surround_rooms
 from torch_geometric.loader import DataLoader
 
 from bsg_data.dataset.dataset import Dataset, read_cells
@@ -19,7 +19,7 @@ from bsg_data.observation.observation import stack
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.scene.room_label import list_room_labels
-from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES, Surroundings
+from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES
 from bsg_models.inputs.edges import EdgeSet
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.inputs.graphs import MaskedGraphs, in_batches, read_split, to_graph
@@ -70,7 +70,7 @@ def test_stored_graphs_are_the_stored_pairs(dataset: Path, part: str) -> None:
 
 def test_the_surroundings_of_a_graph_by_hand() -> None:
     kitchen = list_room_labels().index("kitchen")
-    home = Surroundings.of_rooms([12, None], [None, "kitchen"], building_kind="home", source="mp3d")
+    home = surround_rooms([12, None], [None, "kitchen"], building_kind="home", source="mp3d")
     seen = stack([observe_building([[0, 0]] * 3, surroundings=home), observe_building([[0, 0]])])
     graph = to_graph(seen, edges=())
     assert graph.floor_area.dtype == graph.labels.dtype == torch.float32

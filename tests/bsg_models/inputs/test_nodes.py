@@ -11,12 +11,12 @@ import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
-from one_building import observe_building
+from one_building import observe_building, surround_rooms
 from torch_geometric.nn import SAGEConv
 
 from bsg_data.observation.observation import Observation, stack
 from bsg_data.scene.room_label import list_room_labels
-from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES, Surroundings
+from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES
 from bsg_models.inputs.edges import EdgeSet, list_edges
 from bsg_models.inputs.nodes import EVIDENCE, Neighbours, to_nodes
 from bsg_models.zoo.networks import MeanConv
@@ -120,7 +120,7 @@ def test_many_rooms_take_no_edges() -> None:
 
 def test_evidence_by_hand() -> None:
     """Two rooms: one of 12 e m² and known kind, one of which nothing is known; then a building."""
-    around = Surroundings.of_rooms(
+    around = surround_rooms(
         [12 * math.e, None], ["kitchen", None], building_kind="office", source="behavior"
     )
     known = replace(observe_building([[1.0], [1.0], [0.0]]), surroundings=around)

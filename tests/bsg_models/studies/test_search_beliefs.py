@@ -12,8 +12,8 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.observation.masked_buildings import sample_masked
+from bsg_data.observation.masked_graph import enter_room, mask_scene
 from bsg_data.observation.masks import sample_withheld
-from bsg_data.observation.partial_graph import enter_room, mask_scene
 from bsg_data.recipes import MaskRecipe
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.predictor import Predictor

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from one_building import observe_building
+from one_building import observe_building, surround_rooms
 from torch_geometric.nn import GCNConv
 
 from bsg_data.dataset.dataset import Dataset
@@ -16,7 +16,6 @@ from bsg_data.errors import MismatchError
 from bsg_data.observation.masked_buildings import sample_masked
 from bsg_data.observation.observation import Observation
 from bsg_data.recipes import MaskRecipe
-from bsg_data.scene.surroundings import Surroundings
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.inputs.graphs import read_split
@@ -117,7 +116,7 @@ def test_features_by_hand() -> None:
 
 
 def test_training_forgets_evidence_of_rooms_and_buildings() -> None:
-    around = Surroundings.of_rooms([30] * 99, ["kitchen"] * 99, building_kind="home", source="hm3d")
+    around = surround_rooms([30] * 99, ["kitchen"] * 99, building_kind="home", source="hm3d")
     seen = observe_building(np.ones((100, 1)).tolist(), surroundings=around)
     nodes = to_nodes(seen, reads=EVIDENCE)
     features = NodeFeatures(NetworkConfig(reads=tuple(EVIDENCE), forget=0.4), 1, 0)

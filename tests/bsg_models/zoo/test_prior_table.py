@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import torch
 from conftest import REPOSITORY
-from one_building import observe_building
+from one_building import observe_building, surround_rooms
 from scipy import stats
 from scipy.special import expit, logit
 
@@ -21,7 +21,6 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.observation import Observation
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_space import load_class_space
-from bsg_data.scene.surroundings import Surroundings
 from bsg_models.errors import ConfigError, TrainingError
 from bsg_models.zoo.model import ModelInputs
 from bsg_models.zoo.presence_odds import PresenceOdds, average_others, fit_odds, to_shape
@@ -74,7 +73,7 @@ def test_the_type_of_a_room_is_bayes_rule_over_the_other_objects(
 def test_a_label_is_believed_where_nobody_looked(tmp_path: Path, trust: float) -> None:
     model = make(write(tmp_path, room_types=ROOMS, unlisted=0.1), trust=trust)
     labels = ["kitchen", "garage", None]  # the table does not list garages
-    known = Surroundings.of_rooms([None] * 3, labels)
+    known = surround_rooms([None] * 3, labels)
     found = model.score(
         replace(observe_building([[0, 0, 0]] * 4, hidden_share=1.0), surroundings=known)
     )

@@ -1,17 +1,20 @@
-"""What masks hide outside the classes, with parts and without."""
+"""What is hidden under a view: counts worked out by hand, and parts with their wholes."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from bsg_data.arrays import Counts
-from bsg_data.observation.hidden_others import have_wholes, sample_hidden_others
-from bsg_data.observation.masks import sample_hidden, sample_view
+from bsg_data.observation.hidden_objects import sample_hidden, sample_hidden_others
+from bsg_data.observation.mask_streams import mask_generator
+from bsg_data.observation.masks import sample_view
+from bsg_data.observation.view import View
 from bsg_data.recipes import MaskRecipe
 
 CURTAINS = np.array([[1, 0], [3, 5], [0, 5], [2, 0]])  # of four nodes; the second class is beds
@@ -33,11 +36,6 @@ def hide(recipe: MaskRecipe, draw: int, wholes: Any = WHOLES) -> tuple[Counts, C
         wholes=wholes,
     )
     return hidden, gone
-
-
-def test_where_a_category_has_a_thing_to_be_a_part_of() -> None:
-    expected = [[False, False], [True, False], [False, False], [True, False]]
-    assert have_wholes(CURTAINS, WHOLES).tolist() == expected
 
 
 def test_parts_are_seen_only_with_a_whole() -> None:
@@ -94,3 +92,34 @@ def test_no_more_is_hidden_than_is_there(cells: Counts, strategy: str, draw: int
         cells, view, recipe, scene_id="s", draw=draw, there=cells, hidden=hidden, wholes=WHOLES
     )
     assert ((gone >= 0) & (gone <= cells)).all()
+
+
+# Null region, and rooms that hide nothing, 0.29, 0.29 and all.
+SHARES = np.array([0.0, 0.29, 0.29, 1.0])
+CELLS = np.array([[0, 3], [4, 4], [60, 0], [30, 10], [2, 2]])
+
+
+def draw_hidden(view: View, cells: Counts = CELLS, draw: int = 0) -> Counts:
+    return sample_hidden(cells, view, MaskRecipe(), scene_id="s", draw=draw)
+
+
+def test_a_share_loses_its_exact_number() -> None:
+    hidden = draw_hidden(View.of_rooms(SHARES, classes=2, exact=True))
+    assert hidden[1].tolist() == [0, 0]
+    assert hidden[4].tolist() == [2, 2]
+    assert hidden[2:4].sum() == 29, "exact in decimals: in floats 0.29 of 100 is less than 29"
+    assert (hidden <= CELLS).all()
+
+
+def test_cells_without_objects_take_no_random_number() -> None:
+    """Masks are published: the numbers are those of one draw over all cells."""
+    view = View.of_rooms(SHARES, classes=2)
+    rng = mask_generator(MaskRecipe(), scene_id="s", draw=3, stream="classified")
+    plain = rng.binomial(CELLS, view.hidden_share[:, None])
+    np.testing.assert_array_equal(draw_hidden(view, draw=3), plain)
+
+
+@pytest.mark.parametrize("exact", [True, False])
+def test_nothing_hides_nothing(exact: bool) -> None:
+    view, none = View.of_rooms(SHARES, classes=2, exact=exact), np.zeros_like(CELLS)
+    np.testing.assert_array_equal(draw_hidden(view, none), none)

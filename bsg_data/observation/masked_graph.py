@@ -1,0 +1,151 @@
+"""The partial graph that a mask leaves of a scene graph: the same masks as those of pairs."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from bsg_data.arrays import Counts
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.dataset.histograms import count_cells, to_histograms
+from bsg_data.dataset.shards import read_scene_graphs
+from bsg_data.files import AnyPath
+from bsg_data.observation.hidden_objects import sample_hidden, sample_hidden_others
+from bsg_data.observation.masks import sample_view, sample_withheld
+from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, observe
+from bsg_data.recipes import MaskRecipe
+from bsg_data.scene.class_map import is_nameless
+from bsg_data.scene.class_space import ClassSpace, find_wholes
+from bsg_data.scene.connections import Connections
+from bsg_data.scene.room_label import list_room_labels
+from bsg_data.scene.scene_graph import SceneGraph, SceneObject
+from bsg_data.scene.surroundings import BUILDING_KINDS, is_floor_area
+
+
+def mask_scene(
+    graph: SceneGraph, recipe: MaskRecipe, *, draw: int, class_space: ClassSpace
+) -> PartialGraph:
+    """Return the partial graph that a mask leaves of a scene graph.
+
+    Its histograms equal the inputs of `bsg-data pairs`. A mask says how many objects of each class
+    and room are hidden, not which. This function hides those that are listed last. Withheld classes
+    are left out, and the graph does not say which: give `list_withheld` to `observation`.
+    """
+    adjacent = [(edge.source, edge.target) for edge in graph.adjacency]
+    cells, others, kinds, categories = _count(graph, len(class_space.classes))
+    view = sample_view(
+        cells.shape,
+        recipe,
+        scene_id=graph.scene_id,
+        draw=draw,
+        connections=Connections.of_pairs(adjacent),
+    )
+    hidden = sample_hidden(cells, view, recipe, scene_id=graph.scene_id, draw=draw)
+    unseen = sample_hidden_others(
+        others,
+        view,
+        recipe,
+        scene_id=graph.scene_id,
+        draw=draw,
+        there=cells,
+        hidden=hidden,
+        wholes=find_wholes(categories, class_space.classes) if recipe.parts else None,
+    )
+    left = np.concatenate([cells - hidden, others - unseen], axis=1)
+    seen = []
+    for obj, kind in zip(graph.objects, kinds, strict=True):
+        left[obj.room_index, kind] -= 1
+        if left[obj.room_index, kind] >= 0:
+            seen.append(_see(obj))
+    share = view.hidden_share
+    return PartialGraph(
+        scene_id=graph.scene_id,
+        class_space=class_space,
+        hidden_share=float(share[0]),
+        rooms=tuple(
+            KnownRoom(
+                str(room.region_id),
+                float(share[room.room_index]),
+                bool(view.visited[room.room_index]),
+                room.source_label,
+                room.centroid,
+                room.box,
+                room.footprint,
+                room.floor_index,
+                room.floor_area if is_floor_area(room.floor_area) else None,
+                room.label if room.label in list_room_labels() else None,
+            )
+            for room in graph.rooms
+        ),
+        objects=tuple(seen),
+        adjacency=tuple(adjacent),
+        building_kind=graph.building_kind if graph.building_kind in BUILDING_KINDS else None,
+        source=graph.source,
+    )
+
+
+def list_withheld(recipe: MaskRecipe, graph: PartialGraph, *, draw: int = 0) -> tuple[int, ...]:
+    """Return the indices of the classes that the mask of `mask_scene` withheld."""
+    withheld = sample_withheld(
+        recipe, scene_id=graph.scene_id, draw=draw, classes=len(graph.class_space.classes)
+    )
+    return tuple(np.flatnonzero(withheld).tolist())
+
+
+def enter_room(known: PartialGraph, graph: SceneGraph, room_index: int) -> PartialGraph:
+    """Return the partial graph after the robot has entered a room and seen all objects in it.
+
+    Raises:
+        RecipeError: if the room does not exist.
+    """
+    inside = (obj for obj in graph.objects if obj.room_index == room_index)
+    return observe(known, room_index, map(_see, inside))
+
+
+def mask_dataset(
+    dataset: AnyPath, scenes: Collection[str], recipe: MaskRecipe, *, draw: int = 0
+) -> Iterator[tuple[PartialGraph, Counts]]:
+    """Yield the partial graphs of some masked scenes with their true histograms `[N, C]`."""
+    dataset = Path(dataset)
+    data = Dataset.open(dataset)
+    for graph in read_scene_graphs(dataset):
+        if graph.scene_id in scenes:
+            left = mask_scene(graph, recipe, draw=draw, class_space=data.manifest.class_space)
+            yield left, to_histograms(data.cells(graph.scene_id))
+
+
+def _see(obj: SceneObject) -> SeenObject:
+    return SeenObject(
+        str(obj.instance_id),
+        obj.room_index,
+        obj.raw_category,
+        obj.category,
+        obj.class_index,
+        obj.centroid,
+    )
+
+
+def _count(graph: SceneGraph, classes: int) -> tuple[Counts, Counts, list[int], tuple[str, ...]]:
+    """Return classified cells, other cells, the column of each object, and the others' names."""
+    names = [
+        None if obj.category is None or is_nameless(obj.category) else obj.category
+        for obj in graph.objects
+    ]
+    others = sorted(
+        {
+            name or ""
+            for obj, name in zip(graph.objects, names, strict=True)
+            if obj.class_index is None
+        }
+    )
+    column = {name: classes + i for i, name in enumerate(others)}
+    kinds = [
+        column[name or ""] if obj.class_index is None else obj.class_index
+        for obj, name in zip(graph.objects, names, strict=True)
+    ]
+    rooms = np.array([obj.room_index for obj in graph.objects], dtype=np.int64)
+    shape = (len(graph.rooms) + 1, classes + len(others))
+    cells = count_cells(rooms, np.array(kinds, dtype=np.int64), shape=shape)
+    return cells[:, :classes], cells[:, classes:], kinds, tuple(others)
