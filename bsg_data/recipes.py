@@ -122,7 +122,7 @@ class MaskRecipe(Record):
         withhold: probability that a class is withheld, for each class independently. A withheld
             class is shown only in searched rooms.
         parts: whether an object outside the classes is hidden with the object that it is a part of
-            (`bsg_data.scene.parts`).
+            (`bsg_data.scene.class_space.find_wholes`).
         exploration: further settings of `explore`.
     """
 
