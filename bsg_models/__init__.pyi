@@ -34,8 +34,8 @@ from .runs.checkpoint import Checkpoint, load_checkpoint, restore_model
 from .runs.found_model import FoundModel, find_model, locate_run
 from .runs.hub import HubModel
 from .runs.hub_files import download
+from .runs.model_card import describe_model, summarise_model
 from .runs.model_facts import ModelSummary, list_shipped
-from .runs.model_summary import describe_model, summarise_model
 from .runs.predictor import Predictor
 from .runs.run_log import Begun, Ended, read_log
 from .runs.shipped import DEFAULT_MODEL, shipped_names

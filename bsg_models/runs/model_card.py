@@ -1,4 +1,4 @@
-"""Write model cards: training data, terms, accuracy and limits of a model.
+"""Write model cards, and summarise any model: training data, terms, accuracy and limits.
 
 The front matter is what the Hugging Face hub reads. Its key `bsg` holds the facts that commands
 show; `model_facts.py` reads them back.
@@ -9,26 +9,23 @@ from __future__ import annotations
 import shlex
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import yaml
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.shards import read_table
-from bsg_data.errors import RecipeError
-from bsg_data.inputs.bounded_file import read_bytes
-from bsg_data.inputs.bounds import CARD, RUN_RECORD
-from bsg_data.inputs.documents import read_json
+from bsg_data.files import AnyPath
+from bsg_data.inputs.bounded_file import hash_file, read_bytes
+from bsg_data.inputs.bounds import CARD
 from bsg_data.sources.source import LICENCE_REF, is_address
 from bsg_data.tables import escape_markdown, format_markdown, make_plain, mark_code
 from bsg_models.errors import CheckpointError
-from bsg_models.runs.checkpoint import CheckpointHeader
-from bsg_models.runs.disclosure import Disclosure, Membership
-from bsg_models.runs.found_model import FoundModel
+from bsg_models.runs.checkpoint import CheckpointHeader, read_header
+from bsg_models.runs.found_model import FoundModel, find_model
 from bsg_models.runs.hub_files import HUB_CARD
-from bsg_models.runs.model_facts import UNKNOWN, ModelCard, TrainedOn
-from bsg_models.runs.shipped import read_shipped_card
+from bsg_models.runs.model_facts import UNKNOWN, ModelCard, ModelSummary, TrainedOn, read_card
+from bsg_models.runs.shipped import DEFAULT_MODEL, read_shipped_card
 
 LIBRARY = "belief-scene-graphs"
 PAPER = "https://arxiv.org/abs/2402.03840"
@@ -75,8 +72,7 @@ def write_card(
     *,
     header: CheckpointHeader,
     figures: Sequence[Mapping[str, _MEASURED]] = (),
-    disclosure: Disclosure | None = None,
-    membership: Membership | None = None,
+    measured: Sequence[str] = (),
 ) -> str:
     """Return the card of a model: front matter for the hub, then Markdown.
 
@@ -84,8 +80,7 @@ def write_card(
         card: its facts.
         header: of its checkpoint.
         figures: rows of a table of measured values, each with the same keys.
-        disclosure: what was looked for in the weights.
-        membership: how well a training building can be told from another.
+        measured: sentences on what the weights tell of their training data.
     """
     space = header.class_space
     lines = [
@@ -113,9 +108,8 @@ def write_card(
         columns = tuple(figures[0])
         rows = [tuple(_show(row[name]) for name in columns) for row in figures]
         lines += ["## Accuracy", "", *format_markdown(rows, header=columns), ""]
-    if disclosure is not None or membership is not None:
-        lines += ["## Training data in the weights", ""]
-        lines += [f"{sentence}\n" for sentence in (disclosure, membership) if sentence is not None]
+    if measured:
+        lines += ["## Training data in the weights", "", *(f"{one}\n" for one in measured)]
     lines += ["## Limits", "", *(f"- {sentence}" for sentence in _CANNOT), ""]
     return "\n".join(lines)
 
@@ -132,17 +126,47 @@ def card_text(found: FoundModel, header: CheckpointHeader) -> str:
     return write_card(ModelCard(name=found.name, purpose=purpose), header=header)
 
 
-def read_figures(path: Path) -> dict[str, list[dict[str, _MEASURED]]]:
-    """Read tables of measured values: JSON, model → rows of the same keys."""
-    found = read_json(path, RUN_RECORD, error=RecipeError)
-    tables: dict[str, Any] = found if isinstance(found, dict) else {"the file": ""}
-    for name, rows in tables.items():
-        plain = isinstance(rows, list) and all(isinstance(row, dict) for row in rows)
-        if not plain or len({tuple(row) for row in rows}) > 1:
-            raise RecipeError(
-                f"{path}: {name}: expected MODEL → a list of objects of the same keys"
-            )
-    return dict(tables)
+def summarise_model(model: AnyPath | FoundModel = DEFAULT_MODEL) -> ModelSummary:
+    """Return the facts of a model, without loading its weights.
+
+    Args:
+        model: what `find_model` takes, or what it returned.
+
+    Raises:
+        CheckpointError: if there is no such model, or its header or card is damaged.
+    """
+    found = model if isinstance(model, FoundModel) else find_model(model)
+    header = read_header(found.path)
+    text = card_text(found, header)
+    card = read_card(text, origin=f"the card of {found.name}")
+    return ModelSummary(
+        name=found.name,
+        kind=found.kind,
+        zoo_name=header.config.name,
+        class_space=header.class_space.name,
+        class_space_sha256=header.class_space.sha256,
+        classes=len(header.class_space.classes),
+        dataset_sha256=header.dataset_sha256,
+        config=header.config.model_dump(mode="json"),
+        bytes=found.path.stat().st_size,
+        sha256=hash_file(found.path),
+        data=card.data,
+        licence=card.licence,
+        purpose=card.purpose,
+        card=text,
+    )
+
+
+def describe_model(model: AnyPath = DEFAULT_MODEL) -> str:
+    """Return which model is used: `universal (shipped; trained on 145 buildings of hm3d)`.
+
+    Raises:
+        CheckpointError: if there is no such model.
+    """
+    found = find_model(model)
+    if found.kind == "shipped":
+        return f"{found.name} (shipped; trained on {summarise_model(found).data})"
+    return f"{found.name} ({found.kind}, {found.path})"
 
 
 def _front_matter(card: ModelCard) -> dict[str, Any]:

@@ -31,7 +31,7 @@ from bsg_models.rendering.figures import plot_savings
 from bsg_models.rendering.replay import write_replay
 from bsg_models.runs.checkpoint import read_header
 from bsg_models.runs.found_model import locate_run
-from bsg_models.runs.model_summary import describe_model
+from bsg_models.runs.model_card import describe_model
 from bsg_models.runs.run_folder import checkpoint_of, refuse_run
 from bsg_models.runs.shipped import DEFAULT_MODEL, name_run, shipped_names
 from bsg_models.search.catalogue import PLANNERS

@@ -10,8 +10,8 @@ import pytest
 
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_models.errors import CheckpointError
+from bsg_models.runs.model_card import summarise_model
 from bsg_models.runs.model_facts import list_shipped
-from bsg_models.runs.model_summary import summarise_model
 from bsg_models.runs.shipped import encode_sums, shipped_names
 
 

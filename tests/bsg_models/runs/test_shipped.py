@@ -14,9 +14,8 @@ from bsg_data.scene.class_map import map_into
 from bsg_models.errors import CheckpointError
 from bsg_models.runs import shipped as shipped_module
 from bsg_models.runs.checkpoint import read_header
-from bsg_models.runs.model_card import write_card
+from bsg_models.runs.model_card import summarise_model, write_card
 from bsg_models.runs.model_facts import ModelCard
-from bsg_models.runs.model_summary import summarise_model
 from bsg_models.runs.predictor import Predictor
 from bsg_models.runs.shipped import (
     DEFAULT_MODEL,

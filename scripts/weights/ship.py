@@ -12,6 +12,7 @@ A command that was stopped goes on where it was. The same datasets give the same
 from __future__ import annotations
 
 import argparse
+import json
 import shutil
 import sys
 from collections.abc import Mapping, Sequence
@@ -19,6 +20,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from disclosure import find_disclosed, measure_membership
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import hash_manifest, read_manifest
@@ -34,8 +36,7 @@ from bsg_models.evaluation.measurement import predict_all
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model, save_checkpoint
-from bsg_models.runs.disclosure import find_disclosed, measure_membership
-from bsg_models.runs.model_card import describe_training, read_figures, write_card
+from bsg_models.runs.model_card import describe_training, write_card
 from bsg_models.runs.model_facts import ModelCard
 from bsg_models.runs.run_folder import BEST, LAST, is_finished, name_tensors
 from bsg_models.runs.shipped import SUFFIX, SUMS, encode_sums
@@ -180,8 +181,7 @@ def ship(
         card,
         header=checkpoint.header,
         figures=figures,
-        disclosure=disclosure,
-        membership=measure_membership(model, inside, outside),
+        measured=(str(disclosure), str(measure_membership(model, inside, outside))),
     )
     write_bytes(out / f"{name}{SUFFIX}", made.read_bytes())
     write_bytes(out / f"{name}.md", text.encode())
@@ -194,7 +194,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         for kind, names in (("shipped model", only), ("shipped model", options.config_of)):
             require_known(kind, names, MODELS)
-        figures = read_figures(options.figures) if options.figures else {}
+        figures = json.loads(options.figures.read_text("utf-8")) if options.figures else {}
         for name in only:
             source = getattr(options, MODELS[name].data)
             if source is None:

@@ -15,7 +15,7 @@ from bsg_models.runs.model_facts import list_shipped, read_card
 from bsg_models.runs.predictor import Predictor
 from bsg_models.runs.shipped import read_shipped_card, shipped_names
 
-SHIP = load_script("ship_models")
+SHIP = load_script("weights/ship")
 TINY = (
     *("--config-of", "universal=ceci-sage", "--set", "universal:training.epochs=1"),
     *("--set", "universal:training.validate_every=1", "--set", "universal:model.width=8"),

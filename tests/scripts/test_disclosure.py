@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from disclosure import find_disclosed, measure_membership
 
 from bsg_data.arrays import Floats
 from bsg_data.dataset.dataset import Dataset
@@ -18,7 +19,6 @@ from bsg_data.recipes import MaskRecipe
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation, from_hidden_counts
 from bsg_models.runs.checkpoint import load_checkpoint, save_checkpoint
-from bsg_models.runs.disclosure import find_disclosed, measure_membership
 from bsg_models.zoo.model import BeliefModel, ModelInputs
 from bsg_models.zoo.settings import ModelConfig
 

@@ -7,11 +7,9 @@ another. A model that memorises its training buildings assigns them a higher lik
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.stats import rankdata
@@ -151,9 +149,7 @@ def _per_scene_shapes(checkpoint: Checkpoint, data: Dataset, train: Sequence[str
     """Yield the tensors with a dimension as long as the number of buildings or rooms.
 
     A tensor that a new model also has, in the same shape, does not count: its shape follows from
-    configuration, classes and vocabulary. In other tensors, a length that one of these explains
-    does
-    not count.
+    configuration, classes and vocabulary.
     """
     header = checkpoint.header
     new = make_model(
@@ -163,9 +159,6 @@ def _per_scene_shapes(checkpoint: Checkpoint, data: Dataset, train: Sequence[str
         members=header.members,
     )
     shapes = {f"model.{name}": tensor.shape for name, tensor in new.state_dict().items()}
-    known = {len(header.class_space.classes), len(header.vocabulary), 1}
-    configs = [header.config, *header.members.values()]
-    known |= {n for config in configs for n in _whole_numbers(config.model.model_dump(mode="json"))}
     sizes = {}
     for what, scenes in (("training ", train), ("", data.scene_ids)):
         nodes = sum(len(data.cells(scene)) for scene in scenes)
@@ -174,19 +167,9 @@ def _per_scene_shapes(checkpoint: Checkpoint, data: Dataset, train: Sequence[str
         sizes[nodes] = f"nodes of {what}buildings"
     for name, tensor in checkpoint.tensors.items():
         for length in () if shapes.get(name) == tensor.shape else tensor.shape:
-            if length in sizes and length not in known:
+            if length in sizes:
                 shape = tuple(tensor.shape)
                 yield f"{name} {shape} has a place for each of {length} {sizes[length]}"
-
-
-def _whole_numbers(value: Any) -> Iterator[int]:
-    if isinstance(value, dict):
-        value = list(value.values())
-    if isinstance(value, list):
-        for one in value:
-            yield from _whole_numbers(one)
-    elif isinstance(value, int) and not isinstance(value, bool):
-        yield value
 
 
 def _copied_rows(checkpoint: Checkpoint, data: Dataset) -> Iterator[str]:
@@ -226,22 +209,9 @@ def _rarest_category(
 
 
 def _named_scenes(checkpoint: Checkpoint, data: Dataset) -> Iterator[str]:
-    """Yield the scenes that a text of the header names."""
-    texts = set(_texts(json.loads(checkpoint.header.model_dump_json())))
+    """Yield the buildings whose id or hash stands in the header; short ids only as whole words."""
+    text = checkpoint.header.model_dump_json()
     for scene in data.scene_ids:
         for name in {scene, scene.partition("-")[2] or scene}:
-            held = any(name in text for text in texts) if len(name) >= _LONG_ID else name in texts
-            if held:
+            if (name in text) if len(name) >= _LONG_ID else (f'"{name}"' in text):
                 yield f"its header names the building {name}"
-
-
-def _texts(value: Any) -> Iterator[str]:
-    if isinstance(value, dict):
-        for key, inner in value.items():
-            yield str(key)
-            yield from _texts(inner)
-    elif isinstance(value, list):
-        for inner in value:
-            yield from _texts(inner)
-    elif isinstance(value, str):
-        yield value
