@@ -10,7 +10,6 @@ from bsg_data.errors import DatasetError
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import PairsRecipe, SplitRecipe
 from bsg_models.inputs.folds import Split, scenes_of, splits_of, vocabulary_of
-from bsg_models.inputs.graphs import MaskedGraphs
 
 PARTS: tuple[Split, ...] = ("train", "val", "test")
 
@@ -34,16 +33,13 @@ def test_folds_rotate_and_never_overlap(folded: Path) -> None:
     data = Dataset.open(folded)
     tested: list[str] = []
     for fold in range(3):
-        parts = [set(scenes_of(data, part, fold=fold)) for part in PARTS]
-        assert set.union(*parts) == set(data.scene_ids)
-        assert sum(map(len, parts)) == len(data.scene_ids)
-        assert len(MaskedGraphs.stored(folded, "train", fold=fold)) == len(parts[0])
+        parts = [scenes_of(data, part, fold=fold) for part in PARTS]
+        assert sorted(scene for part in parts for scene in part) == sorted(data.scene_ids)
         tested += parts[2]
     assert sorted(tested) == sorted(data.scene_ids)
-    with pytest.raises(DatasetError):
-        scenes_of(data, "test")
-    with pytest.raises(DatasetError):
-        scenes_of(data, "test", fold=3)
+    for fold in (None, 3):
+        with pytest.raises(DatasetError):
+            scenes_of(data, "test", fold=fold)
 
 
 def test_a_rotation_by_hand(folded: Path) -> None:
@@ -54,8 +50,6 @@ def test_a_rotation_by_hand(folded: Path) -> None:
     assert scenes_of(data, "test", fold=2) == third
     assert scenes_of(data, "val", fold=2) == (first[0], first[2])
     assert scenes_of(data, "train", fold=2) == (first[1], first[3], *second)
-    assert splits_of(data, "test", fold=2) == ("fold-2",)
-    assert splits_of(data, "val", fold=2) == ("fold-0",)
     assert splits_of(data, "train", fold=2) == ("fold-0", "fold-1")
 
 

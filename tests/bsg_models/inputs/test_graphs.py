@@ -17,7 +17,7 @@ from bsg_data.dataset.splits import read_splits, split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.observation.observation import stack
 from bsg_data.observation.pairs import write_pairs
-from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
+from bsg_data.recipes import PairsRecipe, SplitRecipe
 from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES
 from bsg_models.inputs.edges import EdgeSet
@@ -37,6 +37,9 @@ def test_a_graph_by_hand() -> None:
                 others=[[7], [7], [0]],
                 vocabulary=("tap",),
                 connected=[(1, 2)],
+                surroundings=surround_rooms(
+                    [12, None], [None, "kitchen"], building_kind="home", source="mp3d"
+                ),
             ),
             observe_building([[9, 9]], vocabulary=("tap",)),
         ]
@@ -51,6 +54,10 @@ def test_a_graph_by_hand() -> None:
     assert graph.visited.tolist() == [True, True, False, True]
     assert graph.hidden_share.tolist() == [0.5, 0.25, 1.0, 0.5]
     assert graph.withheld.tolist() == [[False, True]] * 3 + [[False, False]]
+    assert graph.floor_area.tolist() == [0, 12, 0, 0]
+    assert graph.labels.nonzero().tolist() == [[2, list_room_labels().index("kitchen")]]
+    assert graph.building_kind.tolist() == [BUILDING_KINDS.index("home")] * 3 + [-1]
+    assert graph.source.tolist() == [KNOWN_SOURCES.index("mp3d")] * 3 + [-1]
     assert "y" not in to_graph(seen, edges=())
 
 
@@ -66,29 +73,6 @@ def test_stored_graphs_are_the_stored_pairs(dataset: Path, part: str) -> None:
         assert graph.is_building.tolist() == [True] + [False] * (len(graph.x) - 1)
         assert (graph.hidden_share == 0.5).all()
         assert graph.visited.all()
-
-
-def test_the_surroundings_of_a_graph_by_hand() -> None:
-    kitchen = list_room_labels().index("kitchen")
-    home = surround_rooms([12, None], [None, "kitchen"], building_kind="home", source="mp3d")
-    seen = stack([observe_building([[0, 0]] * 3, surroundings=home), observe_building([[0, 0]])])
-    graph = to_graph(seen, edges=())
-    assert graph.floor_area.dtype == graph.labels.dtype == torch.float32
-    assert graph.floor_area.tolist() == [0, 12, 0, 0]
-    assert graph.labels.shape == (4, len(list_room_labels()))
-    assert graph.labels.nonzero().tolist() == [[2, kitchen]]
-    assert graph.building_kind.dtype == graph.source.dtype == torch.int64
-    assert graph.building_kind.tolist() == [BUILDING_KINDS.index("home")] * 3 + [-1]
-    assert graph.source.tolist() == [KNOWN_SOURCES.index("mp3d")] * 3 + [-1]
-
-
-def test_fresh_masks_are_the_stored_ones_of_the_same_recipe_and_draw(dataset: Path) -> None:
-    stored = MaskedGraphs.stored(dataset, "train")
-    for draw in range(4):
-        fresh = MaskedGraphs.fresh(dataset, "train", mask=MaskRecipe(), draw=draw)
-        for graph in fresh:
-            (same,) = [s for s in stored if (s.scene_id, s.draw) == (graph.scene_id, draw)]
-            assert torch.equal(graph.x, same.x)
 
 
 @pytest.mark.parametrize("edges", [("up", "down"), ("complete",), ("down", "adjacent"), ()])

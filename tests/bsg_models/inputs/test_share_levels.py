@@ -15,7 +15,7 @@ from scipy.stats import beta
 from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.partial_graph import PartialGraph, observe
 from bsg_data.observation.robot_json import read_robot_graph
-from bsg_models.inputs.share_levels import LEVELS, spread_shares
+from bsg_models.inputs.share_levels import spread_shares
 from bsg_models.runs.predictor import Predictor
 
 OFFICE = read_robot_graph(REPOSITORY / "docs" / "office.json")
@@ -81,23 +81,6 @@ def test_presence_is_the_integral_over_the_share(share: ShareBelief) -> None:
 
         integral, _ = quad(weigh, 0, 1, epsabs=1e-4, limit=20)
         assert found.presence[2, column] == pytest.approx(integral, abs=2e-3)
-
-
-def test_a_building_hides_what_its_rooms_hide() -> None:
-    shares = ShareBelief(0.5, 0.25), ShareBelief(0.3, 0.2), ShareBelief(1.0)
-    found = PREDICTOR(believe_shares(*shares))
-    assert found.hidden_counts.means.shape[0] == LEVELS
-    np.testing.assert_allclose(found.hidden[1:].sum(axis=0), found.hidden[0], rtol=0.05, atol=0.02)
-    assert (found.presence[0] >= found.presence[1:].max(axis=0) - 1e-6).all()
-    np.testing.assert_array_equal(found.inputs, OFFICE.histograms())
-
-
-def test_a_small_doubt_changes_little_and_none_nothing() -> None:
-    sure = PREDICTOR(OFFICE)
-    doubtful = PREDICTOR(believe_shares(*[ShareBelief(0.5, 1e-3)] * 3))
-    np.testing.assert_allclose(doubtful.presence, sure.presence, atol=1e-4)
-    same = PREDICTOR(believe_shares(*[ShareBelief(0.5, 1e-9)] * 3))
-    np.testing.assert_array_equal(same.presence, sure.presence)
 
 
 def test_a_searched_room_hides_nothing_beside_uncertain_ones() -> None:

@@ -40,13 +40,6 @@ def tables(name: str = "ceci-gcn") -> dict[str, Any]:
     return find_config(name).model_dump(mode="json")
 
 
-@pytest.mark.parametrize("name", ZOO.names())
-def test_every_configuration_survives_toml(name: str, tmp_path: Path) -> None:
-    path = tmp_path / "config.toml"
-    path.write_text(write_toml(find_config(name)), "utf-8")
-    assert validate_config(read_config(path), source="file") == find_config(name)
-
-
 def test_the_papers_values_are_the_defaults() -> None:
     """Section IV-A: 5 layers, 5000 epochs, batches of 24, Adam 0.01, decay 5e-6, MSE."""
     paper = find_config("ceci-gcn")
