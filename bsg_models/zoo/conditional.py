@@ -45,18 +45,13 @@ _LEVELS = 4  # 1, 2, 3, and more
 
 
 class ConditionalConfig(ModelConfig):
-    """The paper's equations 1 to 3, by counting on masks of the training rooms.
-
-    Attributes:
-        observe: condition on the classes seen (equation 1), or on the count of each (2, 3).
-        smoothing: added to every count, as a share of the class's mean.
-        draws: masks of every training building.
-    """
+    """The paper's equations 1 to 3, by counting on masks of the training rooms."""
 
     family: Literal["conditional"] = "conditional"
+    # Condition on the classes seen (equation 1), or on the count of each (2, 3).
     observe: Literal["classes", "counts"] = "counts"
-    smoothing: float = Field(default=2.0, gt=0, allow_inf_nan=False)
-    draws: int = Field(default=20, ge=1, le=1000)
+    smoothing: float = Field(default=2.0, gt=0, allow_inf_nan=False)  # s
+    draws: int = Field(default=20, ge=1, le=1000)  # masks of every training building
 
 
 class ConditionalModel(BeliefModel):

@@ -21,18 +21,14 @@ from bsg_models.zoo.settings import WHATEVER, ModelConfig
 
 
 class EnsembleConfig(ModelConfig):
-    """Several models of the zoo, whose distributions are mixed in equal parts.
-
-    Attributes:
-        members: names of the zoo; each is trained by its own recipe.
-        calibrate: fit the calibration of the mixture on the val buildings.
-    """
+    """Several models of the zoo, whose distributions are mixed in equal parts."""
 
     family: Literal["ensemble"] = "ensemble"
+    # Names of the zoo; each is trained by its own recipe.
     members: tuple[str, ...] = Field(
         default=("mixture", "universal", "universal-transformer"), min_length=1
     )
-    calibrate: bool = True
+    calibrate: bool = True  # the mixture, on the val buildings
 
     @model_validator(mode="after")
     def _members_differ(self) -> EnsembleConfig:

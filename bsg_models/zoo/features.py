@@ -21,33 +21,26 @@ EVERYTHING = ("mask", "building", "categories", "withheld", *EVIDENCE)
 
 
 class NetworkConfig(ModelConfig):
-    """Settings of all networks of hidden counts (`bsg_models.zoo.networks`).
-
-    Attributes:
-        width: channels of the hidden layers.
-        depth: rounds or layers.
-        dropout: share of channels dropped after each layer; half of it for the features.
-        tilted: J, the number of first counts whose prior is tilted; 0 for a plain Gamma prior.
-        reads: evidence besides the node's own histogram; see `NodeFeatures`.
-        embedding: width of the embedding of the categories outside the classes.
-        category_dropout: share of these categories that training overlooks.
-        forget: share of the rooms whose size and label training hides, and of the buildings whose
-            kind and source it hides, so that the network never depends on them.
-        calibrate: fit the calibration on the val buildings.
-    """
+    """Settings of all networks of hidden counts (`bsg_models.zoo.networks`)."""
 
     family: str = ""  # each family has its own name
-    width: int = Field(default=128, ge=1, le=4096)
-    depth: int = Field(default=2, ge=1, le=64)
+    width: int = Field(default=128, ge=1, le=4096)  # channels of the hidden layers
+    depth: int = Field(default=2, ge=1, le=64)  # rounds or layers
+    # Share of channels dropped after each layer; half of it for the features.
     dropout: float = Field(default=0.4, ge=0.0, lt=1.0)
     likelihood: Literal["negative-binomial"] = "negative-binomial"  # of the hidden counts
-    tilted: int = Field(default=2, ge=0, le=8)
+    tilted: int = Field(default=2, ge=0, le=8)  # J, first counts with a tilted prior
+    # Evidence besides the node's own histogram; see `NodeFeatures`.
     reads: tuple[str, ...] = ("mask", "building", "categories")
+    # Width of the embedding of the categories outside the classes, learned with the network.
     embedding: int = Field(default=32, ge=1, le=4096)
-    embed: Literal["learned"] = "learned"  # with the network
+    embed: Literal["learned"] = "learned"
+    # Share of these categories that training overlooks.
     category_dropout: float = Field(default=0.3, ge=0.0, lt=1.0)
+    # Share of the rooms, or buildings, whose `EVIDENCE` training hides, so that the network never
+    # depends on it.
     forget: float = Field(default=0.5, ge=0.0, lt=1.0)
-    calibrate: bool = True
+    calibrate: bool = True  # fit the calibration on the val buildings
 
     @field_validator("reads")
     @classmethod

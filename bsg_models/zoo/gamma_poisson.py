@@ -43,14 +43,10 @@ from bsg_models.zoo.training_rooms import Tally, tally_rooms
 
 
 class GammaPoissonConfig(ModelConfig):
-    """Shrink each count to its class: Poisson counts with a Gamma prior fitted per class.
-
-    Attributes:
-        tilted: J, the number of first counts whose prior is tilted.
-    """
+    """Shrink each count to its class: Poisson counts with a Gamma prior fitted per class."""
 
     family: Literal["gamma-poisson"] = "gamma-poisson"
-    tilted: int = Field(default=0, ge=0, le=8)
+    tilted: int = Field(default=0, ge=0, le=8)  # J, first counts whose prior is tilted
 
 
 class GammaPoissonModel(BeliefModel):

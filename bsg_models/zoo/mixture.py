@@ -61,25 +61,15 @@ _PRIOR_TYPES = 8.0  # η: weight of the average building in π_b, in rooms
 
 
 class MixtureConfig(ModelConfig):
-    """Latent room types with negative-binomial counts, fitted by expectation maximisation.
-
-    Attributes:
-        types: number of room types.
-        iterations: of expectation maximisation.
-        temper: exponent on the likelihood of what is seen; below 1, because the classes of a room
-            are not independent given its type.
-        building: whether the other rooms of a building inform about its types and habits.
-        tilted: J, the number of first counts whose prior is tilted.
-        calibrate: fit the calibration on the val buildings.
-    """
+    """Latent room types with negative-binomial counts, fitted by expectation maximisation."""
 
     family: Literal["mixture"] = "mixture"
     types: int = Field(default=16, ge=1, le=1000)
     iterations: int = Field(default=60, ge=1, le=10_000)
-    temper: float = Field(default=0.85, gt=0, le=1)
-    building: bool = True
-    tilted: int = Field(default=2, ge=0, le=8)
-    calibrate: bool = True
+    temper: float = Field(default=0.85, gt=0, le=1)  # τ
+    building: bool = True  # whether the other rooms of a building inform
+    tilted: int = Field(default=2, ge=0, le=8)  # J
+    calibrate: bool = True  # on the val buildings
 
 
 class RoomTypeMixture(CalibratedModel):

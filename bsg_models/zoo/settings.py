@@ -24,31 +24,22 @@ class ModelConfig(Record):
 
 
 class DataConfig(Record):
-    """What a run is trained on.
+    """What a run is trained on."""
 
-    Attributes:
-        masks: `fresh` draws new masks of the training buildings each epoch; `fixed` uses the stored
-            pairs, as the paper does. Tests use stored pairs. Validation does, too, unless the fresh
-            masks are of another kind: see `needs_own_masks`.
-        mask: recipe of the fresh masks.
-        fractions: range of the fraction of the fresh masks, instead of the mask's own: a model
-            trained at one fraction only is unreliable at others.
-        edges: which edges the graphs have; see `bsg_models.inputs.edges.connect`.
-        min_scenes: number of training buildings in which a category outside the classes must occur
-            to be read, by models that read categories.
-        withhold: short for a `mask` of the strategy `search` with this `withhold`: of each training
-            building up to half of the rooms were searched, and the other rooms show no object of
-            the withheld classes. Models that read `withheld` are told.
-        fold: fold to test on, in a dataset of folds.
-    """
-
+    # `fresh` draws new masks of the training buildings each epoch; `fixed` uses the stored pairs,
+    # as the paper does. Tests use stored pairs. Validation does, too, unless `needs_own_masks`.
     masks: Literal["fresh", "fixed"] = "fresh"
-    mask: MaskRecipe = MaskRecipe()
+    mask: MaskRecipe = MaskRecipe()  # of the fresh masks
+    # Range of the fraction of the fresh masks, instead of the mask's own: a model trained at one
+    # fraction only is unreliable at others.
     fractions: tuple[Share, Share] | None = None
     edges: tuple[EdgeSet, ...] = ("up", "down")
+    # Training buildings in which a category outside the classes must occur to be read.
     min_scenes: int = Field(default=4, ge=1)
+    # Short for a `mask` of the strategy `search` with this `withhold`: of each training building up
+    # to half of the rooms were searched, and the others show no object of the withheld classes.
     withhold: Share = 0.0
-    fold: int | None = Field(default=None, ge=0)
+    fold: int | None = Field(default=None, ge=0)  # to test on, in a dataset of folds
 
     @field_validator("mask")
     @classmethod
@@ -107,31 +98,22 @@ class DataConfig(Record):
 
 
 class TrainingConfig(Record):
-    """How a network is trained; the defaults are the paper's values (section IV-A).
-
-    Attributes:
-        epochs: 5000 in the paper.
-        batch_size: graphs per step.
-        learning_rate: of Adam.
-        decay: the paper's "learning rate decay of 5e-6".
-        decay_as: meaning of `decay`: Adam's `weight-decay`, or `learning-rate` / (1 + decay ·
-            step), or `decoupled`, which is AdamW's on matrices only and not the paper's.
-        schedule: a `constant` learning rate, or `one-cycle`: it rises for a tenth of all steps,
-            then falls to 0 as a cosine; the result then depends on `epochs`.
-        clip: limit of the norm of the gradients; None for no limit.
-        validate_every: epochs between validations; each also writes the checkpoints.
-        device: device of the steps: `cpu`, `cuda`, or `auto` for a GPU if there is one. Validation
-            is on the CPU, and checkpoints load anywhere.
-    """
+    """How a network is trained; the defaults are the paper's values (section IV-A)."""
 
     epochs: int = Field(default=5000, ge=1)
-    batch_size: int = Field(default=24, ge=1)
-    learning_rate: float = Field(default=0.01, gt=0, allow_inf_nan=False)
+    batch_size: int = Field(default=24, ge=1)  # graphs per step
+    learning_rate: float = Field(default=0.01, gt=0, allow_inf_nan=False)  # of Adam
+    # The paper's "learning rate decay of 5e-6": Adam's `weight-decay`, or `learning-rate` / (1 +
+    # decay · step), or `decoupled`, which is AdamW's on matrices only and not the paper's.
     decay: float = Field(default=5e-6, ge=0, allow_inf_nan=False)
     decay_as: Literal["weight-decay", "learning-rate", "decoupled"] = "weight-decay"
+    # `one-cycle` rises for a tenth of all steps, then falls to 0 as a cosine; the result then
+    # depends on `epochs`.
     schedule: Literal["constant", "one-cycle"] = "constant"
-    clip: float | None = Field(default=None, gt=0, allow_inf_nan=False)
+    clip: float | None = Field(default=None, gt=0, allow_inf_nan=False)  # norm of the gradients
+    # Epochs between validations; each also writes the checkpoints.
     validate_every: int = Field(default=10, ge=1)
+    # Of the steps; `auto` takes a GPU if there is one. Validation is on the CPU.
     device: Device = "cpu"
 
 
