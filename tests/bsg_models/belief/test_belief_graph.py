@@ -13,7 +13,7 @@ from refusals import refuses
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.shards import read_scene_graphs
-from bsg_data.errors import MismatchError, RecipeError
+from bsg_data.errors import RecipeError
 from bsg_data.observation.masked_buildings import sample_masked
 from bsg_data.observation.masked_graph import mask_scene
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
@@ -21,11 +21,8 @@ from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_space import ClassSpace
 from bsg_models.belief.belief_graph import believe, complete, rank_unseen
 from bsg_models.belief.count_distribution import poisson
-from bsg_models.belief.expectation import from_hidden_counts, from_totals
+from bsg_models.belief.expectation import from_hidden_counts, from_totals, join
 from bsg_models.inputs.folds import scenes_of
-from bsg_models.runs.predictor import Predictor
-from bsg_models.training.training import train_run
-from bsg_models.zoo.config import find_config
 
 FOUR = ClassSpace.of("test", ("bed", "lamp", "sink", "tv"))
 GRAPH = PartialGraph(
@@ -68,21 +65,9 @@ def test_a_belief_graph_by_hand() -> None:
     assert [row.tolist() for row in rank_unseen(expectation, 9)] == [[1], [1, 2], [1]]
 
 
-def test_distributions_and_totals() -> None:
-    found = from_totals(np.zeros((2, 2)), np.array([[3.0, 1.0], [0.0, 0.0]]))
-    assert found.total.tolist() == [4, 0]
-    assert found.distribution.tolist() == [[0.75, 0.25], [0, 0]]
-
-
 def test_the_expectation_of_another_graph_is_refused() -> None:
     with refuses(RecipeError, "expectation-foreign"):
         believe(GRAPH, from_totals(np.zeros((3, 4)), np.ones((3, 4))))
-
-
-@pytest.fixture
-def run(dataset: Path, tmp_path: Path) -> Path:
-    list(train_run(find_config("mixture"), dataset, tmp_path / "run"))
-    return tmp_path / "run"
 
 
 @pytest.mark.parametrize("strategy", ["uniform", "rooms", "frontier"])
@@ -105,6 +90,26 @@ def test_a_model_reads_a_partial_graph_as_it_reads_a_masked_building(
         np.testing.assert_array_equal(ours.connections.pairs, theirs.connections.pairs)
 
 
-def test_a_graph_of_another_class_space_is_refused(run: Path) -> None:
-    with pytest.raises(MismatchError):
-        Predictor(run)(GRAPH)
+SEEN = np.array([[2.0, 0.0, 1.0]])
+
+
+def test_totals_below_the_input_hide_nothing() -> None:
+    found = from_totals(SEEN, np.array([[1.0, 3.0, 1.5]]))
+    assert found.hidden.tolist() == [[0.0, 3.0, 0.5]]
+    assert found.expected.tolist() == [[2.0, 3.0, 1.5]]
+    assert found.totals.tolist() == [[1.0, 3.0, 1.5]]
+
+
+def test_what_was_seen_is_below_every_quantile() -> None:
+    found = from_hidden_counts(SEEN, poisson(np.array([[0.5, 3.0, 0.0]])))
+    assert found.totals.tolist() == found.expected.tolist() == [[2.5, 3.0, 1.0]]
+    assert found.quantile(0.0).tolist() == SEEN.tolist()
+    assert found.quantile(0.5).tolist() == [[2.0, 3.0, 1.0]]
+    assert found.quantile(0.95).tolist() == [[4.0, 6.0, 1.0]]
+
+
+def test_batches_are_joined_in_order() -> None:
+    parts = [from_hidden_counts(SEEN, poisson(SEEN * k)) for k in (1.0, 2.0)]
+    together = join(parts)
+    assert together.hidden.tolist() == [*SEEN.tolist(), *(2 * SEEN).tolist()]
+    assert together.inputs.shape == together.totals.shape == (2, 3)

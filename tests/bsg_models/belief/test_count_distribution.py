@@ -84,11 +84,6 @@ def test_quantiles_are_scipys(q: float) -> None:
     assert found.tolist() == np.maximum(distribution.ppf(q), 0).astype(int).tolist()
 
 
-def test_a_quantile_of_one_is_refused() -> None:
-    with pytest.raises(ValueError, match="0 to below 1"):
-        poisson(MEANS).quantile(1.0)
-
-
 # Also means barely above one object, where Lambert's function branches.
 GIVEN = st.one_of(st.floats(1.0, 50.0), st.floats(-16.0, 0.0).map(lambda power: 1 + 10**power))
 
@@ -104,25 +99,6 @@ def test_a_zero_inflated_poisson_has_the_presence_and_mean_that_it_was_given(
     least = -np.log1p(-presence)
     assert distribution.mean[0, 0] == pytest.approx(max(presence * excess, least), rel=1e-4)
     assert 0 <= distribution.weights[1, 0, 0] <= 1
-
-
-def test_a_zero_inflated_poisson_is_never_certain() -> None:
-    """P(none) is a millionth at least, of which a Poisson has the mean ln 10⁶ = 13.8."""
-    distribution = zero_inflated(np.ones((1, 1)), np.full((1, 1), 3.0))
-    np.testing.assert_allclose(distribution.mean, np.log(1e6), rtol=1e-6)
-
-
-def test_nothing_present_is_a_distribution() -> None:
-    distribution = zero_inflated(np.zeros((1, 2)), np.zeros((1, 2)))
-    assert distribution.presence.tolist() == [[0.0, 0.0]]
-    assert np.isfinite(distribution.log_probability(np.ones((1, 2)))).all()
-
-
-def test_taking_rows_undoes_concatenating() -> None:
-    first, second = poisson(MEANS), poisson(MEANS + 1)
-    both = concatenate([first, second])
-    np.testing.assert_array_equal(both.take(np.array([1])).mean, second.mean)
-    np.testing.assert_array_equal(both.take(np.array([0])).mean, first.mean)
 
 
 def test_recalibration_by_hand() -> None:
@@ -286,9 +262,3 @@ def test_a_share_of_what_is_there_is_seen(seed: int, tilts: int, parts: int, sha
     for room, other in enumerate((0.5, 0.1, 0.9)):
         expected = sum_over_true_counts(true, seen, other)[room]
         np.testing.assert_allclose(found[1, room], expected, atol=1e-5)
-
-
-def test_of_a_poisson_a_poisson_is_seen() -> None:
-    found = poisson(np.array([[4.0]])).log_seen(np.array([[3]]), np.array([[0.25]]))
-    assert found.shape == (1, 1, 1)
-    assert np.exp(found[0, 0, 0]) == pytest.approx(3**3 * np.exp(-3) / 6, rel=1e-5)

@@ -6,14 +6,18 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from conftest import REPOSITORY
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from random_beliefs import make_belief
 from refusals import refuses
 
 from bsg_data import registry
 from bsg_data.errors import RecipeError
+from bsg_models.belief.document import decode_belief, encode_belief
 from bsg_models.belief.formats import (
     FORMATS,
     choose_format,
@@ -21,6 +25,7 @@ from bsg_models.belief.formats import (
     write_belief,
     write_beliefs,
 )
+from bsg_models.errors import BeliefFileError
 
 OUTSIDE = """
 from pathlib import Path
@@ -55,11 +60,6 @@ def test_an_unknown_suffix_is_named_with_those_that_are_known(name: str) -> None
         choose_format(Path(name))
 
 
-def test_an_unknown_format_gets_the_nearest() -> None:
-    with pytest.raises(RecipeError):
-        write_belief(make_belief(1), Path("x"), format="table")
-
-
 def test_several_graphs_need_a_format_of_many(tmp_path: Path) -> None:
     beliefs = [make_belief(1), make_belief(2, scene_id="t")]
     write_beliefs(iter(beliefs), tmp_path / "b.tables", FORMATS["tables"])
@@ -69,18 +69,6 @@ def test_several_graphs_need_a_format_of_many(tmp_path: Path) -> None:
     with refuses(RecipeError, "graphs-several", tmp_path / "b.json"):
         write_beliefs(beliefs, tmp_path / "b.json", FORMATS["json"])
     assert not (tmp_path / "b.json").exists()
-
-
-def test_a_page_is_written_and_not_read(tmp_path: Path) -> None:
-    write_belief(make_belief(1), tmp_path / "b.html")
-    assert (tmp_path / "b.html").read_text("utf-8").startswith("<!doctype html>")
-
-
-def test_rows_are_complete() -> None:
-    for name in FORMATS:
-        row = FORMATS[name]
-        assert row.name == name
-        assert (row.read is None) or (row.write is not None)
 
 
 def test_a_format_from_outside_is_one_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -119,3 +107,46 @@ def test_choosing_a_format_loads_no_heavy_library() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), mode=st.sampled_from(["complete", "unseen"]))
+def test_decoding_inverts_encoding(seed: int, mode: str) -> None:
+    belief = make_belief(seed, mode=mode)
+    assert decode_belief(json.loads(json.dumps(encode_belief(belief))), path=Path("x")) == belief
+
+
+def blind(**changes: Any) -> Any:
+    node = {"room": 1, "class": "bed", "expected": 1, "presence": 1, **changes}
+    return lambda document: document["blind"].append(node)
+
+
+@pytest.mark.parametrize(
+    ("change", "code"),
+    [
+        (lambda d: d.pop("expected"), "belief-malformed"),
+        (lambda d: d.update(version=9), "version-foreign"),
+        (lambda d: d["expected"].pop(), "belief-inconsistent"),
+        (lambda d: d["presence"][1].pop(), "belief-inconsistent"),
+        (blind(**{"class": "ufo"}), "belief-inconsistent"),
+        (blind(room=9), "belief-inconsistent"),
+        (blind(presence=2), "belief-malformed"),
+        (lambda d: d["expected"][1].__setitem__(0, -5), "belief-malformed"),
+        (lambda d: d["class_space"]["classes"].reverse(), "belief-malformed"),
+    ],
+)
+def test_what_is_no_belief_graph_is_refused(tmp_path: Path, change: Any, code: str) -> None:
+    document = encode_belief(make_belief(1))
+    change(document)
+    path = tmp_path / "belief.json"
+    path.write_text(json.dumps(document))
+    with refuses(BeliefFileError, code, path):
+        read_belief(path)
+
+
+def test_fewer_objects_than_were_seen_are_refused(tmp_path: Path) -> None:
+    seed = next(seed for seed in range(99) if make_belief(seed).inputs.any())
+    document = encode_belief(make_belief(seed))
+    document["expected"] = [[0.0] * len(row) for row in document["expected"]]
+    with refuses(BeliefFileError, "belief-inconsistent", "x"):
+        decode_belief(document, path=Path("x"))

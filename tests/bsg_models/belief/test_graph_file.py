@@ -10,12 +10,11 @@ from conftest import REPOSITORY
 from dsg_files import robot_graph, write_graph
 from refusals import refuses
 
-from bsg_data.errors import BSGError, RecipeError
+from bsg_data.errors import RecipeError
 from bsg_data.inputs.bounds import Bound
 from bsg_data.observation.robot_json import RobotGraphError, read_robot_graph
-from bsg_data.scene.class_map import load_class_map
 from bsg_models.belief import graph_file
-from bsg_models.belief.graph_file import open_graph_file, read_graph, use_class_map
+from bsg_models.belief.graph_file import open_graph_file, read_graph
 from bsg_models.belief.hydra import read_hydra
 
 OFFICE = REPOSITORY / "docs" / "office.json"
@@ -54,15 +53,6 @@ def test_a_graph_of_hydra_is_known_by_its_content(
     assert piped.hydra is not None, "it is kept, to be annotated"
 
 
-@pytest.mark.parametrize("stream", [None, io.StringIO("{}")])
-def test_a_closed_standard_input_is_refused(
-    monkeypatch: pytest.MonkeyPatch, stream: io.StringIO | None
-) -> None:
-    monkeypatch.setattr("sys.stdin", stream)
-    with refuses(BSGError, "standard-input-closed"):
-        open_graph_file(Path("-"))
-
-
 def test_the_bound_of_a_graph_counts_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "graph.json"
     path.write_text(json.dumps({"scene_id": "ü" * 30, "rooms": []}, ensure_ascii=False), "utf-8")
@@ -72,9 +62,3 @@ def test_the_bound_of_a_graph_counts_bytes(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setattr(graph_file, "ROBOT", Bound("graph", size - 1))
     with refuses(RobotGraphError, "file-too-large", path):
         read_graph(path)
-
-
-def test_another_class_map_gives_what_reading_by_it_gives() -> None:
-    wide = load_class_map("hm3d-wide-v1")
-    assert use_class_map(read_graph(OFFICE), wide) == read_graph(OFFICE, class_map=wide)
-    assert use_class_map(read_graph(OFFICE), load_class_map()) == read_graph(OFFICE)

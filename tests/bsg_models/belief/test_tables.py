@@ -57,11 +57,6 @@ def test_tables_hold_what_the_graphs_hold(tmp_path: Path, monkeypatch: pytest.Mo
     assert (said["model"], said["mode"]) == ("random", "complete")
 
 
-def test_no_graphs_are_empty_tables(tmp_path: Path) -> None:
-    write_tables([], tmp_path)
-    assert pd.read_parquet(tmp_path / "nodes.parquet").empty
-
-
 def test_a_building_is_there_once_and_nothing_is_half_written(tmp_path: Path) -> None:
     with refuses(BeliefFileError, "scene-twice", tmp_path / "tables"):
         write_tables([make_belief(1), make_belief(2)], tmp_path / "tables")

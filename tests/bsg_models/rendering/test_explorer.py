@@ -49,9 +49,9 @@ def page(browser: Any, tmp_path: Path) -> Iterator[Any]:
         yield opened
 
 
-def make_crowd(count: int = 48, *, seed: int = 0) -> BeliefGraph:
+def make_crowd(count: int = 48, *, objects: int = 20) -> BeliefGraph:
     """Return a belief graph of many rooms on three storeys, small and large, many of one label."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     labels = ("bedroom", "bathroom", "hallway/living room", "closet", None)
     rooms = []
     for number in range(count):
@@ -68,11 +68,12 @@ def make_crowd(count: int = 48, *, seed: int = 0) -> BeliefGraph:
                 floor_index=floor,
             )
         )
-    objects = tuple(
-        SeenObject(str(k), int(rng.integers(1, count + 1)), "sink", "sink", SINK) for k in range(20)
+    seen = tuple(
+        SeenObject(str(k), int(rng.integers(1, count + 1)), "sink", "sink", SINK if k % 5 else None)
+        for k in range(objects)
     )
     doors = tuple((a, a + 1) for a in range(1, count))
-    graph = PartialGraph("crowd", CLASS_SPACE, 0.5, tuple(rooms), objects, doors)
+    graph = PartialGraph("crowd", CLASS_SPACE, 0.5, tuple(rooms), seen, doors)
     inputs = graph.histograms().astype(float)
     expectation = from_hidden_counts(inputs, poisson(rng.gamma(0.2, 1.0, inputs.shape)))
     return believe(graph, expectation, model="random")
@@ -98,14 +99,6 @@ def test_names_from_the_data_are_text(page: Any) -> None:
     assert page.locator("#view option").all_inner_texts() == [HOSTILE, "t"]
 
 
-def test_the_threshold_hides_weak_blind_nodes(page: Any) -> None:
-    shown = page.locator("circle.blind").count()
-    assert shown == len(make_belief(10).blind)
-    page.locator("#threshold").fill("100")
-    assert page.locator("circle.blind").count() < shown
-    assert page.locator("#shown").inner_text() == "100 %"
-
-
 def test_a_room_is_chosen_by_mouse_and_by_keyboard(page: Any) -> None:
     page.locator("polygon.ground").first.click()
     assert page.locator(".room.chosen").count() >= 1
@@ -116,15 +109,6 @@ def test_a_room_is_chosen_by_mouse_and_by_keyboard(page: Any) -> None:
     page.locator("g.room[data-node='1'][tabindex]").focus()
     page.keyboard.press("Enter")
     assert page.locator(".room.chosen").count() >= 1
-
-
-def test_another_building_and_the_plan(page: Any) -> None:
-    page.select_option("#view", "1")
-    assert page.locator("aside h2").inner_text() == "t"
-    assert page.locator("table.histogram .true").count() == 0
-    page.locator("#plan").click()
-    assert page.locator("#plan").get_attribute("aria-pressed") == "true"
-    assert page.locator("ellipse").count() == 0  # the building stands above the layers alone
 
 
 def test_rooms_are_ranked_by_the_chance_of_the_class(browser: Any, crowd: Path) -> None:
@@ -211,13 +195,6 @@ def test_no_name_covers_another(
             assert apart, f"{name} covers {other}"
 
 
-def test_what_tells_rooms_apart_stays_in_names_that_are_cut(browser: Any, crowd: Path) -> None:
-    with open_page(browser, crowd, fragment="#drawing=plan") as page:
-        names = page.locator("text.name").all_text_contents()
-    assert any("…" in name for name in names)
-    assert all(re.search(r" [0-9]+$", name) for name in names if "…" in name)
-
-
 def test_a_link_opens_the_same_view(page: Any, browser: Any, tmp_path: Path) -> None:
     page.select_option("#view", "1")
     page.select_option("#class", str(SINK))
@@ -284,24 +261,6 @@ def test_a_building_without_rooms_is_shown(browser: Any, tmp_path: Path) -> None
             assert "10 % for at least one unseen sink" in page.locator("aside").inner_text()
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_the_theme_is_that_of_the_system_until_one_is_chosen(
-    browser: Any, crowd: Path, scheme: str
-) -> None:
-    other = {"light": "dark", "dark": "light"}
-    with open_page(browser, crowd, color_scheme=scheme) as page:
-        button = page.locator("button.theme")
-        assert button.get_attribute("aria-pressed") == str(scheme == "dark").lower()
-        assert "theme" not in page.url
-        page.emulate_media(color_scheme=other[scheme])
-        pressed = str(scheme == "light").lower()
-        page.locator(f".theme[aria-pressed='{pressed}']").wait_for()
-        button.click()
-        assert page.locator("html").get_attribute("data-theme") == scheme
-        page.emulate_media(color_scheme=scheme)
-        assert page.url.endswith(f"theme={scheme}")
-
-
 def test_the_explorer_in_a_report_has_the_theme_of_the_report(browser: Any, tmp_path: Path) -> None:
     write_explorer([View(make_belief(10))], tmp_path / "page.html")
     report = render_page(
@@ -328,22 +287,6 @@ def test_the_explorer_in_a_report_has_the_theme_of_the_report(browser: Any, tmp_
             page.locator("button.theme").click()
 
 
-def make_tower(rooms: int = 220, *, objects: int = 20) -> BeliefGraph:
-    """Return a belief graph of many rooms, each with some objects, one in five without a class."""
-    rng, classes = np.random.default_rng(0), CLASS_SPACE.classes
-    seen = []
-    for number in range(rooms * objects):
-        kind = int(rng.integers(len(classes))) if number % 5 else None
-        name = "thing" if kind is None else classes[kind]
-        seen.append(SeenObject(str(number), number % (rooms + 1), name, name, kind))
-    known = tuple(KnownRoom(f"r{n}", 0.5, True, "office") for n in range(rooms))
-    doors = tuple((a, a + 1) for a in range(1, rooms))
-    graph = PartialGraph("tower", CLASS_SPACE, 0.5, known, tuple(seen), doors)
-    inputs = graph.histograms().astype(float)
-    expectation = from_hidden_counts(inputs, poisson(rng.gamma(0.2, 1.0, inputs.shape)))
-    return believe(graph, expectation, model="random")
-
-
 def read_views(page: str) -> tuple[str, list[dict[str, Any]]]:
     (data,) = re.findall(r'id="beliefs">(.*?)</script>', page, re.DOTALL)
     found = json.loads(data)
@@ -360,7 +303,7 @@ def test_a_usual_building_is_shown_whole() -> None:
 
 
 def test_of_a_large_building_the_promising_rooms_are_shown_evenly() -> None:
-    belief = make_tower()
+    belief = make_crowd(220, objects=4400)
     _, (view,) = read_views(explorer_page([View(belief)]))
     shown = [int(room["id"][1:]) + 1 for room in view["rooms"]]
     assert shown == sorted(shown)
@@ -372,9 +315,9 @@ def test_of_a_large_building_the_promising_rooms_are_shown_evenly() -> None:
     others = set(shown) - set(likeliest.ravel().tolist())
     assert hidden[list(left)].max() <= hidden[list(others)].min()
     per_room = np.bincount([obj["room"] for obj in view["objects"]])
+    there = np.bincount([obj.room_index for obj in belief.partial.objects])[[0, *shown]]
     assert per_room.sum() == 2500
-    assert per_room.max() - per_room.min() <= 1
-    assert [room["name"] for room in view["rooms"]] == [f"office {n}" for n in shown]
+    assert (per_room[per_room < there] >= per_room.max() - 1).all(), "each has its turn"
     assert view["input"][0] == belief.inputs[0].tolist(), "the numbers count all of it"
 
 
@@ -389,7 +332,7 @@ def test_a_page_holds_so_many_buildings(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_the_page_says_what_it_leaves_out(browser: Any, tmp_path: Path) -> None:
-    tower, path = make_tower(objects=2), tmp_path / "page.html"
+    tower, path = make_crowd(220), tmp_path / "page.html"
     write_explorer([View(tower), View(make_belief(10))], path)
     with open_page(browser, path, fragment="#room=r9&class=sink") as page:
         assert "200 of 220 rooms" in page.locator("#left-out").inner_text()

@@ -13,7 +13,6 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from jinja2 import TemplateNotFound, UndefinedError
 from random_beliefs import HOSTILE, make_belief
 
 from bsg_data.errors import DatasetError
@@ -22,7 +21,6 @@ from bsg_models.rendering.pages import (
     Table,
     content_security_policy,
     encode_for_script,
-    render_page,
     write_report,
 )
 
@@ -46,13 +44,6 @@ def test_the_script_of_a_page_holds_the_names_as_they_are() -> None:
     (data,) = SCRIPT.findall(page)
     assert json.loads(data)["views"][0]["title"] == HOSTILE
     assert HOSTILE not in page
-
-
-def test_a_template_that_lacks_a_value_or_is_none_is_an_error() -> None:
-    with pytest.raises(UndefinedError):
-        render_page("report.html.jinja")
-    with pytest.raises(TemplateNotFound):
-        render_page("none.html.jinja")
 
 
 def test_the_policy_has_the_hash_of_every_script_and_style_sheet_of_a_page() -> None:
@@ -144,9 +135,3 @@ def test_the_explorer_and_the_figures_are_in_the_page(report: Reader) -> None:
     source = attributes["img"]["src"]
     assert source is not None
     assert base64.b64decode(source.removeprefix("data:image/png;base64,")) == PNG
-
-
-def test_style_sheets_are_not_escaped(report: Reader) -> None:
-    theme, own = texts(report, "style")
-    assert '"Segoe UI"' in theme
-    assert "section.card {" in own

@@ -12,10 +12,10 @@ import pytest
 from conftest import REPOSITORY
 from refusals import refuses
 
-from bsg_data.errors import MismatchError, RecipeError, SourceError
+from bsg_data.errors import RecipeError, SourceError
 from bsg_data.observation.hidden_share import estimate_hidden_share
 from bsg_data.observation.partial_graph import reclassify
-from bsg_data.observation.robot_json import encode_robot_graph, read_robot_graph
+from bsg_data.observation.robot_json import read_robot_graph
 from bsg_data.scene.class_map import load_class_map
 from bsg_models.belief.belief_graph import believe
 from bsg_models.belief.formats import write_belief
@@ -50,15 +50,6 @@ def test_answers_are_those_of_the_arrays(seen: SeenBuilding) -> None:
     )
 
 
-def test_rooms_come_by_probability_and_equal_ones_by_their_cost(seen: SeenBuilding) -> None:
-    for thing in ("sink", "couch", "plant"):
-        places = seen.where(thing, here="kitchen")
-        assert {place.room for place in places} == set(seen.rooms)
-        keys = [(-place.probability, place.cost) for place in places]
-        assert keys == sorted(keys)
-        assert next(place.cost for place in places if place.room == "kitchen") == 0
-
-
 def test_what_was_seen_is_certain(seen: SeenBuilding) -> None:
     first = seen.where("sofa")[0]
     assert (first.room, first.probability, first.seen) == ("waiting-room", 1.0, ("1",))
@@ -86,12 +77,6 @@ def test_a_saved_building_goes_on_with_the_same_answers(seen: SeenBuilding, tmp_
     again.searched("kitchen")
     seen.searched("kitchen")
     assert again.where("microwave") == seen.where("microwave")
-
-
-def test_an_object_in_no_room_has_a_place_of_its_own(seen: SeenBuilding) -> None:
-    name = seen.saw(None, "stove")
-    last = next(place for place in seen.where("stove") if place.room is None)
-    assert (last.seen, last.probability) == ((name,), 1.0)
 
 
 def test_what_lies_in_no_room_is_nowhere_to_go_to(seen: SeenBuilding) -> None:
@@ -131,14 +116,9 @@ def test_a_room_hides_what_the_look_at_it_leaves(seen: SeenBuilding) -> None:
         lambda seen: seen.discovered(""),
         lambda seen: seen.discovered("attic", floor_area=-5.0),
         lambda seen: seen.discovered("attic", beside="cellar"),
-        lambda seen: seen.discovered("attic", room_type=5),
-        lambda seen: seen.discovered("attic", room_type={"kitchen": "x"}),
-        lambda seen: seen.discovered("attic", room_type={5: 0.5}),
+        lambda seen: seen.discovered("attic", room_type="zzqx"),
         lambda seen: seen.entered("kitchen", hidden_share="x"),
         lambda seen: seen.entered("kitchen", floor_in_view="x"),
-        lambda seen: seen.entered("kitchen", floor_in_view=10**400),
-        lambda seen: seen.entered("kitchen", seconds_inside="x"),
-        lambda seen: seen.entered("kitchen", seconds_inside=10**400),
     ],
 )
 def test_what_cannot_be_is_refused_and_changes_nothing(
@@ -148,20 +128,6 @@ def test_what_cannot_be_is_refused_and_changes_nothing(
     with pytest.raises(RecipeError):
         tell(seen)
     assert seen.graph is before
-
-
-@pytest.mark.parametrize("kind", [np.float32, np.float64])
-def test_numbers_of_numpy_are_told_and_written(seen: SeenBuilding, kind: type) -> None:
-    """As a robot's poses are: what is told can be written ever after."""
-    place: Any = np.array([1, 2, 3], dtype=kind)
-    first = seen.rooms[0]
-    seen.saw(first, "chair", position=place)
-    seen.saw(first, "chair", position=tuple(place))
-    seen.entered(first, hidden_share=kind(0.5))
-    seen.discovered("attic", position=place, floor_area=kind(9), beside=first)
-    words = json.dumps(encode_robot_graph(seen.graph))
-    assert '"floor_area": 9.0' in words
-    assert words.count("[1.0, 2.0, 3.0]") == 3
 
 
 def test_threads_may_tell_and_ask_at_once(seen: SeenBuilding) -> None:
@@ -192,26 +158,7 @@ def test_a_walk_through_a_building(seen: SeenBuilding) -> None:
     assert before == read_robot_graph(OFFICE), "a graph that was kept does not change"
 
 
-def test_detections_that_come_again_are_one_object(seen: SeenBuilding) -> None:
-    for room in ("kitchen", "kitchen", "meeting-room"):
-        seen.saw(room, "plant", object_id="plant 7")
-    assert [place.seen for place in seen.where("plant")] == [("plant 7",), (), ()]
-    assert seen.where("plant")[0].room == "meeting-room"
-
-
-def test_a_copy_goes_its_own_way(seen: SeenBuilding) -> None:
-    other = seen.copy()
-    other.searched("kitchen")
-    assert other.expected("kitchen") == ()
-    assert seen.expected("kitchen") != ()
-
-
-def test_names_that_no_map_knows_are_kept_and_reported(seen: SeenBuilding) -> None:
-    seen.saw("kitchen", "zzqx thing")
-    assert [(one.name, one.instances) for one in seen.unmapped] == [("zzqx thing", 1)]
-
-
-@pytest.mark.parametrize("planner", ["expected-cost", "nearest", "greedy-belief"])
+@pytest.mark.parametrize("planner", ["expected-cost", "nearest"])
 def test_the_next_room_is_that_of_the_planner(seen: SeenBuilding, planner: str) -> None:
     """From the room in the middle nothing is on the way."""
     seen.searched("waiting-room")
@@ -222,24 +169,6 @@ def test_the_next_room_is_that_of_the_planner(seen: SeenBuilding, planner: str) 
     assert chosen is not None
     named = seen.next_room("sink", here="waiting-room", planner=planner)
     assert named == seen.rooms[chosen - 1]
-
-
-def test_where_all_is_searched_there_is_no_next_room(seen: SeenBuilding) -> None:
-    for room in seen.rooms:
-        seen.searched(room)
-    assert seen.next_room("sink", here="kitchen") is None
-    assert seen.next_room("sink") is None
-
-
-def test_costs_of_the_robots_own_decide(seen: SeenBuilding) -> None:
-    costs = {("waiting-room", "kitchen"): 1.0, ("waiting-room", "meeting-room"): 50.0}
-    near = seen.next_room("lamp", here="waiting-room", costs=costs, planner="nearest")
-    costs["waiting-room", "kitchen"] = 99.0
-    far = seen.next_room("lamp", here="waiting-room", costs=costs, planner="nearest")
-    assert near == "waiting-room" == far, "a lamp was seen there"
-    assert seen.next_room("sink", here="waiting-room", costs=costs, planner="nearest") == (
-        "meeting-room"
-    )
 
 
 def test_a_word_beyond_the_model_is_asked_of_the_wide_one(seen: SeenBuilding) -> None:
@@ -255,11 +184,6 @@ def test_a_word_beyond_the_model_is_asked_of_the_wide_one(seen: SeenBuilding) ->
         seen.where("wall")
     with refuses(RecipeError, "things-none"):
         seen.next_room([])
-
-
-def test_a_wide_model_asks_nobody_else() -> None:
-    seen = open_graph(OFFICE, model="universal-wide")
-    assert seen.asked("shoes") == seen.asked("sink") == seen.model == "universal-wide"
 
 
 @pytest.mark.parametrize("how", ["name", "path", "copy"])
@@ -282,9 +206,3 @@ def test_a_graph_is_a_file_or_a_document() -> None:
     assert by_file.graph == by_document.graph == read_robot_graph(OFFICE)
     with pytest.raises(SourceError):
         open_graph({"scene_id": "x"}, model="mixture")
-
-
-def test_a_graph_of_other_classes_is_refused() -> None:
-    graph = read_robot_graph(OFFICE, class_map="hm3d45-v1")
-    with pytest.raises(MismatchError):
-        SeenBuilding(graph, FAST).where("sink")

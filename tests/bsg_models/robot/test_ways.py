@@ -1,5 +1,8 @@
+"""Rooms by id or label, hidden shares that a person says, ways between rooms, and where to go."""
+
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -7,14 +10,17 @@ from typing import Any
 import networkx as nx
 import numpy as np
 import pytest
+from conftest import REPOSITORY
 from hypothesis import given
 from hypothesis import strategies as st
 from refusals import refuses
 
 from bsg_data.errors import RecipeError
 from bsg_data.observation.partial_graph import PartialGraph
-from bsg_data.observation.robot_json import parse_robot_graph
-from bsg_models.robot.ways import measure_ways
+from bsg_data.observation.robot_json import parse_robot_graph, read_robot_graph
+from bsg_models.robot.rooms import find_room, set_hidden_shares
+from bsg_models.robot.ways import Ways, choose_destination, measure_ways
+from bsg_models.search.planners import next_room
 
 
 def graph_of(places: list[Any], adjacency: list[tuple[int, int]]) -> PartialGraph:
@@ -42,20 +48,6 @@ def test_without_places_rooms_are_counted() -> None:
     ways = measure_ways(graph_of([None] * 3, [(1, 2), (2, 3)]))
     assert ways.unit == "rooms"
     assert ways.costs[1, 1:].tolist() == [0, 1, 2]
-
-
-def test_without_connections_every_room_is_straight_ahead() -> None:
-    ways = measure_ways(graph_of([[0, 0, 0], [3, 4, 0], [3, 0, 0]], []))
-    assert ways.costs[1, 1:].tolist() == [0, 5, 3]
-
-
-def test_the_place_of_a_room_is_the_middle_of_its_box() -> None:
-    rooms = [
-        {"id": "a", "box": [[0, 0, 0], [2, 2, 2]]},
-        {"id": "b", "position": [1, 4, 1]},
-    ]
-    graph = parse_robot_graph({"scene_id": "home", "rooms": rooms}, path=Path("graph"))
-    assert measure_ways(graph).costs[1, 2] == 3
 
 
 def test_parts_that_no_edge_joins_are_joined_where_they_are_nearest() -> None:
@@ -131,8 +123,70 @@ def test_a_way_may_cost_nothing(rooms: int) -> None:
     assert ways.costs[rooms, 1] == rooms - 2
 
 
-def test_too_many_rooms_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("bsg_models.robot.ways.MOST_ROOMS", 2)
-    with refuses(RecipeError, "rooms-too-many", "home"):
-        measure_ways(graph_of([None] * 3, []))
-    assert measure_ways(graph_of([None] * 2, [])).costs.shape == (3, 3)
+NOBODY = np.array([True, False, False, False, False])
+
+
+CORRIDOR = measure_ways(graph_of([None] * 4, [(1, 2), (2, 3), (3, 4)]))
+
+
+def go(ways: Ways, *likely: float, explored: np.ndarray = NOBODY) -> int | None:
+    presence = np.array([0.9, *likely])[:, None]
+    return choose_destination(ways, here=1, explored=explored, presence=presence)
+
+
+def test_a_room_on_the_way_to_a_likelier_one_is_passed_by() -> None:
+    presence = np.array([0, 0, 0.01, 0.02, 0.7])
+    edges = CORRIDOR.edges
+    known = NOBODY | np.eye(5, dtype=bool)[1]
+    assert next_room(edges, here=1, explored=known, presence=presence) == 2
+    assert go(CORRIDOR, 0, 0.01, 0.02, 0.7) == 4
+
+
+def test_a_likelier_room_on_the_way_is_looked_into() -> None:
+    assert go(CORRIDOR, 0, 0.8, 0.02, 0.7) == 2
+    assert go(CORRIDOR, 0, 0.1, 0.8, 0.7) == 3
+
+
+def test_a_detour_is_not_on_the_way() -> None:
+    star = measure_ways(graph_of([None] * 4, [(1, 2), (1, 3), (1, 4)]))
+    assert go(star, 0, 0.6, 0.7, 0.1) == 3
+    corner = measure_ways(graph_of([None] * 4, [(1, 2), (1, 3), (3, 4)]))
+    assert go(corner, 0, 0.5, 0.0, 0.6) == 2
+
+
+@pytest.fixture
+def office() -> PartialGraph:
+    return read_robot_graph(REPOSITORY / "docs" / "office.json")
+
+
+def test_a_room_is_found_by_id_then_by_a_label_that_it_alone_has(office: PartialGraph) -> None:
+    ids = [room.name for room in office.rooms]
+    assert [find_room(office, name) for name in ids] == list(range(1, len(ids) + 1))
+    assert find_room(office, "b: SHARED kitchen") == ids.index("kitchen") + 1
+    with refuses(RecipeError, "room-unknown", "kitchn"):
+        find_room(office, "kitchn")
+    alike = replace(office, rooms=tuple(replace(r, label="room") for r in office.rooms))
+    with refuses(RecipeError, "room-ambiguous", "Room"):
+        find_room(alike, "Room")
+
+
+def test_shares_of_all_rooms_and_of_single_ones(office: PartialGraph) -> None:
+    assert set_hidden_shares(office) == office
+    graph = set_hidden_shares(office, every=0.4, rooms={"kitchen": 0, "C: meeting room": 1})
+    shares = {room.name: (room.hidden_share, room.visited) for room in graph.rooms}
+    assert shares["kitchen"] == (0, True)
+    assert shares["meeting-room"] == (1, False)
+    assert shares["waiting-room"] == (0.4, True)
+    assert all(room.hidden_share_sd == 0 for room in graph.rooms)
+    bare = replace(office, rooms=(), objects=(), adjacency=())
+    assert set_hidden_shares(bare, every=0.3).hidden_share == 0.3
+
+
+def test_what_is_no_share_or_no_room_is_refused(office: PartialGraph) -> None:
+    for share in (1.5, -0.1, float("nan")):
+        with pytest.raises(RecipeError):
+            set_hidden_shares(office, rooms={"kitchen": share})
+        with pytest.raises(RecipeError):
+            set_hidden_shares(office, every=share)
+    with refuses(RecipeError, "room-unknown", "attic"):
+        set_hidden_shares(office, rooms={"attic": 0.5})
